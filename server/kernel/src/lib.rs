@@ -1,0 +1,6 @@
+//! Pure geometry of *Inspired Quadrangulation*.
+//!
+//! The modules stand in the order in which a mesh passes through them; a module uses only those before it.
+//! No I/O, no async, no clock, no randomness that is not seeded.
+
+pub mod mesh;
