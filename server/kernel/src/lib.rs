@@ -4,3 +4,6 @@
 //! No I/O, no async, no clock, no randomness that is not seeded.
 
 pub mod mesh;
+pub mod numerics;
+pub mod topology;
+pub mod unfold;

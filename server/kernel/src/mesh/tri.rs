@@ -159,13 +159,13 @@ impl TriMesh {
         g
     }
 
-    /// One outgoing halfedge a vertex ([`NONE`] for isolated vertices); on the boundary, the one from which turning
-    /// clockwise (`twin` then `next`) visits every face of the vertex.
+    /// One outgoing halfedge a vertex ([`NONE`] for isolated vertices); on the boundary, the boundary halfedge, from
+    /// which turning counter-clockwise (`prev`, then `twin`) visits every face of the vertex.
     pub fn outgoing(&self) -> Vec<u32> {
         let mut out = vec![NONE; self.positions.len()];
         for h in 0..self.twins.len() as u32 {
             let v = self.tail(h) as usize;
-            if out[v] == NONE || self.twin(prev(h)) == NONE {
+            if out[v] == NONE || self.twin(h) == NONE {
                 out[v] = h;
             }
         }

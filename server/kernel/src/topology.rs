@@ -1,0 +1,329 @@
+//! What a surface is: its components, boundary loops, genus, and the four primitives that can be unfolded.
+//!
+//! χ = V − E + F = 2 − 2g − b for one component of genus g with b boundary loops.
+//! *Source:* paper §4.1 (discs, cylinders) and §5.1, Fig. 6 (spheres, tori).
+
+use std::fmt;
+
+use crate::mesh::tri::{NONE, TriMesh, pair_halfedges};
+
+/// A surface that one chart can hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Topology {
+    /// One boundary loop: one pole (v = 1), the boundary at v = 0.
+    Disc,
+    /// Two boundary loops at v = 0 and v = 1, no pole.
+    Annulus,
+    /// Closed, genus 0: two poles, at v = 0 and v = 1.
+    Sphere,
+    /// Closed, genus 1: periodic in u and v.
+    Torus,
+}
+
+impl Topology {
+    /// The word used on the wire and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Disc => "disc",
+            Self::Annulus => "annulus",
+            Self::Sphere => "sphere",
+            Self::Torus => "torus",
+        }
+    }
+}
+
+impl fmt::Display for Topology {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Euler characteristic, boundary and genus of one component.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Invariants {
+    /// V − E + F.
+    pub euler: i64,
+    /// Number of boundary loops.
+    pub boundary_loops: usize,
+    /// Handles.
+    pub genus: i64,
+}
+
+/// Why a surface is no primitive.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum TopologyError {
+    /// Nothing to unfold.
+    #[error("expected a surface, found no triangle")]
+    Empty,
+    /// Several components.
+    #[error("expected one connected surface, found {count} components (the largest has {largest} triangles)")]
+    Components {
+        /// How many.
+        count: usize,
+        /// Triangles of the largest.
+        largest: usize,
+    },
+    /// One component, but not a disc, annulus, sphere or torus.
+    #[error(
+        "expected a disc, annulus, sphere or torus, found genus {} with {} boundary loops; cut it into such segments",
+        .0.genus, .0.boundary_loops
+    )]
+    Unsupported(Invariants),
+    /// The labels do not fit the mesh.
+    #[error("expected one label for each of {expected} faces, found {found}")]
+    LabelCount {
+        /// Faces of the mesh.
+        expected: usize,
+        /// Labels given.
+        found: usize,
+    },
+    /// A labelled segment is no primitive.
+    #[error("segment {segment} (label {label}): {source}")]
+    Segment {
+        /// Its number among the segments.
+        segment: usize,
+        /// Its label.
+        label: i64,
+        /// What is wrong with it.
+        source: Box<TopologyError>,
+    },
+}
+
+/// A primitive cut from a mesh, ready to be unfolded.
+#[derive(Clone, Debug)]
+pub struct Patch {
+    /// What it is.
+    pub topology: Topology,
+    /// Its own mesh.
+    pub mesh: TriMesh,
+    /// Vertex of the parent mesh for each vertex of `mesh`.
+    pub vertex_of: Vec<u32>,
+    /// Triangle of the parent mesh for each triangle of `mesh`.
+    pub triangle_of: Vec<u32>,
+}
+
+/// Component number of each triangle (numbered by lowest triangle), and how many there are. Triangles that share an
+/// edge are connected.
+pub fn components(mesh: &TriMesh) -> (Vec<u32>, usize) {
+    let mut component = vec![NONE; mesh.triangles.len()];
+    let mut count = 0;
+    let mut stack = Vec::new();
+    for seed in 0..mesh.triangles.len() as u32 {
+        if component[seed as usize] != NONE {
+            continue;
+        }
+        component[seed as usize] = count;
+        stack.push(seed);
+        while let Some(t) = stack.pop() {
+            for k in 0..3 {
+                let g = mesh.twin(3 * t + k);
+                if g != NONE && component[g as usize / 3] == NONE {
+                    component[g as usize / 3] = count;
+                    stack.push(g / 3);
+                }
+            }
+        }
+        count += 1;
+    }
+    (component, count as usize)
+}
+
+/// Invariants of a connected mesh without isolated vertices.
+pub fn invariants(mesh: &TriMesh) -> Invariants {
+    let boundary_halfedges = mesh.twins.iter().filter(|&&g| g == NONE).count();
+    let edges = (mesh.twins.len() + boundary_halfedges) / 2;
+    let euler = mesh.positions.len() as i64 - edges as i64 + mesh.triangles.len() as i64;
+    let boundary_loops = mesh.boundary_loops().len();
+    Invariants { euler, boundary_loops, genus: (2 - boundary_loops as i64 - euler) / 2 }
+}
+
+/// The primitive that a connected mesh is.
+///
+/// # Errors
+/// [`TopologyError`] for an empty mesh, several components, or another topology.
+pub fn classify(mesh: &TriMesh) -> Result<Topology, TopologyError> {
+    if mesh.triangles.is_empty() {
+        return Err(TopologyError::Empty);
+    }
+    let (component, count) = components(mesh);
+    if count > 1 {
+        let mut sizes = vec![0; count];
+        component.iter().for_each(|&c| sizes[c as usize] += 1);
+        return Err(TopologyError::Components { count, largest: sizes.into_iter().max().unwrap_or(0) });
+    }
+    let found = invariants(mesh);
+    match (found.genus, found.boundary_loops) {
+        (0, 0) => Ok(Topology::Sphere),
+        (0, 1) => Ok(Topology::Disc),
+        (0, 2) => Ok(Topology::Annulus),
+        (1, 0) => Ok(Topology::Torus),
+        _ => Err(TopologyError::Unsupported(found)),
+    }
+}
+
+/// The whole mesh as one patch.
+///
+/// # Errors
+/// See [`classify`].
+pub fn whole(mesh: &TriMesh) -> Result<Patch, TopologyError> {
+    let all: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
+    let (mesh, vertex_of) = submesh(mesh, &all);
+    Ok(Patch { topology: classify(&mesh)?, mesh, vertex_of, triangle_of: all })
+}
+
+/// One patch a label, in order of label. `labels` holds one label a polygon.
+///
+/// # Errors
+/// [`TopologyError::LabelCount`], or [`TopologyError::Segment`] naming the segment that is no primitive.
+pub fn by_labels(mesh: &TriMesh, labels: &[i64]) -> Result<Vec<Patch>, TopologyError> {
+    let faces = mesh.polygon_of.iter().max().map_or(0, |&f| f as usize + 1);
+    if labels.len() < faces {
+        return Err(TopologyError::LabelCount { expected: faces, found: labels.len() });
+    }
+    let mut distinct: Vec<i64> = mesh.polygon_of.iter().map(|&f| labels[f as usize]).collect();
+    let of_triangle = distinct.clone();
+    distinct.sort_unstable();
+    distinct.dedup();
+    let mut members: Vec<Vec<u32>> = vec![Vec::new(); distinct.len()];
+    for (t, label) in of_triangle.iter().enumerate() {
+        if let Ok(s) = distinct.binary_search(label) {
+            members[s].push(t as u32);
+        }
+    }
+    let patch = |(segment, triangle_of): (usize, Vec<u32>)| {
+        let (mesh, vertex_of) = submesh(mesh, &triangle_of);
+        let topology = classify(&mesh).map_err(|source| TopologyError::Segment {
+            segment,
+            label: distinct[segment],
+            source: Box::new(source),
+        })?;
+        Ok(Patch { topology, mesh, vertex_of, triangle_of })
+    };
+    members.into_iter().enumerate().map(patch).collect()
+}
+
+/// The mesh of some triangles, vertices renumbered in order; a vertex at which they meet only in a point is split.
+/// Returns the parent vertex of each vertex beside it.
+pub fn submesh(mesh: &TriMesh, triangles: &[u32]) -> (TriMesh, Vec<u32>) {
+    let mut number = vec![NONE; mesh.positions.len()];
+    triangles.iter().for_each(|&t| mesh.triangles[t as usize].iter().for_each(|&v| number[v as usize] = 0));
+    let mut vertex_of = Vec::new();
+    for (v, n) in number.iter_mut().enumerate().filter(|(_, n)| **n != NONE) {
+        *n = vertex_of.len() as u32;
+        vertex_of.push(v as u32);
+    }
+    let corners: Vec<[u32; 3]> =
+        triangles.iter().map(|&t| mesh.triangles[t as usize].map(|v| number[v as usize])).collect();
+    let twins = pair_halfedges(&corners).unwrap_or_else(|_| vec![NONE; 3 * corners.len()]);
+    let phantom = triangles.iter().flat_map(|&t| (0..3).map(move |k| mesh.phantom[3 * t as usize + k])).collect();
+    let polygon_of = triangles.iter().map(|&t| mesh.polygon_of[t as usize]).collect();
+    let positions = vertex_of.iter().map(|&v| mesh.positions[v as usize]).collect();
+    let mut part = TriMesh { positions, triangles: corners, twins, phantom, polygon_of };
+    for copied in split_pinched(&mut part) {
+        vertex_of.push(vertex_of[copied as usize]);
+    }
+    (part, vertex_of)
+}
+
+/// Gives each fan of faces around a vertex its own vertex; returns the vertex that each new one copies.
+fn split_pinched(mesh: &mut TriMesh) -> Vec<u32> {
+    let mut owner = vec![false; mesh.positions.len()];
+    let mut seen = vec![false; mesh.twins.len()];
+    let mut copies = Vec::new();
+    for start in 0..mesh.twins.len() as u32 {
+        if seen[start as usize] {
+            continue;
+        }
+        let v = mesh.tail(start);
+        let fan = fan_of(mesh, start);
+        fan.iter().for_each(|&h| seen[h as usize] = true);
+        if std::mem::replace(&mut owner[v as usize], true) {
+            let copy = mesh.positions.len() as u32;
+            mesh.positions.push(mesh.positions[v as usize]);
+            owner.push(true);
+            copies.push(v);
+            fan.iter().for_each(|&h| mesh.triangles[h as usize / 3][h as usize % 3] = copy);
+        }
+    }
+    copies
+}
+
+/// Outgoing halfedges of the fan of faces that holds `start`.
+fn fan_of(mesh: &TriMesh, start: u32) -> Vec<u32> {
+    use crate::mesh::tri::{next, prev};
+    let mut fan = vec![start];
+    let mut h = start;
+    loop {
+        h = mesh.twin(prev(h));
+        if h == start {
+            return fan;
+        }
+        if h == NONE {
+            break;
+        }
+        fan.push(h);
+    }
+    h = start;
+    while mesh.twin(h) != NONE {
+        h = next(mesh.twin(h));
+        fan.push(h);
+    }
+    fan
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::mesh::Vec3;
+
+    /// A grid of `n × m` quads wrapped as asked, cut into triangles; wrapping both ways gives a torus.
+    pub(crate) fn grid(n: u32, m: u32, wrap_u: bool, wrap_v: bool) -> TriMesh {
+        let (columns, rows) = (if wrap_u { n } else { n + 1 }, if wrap_v { m } else { m + 1 });
+        let at = |i: u32, j: u32| (j % rows) * columns + i % columns;
+        let mut positions = Vec::new();
+        for j in 0..rows {
+            for i in 0..columns {
+                let (a, b) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(m));
+                let (ta, tb) = (std::f64::consts::TAU * a, std::f64::consts::TAU * b);
+                positions.push(match (wrap_u, wrap_v) {
+                    (false, _) => Vec3::new(a, b, 0.0),
+                    (true, false) => Vec3::new(ta.cos(), ta.sin(), 3.0 * b),
+                    (true, true) => {
+                        Vec3::new((2.0 + tb.cos()) * ta.cos(), (2.0 + tb.cos()) * ta.sin(), tb.sin())
+                    }
+                });
+            }
+        }
+        let mut triangles = Vec::new();
+        for j in 0..m {
+            for i in 0..n {
+                let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+                triangles.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+        TriMesh::from_triangles(positions, triangles).expect("a grid is manifold")
+    }
+
+    #[test]
+    fn grids_are_classified_by_how_they_are_wrapped() {
+        assert_eq!(classify(&grid(6, 5, false, false)), Ok(Topology::Disc));
+        assert_eq!(classify(&grid(6, 5, true, false)), Ok(Topology::Annulus));
+        assert_eq!(classify(&grid(6, 5, true, true)), Ok(Topology::Torus));
+    }
+
+    #[test]
+    fn a_label_cuts_an_annulus_into_two() {
+        let mesh = grid(8, 6, true, false);
+        let labels: Vec<i64> = (0..mesh.triangles.len() as i64).map(|t| t / 48).collect();
+        let patches = by_labels(&mesh, &labels).expect("two rings");
+        assert_eq!(patches.iter().map(|p| p.topology).collect::<Vec<_>>(), [Topology::Annulus; 2]);
+    }
+
+    #[test]
+    fn a_segment_in_two_pieces_is_named() {
+        let mesh = grid(8, 6, true, false);
+        let labels: Vec<i64> = (0..mesh.triangles.len() as i64).map(|t| (t / 32) % 2).collect();
+        let error = by_labels(&mesh, &labels).expect_err("label 0 is in two pieces");
+        assert!(error.to_string().contains("segment 0"), "{error}");
+    }
+}

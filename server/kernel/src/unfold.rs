@@ -1,0 +1,267 @@
+//! Unfolding: a primitive surface to the unit square, u periodic, v from boundary to pole.
+//!
+//! *Source:* paper §4.2. *Ours:* see the parts: [`harmonic`], [`pole`], [`area_fraction`], [`intrinsic`].
+
+pub mod area_fraction;
+pub mod harmonic;
+pub mod intrinsic;
+pub mod laplacian;
+pub mod path;
+pub mod pole;
+pub mod refine;
+
+use crate::mesh::tri::TriMesh;
+use crate::numerics::SolveError;
+use crate::topology::{Patch, Topology};
+use area_fraction::AreaFraction;
+use harmonic::{Harmonic, Solver};
+
+/// A point of the domain: u (period 1), v in 0–1.
+pub type Uv = [f64; 2];
+
+/// How to unfold.
+#[derive(Clone, Debug, Default)]
+pub struct UnfoldOptions {
+    /// Poles given by the user, as vertices of the patch: one for a disc, two for a sphere. Empty: found.
+    pub poles: Vec<u32>,
+}
+
+/// Why a surface could not be unfolded.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum UnfoldError {
+    /// A linear system could not be solved.
+    #[error("expected solvable cotangent systems, found one that is not: {0}")]
+    Solve(#[from] SolveError),
+    /// The surface has no area.
+    #[error("expected a surface of positive area, found area {0:e}")]
+    NoArea(f64),
+    /// Tori need a handle loop, which is not built yet.
+    #[error("expected a disc, annulus or sphere, found a torus; cut it open along a loop")]
+    Torus,
+}
+
+/// A pole of a chart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pole {
+    /// Its vertex.
+    pub vertex: u32,
+    /// Whether it lies at v = 1 (else v = 0).
+    pub at_top: bool,
+}
+
+/// A surface unfolded: φ : S → D on the vertices and corners of a refined mesh.
+#[derive(Clone, Debug)]
+pub struct Chart {
+    /// What the surface is.
+    pub topology: Topology,
+    /// The refined mesh: the patch's vertices first, then those that splitting added (in the old triangles).
+    pub mesh: TriMesh,
+    /// How many vertices are the patch's own.
+    pub patch_vertices: usize,
+    /// (u, v) of each vertex, u in 0–1. At a pole u has no meaning.
+    pub uv: Vec<Uv>,
+    /// (u, v) of each corner of each triangle, u continuous within the triangle.
+    pub corners: Vec<[Uv; 3]>,
+    /// The poles.
+    pub poles: Vec<Pole>,
+    /// Modulus: how deep the surface is for its girth (METHOD §2).
+    pub modulus: f64,
+    /// What happened.
+    pub report: UnfoldReport,
+}
+
+/// What unfolding had to do, and how well it went.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct UnfoldReport {
+    /// Vertices added before solving.
+    pub vertices_added: usize,
+    /// Intrinsic flips.
+    pub flips: usize,
+    /// Length added to every edge to undo degenerate triangles, in mean edge lengths.
+    pub mollified: f64,
+    /// Negative weights clamped.
+    pub clamped: usize,
+    /// Triangles whose orientation is reversed in (u, v).
+    pub uv_flips: usize,
+    /// Mean |90° − angle(∇u, ∇v)| with v harmonic, weighted by area, in degrees.
+    pub angle_deviation_deg: f64,
+}
+
+/// A surface with everything factored, from which charts for any poles are made.
+pub struct Unfolder<'a> {
+    patch_vertices: usize,
+    solver: Solver<'a>,
+}
+
+/// The mesh on which a patch is unfolded: chords split, coarse meshes subdivided.
+pub fn solve_mesh(patch: &Patch) -> TriMesh {
+    let mut mesh = refine::split_chords(patch.mesh.clone());
+    while mesh.triangles.len() < TRIANGLES_MIN {
+        mesh = refine::split_edges(&mesh, &vec![true; mesh.twins.len()]);
+    }
+    mesh
+}
+
+/// Coarser meshes are subdivided before solving: the surface is the same, v and u are smoother.
+const TRIANGLES_MIN: usize = 4000;
+
+impl<'a> Unfolder<'a> {
+    /// Prepares `mesh` = [`solve_mesh`] of a patch with `patch_vertices` vertices.
+    ///
+    /// # Errors
+    /// [`UnfoldError`] for surfaces without area, unsolvable systems, and tori.
+    pub fn new(mesh: &'a TriMesh, topology: Topology, patch_vertices: usize) -> Result<Self, UnfoldError> {
+        let area = mesh.total_area();
+        if !(area > 0.0 && area.is_finite()) {
+            return Err(UnfoldError::NoArea(area));
+        }
+        if topology == Topology::Torus {
+            return Err(UnfoldError::Torus);
+        }
+        Ok(Self { patch_vertices, solver: Solver::new(mesh, topology)? })
+    }
+
+    /// The poles to use, best first; each entry is a full set (disc one, sphere two, annulus none).
+    ///
+    /// # Errors
+    /// [`UnfoldError::Solve`].
+    pub fn pole_candidates(&self) -> Result<Vec<Vec<u32>>, UnfoldError> {
+        Ok(match self.solver.topology {
+            Topology::Disc => pole::disc_candidates(&self.solver)?.into_iter().map(|p| vec![p]).collect(),
+            Topology::Sphere => vec![pole::sphere_poles(&self.solver).to_vec()],
+            Topology::Annulus | Topology::Torus => vec![Vec::new()],
+        })
+    }
+
+    /// The chart for given poles.
+    ///
+    /// # Errors
+    /// [`UnfoldError::Solve`].
+    pub fn chart(&self, poles: &[u32]) -> Result<Chart, UnfoldError> {
+        let harmonic = self.solver.v(poles);
+        let (u, s) = self.solver.conjugate(&harmonic, poles)?;
+        let fraction = AreaFraction::new(self.solver.mesh, &harmonic.v);
+        let v: Vec<f64> = match self.solver.topology {
+            Topology::Annulus | Topology::Torus => harmonic.v.clone(),
+            Topology::Disc | Topology::Sphere => harmonic.v.iter().map(|&x| fraction.at(x)).collect(),
+        };
+        let modulus = match self.solver.topology {
+            Topology::Disc => fraction.level(0.9) / harmonic.energy,
+            Topology::Sphere => (fraction.level(0.9) - fraction.level(0.1)) / harmonic.energy,
+            Topology::Annulus | Topology::Torus => 1.0 / harmonic.energy,
+        };
+        Ok(self.assemble(poles, &harmonic, &u, &s, &v, modulus))
+    }
+
+    fn assemble(&self, poles: &[u32], harmonic: &Harmonic, u: &[f64], s: &[i32], v: &[f64], modulus: f64) -> Chart {
+        let mesh = self.solver.mesh;
+        let corners: Vec<[Uv; 3]> =
+            (0..mesh.triangles.len()).map(|t| corner_uvs(mesh.triangles[t], u, &s[3 * t..3 * t + 3], v, poles)).collect();
+        let uv = u.iter().zip(v).map(|(&u, &v)| [u.rem_euclid(1.0), v]).collect();
+        let poles: Vec<Pole> = match self.solver.topology {
+            Topology::Disc => poles.iter().map(|&vertex| Pole { vertex, at_top: true }).collect(),
+            _ => poles.iter().enumerate().map(|(k, &vertex)| Pole { vertex, at_top: k == 1 }).collect(),
+        };
+        let t = &self.solver.laplacian.triangulation;
+        let mean_length = t.lengths.iter().sum::<f64>() / t.lengths.len().max(1) as f64;
+        let report = UnfoldReport {
+            vertices_added: mesh.positions.len() - self.patch_vertices,
+            flips: t.flips.len(),
+            mollified: t.mollified / mean_length,
+            clamped: self.solver.laplacian.clamped,
+            uv_flips: corners.iter().filter(|c| signed_area(c) < 0.0).count(),
+            angle_deviation_deg: angle_deviation(mesh, &corners, &harmonic.v, &poles),
+        };
+        Chart {
+            topology: self.solver.topology,
+            mesh: mesh.clone(),
+            patch_vertices: self.patch_vertices,
+            uv,
+            corners,
+            poles,
+            modulus,
+            report,
+        }
+    }
+}
+
+/// Unfolds a patch with the given or the best poles.
+///
+/// # Errors
+/// [`UnfoldError`].
+pub fn unfold(patch: &Patch, options: &UnfoldOptions) -> Result<Chart, UnfoldError> {
+    let mesh = solve_mesh(patch);
+    let unfolder = Unfolder::new(&mesh, patch.topology, patch.mesh.positions.len())?;
+    let wanted = match patch.topology {
+        Topology::Disc => 1,
+        Topology::Sphere => 2,
+        Topology::Annulus | Topology::Torus => 0,
+    };
+    if options.poles.len() == wanted && wanted > 0 {
+        return unfolder.chart(&options.poles);
+    }
+    let candidates = unfolder.pole_candidates()?;
+    let mut result = Err(UnfoldError::Solve(SolveError::NotPositiveDefinite));
+    for poles in candidates {
+        result = unfolder.chart(&poles);
+        if result.is_ok() {
+            break;
+        }
+    }
+    result
+}
+
+/// The corners of a triangle with u made continuous along its edges. A pole's corner takes the mean u of the others.
+fn corner_uvs(triangle: [u32; 3], u: &[f64], s: &[i32], v: &[f64], poles: &[u32]) -> [Uv; 3] {
+    let is_pole = triangle.map(|x| poles.contains(&x));
+    let k0 = is_pole.iter().position(|p| !p).unwrap_or(0);
+    let (k1, k2) = ((k0 + 1) % 3, (k0 + 2) % 3);
+    let at = |k: usize| u[triangle[k] as usize];
+    let mut x = [0.0; 3];
+    x[k0] = at(k0).rem_euclid(1.0);
+    if is_pole[k1] {
+        // Backwards along the edge k2 → k0, which is no pole's.
+        x[k2] = x[k0] - (at(k0) - at(k2) - f64::from(s[k2]));
+        x[k1] = 0.5 * (x[k0] + x[k2]);
+    } else {
+        x[k1] = x[k0] + at(k1) - at(k0) - f64::from(s[k0]);
+        x[k2] = match is_pole[k2] {
+            true => 0.5 * (x[k0] + x[k1]),
+            false => x[k1] + at(k2) - at(k1) - f64::from(s[k1]),
+        };
+    }
+    let shift = x[0].min(x[1]).min(x[2]).floor();
+    [0, 1, 2].map(|k| [x[k] - shift, v[triangle[k] as usize]])
+}
+
+/// Area of a triangle of the domain, positive when it is oriented as on the surface.
+pub fn signed_area(c: &[Uv; 3]) -> f64 {
+    0.5 * ((c[1][0] - c[0][0]) * (c[2][1] - c[0][1]) - (c[2][0] - c[0][0]) * (c[1][1] - c[0][1]))
+}
+
+/// Area-weighted mean of |90° − angle(∇u, ∇v)| over faces without a pole, v harmonic. *Source:* paper Fig. 3.
+fn angle_deviation(mesh: &TriMesh, corners: &[[Uv; 3]], v: &[f64], poles: &[Pole]) -> f64 {
+    let (mut sum, mut total) = (0.0, 0.0);
+    for (t, triangle) in mesh.triangles.iter().enumerate() {
+        if triangle.iter().any(|x| poles.iter().any(|p| p.vertex == *x)) {
+            continue;
+        }
+        let [a, b, c] = triangle.map(|x| mesh.positions[x as usize]);
+        let (e1, e2) = (b - a, c - a);
+        let (g11, g12, g22) = (e1.dot(&e1), e1.dot(&e2), e2.dot(&e2));
+        let det = g11 * g22 - g12 * g12;
+        if det <= 0.0 {
+            continue;
+        }
+        let du = [corners[t][1][0] - corners[t][0][0], corners[t][2][0] - corners[t][0][0]];
+        let dv = [1, 2].map(|k| v[triangle[k] as usize] - v[triangle[0] as usize]);
+        let dot = |x: [f64; 2], y: [f64; 2]| g22 * x[0] * y[0] - g12 * (x[0] * y[1] + x[1] * y[0]) + g11 * x[1] * y[1];
+        let norm = (dot(du, du) * dot(dv, dv)).sqrt();
+        if norm > 0.0 {
+            let area = 0.5 * det.sqrt();
+            sum += area * (dot(du, dv) / norm).clamp(-1.0, 1.0).asin().abs().to_degrees();
+            total += area;
+        }
+    }
+    if total > 0.0 { sum / total } else { 0.0 }
+}
