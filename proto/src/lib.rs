@@ -1,1 +1,36 @@
-//! quadmuse-proto
+//! The messages that Quadmuse's server and its clients exchange: plain serde types, one file a resource.
+//!
+//! The same types travel as JSON and as MessagePack (maps with string keys). Field names are the contract: readers
+//! ignore fields they do not know, so fields may be added, never renamed or removed. Lengths and angles carry their
+//! unit in the name or in the docstring; times are milliseconds.
+
+pub mod composition;
+pub mod constraint;
+pub mod example;
+pub mod format;
+pub mod health;
+pub mod id;
+pub mod map;
+pub mod paging;
+pub mod problem;
+pub mod query;
+pub mod ranking;
+pub mod segment;
+pub mod stream;
+
+#[cfg(feature = "openapi")]
+mod schema;
+
+pub use composition::{Composition, CompositionPart, NewComposition};
+pub use constraint::{Constraint, ConstraintEdit, ConstraintOrigin, Location, NewConstraint, Place};
+pub use example::{Example, ExamplePatch, ExampleSegment, MeshCounts};
+pub use format::MeshFormat;
+pub use health::{Health, Readiness};
+pub use id::{CompositionId, ExampleId, MapId, QueryId};
+pub use map::{Distortion, Histogram, Map, MapTimings, NewMap, Verdict};
+pub use paging::Page;
+pub use problem::{Code, Problem};
+pub use query::{LevelTiming, Progress, Query, QuerySegment, QueryState, QueryTimings};
+pub use ranking::{Entry, EntryState, Flip, Ranking};
+pub use segment::{Segmentation, Topology};
+pub use stream::{Begin, End, EndState, Event, StreamError};

@@ -1,0 +1,61 @@
+//! Compositions: the maps of a query's segments, stitched into one mesh of quads.
+
+use crate::id::{CompositionId, MapId, QueryId};
+use serde::{Deserialize, Serialize};
+
+/// The largest `smoothing` that is accepted.
+pub const SMOOTHING_MAX: u32 = 100;
+
+/// The `smoothing` when the caller names none.
+pub const SMOOTHING_DEFAULT: u32 = 5;
+
+fn smoothing_default() -> u32 {
+    SMOOTHING_DEFAULT
+}
+
+/// `POST /v1/queries/{id}/compositions`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct NewComposition {
+    /// The map of each segment; segments that are not named stay open.
+    pub parts: Vec<CompositionPart>,
+    /// Rounds of smoothing, with projection back onto the input.
+    #[serde(default = "smoothing_default")]
+    pub smoothing: u32,
+}
+
+/// One part of a composition.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct CompositionPart {
+    /// The query's segment.
+    pub segment: u32,
+    /// Its map.
+    pub map: MapId,
+}
+
+/// A stitched mesh.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Composition {
+    /// Its id.
+    pub id: CompositionId,
+    /// The query.
+    pub query: QueryId,
+    /// Its parts.
+    pub parts: Vec<CompositionPart>,
+    /// Rounds of smoothing.
+    pub smoothing: u32,
+    /// Vertices.
+    pub vertices: u64,
+    /// Quads.
+    pub quads: u64,
+    /// Triangles left: 0.
+    pub triangles: u64,
+    /// Inner vertices with another number of edges than four.
+    pub extraordinary_vertices: u64,
+    /// Milliseconds it took.
+    pub total_ms: f64,
+}

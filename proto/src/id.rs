@@ -1,0 +1,178 @@
+//! Identifiers that sort by time of creation.
+//!
+//! Each is a ULID: 26 characters of Crockford base 32, a 48-bit time in milliseconds before 80 random bits. To clients they are
+//! opaque strings. A kind of thing has a kind of id, so that a query's id can't be handed over where an example's is expected.
+
+use std::fmt;
+use std::str::FromStr;
+use std::sync::{Mutex, PoisonError};
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use ulid::{Generator, Ulid};
+
+/// Length of an id as text, in characters.
+pub const ID_TEXT_LEN: usize = 26;
+/// Length of an id as bytes (big-endian, so that bytes sort as the ids do).
+pub const ID_BYTES_LEN: usize = 16;
+
+static GENERATOR: Mutex<Generator> = Mutex::new(Generator::new());
+
+/// A text that is no id.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum IdError {
+    /// Not 26 characters long.
+    #[error("expected an id of {ID_TEXT_LEN} characters, found {found}; copy the id as the service gave it")]
+    Length {
+        /// Length of the text, in characters.
+        found: usize,
+    },
+    /// A character outside Crockford's base 32, or a value beyond 128 bits.
+    #[error(
+        "expected an id of digits and capital letters without I, L, O and U, found another text; copy the id as the service gave it"
+    )]
+    Alphabet,
+}
+
+/// A fresh ULID, greater than every one this process made before (even within a millisecond, even when the clock is set back).
+fn generate() -> Ulid {
+    let mut generator = GENERATOR.lock().unwrap_or_else(PoisonError::into_inner);
+    match generator.generate() {
+        Ok(id) => id,
+        Err(overflow) => overflow.commit_overflow_increment(),
+    }
+}
+
+fn parse(text: &str) -> Result<Ulid, IdError> {
+    let found = text.chars().count();
+    if found != ID_TEXT_LEN {
+        return Err(IdError::Length { found });
+    }
+    let id = Ulid::from_string(text).map_err(|_| IdError::Alphabet)?;
+    // One spelling an id: a first digit beyond 7 would wrap around, and lower case would be a second name of the same thing.
+    if id.to_string() == text { Ok(id) } else { Err(IdError::Alphabet) }
+}
+
+macro_rules! id_type {
+    ($(#[$doc:meta])* $name:ident) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub struct $name(Ulid);
+
+        impl $name {
+            /// A fresh id, greater than every id this process made before. Reads the clock and the system's random source.
+            pub fn generate() -> Self {
+                Self(generate())
+            }
+
+            /// The id whose bytes, big-endian, are given.
+            pub const fn from_bytes(bytes: [u8; ID_BYTES_LEN]) -> Self {
+                Self(Ulid::from_bytes(bytes))
+            }
+
+            /// The id as bytes, big-endian: they sort as the ids do.
+            pub const fn to_bytes(self) -> [u8; ID_BYTES_LEN] {
+                self.0.to_bytes()
+            }
+
+            /// Time of creation, in milliseconds since 1970.
+            pub const fn created_unix_ms(self) -> u64 {
+                self.0.timestamp_ms()
+            }
+        }
+
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                fmt::Display::fmt(&self.0, f)
+            }
+        }
+
+        impl fmt::Debug for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, concat!(stringify!($name), "({})"), self.0)
+            }
+        }
+
+        impl FromStr for $name {
+            type Err = IdError;
+
+            fn from_str(text: &str) -> Result<Self, IdError> {
+                parse(text).map(Self)
+            }
+        }
+
+        impl Serialize for $name {
+            fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.collect_str(&self.0)
+            }
+        }
+
+        impl<'de> Deserialize<'de> for $name {
+            fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                let text = String::deserialize(deserializer)?;
+                text.parse().map_err(serde::de::Error::custom)
+            }
+        }
+    };
+}
+
+id_type! {
+    /// A mesh of the corpus.
+    ExampleId
+}
+id_type! {
+    /// An uploaded input mesh while it is ranked, and after.
+    QueryId
+}
+id_type! {
+    /// A cross map of one corpus segment onto one query segment.
+    MapId
+}
+id_type! {
+    /// The maps chosen for a query's segments, stitched into one mesh.
+    CompositionId
+}
+id_type! {
+    /// A positional constraint of a map.
+    ConstraintId
+}
+id_type! {
+    /// One request to the service, in logs and problems.
+    RequestId
+}
+id_type! {
+    /// An access token's public name (never the token itself).
+    TokenId
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ids_made_one_after_the_other_sort_that_way_as_text_and_as_bytes() {
+        let ids: Vec<ExampleId> = (0..2000).map(|_| ExampleId::generate()).collect();
+        for pair in ids.windows(2) {
+            assert!(pair[0] < pair[1]);
+            assert!(pair[0].to_string() < pair[1].to_string());
+            assert!(pair[0].to_bytes() < pair[1].to_bytes());
+        }
+    }
+
+    #[test]
+    fn text_and_bytes_lead_back_to_the_id() {
+        let id = QueryId::generate();
+        assert_eq!(id.to_string().parse::<QueryId>(), Ok(id));
+        assert_eq!(QueryId::from_bytes(id.to_bytes()), id);
+    }
+
+    #[test]
+    fn an_id_has_one_spelling() {
+        let text = "01ARZ3NDEKTSV4RRFFQ69G5FAV";
+        assert!(text.parse::<MapId>().is_ok());
+        assert_eq!(text.to_lowercase().parse::<MapId>(), Err(IdError::Alphabet));
+        assert_eq!("81ARZ3NDEKTSV4RRFFQ69G5FAV".parse::<MapId>(), Err(IdError::Alphabet));
+        assert_eq!("01ARZ3NDEKTSV4RRFFQ69G5FAU".parse::<MapId>(), Err(IdError::Alphabet));
+        assert_eq!("".parse::<MapId>(), Err(IdError::Length { found: 0 }));
+        assert_eq!("é".repeat(26).parse::<MapId>(), Err(IdError::Alphabet));
+    }
+}

@@ -1,0 +1,120 @@
+//! Maps: one corpus segment laid on one query segment.
+
+use crate::{
+    constraint::Constraint,
+    id::{ExampleId, MapId, QueryId},
+    ranking::Flip,
+};
+use serde::{Deserialize, Serialize};
+
+/// `POST /v1/queries/{id}/maps`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct NewMap {
+    /// The query's segment.
+    #[serde(default)]
+    pub segment: u32,
+    /// The example to lay on it.
+    pub example: ExampleId,
+    /// The example's segment.
+    #[serde(default)]
+    pub example_segment: u32,
+}
+
+/// The cross map of one corpus segment onto one query segment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Map {
+    /// Its id.
+    pub id: MapId,
+    /// The query.
+    pub query: QueryId,
+    /// The query's segment.
+    pub segment: u32,
+    /// The example.
+    pub example: ExampleId,
+    /// The example's segment.
+    pub example_segment: u32,
+    /// Grows with every edit of the constraints, from 1.
+    pub revision: u64,
+    /// How the example is flipped.
+    pub flip: Flip,
+    /// By how much it is shifted along u, in periods, 0–1.
+    pub shift_u: f64,
+    /// E: the registered energy.
+    pub energy: f64,
+    /// The level of the registration, in pixels a side.
+    pub resolution: u32,
+    /// The pairs of points that fix it.
+    pub constraints: Vec<Constraint>,
+    /// Vertices of the mapped mesh.
+    pub vertices: u64,
+    /// Faces of the mapped mesh.
+    pub faces: u64,
+    /// Faces that lie flipped on the input, beyond the example's own.
+    pub folds: u64,
+    /// Largest distance of a mapped vertex to the input's surface, in units of √area of the input.
+    pub distance_max: f64,
+    /// How it distorts the example.
+    pub distortion: Distortion,
+    /// Whether it is worth keeping.
+    pub verdict: Verdict,
+    /// Why, a sentence each.
+    pub reasons: Vec<String>,
+    /// Where its time went.
+    pub timings: MapTimings,
+}
+
+/// How a map distorts the example's faces.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Distortion {
+    /// Change of a face's corner angles, in degrees.
+    pub angle: Histogram,
+    /// log₂ of the ratio of a face's share of the area, after to before.
+    pub area: Histogram,
+}
+
+/// A distribution, with its statistics.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Histogram {
+    /// Bounds of the bins, increasing: one more than `counts`.
+    pub edges: Vec<f64>,
+    /// Values in each bin; those beyond the ends are counted in the outermost.
+    pub counts: Vec<u64>,
+    /// Mean.
+    pub mean: f64,
+    /// Median.
+    pub median: f64,
+    /// 95th percentile (of the magnitude).
+    pub p95: f64,
+    /// Largest (in magnitude).
+    pub max: f64,
+}
+
+/// Whether a map is worth keeping.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum Verdict {
+    /// Use it.
+    Good,
+    /// Look at it first.
+    Fair,
+    /// Choose another example, or set constraints.
+    Poor,
+}
+
+/// Where a map's time went, in milliseconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct MapTimings {
+    /// Finishing the registration at full resolution.
+    pub register_ms: f64,
+    /// Mapping every vertex, and measuring.
+    pub map_ms: f64,
+    /// From the request to the answer.
+    pub total_ms: f64,
+}

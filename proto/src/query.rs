@@ -1,0 +1,170 @@
+//! Queries: an input mesh while it is ranked against the corpus, and after.
+
+use crate::{example::MeshCounts, id::QueryId, problem::Problem, segment::Topology};
+use serde::{Deserialize, Serialize};
+
+/// Entries a segment that go on to the full resolution when the caller names no `top`.
+pub const TOP_DEFAULT: u32 = 4;
+
+/// The largest `top` that is accepted.
+pub const TOP_MAX: u32 = 64;
+
+/// The finest level when the caller names no `resolution`, in pixels a side.
+pub const RESOLUTION_DEFAULT: u32 = 128;
+
+/// The levels of the pyramid, in pixels a side; each is a `resolution` that is accepted.
+pub const LEVELS: [u32; 5] = [32, 64, 128, 256, 512];
+
+/// Longest `deadline_ms` that is accepted: one hour.
+pub const DEADLINE_MS_MAX: u64 = 3_600_000;
+
+/// Longest `wait_ms` of a long poll.
+pub const WAIT_MS_MAX: u64 = 60_000;
+
+/// Where a query stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum QueryState {
+    /// Waiting for a core.
+    Queued,
+    /// Its segments are being unfolded and encoded.
+    Encoding,
+    /// Its ranking is being refined.
+    Ranking,
+    /// Its ranking is final (also when its deadline ended it: see [`Query::deadline_reached`]).
+    Done,
+    /// It was cancelled.
+    Cancelled,
+    /// It failed; [`Query::problem`] says why.
+    Failed,
+}
+
+impl QueryState {
+    /// Whether nothing more will change.
+    pub fn is_final(self) -> bool {
+        matches!(self, Self::Done | Self::Cancelled | Self::Failed)
+    }
+
+    /// The name on the wire.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Queued => "queued",
+            Self::Encoding => "encoding",
+            Self::Ranking => "ranking",
+            Self::Done => "done",
+            Self::Cancelled => "cancelled",
+            Self::Failed => "failed",
+        }
+    }
+}
+
+/// A query.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Query {
+    /// Its id.
+    pub id: QueryId,
+    /// Where it stands.
+    pub state: QueryState,
+    /// Whether its deadline ended it before the last level.
+    pub deadline_reached: bool,
+    /// Entries a segment that go on to the full resolution.
+    pub top: u32,
+    /// The finest level asked for, in pixels a side.
+    pub resolution: u32,
+    /// Its deadline, counted from the upload, if it has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deadline_ms: Option<u64>,
+    /// Only examples with all these tags are ranked.
+    pub tags: Vec<String>,
+    /// What the input mesh is made of.
+    pub counts: MeshCounts,
+    /// What was repaired while reading, a sentence each.
+    pub repairs: Vec<String>,
+    /// Its segments, numbered from 0.
+    pub segments: Vec<QuerySegment>,
+    /// How far it has come.
+    pub progress: Progress,
+    /// Where its time went.
+    pub timings: QueryTimings,
+    /// The revision of its newest ranking; 0 before the first.
+    pub revision: u64,
+    /// Corpus segments it is ranked against, all its segments together.
+    pub corpus_size: u64,
+    /// When it was uploaded: RFC 3339, UTC.
+    pub created: String,
+    /// Why it failed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub problem: Option<Problem>,
+}
+
+/// A segment of a query.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct QuerySegment {
+    /// Its number in the query.
+    pub segment: u32,
+    /// Its topology.
+    pub topology: Topology,
+    /// Faces of the input that belong to it.
+    pub faces: u64,
+    /// Its modulus, once it is encoded.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub k: Option<f64>,
+    /// Feature points found on it, once it is encoded.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub features: Option<u32>,
+    /// The level its ranking has reached, in pixels a side; absent before the first ranking.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub level: Option<u32>,
+    /// Corpus segments of its topology that it is ranked against.
+    pub corpus_size: u64,
+}
+
+/// How far a query has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Progress {
+    /// Segments encoded.
+    pub segments_encoded: u32,
+    /// Segments in all.
+    pub segments: u32,
+    /// Levels ranked, over all segments.
+    pub levels_done: u32,
+    /// Levels to rank, over all segments.
+    pub levels: u32,
+}
+
+/// Where a query's time went, in milliseconds.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct QueryTimings {
+    /// Reading, checking and cutting the mesh.
+    pub read_ms: f64,
+    /// Waiting for a core.
+    pub queued_ms: f64,
+    /// Unfolding and encoding, all segments together.
+    pub encode_ms: f64,
+    /// From the upload to the first ranking; absent before it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub first_ranking_ms: Option<f64>,
+    /// Ranking, level by level, in the order of computation.
+    pub levels: Vec<LevelTiming>,
+    /// From the upload to the end, or to now.
+    pub total_ms: f64,
+}
+
+/// The time one level of one segment took.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct LevelTiming {
+    /// The query's segment.
+    pub segment: u32,
+    /// The level, in pixels a side.
+    pub level: u32,
+    /// Corpus segments registered at this level.
+    pub entries: u64,
+    /// Milliseconds.
+    pub ms: f64,
+}

@@ -1,0 +1,29 @@
+//! Schemas of the ids: strings on the wire.
+
+use crate::id::{CompositionId, ExampleId, MapId, QueryId};
+use std::borrow::Cow;
+use utoipa::openapi::{ObjectBuilder, RefOr, Schema, schema::Type};
+use utoipa::{PartialSchema, ToSchema};
+
+macro_rules! id_schema {
+    ($($name:ident: $what:literal),*) => {$(
+        impl PartialSchema for $name {
+            fn schema() -> RefOr<Schema> {
+                ObjectBuilder::new().schema_type(Type::String).description(Some($what)).into()
+            }
+        }
+
+        impl ToSchema for $name {
+            fn name() -> Cow<'static, str> {
+                stringify!($name).into()
+            }
+        }
+    )*};
+}
+
+id_schema!(
+    ExampleId: "An example's id: opaque, sorts by time of creation.",
+    QueryId: "A query's id: opaque, sorts by time of creation.",
+    MapId: "A map's id: opaque, sorts by time of creation.",
+    CompositionId: "A composition's id: opaque, sorts by time of creation."
+);

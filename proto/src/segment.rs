@@ -1,0 +1,127 @@
+//! Segments: the topological primitives that are encoded, ranked and mapped.
+
+use serde::{Deserialize, Serialize};
+use std::{fmt, str::FromStr};
+
+/// The topology of a segment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum Topology {
+    /// One boundary loop, no handle.
+    Disc,
+    /// Two boundary loops, no handle.
+    Annulus,
+    /// No boundary, no handle.
+    Sphere,
+    /// No boundary, one handle.
+    Torus,
+}
+
+impl Topology {
+    /// All topologies, in the order in which they are listed.
+    pub const ALL: [Self; 4] = [Self::Disc, Self::Annulus, Self::Sphere, Self::Torus];
+
+    /// The name on the wire.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Disc => "disc",
+            Self::Annulus => "annulus",
+            Self::Sphere => "sphere",
+            Self::Torus => "torus",
+        }
+    }
+}
+
+/// How an uploaded mesh is cut into segments (`segments=`).
+///
+/// A third way, labels a face in the multipart part `segments`, needs no name here: it is used whenever that part is
+/// there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum Segmentation {
+    /// The whole mesh if it is a primitive, else its groups if each is one, else automatic segmentation.
+    #[default]
+    Auto,
+    /// The whole mesh is one segment; refused if it is not a primitive.
+    Whole,
+    /// One segment a group (OBJ `g`/`usemtl`, PLY face property `segment`).
+    Groups,
+}
+
+impl Segmentation {
+    /// The name on the wire.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Whole => "whole",
+            Self::Groups => "groups",
+        }
+    }
+}
+
+/// A word that is none of those expected.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected one of {expected}, found `{found}`")]
+pub struct UnknownWord {
+    /// The words that would do, as a list for people.
+    pub expected: &'static str,
+    /// What stood there instead.
+    pub found: String,
+}
+
+impl FromStr for Topology {
+    type Err = UnknownWord;
+
+    fn from_str(text: &str) -> Result<Self, UnknownWord> {
+        let expected = "disc, annulus, sphere, torus";
+        Self::ALL.into_iter().find(|t| t.as_str() == text).ok_or_else(|| UnknownWord { expected, found: text.into() })
+    }
+}
+
+impl FromStr for Segmentation {
+    type Err = UnknownWord;
+
+    fn from_str(text: &str) -> Result<Self, UnknownWord> {
+        [Self::Auto, Self::Whole, Self::Groups]
+            .into_iter()
+            .find(|s| s.as_str() == text)
+            .ok_or_else(|| UnknownWord { expected: "auto, whole, groups", found: text.into() })
+    }
+}
+
+impl fmt::Display for Topology {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.as_str())
+    }
+}
+
+impl fmt::Display for Segmentation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.as_str())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_name_on_the_wire_is_the_name_that_is_parsed() {
+        for topology in Topology::ALL {
+            assert_eq!(serde_json::to_value(topology).expect("a word"), topology.as_str());
+            assert_eq!(topology.as_str().parse::<Topology>(), Ok(topology));
+        }
+        for way in [Segmentation::Auto, Segmentation::Whole, Segmentation::Groups] {
+            assert_eq!(serde_json::to_value(way).expect("a word"), way.as_str());
+            assert_eq!(way.as_str().parse::<Segmentation>(), Ok(way));
+        }
+    }
+
+    #[test]
+    fn an_unknown_word_is_refused_with_the_words_that_would_do() {
+        let error = "klein".parse::<Topology>().expect_err("no such topology");
+        assert_eq!(error.to_string(), "expected one of disc, annulus, sphere, torus, found `klein`");
+    }
+}
