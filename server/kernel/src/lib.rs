@@ -3,6 +3,7 @@
 //! The modules stand in the order in which a mesh passes through them; a module uses only those before it.
 //! No I/O, no async, no clock, no randomness that is not seeded.
 
+pub mod encode;
 pub mod mesh;
 pub mod numerics;
 pub mod topology;

@@ -1,0 +1,224 @@
+//! The planar index φ⁻¹: which triangle of the chart holds a point of the domain.
+//!
+//! A uniform grid of buckets over the square, periodic in u. *Source:* paper §4 (a binary space partition; a grid is
+//! faster, CRATES §3.3).
+
+use crate::mesh::Vec3;
+use crate::unfold::{Chart, Uv};
+
+/// A place on the surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Location {
+    /// Triangle of the chart's mesh.
+    pub triangle: u32,
+    /// Barycentric coordinates in it; they sum to 1.
+    pub barycentric: [f64; 3],
+}
+
+impl Location {
+    /// The point in space.
+    pub fn point(&self, chart: &Chart) -> Vec3 {
+        let corners = chart.mesh.triangles[self.triangle as usize];
+        (0..3).map(|k| self.barycentric[k] * chart.mesh.positions[corners[k] as usize]).sum()
+    }
+
+    /// The point of the domain; inverse of [`PlanarIndex::locate`].
+    pub fn uv(&self, chart: &Chart) -> Uv {
+        let corners = &chart.corners[self.triangle as usize];
+        let w = self.barycentric;
+        match pole_corner(chart, self.triangle) {
+            Some((k, end)) => {
+                let (a, b) = (corners[(k + 1) % 3], corners[(k + 2) % 3]);
+                let (wa, wb) = (w[(k + 1) % 3], w[(k + 2) % 3]);
+                let x = if wa + wb > 0.0 { wb / (wa + wb) } else { 0.5 };
+                let base = a[1] + x * (b[1] - a[1]);
+                // Area, not distance, is even in v near a pole.
+                let y = 1.0 - (1.0 - w[k]) * (1.0 - w[k]);
+                [(a[0] + x * (b[0] - a[0])).rem_euclid(1.0), base + y * (end - base)]
+            }
+            None => {
+                let mean = |j: usize| (0..3).map(|k| w[k] * corners[k][j]).sum::<f64>();
+                [mean(0).rem_euclid(1.0), mean(1)]
+            }
+        }
+    }
+}
+
+/// The corner of a triangle that is a pole, and the pole's v.
+pub fn pole_corner(chart: &Chart, triangle: u32) -> Option<(usize, f64)> {
+    let corners = chart.mesh.triangles[triangle as usize];
+    (0..3).find_map(|k| {
+        chart.poles.iter().find(|p| p.vertex == corners[k]).map(|p| (k, if p.at_top { 1.0 } else { 0.0 }))
+    })
+}
+
+/// Buckets of triangles over the domain.
+#[derive(Clone, Debug)]
+pub struct PlanarIndex {
+    cells: usize,
+    starts: Vec<u32>,
+    triangles: Vec<u32>,
+}
+
+/// Grid cells a side at most.
+const CELLS_MAX: usize = 512;
+
+impl PlanarIndex {
+    /// Indexes a chart.
+    pub fn new(chart: &Chart) -> Self {
+        let count = chart.corners.len();
+        let cells = ((count as f64).sqrt() as usize).clamp(4, CELLS_MAX);
+        let mut starts = vec![0u32; cells * cells + 1];
+        for t in 0..count as u32 {
+            for_each_cell(chart, t, cells, |c| starts[c + 1] += 1);
+        }
+        for c in 0..cells * cells {
+            starts[c + 1] += starts[c];
+        }
+        let mut filled = starts.clone();
+        let mut triangles = vec![0; starts[cells * cells] as usize];
+        for t in 0..count as u32 {
+            for_each_cell(chart, t, cells, |c| {
+                triangles[filled[c] as usize] = t;
+                filled[c] += 1;
+            });
+        }
+        Self { cells, starts, triangles }
+    }
+
+    /// The place of the surface at `uv`; the nearest in its neighbourhood where rounding leaves a crack.
+    pub fn locate(&self, chart: &Chart, uv: Uv) -> Location {
+        let (u, v) = (uv[0].rem_euclid(1.0), uv[1].clamp(0.0, 1.0));
+        let cell = |x: f64| ((x * self.cells as f64) as isize).min(self.cells as isize - 1);
+        let (cx, cy) = (cell(u), cell(v));
+        let mut best: Option<(f64, Location)> = None;
+        for radius in 0..self.cells as isize {
+            for (x, y) in ring(cx, cy, radius) {
+                if y < 0 || y >= self.cells as isize {
+                    continue;
+                }
+                let c = y as usize * self.cells + x.rem_euclid(self.cells as isize) as usize;
+                for &t in &self.triangles[self.starts[c] as usize..self.starts[c + 1] as usize] {
+                    let (inside, location) = locate_in(chart, t, [u, v]);
+                    if best.as_ref().is_none_or(|(b, _)| inside > *b) {
+                        best = Some((inside, location));
+                    }
+                }
+            }
+            if best.as_ref().is_some_and(|(inside, _)| *inside >= -1e-9 || radius > 0) {
+                break;
+            }
+        }
+        best.map_or(Location { triangle: 0, barycentric: [1.0, 0.0, 0.0] }, |(_, location)| clamped(location))
+    }
+}
+
+/// Barycentric coordinates made non-negative.
+fn clamped(mut location: Location) -> Location {
+    let w = location.barycentric.map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 });
+    let sum: f64 = w.iter().sum();
+    location.barycentric = if sum > 0.0 { w.map(|x| x / sum) } else { [1.0 / 3.0; 3] };
+    location
+}
+
+/// Cells at Chebyshev distance `radius`.
+fn ring(cx: isize, cy: isize, radius: isize) -> impl Iterator<Item = (isize, isize)> {
+    (-radius..=radius).flat_map(move |dy| {
+        (-radius..=radius).filter(move |dx| dx.abs().max(dy.abs()) == radius).map(move |dx| (cx + dx, cy + dy))
+    })
+}
+
+/// Calls `visit` with each cell that the triangle's box touches.
+fn for_each_cell(chart: &Chart, t: u32, cells: usize, mut visit: impl FnMut(usize)) {
+    let c = &chart.corners[t as usize];
+    let (mut low, mut high) = ([c[0][0], c[0][1]], [c[0][0], c[0][1]]);
+    for p in &c[1..] {
+        for k in 0..2 {
+            low[k] = low[k].min(p[k]);
+            high[k] = high[k].max(p[k]);
+        }
+    }
+    if let Some((_, end)) = pole_corner(chart, t) {
+        low[1] = low[1].min(end);
+        high[1] = high[1].max(end);
+    }
+    let n = cells as f64;
+    let columns = (low[0] * n) as usize..=((high[0] * n) as usize).min((low[0] * n) as usize + cells - 1);
+    let rows = ((low[1] * n) as usize).min(cells - 1)..=((high[1] * n) as usize).min(cells - 1);
+    for y in rows {
+        for x in columns.clone() {
+            visit(y * cells + x % cells);
+        }
+    }
+}
+
+/// The smallest barycentric coordinate (≥ 0 inside) and the place, u taken in the period that fits best.
+fn locate_in(chart: &Chart, t: u32, uv: Uv) -> (f64, Location) {
+    let c = &chart.corners[t as usize];
+    let pole = pole_corner(chart, t);
+    let mut best = (f64::NEG_INFINITY, Location { triangle: t, barycentric: [1.0 / 3.0; 3] });
+    let high = c[0][0].max(c[1][0]).max(c[2][0]);
+    let mut u = uv[0];
+    while u <= high + 0.5 {
+        let barycentric = match pole {
+            Some((k, end)) => in_pole_quad(c, k, end, [u, uv[1]]),
+            None => in_triangle(c, [u, uv[1]]),
+        };
+        let inside = barycentric.iter().copied().fold(f64::INFINITY, f64::min);
+        if inside > best.0 {
+            best = (inside, Location { triangle: t, barycentric });
+        }
+        u += 1.0;
+    }
+    best
+}
+
+fn in_triangle(c: &[Uv; 3], p: Uv) -> [f64; 3] {
+    let cross = |a: Uv, b: Uv, q: Uv| (b[0] - a[0]) * (q[1] - a[1]) - (b[1] - a[1]) * (q[0] - a[0]);
+    let area = cross(c[0], c[1], c[2]);
+    if area == 0.0 {
+        return [f64::NEG_INFINITY; 3];
+    }
+    let (w0, w1) = (cross(c[1], c[2], p) / area, cross(c[2], c[0], p) / area);
+    [w0, w1, 1.0 - w0 - w1]
+}
+
+fn in_pole_quad(c: &[Uv; 3], k: usize, end: f64, p: Uv) -> [f64; 3] {
+    let (a, b) = (c[(k + 1) % 3], c[(k + 2) % 3]);
+    let width = b[0] - a[0];
+    if width == 0.0 {
+        return [f64::NEG_INFINITY; 3];
+    }
+    let x = (p[0] - a[0]) / width;
+    let base = a[1] + x * (b[1] - a[1]);
+    let y = if end == base { 1.0 } else { ((p[1] - base) / (end - base)).min(1.0) };
+    // Area, not distance, is even in v near a pole.
+    let pole = if y >= 0.0 { 1.0 - (1.0 - y).sqrt() } else { y };
+    let mut w = [0.0; 3];
+    w[k] = pole;
+    w[(k + 1) % 3] = (1.0 - x) * (1.0 - pole);
+    w[(k + 2) % 3] = x * (1.0 - pole);
+    w
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::topology::{tests::grid, whole};
+    use crate::unfold::{UnfoldOptions, unfold};
+
+    #[test]
+    fn locating_undoes_unfolding() {
+        for wrapped in [false, true] {
+            let patch = whole(&grid(20, 17, wrapped, false)).expect("a primitive");
+            let chart = unfold(&patch, &UnfoldOptions::default()).expect("solvable");
+            let index = PlanarIndex::new(&chart);
+            for t in (0..chart.corners.len() as u32).step_by(7) {
+                let place = Location { triangle: t, barycentric: [0.2, 0.5, 0.3] };
+                let found = index.locate(&chart, place.uv(&chart));
+                let error = (found.point(&chart) - place.point(&chart)).norm();
+                assert!(error < 1e-9, "triangle {t}: {error}");
+            }
+        }
+    }
+}
