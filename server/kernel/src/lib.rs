@@ -4,7 +4,9 @@
 //! No I/O, no async, no clock, no randomness that is not seeded.
 
 pub mod encode;
+pub mod map;
 pub mod mesh;
 pub mod numerics;
+pub mod register;
 pub mod topology;
 pub mod unfold;

@@ -1,0 +1,262 @@
+//! Registration: the planar map ψ̂ that carries an example's encoding onto the query's, coarse to fine.
+//!
+//! At the coarsest level every periodic translation is tried for each flip; at each level the translation is refined
+//! by one pixel, features join as controls, and a solver moves them. *Source:* paper §5; METHOD §4, §5.
+
+pub mod image;
+pub mod mls;
+pub mod pole_search;
+pub mod problem;
+pub mod solve;
+
+use crate::encode::features::{Feature, distance};
+use crate::encode::{Encoding, LEVEL_SIDES};
+use crate::topology::Topology;
+use crate::unfold::Uv;
+use image::Image;
+use mls::{Domain, psi};
+use problem::{Problem, folded};
+pub use solve::{LevenbergMarquardt, PixelDescent, Solver, Termination};
+
+/// How the example is mirrored before registration.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Flip {
+    /// u → 1 − u.
+    pub u: bool,
+    /// v → 1 − v.
+    pub v: bool,
+}
+
+impl Flip {
+    /// The flips to try for a topology. *Source:* paper Fig. 6.
+    pub fn all(topology: Topology) -> &'static [Self] {
+        const NONE: Flip = Flip { u: false, v: false };
+        const U: Flip = Flip { u: true, v: false };
+        const V: Flip = Flip { u: false, v: true };
+        const UV: Flip = Flip { u: true, v: true };
+        match topology {
+            Topology::Disc => &[NONE, U],
+            _ => &[NONE, UV, U, V],
+        }
+    }
+
+    /// Whether orientation is reversed: the map turns left hands into right ones.
+    pub fn is_mirror(self) -> bool {
+        self.u != self.v
+    }
+
+    /// A point of the example, mirrored.
+    pub fn apply(self, p: Uv) -> Uv {
+        [if self.u { 1.0 - p[0] } else { p[0] }, if self.v { 1.0 - p[1] } else { p[1] }]
+    }
+}
+
+/// The state of one example (under one flip) against one query.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Registration {
+    /// How the example is mirrored.
+    pub flip: Flip,
+    /// Level reached: pixels a side.
+    pub side: usize,
+    /// Controls on the mirrored example.
+    pub p: Vec<Uv>,
+    /// Where they go; u is not wrapped.
+    pub q: Vec<Uv>,
+    /// E at the level reached.
+    pub energy: f64,
+    /// var √λ₁ + var √λ₂ at the level reached.
+    pub variance: f64,
+    /// Cells still folded after repair; 0 unless repair failed.
+    pub folds: usize,
+}
+
+/// Half-way moves of the control nearest a fold before it takes its prediction whole. *Source:* METHOD §5.
+const REPAIR_HALVINGS: usize = 6;
+/// Repairs tried in all, as a multiple of the number of controls.
+const REPAIRS_PER_CONTROL: usize = 3;
+/// Aspect of the domain's metric: 1 is the paper's.
+pub const ASPECT: f64 = 1.0;
+
+/// What registration works on at one level.
+pub struct Level<'a> {
+    /// The example.
+    pub example: &'a Encoding,
+    /// √λ₁ at this level for each flip of [`Flip::all`].
+    flipped: Vec<Image>,
+    /// √λ₂ at this level.
+    query: &'a Image,
+}
+
+impl<'a> Level<'a> {
+    /// Prepares an example's level against the query's image of the same side; `None` where the example lacks it.
+    pub fn new(example: &'a Encoding, query: &'a Image) -> Option<Self> {
+        let picture = example.level(query.side)?;
+        let torus = example.topology == Topology::Torus;
+        let flipped = Flip::all(example.topology).iter().map(|&f| Image::new(picture, f, torus)).collect();
+        Some(Self { example, flipped, query })
+    }
+
+    fn image(&self, flip: Flip) -> &Image {
+        let k = Flip::all(self.example.topology).iter().position(|&f| f == flip).unwrap_or(0);
+        &self.flipped[k]
+    }
+
+    fn domain(&self) -> Domain {
+        Domain { topology: self.example.topology, aspect: ASPECT }
+    }
+}
+
+/// Query images at every level up to `side`, coarse to fine.
+pub fn query_images(query: &Encoding, side: usize) -> Vec<Image> {
+    let torus = query.topology == Topology::Torus;
+    query.pyramid.iter().filter(|p| p.side <= side).map(|p| Image::new(p, Flip::default(), torus)).collect()
+}
+
+/// E for all translations of `side` pixels: `energies[t]` compares pixel x of the example with pixel x + t of the
+/// query. *Source:* paper §5.2 ("Isometries").
+pub fn translation_energies(example: &Image, query: &Image) -> Vec<f64> {
+    let side = example.side;
+    let energy = |t: usize| {
+        let mut sum = 0.0;
+        for y in 0..side {
+            for x in 0..side {
+                let d = query.pixel((x + t) % side, y) - example.pixel(x, y);
+                sum += d * d;
+            }
+        }
+        sum / (side * side) as f64
+    };
+    (0..side).map(energy).collect()
+}
+
+/// Registers each flip at the coarsest level: the best translation, then the solver.
+pub fn coarse(level: &Level, solver: &dyn Solver, stop: &dyn Fn() -> bool) -> Vec<Registration> {
+    Flip::all(level.example.topology).iter().map(|&flip| coarse_flip(level, flip, solver, stop)).collect()
+}
+
+fn coarse_flip(level: &Level, flip: Flip, solver: &dyn Solver, stop: &dyn Fn() -> bool) -> Registration {
+    let energies = translation_energies(level.image(flip), level.query);
+    let best = (0..energies.len()).min_by(|&a, &b| energies[a].total_cmp(&energies[b])).unwrap_or(0);
+    let side = level.query.side;
+    let shift = best as f64 / side as f64;
+    let mut registration = Registration {
+        flip,
+        side: 0,
+        p: vec![[0.5, 0.5]],
+        q: vec![[0.5 + shift, 0.5]],
+        energy: energies[best],
+        variance: 0.0,
+        folds: 0,
+    };
+    registration.solve_level(level, solver, stop);
+    registration
+}
+
+impl Registration {
+    /// Advances to the level of `level`: translation ±1 pixel, new controls, solver, fold repair.
+    pub fn advance(&mut self, level: &Level, solver: &dyn Solver, stop: &dyn Fn() -> bool) {
+        self.nudge(level);
+        self.solve_level(level, solver, stop);
+    }
+
+    /// ψ̂ of a point of the *unmirrored* example.
+    pub fn map(&self, topology: Topology, x: Uv) -> Uv {
+        psi(Domain { topology, aspect: ASPECT }, &self.p, &self.q, self.flip.apply(x))
+    }
+
+    /// Mean displacement along u: the periodic translation, in 0–1.
+    pub fn shift_u(&self) -> f64 {
+        let sum: f64 = self.p.iter().zip(&self.q).map(|(p, q)| q[0] - p[0]).sum();
+        (sum / self.p.len().max(1) as f64).rem_euclid(1.0)
+    }
+
+    /// Tries the translation one pixel to either side.
+    fn nudge(&mut self, level: &Level) {
+        let pixel = 1.0 / level.query.side as f64;
+        let shifted = |d: f64| -> Vec<Uv> { self.q.iter().map(|q| [q[0] + d * pixel, q[1]]).collect() };
+        let problem = Problem::new(level.domain(), level.image(self.flip), level.query, &self.p);
+        let trials = [0.0, -1.0, 1.0].map(|d| (problem.energy(&shifted(d)), d));
+        let best = trials.iter().min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |t| t.1);
+        self.q = shifted(best);
+    }
+
+    fn solve_level(&mut self, level: &Level, solver: &dyn Solver, stop: &dyn Fn() -> bool) {
+        let side = level.query.side;
+        self.adopt(level, side);
+        self.repair(level);
+        let image = level.image(self.flip);
+        let p = self.p.clone();
+        let problem = Problem::new(level.domain(), image, level.query, &p);
+        let (energy, _) = solver.solve(&problem, &mut self.q, stop);
+        self.energy = energy;
+        self.side = side;
+        self.variance = image.variance + level.query.variance;
+        self.repair(level);
+    }
+
+    /// Features of this level become controls where the map already sends them.
+    fn adopt(&mut self, level: &Level, side: usize) {
+        let domain = level.domain();
+        let fresh = |f: &&Feature| f.side <= side && f.side > self.side;
+        let added: Vec<Uv> = level.example.features.iter().filter(fresh).map(|f| self.flip.apply(f.uv)).collect();
+        if added.is_empty() {
+            return;
+        }
+        let to: Vec<Uv> = added.iter().map(|&x| psi(domain, &self.p, &self.q, x)).collect();
+        if self.side == 0 {
+            // The lone control of the first translation has done its work.
+            self.p.clear();
+            self.q.clear();
+        }
+        self.p.extend(added);
+        self.q.extend(to);
+    }
+
+    /// Undoes folds: the control nearest a fold moves half way to where the others predict it, at last all the way.
+    fn repair(&mut self, level: &Level) {
+        let domain = level.domain();
+        let mut moves = vec![0usize; self.p.len()];
+        for _ in 0..REPAIRS_PER_CONTROL * (REPAIR_HALVINGS + 1) * self.p.len() {
+            let folds = fold_cells(domain, &self.p, &self.q, level.query.side.min(FOLD_SIDE_MAX));
+            self.folds = folds.len();
+            let Some(fold) = folds.first() else { return };
+            let open = (0..self.p.len()).filter(|&i| moves[i] <= REPAIR_HALVINGS);
+            let nearest = open.min_by(|&a, &b| distance(self.p[a], *fold).total_cmp(&distance(self.p[b], *fold)));
+            let Some(i) = nearest else { break };
+            let others = |all: &[Uv]| -> Vec<Uv> {
+                all.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, x)| *x).collect()
+            };
+            let predicted = psi(domain, &others(&self.p), &others(&self.q), self.p[i]);
+            let share = if moves[i] < REPAIR_HALVINGS { 0.5 } else { 1.0 };
+            (0..2).for_each(|k| self.q[i][k] += share * (predicted[k] - self.q[i][k]));
+            moves[i] += 1;
+        }
+        if self.folds > 0 {
+            // Nothing folds under a translation.
+            let shift = self.p.iter().zip(&self.q).map(|(p, q)| q[0] - p[0]).sum::<f64>() / self.p.len() as f64;
+            self.q = self.p.iter().map(|p| [p[0] + shift, p[1]]).collect();
+            self.folds = 0;
+        }
+    }
+}
+
+/// Cells a side at which folds are looked for.
+pub const FOLD_SIDE_MAX: usize = 64;
+
+/// Cells that the map turns over, at `side` cells a side.
+pub fn fold_cells(domain: Domain, p: &[Uv], q: &[Uv], side: usize) -> Vec<Uv> {
+    let unit = 1.0 / side as f64;
+    let displacements: Vec<Uv> = (0..side * (side + 1))
+        .map(|k| {
+            let x = [(k % side) as f64 * unit, (k / side) as f64 * unit];
+            let y = psi(domain, p, q, x);
+            [y[0] - x[0], y[1] - x[1]]
+        })
+        .collect();
+    folded(side, side, unit, |i, j| displacements[j * side + i % side])
+}
+
+/// The side of the level after `side`, if there is one.
+pub fn next_side(side: usize) -> Option<usize> {
+    LEVEL_SIDES.iter().copied().find(|&s| s > side)
+}
