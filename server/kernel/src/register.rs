@@ -3,10 +3,12 @@
 //! At the coarsest level every periodic translation is tried for each flip; at each level the translation is refined
 //! by one pixel, features join as controls, and a solver moves them. *Source:* paper §5; METHOD §4, §5.
 
+pub mod entry;
 pub mod image;
 pub mod mls;
 pub mod pole_search;
 pub mod problem;
+pub mod query;
 pub mod solve;
 
 use crate::encode::features::{Feature, distance};
@@ -16,6 +18,8 @@ use crate::unfold::Uv;
 use image::Image;
 use mls::{Domain, psi};
 use problem::{Problem, folded};
+pub use entry::Entry;
+pub use query::Query;
 pub use solve::{LevenbergMarquardt, PixelDescent, Solver, Termination};
 
 /// How the example is mirrored before registration.
@@ -129,12 +133,8 @@ pub fn translation_energies(example: &Image, query: &Image) -> Vec<f64> {
     (0..side).map(energy).collect()
 }
 
-/// Registers each flip at the coarsest level: the best translation, then the solver.
-pub fn coarse(level: &Level, solver: &dyn Solver, stop: &dyn Fn() -> bool) -> Vec<Registration> {
-    Flip::all(level.example.topology).iter().map(|&flip| coarse_flip(level, flip, solver, stop)).collect()
-}
-
-fn coarse_flip(level: &Level, flip: Flip, solver: &dyn Solver, stop: &dyn Fn() -> bool) -> Registration {
+/// Registers one flip at the coarsest level: the best translation, then the solver.
+pub fn coarse_flip(level: &Level, flip: Flip, solver: &dyn Solver, stop: &dyn Fn() -> bool) -> Registration {
     let energies = translation_energies(level.image(flip), level.query);
     let best = (0..energies.len()).min_by(|&a, &b| energies[a].total_cmp(&energies[b])).unwrap_or(0);
     let side = level.query.side;

@@ -6,15 +6,19 @@ pub mod area_fraction;
 pub mod harmonic;
 pub mod intrinsic;
 pub mod laplacian;
+pub mod moebius;
 pub mod path;
 pub mod pole;
 pub mod refine;
+
+use std::sync::Arc;
 
 use crate::mesh::tri::TriMesh;
 use crate::numerics::SolveError;
 use crate::topology::{Patch, Topology};
 use area_fraction::AreaFraction;
 use harmonic::{Harmonic, Solver};
+use moebius::Conformal;
 
 /// A point of the domain: u (period 1), v in 0–1.
 pub type Uv = [f64; 2];
@@ -55,7 +59,7 @@ pub struct Chart {
     /// What the surface is.
     pub topology: Topology,
     /// The refined mesh: the patch's vertices first, then those that splitting added (in the old triangles).
-    pub mesh: TriMesh,
+    pub mesh: Arc<TriMesh>,
     /// How many vertices are the patch's own.
     pub patch_vertices: usize,
     /// (u, v) of each vertex, u in 0–1. At a pole u has no meaning.
@@ -88,29 +92,30 @@ pub struct UnfoldReport {
 }
 
 /// A surface with everything factored, from which charts for any poles are made.
-pub struct Unfolder<'a> {
+#[derive(Debug)]
+pub struct Unfolder {
     patch_vertices: usize,
-    solver: Solver<'a>,
+    solver: Solver,
 }
 
 /// The mesh on which a patch is unfolded: chords split, coarse meshes subdivided.
-pub fn solve_mesh(patch: &Patch) -> TriMesh {
+pub fn solve_mesh(patch: &Patch) -> Arc<TriMesh> {
     let mut mesh = refine::split_chords(patch.mesh.clone());
     while mesh.triangles.len() < TRIANGLES_MIN {
         mesh = refine::split_edges(&mesh, &vec![true; mesh.twins.len()]);
     }
-    mesh
+    Arc::new(mesh)
 }
 
 /// Coarser meshes are subdivided before solving: the surface is the same, v and u are smoother.
 const TRIANGLES_MIN: usize = 4000;
 
-impl<'a> Unfolder<'a> {
+impl Unfolder {
     /// Prepares `mesh` = [`solve_mesh`] of a patch with `patch_vertices` vertices.
     ///
     /// # Errors
     /// [`UnfoldError`] for surfaces without area, unsolvable systems, and tori.
-    pub fn new(mesh: &'a TriMesh, topology: Topology, patch_vertices: usize) -> Result<Self, UnfoldError> {
+    pub fn new(mesh: Arc<TriMesh>, topology: Topology, patch_vertices: usize) -> Result<Self, UnfoldError> {
         let area = mesh.total_area();
         if !(area > 0.0 && area.is_finite()) {
             return Err(UnfoldError::NoArea(area));
@@ -133,6 +138,53 @@ impl<'a> Unfolder<'a> {
         })
     }
 
+    /// The user's poles if they fit the topology, else the candidates.
+    ///
+    /// # Errors
+    /// [`UnfoldError::Solve`].
+    pub fn poles_to_try(&self, options: &UnfoldOptions) -> Result<Vec<Vec<u32>>, UnfoldError> {
+        let wanted = match self.solver.topology {
+            Topology::Disc => 1,
+            Topology::Sphere => 2,
+            Topology::Annulus | Topology::Torus => 0,
+        };
+        if wanted > 0 && options.poles.len() == wanted {
+            return Ok(vec![options.poles.clone()]);
+        }
+        self.pole_candidates()
+    }
+
+    /// The chart of the first poles for which there is one.
+    ///
+    /// # Errors
+    /// The last [`UnfoldError`] where there is none.
+    pub fn first_chart(&self, candidates: &[Vec<u32>]) -> Result<(Vec<u32>, Chart), UnfoldError> {
+        let mut result = Err(UnfoldError::Solve(SolveError::NotPositiveDefinite));
+        for poles in candidates {
+            result = self.chart(poles).map(|chart| (poles.clone(), chart));
+            if result.is_ok() {
+                break;
+            }
+        }
+        result
+    }
+
+    /// The (refined) mesh that is unfolded.
+    pub fn mesh(&self) -> &Arc<TriMesh> {
+        &self.solver.mesh
+    }
+
+    /// The conformal map from which charts for other poles follow without a solve; `None` for annuli and tori.
+    ///
+    /// # Errors
+    /// [`UnfoldError::Solve`].
+    pub fn conformal(&self, poles: &[u32]) -> Result<Option<Conformal>, UnfoldError> {
+        let harmonic = self.solver.v(poles);
+        let (u, _) = self.solver.conjugate(&harmonic, poles)?;
+        let mesh = Arc::clone(&self.solver.mesh);
+        Ok(Conformal::new(mesh, self.solver.topology, self.patch_vertices, &harmonic, &u, poles))
+    }
+
     /// The chart for given poles.
     ///
     /// # Errors
@@ -140,7 +192,7 @@ impl<'a> Unfolder<'a> {
     pub fn chart(&self, poles: &[u32]) -> Result<Chart, UnfoldError> {
         let harmonic = self.solver.v(poles);
         let (u, s) = self.solver.conjugate(&harmonic, poles)?;
-        let fraction = AreaFraction::new(self.solver.mesh, &harmonic.v);
+        let fraction = AreaFraction::new(&self.solver.mesh, &harmonic.v);
         let v: Vec<f64> = match self.solver.topology {
             Topology::Annulus | Topology::Torus => harmonic.v.clone(),
             Topology::Disc | Topology::Sphere => harmonic.v.iter().map(|&x| fraction.at(x)).collect(),
@@ -154,7 +206,7 @@ impl<'a> Unfolder<'a> {
     }
 
     fn assemble(&self, poles: &[u32], harmonic: &Harmonic, u: &[f64], s: &[i32], v: &[f64], modulus: f64) -> Chart {
-        let mesh = self.solver.mesh;
+        let mesh = &self.solver.mesh;
         let corners: Vec<[Uv; 3]> =
             (0..mesh.triangles.len()).map(|t| corner_uvs(mesh.triangles[t], u, &s[3 * t..3 * t + 3], v, poles)).collect();
         let uv = u.iter().zip(v).map(|(&u, &v)| [u.rem_euclid(1.0), v]).collect();
@@ -174,7 +226,7 @@ impl<'a> Unfolder<'a> {
         };
         Chart {
             topology: self.solver.topology,
-            mesh: mesh.clone(),
+            mesh: Arc::clone(mesh),
             patch_vertices: self.patch_vertices,
             uv,
             corners,
@@ -190,25 +242,9 @@ impl<'a> Unfolder<'a> {
 /// # Errors
 /// [`UnfoldError`].
 pub fn unfold(patch: &Patch, options: &UnfoldOptions) -> Result<Chart, UnfoldError> {
-    let mesh = solve_mesh(patch);
-    let unfolder = Unfolder::new(&mesh, patch.topology, patch.mesh.positions.len())?;
-    let wanted = match patch.topology {
-        Topology::Disc => 1,
-        Topology::Sphere => 2,
-        Topology::Annulus | Topology::Torus => 0,
-    };
-    if options.poles.len() == wanted && wanted > 0 {
-        return unfolder.chart(&options.poles);
-    }
-    let candidates = unfolder.pole_candidates()?;
-    let mut result = Err(UnfoldError::Solve(SolveError::NotPositiveDefinite));
-    for poles in candidates {
-        result = unfolder.chart(&poles);
-        if result.is_ok() {
-            break;
-        }
-    }
-    result
+    let unfolder = Unfolder::new(solve_mesh(patch), patch.topology, patch.mesh.positions.len())?;
+    let candidates = unfolder.poles_to_try(options)?;
+    unfolder.first_chart(&candidates).map(|(_, chart)| chart)
 }
 
 /// The corners of a triangle with u made continuous along its edges. A pole's corner takes the mean u of the others.

@@ -7,6 +7,8 @@
 //! *Source:* paper §4.2 (Eqs. 1, 2). *Ours, not the paper's:* u as the conjugate needs neither Eq. 3 nor a cut
 //! (METHOD §2).
 
+use std::sync::Arc;
+
 use super::laplacian::{Laplacian, opposite};
 use super::path::{distances, jumps, trace};
 use crate::mesh::tri::TriMesh;
@@ -24,9 +26,9 @@ pub struct Harmonic {
 
 /// What is prepared once a surface: the Laplacian, and its factor under the boundary conditions.
 #[derive(Debug)]
-pub struct Solver<'a> {
+pub struct Solver {
     /// The (refined) mesh.
-    pub mesh: &'a TriMesh,
+    pub mesh: Arc<TriMesh>,
     /// What it is.
     pub topology: Topology,
     /// Its Laplacian.
@@ -38,13 +40,13 @@ pub struct Solver<'a> {
     ground: u32,
 }
 
-impl<'a> Solver<'a> {
+impl Solver {
     /// Factors the surface's Dirichlet Laplacian (closed surfaces: grounded at one vertex).
     ///
     /// # Errors
     /// [`SolveError`] when the system cannot be factored.
-    pub fn new(mesh: &'a TriMesh, topology: Topology) -> Result<Self, SolveError> {
-        let laplacian = Laplacian::new(mesh)?;
+    pub fn new(mesh: Arc<TriMesh>, topology: Topology) -> Result<Self, SolveError> {
+        let laplacian = Laplacian::new(&mesh)?;
         let on_boundary = mesh.boundary_vertices();
         let mut fixed = on_boundary.clone();
         let ground = 0;
@@ -117,14 +119,14 @@ impl<'a> Solver<'a> {
     pub fn cut_path(&self, poles: &[u32]) -> Vec<u32> {
         match (self.topology, poles) {
             (Topology::Sphere, &[south, north, ..]) => {
-                let (_, by) = distances(self.mesh, &[north]);
-                trace(self.mesh, &by, south)
+                let (_, by) = distances(&self.mesh, &[north]);
+                trace(&self.mesh, &by, south)
             }
             (Topology::Disc, &[pole, ..]) => {
-                let (distance, by) = distances(self.mesh, &[pole]);
+                let (distance, by) = distances(&self.mesh, &[pole]);
                 let boundary = (0..distance.len() as u32).filter(|&v| self.on_boundary[v as usize]);
                 let nearest = boundary.min_by(|&a, &b| distance[a as usize].total_cmp(&distance[b as usize]));
-                nearest.map_or_else(Vec::new, |target| trace(self.mesh, &by, target))
+                nearest.map_or_else(Vec::new, |target| trace(&self.mesh, &by, target))
             }
             _ => {
                 let loops = self.mesh.boundary_loops();
@@ -132,10 +134,10 @@ impl<'a> Solver<'a> {
                     loops.get(k).into_iter().flatten().map(|&h| self.mesh.tail(h)).collect()
                 };
                 // From the loop at v = 1 to the one at v = 0, as from a pole to the boundary.
-                let (distance, by) = distances(self.mesh, &vertices(1));
+                let (distance, by) = distances(&self.mesh, &vertices(1));
                 let nearest =
                     vertices(0).into_iter().min_by(|&a, &b| distance[a as usize].total_cmp(&distance[b as usize]));
-                nearest.map_or_else(Vec::new, |target| trace(self.mesh, &by, target))
+                nearest.map_or_else(Vec::new, |target| trace(&self.mesh, &by, target))
             }
         }
     }
@@ -147,9 +149,9 @@ impl<'a> Solver<'a> {
     /// [`SolveError::NotPositiveDefinite`] when what is left without the poles' faces falls apart.
     pub fn conjugate(&self, harmonic: &Harmonic, poles: &[u32]) -> Result<(Vec<f64>, Vec<i32>), SolveError> {
         let path = self.cut_path(poles);
-        let s = jumps(self.mesh, &path, poles);
+        let s = jumps(&self.mesh, &path, poles);
         let mut carried = s.clone();
-        self.laplacian.triangulation.carry(self.mesh, &mut carried, poles);
+        self.laplacian.triangulation.carry(&self.mesh, &mut carried, poles);
         let u = self.fit_conjugate(harmonic, poles, &carried, path.last().copied())?;
         Ok((u, s))
     }

@@ -48,7 +48,7 @@ fn smoothed_radius(
     s: &[i32],
     pole: u32,
 ) -> Result<Vec<f64>, SolveError> {
-    let mesh = solver.mesh;
+    let mesh = &solver.mesh;
     let tau = std::f64::consts::TAU;
     let depth = |v: u32| if v == pole { f64::NEG_INFINITY } else { -tau * harmonic.v[v as usize] / harmonic.energy };
     let mut areas = vec![[0.0f64; 2]; mesh.positions.len()];
@@ -130,7 +130,7 @@ fn local_maxima(solver: &Solver, value: &[f64]) -> Vec<u32> {
 /// Two poles of a sphere, far apart: `[v = 0, v = 1]`.
 pub fn sphere_poles(solver: &Solver) -> [u32; 2] {
     let farthest = |from: u32| {
-        let (d, _) = distances(solver.mesh, &[from]);
+        let (d, _) = distances(&solver.mesh, &[from]);
         (0..d.len() as u32).max_by(|&a, &b| d[a as usize].total_cmp(&d[b as usize]).then(b.cmp(&a))).unwrap_or(from)
     };
     let mut ends = [0, farthest(0)];

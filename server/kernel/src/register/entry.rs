@@ -1,0 +1,158 @@
+//! One example against one query, coarse to fine, over flips and rival poles.
+//!
+//! A mirrored flip must beat the best unmirrored one by a clear margin: bodies and heads are nearly their own mirror
+//! image, and a coin toss costs 22 % of error (METHOD §5).
+
+use std::sync::Arc;
+
+use super::query::{Query, SEARCH_SIDE, Unfolded};
+use super::{Flip, Level, Registration, Solver, coarse_flip, next_side, pole_search};
+use crate::encode::Encoding;
+use crate::unfold::UnfoldError;
+
+/// A mirrored registration's cost is multiplied by this before it is compared with an unmirrored one.
+pub const MIRROR_MARGIN: f64 = 1.25;
+/// Hypotheses within this factor of the best go on from the coarsest level; from the next, only the best.
+const KEPT_WITHIN: f64 = 1.6;
+/// Hypotheses that go on at most.
+const KEPT_MAX: usize = 3;
+
+/// A flip and poles of the query, with the registration they give.
+#[derive(Clone, Debug)]
+pub struct Hypothesis {
+    /// The query unfolded with these poles.
+    pub unfolded: Arc<Unfolded>,
+    /// The registration against it.
+    pub registration: Registration,
+}
+
+impl Hypothesis {
+    /// E / (var √λ₁ + var √λ₂): 0 for a perfect match, about 1 for none.
+    pub fn cost(&self) -> f64 {
+        self.registration.energy / self.registration.variance.max(1e-300)
+    }
+
+    /// Cost with the mirror's handicap.
+    fn handicapped(&self) -> f64 {
+        self.cost() * if self.registration.flip.is_mirror() { MIRROR_MARGIN } else { 1.0 }
+    }
+}
+
+/// The state of one example against one query.
+#[derive(Clone, Debug)]
+pub struct Entry {
+    /// The hypotheses still alive, best first; never empty.
+    hypotheses: Vec<Hypothesis>,
+    /// Whether the poles have been refined.
+    poles_refined: bool,
+}
+
+impl Entry {
+    /// Registers at the coarsest level: every flip with every rival pole. `None` when the example has no such level
+    /// or another topology.
+    pub fn coarse(query: &Query, example: &Encoding, solver: &dyn Solver, stop: &dyn Fn() -> bool) -> Option<Self> {
+        if example.topology != query.encoding().topology {
+            return None;
+        }
+        let mut hypotheses = Vec::new();
+        for unfolded in &query.candidates {
+            let level = Level::new(example, unfolded.images.first()?)?;
+            for &flip in Flip::all(example.topology) {
+                let registration = coarse_flip(&level, flip, solver, stop);
+                hypotheses.push(Hypothesis { unfolded: Arc::clone(unfolded), registration });
+            }
+        }
+        let mut entry = Self { hypotheses, poles_refined: query.poles_given };
+        entry.prune(KEPT_MAX);
+        Some(entry)
+    }
+
+    /// The best hypothesis.
+    pub fn best(&self) -> &Hypothesis {
+        &self.hypotheses[0]
+    }
+
+    /// Level reached, in pixels a side.
+    pub fn side(&self) -> usize {
+        self.best().registration.side
+    }
+
+    /// Whether the poles have been refined (or need not be).
+    pub fn poles_refined(&self) -> bool {
+        self.poles_refined
+    }
+
+    /// Advances to the next level, if both sides have it.
+    ///
+    /// # Errors
+    /// [`UnfoldError`] when the query cannot be unfolded for a rival's poles.
+    pub fn advance(
+        &mut self,
+        query: &Query,
+        example: &Encoding,
+        solver: &dyn Solver,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<(), UnfoldError> {
+        let Some(side) = next_side(self.side()) else { return Ok(()) };
+        if side > SEARCH_SIDE {
+            self.prune(1);
+        }
+        for hypothesis in &mut self.hypotheses {
+            if hypothesis.unfolded.image(side).is_none() {
+                hypothesis.unfolded = query.unfolded_for(&hypothesis.unfolded.poles)?;
+            }
+            let Some(image) = hypothesis.unfolded.image(side) else { continue };
+            let Some(level) = Level::new(example, image) else { continue };
+            hypothesis.registration.advance(&level, solver, stop);
+        }
+        self.prune(KEPT_MAX);
+        Ok(())
+    }
+
+    /// Refines the query's poles for this example and registers anew up to the level reached so far.
+    ///
+    /// # Errors
+    /// [`UnfoldError`] when the query cannot be unfolded for the poles found.
+    pub fn refine_poles(
+        &mut self,
+        query: &Query,
+        example: &Encoding,
+        solver: &dyn Solver,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<(), UnfoldError> {
+        if std::mem::replace(&mut self.poles_refined, true) {
+            return Ok(());
+        }
+        let side = self.side();
+        let flip = self.best().registration.flip;
+        let mut rivals = vec![pole_search::refine(query, self.best(), flip, example, solver, stop)];
+        if flip.is_mirror() {
+            // A mirror may win by its pole alone: it has to win against the best unmirrored pole.
+            let plain = Flip { u: false, v: flip.v && flip.u };
+            rivals.push(pole_search::refine(query, self.best(), plain, example, solver, stop));
+        }
+        rivals.sort_by(|a, b| a.handicapped().total_cmp(&b.handicapped()));
+        rivals.truncate(1);
+        for rival in &mut rivals {
+            if stop() {
+                return Ok(());
+            }
+            rival.unfolded = query.unfolded_for(&rival.unfolded.poles)?;
+            rival.registration = pole_search::register(&rival.unfolded, example, rival.registration.flip, side, solver, stop)
+                .unwrap_or_else(|| rival.registration.clone());
+        }
+        // A finer level may take back what the search's level promised.
+        if rivals.first().is_some_and(|r| r.handicapped() < self.best().handicapped()) {
+            self.hypotheses = rivals;
+        }
+        Ok(())
+    }
+
+    fn prune(&mut self, most: usize) {
+        // Stable: of equals the earlier pole and flip stays first.
+        self.hypotheses.sort_by(|a, b| a.handicapped().total_cmp(&b.handicapped()));
+        let limit = self.best().handicapped() * KEPT_WITHIN;
+        self.hypotheses.retain(|h| h.handicapped() <= limit);
+        self.hypotheses.truncate(most);
+    }
+}
