@@ -8,7 +8,7 @@ mod probe;
 
 fn errors(reg: &Registration, a: &unfold::Chart, b: &unfold::Chart, truth: &[Vec3], area: f64) -> (f64, f64) {
     let index = PlanarIndex::new(b);
-    let places = map::vertex_locations(reg, a, b, &index);
+    let places = map::cross_map(reg, a, b, &index).locations;
     let mut e: Vec<f64> = places.iter().zip(truth).map(|(l, t)| 100.0 * (l.point(b) - t).norm() / area.sqrt()).collect();
     e.sort_by(f64::total_cmp);
     (e[e.len() / 2], e[e.len() * 95 / 100])

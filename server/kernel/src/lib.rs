@@ -3,10 +3,20 @@
 //! The modules stand in the order in which a mesh passes through them; a module uses only those before it.
 //! No I/O, no async, no clock, no randomness that is not seeded.
 
-pub mod encode;
-pub mod map;
-pub mod mesh;
 pub mod numerics;
-pub mod register;
+
+pub mod mesh;
+
 pub mod topology;
+
 pub mod unfold;
+
+pub mod encode;
+
+pub mod register;
+
+pub mod rank;
+
+pub mod map;
+
+pub mod measure;

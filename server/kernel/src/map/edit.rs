@@ -1,0 +1,131 @@
+//! Editing a cross map: its controls are constraints that the user moves, adds and removes; ψ̂ has a closed form, so
+//! an edit costs no optimisation. *Source:* paper §5.3.
+
+use crate::register::mls::{Domain, psi};
+use crate::register::{ASPECT, Registration, fold_cells};
+use crate::topology::Topology;
+use crate::unfold::Uv;
+
+/// Cells a side at which an edit is checked for folds.
+const FOLD_SIDE: usize = 64;
+
+/// Why an edit was refused.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum EditError {
+    /// The constraint would turn part of the map over.
+    #[error("expected a map without folds, found {cells} folded cells of {} near ({:.3}, {:.3}); move the constraint less, or move its neighbours too", FOLD_SIDE * FOLD_SIDE, at[0], at[1])]
+    Folds {
+        /// How many cells fold.
+        cells: usize,
+        /// The first of them, on the example's domain.
+        at: Uv,
+    },
+    /// There is no such constraint.
+    #[error("expected a constraint numbered below {count}, found {index}")]
+    Unknown {
+        /// What was asked for.
+        index: usize,
+        /// How many there are.
+        count: usize,
+    },
+    /// The last constraint carries the translation and cannot go.
+    #[error("expected at least one constraint to remain; move it instead of removing it")]
+    Last,
+}
+
+/// The constraints as pairs of points of the two domains (the example's unmirrored).
+pub fn constraints(registration: &Registration) -> Vec<(Uv, Uv)> {
+    let pair = |(p, q): (&Uv, &Uv)| (registration.flip.apply(*p), [q[0].rem_euclid(1.0), q[1]]);
+    registration.p.iter().zip(&registration.q).map(pair).collect()
+}
+
+/// Sets constraint `index` (or, where `None`, adds one) to carry `on_example` to `on_input`.
+///
+/// # Errors
+/// [`EditError::Unknown`]. Folds are not checked: see [`check_folds`].
+pub fn set(
+    registration: &mut Registration,
+    topology: Topology,
+    index: Option<usize>,
+    on_example: Uv,
+    on_input: Uv,
+) -> Result<(), EditError> {
+    let p = registration.flip.apply(on_example);
+    // Of all periods of u the one nearest to where the map sends the point now.
+    let now = psi(Domain { topology, aspect: ASPECT }, &registration.p, &registration.q, p);
+    let q = [on_input[0] + (now[0] - on_input[0]).round(), on_input[1].clamp(0.0, 1.0)];
+    let count = registration.p.len();
+    match index {
+        Some(i) if i < count => (registration.p[i], registration.q[i]) = (p, q),
+        Some(index) => return Err(EditError::Unknown { index, count }),
+        None => {
+            registration.p.push(p);
+            registration.q.push(q);
+        }
+    }
+    Ok(())
+}
+
+/// Removes constraint `index`.
+///
+/// # Errors
+/// [`EditError::Unknown`], [`EditError::Last`].
+pub fn remove(registration: &mut Registration, index: usize) -> Result<(), EditError> {
+    let count = registration.p.len();
+    if index >= count {
+        return Err(EditError::Unknown { index, count });
+    }
+    if count == 1 {
+        return Err(EditError::Last);
+    }
+    registration.p.remove(index);
+    registration.q.remove(index);
+    Ok(())
+}
+
+/// Refuses a map that folds.
+///
+/// # Errors
+/// [`EditError::Folds`].
+pub fn check_folds(registration: &Registration, topology: Topology) -> Result<(), EditError> {
+    let folds = fold_cells(Domain { topology, aspect: ASPECT }, &registration.p, &registration.q, FOLD_SIDE);
+    folds.first().map_or(Ok(()), |&at| Err(EditError::Folds { cells: folds.len(), at }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::register::Flip;
+
+    fn start() -> Registration {
+        let p = vec![[0.2, 0.5], [0.7, 0.4]];
+        let q = vec![[1.25, 0.5], [1.75, 0.4]];
+        let flip = Flip { u: true, v: false };
+        Registration { flip, side: 128, p, q, energy: 0.0, variance: 1.0, folds: 0 }
+    }
+
+    #[test]
+    fn a_moved_constraint_is_met_in_the_nearest_period() {
+        let mut registration = start();
+        set(&mut registration, Topology::Disc, None, [0.55, 0.8], [0.52, 0.82]).expect("room");
+        let y = registration.map(Topology::Disc, [0.55, 0.8]);
+        assert!((y[0] - y[0].floor() - 0.52).abs() < 1e-8 && (y[1] - 0.82).abs() < 1e-8);
+        assert!((registration.q[2][0] - 1.52).abs() < 1e-12);
+        assert_eq!(check_folds(&registration, Topology::Disc), Ok(()));
+    }
+
+    #[test]
+    fn a_constraint_that_crosses_another_folds() {
+        let mut registration = start();
+        set(&mut registration, Topology::Disc, None, [0.78, 0.5], [0.45, 0.5]).expect("room");
+        assert!(matches!(check_folds(&registration, Topology::Disc), Err(EditError::Folds { .. })));
+    }
+
+    #[test]
+    fn the_last_constraint_stays() {
+        let mut registration = start();
+        remove(&mut registration, 0).expect("two");
+        assert_eq!(remove(&mut registration, 0), Err(EditError::Last));
+        assert_eq!(remove(&mut registration, 7), Err(EditError::Unknown { index: 7, count: 1 }));
+    }
+}

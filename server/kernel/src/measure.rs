@@ -1,0 +1,208 @@
+//! How good a map is: fold-overs, distortion against the example's own shape, and one honest word.
+
+use crate::encode::index::Location;
+use crate::mesh::Vec3;
+use crate::mesh::tri::TriMesh;
+use crate::unfold::Chart;
+
+/// Bins of a histogram.
+pub const BINS: usize = 24;
+
+/// A distribution over the example's area.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Distribution {
+    /// Left end of the first bin.
+    pub low: f64,
+    /// Right end of the last bin.
+    pub high: f64,
+    /// Share of the area in each of [`BINS`] equal bins; what lies outside counts in the end bins.
+    pub shares: Vec<f64>,
+    /// Mean.
+    pub mean: f64,
+    /// Median.
+    pub median: f64,
+    /// 95th percentile.
+    pub p95: f64,
+    /// Maximum.
+    pub max: f64,
+}
+
+/// Distortion of a map against the example's own geometry.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Distortion {
+    /// By how much right angles change, in degrees, 0–90.
+    pub angle_deg: Distribution,
+    /// log₂ of how much larger a face is on the input than on the example, each as a share of its surface.
+    pub area_log2: Distribution,
+    /// Polygons that look into the input.
+    pub turned_faces: usize,
+    /// Polygons in all.
+    pub faces: usize,
+}
+
+/// Compares each triangle of the example with its image. `mirrored` maps turn every face over, which is undone here.
+pub fn distortion(
+    example: &TriMesh,
+    positions: &[Vec3],
+    locations: &[Location],
+    input: &Chart,
+    mirror: f64,
+) -> Distortion {
+    let (area_1, area_2) = (example.total_area(), input.mesh.total_area());
+    let (mut angles, mut areas) = (Vec::new(), Vec::new());
+    let faces = example.polygon_of.iter().max().map_or(0, |&f| f as usize + 1);
+    let mut facing = vec![0.0; faces];
+    let mut present = vec![false; faces];
+    for (t, corners) in example.triangles.iter().enumerate() {
+        let before = corners.map(|v| example.positions[v as usize]);
+        let after = corners.map(|v| positions[v as usize]);
+        let outward: Vec3 = corners.iter().map(|&v| normal_at(input, locations[v as usize])).sum();
+        let polygon = example.polygon_of[t] as usize;
+        facing[polygon] += mirror * (after[1] - after[0]).cross(&(after[2] - after[0])).dot(&outward);
+        present[polygon] = true;
+        if let Some([s1, s2]) = singular_values(before, after) {
+            let weight = example.area(t);
+            let angle = if s1 > 0.0 { 90.0 - 2.0 * (s2 / s1).atan().to_degrees() } else { 90.0 };
+            angles.push((angle, weight));
+            areas.push(((s1 * s2 * area_1 / area_2).max(1e-12).log2(), weight));
+        }
+    }
+    Distortion {
+        angle_deg: distribution(angles, 0.0, 60.0),
+        area_log2: distribution(areas, -3.0, 3.0),
+        turned_faces: facing.iter().zip(&present).filter(|(f, p)| **p && **f < 0.0).count(),
+        faces: present.iter().filter(|p| **p).count(),
+    }
+}
+
+/// Area-weighted normal of the input's triangle at a place.
+fn normal_at(input: &Chart, place: Location) -> Vec3 {
+    let [a, b, c] = input.mesh.triangles[place.triangle as usize].map(|v| input.mesh.positions[v as usize]);
+    (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vec3::zeros)
+}
+
+/// Singular values (greater first) of the linear map between two triangles; `None` for a triangle without area.
+fn singular_values(before: [Vec3; 3], after: [Vec3; 3]) -> Option<[f64; 2]> {
+    let flat = |p: [Vec3; 3]| {
+        let (e, f) = (p[1] - p[0], p[2] - p[0]);
+        let length = e.norm();
+        let along = if length > 0.0 { e.dot(&f) / length } else { 0.0 };
+        [length, along, (f.norm_squared() - along * along).max(0.0).sqrt()]
+    };
+    let ([l, a, h], [m, b, g]) = (flat(before), flat(after));
+    if l <= 0.0 || h <= 0.0 {
+        return None;
+    }
+    // Upper triangular Jacobian (x 0; y z) in frames along the first edge.
+    let (x, y, z) = (m / l, (b - a * m / l) / h, g / h);
+    let (sum, difference) = ((x + z).hypot(y), (x - z).hypot(y));
+    Some([0.5 * (sum + difference), 0.5 * (sum - difference).abs()])
+}
+
+fn distribution(mut samples: Vec<(f64, f64)>, low: f64, high: f64) -> Distribution {
+    samples.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let total: f64 = samples.iter().map(|s| s.1).sum::<f64>().max(1e-300);
+    let mut shares = vec![0.0; BINS];
+    for (x, weight) in &samples {
+        let bin = ((x - low) / (high - low) * BINS as f64).clamp(0.0, BINS as f64 - 1.0) as usize;
+        shares[bin] += weight / total;
+    }
+    let quantile = |share: f64| {
+        let mut sum = 0.0;
+        let reached = samples.iter().find(|s| {
+            sum += s.1;
+            sum >= share * total
+        });
+        reached.or(samples.last()).map_or(0.0, |s| s.0)
+    };
+    Distribution {
+        low,
+        high,
+        shares,
+        mean: samples.iter().map(|(x, w)| x * w).sum::<f64>() / total,
+        median: quantile(0.5),
+        p95: quantile(0.95),
+        max: samples.last().map_or(0.0, |s| s.0),
+    }
+}
+
+/// One plain word for a map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Verdict {
+    /// Use it.
+    Good,
+    /// Look at it.
+    Fair,
+    /// Do not trust it.
+    Poor,
+}
+
+/// What the verdict is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Evidence {
+    /// E / variance at the finest level reached.
+    pub cost: f64,
+    /// log of the ratio of the moduli.
+    pub modulus_log: f64,
+    /// Share of faces that are turned over.
+    pub turned_share: f64,
+    /// 95th percentile of the angle distortion.
+    pub angle_p95_deg: f64,
+}
+
+/// Each measure with the limits below which it is good, or fair. Calibrated in tests/records.
+const LIMITS: [(&str, f64, f64); 4] = [
+    ("the surfaces' pictures differ by {} of their variance", 0.12, 0.35),
+    ("the surfaces' proportions differ (log modulus {})", 0.15, 0.4),
+    ("the share {} of the faces look inward", 0.002, 0.02),
+    ("angles change by {}° for one face in twenty", 35.0, 55.0),
+];
+
+/// The verdict with a sentence for each measure that is not good.
+pub fn verdict(evidence: &Evidence) -> (Verdict, Vec<String>) {
+    let values = [evidence.cost, evidence.modulus_log.abs(), evidence.turned_share, evidence.angle_p95_deg];
+    let (mut word, mut reasons) = (Verdict::Good, Vec::new());
+    for ((text, good, fair), value) in LIMITS.into_iter().zip(values) {
+        if value <= good {
+            continue;
+        }
+        let poor = value > fair || value.is_nan();
+        word = word.max(if poor { Verdict::Poor } else { Verdict::Fair });
+        let shown = if value < 1.0 { format!("{value:.3}") } else { format!("{value:.0}") };
+        reasons.push(format!("{} (good up to {good}, fair up to {fair})", text.replace("{}", &shown)));
+    }
+    (word, reasons)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn triangle(points: [[f64; 2]; 3]) -> [Vec3; 3] {
+        points.map(|[x, y]| Vec3::new(x, y, 0.0))
+    }
+
+    #[test]
+    fn singular_values_of_a_stretch_are_its_factors() {
+        let before = triangle([[0.0, 0.0], [1.0, 0.2], [0.3, 1.1]]);
+        let after = before.map(|p| Vec3::new(3.0 * p.x, 0.5 * p.y, 0.0));
+        let [s1, s2] = singular_values(before, after).expect("area");
+        assert!((s1 - 3.0).abs() < 1e-12 && (s2 - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_bad_match_is_called_poor_with_its_reason() {
+        let good = Evidence { cost: 0.05, modulus_log: 0.02, turned_share: 0.0, angle_p95_deg: 20.0 };
+        assert_eq!(verdict(&good), (Verdict::Good, Vec::new()));
+        let (word, reasons) = verdict(&Evidence { cost: 0.9, ..good });
+        assert_eq!((word, reasons.len()), (Verdict::Poor, 1));
+        assert!(reasons[0].contains("0.900"), "{}", reasons[0]);
+    }
+
+    #[test]
+    fn a_distribution_knows_its_quantiles() {
+        let d = distribution((0..=100).map(|k| (f64::from(k), 1.0)).collect(), 0.0, 100.0);
+        assert_eq!((d.median, d.p95, d.max), (50.0, 95.0, 100.0));
+        assert!((d.shares.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+    }
+}
