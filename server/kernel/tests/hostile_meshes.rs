@@ -153,8 +153,11 @@ fn every_artists_mesh_has_the_topology_of_the_manifest() {
             prepared.mesh.boundary_loops().len(),
             components(&prepared.mesh),
         ];
-        let expected: [usize; 4] = ["vertices", "faces", "boundary_loops", "components"].map(|column| row[column].parse().expect(column));
-        if found != expected || !prepared.repairs.is_empty() { println!("{name} {found:?} {expected:?} {}", described(&prepared)); }
+        let expected: [usize; 4] =
+            ["vertices", "faces", "boundary_loops", "components"].map(|column| row[column].parse().expect(column));
+        if found != expected || !prepared.repairs.is_empty() {
+            println!("{name} {found:?} {expected:?} {}", described(&prepared));
+        }
         assert_eq!(found, expected, "{name}: vertices, faces, loops, components");
         let again = mesh::write(&poly, Format::Obj).expect("writable");
         assert_eq!(mesh::read(&again, Some(Format::Obj), &Limits::default()).expect("readable"), poly, "{name}");
@@ -177,7 +180,11 @@ fn every_scan_is_prepared_or_refused_with_a_reason() {
             }
             Err(reason) => reason.clone(),
         };
-        println!("{:40} {:5} ms  {text}", path.file_name().unwrap_or_default().display(), started.elapsed().as_millis());
+        println!(
+            "{:40} {:5} ms  {text}",
+            path.file_name().unwrap_or_default().display(),
+            started.elapsed().as_millis()
+        );
     }
     assert!(prepared_count * 10 > files.len() * 9, "{prepared_count} of {} scans", files.len());
 }

@@ -26,8 +26,8 @@ pub enum MeshError {
     },
     /// A face names a vertex, UV or normal that is not there.
     #[error(
-        "{format}, {place}: expected {what} between 1 and {available} (or -{available} and -1), found {found}; export \
-         the file again or remove the face"
+        "{format}, {place}: expected {what} that exists (there are {available}), found {found}; export the file again or \
+         remove the face"
     )]
     IndexOutOfRange {
         /// Format that was being read.
@@ -262,7 +262,10 @@ mod tests {
             count: 3,
         };
         let text = error.to_string();
-        assert!(text.contains("faces 1, 2, 9") && text.contains("vertices 1 and 5") && text.contains("split"), "{text}");
+        assert!(
+            text.contains("faces 1, 2, 9") && text.contains("vertices 1 and 5") && text.contains("split"),
+            "{text}"
+        );
         assert_eq!(error.code(), MeshErrorKind::NotManifold);
     }
 

@@ -114,6 +114,9 @@ mod tests {
     #[test]
     fn the_file_size_is_limited() {
         let limits = Limits { bytes_max: 3, ..Limits::default() };
-        assert!(matches!(read(b"v 0 0 0", None, &limits), Err(MeshError::TooLarge { what: "bytes", found: 7, limit: 3 })));
+        assert!(matches!(
+            read(b"v 0 0 0", None, &limits),
+            Err(MeshError::TooLarge { what: "bytes", found: 7, limit: 3 })
+        ));
     }
 }

@@ -68,13 +68,17 @@ impl RepairKind {
             Self::NearlyWeldedVertices => {
                 ("nearly equal vertex joined along a seam", "nearly equal vertices joined along seams", VERTEX)
             }
-            Self::TurnedFaces => ("face turned to agree with its neighbours", "faces turned to agree with their neighbours", FACE),
+            Self::TurnedFaces => {
+                ("face turned to agree with its neighbours", "faces turned to agree with their neighbours", FACE)
+            }
             Self::InsideOutFaces => {
                 ("face of a closed surface turned outwards", "faces of closed surfaces turned outwards", FACE)
             }
-            Self::PinchedVertices => {
-                ("vertex doubled where the surface touches itself", "vertices doubled where the surface touches itself", VERTEX)
-            }
+            Self::PinchedVertices => (
+                "vertex doubled where the surface touches itself",
+                "vertices doubled where the surface touches itself",
+                VERTEX,
+            ),
             Self::CentredFaces => ("face cut from its centre", "faces cut from their centres", FACE),
             Self::CollapsedEdges => ("edge without length collapsed", "edges without length collapsed", VERTEX),
             Self::FlatTriangles => ("triangle without area kept", "triangles without area kept", FACE),

@@ -135,7 +135,13 @@ pub(super) struct At {
 impl At {
     /// An error at this line.
     pub(super) fn error(self, expected: &'static str, found: String, remedy: &'static str) -> MeshError {
-        MeshError::Malformed { format: self.format, place: Place::Line(self.line), expected: expected.into(), found, remedy }
+        MeshError::Malformed {
+            format: self.format,
+            place: Place::Line(self.line),
+            expected: expected.into(),
+            found,
+            remedy,
+        }
     }
 
     /// The next word as a number.

@@ -123,8 +123,10 @@ mod tests {
     fn points_at_an_edge_of_three_faces_stay_apart() {
         let at = |x: f64, y: f64, z: f64| Vec3::new(x, y, z);
         let edge = [at(0.0, 0.0, 0.0), at(1.0, 0.0, 0.0)];
-        let points: Vec<Vec3> =
-            [at(0.0, 1.0, 0.0), at(0.0, 0.0, 1.0), at(0.0, -1.0, 0.0)].iter().flat_map(|tip| [edge[0], edge[1], *tip]).collect();
+        let points: Vec<Vec3> = [at(0.0, 1.0, 0.0), at(0.0, 0.0, 1.0), at(0.0, -1.0, 0.0)]
+            .iter()
+            .flat_map(|tip| [edge[0], edge[1], *tip])
+            .collect();
         let faces: Polygons = [[0, 1, 2].as_slice(), &[3, 4, 5], &[6, 7, 8]].into_iter().collect();
         assert_eq!(weld(&points, &faces).1.len(), 9);
         let two: Polygons = [[0, 1, 2].as_slice(), &[3, 4, 5]].into_iter().collect();

@@ -103,7 +103,6 @@ pub(super) struct Header<'a> {
     pub(super) elements: Vec<Element>,
     pub(super) body: &'a [u8],
     pub(super) body_line: u64,
-    pub(super) body_start: u64,
 }
 
 const REMEDY: &str = "correct the header or export the file again";
@@ -123,7 +122,11 @@ pub(super) fn read<'a>(bytes: &'a [u8], limits: &Limits) -> Result<Header<'a>, M
     loop {
         let Some(line) = lines.next() else {
             at.line = lines.number();
-            return Err(at.error("`end_header`", "the end of the file".into(), "the file is cut short: export it again"));
+            return Err(at.error(
+                "`end_header`",
+                "the end of the file".into(),
+                "the file is cut short: export it again",
+            ));
         };
         at.line = lines.number();
         let mut words = Words::new(line);
@@ -146,8 +149,7 @@ pub(super) fn read<'a>(bytes: &'a [u8], limits: &Limits) -> Result<Header<'a>, M
         return Err(at.error("a `format` line before `end_header`", "none".into(), REMEDY));
     };
     let body = lines.rest();
-    let header =
-        Header { encoding, elements, body, body_line: lines.number(), body_start: (bytes.len() - body.len()) as u64 };
+    let header = Header { encoding, elements, body, body_line: lines.number() };
     header.check_counts()?;
     Ok(header)
 }
@@ -162,7 +164,8 @@ impl Header<'_> {
             let need = element.count.saturating_mul(row);
             if need > room.saturating_add(1) {
                 let at = At { format: Format::Ply, line: element.line };
-                let found = format!("{} rows of `{}` announced and room for {}", element.count, element.name, room / row);
+                let found =
+                    format!("{} rows of `{}` announced and room for {}", element.count, element.name, room / row);
                 return Err(at.error("as many rows as announced", found, "the file is cut short: export it again"));
             }
             room = room.saturating_sub(need);

@@ -47,7 +47,8 @@ impl<'a> Body<'a> {
             Self::Ascii { lines, words } => loop {
                 let Some(line) = lines.next() else {
                     let at = At { format: Format::Ply, line: lines.number() };
-                    let found = format!("the end of the file after {row} of {} rows of `{}`", element.count, element.name);
+                    let found =
+                        format!("the end of the file after {row} of {} rows of `{}`", element.count, element.name);
                     return Err(at.error("a row", found, "the file is cut short: export it again"));
                 };
                 if !line.trim_ascii().is_empty() {
@@ -92,7 +93,11 @@ impl<'a> Body<'a> {
             return Ok(found as usize);
         }
         let expected = "a list that fits into the rest of the file";
-        Err(self.error(expected, format!("a list of {found} values"), "the file is damaged or cut short: export it again"))
+        Err(self.error(
+            expected,
+            format!("a list of {found} values"),
+            "the file is damaged or cut short: export it again",
+        ))
     }
 
     /// Passes over the values of a list.
@@ -220,7 +225,8 @@ impl Parts {
 
     fn faces<'a>(&mut self, element: &'a Element, body: &mut Body<'a>, limits: &Limits) -> Result<(), MeshError> {
         let is_list = |p: &usize| element.properties[*p].list.is_some();
-        let Some(indices) = element.property(&["vertex_indices", "vertex_index", "vertex_indexes"]).filter(is_list) else {
+        let Some(indices) = element.property(&["vertex_indices", "vertex_index", "vertex_indexes"]).filter(is_list)
+        else {
             if element.count == 0 {
                 return Ok(());
             }

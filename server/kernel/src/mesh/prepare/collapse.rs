@@ -38,7 +38,10 @@ pub(super) fn collapse(
     repairs.note_many(RepairKind::CollapsedEdges, joined as u64, first as u32);
     merge(triangles, &class_of);
     if triangles.corners.is_empty() {
-        return Err(MeshError::NoExtent { diagonal, remedy: "its faces are specks of its own size: remove stray vertices" });
+        return Err(MeshError::NoExtent {
+            diagonal,
+            remedy: "its faces are specks of its own size: remove stray vertices",
+        });
     }
     let mut used = vec![false; positions.len()];
     triangles.corners.iter().flatten().for_each(|v| used[*v as usize] = true);
@@ -141,7 +144,8 @@ fn joined(corners: &[u32; 3], class_of: &[u32]) -> Option<[u32; 3]> {
 fn merge(triangles: &mut Triangles, class_of: &[u32]) {
     let mut is_phantom: HashMap<u64, bool> = HashMap::new();
     let vanished = |corners: &[u32; 3]| joined(corners, class_of).is_none();
-    for (corners, phantom) in triangles.corners.iter().zip(&triangles.phantom).filter(|(corners, _)| vanished(corners)) {
+    for (corners, phantom) in triangles.corners.iter().zip(&triangles.phantom).filter(|(corners, _)| vanished(corners))
+    {
         for k in 0..3 {
             let key = edge_key(class_of[corners[k] as usize], class_of[corners[(k + 1) % 3] as usize]);
             *is_phantom.entry(key).or_insert(true) &= phantom[k];

@@ -186,7 +186,8 @@ impl Grid {
             let extent = high[axis] - low[axis];
             if extent > 0.0 { side as f64 / extent } else { 0.0 }
         };
-        let mut grid = Self { low, cells_per_unit: [per_unit(0), per_unit(1)], side, starts: Vec::new(), members: reflex };
+        let mut grid =
+            Self { low, cells_per_unit: [per_unit(0), per_unit(1)], side, starts: Vec::new(), members: reflex };
         let mut keyed: Vec<(usize, usize)> = grid.members.iter().map(|k| (grid.cell(points[*k]), *k)).collect();
         keyed.sort_unstable();
         grid.starts = vec![0; side * side + 1];

@@ -57,7 +57,11 @@ impl Surface {
     #[inline]
     pub(super) fn next(&self, c: u32) -> u32 {
         let row = self.row_of[c as usize] as usize;
-        if c as usize + 1 == self.rows.start(row) + self.rows.face(row).len() { self.rows.start(row) as u32 } else { c + 1 }
+        if c as usize + 1 == self.rows.start(row) + self.rows.face(row).len() {
+            self.rows.start(row) as u32
+        } else {
+            c + 1
+        }
     }
 
     /// Vertex of the upload at which halfedge `c` starts.
@@ -104,8 +108,7 @@ impl Surface {
 
     /// All halfedges under the key of their edge, sorted.
     pub(super) fn keyed_edges(&self) -> Vec<(u64, u32)> {
-        let mut keyed: Vec<_> =
-            (0..self.corner_count()).map(|c| (edge_key(self.tail(c), self.head(c)), c)).collect();
+        let mut keyed: Vec<_> = (0..self.corner_count()).map(|c| (edge_key(self.tail(c), self.head(c)), c)).collect();
         keyed.sort_unstable();
         keyed
     }
