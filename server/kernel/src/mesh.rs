@@ -1,10 +1,38 @@
 //! Meshes: what a file holds ([`PolyMesh`]) and what the solvers need ([`TriMesh`]).
+//!
+//! [`read`] turns bytes of any [`Format`] into a [`PolyMesh`] within [`Limits`]; [`prepare`] turns that into an oriented
+//! manifold [`TriMesh`] and reports each [`Repair`]; [`validate`] checks one independently; [`write`] turns a
+//! [`PolyMesh`] into bytes again.
 
+pub mod bvh;
+pub mod error;
+mod format;
+mod gltf;
+mod limits;
+mod obj;
+mod off;
+mod ply;
 pub mod poly;
+mod prepare;
+mod read;
+mod repair;
+mod stl;
+mod text;
 pub mod tri;
+mod validate;
+mod weld;
+mod write;
 
+pub use error::{MeshError, MeshErrorKind, Place};
+pub use format::Format;
+pub use limits::Limits;
 pub use poly::{Attributes, CornerLayer, Crease, FaceLabels, PolyMesh, Polygons};
+pub use prepare::{Prepared, prepare};
+pub use read::read;
+pub use repair::{Repair, RepairKind};
 pub use tri::{NONE, TriMesh};
+pub use validate::{Violation, validate};
+pub use write::write;
 
 /// A point or vector of 3-space.
 pub type Vec3 = nalgebra::Vector3<f64>;
