@@ -1,1 +1,42 @@
-//! quadmuse-store
+//! The corpus on disk.
+//!
+//! **Ground state** is what the user supplied: the mesh as uploaded in a content-addressed file (`objects/`), and a small record
+//! (`ground/`). **Derived state** is what can be computed again, the encodings: in an embedded database (`index/`), in chunks of at
+//! most 4 KiB. The database also holds a copy of the records, whose row, written last, is the commit mark.
+//!
+//! ```text
+//! schema                     three lines: the schema of the store, read before anything else
+//! lock                       held by the process that has the store open
+//! objects/<blake3>           meshes and labels, as uploaded
+//! ground/<id>.<revision>     records: what an index is built anew from
+//! index/                     the database (trees: see quadmuse-migrations, `v1`)
+//! ```
+//!
+//! Every call blocks; call from a thread that may wait.
+
+mod codec;
+mod compact;
+mod derived;
+mod engine;
+mod error;
+mod files;
+mod frame;
+mod index;
+mod keys;
+mod record;
+mod recover;
+mod shared;
+mod store;
+mod writer;
+
+pub use codec::LEVEL_SIDE_MAX;
+pub use derived::{ChartRecord, Coarse, DerivedSegment, FEATURES_MAX, Feature, Level, PART_BYTES_MAX, POLES_MAX, SIGNATURE_MAX};
+pub use error::StoreError;
+pub use index::{Filter, Page, Snapshot};
+pub use record::{
+    ContentHash, ExampleRecord, FORMAT_BYTES_MAX, NAME_BYTES_MAX, NewSegmentation, Patch, REPAIR_BYTES_MAX, REPAIRS_MAX, RELEVANCE_MAX,
+    SEGMENTS_MAX, SegmentSummary, Segmentation, TAG_BYTES_MAX, TAGS_MAX, Topology,
+};
+pub use recover::OpenReport;
+pub use shared::{FreeSpace, OpenOptions};
+pub use store::{Added, LIST_MAX, NewExample, Stats, Store, identity};

@@ -1,0 +1,259 @@
+//! What is known of an example: its ground state (what the user supplied) and a summary of its segments.
+
+use std::fmt;
+
+use quadmuse_proto::id::ExampleId;
+use serde::{Deserialize, Serialize};
+
+use crate::error::StoreError;
+
+/// Longest name, in bytes.
+pub const NAME_BYTES_MAX: usize = 512;
+/// Most tags of an example.
+pub const TAGS_MAX: usize = 64;
+/// Longest tag, in bytes.
+pub const TAG_BYTES_MAX: usize = 128;
+/// Most segments of an example.
+pub const SEGMENTS_MAX: usize = 4096;
+/// Most repairs that are kept word by word.
+pub const REPAIRS_MAX: usize = 256;
+/// Longest description of a repair, in bytes.
+pub const REPAIR_BYTES_MAX: usize = 1024;
+/// Longest name of a file format, in bytes.
+pub const FORMAT_BYTES_MAX: usize = 32;
+/// Greatest relevance.
+pub const RELEVANCE_MAX: f32 = 5.0;
+
+/// BLAKE3 of some content, 32 bytes; as text 64 hexadecimal digits.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct ContentHash([u8; 32]);
+
+impl ContentHash {
+    /// The hash of `bytes`.
+    pub fn of(bytes: &[u8]) -> Self {
+        Self(*blake3::hash(bytes).as_bytes())
+    }
+
+    /// The hash with these bytes.
+    pub const fn from_bytes(bytes: [u8; 32]) -> Self {
+        Self(bytes)
+    }
+
+    /// The hash as bytes.
+    pub const fn as_bytes(&self) -> &[u8; 32] {
+        &self.0
+    }
+
+    /// Reads 64 lower-case hexadecimal digits.
+    pub(crate) fn from_hex(text: &str) -> Option<Self> {
+        let hash = blake3::Hash::from_hex(text).ok()?;
+        let hash = Self(*hash.as_bytes());
+        (hash.to_string() == text).then_some(hash)
+    }
+}
+
+impl fmt::Display for ContentHash {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+impl fmt::Debug for ContentHash {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+/// The kind of surface a segment is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Topology {
+    /// One boundary loop.
+    Disc,
+    /// Two boundary loops, genus 0.
+    Annulus,
+    /// Closed, genus 0.
+    Sphere,
+    /// Closed, genus 1.
+    Torus,
+}
+
+/// How the mesh was cut into segments, as kept.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Segmentation {
+    /// The service chose.
+    Auto,
+    /// One segment: the whole mesh.
+    Whole,
+    /// The file's own groups.
+    Groups,
+    /// The user's labels, one integer a face ([`crate::Store::labels`] reads them).
+    Labels {
+        /// The object that holds them.
+        object: ContentHash,
+        /// How many there are.
+        faces: u32,
+    },
+}
+
+/// How the mesh is to be cut into segments, as handed in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NewSegmentation<'a> {
+    /// The service chooses.
+    Auto,
+    /// One segment: the whole mesh.
+    Whole,
+    /// The file's own groups.
+    Groups,
+    /// The user's labels, one a face.
+    Labels(&'a [u32]),
+}
+
+/// One segment in a few numbers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SegmentSummary {
+    /// Its kind.
+    pub topology: Topology,
+    /// Its vertices.
+    pub vertices: u32,
+    /// Its polygons.
+    pub faces: u32,
+    /// Its modulus m (conformal shape of the unfolding; see the kernel's `unfold`).
+    pub modulus: f64,
+    /// Its share of the mesh's area, 0–1.
+    pub area_share: f64,
+    /// The pole the user chose, as a vertex of the mesh; `None`: the service chose.
+    pub pole_override: Option<u32>,
+}
+
+/// An example of the corpus.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ExampleRecord {
+    /// Its id.
+    pub id: ExampleId,
+    /// Counts its annotations; 1 when added.
+    pub revision: u32,
+    /// Its name, for people.
+    pub name: String,
+    /// Its tags, sorted, each once.
+    pub tags: Vec<String>,
+    /// How good the artists find it, 0–5.
+    pub relevance: f32,
+    /// The format of the mesh as uploaded (`obj`, `ply`, …).
+    pub format: String,
+    /// Hash of the mesh as uploaded: the name of its object, and the tie-break of rankings.
+    pub content_hash: ContentHash,
+    /// Hash of the mesh and of the options that matter: the same identity is the same example.
+    pub identity: ContentHash,
+    /// Length of the mesh as uploaded, in bytes.
+    pub bytes: u64,
+    /// When it was added, in milliseconds since 1970.
+    pub created_unix_ms: u64,
+    /// How it was cut.
+    pub segmentation: Segmentation,
+    /// Its segments.
+    pub segments: Vec<SegmentSummary>,
+    /// Vertices of the mesh.
+    pub vertices: u32,
+    /// Polygons of the mesh.
+    pub faces: u32,
+    /// What was repaired when it was read.
+    pub repairs: Vec<String>,
+}
+
+impl ExampleRecord {
+    /// The objects its ground state lies in.
+    pub(crate) fn objects(&self) -> impl Iterator<Item = ContentHash> + '_ {
+        let labels = match self.segmentation {
+            Segmentation::Labels { object, .. } => Some(object),
+            Segmentation::Auto | Segmentation::Whole | Segmentation::Groups => None,
+        };
+        std::iter::once(self.content_hash).chain(labels)
+    }
+}
+
+/// An annotation: what is `None` stays.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Patch {
+    /// A new name.
+    pub name: Option<String>,
+    /// New tags, all of them.
+    pub tags: Option<Vec<String>>,
+    /// A new relevance, 0–5.
+    pub relevance: Option<f32>,
+}
+
+impl Patch {
+    /// The record after this annotation.
+    pub(crate) fn apply(&self, record: &ExampleRecord) -> Result<ExampleRecord, StoreError> {
+        let mut next = record.clone();
+        if let Some(name) = &self.name {
+            next.name.clone_from(name);
+        }
+        if let Some(tags) = &self.tags {
+            next.tags.clone_from(tags);
+        }
+        if let Some(relevance) = self.relevance {
+            next.relevance = relevance;
+        }
+        next.revision = record.revision.saturating_add(1);
+        normalise(&mut next);
+        validate(&next)?;
+        Ok(next)
+    }
+}
+
+/// Sorts the tags and cuts what is only there for people.
+pub(crate) fn normalise(record: &mut ExampleRecord) {
+    record.tags.sort();
+    record.tags.dedup();
+    record.repairs.truncate(REPAIRS_MAX);
+    for repair in &mut record.repairs {
+        let end = repair.floor_char_boundary(REPAIR_BYTES_MAX);
+        repair.truncate(end);
+    }
+}
+
+/// Checks a record against the limits of this module.
+pub(crate) fn validate(record: &ExampleRecord) -> Result<(), StoreError> {
+    at_most("the name", "bytes", record.name.len(), NAME_BYTES_MAX)?;
+    at_most("the tags", "of them", record.tags.len(), TAGS_MAX)?;
+    for tag in &record.tags {
+        at_most("a tag", "bytes", tag.len(), TAG_BYTES_MAX)?;
+        if tag.trim().is_empty() {
+            return Err(invalid("a tag", "with at least one visible character".into(), "an empty one".into()));
+        }
+    }
+    if !(0.0..=RELEVANCE_MAX).contains(&record.relevance) {
+        return Err(invalid("the relevance", format!("from 0 to {RELEVANCE_MAX}"), record.relevance.to_string()));
+    }
+    at_most("the format", "bytes", record.format.len(), FORMAT_BYTES_MAX)?;
+    at_most("the segments", "of them", record.segments.len(), SEGMENTS_MAX)?;
+    let finite = |segment: &SegmentSummary| segment.modulus.is_finite() && segment.area_share.is_finite();
+    if !record.segments.iter().all(finite) {
+        return Err(invalid("a segment's modulus and area share", "to be finite".into(), "another number".into()));
+    }
+    Ok(())
+}
+
+pub(crate) fn invalid(field: &'static str, expected: String, found: String) -> StoreError {
+    StoreError::Invalid { field, expected, found }
+}
+
+pub(crate) fn at_most(field: &'static str, unit: &str, found: usize, most: usize) -> Result<(), StoreError> {
+    if found <= most { Ok(()) } else { Err(invalid(field, format!("at most {most} {unit}"), found.to_string())) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hash_has_one_spelling() {
+        let hash = ContentHash::of(b"mesh");
+        assert_eq!(ContentHash::from_hex(&hash.to_string()), Some(hash));
+        assert_eq!(ContentHash::from_hex(&hash.to_string().to_uppercase()), None);
+        assert_eq!(ContentHash::from_hex("../../etc/passwd"), None);
+    }
+}

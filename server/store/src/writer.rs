@@ -1,0 +1,429 @@
+//! The one thread that writes: it commits what is waiting together, and mends the index after a failure.
+//!
+//! Order of a commit: objects' directory, rows and one sync of the index, ground files, their directory; only then the corpus in memory changes and
+//! the callers are answered. Order of a removal: rows, sync, ground file, directory, answer, objects.
+
+use std::collections::HashSet;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
+use std::sync::{Arc, PoisonError};
+use std::time::{Duration, Instant};
+
+use quadmuse_proto::id::ExampleId;
+
+use crate::derived::Part;
+use crate::engine::{Engine, Failure, Pointer};
+use crate::error::StoreError;
+use crate::files::{self, sync_dir};
+use crate::index::Change;
+use crate::keys::{Generation, SegmentKey};
+use crate::record::{ContentHash, ExampleRecord, Patch};
+use crate::recover::{Collect, OpenReport, open_index, reconcile};
+use crate::shared::{Damaged, InFlight, Shared};
+use crate::{Added, compact};
+
+/// Writes that may wait; more are refused as [`StoreError::Busy`].
+pub(crate) const QUEUE_MAX: usize = 64;
+/// Writes committed together.
+const BATCH_MAX: usize = 32;
+/// How often a suspended store looks whether it can go on.
+const TICK: Duration = Duration::from_millis(250);
+const REOPEN_EVERY: Duration = Duration::from_secs(1);
+/// Free space that reopening needs, in bytes; less if the reserve is smaller.
+const REOPEN_BYTES: u64 = 32 << 20;
+/// How long readers may hold on to an index that is to be closed.
+const READERS_WAIT: Duration = Duration::from_secs(5);
+/// How long an index may take to close.
+const CLOSE_WAIT: Duration = Duration::from_secs(30);
+
+/// The packed parts of one segment.
+pub(crate) struct Packed {
+    pub(crate) generation: Generation,
+    pub(crate) pointer: Arc<Pointer>,
+    pub(crate) parts: Vec<Part>,
+}
+
+impl Packed {
+    pub(crate) fn new(encoder_version: u32, parts: Vec<Part>) -> Self {
+        let generation = Generation::fresh();
+        Self { generation, pointer: Arc::new(Pointer::new(encoder_version, generation, &parts)), parts }
+    }
+}
+
+pub(crate) enum Work {
+    Add { record: Arc<ExampleRecord>, segments: Vec<Packed>, held: InFlight },
+    Annotate { id: ExampleId, patch: Patch },
+    Remove { id: ExampleId },
+    PutDerived { key: SegmentKey, packed: Packed },
+    Compact,
+}
+
+pub(crate) enum Done {
+    Added(Added),
+    Annotated(Arc<ExampleRecord>),
+    Unit,
+}
+
+pub(crate) struct Request {
+    pub(crate) work: Work,
+    pub(crate) reply: SyncSender<Result<Done, StoreError>>,
+}
+
+/// Why staging one request ended.
+enum Stop {
+    /// The request is refused; the others go on.
+    Refused(StoreError),
+    /// The index failed: none of this batch is known to be written.
+    Failed(Failure),
+}
+
+impl From<StoreError> for Stop {
+    fn from(error: StoreError) -> Self {
+        Stop::Refused(error)
+    }
+}
+
+impl From<Failure> for Stop {
+    fn from(failure: Failure) -> Self {
+        Stop::Failed(failure)
+    }
+}
+
+/// What is left to do for a request once its rows are written.
+#[derive(Default)]
+struct Staged {
+    changes: Vec<Change>,
+    ground_put: Option<Arc<ExampleRecord>>,
+    ground_remove: Option<(ExampleId, u32)>,
+    after: Vec<After>,
+    _held: Option<InFlight>,
+}
+
+/// Tidying that an answer needn't wait for.
+enum After {
+    Settle(SegmentKey, Generation),
+    Collect(SegmentKey, Generation),
+    Bodies(ExampleId, Option<u32>),
+    Ground(ExampleId, u32),
+    Objects(Vec<ContentHash>),
+}
+
+pub(crate) struct Writer {
+    pub(crate) shared: Arc<Shared>,
+    pub(crate) requests: Receiver<Request>,
+    pub(crate) tried: Instant,
+}
+
+impl Writer {
+    /// Serves until every handle of the store is gone.
+    pub(crate) fn run(mut self) {
+        let mut carried = None;
+        loop {
+            let next = carried.take().map_or_else(|| self.requests.recv_timeout(TICK), Ok);
+            match next {
+                Ok(request) if self.shared.fault().is_some() => self.serve_suspended(request),
+                Ok(Request { work: Work::Compact, reply }) => drop(reply.send(self.compact())),
+                Ok(first) => carried = self.serve(first),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return,
+            }
+            if self.shared.fault().is_some() && self.tried.elapsed() >= REOPEN_EVERY {
+                self.resume();
+                self.tried = Instant::now();
+            }
+        }
+    }
+
+    /// Commits `first` and what waits behind it, up to the first request that depends on one of them, which is returned.
+    fn serve(&self, first: Request) -> Option<Request> {
+        let mut touched = HashSet::new();
+        self.touch(&first.work, &mut touched);
+        let mut batch = vec![first];
+        let mut carried = None;
+        while batch.len() < BATCH_MAX
+            && let Ok(request) = self.requests.try_recv()
+        {
+            if matches!(request.work, Work::Compact) || !self.touch(&request.work, &mut touched) {
+                carried = Some(request);
+                break;
+            }
+            batch.push(request);
+        }
+        self.commit(batch);
+        carried
+    }
+
+    /// Notes what a request depends on; whether nothing before it in the batch touches the same. (`bool` is the set's answer.)
+    fn touch(&self, work: &Work, touched: &mut HashSet<[u8; 32]>) -> bool {
+        let example = |id: ExampleId| {
+            let identity = self.shared.index().record(id).map(|record| *record.identity.as_bytes());
+            identity.unwrap_or_else(|| *ContentHash::of(&id.to_bytes()).as_bytes())
+        };
+        touched.insert(match work {
+            Work::Add { record, .. } => *record.identity.as_bytes(),
+            Work::Annotate { id, .. } | Work::Remove { id } | Work::PutDerived { key: (id, _), .. } => example(*id),
+            Work::Compact => [0; 32],
+        })
+    }
+
+    fn commit(&self, batch: Vec<Request>) {
+        let engine = match self.shared.engine() {
+            Ok(engine) => engine,
+            Err(_) => return batch.into_iter().for_each(|request| drop(request.reply.send(Err(self.shared.read_only())))),
+        };
+        let mut staged = Vec::new();
+        let mut replies = Vec::new();
+        let mut failed = None;
+        for request in batch {
+            let result = if failed.is_some() { Err(Stop::Refused(self.shared.read_only())) } else { self.stage(&engine, request.work) };
+            match result {
+                Ok((stage, done)) => {
+                    staged.push(stage);
+                    replies.push((request.reply, done));
+                }
+                Err(Stop::Refused(error)) => drop(request.reply.send(Err(error))),
+                Err(Stop::Failed(failure)) => {
+                    self.shared.failed(&failure);
+                    drop(request.reply.send(Err(self.shared.read_only())));
+                    failed = Some(failure);
+                }
+            }
+        }
+        let written = if failed.is_some() { Err(self.shared.read_only()) } else { self.make_durable(&engine, &staged) };
+        if written.is_err() {
+            return replies.into_iter().for_each(|(reply, _)| drop(reply.send(Err(self.shared.read_only()))));
+        }
+        self.shared.publish(staged.iter_mut().flat_map(|stage| std::mem::take(&mut stage.changes)));
+        replies.into_iter().for_each(|(reply, done)| drop(reply.send(Ok(done))));
+        for after in staged.into_iter().flat_map(|stage| stage.after) {
+            if let Err(stop) = self.tidy(&engine, after) {
+                return self.note(&stop);
+            }
+        }
+    }
+
+    fn note(&self, stop: &Stop) {
+        match stop {
+            Stop::Failed(failure) => self.shared.failed(failure),
+            // A file that could not be removed is collected at the next opening.
+            Stop::Refused(error) => tracing::warn!(%error, "could not tidy up"),
+        }
+    }
+
+    /// Writes the rows of one request.
+    fn stage(&self, engine: &Engine, work: Work) -> Result<(Staged, Done), Stop> {
+        match work {
+            Work::Add { record, segments, held } => self.stage_add(engine, record, segments, held),
+            Work::Annotate { id, patch } => self.stage_annotate(engine, id, &patch),
+            Work::Remove { id } => self.stage_remove(engine, id),
+            Work::PutDerived { key, packed } => self.stage_derived(engine, key, packed),
+            Work::Compact => Ok((Staged::default(), Done::Unit)),
+        }
+    }
+
+    fn stage_add(&self, engine: &Engine, record: Arc<ExampleRecord>, segments: Vec<Packed>, held: InFlight) -> Result<(Staged, Done), Stop> {
+        let mut stage = Staged { _held: Some(held), ..Staged::default() };
+        let existing = self.shared.index().by_identity(record.identity).cloned();
+        if let Some(existing) = existing {
+            // The caller has just written the objects anew where they were damaged.
+            stage.changes.push(Change::Healed(existing.id));
+            return Ok((stage, Done::Added(Added::Exists(existing))));
+        }
+        for (number, packed) in (0u32..).zip(segments) {
+            let key = (record.id, number);
+            engine.put_parts(key, packed.generation, &packed.parts)?;
+            engine.put_pointer(key, &packed.pointer, None)?;
+            stage.changes.push(Change::Pointer(key, packed.pointer));
+            stage.after.push(After::Settle(key, packed.generation));
+        }
+        engine.put_record(&record, &files::encode(&record)?)?;
+        stage.changes.push(Change::Record(record.clone()));
+        stage.ground_put = Some(record.clone());
+        Ok((stage, Done::Added(Added::Created(record))))
+    }
+
+    fn stage_annotate(&self, engine: &Engine, id: ExampleId, patch: &Patch) -> Result<(Staged, Done), Stop> {
+        let record = self.shared.index().record(id).cloned().ok_or(StoreError::NotFound { id })?;
+        let next = Arc::new(patch.apply(&record)?);
+        engine.put_record(&next, &files::encode(&next)?)?;
+        let stage = Staged {
+            changes: vec![Change::Record(next.clone())],
+            ground_put: Some(next.clone()),
+            after: vec![After::Ground(id, record.revision), After::Bodies(id, Some(next.revision))],
+            ..Staged::default()
+        };
+        Ok((stage, Done::Annotated(next)))
+    }
+
+    fn stage_remove(&self, engine: &Engine, id: ExampleId) -> Result<(Staged, Done), Stop> {
+        let (record, pointers) = self.known(id)?;
+        engine.remove_row(id)?;
+        let mut stage = Staged { changes: vec![Change::Removed(id)], ..Staged::default() };
+        for (key, pointer) in pointers {
+            engine.remove_pointer(key, &pointer)?;
+            stage.after.push(After::Collect(key, pointer.generation()));
+        }
+        stage.after.push(After::Bodies(id, None));
+        if let Some(record) = record {
+            stage.ground_remove = Some((id, record.revision));
+            stage.after.push(After::Objects(record.objects().collect()));
+        }
+        Ok((stage, Done::Unit))
+    }
+
+    /// The record (`None` if it is damaged) and the pointers of an example.
+    fn known(&self, id: ExampleId) -> Result<(Option<Arc<ExampleRecord>>, Vec<(SegmentKey, Arc<Pointer>)>), StoreError> {
+        let index = self.shared.index();
+        let record = index.record(id).cloned();
+        if record.is_none() && index.quarantine_reason(id).is_none() {
+            return Err(StoreError::NotFound { id });
+        }
+        Ok((record, index.pointers_of(id).map(|(key, pointer)| (key, pointer.clone())).collect()))
+    }
+
+    fn stage_derived(&self, engine: &Engine, key: SegmentKey, packed: Packed) -> Result<(Staged, Done), Stop> {
+        let former = {
+            let index = self.shared.index();
+            let record = index.record(key.0).ok_or(StoreError::NotFound { id: key.0 })?;
+            crate::record::at_most("the segment's number", "for this example", key.1 as usize + 1, record.segments.len())?;
+            index.pointer(key).cloned()
+        };
+        engine.put_parts(key, packed.generation, &packed.parts)?;
+        engine.put_pointer(key, &packed.pointer, former.as_deref())?;
+        let mut after = vec![After::Settle(key, packed.generation)];
+        after.extend(former.map(|former| After::Collect(key, former.generation())));
+        Ok((Staged { changes: vec![Change::Pointer(key, packed.pointer)], after, ..Staged::default() }, Done::Unit))
+    }
+
+    /// Makes a batch durable; after an error here nothing is known of it.
+    fn make_durable(&self, engine: &Engine, staged: &[Staged]) -> Result<(), StoreError> {
+        let shared = &self.shared;
+        let ground = || {
+            for stage in staged {
+                stage.ground_put.as_ref().map_or(Ok(()), |record| shared.ground.put(record))?;
+                // All revisions: a kill may have left an older one.
+                stage.ground_remove.map_or(Ok(()), |(id, revision)| (1..=revision).rev().take(2).try_for_each(|r| shared.ground.remove(id, r)))?;
+            }
+            sync_dir(shared.ground.dir())
+        };
+        let durable = sync_dir(shared.objects.dir())
+            .and_then(|()| engine.commit().map_err(|failure| {
+                shared.failed(&failure);
+                shared.read_only()
+            }))
+            .and_then(|()| if staged.iter().any(|s| s.ground_put.is_some() || s.ground_remove.is_some()) { ground() } else { Ok(()) });
+        durable.inspect_err(|error| shared.suspend(&error.to_string(), Damaged::No))
+    }
+
+    fn tidy(&self, engine: &Engine, after: After) -> Result<(), Stop> {
+        match after {
+            After::Settle(key, generation) => engine.settle(key, generation)?,
+            After::Collect(key, generation) => engine.collect(key, generation)?,
+            After::Bodies(id, keep) => engine.remove_bodies(id, keep)?,
+            After::Ground(id, revision) => self.shared.ground.remove(id, revision)?,
+            After::Objects(objects) => objects.into_iter().try_for_each(|object| self.shared.remove_object(object))?,
+        }
+        Ok(())
+    }
+
+    /// While writing is suspended only removals go on: they need no space, and make some.
+    fn serve_suspended(&self, request: Request) {
+        let result = match request.work {
+            Work::Remove { id } => self.remove_files(id).map(|()| Done::Unit),
+            _ => Err(self.shared.read_only()),
+        };
+        drop(request.reply.send(result));
+    }
+
+    /// Removes an example by its files alone. Its row stays in the index until that is reopened: a row without ground file and
+    /// objects is dropped then, so objects that another example needs stand in the way.
+    fn remove_files(&self, id: ExampleId) -> Result<(), StoreError> {
+        let (record, _) = self.known(id)?;
+        let record = record.ok_or_else(|| self.shared.read_only())?;
+        if self.shared.index().object_uses(record.content_hash) > 1 {
+            return Err(self.shared.read_only());
+        }
+        self.shared.ground.remove(id, record.revision)?;
+        sync_dir(self.shared.ground.dir())?;
+        self.shared.objects.remove(record.content_hash)?;
+        sync_dir(self.shared.objects.dir())?;
+        self.shared.publish([Change::Removed(id)]);
+        Ok(())
+    }
+
+    /// Tries to close and reopen a failed index.
+    fn resume(&self) {
+        let Some(fault) = self.shared.fault() else { return };
+        let wanted = REOPEN_BYTES.min(self.shared.options.reserve_bytes);
+        let available = (self.shared.options.free_space)(&self.shared.dir).unwrap_or(0);
+        if available < wanted {
+            return;
+        }
+        if fault.damaged == Damaged::Index
+            && let Err(error) = self.copy_index()
+        {
+            tracing::warn!(%error, "the damaged index can't be copied yet");
+            return;
+        }
+        match self.reopen() {
+            Ok(report) => {
+                self.shared.clear_fault();
+                tracing::info!(?report, "the store writes again");
+            }
+            Err(error) => tracing::warn!(%error, "the index can't be reopened yet"),
+        }
+    }
+
+    /// Copies what can be read of the index into a new one, and makes that the one to be opened next.
+    fn copy_index(&self) -> Result<(), StoreError> {
+        let engine = self.shared.engine()?;
+        compact::copy(&self.shared, &engine)
+    }
+
+    fn compact(&self) -> Result<Done, StoreError> {
+        self.copy_index()?;
+        self.reopen().inspect_err(|error| self.shared.suspend(&error.to_string(), Damaged::No))?;
+        Ok(Done::Unit)
+    }
+
+    /// Closes the index and opens it again; readers wait meanwhile.
+    fn reopen(&self) -> Result<OpenReport, StoreError> {
+        let shared = &self.shared;
+        let mut slot = shared.engine.write().unwrap_or_else(PoisonError::into_inner);
+        if let Some(engine) = slot.take()
+            && let Err(engine) = close(engine)
+        {
+            *slot = Some(engine);
+            return Err(StoreError::Busy);
+        }
+        compact::switch(&shared.dir)?;
+        let mut report = OpenReport::default();
+        let engine = open_index(&shared.dir, shared.options.cache_bytes, &mut report)?;
+        let index = reconcile(&shared.dir, &engine, &shared.ground, &shared.objects, Collect::RowsOnly, &mut report)?;
+        shared.replace_index(index);
+        *slot = Some(Arc::new(engine));
+        Ok(report)
+    }
+}
+
+/// Closes an index as soon as no reader holds it; gives it back if one doesn't let go.
+pub(crate) fn close(mut engine: Arc<Engine>) -> Result<(), Arc<Engine>> {
+    let begun = Instant::now();
+    let engine = loop {
+        match Arc::try_unwrap(engine) {
+            Ok(engine) => break engine,
+            Err(shared) if begun.elapsed() > READERS_WAIT => return Err(shared),
+            Err(shared) => engine = shared,
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    // A failed database may panic or hang when it is dropped: on a thread of its own, it hurts nobody.
+    let (sender, receiver) = std::sync::mpsc::sync_channel(1);
+    let drop_it = move || {
+        let dropped = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| drop(engine)));
+        let _ = sender.send(dropped.is_ok());
+    };
+    if std::thread::Builder::new().name("store-close".into()).spawn(drop_it).is_ok() {
+        let _ = receiver.recv_timeout(CLOSE_WAIT);
+    }
+    Ok(())
+}
