@@ -1,1 +1,3 @@
+//! The long-running corpus search service of Quadmuse.
+
 fn main() {}

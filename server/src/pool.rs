@@ -1,0 +1,283 @@
+//! Where tokio hands work to rayon and gets the result back.
+//!
+//! One pool of all cores. Work is cut into *quanta* (one level of one segment, a chunk of the coarse pass), each a
+//! plain sequential closure. A quantum waits in one of four lanes; in a lane, users take turns, so that one user's
+//! hundred queries don't keep another waiting. Each rayon task takes whatever is most urgent at the moment it runs.
+//!
+//! A quantum belongs to a [`Job`], which was admitted beforehand (a bounded number, their memory estimated), can be
+//! stopped at any time and stops by itself when it is dropped. A panic in a quantum becomes [`PoolError::Panicked`].
+
+mod admission;
+mod lanes;
+mod stop;
+
+pub use admission::{Admission, Admitted};
+pub use stop::{Stop, StopReason};
+
+use lanes::Lanes;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::sync::oneshot;
+
+/// How urgent a quantum is; the first lane that has work goes first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lane {
+    /// Somebody drags a constraint.
+    Edit,
+    /// Encoding a query and its first level.
+    Coarse,
+    /// The finer levels.
+    Fine,
+    /// Encoding examples.
+    Ingest,
+}
+
+/// Whose turn it is counted as: a number that stands for a token or an address.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct User(pub u64);
+
+/// Why a quantum gave no result, or a job was not admitted.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PoolError {
+    /// Too many jobs, or too much memory in use.
+    #[error("expected room for another job, found {found}; try again in {} s", retry_after.as_secs())]
+    Overloaded {
+        /// What is short.
+        found: String,
+        /// When to come back.
+        retry_after: Duration,
+    },
+    /// The job alone would need more memory than the service may use.
+    #[error("expected a job of at most {limit} bytes of memory, found one of an estimated {estimate}; send a smaller mesh")]
+    TooLarge {
+        /// The estimate, in bytes.
+        estimate: u64,
+        /// The limit, in bytes.
+        limit: u64,
+    },
+    /// The job was stopped.
+    #[error(transparent)]
+    Stopped(#[from] StopReason),
+    /// The work panicked: a bug of ours.
+    #[error("expected the computation to end, found a panic: {message}")]
+    Panicked {
+        /// What the panic said, for the log.
+        message: String,
+    },
+}
+
+/// A job that was admitted. Dropping it stops what is under way.
+#[derive(Debug)]
+pub struct Job {
+    stop: Stop,
+    user: User,
+    admitted: Arc<Admitted>,
+}
+
+impl Job {
+    /// Its stop flag.
+    pub fn stop(&self) -> &Stop {
+        &self.stop
+    }
+
+    /// The same job with a fresh stop flag and other time; this one can be dropped.
+    pub fn renew(&self, time: Option<Duration>) -> Self {
+        Self { stop: Stop::new(time), user: self.user, admitted: Arc::clone(&self.admitted) }
+    }
+
+    /// Gives back its place among the running jobs, but not its memory: it has nothing more to compute for now.
+    pub fn rest(&self) {
+        self.admitted.release_place();
+    }
+}
+
+impl Drop for Job {
+    fn drop(&mut self) {
+        self.stop.cancel();
+    }
+}
+
+/// The pool.
+pub struct Pool {
+    lanes: Arc<Mutex<Lanes>>,
+    threads: rayon::ThreadPool,
+    admission: Admission,
+}
+
+/// Stack of a worker thread, in bytes.
+const STACK_BYTES: usize = 8 << 20;
+
+impl Pool {
+    /// A pool of `threads` threads (0: one a core) that admits what `admission` allows.
+    ///
+    /// # Errors
+    /// When the system gives no threads.
+    pub fn new(threads: usize, admission: Admission) -> Result<Self, rayon::ThreadPoolBuildError> {
+        let threads = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .stack_size(STACK_BYTES)
+            .thread_name(|k| format!("compute-{k}"))
+            .panic_handler(|_| tracing::error!("a panic passed the pool's net"))
+            .build()?;
+        Ok(Self { lanes: Arc::default(), threads, admission })
+    }
+
+    /// Number of worker threads.
+    pub fn threads(&self) -> usize {
+        self.threads.current_num_threads()
+    }
+
+    /// Quanta that wait for a thread.
+    pub fn waiting(&self) -> usize {
+        lock(&self.lanes).len()
+    }
+
+    /// Admits a job of `user` with an estimated need of memory, to end within `time` if one is given.
+    ///
+    /// # Errors
+    /// [`PoolError::Overloaded`] and [`PoolError::TooLarge`].
+    pub fn admit(&self, user: User, memory_bytes: u64, time: Option<Duration>) -> Result<Job, PoolError> {
+        let admitted = Arc::new(self.admission.admit(memory_bytes)?);
+        Ok(Job { stop: Stop::new(time), user, admitted })
+    }
+
+    /// Runs `work` on the pool. Dropping the future doesn't stop it; dropping or stopping the job does.
+    ///
+    /// # Errors
+    /// [`PoolError::Stopped`] as soon as the job is stopped, [`PoolError::Panicked`].
+    pub async fn run<T, F>(&self, job: &Job, lane: Lane, work: F) -> Result<T, PoolError>
+    where
+        T: Send + 'static,
+        F: FnOnce(&Stop) -> T + Send + 'static,
+    {
+        let (send, receive) = oneshot::channel();
+        let stop = job.stop.clone();
+        let quantum = move || {
+            // The receiver may be gone; then the result is dropped here, still within the net.
+            let _ = send.send(guarded(&stop, work));
+        };
+        lock(&self.lanes).push(lane, job.user, Box::new(quantum));
+        let lanes = Arc::clone(&self.lanes);
+        self.threads.spawn_fifo(move || run_most_urgent(&lanes));
+        tokio::select! {
+            biased;
+            result = receive => result.unwrap_or_else(|_| Err(PoolError::Panicked { message: "its result was lost".into() })),
+            reason = job.stop.stopped() => Err(reason.into()),
+        }
+    }
+}
+
+fn guarded<T>(stop: &Stop, work: impl FnOnce(&Stop) -> T) -> Result<T, PoolError> {
+    if let Some(reason) = stop.reason() {
+        return Err(reason.into());
+    }
+    catch_unwind(AssertUnwindSafe(|| work(stop))).map_err(|panic| PoolError::Panicked { message: words_of(&*panic) })
+}
+
+fn run_most_urgent(lanes: &Mutex<Lanes>) {
+    let next = lock(lanes).pop();
+    if let Some(quantum) = next {
+        // Dropping an unwanted result can panic too; a panic that left a rayon task would abort the process.
+        if catch_unwind(AssertUnwindSafe(quantum)).is_err() {
+            tracing::error!("a panic while a result was dropped");
+        }
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What a panic said.
+pub fn words_of(panic: &(dyn std::any::Any + Send)) -> String {
+    let words = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
+    words.unwrap_or("no words").to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc;
+
+    fn pool(threads: usize) -> Pool {
+        Pool::new(threads, Admission::new(1 << 20, 64)).expect("threads")
+    }
+
+    #[tokio::test]
+    async fn a_result_comes_back() {
+        let pool = pool(2);
+        let job = pool.admit(User(1), 0, None).expect("room");
+        assert_eq!(pool.run(&job, Lane::Fine, |_| 42).await, Ok(42));
+    }
+
+    #[tokio::test]
+    async fn a_panic_is_an_error_and_the_pool_goes_on() {
+        let pool = pool(1);
+        let job = pool.admit(User(1), 0, None).expect("room");
+        let failed = pool.run(&job, Lane::Fine, |_| -> u8 { panic!("broken {}", 7) }).await;
+        assert_eq!(failed, Err(PoolError::Panicked { message: "broken 7".into() }));
+        assert_eq!(pool.run(&job, Lane::Fine, |_| 1).await, Ok(1));
+    }
+
+    #[tokio::test]
+    async fn edits_overtake_what_was_waiting() {
+        let pool = pool(1);
+        let job = pool.admit(User(1), 0, None).expect("room");
+        let (open, gate) = mpsc::channel::<()>();
+        let order = Arc::new(Mutex::new(Vec::new()));
+        let note = |word: &'static str| {
+            let order = Arc::clone(&order);
+            move |_: &Stop| order.lock().expect("not poisoned").push(word)
+        };
+        let blocker = pool.run(&job, Lane::Ingest, move |_| gate.recv().is_ok());
+        let (ingest, fine, edit) = (note("ingest"), note("fine"), note("edit"));
+        let all = async {
+            tokio::join!(
+                blocker,
+                pool.run(&job, Lane::Ingest, ingest),
+                pool.run(&job, Lane::Fine, fine),
+                pool.run(&job, Lane::Edit, edit),
+                async {
+                    while pool.waiting() < 3 {
+                        tokio::task::yield_now().await;
+                    }
+                    open.send(()).expect("the blocker waits");
+                }
+            )
+        };
+        all.await;
+        assert_eq!(*order.lock().expect("not poisoned"), ["edit", "fine", "ingest"]);
+    }
+
+    #[tokio::test]
+    async fn stopping_a_job_answers_at_once_and_skips_what_waits() {
+        let pool = pool(1);
+        let job = pool.admit(User(1), 0, None).expect("room");
+        let stop = job.stop().clone();
+        let (seen, was_run) = mpsc::channel();
+        let busy = pool.run(&job, Lane::Fine, |stop| {
+            while stop.reason().is_none() {
+                std::thread::yield_now();
+            }
+        });
+        let waits = pool.run(&job, Lane::Fine, move |_| seen.send(()));
+        let (first, second, ()) = tokio::join!(busy, waits, async {
+            tokio::task::yield_now().await;
+            stop.cancel();
+        });
+        assert_eq!(first, Err(PoolError::Stopped(StopReason::Cancelled)));
+        assert!(matches!(second, Err(PoolError::Stopped(StopReason::Cancelled))));
+        let other = pool.admit(User(1), 0, None).expect("room");
+        assert_eq!(pool.run(&other, Lane::Ingest, |_| ()).await, Ok(()));
+        assert!(was_run.try_recv().is_err());
+    }
+
+    #[tokio::test]
+    async fn a_deadline_stops_a_job() {
+        let pool = pool(1);
+        let job = pool.admit(User(1), 0, Some(Duration::from_millis(20))).expect("room");
+        let endless = pool.run(&job, Lane::Fine, |stop| while stop.reason().is_none() {}).await;
+        assert_eq!(endless, Err(PoolError::Stopped(StopReason::Deadline)));
+    }
+}

@@ -1,0 +1,85 @@
+//! What the server does, free of HTTP.
+//!
+//! Each verb of the service is a module here: [`ingest`] adds examples, [`search`] ranks a query, [`mapping`] lays an
+//! example on it, [`composing`] stitches maps, [`reencode`] rebuilds derived state. They join the kernel (behind
+//! [`engine::Engine`]) and the store (behind [`corpus::Corpus`]) on the pool.
+
+pub mod catalogue;
+pub mod composing;
+pub mod corpus;
+pub mod engine;
+pub mod error;
+pub mod ingest;
+pub mod mapping;
+pub mod picture;
+pub mod pictures;
+pub mod queries;
+pub mod query;
+pub mod ranking;
+pub mod reencode;
+pub mod search;
+
+pub use error::WorkError;
+
+use crate::pool::{Pool, User};
+use catalogue::Catalogue;
+use corpus::Corpus;
+use engine::Engine;
+use queries::Queries;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio_util::task::TaskTracker;
+
+/// Longest computation for one request (reading and encoding an upload, a map, a composition).
+const REQUEST_TIME_MAX: Duration = Duration::from_secs(120);
+
+/// The handles that all verbs share.
+pub struct Work {
+    /// Where computations run.
+    pub pool: Pool,
+    /// The geometry.
+    pub engine: Arc<dyn Engine>,
+    /// The corpus on disk.
+    pub corpus: Arc<dyn Corpus>,
+    /// What of the corpus is resident.
+    pub catalogue: Catalogue,
+    /// The queries under way, and after.
+    pub queries: Queries,
+    /// Work that goes on when its request is gone.
+    pub background: TaskTracker,
+}
+
+/// Who asks.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Caller {
+    /// Whose turn it is counted as.
+    pub user: User,
+}
+
+impl Work {
+    /// Joins the parts; the catalogue is still empty (see [`Work::load`]).
+    pub fn new(pool: Pool, engine: Arc<dyn Engine>, corpus: Arc<dyn Corpus>) -> Arc<Self> {
+        let catalogue = Catalogue::new(Arc::clone(&corpus), Arc::clone(&engine));
+        let queries = Queries::new();
+        Arc::new(Self { pool, engine, corpus, catalogue, queries, background: TaskTracker::new() })
+    }
+
+    /// Brings the coarse level of the whole corpus into memory. Blocks.
+    pub fn load(&self) {
+        self.catalogue.load();
+    }
+
+    /// Runs blocking work of the store off the tokio workers. It goes on when the caller is gone.
+    ///
+    /// # Errors
+    /// Those of `work`, and [`WorkError::Lost`] when it panicked.
+    pub async fn blocking<T, F>(self: &Arc<Self>, work: F) -> Result<T, WorkError>
+    where
+        T: Send + 'static,
+        F: FnOnce(&Self) -> Result<T, WorkError> + Send + 'static,
+    {
+        let this = Arc::clone(self);
+        let task = self.background.spawn_blocking(move || work(&this));
+        task.await.map_err(|_| WorkError::Lost)?
+    }
+}

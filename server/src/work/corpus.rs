@@ -1,0 +1,148 @@
+//! The seam to the corpus on disk: get, put, list, watch, by id and by content.
+//!
+//! All methods block and are called from a blocking thread or from the pool, never from a tokio worker.
+
+use super::engine::{Cut, Packed};
+use bytes::Bytes;
+use quadmuse_proto::{Example, ExampleId, ExamplePatch};
+use std::sync::Arc;
+use tokio::sync::watch;
+
+#[cfg(test)]
+pub(crate) mod memory;
+pub mod stored;
+
+/// Why the corpus refused or failed.
+#[derive(Debug, thiserror::Error)]
+pub enum CorpusError {
+    /// No such example (never added, or removed).
+    #[error("expected an example of the corpus, found none with the id {0}; list the corpus for the ids it holds")]
+    NotFound(ExampleId),
+    /// A value is outside the corpus's limits.
+    #[error("{0}")]
+    Invalid(String),
+    /// The disk is full, or failing; reads go on.
+    #[error("{0}")]
+    ReadOnly(String),
+    /// Too many writes are waiting.
+    #[error("expected room in the queue of writes, found it full; try again shortly")]
+    Busy,
+    /// The bytes of an example are damaged; the others are served.
+    #[error("{0}")]
+    Damaged(String),
+    /// An encoding is missing or damaged; it is made anew in the background.
+    #[error("{0}")]
+    NoEncoding(String),
+    /// The store failed.
+    #[error("expected the store to answer; see the cause")]
+    Failed(#[source] Box<dyn std::error::Error + Send + Sync>),
+}
+
+/// An example to add, whole.
+#[derive(Clone, Debug)]
+pub struct NewExample {
+    /// Its name.
+    pub name: String,
+    /// Its tags.
+    pub tags: Vec<String>,
+    /// Its relevance, 0–5.
+    pub relevance: f64,
+    /// The bytes as uploaded.
+    pub bytes: Bytes,
+    /// Its format, as in `?format=`.
+    pub format: String,
+    /// How it was cut.
+    pub cut: Cut,
+    /// What it is made of.
+    pub counts: quadmuse_proto::MeshCounts,
+    /// What was repaired.
+    pub repairs: Vec<String>,
+    /// Its segments, encoded.
+    pub segments: Vec<Packed>,
+    /// The version of the encoder.
+    pub encoder_version: u32,
+}
+
+/// Whether an example was added.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Put {
+    /// It is new.
+    Added,
+    /// The same bytes, cut the same way, were there already.
+    There,
+}
+
+/// How the corpus is.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct CorpusHealth {
+    /// Why writes are refused, if they are.
+    pub read_only: Option<String>,
+    /// Examples set aside because their bytes are damaged.
+    pub quarantined: Vec<ExampleId>,
+}
+
+/// The corpus.
+pub trait Corpus: Send + Sync + 'static {
+    /// Adds an example; durable when it returns.
+    ///
+    /// # Errors
+    /// [`CorpusError::Invalid`], [`CorpusError::ReadOnly`], [`CorpusError::Busy`], [`CorpusError::Failed`].
+    fn put(&self, new: NewExample) -> Result<(Arc<Example>, Put), CorpusError>;
+
+    /// The example that these bytes, cut this way, are already.
+    fn find(&self, bytes: &[u8], cut: &Cut) -> Option<Arc<Example>>;
+
+    /// An example.
+    ///
+    /// # Errors
+    /// [`CorpusError::NotFound`].
+    fn get(&self, id: ExampleId) -> Result<Arc<Example>, CorpusError>;
+
+    /// All examples, in order of creation.
+    fn list(&self) -> Vec<Arc<Example>>;
+
+    /// Annotates an example.
+    ///
+    /// # Errors
+    /// As [`Corpus::put`], and [`CorpusError::NotFound`].
+    fn annotate(&self, id: ExampleId, patch: &ExamplePatch) -> Result<Arc<Example>, CorpusError>;
+
+    /// Removes an example.
+    ///
+    /// # Errors
+    /// [`CorpusError::NotFound`], [`CorpusError::Failed`].
+    fn remove(&self, id: ExampleId) -> Result<(), CorpusError>;
+
+    /// The bytes as uploaded.
+    ///
+    /// # Errors
+    /// [`CorpusError::NotFound`], [`CorpusError::Damaged`], [`CorpusError::Failed`].
+    fn bytes(&self, id: ExampleId) -> Result<Bytes, CorpusError>;
+
+    /// How an example was cut.
+    ///
+    /// # Errors
+    /// As [`Corpus::bytes`].
+    fn cut(&self, id: ExampleId) -> Result<Cut, CorpusError>;
+
+    /// An encoding with one level of its pyramid, of `level` pixels a side.
+    ///
+    /// # Errors
+    /// [`CorpusError::NotFound`], [`CorpusError::NoEncoding`], [`CorpusError::Failed`].
+    fn encoding(&self, id: ExampleId, segment: u32, level: u32) -> Result<Packed, CorpusError>;
+
+    /// Stores an encoding made anew.
+    ///
+    /// # Errors
+    /// As [`Corpus::put`], and [`CorpusError::NotFound`].
+    fn put_encoding(&self, id: ExampleId, segment: u32, packed: &Packed, version: u32) -> Result<(), CorpusError>;
+
+    /// Segments without an encoding of the encoder's version.
+    fn stale(&self, version: u32) -> Vec<(ExampleId, u32)>;
+
+    /// A number that grows with every change.
+    fn watch(&self) -> watch::Receiver<u64>;
+
+    /// How it is.
+    fn health(&self) -> CorpusHealth;
+}

@@ -1,0 +1,151 @@
+//! A corpus in memory, for tests.
+
+use super::*;
+use crate::work::query::rfc3339;
+use quadmuse_proto::{ExampleSegment, MeshCounts};
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard};
+
+/// The corpus.
+pub(crate) struct MemoryCorpus {
+    rows: Mutex<BTreeMap<ExampleId, Row>>,
+    changes: watch::Sender<u64>,
+    /// Refuses writes as a full disk does.
+    pub(crate) full: AtomicBool,
+}
+
+struct Row {
+    example: Arc<Example>,
+    bytes: Bytes,
+    cut: Cut,
+    segments: Vec<(u32, Packed)>,
+}
+
+impl Default for MemoryCorpus {
+    fn default() -> Self {
+        Self { rows: Mutex::default(), changes: watch::Sender::new(0), full: AtomicBool::new(false) }
+    }
+}
+
+impl MemoryCorpus {
+    fn rows(&self) -> MutexGuard<'_, BTreeMap<ExampleId, Row>> {
+        self.rows.lock().expect("not poisoned")
+    }
+
+    fn writable(&self) -> Result<(), CorpusError> {
+        match self.full.load(Ordering::Relaxed) {
+            true => Err(CorpusError::ReadOnly("expected free space, found none".into())),
+            false => Ok(()),
+        }
+    }
+}
+
+fn described(new: &NewExample) -> Example {
+    let id = ExampleId::generate();
+    let segment = |(segment, packed): (usize, &Packed)| ExampleSegment {
+        segment: segment as u32,
+        topology: packed.facts.topology,
+        k: packed.facts.k,
+        faces: packed.facts.faces,
+        features: packed.facts.features,
+    };
+    Example {
+        id,
+        name: new.name.clone(),
+        tags: new.tags.clone(),
+        relevance: new.relevance,
+        hash: blake3::hash(&new.bytes).to_hex().to_string(),
+        format: new.format.clone(),
+        bytes: new.bytes.len() as u64,
+        counts: MeshCounts::clone(&new.counts),
+        segments: new.segments.iter().enumerate().map(segment).collect(),
+        repairs: new.repairs.clone(),
+        created: rfc3339(id.created_unix_ms()),
+        template: None,
+    }
+}
+
+impl Corpus for MemoryCorpus {
+    fn put(&self, new: NewExample) -> Result<(Arc<Example>, Put), CorpusError> {
+        self.writable()?;
+        if let Some(there) = self.find(&new.bytes, &new.cut) {
+            return Ok((there, Put::There));
+        }
+        let example = Arc::new(described(&new));
+        let segments = new.segments.into_iter().map(|packed| (new.encoder_version, packed)).collect();
+        let row = Row { example: Arc::clone(&example), bytes: new.bytes, cut: new.cut, segments };
+        self.rows().insert(example.id, row);
+        self.changes.send_modify(|n| *n += 1);
+        Ok((example, Put::Added))
+    }
+
+    fn find(&self, bytes: &[u8], cut: &Cut) -> Option<Arc<Example>> {
+        let rows = self.rows();
+        rows.values().find(|row| row.bytes == bytes && row.cut == *cut).map(|row| Arc::clone(&row.example))
+    }
+
+    fn get(&self, id: ExampleId) -> Result<Arc<Example>, CorpusError> {
+        self.rows().get(&id).map(|row| Arc::clone(&row.example)).ok_or(CorpusError::NotFound(id))
+    }
+
+    fn list(&self) -> Vec<Arc<Example>> {
+        self.rows().values().map(|row| Arc::clone(&row.example)).collect()
+    }
+
+    fn annotate(&self, id: ExampleId, patch: &ExamplePatch) -> Result<Arc<Example>, CorpusError> {
+        self.writable()?;
+        let mut rows = self.rows();
+        let row = rows.get_mut(&id).ok_or(CorpusError::NotFound(id))?;
+        let mut example = (*row.example).clone();
+        patch.name.iter().for_each(|name| example.name.clone_from(name));
+        patch.tags.iter().for_each(|tags| example.tags.clone_from(tags));
+        patch.relevance.iter().for_each(|relevance| example.relevance = *relevance);
+        row.example = Arc::new(example);
+        Ok(Arc::clone(&row.example))
+    }
+
+    fn remove(&self, id: ExampleId) -> Result<(), CorpusError> {
+        self.rows().remove(&id).map(drop).ok_or(CorpusError::NotFound(id))
+    }
+
+    fn bytes(&self, id: ExampleId) -> Result<Bytes, CorpusError> {
+        self.rows().get(&id).map(|row| row.bytes.clone()).ok_or(CorpusError::NotFound(id))
+    }
+
+    fn cut(&self, id: ExampleId) -> Result<Cut, CorpusError> {
+        self.rows().get(&id).map(|row| row.cut.clone()).ok_or(CorpusError::NotFound(id))
+    }
+
+    fn encoding(&self, id: ExampleId, segment: u32, level: u32) -> Result<Packed, CorpusError> {
+        let rows = self.rows();
+        let row = rows.get(&id).ok_or(CorpusError::NotFound(id))?;
+        let (_, packed) = row.segments.get(segment as usize).ok_or_else(|| CorpusError::NoEncoding("none".into()))?;
+        let levels = packed.levels.iter().filter(|(side, _)| *side == level).cloned().collect();
+        Ok(Packed { levels, ..packed.clone() })
+    }
+
+    fn put_encoding(&self, id: ExampleId, segment: u32, packed: &Packed, version: u32) -> Result<(), CorpusError> {
+        let mut rows = self.rows();
+        let row = rows.get_mut(&id).ok_or(CorpusError::NotFound(id))?;
+        row.segments[segment as usize] = (version, packed.clone());
+        Ok(())
+    }
+
+    fn stale(&self, version: u32) -> Vec<(ExampleId, u32)> {
+        let of = |(id, row): (&ExampleId, &Row)| {
+            let old = row.segments.iter().enumerate().filter(|(_, (v, _))| *v != version);
+            old.map(|(segment, _)| (*id, segment as u32)).collect::<Vec<_>>()
+        };
+        self.rows().iter().flat_map(of).collect()
+    }
+
+    fn watch(&self) -> watch::Receiver<u64> {
+        self.changes.subscribe()
+    }
+
+    fn health(&self) -> CorpusHealth {
+        let read_only = self.writable().err().map(|error| error.to_string());
+        CorpusHealth { read_only, quarantined: Vec::new() }
+    }
+}

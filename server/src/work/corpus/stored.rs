@@ -1,0 +1,1 @@
+//! The corpus in earnest: the store on disk.

@@ -1,0 +1,321 @@
+//! The seam to the geometry: what the service asks of the kernel, and nothing more.
+//!
+//! [`kernel`] answers it in earnest; tests put a small fake in its place, which can be slow, fail and panic on demand.
+//! Every method is a plain sequential computation, to be run on the pool.
+
+use crate::pool::{Stop, StopReason};
+use quadmuse_kernel::mesh::PolyMesh;
+use quadmuse_proto::{Constraint, ConstraintEdit, Distortion, Flip, MeshFormat, Segmentation, Topology, Verdict};
+use std::any::Any;
+use std::fmt;
+use std::sync::Arc;
+
+#[cfg(test)]
+pub(crate) mod fake;
+pub mod kernel;
+
+/// Why the engine refused or gave up.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum EngineError {
+    /// The mesh, or what was asked of it, can't be taken. The caller's.
+    #[error("{detail}")]
+    Refused {
+        /// Which kind of refusal.
+        refusal: Refusal,
+        /// Expected, found, way out; with the line or element where the file is wrong.
+        detail: String,
+    },
+    /// It was told to stop.
+    #[error(transparent)]
+    Stopped(#[from] StopReason),
+    /// A bug of ours.
+    #[error("the engine failed: {0}")]
+    Internal(String),
+}
+
+/// A kind of refusal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// The file is damaged, cut off, or not what its format demands.
+    Unreadable,
+    /// The file holds no face.
+    Empty,
+    /// Not manifold, beyond what can be repaired.
+    NotManifold,
+    /// Neither disc, annulus, sphere nor torus.
+    TopologyUnsupported,
+    /// Over a limit on vertices, faces or corners.
+    TooLarge,
+    /// None of the formats that are read, or written.
+    FormatUnknown,
+    /// Sound, but no encoding could be computed.
+    NotEncodable,
+    /// The labels given with the mesh don't fit it.
+    LabelsInvalid,
+    /// A constraint names no point of its surface, or there are too many.
+    ConstraintInvalid,
+    /// No constraint has this id.
+    ConstraintUnknown,
+    /// The constraints asked for would fold the map over.
+    ConstraintFolds,
+    /// The parts of a composition can't be stitched.
+    CompositionInvalid,
+    /// This server does not do it yet.
+    Unsupported,
+}
+
+impl EngineError {
+    /// A refusal.
+    pub fn refused(refusal: Refusal, detail: impl Into<String>) -> Self {
+        Self::Refused { refusal, detail: detail.into() }
+    }
+}
+
+/// Something that the engine made and only the engine can open.
+#[derive(Clone)]
+pub struct Opaque(Arc<dyn Any + Send + Sync>);
+
+impl Opaque {
+    /// Closes a value.
+    pub fn new<T: Any + Send + Sync>(value: T) -> Self {
+        Self(Arc::new(value))
+    }
+
+    /// Opens a value.
+    ///
+    /// # Errors
+    /// [`EngineError::Internal`] if another engine closed it.
+    pub fn open<T: Any>(&self) -> Result<&T, EngineError> {
+        self.0.downcast_ref().ok_or_else(|| EngineError::Internal("a value of another engine".into()))
+    }
+}
+
+impl fmt::Debug for Opaque {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Opaque")
+    }
+}
+
+/// How a mesh is to be cut.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Cut {
+    /// The way asked for, unless there are labels.
+    pub way: Segmentation,
+    /// The caller's labels, one a face.
+    pub labels: Option<Vec<i64>>,
+}
+
+/// A mesh that was read, checked and cut.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// The mesh as uploaded.
+    pub mesh: Arc<PolyMesh>,
+    /// Its format.
+    pub format: MeshFormat,
+    /// What was repaired, a sentence each.
+    pub repairs: Vec<String>,
+    /// Its segments, numbered from 0.
+    pub segments: Vec<ModelSegment>,
+    /// What the engine needs to go on.
+    pub inner: Opaque,
+}
+
+/// A segment of a model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ModelSegment {
+    /// Its topology.
+    pub topology: Topology,
+    /// Polygons that belong to it.
+    pub faces: u64,
+}
+
+/// What is known of an encoded segment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SegmentFacts {
+    /// Its topology.
+    pub topology: Topology,
+    /// Its modulus.
+    pub k: f64,
+    /// Polygons that belong to it.
+    pub faces: u64,
+    /// Feature points found.
+    pub features: u32,
+}
+
+/// A segment, encoded for ranking. It may hold all levels of its pyramid or only the coarse ones.
+#[derive(Clone, Debug)]
+pub struct Encoding {
+    /// What is known of it.
+    pub facts: SegmentFacts,
+    /// What the engine needs to go on.
+    pub inner: Opaque,
+}
+
+/// A segment, encoded for ranking and unfolded for mapping.
+#[derive(Clone, Debug)]
+pub struct Encoded {
+    /// With all levels.
+    pub encoding: Encoding,
+    /// The unfolding.
+    pub chart: Opaque,
+}
+
+/// An example laid on a query segment, at some level.
+#[derive(Clone, Debug)]
+pub struct Registration {
+    /// The level, in pixels a side.
+    pub level: u32,
+    /// E.
+    pub energy: f64,
+    /// How the example is flipped.
+    pub flip: Flip,
+    /// By how much it is shifted along u, in periods, 0–1.
+    pub shift_u: f64,
+    /// What the engine needs to go on.
+    pub inner: Opaque,
+}
+
+/// One side of a map.
+#[derive(Clone, Debug)]
+pub struct Side {
+    /// The mesh.
+    pub model: Arc<Model>,
+    /// Which segment of it.
+    pub segment: u32,
+    /// That segment, encoded.
+    pub encoded: Arc<Encoded>,
+}
+
+/// An example's segment on a query's segment.
+#[derive(Clone, Debug)]
+pub struct Mapped {
+    /// The example's mesh on the input: the same vertex order, faces, UVs and groups. Segments of the example that
+    /// were not mapped are left out.
+    pub mesh: Arc<PolyMesh>,
+    /// The registration that was used, with the caller's constraints.
+    pub registration: Registration,
+    /// The pairs of points that fix it.
+    pub constraints: Vec<Constraint>,
+    /// Faces flipped on the input beyond the example's own.
+    pub folds: u64,
+    /// Largest distance of a vertex to the input's surface, in units of √area.
+    pub distance_max: f64,
+    /// How it distorts the example.
+    pub distortion: Distortion,
+    /// Whether it is worth keeping.
+    pub verdict: Verdict,
+    /// Why, a sentence each.
+    pub reasons: Vec<String>,
+}
+
+/// A stitched mesh.
+#[derive(Clone, Debug)]
+pub struct Stitched {
+    /// The mesh.
+    pub mesh: Arc<PolyMesh>,
+    /// Inner vertices with another number of edges than four.
+    pub extraordinary_vertices: u64,
+}
+
+/// What an encoding is worth as bytes: a head that is read as a whole and its levels, each on its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Packed {
+    /// What is known of the segment.
+    pub facts: SegmentFacts,
+    /// Feature points in the domain (u, v).
+    pub features: Vec<[f64; 2]>,
+    /// λ, level by level from the coarsest: the side in pixels and the pixels, row after row.
+    pub levels: Vec<(u32, Vec<f32>)>,
+}
+
+/// What the service asks of the geometry.
+pub trait Engine: Send + Sync + 'static {
+    /// The version of the encoder; encodings of another version are made anew.
+    fn version(&self) -> u32;
+
+    /// An upper estimate of the memory that reading and encoding an upload of `bytes` bytes takes, in bytes.
+    fn memory_estimate(&self, bytes: u64) -> u64;
+
+    /// Reads, checks, repairs and cuts a mesh.
+    ///
+    /// # Errors
+    /// [`EngineError::Refused`], [`EngineError::Stopped`].
+    fn read(&self, bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, stop: &Stop) -> Result<Model, EngineError>;
+
+    /// Unfolds and encodes a segment.
+    ///
+    /// # Errors
+    /// [`EngineError::Refused`], [`EngineError::Stopped`].
+    fn encode(&self, model: &Model, segment: u32, stop: &Stop) -> Result<Encoded, EngineError>;
+
+    /// An encoding as it is stored.
+    ///
+    /// # Errors
+    /// [`EngineError::Internal`].
+    fn pack(&self, encoding: &Encoding) -> Result<Packed, EngineError>;
+
+    /// An encoding from storage, with those levels that are there.
+    ///
+    /// # Errors
+    /// [`EngineError::Internal`] when it is not one that [`Engine::pack`] made.
+    fn unpack(&self, packed: &Packed) -> Result<Encoding, EngineError>;
+
+    /// Registers an example on a query at the coarsest level: all flips and translations.
+    ///
+    /// # Errors
+    /// [`EngineError::Internal`].
+    fn coarse(&self, example: &Encoding, query: &Encoding, stop: &Stop) -> Result<Registration, EngineError>;
+
+    /// Refines a registration at `level`, which both encodings must hold.
+    ///
+    /// # Errors
+    /// [`EngineError::Stopped`], [`EngineError::Internal`].
+    fn refine(
+        &self,
+        from: &Registration,
+        example: &Encoding,
+        query: &Encoding,
+        level: u32,
+        stop: &Stop,
+    ) -> Result<Registration, EngineError>;
+
+    /// E′ of a registration (eq. 8): the lower the better.
+    fn score(&self, energy: f64, example: &Encoding, query: &Encoding, relevance: f64) -> f64;
+
+    /// Maps every vertex of the example's segment onto the query's.
+    ///
+    /// # Errors
+    /// [`EngineError::Stopped`], [`EngineError::Internal`].
+    fn map(&self, from: &Registration, example: &Side, query: &Side, stop: &Stop) -> Result<Mapped, EngineError>;
+
+    /// A registration with other constraints.
+    ///
+    /// # Errors
+    /// [`EngineError::Refused`] when a constraint is unknown, names no point of its surface, or folds the map.
+    fn constrain(
+        &self,
+        from: &Mapped,
+        edit: &ConstraintEdit,
+        example: &Side,
+        query: &Side,
+        stop: &Stop,
+    ) -> Result<Registration, EngineError>;
+
+    /// Stitches maps into one mesh of quads, smoothed and projected back onto the input.
+    ///
+    /// # Errors
+    /// [`EngineError::Refused`] when the parts can't be stitched, [`EngineError::Stopped`].
+    fn compose(
+        &self,
+        query: &Model,
+        parts: &[(u32, Arc<PolyMesh>)],
+        smoothing: u32,
+        stop: &Stop,
+    ) -> Result<Stitched, EngineError>;
+
+    /// A mesh as a file.
+    ///
+    /// # Errors
+    /// [`EngineError::Refused`] when the format can't hold it.
+    fn write(&self, mesh: &PolyMesh, format: MeshFormat) -> Result<Vec<u8>, EngineError>;
+}

@@ -1,0 +1,225 @@
+//! A fake engine for tests: meshes are words, energies are differences of numbers.
+//!
+//! An upload is text, one directive a line: `segment TOPOLOGY NUMBER` (a segment whose encoding is NUMBER),
+//! `slow MS` (every registration takes so long), `encode-slow MS`, `panic WHERE` with `WHERE` one of `read`, `encode`,
+//! `refine`, and `refuse CODE`. Anything else is unreadable. The mesh is a unit square, one quad a segment.
+
+use super::*;
+use quadmuse_kernel::mesh::{Polygons, Vec3};
+use quadmuse_proto::constraint::Place;
+use quadmuse_proto::{ConstraintOrigin, Histogram, Location, MeshFormat};
+use std::time::{Duration, Instant};
+
+/// The fake.
+#[derive(Debug, Default)]
+pub(crate) struct FakeEngine;
+
+#[derive(Clone, Debug, Default)]
+struct Script {
+    numbers: Vec<f64>,
+    slow: Duration,
+    encode_slow: Duration,
+    panics: Vec<String>,
+}
+
+#[derive(Clone, Debug)]
+struct FakeEncoding {
+    number: f64,
+    slow: Duration,
+    panics_refine: bool,
+}
+
+fn sleep(time: Duration, stop: &Stop) -> Result<(), EngineError> {
+    let end = Instant::now() + time;
+    while Instant::now() < end {
+        if let Some(reason) = stop.reason() {
+            return Err(reason.into());
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    Ok(())
+}
+
+fn square(quads: usize) -> PolyMesh {
+    let mut faces = Polygons::default();
+    (0..quads).for_each(|_| faces.push(&[0, 1, 2, 3]));
+    let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    let positions = corners.map(|[x, y]| Vec3::new(x, y, 0.0)).to_vec();
+    PolyMesh { positions, faces, ..PolyMesh::default() }
+}
+
+fn refusal(word: &str) -> Refusal {
+    match word {
+        "mesh_empty" => Refusal::Empty,
+        "mesh_not_manifold" => Refusal::NotManifold,
+        "topology_unsupported" => Refusal::TopologyUnsupported,
+        "mesh_too_large" => Refusal::TooLarge,
+        "format_unknown" => Refusal::FormatUnknown,
+        "mesh_not_encodable" => Refusal::NotEncodable,
+        _ => Refusal::Unreadable,
+    }
+}
+
+impl Engine for FakeEngine {
+    fn version(&self) -> u32 {
+        7
+    }
+
+    fn memory_estimate(&self, bytes: u64) -> u64 {
+        1000 + bytes
+    }
+
+    fn read(&self, bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, _: &Stop) -> Result<Model, EngineError> {
+        let text = str::from_utf8(bytes).map_err(|_| EngineError::refused(Refusal::FormatUnknown, "not text"))?;
+        let (mut script, mut segments) = (Script::default(), Vec::new());
+        let unreadable = |line: usize, what: &str| {
+            EngineError::refused(Refusal::Unreadable, format!("expected a directive in line {line}, found `{what}`"))
+        };
+        for (at, line) in text.lines().enumerate() {
+            let words: Vec<&str> = line.split_whitespace().collect();
+            let number = |word: &str| word.parse::<f64>().map_err(|_| unreadable(at + 1, line));
+            match words.as_slice() {
+                ["segment", topology, value] => {
+                    script.numbers.push(number(value)?);
+                    let topology = topology.parse().map_err(|_| unreadable(at + 1, line))?;
+                    segments.push(ModelSegment { topology, faces: 1 });
+                }
+                ["slow", ms] => script.slow = Duration::from_secs_f64(number(ms)? / 1e3),
+                ["encode-slow", ms] => script.encode_slow = Duration::from_secs_f64(number(ms)? / 1e3),
+                ["panic", "read"] => panic!("told to panic"),
+                ["panic", place] => script.panics.push((*place).into()),
+                ["refuse", code] => return Err(EngineError::refused(refusal(code), format!("refused in line {}", at + 1))),
+                _ => return Err(unreadable(at + 1, line)),
+            }
+        }
+        if segments.is_empty() {
+            return Err(EngineError::refused(Refusal::Empty, "expected a segment, found none"));
+        }
+        if cut.labels.as_ref().is_some_and(|labels| labels.len() != segments.len()) {
+            let detail = format!("expected {} labels, one a face, found another number", segments.len());
+            return Err(EngineError::refused(Refusal::LabelsInvalid, detail));
+        }
+        Ok(Model {
+            mesh: Arc::new(square(segments.len())),
+            format: format.unwrap_or(MeshFormat::Obj),
+            repairs: Vec::new(),
+            segments,
+            inner: Opaque::new(script),
+        })
+    }
+
+    fn encode(&self, model: &Model, segment: u32, stop: &Stop) -> Result<Encoded, EngineError> {
+        let script: &Script = model.inner.open()?;
+        sleep(script.encode_slow, stop)?;
+        assert!(!script.panics.iter().any(|place| place == "encode"), "told to panic");
+        let number = script.numbers[segment as usize];
+        let panics_refine = script.panics.iter().any(|place| place == "refine");
+        let facts =
+            SegmentFacts { topology: model.segments[segment as usize].topology, k: 1.0, faces: 1, features: 0 };
+        let encoding = Encoding { facts, inner: Opaque::new(FakeEncoding { number, slow: script.slow, panics_refine }) };
+        Ok(Encoded { encoding, chart: Opaque::new(()) })
+    }
+
+    fn pack(&self, encoding: &Encoding) -> Result<Packed, EngineError> {
+        let fake: &FakeEncoding = encoding.inner.open()?;
+        let flag = if fake.panics_refine { 1.0 } else { 0.0 };
+        let values = vec![fake.number as f32, fake.slow.as_secs_f32(), flag];
+        let levels = quadmuse_proto::query::LEVELS.map(|level| (level, values.clone())).to_vec();
+        Ok(Packed { facts: encoding.facts, features: Vec::new(), levels })
+    }
+
+    fn unpack(&self, packed: &Packed) -> Result<Encoding, EngineError> {
+        let [number, slow, flag] = packed.levels[0].1[..] else { return Err(EngineError::Internal("not mine".into())) };
+        let (slow, panics_refine) = (Duration::from_secs_f32(slow), flag > 0.0);
+        let inner = Opaque::new(FakeEncoding { number: f64::from(number), slow, panics_refine });
+        Ok(Encoding { facts: packed.facts, inner })
+    }
+
+    fn coarse(&self, example: &Encoding, query: &Encoding, stop: &Stop) -> Result<Registration, EngineError> {
+        let (one, two): (&FakeEncoding, &FakeEncoding) = (example.inner.open()?, query.inner.open()?);
+        sleep(two.slow, stop)?;
+        let energy = (one.number - two.number).abs();
+        Ok(Registration { level: 32, energy, flip: Flip::default(), shift_u: 0.25, inner: Opaque::new(()) })
+    }
+
+    fn refine(
+        &self,
+        from: &Registration,
+        example: &Encoding,
+        query: &Encoding,
+        level: u32,
+        stop: &Stop,
+    ) -> Result<Registration, EngineError> {
+        let (one, two): (&FakeEncoding, &FakeEncoding) = (example.inner.open()?, query.inner.open()?);
+        sleep(two.slow, stop)?;
+        assert!(!one.panics_refine, "told to panic");
+        Ok(Registration { level, energy: from.energy * 0.9, ..from.clone() })
+    }
+
+    fn score(&self, energy: f64, _: &Encoding, _: &Encoding, relevance: f64) -> f64 {
+        energy * 5.0 / (relevance + 5.0)
+    }
+
+    fn map(&self, from: &Registration, example: &Side, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
+        sleep(query.encoded.encoding.inner.open::<FakeEncoding>()?.slow, stop)?;
+        let constraints: Vec<Constraint> = match from.inner.open::<Vec<Constraint>>() {
+            Ok(constraints) => constraints.clone(),
+            Err(_) => Vec::new(),
+        };
+        Ok(Mapped {
+            mesh: Arc::clone(&example.model.mesh),
+            registration: from.clone(),
+            constraints,
+            folds: 0,
+            distance_max: 0.0,
+            distortion: Distortion { angle: Histogram::default(), area: Histogram::default() },
+            verdict: Verdict::Good,
+            reasons: Vec::new(),
+        })
+    }
+
+    fn constrain(
+        &self,
+        from: &Mapped,
+        edit: &ConstraintEdit,
+        _: &Side,
+        _: &Side,
+        _: &Stop,
+    ) -> Result<Registration, EngineError> {
+        let mut constraints = from.constraints.clone();
+        for id in &edit.remove {
+            let Some(at) = constraints.iter().position(|c| c.id == *id) else {
+                return Err(EngineError::refused(Refusal::ConstraintUnknown, format!("expected a constraint, found `{id}`")));
+            };
+            constraints.remove(at);
+        }
+        for new in &edit.set {
+            let place = |p: &Option<Place>| match p {
+                Some(Place::Point(point)) => Location { point: *point, u: 0.0, v: 0.0 },
+                Some(Place::Domain { u, v }) => Location { point: [0.0; 3], u: *u, v: *v },
+                _ => Location { point: [0.0; 3], u: 0.0, v: 0.0 },
+            };
+            if place(&new.on_input).v > 1.0 {
+                return Err(EngineError::refused(Refusal::ConstraintFolds, "expected no fold, found one"));
+            }
+            let id = new.id.clone().unwrap_or_else(|| format!("c{}", constraints.len()));
+            let (on_example, on_input) = (place(&new.on_example), place(&new.on_input));
+            constraints.push(Constraint { id, on_example, on_input, origin: ConstraintOrigin::User });
+        }
+        Ok(Registration { inner: Opaque::new(constraints), ..from.registration.clone() })
+    }
+
+    fn compose(
+        &self,
+        _: &Model,
+        parts: &[(u32, Arc<PolyMesh>)],
+        _: u32,
+        _: &Stop,
+    ) -> Result<Stitched, EngineError> {
+        Ok(Stitched { mesh: Arc::new(square(parts.len())), extraordinary_vertices: 0 })
+    }
+
+    fn write(&self, mesh: &PolyMesh, format: MeshFormat) -> Result<Vec<u8>, EngineError> {
+        Ok(format!("{format} with {} faces", mesh.faces.len()).into_bytes())
+    }
+}

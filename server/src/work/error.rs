@@ -1,0 +1,109 @@
+//! What the work refuses or fails with, free of HTTP.
+
+use super::corpus::CorpusError;
+use super::engine::EngineError;
+use crate::pool::{PoolError, StopReason};
+use quadmuse_proto::{CompositionId, ExampleId, MapId, QueryId, Topology};
+
+/// Why something was not done.
+#[derive(Debug, thiserror::Error)]
+pub enum WorkError {
+    /// The geometry refused or failed.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// The corpus refused or failed.
+    #[error(transparent)]
+    Corpus(#[from] CorpusError),
+    /// The pool refused, or the computation was stopped or panicked.
+    #[error(transparent)]
+    Pool(#[from] PoolError),
+    /// A value is outside its range.
+    #[error("expected `{name}` {expected}, found {found}")]
+    Parameter {
+        /// Its name on the wire.
+        name: &'static str,
+        /// What would do.
+        expected: String,
+        /// What was given.
+        found: String,
+    },
+    /// No such segment.
+    #[error("expected a segment of {of} below {count}, found {segment}")]
+    NoSuchSegment {
+        /// Of what.
+        of: &'static str,
+        /// Number of segments there.
+        count: usize,
+        /// The number asked for.
+        segment: u32,
+    },
+    /// No such query (never posted, or freed).
+    #[error("expected a query of this server, found none with the id {0}; it was removed, or made room for newer ones: post it again")]
+    NoSuchQuery(QueryId),
+    /// No such map.
+    #[error("expected a map of the query, found none with the id {0}")]
+    NoSuchMap(MapId),
+    /// No such composition.
+    #[error("expected a composition of the query, found none with the id {0}")]
+    NoSuchComposition(CompositionId),
+    /// The example has no encoding yet.
+    #[error("expected segment {segment} of the example {example} to be encoded, found it waiting; try again shortly")]
+    NotEncodedYet {
+        /// The example.
+        example: ExampleId,
+        /// Its segment.
+        segment: u32,
+    },
+    /// The query was cancelled or failed, so that nothing can be mapped on it.
+    #[error("expected a query that was encoded, found it {state}; post it again")]
+    QueryEnded {
+        /// Its state.
+        state: &'static str,
+    },
+    /// Example and query differ in topology.
+    #[error("expected an example segment of topology {expected}, found {found}; choose one of the query's ranking")]
+    TopologyDiffers {
+        /// The query segment's.
+        expected: Topology,
+        /// The example segment's.
+        found: Topology,
+    },
+    /// Nothing to rank against.
+    #[error("expected examples {wanted} in the corpus, found none; add some, or ask for other tags")]
+    CorpusEmpty {
+        /// What they would have to be.
+        wanted: String,
+    },
+    /// Too many things of one query.
+    #[error("expected at most {limit} {of} a query; remove the query and post it again")]
+    TooMany {
+        /// Of what.
+        of: &'static str,
+        /// How many there may be.
+        limit: usize,
+    },
+    /// Too many queries under way.
+    #[error("expected fewer than {limit} queries under way, found {limit}; try again shortly")]
+    QueriesFull {
+        /// How many there may be.
+        limit: usize,
+    },
+    /// A task of ours ended without a result: a bug.
+    #[error("a task ended without a result")]
+    Lost,
+}
+
+impl WorkError {
+    /// Why the computation was stopped, if that is what this says.
+    pub fn stop_reason(&self) -> Option<StopReason> {
+        match self {
+            Self::Pool(PoolError::Stopped(reason)) | Self::Engine(EngineError::Stopped(reason)) => Some(*reason),
+            _ => None,
+        }
+    }
+
+    /// A value outside its range.
+    pub fn parameter(name: &'static str, expected: impl Into<String>, found: impl ToString) -> Self {
+        Self::Parameter { name, expected: expected.into(), found: found.to_string() }
+    }
+}

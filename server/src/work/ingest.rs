@@ -1,0 +1,239 @@
+//! Examples: adding, annotating, removing, reading.
+
+use super::corpus::{NewExample, Put};
+use super::engine::{Cut, Encoded, Model, Packed};
+use super::{Caller, REQUEST_TIME_MAX, Work, WorkError};
+use crate::pool::{Job, Lane};
+use bytes::Bytes;
+use quadmuse_kernel::mesh::PolyMesh;
+use quadmuse_proto::example::{NAME_LENGTH_MAX, RELEVANCE_RANGE, TAG_LENGTH_MAX, TAGS_MAX};
+use quadmuse_proto::{Example, ExampleId, ExamplePatch, MeshCounts, MeshFormat};
+use std::sync::Arc;
+
+/// The relevance of an example added without one.
+pub const RELEVANCE_DEFAULT: f64 = 3.0;
+
+/// Most segments a mesh may be cut into.
+pub const SEGMENTS_MAX: usize = 1024;
+
+/// A mesh as it came in.
+#[derive(Clone, Debug)]
+pub struct Upload {
+    /// The bytes, unpacked.
+    pub bytes: Bytes,
+    /// Their format, if the caller named one.
+    pub format: Option<MeshFormat>,
+    /// How to cut the mesh.
+    pub cut: Cut,
+}
+
+/// What a caller says of a new example.
+#[derive(Clone, Debug)]
+pub struct Annotation {
+    /// Its name.
+    pub name: String,
+    /// Its tags.
+    pub tags: Vec<String>,
+    /// Its relevance, 0–5.
+    pub relevance: f64,
+}
+
+/// Adds an example; durable when it returns.
+///
+/// # Errors
+/// Refusals of the mesh, of the annotation, of the pool and of the corpus.
+pub async fn add(
+    work: &Arc<Work>,
+    caller: Caller,
+    upload: Upload,
+    annotation: Annotation,
+) -> Result<(Arc<Example>, Put), WorkError> {
+    check_name(&annotation.name)?;
+    check_relevance(annotation.relevance)?;
+    let tags = normal_tags(annotation.tags)?;
+    let (bytes, cut) = (upload.bytes.clone(), upload.cut.clone());
+    if let Some(there) = work.blocking(move |work| Ok(work.corpus.find(&bytes, &cut))).await? {
+        return Ok((there, Put::There));
+    }
+    let estimate = work.engine.memory_estimate(upload.bytes.len() as u64);
+    let job = work.pool.admit(caller.user, estimate, Some(REQUEST_TIME_MAX))?;
+    let model = read(work, &job, Lane::Ingest, &upload).await?;
+    let segments = encode_all(work, &job, &model).await?;
+    let new = NewExample {
+        name: annotation.name,
+        tags,
+        relevance: annotation.relevance,
+        bytes: upload.bytes,
+        format: model.format.as_str().into(),
+        cut: upload.cut,
+        counts: counts_of(&model.mesh),
+        repairs: model.repairs.clone(),
+        segments,
+        encoder_version: work.engine.version(),
+    };
+    // From here on it is a commit: it goes on even if the caller hangs up.
+    work.blocking(move |work| {
+        let (example, put) = work.corpus.put(new)?;
+        work.catalogue.refresh(&example);
+        Ok((example, put))
+    })
+    .await
+}
+
+/// Reads and cuts an upload.
+///
+/// # Errors
+/// Refusals of the mesh and of the pool.
+pub async fn read(work: &Arc<Work>, job: &Job, lane: Lane, upload: &Upload) -> Result<Arc<Model>, WorkError> {
+    let (engine, upload) = (Arc::clone(&work.engine), upload.clone());
+    let read = move |stop: &_| engine.read(&upload.bytes, upload.format, &upload.cut, stop);
+    let model = work.pool.run(job, lane, read).await??;
+    if model.segments.len() > SEGMENTS_MAX {
+        let (expected, found) = (format!("to give at most {SEGMENTS_MAX} segments"), model.segments.len());
+        return Err(WorkError::parameter("segments", expected, found));
+    }
+    Ok(Arc::new(model))
+}
+
+/// Unfolds and encodes one segment.
+///
+/// # Errors
+/// Refusals of the mesh and of the pool.
+pub async fn encode(
+    work: &Arc<Work>,
+    job: &Job,
+    lane: Lane,
+    model: &Arc<Model>,
+    segment: u32,
+) -> Result<Encoded, WorkError> {
+    let (engine, model) = (Arc::clone(&work.engine), Arc::clone(model));
+    Ok(work.pool.run(job, lane, move |stop| engine.encode(&model, segment, stop)).await??)
+}
+
+async fn encode_all(work: &Arc<Work>, job: &Job, model: &Arc<Model>) -> Result<Vec<Packed>, WorkError> {
+    let one = async |segment: u32| -> Result<Packed, WorkError> {
+        let (engine, model) = (Arc::clone(&work.engine), Arc::clone(model));
+        let pack = move |stop: &_| engine.encode(&model, segment, stop).and_then(|e| engine.pack(&e.encoding));
+        Ok(work.pool.run(job, Lane::Ingest, pack).await??)
+    };
+    futures_util::future::try_join_all((0..model.segments.len() as u32).map(one)).await
+}
+
+/// Changes an example's name, tags or relevance.
+///
+/// # Errors
+/// Refusals of the annotation and of the corpus.
+pub async fn annotate(work: &Arc<Work>, id: ExampleId, patch: ExamplePatch) -> Result<Arc<Example>, WorkError> {
+    patch.name.as_deref().map_or(Ok(()), check_name)?;
+    patch.relevance.map_or(Ok(()), check_relevance)?;
+    let tags = patch.tags.map(normal_tags).transpose()?;
+    let patch = ExamplePatch { tags, ..patch };
+    work.blocking(move |work| {
+        let example = work.corpus.annotate(id, &patch)?;
+        work.catalogue.annotate(&example);
+        Ok(example)
+    })
+    .await
+}
+
+/// Removes an example.
+///
+/// # Errors
+/// Refusals of the corpus.
+pub async fn remove(work: &Arc<Work>, id: ExampleId) -> Result<(), WorkError> {
+    work.blocking(move |work| {
+        work.corpus.remove(id)?;
+        work.catalogue.forget(id);
+        Ok(())
+    })
+    .await
+}
+
+/// The bytes as uploaded.
+///
+/// # Errors
+/// Refusals of the corpus.
+pub async fn bytes(work: &Arc<Work>, id: ExampleId) -> Result<Bytes, WorkError> {
+    work.blocking(move |work| Ok(work.corpus.bytes(id)?)).await
+}
+
+/// The mesh of an example, in another format than it was uploaded in if need be.
+///
+/// # Errors
+/// Refusals of the corpus and of the format.
+pub async fn mesh(work: &Arc<Work>, caller: Caller, id: ExampleId, format: MeshFormat) -> Result<Bytes, WorkError> {
+    let example = work.catalogue.example(id)?;
+    let bytes = bytes(work, id).await?;
+    if example.format == format.as_str() {
+        return Ok(bytes);
+    }
+    let estimate = work.engine.memory_estimate(bytes.len() as u64);
+    let job = work.pool.admit(caller.user, estimate, Some(REQUEST_TIME_MAX))?;
+    let model = model(work, &job, Lane::Edit, &example).await?;
+    write(work, &job, &model.mesh, format).await
+}
+
+/// An example, read again from its bytes.
+///
+/// # Errors
+/// Refusals of the corpus and of the pool.
+pub async fn model(work: &Arc<Work>, job: &Job, lane: Lane, example: &Example) -> Result<Arc<Model>, WorkError> {
+    let id = example.id;
+    let (bytes, cut) = work.blocking(move |work| Ok((work.corpus.bytes(id)?, work.corpus.cut(id)?))).await?;
+    read(work, job, lane, &Upload { bytes, format: example.format.parse().ok(), cut }).await
+}
+
+/// A mesh as a file.
+///
+/// # Errors
+/// Refusals of the format and of the pool.
+pub async fn write(
+    work: &Arc<Work>,
+    job: &Job,
+    mesh: &Arc<PolyMesh>,
+    format: MeshFormat,
+) -> Result<Bytes, WorkError> {
+    let (engine, mesh) = (Arc::clone(&work.engine), Arc::clone(mesh));
+    Ok(work.pool.run(job, Lane::Edit, move |_| engine.write(&mesh, format)).await??.into())
+}
+
+/// What a mesh is made of.
+pub fn counts_of(mesh: &PolyMesh) -> MeshCounts {
+    let of_degree = |n: usize| mesh.faces.iter().filter(|face| face.len() == n).count() as u64;
+    let (vertices, faces) = (mesh.positions.len() as u64, mesh.faces.len() as u64);
+    MeshCounts { vertices, faces, triangles: of_degree(3), quads: of_degree(4) }
+}
+
+fn check_name(name: &str) -> Result<(), WorkError> {
+    if name.len() <= NAME_LENGTH_MAX {
+        return Ok(());
+    }
+    let expected = format!("of at most {NAME_LENGTH_MAX} bytes");
+    Err(WorkError::parameter("name", expected, format!("{} bytes", name.len())))
+}
+
+fn check_relevance(relevance: f64) -> Result<(), WorkError> {
+    if RELEVANCE_RANGE.contains(&relevance) {
+        return Ok(());
+    }
+    Err(WorkError::parameter("relevance", "from 0 to 5", relevance))
+}
+
+/// Tags sorted, each once, within their limits.
+///
+/// # Errors
+/// [`WorkError::Parameter`].
+pub fn normal_tags(mut tags: Vec<String>) -> Result<Vec<String>, WorkError> {
+    tags.sort();
+    tags.dedup();
+    if tags.len() > TAGS_MAX {
+        return Err(WorkError::parameter("tag", format!("at most {TAGS_MAX} times"), tags.len()));
+    }
+    match tags.iter().find(|tag| tag.trim().is_empty() || tag.len() > TAG_LENGTH_MAX) {
+        None => Ok(tags),
+        Some(tag) => {
+            let expected = format!("of 1 to {TAG_LENGTH_MAX} bytes, not only blanks");
+            Err(WorkError::parameter("tag", expected, format!("{} bytes", tag.len())))
+        }
+    }
+}

@@ -1,0 +1,209 @@
+//! Maps: an example chosen from the ranking is laid on the input, and its constraints are edited.
+//!
+//! An example that was passed over at a coarse level is first registered through the levels it missed.
+
+use super::engine::{Encoding, Mapped, Side};
+use super::ingest::{self, encode};
+use super::query::{LiveQuery, MAPS_MAX, ms_since};
+use super::ranking::{Candidate, levels_up_to};
+use super::search::{newcomer, refined};
+use super::{REQUEST_TIME_MAX, Work, WorkError};
+use crate::pool::{Job, Lane};
+use quadmuse_proto::constraint::CONSTRAINTS_MAX;
+use quadmuse_proto::{ConstraintEdit, EntryState, Example, ExampleId, Map, MapId, MapTimings, NewMap};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+/// A map, and what is needed to edit it.
+pub struct LiveMap {
+    /// Its id.
+    pub id: MapId,
+    /// The query's segment.
+    pub segment: u32,
+    example: Side,
+    query: Side,
+    example_id: ExampleId,
+    edits: tokio::sync::Mutex<()>,
+    newest: Mutex<Arc<MapState>>,
+}
+
+/// A revision of a map.
+pub struct MapState {
+    /// The mesh, the constraints and how good it is.
+    pub mapped: Mapped,
+    /// The map as it goes over the wire.
+    pub summary: Map,
+}
+
+impl LiveMap {
+    /// The newest revision.
+    pub fn newest(&self) -> Arc<MapState> {
+        Arc::clone(&self.newest.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn put(&self, state: MapState) -> Arc<MapState> {
+        let state = Arc::new(state);
+        *self.newest.lock().unwrap_or_else(PoisonError::into_inner) = Arc::clone(&state);
+        state
+    }
+}
+
+/// Maps an example on a query.
+///
+/// # Errors
+/// What is not there, [`WorkError::TopologyDiffers`], refusals of the pool and of the engine.
+pub async fn create(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: NewMap) -> Result<Arc<LiveMap>, WorkError> {
+    let start = Instant::now();
+    if live.maps().len() >= MAPS_MAX {
+        return Err(WorkError::TooMany { of: "maps", limit: MAPS_MAX });
+    }
+    let example = work.catalogue.example(wanted.example)?;
+    let (of, count, segment) = ("the example", example.segments.len(), wanted.example_segment);
+    if segment as usize >= count {
+        return Err(WorkError::NoSuchSegment { of, count, segment });
+    }
+    let query = live.encoded(wanted.segment).await?;
+    let estimate = work.engine.memory_estimate(example.bytes);
+    let job = work.pool.admit(live.caller.user, estimate, Some(REQUEST_TIME_MAX))?;
+    let encoding = Arc::new(query.encoding.clone());
+    let candidate = registered(work, &job, live, &wanted, &encoding).await?;
+    let register_ms = ms_since(start);
+    let example_side = example_side(work, &job, &example, segment).await?;
+    let query_side = Side { model: Arc::clone(&live.model), segment: wanted.segment, encoded: query };
+    let (from, sides) = (Arc::clone(&candidate.registration), (example_side, query_side));
+    let (engine, (one, two)) = (Arc::clone(&work.engine), sides.clone());
+    let mapped = work.pool.run(&job, Lane::Edit, move |stop| engine.map(&from, &one, &two, stop)).await??;
+    let id = MapId::generate();
+    let timings = MapTimings { register_ms, map_ms: ms_since(start) - register_ms, total_ms: ms_since(start) };
+    let summary = summary(live, id, wanted.segment, (wanted.example, segment), 1, &mapped, timings);
+    let map = Arc::new(LiveMap {
+        id,
+        segment: wanted.segment,
+        example: sides.0,
+        query: sides.1,
+        example_id: wanted.example,
+        edits: tokio::sync::Mutex::default(),
+        newest: Mutex::new(Arc::new(MapState { mapped, summary })),
+    });
+    live.maps().insert(id, Arc::clone(&map));
+    Ok(map)
+}
+
+/// A map of a query.
+///
+/// # Errors
+/// [`WorkError::NoSuchMap`].
+pub fn get(live: &LiveQuery, id: MapId) -> Result<Arc<LiveMap>, WorkError> {
+    live.maps().get(&id).cloned().ok_or(WorkError::NoSuchMap(id))
+}
+
+/// Edits a map's constraints: all of the edit or nothing.
+///
+/// # Errors
+/// Refusals of the edit, of the pool and of the engine.
+pub async fn constrain(
+    work: &Arc<Work>,
+    live: &Arc<LiveQuery>,
+    id: MapId,
+    edit: ConstraintEdit,
+) -> Result<Arc<MapState>, WorkError> {
+    let start = Instant::now();
+    let map = get(live, id)?;
+    // One edit at a time: each builds on the one before.
+    let _turn = map.edits.lock().await;
+    let before = map.newest();
+    let added = edit.set.iter().filter(|c| c.id.is_none()).count();
+    if before.mapped.constraints.len().saturating_add(added) > CONSTRAINTS_MAX {
+        let found = before.mapped.constraints.len() + added;
+        return Err(WorkError::parameter("set", format!("to leave at most {CONSTRAINTS_MAX} constraints"), found));
+    }
+    let job = work.pool.admit(live.caller.user, 0, Some(REQUEST_TIME_MAX))?;
+    let (engine, this, from) = (Arc::clone(&work.engine), Arc::clone(&map), Arc::clone(&before));
+    let quantum = move |stop: &_| {
+        let (one, two) = (&this.example, &this.query);
+        let registration = engine.constrain(&from.mapped, &edit, one, two, stop)?;
+        engine.map(&registration, one, two, stop)
+    };
+    let mapped = work.pool.run(&job, Lane::Edit, quantum).await??;
+    let timings = MapTimings { register_ms: 0.0, map_ms: ms_since(start), total_ms: ms_since(start) };
+    let revision = before.summary.revision + 1;
+    let example = (map.example_id, map.example.segment);
+    let summary = summary(live, id, map.segment, example, revision, &mapped, timings);
+    Ok(map.put(MapState { mapped, summary }))
+}
+
+/// The candidate, registered at the query's full resolution; resumed if it was passed over.
+async fn registered(
+    work: &Arc<Work>,
+    job: &Job,
+    live: &Arc<LiveQuery>,
+    wanted: &NewMap,
+    query: &Arc<Encoding>,
+) -> Result<Candidate, WorkError> {
+    let is_wanted =
+        |c: &&Candidate| c.resident.example.id == wanted.example && c.resident.segment == wanted.example_segment;
+    let board = live.board();
+    let ranking = board.rankings.get(wanted.segment as usize).cloned().unwrap_or_default();
+    let mut candidate = match ranking.candidates.iter().find(is_wanted) {
+        Some(candidate) => candidate.clone(),
+        None => {
+            let (example, segment) = (wanted.example, wanted.example_segment);
+            let snapshot = work.catalogue.snapshot();
+            let resident = snapshot.segment(example, segment).ok_or(WorkError::NotEncodedYet { example, segment })?;
+            let (expected, found) = (query.facts.topology, resident.coarse.facts.topology);
+            if expected != found {
+                return Err(WorkError::TopologyDiffers { expected, found });
+            }
+            newcomer(work, job, Arc::clone(resident), Arc::clone(query)).await?
+        }
+    };
+    let missed: Vec<u32> =
+        levels_up_to(live.options.resolution).filter(|level| *level > candidate.registration.level).collect();
+    for level in &missed {
+        candidate = refined(work, job, Lane::Edit, candidate, Arc::clone(query), *level).await.1?;
+    }
+    // While the query goes on, its own schedule decides what stands in the ranking.
+    if !missed.is_empty() && live.is_final() {
+        let resumed = Candidate { state: EntryState::Done, ..candidate.clone() };
+        live.publish_resumed(wanted.segment as usize, resumed);
+    }
+    Ok(candidate)
+}
+
+async fn example_side(work: &Arc<Work>, job: &Job, example: &Example, segment: u32) -> Result<Side, WorkError> {
+    let model = ingest::model(work, job, Lane::Edit, example).await?;
+    let encoded = Arc::new(encode(work, job, Lane::Edit, &model, segment).await?);
+    Ok(Side { model, segment, encoded })
+}
+
+fn summary(
+    live: &LiveQuery,
+    id: MapId,
+    segment: u32,
+    (example, example_segment): (ExampleId, u32),
+    revision: u64,
+    mapped: &Mapped,
+    timings: MapTimings,
+) -> Map {
+    Map {
+        id,
+        query: live.id,
+        segment,
+        example,
+        example_segment,
+        revision,
+        flip: mapped.registration.flip,
+        shift_u: mapped.registration.shift_u,
+        energy: mapped.registration.energy,
+        resolution: mapped.registration.level,
+        constraints: mapped.constraints.clone(),
+        vertices: mapped.mesh.positions.len() as u64,
+        faces: mapped.mesh.faces.len() as u64,
+        folds: mapped.folds,
+        distance_max: mapped.distance_max,
+        distortion: mapped.distortion.clone(),
+        verdict: mapped.verdict,
+        reasons: mapped.reasons.clone(),
+        timings,
+    }
+}

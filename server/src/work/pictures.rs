@@ -1,0 +1,78 @@
+//! Pictures as PNG files: thumbnails of examples, previews of maps, encodings.
+
+use super::picture::{SIDE_MAX, SIDE_MIN, View, encoding_picture, render};
+use super::{Caller, REQUEST_TIME_MAX, Work, WorkError, ingest};
+use crate::pool::{Lane, User};
+use bytes::Bytes;
+use quadmuse_kernel::mesh::PolyMesh;
+use quadmuse_proto::ExampleId;
+use quadmuse_proto::query::LEVELS;
+use std::sync::Arc;
+
+/// Side of a picture when the caller names none, in pixels.
+pub const SIZE_DEFAULT: u32 = 256;
+
+/// Side that an encoding's picture is enlarged to, in pixels.
+const ENCODING_SIDE: u32 = 512;
+
+/// An example, shaded, with its quads.
+///
+/// # Errors
+/// What is not there, the size, refusals of the pool.
+pub async fn thumbnail(work: &Arc<Work>, caller: Caller, id: ExampleId, size: u32) -> Result<Bytes, WorkError> {
+    let size = checked(size)?;
+    let example = work.catalogue.example(id)?;
+    let job = work.pool.admit(caller.user, work.engine.memory_estimate(example.bytes), Some(REQUEST_TIME_MAX))?;
+    let model = ingest::model(work, &job, Lane::Edit, &example).await?;
+    let draw = move |_: &_| render(&model.mesh, &View::guess(&model.mesh), size).to_png();
+    Ok(work.pool.run(&job, Lane::Edit, draw).await?.into())
+}
+
+/// A mesh, shaded, with its quads.
+///
+/// # Errors
+/// The size, refusals of the pool.
+pub async fn preview(work: &Arc<Work>, user: User, mesh: &Arc<PolyMesh>, size: u32) -> Result<Bytes, WorkError> {
+    let size = checked(size)?;
+    let job = work.pool.admit(user, 0, Some(REQUEST_TIME_MAX))?;
+    let mesh = Arc::clone(mesh);
+    let draw = move |_: &_| render(&mesh, &View::guess(&mesh), size).to_png();
+    Ok(work.pool.run(&job, Lane::Edit, draw).await?.into())
+}
+
+/// λ of a segment at a level, with its features.
+///
+/// # Errors
+/// What is not there, the level, refusals of the pool.
+pub async fn encoding(
+    work: &Arc<Work>,
+    caller: Caller,
+    id: ExampleId,
+    segment: u32,
+    level: u32,
+) -> Result<Bytes, WorkError> {
+    if !LEVELS.contains(&level) {
+        return Err(WorkError::parameter("level", "one of 32, 64, 128, 256, 512", level));
+    }
+    let example = work.catalogue.example(id)?;
+    let (of, count) = ("the example", example.segments.len());
+    if segment as usize >= count {
+        return Err(WorkError::NoSuchSegment { of, count, segment });
+    }
+    let job = work.pool.admit(caller.user, 0, Some(REQUEST_TIME_MAX))?;
+    let this = Arc::clone(work);
+    let draw = move |_: &_| -> Result<Bytes, WorkError> {
+        let packed = this.corpus.encoding(id, segment, level)?;
+        let pixels = packed.levels.iter().find(|(side, _)| *side == level).map_or(&[][..], |(_, pixels)| pixels);
+        let picture = encoding_picture(pixels, level as usize, &packed.features, ENCODING_SIDE / level);
+        Ok(picture.to_png().into())
+    };
+    work.pool.run(&job, Lane::Edit, draw).await?
+}
+
+fn checked(size: u32) -> Result<u32, WorkError> {
+    if (SIDE_MIN..=SIDE_MAX).contains(&size) {
+        return Ok(size);
+    }
+    Err(WorkError::parameter("size", format!("from {SIDE_MIN} to {SIDE_MAX}"), size))
+}

@@ -1,0 +1,184 @@
+//! Candidates, their order, and which of them go on: plain functions, no clock and no threads.
+//!
+//! *Source:* paper §5.2 and Eq. 8; METHOD §6. *Ours, not the paper's:* scores of different levels can't be compared,
+//! so a candidate that is passed over keeps its place below all that went on: its score is lifted with all others that
+//! were passed over, by the same amount, until the best of them is not better than the worst that went on.
+
+use super::catalogue::{LEVEL_COARSEST, Resident};
+use super::engine::Registration;
+use quadmuse_proto::query::LEVELS;
+use quadmuse_proto::{Entry, EntryState};
+use std::cmp::Ordering;
+use std::sync::Arc;
+
+/// A corpus segment while it is ranked.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// The corpus segment.
+    pub resident: Arc<Resident>,
+    /// Its registration, at the finest level it has reached.
+    pub registration: Arc<Registration>,
+    /// E′, lifted where it was passed over.
+    pub score: f64,
+    /// Whether it goes on.
+    pub state: EntryState,
+}
+
+/// The levels to rank at, coarsest first, up to `resolution`.
+pub fn levels_up_to(resolution: u32) -> impl Iterator<Item = u32> {
+    LEVELS.into_iter().filter(move |level| *level <= resolution)
+}
+
+/// How many of `count` candidates go on to `level`: half at each level, never fewer than `top`.
+pub fn survivors(count: usize, top: usize, level: u32) -> usize {
+    let halvings = (level / LEVEL_COARSEST).max(1).ilog2();
+    count.div_ceil(1 << halvings).max(top).min(count)
+}
+
+/// How many of `count` candidates are registered at `level`, of which `resolution` is the last: there only `top`.
+pub fn registered_at(count: usize, top: usize, level: u32, resolution: u32) -> usize {
+    match level == resolution && level != LEVEL_COARSEST {
+        true => top.min(count),
+        false => survivors(count, top, level),
+    }
+}
+
+fn by_score(a: &Candidate, b: &Candidate) -> Ordering {
+    a.score.total_cmp(&b.score).then_with(|| a.resident.tie_break().cmp(&b.resident.tie_break()))
+}
+
+/// Puts candidates in order after a level: those that were registered at it (the first `fresh`) before those that were
+/// passed over (the rest, which are in order already).
+pub fn order(candidates: &mut [Candidate], fresh: usize) {
+    let (went_on, passed_over) = candidates.split_at_mut(fresh.min(candidates.len()));
+    went_on.sort_by(by_score);
+    if let (Some(worst), Some(best)) = (went_on.last(), passed_over.first()) {
+        let lift = (worst.score - best.score).max(0.0);
+        passed_over.iter_mut().for_each(|candidate| candidate.score += lift);
+    }
+}
+
+/// Marks which candidates go on: the first `next` do (`None`: the last level is ranked, and those at it are done).
+pub fn mark(candidates: &mut [Candidate], level: u32, next: Option<usize>) {
+    for (place, candidate) in candidates.iter_mut().enumerate() {
+        candidate.state = match next {
+            Some(next) if place < next => EntryState::Refining,
+            None if candidate.registration.level == level => EntryState::Done,
+            _ => EntryState::Locked,
+        };
+    }
+}
+
+/// Puts a candidate that was resumed into its place among those of its level.
+pub fn resume(candidates: &mut Vec<Candidate>, resumed: Candidate) {
+    let same = |c: &Candidate| {
+        c.resident.example.id == resumed.resident.example.id && c.resident.segment == resumed.resident.segment
+    };
+    candidates.retain(|c| !same(c));
+    let level = resumed.registration.level;
+    candidates.push(resumed);
+    candidates.sort_by_key(|c| c.registration.level != level);
+    let fresh = candidates.partition_point(|c| c.registration.level == level);
+    order(candidates, fresh);
+}
+
+/// The first `limit` candidates as they go over the wire.
+pub fn entries(candidates: &[Candidate], limit: usize) -> Vec<Entry> {
+    let describe = |(place, c): (usize, &Candidate)| Entry {
+        rank: place as u32 + 1,
+        example: c.resident.example.id,
+        example_segment: c.resident.segment,
+        name: c.resident.example.name.clone(),
+        score: c.score,
+        energy: c.registration.energy,
+        k: c.resident.coarse.facts.k,
+        relevance: c.resident.example.relevance,
+        flip: c.registration.flip,
+        shift_u: c.registration.shift_u,
+        resolution: c.registration.level,
+        state: c.state,
+        similar_to: None,
+        template: c.resident.example.template.clone(),
+    };
+    candidates.iter().take(limit).enumerate().map(describe).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::work::engine::{Encoding, Opaque, SegmentFacts};
+    use quadmuse_proto::{Example, ExampleId, Flip, MeshCounts, Topology};
+
+    fn candidate(hash: &str, score: f64) -> Candidate {
+        let example = Example {
+            id: ExampleId::generate(),
+            name: String::new(),
+            tags: Vec::new(),
+            relevance: 3.0,
+            hash: hash.into(),
+            format: "obj".into(),
+            bytes: 0,
+            counts: MeshCounts::default(),
+            segments: Vec::new(),
+            repairs: Vec::new(),
+            created: String::new(),
+            template: None,
+        };
+        let facts = SegmentFacts { topology: Topology::Disc, k: 1.0, faces: 0, features: 0 };
+        let coarse = Arc::new(Encoding { facts, inner: Opaque::new(()) });
+        let registration =
+            Registration { level: 32, energy: score, flip: Flip::default(), shift_u: 0.0, inner: Opaque::new(()) };
+        Candidate {
+            resident: Arc::new(Resident { example: Arc::new(example), segment: 0, coarse }),
+            registration: Arc::new(registration),
+            score,
+            state: EntryState::Refining,
+        }
+    }
+
+    fn hashes(candidates: &[Candidate]) -> String {
+        candidates.iter().map(|c| c.resident.example.hash.as_str()).collect()
+    }
+
+    #[test]
+    fn half_goes_on_at_each_level_and_never_fewer_than_top() {
+        assert_eq!([32, 64, 128, 256, 512].map(|level| survivors(100, 4, level)), [100, 50, 25, 13, 7]);
+        assert_eq!([32, 64, 128, 256, 512].map(|level| survivors(10, 4, level)), [10, 5, 4, 4, 4]);
+        assert_eq!([32, 64, 128].map(|level| survivors(2, 4, level)), [2, 2, 2]);
+        assert_eq!([32, 64, 128].map(|level| registered_at(100, 4, level, 128)), [100, 50, 4]);
+        assert_eq!(registered_at(100, 4, 32, 32), 100);
+    }
+
+    #[test]
+    fn equal_scores_are_ordered_by_content() {
+        let mut all = vec![candidate("b", 1.0), candidate("a", 1.0), candidate("c", 0.5)];
+        order(&mut all, 3);
+        assert_eq!(hashes(&all), "cab");
+    }
+
+    #[test]
+    fn scores_increase_and_what_was_passed_over_stays_below_in_its_order() {
+        let mut all = vec![candidate("a", 1.0), candidate("b", 2.0), candidate("c", 2.5), candidate("d", 3.0)];
+        all[0].score = 5.0;
+        all[1].score = 4.0;
+        order(&mut all, 2);
+        assert_eq!(hashes(&all), "bacd");
+        let scores: Vec<f64> = all.iter().map(|c| c.score).collect();
+        assert_eq!(scores, [4.0, 5.0, 5.0, 5.5]);
+    }
+
+    #[test]
+    fn a_resumed_candidate_takes_its_place_among_those_that_are_done() {
+        let mut all = vec![candidate("a", 1.0), candidate("b", 2.0), candidate("c", 2.5), candidate("d", 3.0)];
+        for c in &mut all[..2] {
+            let mut fine = (*c.registration).clone();
+            fine.level = 128;
+            c.registration = Arc::new(fine);
+        }
+        let mut resumed = all[3].clone();
+        resumed.registration = Arc::clone(&all[0].registration);
+        resumed.score = 1.5;
+        resume(&mut all, resumed);
+        assert_eq!(hashes(&all), "adbc");
+    }
+}

@@ -1,0 +1,56 @@
+//! Derived state is rebuilt in the background: encodings that are missing, damaged or of an older encoder.
+//!
+//! The old encoding of an example, where there is one, is ranked until its new one is stored.
+
+use super::engine::Packed;
+use super::{Work, WorkError, ingest};
+use crate::pool::{Lane, User};
+use quadmuse_proto::ExampleId;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio_util::sync::CancellationToken;
+
+/// Pause between looks for stale encodings, and after a failure.
+const PAUSE: Duration = Duration::from_secs(30);
+
+/// Time to encode one example again.
+const TIME_MAX: Duration = Duration::from_secs(600);
+
+/// The turn that background work takes in the pool.
+const BACKGROUND: User = User(u64::MAX);
+
+/// Rebuilds what is stale until `stopping`; never returns before.
+pub async fn run(work: Arc<Work>, stopping: CancellationToken) {
+    while stopping.run_until_cancelled(round(&work)).await.is_some() {
+        if stopping.run_until_cancelled(tokio::time::sleep(PAUSE)).await.is_none() {
+            return;
+        }
+    }
+}
+
+/// One look over the corpus; an example that fails is logged and left for the next.
+pub async fn round(work: &Arc<Work>) {
+    let Ok(stale) = work.blocking(|work| Ok(work.corpus.stale(work.engine.version()))).await else { return };
+    for (example, segment) in stale {
+        match rebuild(work, example, segment).await {
+            Ok(()) => tracing::info!(%example, segment, "encoded again"),
+            Err(error) => tracing::warn!(%example, segment, %error, "not encoded again"),
+        }
+    }
+}
+
+async fn rebuild(work: &Arc<Work>, id: ExampleId, segment: u32) -> Result<(), WorkError> {
+    let example = work.catalogue.example(id)?;
+    let estimate = work.engine.memory_estimate(example.bytes);
+    let job = work.pool.admit(BACKGROUND, estimate, Some(TIME_MAX))?;
+    let model = ingest::model(work, &job, Lane::Ingest, &example).await?;
+    let engine = Arc::clone(&work.engine);
+    let pack = move |stop: &_| engine.encode(&model, segment, stop).and_then(|e| engine.pack(&e.encoding));
+    let packed: Packed = work.pool.run(&job, Lane::Ingest, pack).await??;
+    work.blocking(move |work| {
+        work.corpus.put_encoding(id, segment, &packed, work.engine.version())?;
+        work.catalogue.refresh(&example);
+        Ok(())
+    })
+    .await
+}
