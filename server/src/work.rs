@@ -1,0 +1,3 @@
+//! What the server does, free of HTTP.
+
+pub mod picture;
