@@ -31,5 +31,12 @@ pub fn corpus() -> Vec<Sample> {
             attributes: Attributes { groups: Some(FaceLabels { names: cage.groups.clone(), of_face: cage.group_of.clone() }), ..Attributes::default() },
         },
     };
-    vec![finish("head_man", head::human::Human::default().build(1))]
+    let cat = head::beast::Beast { snout: 0.16, narrow: 1.9, droop: 0.0, stop: 0.2, eye: [0.40, 0.20, 0.165, 0.13], pad: 0.8, cheek: 1.0, ear: [0.62, 0.30, 0.35], point: 1.0, askew: 0.01 };
+    let fox = head::beast::Beast { snout: 0.85, narrow: 3.4, droop: 0.12, stop: 0.0, eye: [0.42, 0.24, 0.135, 0.085], pad: 1.0, cheek: 1.1, ear: [0.78, 0.27, 0.30], point: 1.0, askew: 0.01 };
+    let bear = head::beast::Beast { snout: 0.42, narrow: 3.0, droop: 0.10, stop: 1.5, eye: [0.36, 0.22, 0.10, 0.085], pad: 1.6, cheek: 1.5, ear: [0.40, 0.29, 0.75], point: 0.1, askew: 0.01 };
+    let h = head::human::Human { jaw: 1.04, nose: [0.29, 1.05, 0.1], hump: 0.02, brow: 1.5, neck: 1.08, cheek: 0.9, ..Default::default() };
+    let child = head::human::Human { wide: 1.04, jaw: 0.86, chin: 0.5, face: 0.80, nose: [0.19, 0.95, -0.6], hump: 0.0, brow: 0.2, eye: [0.185, 0.105], slant: 0.0, mouth: [0.215, 1.1], cheek: 1.6, neck: 0.72, ear: [0.92, 1.15], point: 0.0, askew: 0.01 };
+    let woman = head::human::Human { wide: 0.95, jaw: 0.76, chin: 0.7, face: 0.94, nose: [0.215, 0.80, -0.4], hump: -0.015, brow: 0.2, eye: [0.182, 0.098], slant: 0.03, mouth: [0.235, 1.4], cheek: 1.25, neck: 0.72, ear: [0.85, 0.7], point: 0.0, askew: 0.01 };
+    let goblin = head::human::Human { wide: 1.06, jaw: 0.90, chin: 1.9, face: 1.04, nose: [0.43, 1.45, 1.2], hump: 0.07, brow: 2.2, eye: [0.175, 0.08], slant: 0.06, mouth: [0.36, 0.8], cheek: 1.7, neck: 0.85, ear: [1.05, 1.6], point: 1.1, askew: 0.02 };
+    vec![finish("head_man", h.build(1)), finish("head_woman", woman.build(1)), finish("head_child", child.build(1)), finish("head_goblin", goblin.build(1)), finish("head_cat", cat.build(1)), finish("head_fox", fox.build(1)), finish("head_bear", bear.build(1))]
 }

@@ -4,6 +4,8 @@
 //! height t. [`peg`] turns the peg into a skull by sections, [`human`] and [`beast`] lay the quads on it and sculpt
 //! the features.
 
+pub(super) mod beast;
+mod eyes;
 pub(super) mod human;
 mod loops;
 mod peg;

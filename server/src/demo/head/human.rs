@@ -2,7 +2,8 @@
 
 use super::super::brush::{bump, step};
 use super::super::cage::{Cage, Face};
-use super::loops::{Feature, Oval, relax};
+use super::eyes::Eyes;
+use super::loops::{Feature, Oval, Sheet, relax};
 use super::peg::{Peg, Section};
 use quadmuse_kernel::mesh::Vec3;
 use std::f64::consts::TAU;
@@ -96,14 +97,10 @@ const EAR: [EarRing; 7] = [
 ];
 
 impl Human {
-    fn eye_centre(&self) -> [f64; 2] {
-        [0.335 * self.wide, 0.11]
-    }
-
-    fn eye_oval(&self, side: f64) -> Oval {
-        let [x, y] = self.eye_centre();
+    fn eyes(&self) -> Eyes {
         let [wide, high] = self.eye;
-        Oval { centre: [side * x, y], wide, up: high * 1.08, down: high * 0.86, almond: 1.25 }
+        let centre = [0.335 * self.wide, 0.11];
+        Eyes { centre, wide, high, slant: self.slant, socket: 0.115, lid: 0.085, ball: 0.095, almond: 1.25 }
     }
 
     /// y of a point of the face that lies at `y` in an adult: below the eyes the face is scaled.
@@ -152,6 +149,7 @@ impl Human {
                 side: [r[2] * self.wide, self.low(r[3]), r[4]],
                 back: [self.low(r[5]), r[6]],
                 exponent: r[7],
+                snout: r[7],
             })
             .collect();
         Peg::new(&sections, DOME)
@@ -179,7 +177,7 @@ impl Human {
         for side in [1.0, -1.0] {
             let (columns, group) = if side > 0.0 { (1..3, "eye_l") } else { (-3..-1, "eye_r") };
             let region = block(13..15, columns);
-            pinned.extend(self.eye_rings(&mut cage, peg, region, side, group));
+            pinned.extend(self.eyes().lay(&mut cage, peg, region, side, group));
         }
         pinned.extend(self.mouth_rings(&mut cage, peg, block(7..9, -2..2)));
         relax(&mut cage, peg, &pinned, 3);
@@ -190,29 +188,17 @@ impl Human {
         cage
     }
 
-    fn eye_rings(&self, cage: &mut Cage, peg: &Peg, region: Vec<Face>, side: f64, group: &str) -> Vec<u32> {
-        let eye = self.eye_oval(side);
-        let mut feature = Feature::on(cage, peg, region, &eye.grown(1.36, 2.3));
-        feature.ring(cage, peg, &eye.grown(1.2, 1.7), "face");
-        feature.ring(cage, peg, &eye.grown(1.08, 1.28), group);
-        feature.ring(cage, peg, &eye, group);
-        feature.ring(cage, peg, &eye.grown(0.92, 0.86), group);
-        feature.ring(cage, peg, &Oval { almond: 1.1, ..eye.grown(0.52, 0.6) }, group);
-        cage.name(&feature.region, group);
-        feature.inside(cage, peg, |_, _| eye.centre);
-        feature.pinned
-    }
-
     fn mouth_rings(&self, cage: &mut Cage, peg: &Peg, region: Vec<Face>) -> Vec<u32> {
         let mouth = self.mouth_oval();
-        let mut feature = Feature::on(cage, peg, region, &mouth.grown(1.38, 2.25));
-        feature.ring(cage, peg, &mouth.grown(1.16, 1.45), "face");
-        feature.ring(cage, peg, &mouth, "mouth");
-        feature.ring(cage, peg, &mouth.grown(0.95, 0.62), "mouth");
-        feature.ring(cage, peg, &Oval { almond: 1.1, ..mouth.grown(0.88, 0.18) }, "mouth");
+        let sheet = Sheet::Front(peg);
+        let mut feature = Feature::on(cage, sheet, region, &mouth.grown(1.38, 2.25));
+        feature.ring(cage, sheet, &mouth.grown(1.16, 1.45), "face");
+        feature.ring(cage, sheet, &mouth, "mouth");
+        feature.ring(cage, sheet, &mouth.grown(0.95, 0.62), "mouth");
+        feature.ring(cage, sheet, &Oval { almond: 1.1, ..mouth.grown(0.88, 0.18) }, "mouth");
         cage.name(&feature.region, "mouth");
         let (y, wide) = (self.mouth_y(), self.mouth[0]);
-        feature.inside(cage, peg, |_, p| [p.x.clamp(-0.13, 0.13).signum() * p.x.abs().min(0.45 * wide), y]);
+        feature.inside(cage, sheet, |[x, _]| [x.clamp(-0.45 * wide, 0.45 * wide), y]);
         feature.pinned
     }
 
@@ -223,7 +209,7 @@ impl Human {
             peg.skull(a, t)
         };
         let root = cage.vertices(region);
-        let centre = root.iter().map(|&v| place(cage, v)).sum::<Vec3>() / root.len() as f64;
+        let centre = root.iter().map(|&v| place(cage, v)).sum::<Vec3>() / root.len() as f64 + Vec3::new(0.0, 0.0, 0.05);
         let (size, off) = (self.ear[0], self.ear[1]);
         cage.name(region, group);
         for ring in EAR {
@@ -293,39 +279,24 @@ impl Human {
     fn relief(&self, p: &Vec3, azimuth: f64) -> Vec3 {
         let front = step(0.05, 0.45, azimuth.cos());
         let (x, y) = (p.x, p.y);
-        let z = self.eyes(x, y) + self.nose(x, y) + self.lips(x, y) + self.flesh(x, y);
+        let z = self.eyes().relief(x, y) + self.nose(x, y) + self.lips(x, y) + self.flesh(x, y);
         let tip = self.nose(x, y) / 0.3;
         Vec3::new(0.0, -0.05 * tip.max(0.0).powi(2) * self.nose[2], z) * front
-    }
-
-    fn eyes(&self, x: f64, y: f64) -> f64 {
-        let side = if x >= 0.0 { 1.0 } else { -1.0 };
-        let [ex, ey] = self.eye_centre();
-        let eye = self.eye_oval(side);
-        let y = y - self.slant * (x.abs() - ex) / self.eye[0];
-        let (dx, dy) = (x.abs() - ex, y - ey);
-        let socket = -0.115 * bump([dx, dy - 0.01], [0.25 * self.wide, 0.17]);
-        let inner = -0.05 * bump([x.abs() - 0.13, dy], [0.07, 0.10]);
-        let r = eye.radius(x, y);
-        let ball = (1.0 - 0.55 * (dx / eye.wide).powi(2) - 0.5 * (dy / 0.16).powi(2)).max(0.0).sqrt();
-        let lid = 0.085 * (1.0 - 0.45 * (dx / eye.wide).powi(2)) * step(1.75, 1.05, r);
-        let open = step(1.0, 0.86, r);
-        let crease = -0.028 * (-((r - 1.75) / 0.22).powi(2)).exp() * step(-0.02, 0.06, dy);
-        let iris = -0.012 * step(0.06, 0.03, dx.hypot(dy));
-        socket + inner + lid * (1.0 - open) + open * (0.095 * ball - 0.035 + iris) + crease
     }
 
     fn nose(&self, x: f64, y: f64) -> f64 {
         let [out, wide, hang] = self.nose;
         let (root, tip, base) = (0.20, self.low(-0.31) - 0.06 * hang, self.low(-0.43) - 0.05 * hang);
-        let s = ((root - y) / (root - tip)).clamp(0.0, 1.0);
-        let under = step(base - 0.01, base + 0.15, y);
+        // A soft minimum: the bridge runs out into the tip without a kink.
+        let s = ((root - y) / (root - tip)).clamp(0.0, 2.0);
+        let s = s - (s - 0.7).max(0.0).powi(2) * 0.8;
+        let under = step(base - 0.02, base + 0.17, y);
         let above = step(root + 0.16, root - 0.06, y);
         let height = 0.045 + (out - 0.045) * (1.2 * s - 0.2 * s * s) + self.hump * bump([y - 0.02, 0.0], [0.10, 1.0]);
         let width = (0.075 + 0.055 * s * s) * wide;
         let ridge = height * above * under * (-(x / width).abs().powf(2.4)).exp();
         let ball = 0.060 * bump([x, y - tip - 0.015], [0.095 * wide, 0.085]) * (out / 0.3);
-        let wing = 0.115 * bump([x.abs() - 0.135 * wide, y - (base + 0.085)], [0.06 * wide, 0.07]);
+        let wing = 0.105 * bump([x.abs() - 0.135 * wide, y - (base + 0.085)], [0.06 * wide, 0.07]);
         let nostril = -0.05 * bump([x.abs() - 0.07 * wide, y - (base + 0.025)], [0.04, 0.03]);
         ridge + ball + wing + nostril
     }

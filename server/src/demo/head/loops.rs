@@ -44,6 +44,35 @@ impl Oval {
     }
 }
 
+/// The plane that ovals are drawn in.
+#[derive(Clone, Copy)]
+pub(super) enum Sheet<'a> {
+    /// The front view: x and y of the skull.
+    Front(&'a Peg),
+    /// Azimuth (radians) and height on the peg, for what lies across a snout.
+    Chart(&'a Peg),
+}
+
+impl Sheet<'_> {
+    fn see(&self, base: &Vec3) -> [f64; 2] {
+        match self {
+            Self::Front(peg) => {
+                let [a, t] = peg.chart(base);
+                let p = peg.skull(a, t);
+                [p.x, p.y]
+            }
+            Self::Chart(peg) => peg.chart(base),
+        }
+    }
+
+    fn find(&self, [x, y]: [f64; 2]) -> Vec3 {
+        match self {
+            Self::Front(peg) => peg.find(x, y),
+            Self::Chart(peg) => peg.base(x, y),
+        }
+    }
+}
+
 /// A region of the face that becomes rings around a feature.
 pub(super) struct Feature {
     /// The faces inside the innermost ring so far.
@@ -56,12 +85,11 @@ pub(super) struct Feature {
 
 impl Feature {
     /// Lays the region's outline on `oval`: the corner nearest to angle 0 first, then evenly.
-    pub(super) fn on(cage: &mut Cage, peg: &Peg, region: Vec<Face>, oval: &Oval) -> Self {
+    pub(super) fn on(cage: &mut Cage, sheet: Sheet, region: Vec<Face>, oval: &Oval) -> Self {
         let rim = cage.outline(&region);
         let seen = |v: u32| {
-            let [a, t] = peg.chart(&cage.bases[v as usize]);
-            let p = peg.skull(a, t);
-            (p.y - oval.centre[1]).atan2(p.x - oval.centre[0]).rem_euclid(TAU)
+            let [x, y] = sheet.see(&cage.bases[v as usize]);
+            (y - oval.centre[1]).atan2(x - oval.centre[0]).rem_euclid(TAU)
         };
         let n = rim.len() as f64;
         // The mean turn between the seen angles and even ones, as a unit vector lest angles wrap.
@@ -73,41 +101,38 @@ impl Feature {
         let start = (s.atan2(c) * n / TAU).round() * TAU / n;
         let angles: Vec<f64> = (0..rim.len()).map(|k| start + TAU * k as f64 / n).collect();
         let mut feature = Self { region, pinned: Vec::new(), angles };
-        feature.lay(cage, peg, &rim, oval);
+        feature.lay(cage, sheet, &rim, oval);
         feature
     }
 
     /// Adds a ring whose inner loop lies on `oval`; returns its faces.
-    pub(super) fn ring(&mut self, cage: &mut Cage, peg: &Peg, oval: &Oval, group: &str) -> Vec<Face> {
+    pub(super) fn ring(&mut self, cage: &mut Cage, sheet: Sheet, oval: &Oval, group: &str) -> Vec<Face> {
         let outline = cage.outline(&self.region);
         let ring = cage.extrude(&self.region, group);
         debug_assert_eq!(outline.len(), ring.inner.len());
-        self.lay(cage, peg, &ring.inner, oval);
+        self.lay(cage, sheet, &ring.inner, oval);
         ring.faces
     }
 
-    fn lay(&mut self, cage: &mut Cage, peg: &Peg, rim: &[u32], oval: &Oval) {
+    fn lay(&mut self, cage: &mut Cage, sheet: Sheet, rim: &[u32], oval: &Oval) {
         for (&v, &angle) in rim.iter().zip(&self.angles) {
-            let [x, y] = oval.at(angle);
-            cage.bases[v as usize] = peg.find(x, y);
+            cage.bases[v as usize] = sheet.find(oval.at(angle));
         }
         self.pinned.extend(rim);
     }
 
-    /// Places the region's inner vertices by their mean place among the loop: `place` maps the front view.
-    pub(super) fn inside(&mut self, cage: &mut Cage, peg: &Peg, place: impl Fn(usize, Vec3) -> [f64; 2]) {
+    /// Places the region's inner vertices: `place` maps the sheet.
+    pub(super) fn inside(&mut self, cage: &mut Cage, sheet: Sheet, place: impl Fn([f64; 2]) -> [f64; 2]) {
         let rim = cage.outline(&self.region);
         let inner: Vec<u32> = cage.vertices(&self.region).into_iter().filter(|v| !rim.contains(v)).collect();
-        for (k, &v) in inner.iter().enumerate() {
-            let [a, t] = peg.chart(&cage.bases[v as usize]);
-            let [x, y] = place(k, peg.skull(a, t));
-            cage.bases[v as usize] = peg.find(x, y);
+        for &v in &inner {
+            cage.bases[v as usize] = sheet.find(place(sheet.see(&cage.bases[v as usize])));
         }
         self.pinned.extend(inner);
     }
 }
 
-/// Evens out the vertices that are not pinned, on the peg; `height` is the length of one unit of t in radians.
+/// Evens out the vertices that are not pinned, on the peg.
 pub(super) fn relax(cage: &mut Cage, peg: &Peg, pinned: &[u32], rounds: usize) {
     let n = cage.bases.len();
     let mut fixed = vec![false; n];

@@ -16,27 +16,29 @@ pub(super) struct Section {
     pub(super) back: [f64; 2],
     /// Exponent of the curve: 1 an ellipse, below boxier, above more pointed.
     pub(super) exponent: f64,
+    /// Exponent of the depth in front: above 1 a snout stands out of the curve.
+    pub(super) snout: f64,
 }
 
 impl Section {
-    fn numbers(&self) -> [f64; 8] {
+    fn numbers(&self) -> [f64; 9] {
         let (f, s, b) = (self.front, self.side, self.back);
-        [f[0], f[1], s[0], s[1], s[2], b[0], b[1], self.exponent]
+        [f[0], f[1], s[0], s[1], s[2], b[0], b[1], self.exponent, self.snout]
     }
 
     /// The section that stands across the apex: front and back exchanged.
     fn across(&self) -> Self {
         let [x, y, z] = self.side;
-        Self { front: self.back, side: [-x, y, z], back: self.front, exponent: self.exponent }
+        Self { front: self.back, side: [-x, y, z], back: self.front, ..*self }
     }
 }
 
 /// A skull over the peg: sections at t = 0, 1, 2 … from the neck to the apex.
 #[derive(Clone, Debug)]
 pub(super) struct Peg {
-    sections: Vec<[f64; 8]>,
-    below: [f64; 8],
-    above: [f64; 8],
+    sections: Vec<[f64; 9]>,
+    below: [f64; 9],
+    above: [f64; 9],
     /// Where the peg's tube ends and its dome begins.
     dome: f64,
 }
@@ -44,7 +46,7 @@ pub(super) struct Peg {
 impl Peg {
     /// A skull through `sections` whose peg has its dome from t = `dome` on.
     pub(super) fn new(sections: &[Section], dome: f64) -> Self {
-        let keys: Vec<[f64; 8]> = sections.iter().map(Section::numbers).collect();
+        let keys: Vec<[f64; 9]> = sections.iter().map(Section::numbers).collect();
         let below = std::array::from_fn(|i| 2.0 * keys[0][i] - keys[1][i]);
         let above = sections[sections.len() - 2].across().numbers();
         Self { sections: keys, below, above, dome }
@@ -79,9 +81,9 @@ impl Peg {
         let n = spline(&self.sections, self.below, self.above, t.clamp(0.0, self.apex()));
         let power = |x: f64| x.signum() * x.abs().powf(n[7]);
         let c = a.cos();
-        let (y, z) = if c >= 0.0 { (n[0], n[1]) } else { (n[5], n[6]) };
+        let (y, z, bend) = if c >= 0.0 { (n[0], n[1], n[8]) } else { (n[5], n[6], n[7]) };
         // c² for the height: front and back meet at the sides without a crease.
-        Vec3::new(n[2] * power(a.sin()), n[3] + (y - n[3]) * c * c, n[4] + (z - n[4]) * power(c.abs()))
+        Vec3::new(n[2] * power(a.sin()), n[3] + (y - n[3]) * c * c, n[4] + (z - n[4]) * c.abs().powf(bend))
     }
 
     /// The peg's point under the skull's front point with these x and y, by Newton's method from the nearest of a
@@ -118,7 +120,7 @@ pub(super) fn test_sections() -> Vec<Section> {
         .map(|k| {
             let rise = k as f64 / 7.0 * FRAC_PI_2;
             let (r, y) = (rise.cos(), rise.sin());
-            Section { front: [y, r], side: [r, y, 0.0], back: [y, -r], exponent: 1.0 }
+            Section { front: [y, r], side: [r, y, 0.0], back: [y, -r], exponent: 1.0, snout: 1.0 }
         })
         .collect()
 }
