@@ -7,8 +7,10 @@
 //! *Source:* E. Catmull, J. Clark, Recursively generated B-spline surfaces, 1978; boundary edges by the cubic B-spline
 //! rule.
 
+use super::loft::Hoop;
 use quadmuse_kernel::mesh::Vec3;
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 
 /// Index of a cage face.
 pub(super) type Face = usize;
@@ -142,6 +144,51 @@ impl Cage {
             .map(|k| self.face([outer[k], outer[(k + 1) % n], inner[(k + 1) % n], inner[k]], group))
             .collect();
         Ring { faces, inner }
+    }
+
+    /// Lays a region's outline on a hoop, evenly, turned so that its vertices move least in angle; the vertices inside
+    /// keep their place among them, drawn in to half.
+    pub(super) fn lay(&mut self, region: &[Face], hoop: &Hoop) {
+        let rim = self.outline(region);
+        let all = self.vertices(region);
+        let centre = self.centre(&rim);
+        let n = rim.len() as f64;
+        let (u, v) = (hoop.u.normalize(), hoop.v.normalize());
+        let seen = |p: &Vec3| [(p - centre).dot(&u), (p - centre).dot(&v)];
+        let (mut s, mut c, mut reach) = (0.0, 0.0, 1e-9);
+        for (k, &w) in rim.iter().enumerate() {
+            let [x, y] = seen(&self.bases[w as usize]);
+            let turn = y.atan2(x) - TAU * k as f64 / n;
+            (s, c, reach) = (s + turn.sin(), c + turn.cos(), f64::max(reach, x.hypot(y)));
+        }
+        let start = s.atan2(c);
+        for &w in all.iter().filter(|w| !rim.contains(w)) {
+            let [x, y] = seen(&self.bases[w as usize]).map(|d| d / reach * 0.5);
+            self.bases[w as usize] = hoop.centre + hoop.u * x + hoop.v * y;
+        }
+        for (k, &w) in rim.iter().enumerate() {
+            self.bases[w as usize] = hoop.at(start + TAU * k as f64 / n);
+        }
+    }
+
+    /// Extrudes a region along hoops, one ring of quads each.
+    pub(super) fn grow(&mut self, region: &[Face], hoops: &[Hoop], group: &str) {
+        self.name(region, group);
+        for hoop in hoops {
+            self.extrude(region, group);
+            self.lay(region, hoop);
+        }
+    }
+
+    /// Insets a region: each factor adds a ring, scaled about the region's centre, then moved by its step.
+    pub(super) fn inset(&mut self, region: &[Face], rings: &[(f64, Vec3)], group: &str) {
+        self.name(region, group);
+        for &(factor, step) in rings {
+            self.extrude(region, group);
+            let vertices = self.vertices(region);
+            let centre = self.centre(&vertices);
+            self.shift(&vertices, |p| centre + (p - centre) * factor + step);
+        }
     }
 
     /// Moves the base points of some vertices.

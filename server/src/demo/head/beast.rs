@@ -2,9 +2,10 @@
 
 use super::super::brush::{bump, step};
 use super::super::cage::{Cage, Face};
+use super::super::loft::Section;
 use super::eyes::Eyes;
 use super::loops::{Feature, Oval, Sheet, relax};
-use super::peg::{Peg, Section};
+use super::peg::Peg;
 use quadmuse_kernel::mesh::Vec3;
 use std::f64::consts::TAU;
 

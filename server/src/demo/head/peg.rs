@@ -1,44 +1,14 @@
 //! The peg that heads are drawn on, and the skull lofted over it.
 
-use super::super::brush::spline;
+use super::super::loft::{Loft, Section};
 use nalgebra::Matrix2;
 use quadmuse_kernel::mesh::Vec3;
 use std::f64::consts::FRAC_PI_2;
 
-/// One section of a skull: a closed curve through a front, two side and a back point; y is up, z forward.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Section {
-    /// y and z of the front point (x = 0).
-    pub(super) front: [f64; 2],
-    /// x, y and z of the left side's outermost point; the right one is its mirror image.
-    pub(super) side: [f64; 3],
-    /// y and z of the back point (x = 0).
-    pub(super) back: [f64; 2],
-    /// Exponent of the curve: 1 an ellipse, below boxier, above more pointed.
-    pub(super) exponent: f64,
-    /// Exponent of the depth in front: above 1 a snout stands out of the curve.
-    pub(super) snout: f64,
-}
-
-impl Section {
-    fn numbers(&self) -> [f64; 9] {
-        let (f, s, b) = (self.front, self.side, self.back);
-        [f[0], f[1], s[0], s[1], s[2], b[0], b[1], self.exponent, self.snout]
-    }
-
-    /// The section that stands across the apex: front and back exchanged.
-    fn across(&self) -> Self {
-        let [x, y, z] = self.side;
-        Self { front: self.back, side: [-x, y, z], back: self.front, ..*self }
-    }
-}
-
 /// A skull over the peg: sections at t = 0, 1, 2 … from the neck to the apex.
 #[derive(Clone, Debug)]
 pub(super) struct Peg {
-    sections: Vec<[f64; 9]>,
-    below: [f64; 9],
-    above: [f64; 9],
+    loft: Loft,
     /// Where the peg's tube ends and its dome begins.
     dome: f64,
 }
@@ -46,14 +16,11 @@ pub(super) struct Peg {
 impl Peg {
     /// A skull through `sections` whose peg has its dome from t = `dome` on.
     pub(super) fn new(sections: &[Section], dome: f64) -> Self {
-        let keys: Vec<[f64; 9]> = sections.iter().map(Section::numbers).collect();
-        let below = std::array::from_fn(|i| 2.0 * keys[0][i] - keys[1][i]);
-        let above = sections[sections.len() - 2].across().numbers();
-        Self { sections: keys, below, above, dome }
+        Self { loft: Loft::domed(sections), dome }
     }
 
     fn apex(&self) -> f64 {
-        (self.sections.len() - 1) as f64
+        self.loft.end()
     }
 
     /// The peg's point at azimuth `a` (radians) and height `t`.
@@ -78,12 +45,7 @@ impl Peg {
 
     /// The skull's point at azimuth `a` and height `t`.
     pub(super) fn skull(&self, a: f64, t: f64) -> Vec3 {
-        let n = spline(&self.sections, self.below, self.above, t.clamp(0.0, self.apex()));
-        let power = |x: f64| x.signum() * x.abs().powf(n[7]);
-        let c = a.cos();
-        let (y, z, bend) = if c >= 0.0 { (n[0], n[1], n[8]) } else { (n[5], n[6], n[7]) };
-        // c² for the height: front and back meet at the sides without a crease.
-        Vec3::new(n[2] * power(a.sin()), n[3] + (y - n[3]) * c * c, n[4] + (z - n[4]) * c.abs().powf(bend))
+        self.loft.at(a, t)
     }
 
     /// The peg's point under the skull's front point with these x and y, by Newton's method from the nearest of a
