@@ -4,6 +4,7 @@ use super::corpus::CorpusError;
 use super::engine::EngineError;
 use crate::pool::{PoolError, StopReason};
 use quadmuse_proto::{CompositionId, ExampleId, MapId, QueryId, Topology};
+use std::sync::Arc;
 
 /// Why something was not done.
 #[derive(Debug, thiserror::Error)]
@@ -38,7 +39,9 @@ pub enum WorkError {
         segment: u32,
     },
     /// No such query (never posted, or freed).
-    #[error("expected a query of this server, found none with the id {0}; it was removed, or made room for newer ones: post it again")]
+    #[error(
+        "expected a query of this server, found none with the id {0}; it was removed, or made room for newer ones: post it again"
+    )]
     NoSuchQuery(QueryId),
     /// No such map.
     #[error("expected a map of the query, found none with the id {0}")]
@@ -88,6 +91,9 @@ pub enum WorkError {
         /// How many there may be.
         limit: usize,
     },
+    /// Why a query ended, told to those who ask later.
+    #[error("{0}")]
+    Query(Arc<WorkError>),
     /// A task of ours ended without a result: a bug.
     #[error("a task ended without a result")]
     Lost,
