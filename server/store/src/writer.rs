@@ -50,7 +50,7 @@ impl Packed {
 }
 
 pub(crate) enum Work {
-    Add { record: Arc<ExampleRecord>, segments: Vec<Packed>, held: InFlight },
+    Add { record: Arc<ExampleRecord>, segments: Vec<(u32, Packed)>, held: InFlight },
     Annotate { id: ExampleId, patch: Patch },
     Remove { id: ExampleId },
     PutDerived { key: SegmentKey, packed: Packed },
@@ -220,7 +220,7 @@ impl Writer {
         }
     }
 
-    fn stage_add(&self, engine: &Engine, record: Arc<ExampleRecord>, segments: Vec<Packed>, held: InFlight) -> Result<(Staged, Done), Stop> {
+    fn stage_add(&self, engine: &Engine, record: Arc<ExampleRecord>, segments: Vec<(u32, Packed)>, held: InFlight) -> Result<(Staged, Done), Stop> {
         let mut stage = Staged { _held: Some(held), ..Staged::default() };
         let existing = self.shared.index().by_identity(record.identity).cloned();
         if let Some(existing) = existing {
@@ -228,7 +228,7 @@ impl Writer {
             stage.changes.push(Change::Healed(existing.id));
             return Ok((stage, Done::Added(Added::Exists(existing))));
         }
-        for (number, packed) in (0u32..).zip(segments) {
+        for (number, packed) in segments {
             let key = (record.id, number);
             engine.put_parts(key, packed.generation, &packed.parts)?;
             engine.put_pointer(key, &packed.pointer, None)?;
