@@ -412,6 +412,15 @@ impl Store {
         self.submit(Work::Compact).map(drop)
     }
 
+    /// Closes and reopens the index. Worth it after a large import: the first opening after one reads all that was written, and
+    /// this way it isn't the next start of the service that waits. Readers wait meanwhile.
+    ///
+    /// # Errors
+    /// [`StoreError::ReadOnly`], [`StoreError::Engine`].
+    pub fn reopen(&self) -> Result<(), StoreError> {
+        self.submit(Work::Reopen).map(drop)
+    }
+
     /// Counts and sizes.
     pub fn stats(&self) -> Stats {
         let shared = self.shared();
