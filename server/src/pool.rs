@@ -49,7 +49,9 @@ pub enum PoolError {
         retry_after: Duration,
     },
     /// The job alone would need more memory than the service may use.
-    #[error("expected a job of at most {limit} bytes of memory, found one of an estimated {estimate}; send a smaller mesh")]
+    #[error(
+        "expected a job of at most {limit} bytes of memory, found one of an estimated {estimate}; send a smaller mesh"
+    )]
     TooLarge {
         /// The estimate, in bytes.
         estimate: u64,

@@ -104,7 +104,7 @@ pub(super) fn leg(build: &Build) -> (Cage, Vec<Vec3>) {
         let below = 0.04 * blob(p, [0.0, -0.42, 0.33], [0.12, 0.14, 0.2]);
         let pit = 0.05 * blob(p, [0.0, -0.05, -0.38], [0.22, 0.20, 0.2]);
         let quad = 0.10 * m * blob(p, [0.05, 0.95, 0.50], [0.40, 0.55, 0.40]);
-        let calf_in = -0.14 * m * blob(p, [-0.20, -0.70 , -0.42 - 0.2 * b], [0.26, 0.42, 0.30]);
+        let calf_in = -0.14 * m * blob(p, [-0.20, -0.70, -0.42 - 0.2 * b], [0.26, 0.42, 0.30]);
         let calf_out = -0.10 * m * blob(p, [0.22, -0.62, -0.40 - 0.2 * b], [0.26, 0.38, 0.30]);
         let shin = 0.05 * blob(p, [-0.05, -1.05, 0.25 - 0.3 * b], [0.13, 0.60, 0.2]);
         let tear = -0.075 * m * blob(p, [-0.40, 0.36, 0.20], [0.25, 0.26, 0.3]);
@@ -125,7 +125,13 @@ pub(super) fn tentacle(curl: f64, suckers: usize) -> (Cage, Vec<Vec3>) {
             let radius = 0.52 - 0.40 * s.powf(0.85);
             let angle = curl * s * s;
             let reach = 1.35 - 0.62 * s;
-            [0.16 * (3.0 * s).sin(), 2.6 * s + 0.4 * s * angle.sin(), reach * (1.0 - angle.cos()), radius, radius * 0.92]
+            [
+                0.16 * (3.0 * s).sin(),
+                2.6 * s + 0.4 * s * angle.sin(),
+                reach * (1.0 - angle.cos()),
+                radius,
+                radius * 0.92,
+            ]
         })
         .collect();
     let ts: Vec<f64> = (0..count).map(|k| 12.0 * (k as f64 / (count - 1) as f64).powf(0.92)).collect();

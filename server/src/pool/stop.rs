@@ -12,7 +12,9 @@ pub enum StopReason {
     #[error("the computation was cancelled")]
     Cancelled,
     /// Its time was over.
-    #[error("expected the computation to end in its time, found it still running at its deadline; allow it more, or send a smaller mesh")]
+    #[error(
+        "expected the computation to end in its time, found it still running at its deadline; allow it more, or send a smaller mesh"
+    )]
     Deadline,
 }
 

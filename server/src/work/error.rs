@@ -38,7 +38,9 @@ pub enum WorkError {
         segment: u32,
     },
     /// No such query (never posted, or freed).
-    #[error("expected a query of this server, found none with the id {0}; it was removed, or made room for newer ones: post it again")]
+    #[error(
+        "expected a query of this server, found none with the id {0}; it was removed, or made room for newer ones: post it again"
+    )]
     NoSuchQuery(QueryId),
     /// No such map.
     #[error("expected a map of the query, found none with the id {0}")]

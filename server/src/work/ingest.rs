@@ -187,12 +187,7 @@ pub async fn model(work: &Arc<Work>, job: &Job, lane: Lane, example: &Example) -
 ///
 /// # Errors
 /// Refusals of the format and of the pool.
-pub async fn write(
-    work: &Arc<Work>,
-    job: &Job,
-    mesh: &Arc<PolyMesh>,
-    format: MeshFormat,
-) -> Result<Bytes, WorkError> {
+pub async fn write(work: &Arc<Work>, job: &Job, mesh: &Arc<PolyMesh>, format: MeshFormat) -> Result<Bytes, WorkError> {
     let (engine, mesh) = (Arc::clone(&work.engine), Arc::clone(mesh));
     Ok(work.pool.run(job, Lane::Edit, move |_| engine.write(&mesh, format)).await??.into())
 }

@@ -12,8 +12,8 @@ use super::{Caller, WorkError};
 use crate::pool::{Job, Stop};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::{
-    Begin, CompositionId, End, EndState, LevelTiming, MapId, Progress, Query, QueryId, QuerySegment,
-    QueryState, QueryTimings, Ranking,
+    Begin, CompositionId, End, EndState, LevelTiming, MapId, Progress, Query, QueryId, QuerySegment, QueryState,
+    QueryTimings, Ranking,
 };
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -228,7 +228,8 @@ impl LiveQuery {
         if !board.state.is_final() {
             timings.total_ms = self.elapsed_ms();
         }
-        let segments: Vec<QuerySegment> = (0..self.encoded.len()).filter_map(|s| self.describe_segment(s, &board)).collect();
+        let segments: Vec<QuerySegment> =
+            (0..self.encoded.len()).filter_map(|s| self.describe_segment(s, &board)).collect();
         let levels = levels_up_to(self.options.resolution).count() * self.encoded.len();
         let progress = Progress {
             segments_encoded: self.encoded.iter().filter(|slot| slot.get().is_some()).count() as u32,
@@ -276,8 +277,7 @@ impl LiveQuery {
     /// [`WorkError::NoSuchSegment`].
     pub fn ranking(&self, board: &Board, segment: u32, limit: usize) -> Result<Ranking, WorkError> {
         let (of, count) = ("the query", board.rankings.len());
-        let ranking =
-            board.rankings.get(segment as usize).ok_or(WorkError::NoSuchSegment { of, count, segment })?;
+        let ranking = board.rankings.get(segment as usize).ok_or(WorkError::NoSuchSegment { of, count, segment })?;
         Ok(Ranking {
             query: self.id,
             segment,

@@ -168,13 +168,19 @@ impl Writer {
     fn commit(&self, batch: Vec<Request>) {
         let engine = match self.shared.engine() {
             Ok(engine) => engine,
-            Err(_) => return batch.into_iter().for_each(|request| drop(request.reply.send(Err(self.shared.read_only())))),
+            Err(_) => {
+                return batch.into_iter().for_each(|request| drop(request.reply.send(Err(self.shared.read_only()))));
+            }
         };
         let mut staged = Vec::new();
         let mut replies = Vec::new();
         let mut failed = None;
         for request in batch {
-            let result = if failed.is_some() { Err(Stop::Refused(self.shared.read_only())) } else { self.stage(&engine, request.work) };
+            let result = if failed.is_some() {
+                Err(Stop::Refused(self.shared.read_only()))
+            } else {
+                self.stage(&engine, request.work)
+            };
             match result {
                 Ok((stage, done)) => {
                     staged.push(stage);
@@ -220,7 +226,13 @@ impl Writer {
         }
     }
 
-    fn stage_add(&self, engine: &Engine, record: Arc<ExampleRecord>, segments: Vec<Packed>, held: InFlight) -> Result<(Staged, Done), Stop> {
+    fn stage_add(
+        &self,
+        engine: &Engine,
+        record: Arc<ExampleRecord>,
+        segments: Vec<Packed>,
+        held: InFlight,
+    ) -> Result<(Staged, Done), Stop> {
         let mut stage = Staged { _held: Some(held), ..Staged::default() };
         let existing = self.shared.index().by_identity(record.identity).cloned();
         if let Some(existing) = existing {
@@ -271,7 +283,10 @@ impl Writer {
     }
 
     /// The record (`None` if it is damaged) and the pointers of an example.
-    fn known(&self, id: ExampleId) -> Result<(Option<Arc<ExampleRecord>>, Vec<(SegmentKey, Arc<Pointer>)>), StoreError> {
+    fn known(
+        &self,
+        id: ExampleId,
+    ) -> Result<(Option<Arc<ExampleRecord>>, Vec<(SegmentKey, Arc<Pointer>)>), StoreError> {
         let index = self.shared.index();
         let record = index.record(id).cloned();
         if record.is_none() && index.quarantine_reason(id).is_none() {
@@ -284,7 +299,12 @@ impl Writer {
         let former = {
             let index = self.shared.index();
             let record = index.record(key.0).ok_or(StoreError::NotFound { id: key.0 })?;
-            crate::record::at_most("the segment's number", "for this example", key.1 as usize + 1, record.segments.len())?;
+            crate::record::at_most(
+                "the segment's number",
+                "for this example",
+                key.1 as usize + 1,
+                record.segments.len(),
+            )?;
             index.pointer(key).cloned()
         };
         engine.put_parts(key, packed.generation, &packed.parts)?;
@@ -301,16 +321,26 @@ impl Writer {
             for stage in staged {
                 stage.ground_put.as_ref().map_or(Ok(()), |record| shared.ground.put(record))?;
                 // All revisions: a kill may have left an older one.
-                stage.ground_remove.map_or(Ok(()), |(id, revision)| (1..=revision).rev().take(2).try_for_each(|r| shared.ground.remove(id, r)))?;
+                stage.ground_remove.map_or(Ok(()), |(id, revision)| {
+                    (1..=revision).rev().take(2).try_for_each(|r| shared.ground.remove(id, r))
+                })?;
             }
             sync_dir(shared.ground.dir())
         };
         let durable = sync_dir(shared.objects.dir())
-            .and_then(|()| engine.commit().map_err(|failure| {
-                shared.failed(&failure);
-                shared.read_only()
-            }))
-            .and_then(|()| if staged.iter().any(|s| s.ground_put.is_some() || s.ground_remove.is_some()) { ground() } else { Ok(()) });
+            .and_then(|()| {
+                engine.commit().map_err(|failure| {
+                    shared.failed(&failure);
+                    shared.read_only()
+                })
+            })
+            .and_then(|()| {
+                if staged.iter().any(|s| s.ground_put.is_some() || s.ground_remove.is_some()) {
+                    ground()
+                } else {
+                    Ok(())
+                }
+            });
         durable.inspect_err(|error| shared.suspend(&error.to_string(), Damaged::No))
     }
 
