@@ -14,6 +14,8 @@
 //!
 //! Every call blocks; call from a thread that may wait.
 
+mod backup;
+mod check;
 mod codec;
 mod compact;
 mod derived;
@@ -29,6 +31,8 @@ mod shared;
 mod store;
 mod writer;
 
+pub use backup::BackupReport;
+pub use check::{CheckReport, Problem};
 pub use codec::LEVEL_SIDE_MAX;
 pub use derived::{
     ChartRecord, Coarse, DerivedSegment, FEATURES_MAX, Feature, Level, PART_BYTES_MAX, POLES_MAX, SIGNATURE_MAX,

@@ -1,8 +1,8 @@
 //! Opening: the index is opened or built anew, and brought into line with the ground files.
 //!
 //! An example is there if the index or a ground file says so, and whole if its objects are there. Writing makes the objects durable
-//! first, then the index, then the ground file; removal takes the row first, then the ground file, then the objects. So whatever a kill leaves is
-//! either whole (it comes back) or not (it is collected), and what the index silently lost comes back from the ground files.
+//! first, then the index, then the ground file; removal takes the ground file first, then the row, then the objects. So whatever a kill
+//! leaves is either whole (it comes back) or not (it is collected), and what the index silently lost comes back from the ground files.
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -163,7 +163,7 @@ impl Store {
         Ok((Store { handle: Arc::new(handle) }, report))
     }
 
-    fn shared(&self) -> &Arc<Shared> {
+    pub(crate) fn shared(&self) -> &Arc<Shared> {
         &self.handle.shared
     }
 
@@ -211,8 +211,8 @@ impl Store {
         if let Some(existing) = self.existing(record.identity) {
             return Ok(Added::Exists(existing));
         }
-        let packed = |derived| Ok(Packed::new(new.encoder_version, derived::pack(derived)?));
-        let segments = new.derived.iter().map(packed).collect::<Result<Vec<_>, StoreError>>()?;
+        let packed = |(number, derived)| Ok((number, Packed::new(new.encoder_version, derived::pack(derived)?)));
+        let segments = (0u32..).zip(new.derived).map(packed).collect::<Result<Vec<_>, StoreError>>()?;
         self.add_packed(record, new.mesh, labels.as_deref(), segments)
     }
 
@@ -221,19 +221,13 @@ impl Store {
         index.by_identity(identity).filter(|record| index.quarantine_reason(record.id).is_none()).cloned()
     }
 
-    /// Adds an example whose segments are packed already.
-    pub(crate) fn add_packed(
-        &self,
-        record: ExampleRecord,
-        mesh: &[u8],
-        labels: Option<&[u8]>,
-        segments: Vec<Packed>,
-    ) -> Result<Added, StoreError> {
+    /// Adds an example whose segments, each with its number, are packed already.
+    pub(crate) fn add_packed(&self, record: ExampleRecord, mesh: &[u8], labels: Option<&[u8]>, segments: Vec<(u32, Packed)>) -> Result<Added, StoreError> {
         let shared = self.shared();
         if shared.fault().is_some() {
             return Err(shared.read_only());
         }
-        let derived: u64 = segments.iter().map(|packed| packed.pointer.bytes()).sum();
+        let derived: u64 = segments.iter().map(|(_, packed)| packed.pointer.bytes()).sum();
         let needed = mesh.len() as u64 + labels.map_or(0, |labels| labels.len() as u64) + 2 * derived + OVERHEAD_BYTES;
         shared.check_space(needed)?;
         let held = shared.hold(record.objects().collect());
@@ -310,7 +304,7 @@ impl Store {
         self.object(id, record.content_hash)
     }
 
-    fn object(&self, id: ExampleId, hash: ContentHash) -> Result<Vec<u8>, StoreError> {
+    pub(crate) fn object(&self, id: ExampleId, hash: ContentHash) -> Result<Vec<u8>, StoreError> {
         self.shared().objects.get(hash)?.map_err(|reason| {
             // The example may have been removed since its record was read.
             if self.shared().index().record(id).is_none() {
@@ -443,6 +437,15 @@ impl Store {
         self.submit(Work::Compact).map(drop)
     }
 
+    /// Closes and reopens the index. Worth it after a large import: the first opening after one reads all that was written, and
+    /// this way it isn't the next start of the service that waits. Readers wait meanwhile.
+    ///
+    /// # Errors
+    /// [`StoreError::ReadOnly`], [`StoreError::Engine`].
+    pub fn reopen(&self) -> Result<(), StoreError> {
+        self.submit(Work::Reopen).map(drop)
+    }
+
     /// Counts and sizes.
     pub fn stats(&self) -> Stats {
         let shared = self.shared();
@@ -460,9 +463,6 @@ impl Store {
         }
     }
 
-    pub(crate) fn raw(&self) -> (&Arc<Shared>, Result<Arc<Engine>, StoreError>) {
-        (self.shared(), self.shared().engine())
-    }
 }
 
 /// Counts and sizes of a store.

@@ -1,7 +1,8 @@
 //! The one thread that writes: it commits what is waiting together, and mends the index after a failure.
 //!
 //! Order of a commit: objects' directory, rows and one sync of the index, ground files, their directory; only then the corpus in memory changes and
-//! the callers are answered. Order of a removal: rows, sync, ground file, directory, answer, objects.
+//! the callers are answered. Order of a removal: ground file, directory, rows, sync, answer, objects: killed in between, the example is
+//! still whole in the index.
 
 use std::collections::HashSet;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
@@ -50,11 +51,12 @@ impl Packed {
 }
 
 pub(crate) enum Work {
-    Add { record: Arc<ExampleRecord>, segments: Vec<Packed>, held: InFlight },
+    Add { record: Arc<ExampleRecord>, segments: Vec<(u32, Packed)>, held: InFlight },
     Annotate { id: ExampleId, patch: Patch },
     Remove { id: ExampleId },
     PutDerived { key: SegmentKey, packed: Packed },
     Compact,
+    Reopen,
 }
 
 pub(crate) enum Done {
@@ -93,9 +95,15 @@ impl From<Failure> for Stop {
 struct Staged {
     changes: Vec<Change>,
     ground_put: Option<Arc<ExampleRecord>>,
-    ground_remove: Option<(ExampleId, u32)>,
     after: Vec<After>,
     _held: Option<InFlight>,
+}
+
+/// A caller whose rows are written, or failed to be.
+struct Waiting {
+    reply: SyncSender<Result<Done, StoreError>>,
+    removal: Option<ExampleId>,
+    done: Option<Done>,
 }
 
 /// Tidying that an answer needn't wait for.
@@ -121,7 +129,8 @@ impl Writer {
             let next = carried.take().map_or_else(|| self.requests.recv_timeout(TICK), Ok);
             match next {
                 Ok(request) if self.shared.fault().is_some() => self.serve_suspended(request),
-                Ok(Request { work: Work::Compact, reply }) => drop(reply.send(self.compact())),
+                Ok(Request { work: Work::Compact, reply }) => drop(reply.send(self.copy_index().and_then(|()| self.reopen_now()))),
+                Ok(Request { work: Work::Reopen, reply }) => drop(reply.send(self.reopen_now())),
                 Ok(first) => carried = self.serve(first),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
@@ -142,7 +151,7 @@ impl Writer {
         while batch.len() < BATCH_MAX
             && let Ok(request) = self.requests.try_recv()
         {
-            if matches!(request.work, Work::Compact) || !self.touch(&request.work, &mut touched) {
+            if matches!(request.work, Work::Compact | Work::Reopen) || !self.touch(&request.work, &mut touched) {
                 carried = Some(request);
                 break;
             }
@@ -161,50 +170,48 @@ impl Writer {
         touched.insert(match work {
             Work::Add { record, .. } => *record.identity.as_bytes(),
             Work::Annotate { id, .. } | Work::Remove { id } | Work::PutDerived { key: (id, _), .. } => example(*id),
-            Work::Compact => [0; 32],
+            Work::Compact | Work::Reopen => [0; 32],
         })
     }
 
     fn commit(&self, batch: Vec<Request>) {
-        let engine = match self.shared.engine() {
-            Ok(engine) => engine,
-            Err(_) => {
-                return batch.into_iter().for_each(|request| drop(request.reply.send(Err(self.shared.read_only()))));
-            }
-        };
         let mut staged = Vec::new();
-        let mut replies = Vec::new();
-        let mut failed = None;
-        for request in batch {
-            let result = if failed.is_some() {
-                Err(Stop::Refused(self.shared.read_only()))
-            } else {
-                self.stage(&engine, request.work)
-            };
-            match result {
-                Ok((stage, done)) => {
-                    staged.push(stage);
-                    replies.push((request.reply, done));
-                }
-                Err(Stop::Refused(error)) => drop(request.reply.send(Err(error))),
-                Err(Stop::Failed(failure)) => {
-                    self.shared.failed(&failure);
-                    drop(request.reply.send(Err(self.shared.read_only())));
-                    failed = Some(failure);
+        let mut waiting = Vec::new();
+        let result = self.shared.engine().and_then(|engine| {
+            for Request { work, reply } in batch {
+                let removal = if let Work::Remove { id } = work { Some(id) } else { None };
+                match self.stage(&engine, work) {
+                    Ok((stage, done)) => {
+                        staged.push(stage);
+                        waiting.push(Waiting { reply, removal, done: Some(done) });
+                    }
+                    Err(Stop::Refused(error)) => drop(reply.send(Err(error))),
+                    Err(Stop::Failed(failure)) => {
+                        self.shared.failed(&failure);
+                        waiting.push(Waiting { reply, removal, done: None });
+                    }
                 }
             }
-        }
-        let written = if failed.is_some() { Err(self.shared.read_only()) } else { self.make_durable(&engine, &staged) };
-        if written.is_err() {
-            return replies.into_iter().for_each(|(reply, _)| drop(reply.send(Err(self.shared.read_only()))));
-        }
+            if self.shared.fault().is_some() { Err(self.shared.read_only()) } else { self.make_durable(&engine, &staged).map(|()| engine) }
+        });
+        let Ok(engine) = result else {
+            return waiting.into_iter().for_each(|waiting| self.answer_failed(waiting));
+        };
         self.shared.publish(staged.iter_mut().flat_map(|stage| std::mem::take(&mut stage.changes)));
-        replies.into_iter().for_each(|(reply, done)| drop(reply.send(Ok(done))));
+        for Waiting { reply, done, .. } in waiting {
+            drop(reply.send(done.ok_or(StoreError::Closed)));
+        }
         for after in staged.into_iter().flat_map(|stage| stage.after) {
             if let Err(stop) = self.tidy(&engine, after) {
                 return self.note(&stop);
             }
         }
+    }
+
+    /// Answers a request of a batch that failed. A removal needs no index: it is done by files alone.
+    fn answer_failed(&self, waiting: Waiting) {
+        let result = waiting.removal.map_or_else(|| Err(self.shared.read_only()), |id| self.remove_files(id));
+        drop(waiting.reply.send(result.map(|()| Done::Unit)));
     }
 
     fn note(&self, stop: &Stop) {
@@ -222,17 +229,11 @@ impl Writer {
             Work::Annotate { id, patch } => self.stage_annotate(engine, id, &patch),
             Work::Remove { id } => self.stage_remove(engine, id),
             Work::PutDerived { key, packed } => self.stage_derived(engine, key, packed),
-            Work::Compact => Ok((Staged::default(), Done::Unit)),
+            Work::Compact | Work::Reopen => Ok((Staged::default(), Done::Unit)),
         }
     }
 
-    fn stage_add(
-        &self,
-        engine: &Engine,
-        record: Arc<ExampleRecord>,
-        segments: Vec<Packed>,
-        held: InFlight,
-    ) -> Result<(Staged, Done), Stop> {
+    fn stage_add(&self, engine: &Engine, record: Arc<ExampleRecord>, segments: Vec<(u32, Packed)>, held: InFlight) -> Result<(Staged, Done), Stop> {
         let mut stage = Staged { _held: Some(held), ..Staged::default() };
         let existing = self.shared.index().by_identity(record.identity).cloned();
         if let Some(existing) = existing {
@@ -240,7 +241,7 @@ impl Writer {
             stage.changes.push(Change::Healed(existing.id));
             return Ok((stage, Done::Added(Added::Exists(existing))));
         }
-        for (number, packed) in (0u32..).zip(segments) {
+        for (number, packed) in segments {
             let key = (record.id, number);
             engine.put_parts(key, packed.generation, &packed.parts)?;
             engine.put_pointer(key, &packed.pointer, None)?;
@@ -268,6 +269,10 @@ impl Writer {
 
     fn stage_remove(&self, engine: &Engine, id: ExampleId) -> Result<(Staged, Done), Stop> {
         let (record, pointers) = self.known(id)?;
+        if let Some(record) = &record {
+            self.shared.ground.remove(id, record.revision)?;
+            sync_dir(self.shared.ground.dir())?;
+        }
         engine.remove_row(id)?;
         let mut stage = Staged { changes: vec![Change::Removed(id)], ..Staged::default() };
         for (key, pointer) in pointers {
@@ -276,7 +281,6 @@ impl Writer {
         }
         stage.after.push(After::Bodies(id, None));
         if let Some(record) = record {
-            stage.ground_remove = Some((id, record.revision));
             stage.after.push(After::Objects(record.objects().collect()));
         }
         Ok((stage, Done::Unit))
@@ -317,30 +321,18 @@ impl Writer {
     /// Makes a batch durable; after an error here nothing is known of it.
     fn make_durable(&self, engine: &Engine, staged: &[Staged]) -> Result<(), StoreError> {
         let shared = &self.shared;
+        let records: Vec<_> = staged.iter().filter_map(|stage| stage.ground_put.as_deref()).collect();
         let ground = || {
-            for stage in staged {
-                stage.ground_put.as_ref().map_or(Ok(()), |record| shared.ground.put(record))?;
-                // All revisions: a kill may have left an older one.
-                stage.ground_remove.map_or(Ok(()), |(id, revision)| {
-                    (1..=revision).rev().take(2).try_for_each(|r| shared.ground.remove(id, r))
-                })?;
-            }
-            sync_dir(shared.ground.dir())
+            records.iter().try_for_each(|record| shared.ground.put(record))?;
+            if records.is_empty() { Ok(()) } else { sync_dir(shared.ground.dir()) }
         };
-        let durable = sync_dir(shared.objects.dir())
-            .and_then(|()| {
-                engine.commit().map_err(|failure| {
-                    shared.failed(&failure);
-                    shared.read_only()
-                })
+        let commit = || {
+            engine.commit().map_err(|failure| {
+                shared.failed(&failure);
+                shared.read_only()
             })
-            .and_then(|()| {
-                if staged.iter().any(|s| s.ground_put.is_some() || s.ground_remove.is_some()) {
-                    ground()
-                } else {
-                    Ok(())
-                }
-            });
+        };
+        let durable = sync_dir(shared.objects.dir()).and_then(|()| commit()).and_then(|()| ground());
         durable.inspect_err(|error| shared.suspend(&error.to_string(), Damaged::No))
     }
 
@@ -409,8 +401,7 @@ impl Writer {
         compact::copy(&self.shared, &engine)
     }
 
-    fn compact(&self) -> Result<Done, StoreError> {
-        self.copy_index()?;
+    fn reopen_now(&self) -> Result<Done, StoreError> {
         self.reopen().inspect_err(|error| self.shared.suspend(&error.to_string(), Damaged::No))?;
         Ok(Done::Unit)
     }

@@ -11,9 +11,10 @@ use quadmuse_store::{Added, DerivedSegment, Store, StoreError};
 
 #[path = "support/sample.rs"]
 mod sample;
-use sample::{Sample, options, random};
+use sample::{Sample, options, random, segment_of};
 
-const EXAMPLES: u64 = 12;
+/// Examples of the store; more of them fill several segments of the database.
+const EXAMPLES: &str = "QUADMUSE_DAMAGE_EXAMPLES";
 const FLIPS: &str = "QUADMUSE_DAMAGE_FLIPS";
 /// How long a store may take to write again by itself.
 const RESUME: Duration = Duration::from_secs(10);
@@ -21,15 +22,32 @@ const RESUME: Duration = Duration::from_secs(10);
 /// What each example must read as.
 type Truth = BTreeMap<ExampleId, (Sample, DerivedSegment)>;
 
+fn number(name: &str, default: u64) -> u64 {
+    std::env::var(name).ok().and_then(|number| number.parse().ok()).unwrap_or(default)
+}
+
+/// A store with some history: restarts, a removal, an encoding written twice.
 fn build(dir: &Path) -> Truth {
-    let (store, _) = Store::open(dir, &options()).unwrap();
     let mut truth = Truth::new();
-    for seed in 0..EXAMPLES {
-        let sample = Sample::new(seed);
-        let id = store.add(&sample.example()).unwrap().record().id;
-        truth.insert(id, (sample, store.derived(id, 0).unwrap()));
+    let examples = number(EXAMPLES, 12);
+    for seeds in [0..examples / 2, examples / 2..examples] {
+        let (store, _) = Store::open(dir, &options()).unwrap();
+        let extra = store.add(&Sample::new(10_000 + seeds.start).example()).unwrap().record().id;
+        add(&store, seeds, &mut truth);
+        store.remove(extra).unwrap();
     }
     truth
+}
+
+fn add(store: &Store, seeds: std::ops::Range<u64>, truth: &mut Truth) {
+    for seed in seeds {
+        let sample = if seed < 12 { Sample::new(seed) } else { Sample::with(seed, vec![segment_of(seed, &[32, 512], 3000)]) };
+        let id = store.add(&sample.example()).unwrap().record().id;
+        if seed % 5 == 0 {
+            store.put_derived(id, 0, 1, &sample.derived[0]).unwrap();
+        }
+        truth.insert(id, (sample, store.derived(id, 0).unwrap()));
+    }
 }
 
 fn copy(from: &Path, to: &Path) {
@@ -135,9 +153,8 @@ fn flipped_bytes_anywhere_are_noticed_and_mended() {
     let truth = build(whole.path());
     let mut names = Vec::new();
     files(whole.path(), &mut names);
-    let flips: u64 = std::env::var(FLIPS).ok().and_then(|flips| flips.parse().ok()).unwrap_or(40);
     let mut seen = Seen::default();
-    for flip in 0..flips {
+    for flip in 0..number(FLIPS, 40) {
         // Half of the flips in the database, the other half spread over the rest.
         let database = names.iter().position(|name| name.ends_with("index/db")).unwrap();
         let pick = if flip % 2 == 0 { database } else { (random(flip, 1) * names.len() as f64) as usize };
@@ -183,7 +200,7 @@ fn a_truncated_or_lost_index_is_built_anew() {
     mend(whole.path(), &truth, &mut seen, "no index");
     check_mended(whole.path(), &truth, "no index");
     println!("{seen:?}");
-    assert!(seen.records_restored >= EXAMPLES as usize);
+    assert!(seen.records_restored >= truth.len());
 }
 
 #[test]
