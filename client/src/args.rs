@@ -6,7 +6,7 @@ use crate::{
 };
 use clap::{Args, Parser, Subcommand};
 use quadmuse_proto::{ExampleId, MapId, QueryId, Topology, composition, example::RELEVANCE_RANGE, query};
-use std::path::PathBuf;
+use std::{ffi::OsString, path::PathBuf};
 
 /// The address when none is given.
 pub const SERVER_DEFAULT: &str = "http://127.0.0.1:7979";
@@ -27,6 +27,48 @@ pub struct Cli {
     /// What to do
     #[command(subcommand)]
     pub command: Command,
+}
+
+impl Cli {
+    /// Reads a command line, the program's name first.
+    ///
+    /// # Errors
+    /// What clap says to people, and the exit code it wants.
+    pub fn read(words: impl IntoIterator<Item = OsString>) -> Result<Self, clap::Error> {
+        Self::try_parse_from(edits_last(words.into_iter().collect()))
+    }
+}
+
+/// Puts a `--` before the words of `tag` that are no flags, so that `-TAG` isn't taken for one wherever it stands.
+fn edits_last(words: Vec<OsString>) -> Vec<OsString> {
+    let is_flag = |word: &OsString| word.to_string_lossy().starts_with("--") || word == "-h";
+    let takes_value = |word: &OsString| word == "--server" || word == "--token";
+    let (mut flags, mut others) = (Vec::new(), Vec::new());
+    let mut rest = words.into_iter();
+    flags.extend(rest.next());
+    let mut verb = None;
+    while let Some(word) = rest.next() {
+        if word == "--" && verb == Some(true) {
+            // One of these is enough.
+        } else if is_flag(&word) {
+            let value = takes_value(&word);
+            flags.push(word);
+            flags.extend(value.then(|| rest.next()).flatten());
+        } else if verb.is_none() {
+            verb = Some(word == "tag");
+            flags.push(word);
+        } else if verb == Some(true) {
+            others.push(word);
+        } else {
+            // Another verb: all stays as it is.
+            flags.push(word);
+        }
+    }
+    if !others.is_empty() {
+        flags.push("--".into());
+    }
+    flags.extend(others);
+    flags
 }
 
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 refused or failed, 2 wrong usage, 3 server out of reach.";
@@ -65,7 +107,7 @@ pub enum Command {
         #[arg(value_name = "ID")]
         id: ExampleId,
         /// `+TAG` adds, `-TAG` takes off; without any, the tags are shown
-        #[arg(value_name = "+T|-T", allow_hyphen_values = true)]
+        #[arg(value_name = "+T|-T")]
         edits: Vec<TagEdit>,
     },
     /// Rank the corpus against a mesh
@@ -269,7 +311,7 @@ mod tests {
     const ID: &str = "01ARZ3NDEKTSV4RRFFQ69G5FAV";
 
     fn parse(line: &str) -> Result<Cli, clap::Error> {
-        Cli::try_parse_from(line.replace("ID", ID).split_whitespace())
+        Cli::read(line.replace("ID", ID).split_whitespace().map(OsString::from))
     }
 
     #[test]
@@ -326,10 +368,17 @@ mod tests {
 
     #[test]
     fn a_tag_may_be_taken_off_although_it_looks_like_a_flag() {
-        let Command::Tag { edits, .. } = parse("quadmuse tag ID -wip +hero").expect("parses").command else {
-            panic!("another command")
-        };
-        assert_eq!(edits, [TagEdit::Remove("wip".into()), TagEdit::Add("hero".into())]);
+        for line in [
+            "quadmuse tag ID -wip +hero",
+            "quadmuse tag ID -wip --json +hero --server http://x",
+            "quadmuse --server tag tag ID -- -wip +hero",
+        ] {
+            let Command::Tag { edits, .. } = parse(line).expect(line).command else {
+                panic!("{line}: another command")
+            };
+            assert_eq!(edits, [TagEdit::Remove("wip".into()), TagEdit::Add("hero".into())]);
+        }
+        assert!(parse("quadmuse tag ID -wip --json").expect("parses").json);
     }
 
     #[test]

@@ -72,7 +72,7 @@ impl FromStr for TagEdit {
     type Err = SpecError;
 
     fn from_str(text: &str) -> Result<Self, SpecError> {
-        let expected = "+TAG or -TAG (flags stand before the id)";
+        let expected = "+TAG or -TAG";
         let (make, tag): (fn(String) -> Self, _) = match text.split_at_checked(1) {
             Some(("+", tag)) => (Self::Add, tag),
             Some(("-", tag)) if !tag.starts_with('-') => (Self::Remove, tag),
