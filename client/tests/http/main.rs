@@ -5,7 +5,6 @@ mod fake;
 mod messages;
 mod queries;
 
-use clap::Parser;
 use quadmuse_client::{
     args::Cli,
     carry_out,
@@ -57,8 +56,8 @@ impl Ran {
 
 /// Runs a command line (split at blanks) against a server.
 async fn run(server: &str, line: &str) -> Ran {
-    let words = ["quadmuse", "--server", server].into_iter().chain(line.split_whitespace());
-    let cli = Cli::try_parse_from(words).expect(line);
+    let words = ["quadmuse", "--server", server].into_iter().chain(line.split_whitespace()).map(Into::into);
+    let cli = Cli::read(words).expect(line);
     let audience = if cli.json { Audience::Programs } else { Audience::People };
     let (out, notes) = (Shared::default(), Shared::default());
     let mut ui = Ui::new(audience, None, out.clone(), notes.clone());
