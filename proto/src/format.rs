@@ -5,11 +5,12 @@ use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
 
 /// A mesh file format that the service reads and writes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum MeshFormat {
     /// Wavefront OBJ.
+    #[default]
     Obj,
     /// Stanford PLY, ascii or binary.
     Ply,

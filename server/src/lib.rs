@@ -1,7 +1,13 @@
-//! The long-running corpus search service of Quadmuse, as a library for its binary, its tests and its examples.
+//! The long-running corpus search service of Quadmuse, as a library for its binary and its tests.
 //!
 //! `http → work → {kernel, store}`: [`work`] never names HTTP, [`http`] never names the kernel or the store.
 
+pub mod app;
+pub mod auth;
+pub mod config;
 pub mod demo;
+pub mod http;
 pub mod pool;
+pub mod shutdown;
+pub mod telemetry;
 pub mod work;

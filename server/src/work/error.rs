@@ -4,6 +4,7 @@ use super::corpus::CorpusError;
 use super::engine::EngineError;
 use crate::pool::{PoolError, StopReason};
 use quadmuse_proto::{CompositionId, ExampleId, MapId, QueryId, Topology};
+use std::sync::Arc;
 
 /// Why something was not done.
 #[derive(Debug, thiserror::Error)]
@@ -90,6 +91,9 @@ pub enum WorkError {
         /// How many there may be.
         limit: usize,
     },
+    /// Why a query ended, told to those who ask later.
+    #[error("{0}")]
+    Query(Arc<WorkError>),
     /// A task of ours ended without a result: a bug.
     #[error("a task ended without a result")]
     Lost,

@@ -3,7 +3,7 @@
 use super::corpus::{NewExample, Put};
 use super::engine::{Cut, Encoded, Model, Packed};
 use super::{Caller, REQUEST_TIME_MAX, Work, WorkError};
-use crate::pool::{Job, Lane};
+use crate::pool::{Job, Lane, User};
 use bytes::Bytes;
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::example::{NAME_LENGTH_MAX, RELEVANCE_RANGE, TAG_LENGTH_MAX, TAGS_MAX};
@@ -190,6 +190,20 @@ pub async fn model(work: &Arc<Work>, job: &Job, lane: Lane, example: &Example) -
 pub async fn write(work: &Arc<Work>, job: &Job, mesh: &Arc<PolyMesh>, format: MeshFormat) -> Result<Bytes, WorkError> {
     let (engine, mesh) = (Arc::clone(&work.engine), Arc::clone(mesh));
     Ok(work.pool.run(job, Lane::Edit, move |_| engine.write(&mesh, format)).await??.into())
+}
+
+/// A mesh that is held already, as a file.
+///
+/// # Errors
+/// Refusals of the format and of the pool.
+pub async fn mesh_file(
+    work: &Arc<Work>,
+    user: User,
+    mesh: &Arc<PolyMesh>,
+    format: MeshFormat,
+) -> Result<Bytes, WorkError> {
+    let job = work.pool.admit(user, 0, Some(REQUEST_TIME_MAX))?;
+    write(work, &job, mesh, format).await
 }
 
 /// What a mesh is made of.

@@ -1,0 +1,55 @@
+//! The handles that requests share. Nothing below `http/` sees them.
+
+use crate::auth::Tokens;
+use crate::http::idempotency::Idempotency;
+use crate::work::Work;
+use bytes::Bytes;
+use metrics_exporter_prometheus::PrometheusHandle;
+use std::ops::Deref;
+use std::sync::Arc;
+use tokio_util::sync::CancellationToken;
+
+/// The handles; cheap to clone.
+#[derive(Clone)]
+pub struct App(Arc<Handles>);
+
+/// What [`App`] holds.
+pub struct Handles {
+    /// What the service does.
+    pub work: Arc<Work>,
+    /// Who may.
+    pub tokens: Tokens,
+    /// Answers to `Idempotency-Key`.
+    pub idempotency: Idempotency,
+    /// Largest body, packed or unpacked, in bytes.
+    pub upload_limit: u64,
+    /// The metrics.
+    pub metrics: PrometheusHandle,
+    /// The contract, as JSON.
+    pub openapi: std::sync::OnceLock<Bytes>,
+    /// Set when the service stops.
+    pub stopping: CancellationToken,
+}
+
+impl App {
+    /// Joins the handles.
+    pub fn new(work: Arc<Work>, tokens: Tokens, upload_limit: u64, stopping: CancellationToken) -> Self {
+        Self(Arc::new(Handles {
+            work,
+            tokens,
+            idempotency: Idempotency::default(),
+            upload_limit,
+            metrics: crate::telemetry::metrics(),
+            openapi: std::sync::OnceLock::new(),
+            stopping,
+        }))
+    }
+}
+
+impl Deref for App {
+    type Target = Handles;
+
+    fn deref(&self) -> &Handles {
+        &self.0
+    }
+}

@@ -1,0 +1,274 @@
+//! Settings: flags, then `QUADMUSE_…` variables, then a TOML file, then defaults.
+
+use clap::{Args, Parser, Subcommand};
+use serde::Deserialize;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+/// Where the server listens unless told otherwise.
+pub const LISTEN_DEFAULT: &str = "127.0.0.1:7979";
+
+/// Largest body, packed or unpacked, unless told otherwise: some 1.5 million triangles as OBJ.
+pub const UPLOAD_LIMIT_DEFAULT: u64 = 128 << 20;
+
+/// Memory that jobs may use together, by estimate, unless told otherwise.
+pub const MEMORY_LIMIT_DEFAULT: u64 = 4 << 30;
+
+/// Connections at a time unless told otherwise.
+pub const CONNECTIONS_DEFAULT: usize = 4096;
+
+/// The command line.
+#[derive(Debug, Parser)]
+#[command(name = "quadmuse-server", version, about = "The corpus search service of Quadmuse")]
+#[command(args_conflicts_with_subcommands = true)]
+pub struct Cli {
+    /// What to do; `serve` if nothing else is said.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    /// The flags of `serve`.
+    #[command(flatten)]
+    pub serve: ServeArgs,
+}
+
+/// What the binary can do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run the service (the default).
+    Serve(ServeArgs),
+    /// Show the whole path with built-in samples: nothing is needed but this binary.
+    Demo(DemoArgs),
+    /// Bring a store to this release's schema.
+    Migrate {
+        /// The store.
+        #[command(flatten)]
+        store: StoreArgs,
+        /// Say what would be done, and do nothing.
+        #[arg(long)]
+        dry_run: bool,
+    },
+    /// Read every byte of a store and report what is damaged.
+    Check(StoreArgs),
+    /// Write a store's ground state into one file.
+    Backup {
+        /// The store.
+        #[command(flatten)]
+        store: StoreArgs,
+        /// The file to write.
+        file: PathBuf,
+    },
+    /// Fill an empty store from a backup.
+    Restore {
+        /// The store.
+        #[command(flatten)]
+        store: StoreArgs,
+        /// The file to read.
+        file: PathBuf,
+    },
+    /// Create, list and revoke access tokens.
+    Token {
+        /// The store.
+        #[command(flatten)]
+        store: StoreArgs,
+        /// What to do.
+        #[command(subcommand)]
+        action: TokenAction,
+    },
+}
+
+/// The flags of `serve`. What is absent here is looked for in the file, then taken from the defaults.
+#[derive(Clone, Debug, Default, Args, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ServeArgs {
+    /// Directory of the store; created if it is not there.
+    #[arg(long, env = "QUADMUSE_DATA")]
+    pub data: Option<PathBuf>,
+    /// Address and port to listen on.
+    #[arg(long, env = "QUADMUSE_LISTEN", value_name = "ADDR")]
+    pub listen: Option<SocketAddr>,
+    /// Threads that compute (default: one a core).
+    #[arg(long, env = "QUADMUSE_THREADS", value_name = "N")]
+    pub threads: Option<usize>,
+    /// Memory that jobs may use together, by estimate, in bytes.
+    #[arg(long, env = "QUADMUSE_MEMORY_LIMIT", value_name = "BYTES")]
+    pub memory_limit: Option<u64>,
+    /// Largest body, packed or unpacked, in bytes.
+    #[arg(long, env = "QUADMUSE_UPLOAD_LIMIT", value_name = "BYTES")]
+    pub upload_limit: Option<u64>,
+    /// Most connections at a time.
+    #[arg(long, env = "QUADMUSE_CONNECTIONS", value_name = "N")]
+    pub connections: Option<usize>,
+    /// Serve without tokens even on an address that others can reach.
+    #[arg(long, env = "QUADMUSE_OPEN")]
+    pub open: bool,
+    /// A TOML file with the same names (`data`, `listen`, `memory_limit`, …).
+    #[arg(long, env = "QUADMUSE_CONFIG", value_name = "FILE")]
+    #[serde(skip)]
+    pub config: Option<PathBuf>,
+}
+
+/// The flags of `demo`.
+#[derive(Clone, Debug, Args)]
+pub struct DemoArgs {
+    /// Directory for the mapped mesh and its picture.
+    #[arg(long, env = "QUADMUSE_OUT", default_value = "quadmuse-demo")]
+    pub out: PathBuf,
+    /// Keep the service running afterwards.
+    #[arg(long)]
+    pub keep: bool,
+}
+
+/// Which store.
+#[derive(Clone, Debug, Args)]
+pub struct StoreArgs {
+    /// Directory of the store.
+    #[arg(long, env = "QUADMUSE_DATA")]
+    pub data: PathBuf,
+}
+
+/// What to do with tokens.
+#[derive(Clone, Debug, Subcommand)]
+pub enum TokenAction {
+    /// Create a token and print it: it is not kept and can't be shown again.
+    Create {
+        /// What it may do: reader (queries), contributor (examples too), admin (everything).
+        #[arg(long, default_value = "reader")]
+        role: crate::auth::Role,
+        /// Whose it is, for the list.
+        #[arg(long, default_value = "")]
+        name: String,
+    },
+    /// List the tokens, without what makes them secret.
+    List,
+    /// Revoke a token by its id.
+    Revoke {
+        /// Its id, as listed.
+        id: String,
+    },
+}
+
+/// The settings of the service.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Config {
+    /// Directory of the store.
+    pub data: PathBuf,
+    /// Address and port.
+    pub listen: SocketAddr,
+    /// Threads that compute; 0: one a core.
+    pub threads: usize,
+    /// Memory that jobs may use together, in bytes.
+    pub memory_limit: u64,
+    /// Largest body, in bytes.
+    pub upload_limit: u64,
+    /// Most connections at a time.
+    pub connections: usize,
+    /// Whether it may be open on any address.
+    pub open: bool,
+}
+
+/// Why the settings can't be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// The file can't be read.
+    #[error("expected a TOML file of settings at {}, found another thing: {source}", path.display())]
+    File {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: Box<config::ConfigError>,
+    },
+    /// A setting is missing.
+    #[error("expected --data DIR (or QUADMUSE_DATA, or `data` in the file), found none")]
+    NoData,
+    /// A setting makes no sense.
+    #[error("expected {name} {expected}, found {found}")]
+    Invalid {
+        /// Which setting.
+        name: &'static str,
+        /// What would do.
+        expected: &'static str,
+        /// What was given.
+        found: String,
+    },
+}
+
+/// Most threads that can be asked for.
+const THREADS_MAX: usize = 1024;
+
+impl Config {
+    /// The settings: `args` first, then the file they name, then the defaults.
+    ///
+    /// # Errors
+    /// [`ConfigError`].
+    pub fn resolve(args: ServeArgs) -> Result<Self, ConfigError> {
+        let file = args.config.as_deref().map_or_else(|| Ok(ServeArgs::default()), read_file)?;
+        let invalid = |name, expected, found: String| Err(ConfigError::Invalid { name, expected, found });
+        let resolved = Self {
+            data: args.data.or(file.data).ok_or(ConfigError::NoData)?,
+            listen: match args.listen.or(file.listen) {
+                Some(listen) => listen,
+                None => SocketAddr::from(([127, 0, 0, 1], 7979)),
+            },
+            threads: args.threads.or(file.threads).unwrap_or(0),
+            memory_limit: args.memory_limit.or(file.memory_limit).unwrap_or(MEMORY_LIMIT_DEFAULT),
+            upload_limit: args.upload_limit.or(file.upload_limit).unwrap_or(UPLOAD_LIMIT_DEFAULT),
+            connections: args.connections.or(file.connections).unwrap_or(CONNECTIONS_DEFAULT),
+            open: args.open || file.open,
+        };
+        match &resolved {
+            c if c.threads > THREADS_MAX => invalid("threads", "at most 1024", c.threads.to_string()),
+            c if c.upload_limit == 0 => invalid("upload-limit", "of at least one byte", "0".into()),
+            c if c.connections == 0 => invalid("connections", "of at least one", "0".into()),
+            _ => Ok(resolved),
+        }
+    }
+}
+
+fn read_file(path: &Path) -> Result<ServeArgs, ConfigError> {
+    let file = config::File::from(path).format(config::FileFormat::Toml);
+    let read = config::Config::builder().add_source(file).build().and_then(config::Config::try_deserialize);
+    read.map_err(|source| ConfigError::File { path: path.into(), source: Box::new(source) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    fn parse(line: &[&str]) -> ServeArgs {
+        let line = std::iter::once("quadmuse-server").chain(line.iter().copied());
+        Cli::try_parse_from(line).expect("a good command line").serve
+    }
+
+    #[test]
+    fn serve_is_the_default_command_and_the_defaults_are_those_promised() {
+        let config = Config::resolve(parse(&["--data", "d"])).expect("settings");
+        assert_eq!((config.data.as_path(), config.listen.to_string()), (Path::new("d"), LISTEN_DEFAULT.to_owned()));
+        let explicit = Cli::try_parse_from(["quadmuse-server", "serve", "--data", "d"]).expect("a good command line");
+        let Some(Command::Serve(args)) = explicit.command else { panic!("expected serve") };
+        assert_eq!(Config::resolve(args).expect("settings"), config);
+    }
+
+    #[test]
+    fn flags_win_over_the_file_and_the_file_over_defaults() {
+        let mut file = tempfile::NamedTempFile::new().expect("a file");
+        writeln!(file, "data = \"from-file\"\nthreads = 3\nupload_limit = 10").expect("written");
+        let path = file.path().to_str().expect("a plain path");
+        let config = Config::resolve(parse(&["--config", path, "--threads", "5"])).expect("settings");
+        assert_eq!((config.data.as_path(), config.threads), (Path::new("from-file"), 5));
+        assert_eq!((config.upload_limit, config.memory_limit), (10, MEMORY_LIMIT_DEFAULT));
+    }
+
+    #[test]
+    fn an_unknown_name_in_the_file_is_refused() {
+        let mut file = tempfile::NamedTempFile::new().expect("a file");
+        writeln!(file, "dta = \"typo\"").expect("written");
+        let path = file.path().to_str().expect("a plain path");
+        let error = Config::resolve(parse(&["--config", path])).expect_err("a typo");
+        assert!(error.to_string().contains("dta"), "{error}");
+    }
+
+    #[test]
+    fn without_data_nothing_starts() {
+        assert!(matches!(Config::resolve(parse(&[])), Err(ConfigError::NoData)));
+    }
+}

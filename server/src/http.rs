@@ -1,0 +1,99 @@
+//! The HTTP surface: this file is its table of contents, each resource a file of its own.
+//!
+//! Handlers read what came in, call `work`, and write what comes out. They never name the kernel or the store.
+
+pub mod body;
+pub mod caller;
+pub mod compositions;
+pub mod docs;
+pub mod error;
+pub mod examples;
+pub mod files;
+pub mod health;
+pub mod idempotency;
+pub mod maps;
+pub mod negotiate;
+pub mod openapi;
+pub mod params;
+pub mod queries;
+pub mod ranking;
+pub mod stream;
+pub mod upload;
+pub mod watchful;
+
+#[cfg(test)]
+mod tests;
+
+use crate::app::App;
+use axum::body::Body;
+use axum::extract::DefaultBodyLimit;
+use axum::http::Request;
+use axum::middleware::{from_fn, from_fn_with_state};
+use axum::routing::get;
+use axum::{Router, response::IntoResponse};
+use error::HttpError;
+use tower::ServiceBuilder;
+use tower_http::decompression::{DecompressionBody, RequestDecompressionLayer};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+/// All routes, with all that happens around them, the outermost layer first.
+pub fn router(app: App) -> Router {
+    let (documented, api) = documented().split_for_parts();
+    // Set once: the routes are the same however often this is called.
+    let _ = app.openapi.set(openapi::finished(&api));
+    // The body is limited on the wire, unpacked, and limited again where it is read.
+    let layers = ServiceBuilder::new()
+        .layer(from_fn(watchful::identify))
+        .layer(from_fn(watchful::guard))
+        .layer(from_fn(watchful::measure))
+        .layer(from_fn_with_state(app.clone(), caller::authorize))
+        .layer(from_fn_with_state(app.clone(), body::limit))
+        .layer(RequestDecompressionLayer::new().pass_through_unaccepted(true))
+        .map_request(|request: Request<DecompressionBody<Body>>| request.map(Body::new));
+    documented
+        .route("/openapi.json", get(openapi::get))
+        .route("/docs", get(docs::docs))
+        .route("/", get(docs::index))
+        .route("/web/{name}", get(docs::asset))
+        .fallback(no_route)
+        .method_not_allowed_fallback(method_not_allowed)
+        // Ours are on the stream: see `body`.
+        .layer(DefaultBodyLimit::disable())
+        .layer(layers)
+        .with_state(app)
+}
+
+/// The routes of the contract.
+fn documented() -> OpenApiRouter<App> {
+    OpenApiRouter::with_openapi(openapi::head())
+        .routes(routes!(examples::add, examples::list))
+        .routes(routes!(examples::get, examples::annotate, examples::remove))
+        .routes(routes!(examples::mesh))
+        .routes(routes!(examples::thumbnail))
+        .routes(routes!(examples::encoding))
+        .routes(routes!(queries::start, queries::list))
+        .routes(routes!(queries::get, queries::cancel))
+        .routes(routes!(queries::mesh))
+        .routes(routes!(ranking::get))
+        .routes(routes!(stream::stream))
+        .routes(routes!(maps::create, maps::list))
+        .routes(routes!(maps::get))
+        .routes(routes!(maps::mesh))
+        .routes(routes!(maps::preview))
+        .routes(routes!(maps::constrain))
+        .routes(routes!(compositions::create))
+        .routes(routes!(compositions::get))
+        .routes(routes!(compositions::mesh))
+        .routes(routes!(health::alive))
+        .routes(routes!(health::ready))
+        .routes(routes!(health::metrics))
+}
+
+async fn no_route(request: Request<Body>) -> impl IntoResponse {
+    HttpError::NoRoute { path: request.uri().path().into() }
+}
+
+async fn method_not_allowed(request: Request<Body>) -> impl IntoResponse {
+    HttpError::MethodNotAllowed { path: request.uri().path().into(), method: request.method().to_string() }
+}

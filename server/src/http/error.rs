@@ -1,0 +1,304 @@
+//! The only place that knows both an error and a status.
+//!
+//! [`judge`] maps every error to a status and a code by a `match` without `_`, so that a new variant is decided here
+//! before it compiles.
+
+use crate::pool::{PoolError, StopReason};
+use crate::work::WorkError;
+use crate::work::corpus::CorpusError;
+use crate::work::engine::{EngineError, Refusal};
+use axum::body::Body;
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use quadmuse_proto::{Code, Problem, problem};
+use std::error::Error;
+
+tokio::task_local! {
+    /// The id of the request that this task answers.
+    pub static REQUEST_ID: String;
+}
+
+/// Seconds after which to come back when nothing better is known.
+const RETRY_AFTER_S: u64 = 2;
+
+/// Why a request is not answered as asked.
+#[derive(Debug, thiserror::Error)]
+pub enum HttpError {
+    /// The work refused or failed.
+    #[error(transparent)]
+    Work(#[from] WorkError),
+    /// No route, or an id that can't be one.
+    #[error("expected the address of a resource, found `{path}`; see /docs for those there are")]
+    NoRoute {
+        /// The path asked for.
+        path: String,
+    },
+    /// The route has other methods.
+    #[error("expected another method on `{path}` than {method}; the `allow` header lists them")]
+    MethodNotAllowed {
+        /// The path.
+        path: String,
+        /// The method asked for.
+        method: String,
+    },
+    /// None of what is accepted can be given.
+    #[error("expected `accept` to allow one of {offered}, found `{found}`")]
+    NotAcceptable {
+        /// What can be given.
+        offered: String,
+        /// What was accepted.
+        found: String,
+    },
+    /// A parameter or header is wrong.
+    #[error("expected `{name}` {expected}, found `{found}`")]
+    Parameter {
+        /// Its name.
+        name: String,
+        /// What would do.
+        expected: String,
+        /// What was given.
+        found: String,
+    },
+    /// The body is not what it should be.
+    #[error("{0}")]
+    BodyInvalid(String),
+    /// The body has another media type or content encoding than those that are read.
+    #[error("expected {expected}, found `{found}`")]
+    BodyFormat {
+        /// What would do.
+        expected: String,
+        /// What was given.
+        found: String,
+    },
+    /// The body is too large, packed or unpacked.
+    #[error(
+        "expected a body of at most {limit} bytes, unpacked, found a larger one; send a smaller mesh, or raise --upload-limit"
+    )]
+    BodyTooLarge {
+        /// The limit, in bytes.
+        limit: u64,
+    },
+    /// The body did not arrive in time.
+    #[error("expected the body within {seconds} s, found it still arriving; send it again")]
+    BodyTimeout {
+        /// The limit, in seconds.
+        seconds: u64,
+    },
+    /// The same `Idempotency-Key` came with another request.
+    #[error("expected the idempotency key `{0}` with the request it came with first, found another; use a fresh key")]
+    KeyReused(String),
+    /// There is no token, or a wrong one.
+    #[error(
+        "expected a valid token in `authorization: Bearer`, found none; create one by `quadmuse-server token create`"
+    )]
+    Unauthorized,
+    /// The token's role is not enough.
+    #[error("expected a token of role {needed}, found {found}")]
+    Forbidden {
+        /// The role needed.
+        needed: &'static str,
+        /// The role found.
+        found: &'static str,
+    },
+    /// The service is stopping.
+    #[error("expected a running service, found it stopping; try again shortly")]
+    Stopping,
+    /// The answer took too long.
+    #[error("expected an answer within {seconds} s, found none; try again later")]
+    TooSlow {
+        /// The limit, in seconds.
+        seconds: u64,
+    },
+    /// A handler panicked, or an answer could not be written: a bug.
+    #[error("{0}")]
+    Internal(String),
+}
+
+impl HttpError {
+    /// A wrong parameter or header.
+    pub fn parameter(name: &str, expected: impl Into<String>, found: impl ToString) -> Self {
+        Self::Parameter { name: name.into(), expected: expected.into(), found: found.to_string() }
+    }
+}
+
+/// The status and the code of an error.
+fn judge(error: &HttpError) -> (StatusCode, Code) {
+    match error {
+        HttpError::Work(error) => judge_work(error),
+        HttpError::NoRoute { .. } => (StatusCode::NOT_FOUND, Code::NotFound),
+        HttpError::MethodNotAllowed { .. } => (StatusCode::METHOD_NOT_ALLOWED, Code::MethodNotAllowed),
+        HttpError::NotAcceptable { .. } => (StatusCode::NOT_ACCEPTABLE, Code::NotAcceptable),
+        HttpError::Parameter { .. } => (StatusCode::BAD_REQUEST, Code::ParameterInvalid),
+        HttpError::BodyInvalid(_) => (StatusCode::BAD_REQUEST, Code::BodyInvalid),
+        HttpError::BodyFormat { .. } => (StatusCode::UNSUPPORTED_MEDIA_TYPE, Code::FormatUnknown),
+        HttpError::BodyTooLarge { .. } => (StatusCode::PAYLOAD_TOO_LARGE, Code::BodyTooLarge),
+        HttpError::BodyTimeout { .. } => (StatusCode::REQUEST_TIMEOUT, Code::Timeout),
+        HttpError::KeyReused(_) => (StatusCode::CONFLICT, Code::Conflict),
+        HttpError::Unauthorized => (StatusCode::UNAUTHORIZED, Code::Unauthorized),
+        HttpError::Forbidden { .. } => (StatusCode::FORBIDDEN, Code::Forbidden),
+        HttpError::Stopping => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
+        HttpError::TooSlow { .. } => (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded),
+        HttpError::Internal(_) => (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal),
+    }
+}
+
+fn judge_work(error: &WorkError) -> (StatusCode, Code) {
+    match error {
+        WorkError::Engine(error) => judge_engine(error),
+        WorkError::Corpus(error) => judge_corpus(error),
+        WorkError::Pool(error) => judge_pool(error),
+        WorkError::Parameter { .. } | WorkError::TopologyDiffers { .. } => {
+            (StatusCode::BAD_REQUEST, Code::ParameterInvalid)
+        }
+        WorkError::NoSuchSegment { .. }
+        | WorkError::NoSuchQuery(_)
+        | WorkError::NoSuchMap(_)
+        | WorkError::NoSuchComposition(_) => (StatusCode::NOT_FOUND, Code::NotFound),
+        WorkError::NotEncodedYet { .. } => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
+        WorkError::QueryEnded { .. } | WorkError::TooMany { .. } => (StatusCode::CONFLICT, Code::Conflict),
+        WorkError::CorpusEmpty { .. } => (StatusCode::CONFLICT, Code::CorpusEmpty),
+        WorkError::QueriesFull { .. } => (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded),
+        WorkError::Query(error) => judge_work(error),
+        WorkError::Lost => (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal),
+    }
+}
+
+fn judge_engine(error: &EngineError) -> (StatusCode, Code) {
+    match error {
+        EngineError::Refused { refusal, .. } => judge_refusal(*refusal),
+        EngineError::Stopped(reason) => judge_stop(*reason),
+        EngineError::Internal(_) => (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal),
+    }
+}
+
+fn judge_refusal(refusal: Refusal) -> (StatusCode, Code) {
+    match refusal {
+        Refusal::Unreadable => (StatusCode::UNPROCESSABLE_ENTITY, Code::MeshUnreadable),
+        Refusal::Empty => (StatusCode::UNPROCESSABLE_ENTITY, Code::MeshEmpty),
+        Refusal::NotManifold => (StatusCode::UNPROCESSABLE_ENTITY, Code::MeshNotManifold),
+        Refusal::TopologyUnsupported => (StatusCode::UNPROCESSABLE_ENTITY, Code::TopologyUnsupported),
+        Refusal::NotEncodable => (StatusCode::UNPROCESSABLE_ENTITY, Code::MeshNotEncodable),
+        Refusal::TooLarge => (StatusCode::PAYLOAD_TOO_LARGE, Code::MeshTooLarge),
+        Refusal::FormatUnknown => (StatusCode::UNSUPPORTED_MEDIA_TYPE, Code::FormatUnknown),
+        Refusal::LabelsInvalid | Refusal::ConstraintInvalid | Refusal::Unsupported => {
+            (StatusCode::BAD_REQUEST, Code::ParameterInvalid)
+        }
+        Refusal::ConstraintUnknown => (StatusCode::NOT_FOUND, Code::NotFound),
+        Refusal::ConstraintFolds => (StatusCode::UNPROCESSABLE_ENTITY, Code::ConstraintFolds),
+        Refusal::CompositionInvalid => (StatusCode::CONFLICT, Code::Conflict),
+    }
+}
+
+fn judge_corpus(error: &CorpusError) -> (StatusCode, Code) {
+    match error {
+        CorpusError::NotFound(_) => (StatusCode::NOT_FOUND, Code::NotFound),
+        CorpusError::Invalid(_) => (StatusCode::BAD_REQUEST, Code::ParameterInvalid),
+        CorpusError::ReadOnly(_) => (StatusCode::INSUFFICIENT_STORAGE, Code::StorageFull),
+        CorpusError::Busy => (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded),
+        CorpusError::NoEncoding(_) => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
+        CorpusError::Damaged(_) | CorpusError::Failed(_) => (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal),
+    }
+}
+
+fn judge_pool(error: &PoolError) -> (StatusCode, Code) {
+    match error {
+        PoolError::Overloaded { .. } => (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded),
+        PoolError::TooLarge { .. } => (StatusCode::PAYLOAD_TOO_LARGE, Code::MeshTooLarge),
+        PoolError::Stopped(reason) => judge_stop(*reason),
+        PoolError::Panicked { .. } => (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal),
+    }
+}
+
+/// A computation that was stopped while a request waited for it: its time was over, or the service is stopping.
+fn judge_stop(reason: StopReason) -> (StatusCode, Code) {
+    match reason {
+        StopReason::Cancelled => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
+        StopReason::Deadline => (StatusCode::PAYLOAD_TOO_LARGE, Code::MeshTooLarge),
+    }
+}
+
+/// Seconds after which to come back, for errors that pass.
+fn retry_after(error: &HttpError, status: StatusCode) -> Option<u64> {
+    match error {
+        HttpError::Work(WorkError::Pool(PoolError::Overloaded { retry_after, .. })) => {
+            Some(retry_after.as_secs().max(1))
+        }
+        _ if status == StatusCode::SERVICE_UNAVAILABLE => Some(RETRY_AFTER_S),
+        _ => None,
+    }
+}
+
+/// The problem that an error is to the caller; what is ours to know goes to the log instead.
+pub fn problem_of(error: &HttpError) -> Problem {
+    let (status, code) = judge(error);
+    let request_id = REQUEST_ID.try_with(Clone::clone).ok();
+    let detail = match code {
+        Code::Internal => {
+            let chain = chain_of(error);
+            tracing::error!(error = %chain, "internal error");
+            "the service failed; the log of the server says more under this request id".to_owned()
+        }
+        _ => error.to_string(),
+    };
+    Problem { request_id, ..Problem::new(code, status.as_u16(), detail) }
+}
+
+/// An error and its sources, for the log.
+fn chain_of(error: &dyn Error) -> String {
+    let mut words = error.to_string();
+    let mut source = error.source();
+    while let Some(cause) = source {
+        words.push_str(": ");
+        words.push_str(&cause.to_string());
+        source = cause.source();
+    }
+    words
+}
+
+impl IntoResponse for HttpError {
+    fn into_response(self) -> Response {
+        let problem = problem_of(&self);
+        let status = StatusCode::from_u16(problem.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        // A struct of strings always prints.
+        let body = serde_json::to_vec(&problem).unwrap_or_default();
+        let mut response = (status, Body::from(body)).into_response();
+        let headers = response.headers_mut();
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(problem::MEDIA_TYPE));
+        if let Some(seconds) = retry_after(&self, status) {
+            headers.insert(header::RETRY_AFTER, HeaderValue::from(seconds));
+        }
+        if status == StatusCode::UNAUTHORIZED {
+            headers.insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
+        }
+        response
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_ours_is_not_told_to_the_caller() {
+        let secret = HttpError::Work(WorkError::Engine(EngineError::Internal("/secret/path".into())));
+        let problem = problem_of(&secret);
+        assert_eq!((problem.status, problem.code), (500, Code::Internal));
+        assert!(!problem.detail.contains("secret"));
+    }
+
+    #[test]
+    fn a_mesh_never_causes_a_5xx() {
+        for refusal in [
+            Refusal::Unreadable,
+            Refusal::Empty,
+            Refusal::NotManifold,
+            Refusal::TopologyUnsupported,
+            Refusal::TooLarge,
+            Refusal::FormatUnknown,
+            Refusal::NotEncodable,
+            Refusal::LabelsInvalid,
+        ] {
+            assert!(judge_refusal(refusal).0.is_client_error());
+        }
+    }
+}

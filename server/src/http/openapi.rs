@@ -1,0 +1,92 @@
+//! `/openapi.json`: the contract, made from the handlers' own annotations and the types of `proto`.
+
+use super::negotiate::{MSGPACK, if_none_match, tagged};
+use crate::app::App;
+use axum::extract::State;
+use axum::http::HeaderMap;
+use axum::response::Response;
+use bytes::Bytes;
+use serde_json::{Value, json};
+use utoipa::openapi::{ComponentsBuilder, InfoBuilder, OpenApi, OpenApiBuilder};
+use utoipa::{PartialSchema, ToSchema};
+
+/// What stands at the top of the contract; the routes add the rest.
+pub fn head() -> OpenApi {
+    let info = InfoBuilder::new()
+        .title("Quadmuse")
+        .version(env!("CARGO_PKG_VERSION"))
+        .description(Some(
+            "Ranks a corpus of quad meshes against an input mesh and maps the chosen ones onto it. \
+             Bodies are JSON or MessagePack (`accept`, `content-type`); errors are `application/problem+json`.",
+        ))
+        .build();
+    let problem = quadmuse_proto::Problem::schema();
+    let code = quadmuse_proto::Code::schema();
+    let components = ComponentsBuilder::new()
+        .schema(quadmuse_proto::Problem::name(), problem)
+        .schema(quadmuse_proto::Code::name(), code)
+        .build();
+    OpenApiBuilder::new().info(info).components(Some(components)).build()
+}
+
+/// The contract as JSON: every JSON body in MessagePack too, every operation with its problems and its security.
+pub fn finished(api: &OpenApi) -> Bytes {
+    let mut spec = serde_json::to_value(api).unwrap_or_default();
+    spec["components"]["securitySchemes"] = json!({ "token": { "type": "http", "scheme": "bearer" } });
+    if let Some(paths) = spec.get_mut("paths").and_then(Value::as_object_mut) {
+        paths.values_mut().for_each(finish_path);
+    }
+    spec.to_string().into()
+}
+
+fn finish_path(path: &mut Value) {
+    let Some(operations) = path.as_object_mut() else { return };
+    for (method, operation) in operations {
+        if !matches!(method.as_str(), "get" | "post" | "patch" | "delete" | "put") {
+            continue;
+        }
+        let problem = json!({ "$ref": "#/components/schemas/Problem" });
+        operation["responses"]["default"] = json!({ "description": "A problem", "content": { quadmuse_proto::problem::MEDIA_TYPE: { "schema": problem } } });
+        operation["security"] = json!([{}, { "token": [] }]);
+        if let Some(responses) = operation["responses"].as_object_mut() {
+            responses.values_mut().for_each(|response| add_msgpack(response));
+        }
+        if operation.get("requestBody").is_some() {
+            add_msgpack(&mut operation["requestBody"]);
+            add_mesh_bodies(&mut operation["requestBody"]);
+        }
+    }
+}
+
+fn add_msgpack(body: &mut Value) {
+    if let Some(content) = body.get_mut("content").and_then(Value::as_object_mut)
+        && let Some(json) = content.get("application/json").cloned()
+    {
+        content.insert(MSGPACK.into(), json);
+    }
+}
+
+/// A mesh may come under its own media type, or in a form.
+fn add_mesh_bodies(body: &mut Value) {
+    let Some(content) = body.get_mut("content").and_then(Value::as_object_mut) else { return };
+    if content.remove("application/octet-stream").is_none() {
+        return;
+    }
+    let bytes = json!({ "schema": { "type": "string", "contentMediaType": "application/octet-stream" } });
+    content.insert("application/octet-stream".into(), bytes.clone());
+    for format in quadmuse_proto::MeshFormat::ALL {
+        content.insert(format.media_type().into(), bytes.clone());
+    }
+    let form = json!({ "schema": { "type": "object", "required": ["mesh"], "properties": {
+        "mesh": { "type": "string", "contentMediaType": "application/octet-stream" },
+        "segments": { "type": "string", "description": "One integer a line, one line a face" }
+    } } });
+    content.insert("multipart/form-data".into(), form);
+}
+
+/// The contract.
+pub async fn get(State(app): State<App>, headers: HeaderMap) -> Response {
+    let body = app.openapi.get().cloned().unwrap_or_default();
+    let tag = format!("\"{}\"", &blake3::hash(&body).to_hex()[..32]);
+    tagged(body, "application/json", &tag, if_none_match(&headers).as_deref(), "no-cache")
+}

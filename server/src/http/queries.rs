@@ -1,0 +1,137 @@
+//! `/v1/queries`: input meshes while they are ranked, and after.
+
+use super::caller::Who;
+use super::error::{HttpError, problem_of};
+use super::files::{mesh_answer, wanted_format};
+use super::idempotency::{Key, Turn};
+use super::negotiate::{Wants, if_none_match};
+use super::params::{Params, PathIds};
+use super::upload::MeshUpload;
+use crate::app::App;
+use crate::work::query::{LiveQuery, QueryOptions};
+use crate::work::{WorkError, ingest, search};
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::Response;
+use quadmuse_proto::query::{RESOLUTION_DEFAULT, TOP_DEFAULT};
+use quadmuse_proto::{Page, Query, QueryId};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Starts a query: the mesh in the body. It is ranked in the background.
+#[utoipa::path(
+    post, path = "/v1/queries", tag = "queries",
+    params(
+        ("top" = Option<u32>, Query, minimum = 1, maximum = 64, description = "Entries a segment that reach the full resolution; default 4"),
+        ("tag" = Option<Vec<String>>, Query, description = "Rank only examples with this tag; may repeat"),
+        ("resolution" = Option<u32>, Query, description = "32, 64, 128, 256 or 512; default 128"),
+        ("deadline_ms" = Option<u64>, Query, minimum = 1, maximum = 3_600_000, description = "After this time the ranking so far is the answer"),
+        ("segments" = Option<quadmuse_proto::Segmentation>, Query, description = "How to cut the mesh"),
+        ("format" = Option<quadmuse_proto::MeshFormat>, Query, description = "The body's format; else by Content-Type, else recognised"),
+        ("Idempotency-Key" = Option<String>, Header, description = "Sent again with the same key, nothing new is made"),
+    ),
+    request_body(content = Vec<u8>, description = "A mesh, or multipart/form-data with the parts `mesh` and `segments`", content_type = "application/octet-stream"),
+    responses((status = 202, description = "Started; `location` is its address", body = Query))
+)]
+pub async fn start(
+    State(app): State<App>,
+    Who(caller): Who,
+    wants: Wants,
+    key: Key,
+    params: Params,
+    mesh: MeshUpload,
+) -> Result<Response, HttpError> {
+    let claim = match app.idempotency.turn(key, mesh.fingerprint).await? {
+        Turn::Made(id) => {
+            let id = id.parse().map_err(|_| HttpError::Internal("a remembered id".into()))?;
+            return accepted(&wants, &*app.work.queries.get(id)?);
+        }
+        Turn::Make(claim) => claim,
+    };
+    let options = QueryOptions {
+        top: params.get("top", "from 1 to 64")?.unwrap_or(TOP_DEFAULT),
+        resolution: params.get("resolution", "one of 32, 64, 128, 256, 512")?.unwrap_or(RESOLUTION_DEFAULT),
+        deadline: params.get("deadline_ms", "from 1 to 3600000")?.map(Duration::from_millis),
+        tags: params.all("tag"),
+    };
+    let live = search::start(&app.work, caller, mesh.upload, options).await?;
+    claim.made(&live.id);
+    accepted(&wants, &live)
+}
+
+fn accepted(wants: &Wants, live: &LiveQuery) -> Result<Response, HttpError> {
+    wants.answer(StatusCode::ACCEPTED, Some(format!("/v1/queries/{}", live.id)), &described(live))
+}
+
+/// A query as it goes over the wire, with the problem that ended it, if one did.
+pub fn described(live: &LiveQuery) -> Query {
+    let failure = live.board().failure;
+    let problem = failure.map(|failure| problem_of(&HttpError::Work(WorkError::Query(failure))));
+    Query { problem, ..live.describe() }
+}
+
+/// Lists the queries that the server holds, newest last.
+#[utoipa::path(
+    get, path = "/v1/queries", tag = "queries",
+    params(
+        ("limit" = Option<u32>, Query, minimum = 1, maximum = 500, description = "Queries a page; default 50"),
+        ("cursor" = Option<String>, Query, description = "`next` of the page before"),
+    ),
+    responses((status = 200, description = "A page", body = Page<Query>))
+)]
+pub async fn list(State(app): State<App>, wants: Wants, params: Params) -> Result<Response, HttpError> {
+    let limit = params.page_limit()?;
+    let after: Option<QueryId> = params.get("cursor", "as `next` gave it")?;
+    let held: Vec<Arc<LiveQuery>> =
+        app.work.queries.all().into_iter().filter(|live| after.is_none_or(|after| live.id > after)).collect();
+    let items: Vec<Query> = held.iter().take(limit).map(|live| described(live)).collect();
+    let next = items.last().filter(|_| held.len() > limit).map(|last| last.id.to_string());
+    wants.show(&Page { items, next })
+}
+
+/// Where a query stands.
+#[utoipa::path(
+    get, path = "/v1/queries/{id}", tag = "queries",
+    params(("id" = QueryId, Path)),
+    responses((status = 200, description = "The query", body = Query))
+)]
+pub async fn get(
+    State(app): State<App>,
+    wants: Wants,
+    PathIds((id,)): PathIds<(QueryId,)>,
+) -> Result<Response, HttpError> {
+    wants.show(&described(&*app.work.queries.get(id)?))
+}
+
+/// Cancels a query and frees it; streams of it end with `cancelled`.
+#[utoipa::path(
+    delete, path = "/v1/queries/{id}", tag = "queries",
+    params(("id" = QueryId, Path)),
+    responses((status = 204, description = "Cancelled and freed"))
+)]
+pub async fn cancel(State(app): State<App>, PathIds((id,)): PathIds<(QueryId,)>) -> Result<StatusCode, HttpError> {
+    search::cancel(&app.work, id)?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// The input as read, for viewers.
+#[utoipa::path(
+    get, path = "/v1/queries/{id}/mesh", tag = "queries",
+    params(("id" = QueryId, Path), ("format" = Option<quadmuse_proto::MeshFormat>, Query, description = "Else by Accept, else OBJ")),
+    responses((status = 200, description = "The mesh", content_type = "application/octet-stream", body = Vec<u8>))
+)]
+pub async fn mesh(
+    State(app): State<App>,
+    Who(caller): Who,
+    PathIds((id,)): PathIds<(QueryId,)>,
+    params: Params,
+    headers: HeaderMap,
+) -> Result<Response, HttpError> {
+    let live = app.work.queries.get(id)?;
+    let format = wanted_format(&params, &headers, quadmuse_proto::MeshFormat::Obj)?;
+    let tag = format!("\"{id}-{format}\"");
+    mesh_answer(format, &tag, if_none_match(&headers).as_deref(), &id.to_string(), async || {
+        Ok(ingest::mesh_file(&app.work, caller.user, live.mesh(), format).await?)
+    })
+    .await
+}

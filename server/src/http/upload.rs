@@ -1,0 +1,153 @@
+//! A mesh in the body: raw bytes, or `multipart/form-data` with the parts `mesh` and `segments`.
+
+use super::body::{ARRIVAL_TIME_MAX, body_error, limited, whole};
+use super::error::HttpError;
+use super::params::Params;
+use crate::app::App;
+use crate::work::engine::Cut;
+use crate::work::ingest::Upload;
+use axum::body::Body;
+use axum::extract::{FromRequest, FromRequestParts, Multipart, Request};
+use axum::http::header;
+use bytes::Bytes;
+use quadmuse_proto::{MeshFormat, Segmentation};
+
+/// Names of the parts that are read.
+const PARTS: &str = "`mesh` and (optional) `segments`";
+
+/// Media types that say nothing of the format: it is recognised from the bytes.
+const ANY_BYTES: [&str; 4] =
+    ["application/octet-stream", "application/x-www-form-urlencoded", "text/plain", "binary/octet-stream"];
+
+/// An uploaded mesh, with the hash of all that was sent, for `Idempotency-Key`.
+pub struct MeshUpload {
+    /// The mesh.
+    pub upload: Upload,
+    /// Hash of the bytes and of the parameters.
+    pub fingerprint: blake3::Hash,
+}
+
+/// What the body holds.
+#[derive(Default)]
+struct Parts {
+    mesh: Option<Bytes>,
+    format: Option<MeshFormat>,
+    labels: Option<Vec<i64>>,
+}
+
+impl FromRequest<App> for MeshUpload {
+    type Rejection = HttpError;
+
+    async fn from_request(request: Request, app: &App) -> Result<Self, HttpError> {
+        let (mut head, body) = request.into_parts();
+        let params = Params::from_request_parts(&mut head, app).await?;
+        let asked = match params.text("format")? {
+            None => None,
+            Some(name) => Some(format_named(name)?),
+        };
+        let way = params.get::<Segmentation>("segments", "auto, whole or groups")?.unwrap_or_default();
+        let query = head.uri.query().unwrap_or_default().to_owned();
+        let media_type = head.headers.get(header::CONTENT_TYPE).map(|value| value.to_str().unwrap_or("not a text"));
+        let parts = if media_type.is_some_and(|kind| essence(kind).eq_ignore_ascii_case("multipart/form-data")) {
+            let body = Body::new(limited(&head.headers, body, app.upload_limit)?);
+            let reading = multipart(Request::from_parts(head, body), app);
+            let seconds = ARRIVAL_TIME_MAX.as_secs();
+            tokio::time::timeout(ARRIVAL_TIME_MAX, reading).await.map_err(|_| HttpError::BodyTimeout { seconds })??
+        } else {
+            let format = media_type.map_or(Ok(None), format_of_media_type);
+            let format = if asked.is_some() { asked } else { format? };
+            let mesh = Some(whole(&head.headers, body, app.upload_limit).await?);
+            Parts { mesh, format, labels: None }
+        };
+        let none = || HttpError::BodyInvalid("expected a part `mesh`, found none".into());
+        let bytes = parts.mesh.ok_or_else(none)?;
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(query.as_bytes()).update(&[0]).update(&bytes);
+        parts.labels.iter().flatten().for_each(|label| drop(hasher.update(&label.to_le_bytes())));
+        let upload = Upload { bytes, format: asked.or(parts.format), cut: Cut { way, labels: parts.labels } };
+        Ok(Self { upload, fingerprint: hasher.finalize() })
+    }
+}
+
+fn essence(media_type: &str) -> &str {
+    media_type.split(';').next().unwrap_or_default().trim()
+}
+
+/// The format of `?format=`.
+///
+/// # Errors
+/// [`HttpError::BodyFormat`].
+pub fn format_named(name: &str) -> Result<MeshFormat, HttpError> {
+    let unknown =
+        |_| HttpError::BodyFormat { expected: "`format` obj, ply, off, stl or glb".into(), found: name.into() };
+    name.parse().map_err(unknown)
+}
+
+fn format_of_media_type(media_type: &str) -> Result<Option<MeshFormat>, HttpError> {
+    if let Some(format) = MeshFormat::from_media_type(media_type) {
+        return Ok(Some(format));
+    }
+    if ANY_BYTES.iter().any(|any| any.eq_ignore_ascii_case(essence(media_type))) {
+        return Ok(None);
+    }
+    let known: Vec<&str> = MeshFormat::ALL.iter().map(|format| format.media_type()).collect();
+    let expected = format!("`content-type` {}, or application/octet-stream", known.join(", "));
+    Err(HttpError::BodyFormat { expected, found: media_type.into() })
+}
+
+async fn multipart(request: Request, app: &App) -> Result<Parts, HttpError> {
+    let invalid =
+        |error: String| HttpError::BodyInvalid(format!("expected multipart/form-data with {PARTS}, found: {error}"));
+    let mut form = Multipart::from_request(request, app).await.map_err(|error| invalid(error.body_text()))?;
+    let mut parts = Parts::default();
+    let broken = |error: axum::extract::multipart::MultipartError| match body_error(&error, app.upload_limit) {
+        HttpError::BodyInvalid(_) => invalid(error.body_text()),
+        too_large => too_large,
+    };
+    while let Some(field) = form.next_field().await.map_err(broken)? {
+        let name = field.name().unwrap_or_default().to_owned();
+        let format = field.content_type().and_then(MeshFormat::from_media_type);
+        let format = format.or_else(|| field.file_name().and_then(MeshFormat::from_file_name));
+        let bytes = field.bytes().await.map_err(broken)?;
+        match name.as_str() {
+            "mesh" if parts.mesh.is_none() => (parts.mesh, parts.format) = (Some(bytes), format),
+            "segments" if parts.labels.is_none() => parts.labels = Some(labels(&bytes)?),
+            "mesh" | "segments" => return Err(invalid(format!("the part `{name}` twice"))),
+            _ => return Err(invalid(format!("a part named {name:?}"))),
+        }
+    }
+    Ok(parts)
+}
+
+/// One integer a line; blank lines at the end don't count.
+fn labels(bytes: &[u8]) -> Result<Vec<i64>, HttpError> {
+    let wrong = |line: usize, found: &str| {
+        let found: String = found.chars().take(40).collect();
+        HttpError::parameter("segments", "one integer a line, one line a face", format!("{found} in line {line}"))
+    };
+    let text = std::str::from_utf8(bytes).map_err(|_| wrong(1, "bytes that are no text"))?;
+    let line = |(at, line): (usize, &str)| line.trim().parse().map_err(|_| wrong(at + 1, line));
+    text.trim_end().lines().enumerate().map(line).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_are_one_integer_a_line() {
+        assert_eq!(labels(b"0\n-1\r\n 7 \n\n").expect("labels"), [0, -1, 7]);
+        let error = labels(b"0\nx\n").expect_err("no number in line 2");
+        assert!(error.to_string().contains("line 2"), "{error}");
+        assert!(labels(b"1.5").is_err());
+        assert!(labels(&[0xff]).is_err());
+        assert_eq!(labels(b"").expect("none"), [0i64; 0]);
+    }
+
+    #[test]
+    fn media_types_of_meshes_are_known_and_those_of_bytes_say_nothing() {
+        assert_eq!(format_of_media_type("model/ply; x=y").expect("known"), Some(MeshFormat::Ply));
+        assert_eq!(format_of_media_type("application/octet-stream").expect("bytes"), None);
+        assert!(format_of_media_type("image/png").is_err());
+    }
+}

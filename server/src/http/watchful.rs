@@ -1,0 +1,67 @@
+//! What happens around every request: its id, its log line, its metrics, its time limit, and the net under panics.
+
+use super::error::{HttpError, REQUEST_ID};
+use crate::pool::words_of;
+use axum::extract::{MatchedPath, Request};
+use axum::http::{HeaderMap, HeaderName, HeaderValue};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use futures_util::FutureExt;
+use quadmuse_proto::id::RequestId;
+use std::panic::AssertUnwindSafe;
+use std::time::{Duration, Instant};
+use tracing::Instrument;
+
+/// The header of a request's id.
+pub const X_REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+
+/// Longest id that is taken over from a caller, in bytes.
+const REQUEST_ID_LENGTH_MAX: usize = 128;
+
+/// Longest time until an answer begins. Longer than any limit within: this one only catches what forgot its own.
+const ANSWER_TIME_MAX: Duration = Duration::from_secs(300);
+
+fn request_id(headers: &HeaderMap) -> String {
+    let given = headers.get(X_REQUEST_ID).and_then(|value| value.to_str().ok());
+    let usable = given.filter(|id| (1..=REQUEST_ID_LENGTH_MAX).contains(&id.len()));
+    usable.map_or_else(|| RequestId::generate().to_string(), Into::into)
+}
+
+/// The outermost layer: gives the request its id and the answer its header, and writes a line in the log.
+pub async fn identify(request: Request, next: Next) -> Response {
+    let id = request_id(request.headers());
+    // Debug formatting escapes whatever the client wrote.
+    let span = tracing::info_span!("request", id = ?id, method = %request.method(), path = ?request.uri().path());
+    let start = Instant::now();
+    let answering = REQUEST_ID.scope(id.clone(), next.run(request).instrument(span.clone()));
+    let mut response = answering.await;
+    if let Ok(value) = HeaderValue::try_from(id) {
+        response.headers_mut().insert(X_REQUEST_ID, value);
+    }
+    let (status, ms) = (response.status().as_u16(), start.elapsed().as_secs_f64() * 1e3);
+    span.in_scope(|| tracing::info!(status, ms, "answered"));
+    response
+}
+
+/// The net: a panic or a stuck handler becomes a problem.
+pub async fn guard(request: Request, next: Next) -> Response {
+    let running = AssertUnwindSafe(next.run(request)).catch_unwind();
+    match tokio::time::timeout(ANSWER_TIME_MAX, running).await {
+        Ok(Ok(response)) => response,
+        Ok(Err(panic)) => HttpError::Internal(format!("a handler panicked: {}", words_of(&*panic))).into_response(),
+        Err(_) => HttpError::TooSlow { seconds: ANSWER_TIME_MAX.as_secs() }.into_response(),
+    }
+}
+
+/// Counts and times each route.
+pub async fn measure(request: Request, next: Next) -> Response {
+    let route = request.extensions().get::<MatchedPath>().map_or("none", |path| path.as_str()).to_owned();
+    let method = request.method().to_string();
+    let start = Instant::now();
+    let response = next.run(request).await;
+    let status = response.status().as_u16().to_string();
+    let labels = [("method", method), ("route", route), ("status", status)];
+    metrics::counter!("quadmuse_requests_total", &labels).increment(1);
+    metrics::histogram!("quadmuse_request_seconds", &labels).record(start.elapsed().as_secs_f64());
+    response
+}
