@@ -2,6 +2,9 @@
 
 mod brush;
 mod cage;
+mod creature;
+mod ear;
+mod foot;
 mod hand;
 mod head;
 mod limb;
@@ -46,5 +49,5 @@ pub fn corpus() -> Vec<Sample> {
     let paw = hand::Hand { fingers: vec![f(0.50, 0.22, -0.30, 0.5), f(0.60, 0.24, -0.10, 0.5), f(0.58, 0.24, 0.10, 0.5), f(0.48, 0.22, 0.30, 0.5)], thumb: None, wide: 0.76, thick: 0.34, high: 0.95, wrist: 0.56, pads: 1.0 };
     let glove = hand::Hand { fingers: vec![f(0.70, 0.23, -0.24, 0.3), f(0.82, 0.25, 0.0, 0.25), f(0.76, 0.24, 0.22, 0.2)], thumb: Some(f(0.75, 0.27, 1.0, 0.3)), wide: 0.70, thick: 0.33, high: 0.95, wrist: 0.36, pads: 0.3 };
     let b = limb::Build { thick: 1.0, muscle: 1.0, bend: 0.35 };
-    vec![finish("hand", human_hand.build(1)), finish("paw", paw.build(1)), finish("glove", glove.build(1)), finish("arm", limb::arm(&b)), finish("leg", limb::leg(&b)), finish("tentacle", limb::tentacle(2.6, 7)), finish("head_man", h.build(1)), finish("head_woman", woman.build(1)), finish("head_child", child.build(1)), finish("head_goblin", goblin.build(1)), finish("head_cat", cat.build(1)), finish("head_fox", fox.build(1)), finish("head_bear", bear.build(1))]
+    vec![finish("ear", ear::Ear { slim: 1.0, lobe: 1.0, helix: 1.0, fold: 1.0, point: 0.0 }.build(1)), finish("foot", foot::Foot { wide: 1.0, arch: 1.0, toes: 1.0 }.build(1)), finish("fish", creature::fish(1.0, 1.0)), finish("duck", creature::duck(0.4, 1.0)), finish("pig", creature::pig(1.0)), finish("hand", human_hand.build(1)), finish("paw", paw.build(1)), finish("glove", glove.build(1)), finish("arm", limb::arm(&b)), finish("leg", limb::leg(&b)), finish("tentacle", limb::tentacle(2.6, 7)), finish("head_man", h.build(1)), finish("head_woman", woman.build(1)), finish("head_child", child.build(1)), finish("head_goblin", goblin.build(1)), finish("head_cat", cat.build(1)), finish("head_fox", fox.build(1)), finish("head_bear", bear.build(1))]
 }

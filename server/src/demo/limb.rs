@@ -60,7 +60,7 @@ pub(super) fn arm(build: &Build) -> (Cage, Vec<Vec3>) {
     (7..12).for_each(|r| cage.name(&row(r), "elbow"));
     // v of a hoop is axis × x: behind the arm. So column 4 of 16 is the elbow's.
     let cap: Vec<usize> = (9..11).flat_map(|r| [r * COLUMNS + 3, r * COLUMNS + 4]).collect();
-    cage.inset(&cap, &[(0.72, Vec3::new(0.0, 0.0, -0.03)), (0.6, Vec3::new(0.0, 0.0, -0.015))], "elbow");
+    joint_rings(&mut cage, &cap, &[(0.15, 0.0), (0.10, 0.02), (0.05, 0.035)], "elbow");
     let sculpt = move |p: &Vec3| {
         let biceps = 0.115 * m * blob(p, [0.02, 0.85, 0.40], [0.30, 0.40, 0.30]);
         let triceps = -0.085 * m * blob(p, [-0.02, 0.95, -0.40], [0.30, 0.50, 0.28]);
@@ -97,8 +97,7 @@ pub(super) fn leg(build: &Build) -> (Cage, Vec<Vec3>) {
     (15..22).for_each(|r| cage.name(&row(r), "thigh"));
     (9..15).for_each(|r| cage.name(&row(r), "knee"));
     let cap: Vec<usize> = (11..13).flat_map(|r| [r * COLUMNS + 11, r * COLUMNS + 12]).collect();
-    let out = Vec3::new(0.0, 0.0, 0.03);
-    cage.inset(&cap, &[(1.25, out * 0.4), (0.78, out), (0.62, out * 0.5)], "kneecap");
+    joint_rings(&mut cage, &cap, &[(0.20, 0.0), (0.15, 0.03), (0.10, 0.05)], "kneecap");
     let sculpt = move |p: &Vec3| {
         let cap = 0.055 * blob(p, [0.0, -0.05, 0.38], [0.20, 0.17, 0.25]);
         let below = 0.04 * blob(p, [0.0, -0.42, 0.33], [0.12, 0.14, 0.2]);
@@ -114,6 +113,20 @@ pub(super) fn leg(build: &Build) -> (Cage, Vec<Vec3>) {
         Vec3::new(tear + sweep + inner_ankle + outer_ankle, 0.0, cap + below + pit + quad + calf_in + calf_out + shin)
     };
     finish(cage, 1, sculpt)
+}
+
+/// Round loops on a joint's tip: (radius, height).
+fn joint_rings(cage: &mut Cage, region: &[usize], rings: &[(f64, f64)], group: &str) {
+    let rim = cage.outline(region);
+    let centre = cage.centre(&cage.vertices(region));
+    let spoke = |k: usize| cage.bases[rim[k % rim.len()] as usize] - centre;
+    let out = (0..rim.len()).map(|k| spoke(k).cross(&spoke(k + 1))).sum::<Vec3>().normalize();
+    let u = (Vec3::x() - out * out.x).normalize();
+    let v = out.cross(&u);
+    let hoops: Vec<Hoop> =
+        rings.iter().map(|&(r, high)| Hoop { centre: centre + out * high, u: u * r, v: v * r }).collect();
+    cage.lay(region, &hoops[0]);
+    cage.grow(region, &hoops[1..], group);
 }
 
 /// A piece of a tentacle with suckers; `curl` is how far it winds, in radians.
