@@ -19,6 +19,16 @@ fn main() -> std::io::Result<()> {
         let profile = render(&sample.mesh, &View::default().turned(-1.45, 0.05).with_palette(Palette::dark()), side);
         rows.push((front, profile, sample.name));
     }
+    for sample in demo::inputs() {
+        if !sample.name.contains(&only) {
+            continue;
+        }
+        let view = View::guess(&sample.mesh).with_palette(Palette::scan());
+        let (front, profile) =
+            (render(&sample.mesh, &view, side), render(&sample.mesh, &view.turned(-1.45, 0.05), side));
+        println!("{}: {} triangles", sample.name, sample.mesh.faces.len());
+        rows.push((front, profile, sample.name));
+    }
     let captioned: Vec<(&Picture, &str)> = rows.iter().flat_map(|(f, p, n)| [(f, n.as_str()), (p, "")]).collect();
     let strips: Vec<Picture> = captioned.chunks(6).map(side_by_side_captioned).collect();
     let width = strips.iter().map(Picture::width).max().unwrap_or(1);

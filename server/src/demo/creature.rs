@@ -26,7 +26,8 @@ impl Body {
         let last = (rows - 1) * COLUMNS;
         let start = |wide: usize| COLUMNS - wide / 2;
         let head: Vec<u32> = (0..COLUMNS).map(|c| (last + (c + start(ends[1])) % COLUMNS) as u32).collect();
-        let tail: Vec<u32> = (0..COLUMNS).rev().map(|c| ((c + start(ends[0]) + 1 + ends[0]) % COLUMNS) as u32).collect();
+        let tail: Vec<u32> =
+            (0..COLUMNS).rev().map(|c| ((c + start(ends[0]) + 1 + ends[0]) % COLUMNS) as u32).collect();
         let head = cage.cap(&head, ends[1], "head");
         let tail = cage.cap(&tail, ends[0], "tail");
         Self { cage, head, tail }
@@ -39,7 +40,12 @@ impl Body {
     /// The outward direction of a block: the mean of its faces' normals.
     fn outward(&self, region: &[Face]) -> Vec3 {
         let p = |v: u32| self.cage.bases[v as usize];
-        region.iter().map(|&f| self.cage.quads[f].map(p)).map(|[a, b, c, d]| (c - a).cross(&(d - b))).sum::<Vec3>().normalize()
+        region
+            .iter()
+            .map(|&f| self.cage.quads[f].map(p))
+            .map(|[a, b, c, d]| (c - a).cross(&(d - b)))
+            .sum::<Vec3>()
+            .normalize()
     }
 
     /// Loops around an eye on a block, `size` its radius.
@@ -48,8 +54,16 @@ impl Body {
         let centre = self.cage.centre(&self.cage.vertices(region));
         let u = (Vec3::z() - out * out.z).try_normalize(0.2).unwrap_or(Vec3::y());
         let v = out.cross(&u);
-        let ring = |radius: f64, high: f64| Hoop { centre: centre + out * (high * size), u: u * (radius * size), v: v * (radius * size) };
-        self.cage.grow(region, &[ring(1.35, 0.10), ring(1.10, 0.28), ring(0.92, 0.16), ring(0.72, 0.42), ring(0.38, 0.58)], group);
+        let ring = |radius: f64, high: f64| Hoop {
+            centre: centre + out * (high * size),
+            u: u * (radius * size),
+            v: v * (radius * size),
+        };
+        self.cage.grow(
+            region,
+            &[ring(1.35, 0.10), ring(1.10, 0.28), ring(0.92, 0.16), ring(0.72, 0.42), ring(0.38, 0.58)],
+            group,
+        );
     }
 
     /// A flat limb on a block: each hoop is (distance, half length along `along`, half thickness).
@@ -72,9 +86,11 @@ impl Body {
 
 /// A fish: tail fin, dorsal, pectoral and belly fins, eyes, a mouth. `tall` is its height against the usual, `long`
 /// its length.
-pub(super) fn fish(tall: f64, long: f64) -> (Cage, Vec<Vec3>) {
+pub(super) fn fish(tall: f64, long: f64, levels: usize) -> (Cage, Vec<Vec3>) {
     let h = |y: f64| y * tall;
-    let ring = |z: f64, top: f64, wide: f64, bottom: f64| [h(top), z * long, -wide, h(0.5 * (top + bottom)), z * long, h(bottom), z * long, 1.0];
+    let ring = |z: f64, top: f64, wide: f64, bottom: f64| {
+        [h(top), z * long, -wide, h(0.5 * (top + bottom)), z * long, h(bottom), z * long, 1.0]
+    };
     let mut tail_out = ring(-2.05, 0.66, 0.025, -0.58);
     (tail_out[1], tail_out[4], tail_out[6]) = (-2.25 * long, -1.80 * long, -2.18 * long);
     let sections = [
@@ -91,21 +107,43 @@ pub(super) fn fish(tall: f64, long: f64) -> (Cage, Vec<Vec3>) {
     ];
     let mut body = Body::of(&sections, 19, [2, 4]);
     let spine = body.block(6..13, -1..1);
-    body.fin(&spine, Vec3::new(0.0, 1.0, -0.25), Vec3::z(), &[[0.04, 0.58 * long, 0.045, 0.0], [0.22, 0.50 * long, 0.03, -0.08], [0.40, 0.36 * long, 0.02, -0.22]], "dorsal_fin");
+    body.fin(
+        &spine,
+        Vec3::new(0.0, 1.0, -0.25),
+        Vec3::z(),
+        &[[0.04, 0.58 * long, 0.045, 0.0], [0.22, 0.50 * long, 0.03, -0.08], [0.40, 0.36 * long, 0.02, -0.22]],
+        "dorsal_fin",
+    );
     let belly = body.block(5..8, 7..9);
-    body.fin(&belly, Vec3::new(0.0, -1.0, -0.5), Vec3::z(), &[[0.03, 0.20, 0.04, 0.0], [0.16, 0.17, 0.03, -0.06], [0.28, 0.12, 0.02, -0.14]], "anal_fin");
+    body.fin(
+        &belly,
+        Vec3::new(0.0, -1.0, -0.5),
+        Vec3::z(),
+        &[[0.03, 0.20, 0.04, 0.0], [0.16, 0.17, 0.03, -0.06], [0.28, 0.12, 0.02, -0.14]],
+        "anal_fin",
+    );
     for (side, columns, group) in [(1.0, 10..12, "fin_l"), (-1.0, 4..6, "fin_r")] {
         let region = body.block(12..14, columns);
         let out = Vec3::new(side, -0.35, -0.9);
-        body.fin(&region, out, Vec3::y(), &[[0.06, 0.11, 0.045, 0.0], [0.22, 0.16, 0.03, 0.0], [0.42, 0.20, 0.02, -0.02], [0.58, 0.16, 0.015, -0.05]], group);
+        body.fin(
+            &region,
+            out,
+            Vec3::y(),
+            &[[0.06, 0.11, 0.045, 0.0], [0.22, 0.16, 0.03, 0.0], [0.42, 0.20, 0.02, -0.02], [0.58, 0.16, 0.015, -0.05]],
+            group,
+        );
     }
     for (columns, group) in [(11..13, "eye_l"), (3..5, "eye_r")] {
         let region = body.block(15..17, columns);
         body.eye(&region, 0.092, group);
     }
     let mouth = body.head.clone();
-    body.cage.inset(&mouth, &[(0.80, Vec3::new(0.0, 0.0, 0.07)), (0.72, Vec3::new(0.0, 0.0, 0.02)), (0.75, Vec3::new(0.0, 0.0, -0.10))], "mouth");
-    finish(body.cage, 1, move |p| {
+    body.cage.inset(
+        &mouth,
+        &[(0.80, Vec3::new(0.0, 0.0, 0.07)), (0.72, Vec3::new(0.0, 0.0, 0.02)), (0.75, Vec3::new(0.0, 0.0, -0.10))],
+        "mouth",
+    );
+    finish(body.cage, levels, move |p| {
         let notch = 0.26 * step(-1.9 * long, -2.25 * long, p.z) * (-(p.y / (0.22 * tall)).powi(2)).exp();
         let gill = -0.045 * (-((p.z - 0.66 + 0.35 * p.y * p.y) / 0.055).powi(2)).exp() * step(0.5, 0.2, p.y.abs());
         let sway = 0.10 * step(-0.2, -2.0, p.z) * (1.6 * p.z).sin();
@@ -114,7 +152,7 @@ pub(super) fn fish(tall: f64, long: f64) -> (Cage, Vec<Vec3>) {
 }
 
 /// A rubber duck: round body, tail up, wings, a head with beak and eyes. `neck` is the neck's length.
-pub(super) fn duck(neck: f64, plump: f64) -> (Cage, Vec<Vec3>) {
+pub(super) fn duck(neck: f64, plump: f64, levels: usize) -> (Cage, Vec<Vec3>) {
     let (n, w) = (0.30 * neck, -plump);
     // top y, z | side x, y, z | bottom y, z: from the tail's tip through the breast up to the crown.
     let sections = [
@@ -141,7 +179,16 @@ pub(super) fn duck(neck: f64, plump: f64) -> (Cage, Vec<Vec3>) {
             u: Vec3::new(0.0, 0.10, -0.95).normalize() * long,
             v: Vec3::new(0.0, 0.95, 0.10) * (high * side),
         };
-        body.cage.grow(&region, &[hoop(0.05, 0.50, 0.25, 0.02), hoop(0.13, 0.54, 0.26, 0.10), hoop(0.17, 0.44, 0.18, 0.12), hoop(0.17, 0.22, 0.07, 0.12)], group);
+        body.cage.grow(
+            &region,
+            &[
+                hoop(0.05, 0.50, 0.25, 0.02),
+                hoop(0.13, 0.54, 0.26, 0.10),
+                hoop(0.17, 0.44, 0.18, 0.12),
+                hoop(0.17, 0.22, 0.07, 0.12),
+            ],
+            group,
+        );
     }
     let beak = body.block(15..17, 7..9);
     let centre = body.cage.centre(&body.cage.vertices(&beak));
@@ -150,12 +197,22 @@ pub(super) fn duck(neck: f64, plump: f64) -> (Cage, Vec<Vec3>) {
         u: Vec3::x() * wide,
         v: Vec3::y() * high,
     };
-    body.cage.grow(&beak, &[lip(0.02, 0.20, 0.13, 0.0), lip(0.12, 0.21, 0.10, 0.0), lip(0.26, 0.24, 0.07, 0.01), lip(0.36, 0.22, 0.055, 0.03), lip(0.42, 0.13, 0.03, 0.04)], "beak");
+    body.cage.grow(
+        &beak,
+        &[
+            lip(0.02, 0.20, 0.13, 0.0),
+            lip(0.12, 0.21, 0.10, 0.0),
+            lip(0.26, 0.24, 0.07, 0.01),
+            lip(0.36, 0.22, 0.055, 0.03),
+            lip(0.42, 0.13, 0.03, 0.04),
+        ],
+        "beak",
+    );
     for (columns, group) in [(9..11, "eye_l"), (5..7, "eye_r")] {
         let region = body.block(17..19, columns);
         body.eye(&region, 0.085, group);
     }
-    finish(body.cage, 1, |p| {
+    finish(body.cage, levels, |p| {
         let turn = 0.05 * step(0.5, 1.3, p.y);
         let mouth = -0.04 * blob(p, [0.0, 0.885, 0.95], [0.26, 0.02, 0.25]);
         Vec3::new(turn * p.z, 0.0, mouth)
@@ -163,7 +220,7 @@ pub(super) fn duck(neck: f64, plump: f64) -> (Cage, Vec<Vec3>) {
 }
 
 /// A piggy bank: a barrel on four stubs, with snout, ears and eyes. `round` is its girth.
-pub(super) fn pig(round: f64) -> (Cage, Vec<Vec3>) {
+pub(super) fn pig(round: f64, levels: usize) -> (Cage, Vec<Vec3>) {
     let g = round;
     let ring = |z: f64, top: f64, wide: f64, bottom: f64| [top, z, -wide * g, 0.5 * (top + bottom), z, bottom, z, 0.95];
     let sections = [
@@ -182,7 +239,11 @@ pub(super) fn pig(round: f64) -> (Cage, Vec<Vec3>) {
     let mut body = Body::of(&sections, 21, [4, 4]);
     let snout = body.head.clone();
     body.cage.name(&(17 * COLUMNS..20 * COLUMNS).collect::<Vec<_>>(), "snout");
-    body.cage.inset(&snout, &[(1.08, Vec3::new(0.0, 0.0, 0.03)), (0.86, Vec3::new(0.0, 0.0, 0.02)), (0.80, Vec3::new(0.0, 0.0, -0.015))], "snout");
+    body.cage.inset(
+        &snout,
+        &[(1.08, Vec3::new(0.0, 0.0, 0.03)), (0.86, Vec3::new(0.0, 0.0, 0.02)), (0.80, Vec3::new(0.0, 0.0, -0.015))],
+        "snout",
+    );
     let tail = body.tail.clone();
     let middle: Vec<Face> = vec![tail[5], tail[6], tail[9], tail[10]];
     let root = body.cage.centre(&body.cage.vertices(&middle));
@@ -193,7 +254,11 @@ pub(super) fn pig(round: f64) -> (Cage, Vec<Vec3>) {
             let axis = Vec3::new(0.75 * a.cos(), 0.75 * a.sin(), -0.5).normalize();
             let u = (Vec3::y() - axis * axis.y).try_normalize(0.2).unwrap_or(Vec3::x());
             let r = 0.072 - 0.035 * s;
-            Hoop { centre: root + Vec3::new(0.10 * a.sin(), 0.10 * (1.0 - a.cos()), -0.05 - 0.22 * s), u: u * r, v: axis.cross(&u) * r }
+            Hoop {
+                centre: root + Vec3::new(0.10 * a.sin(), 0.10 * (1.0 - a.cos()), -0.05 - 0.22 * s),
+                u: u * r,
+                v: axis.cross(&u) * r,
+            }
         })
         .collect();
     body.cage.grow(&middle, &curl, "tail");
@@ -201,23 +266,35 @@ pub(super) fn pig(round: f64) -> (Cage, Vec<Vec3>) {
         for (rows, place) in [(4..6, "hind"), (11..13, "fore")] {
             let region = body.block(rows, columns.clone());
             let centre = body.cage.centre(&body.cage.vertices(&region)) + Vec3::new(0.04 * side, 0.0, 0.0);
-            let hoop = |y: f64, r: f64| Hoop { centre: Vec3::new(centre.x, y, centre.z), u: Vec3::z() * (r * side), v: Vec3::x() * r * side };
-            let hoops = [hoop(-0.66, 0.22), hoop(-0.78, 0.20), hoop(-0.95, 0.195), hoop(-1.0, 0.17), hoop(-1.005, 0.10)];
+            let hoop =
+                |y: f64, r: f64| Hoop { centre: Vec3::new(centre.x, y, centre.z), u: Vec3::x() * r, v: Vec3::z() * r };
+            let hoops =
+                [hoop(-0.66, 0.22), hoop(-0.78, 0.20), hoop(-0.95, 0.195), hoop(-1.0, 0.17), hoop(-1.005, 0.10)];
             body.cage.grow(&region, &hoops, &format!("leg_{place}_{end}"));
         }
     }
     for (side, columns, end) in [(1.0, 13..15, "l"), (-1.0, 1..3, "r")] {
         let region = body.block(12..14, columns);
         let out = Vec3::new(0.75 * side, 1.0, 0.25).normalize();
-        body.fin(&region, out, Vec3::new(1.0, -0.6 * side, -0.2 * side), &[[0.0, 0.19, 0.08, 0.0], [0.13, 0.20, 0.06, 0.0], [0.27, 0.14, 0.045, 0.0], [0.36, 0.06, 0.03, 0.02]], &format!("ear_{end}"));
+        body.fin(
+            &region,
+            out,
+            Vec3::new(1.0, -0.6 * side, -0.2 * side),
+            &[[0.0, 0.19, 0.08, 0.0], [0.13, 0.20, 0.06, 0.0], [0.27, 0.14, 0.045, 0.0], [0.36, 0.06, 0.03, 0.02]],
+            &format!("ear_{end}"),
+        );
     }
     for (columns, group) in [(12..14, "eye_l"), (2..4, "eye_r")] {
         let region = body.block(15..17, columns);
         body.eye(&region, 0.07, group);
     }
-    finish(body.cage, 1, |p| {
-        let nostril = -0.10 * blob(p, [0.085, 0.09, 1.42], [0.045, 0.065, 0.1]) - 0.10 * blob(p, [-0.085, 0.09, 1.42], [0.045, 0.065, 0.1]);
-        let smile = -0.05 * (-((p.y + 0.20 - 0.5 * p.x * p.x) / 0.035).powi(2)).exp() * step(0.75, 0.95, p.z) * step(0.4, 0.25, p.x.abs());
+    finish(body.cage, levels, |p| {
+        let nostril = -0.10 * blob(p, [0.085, 0.09, 1.42], [0.045, 0.065, 0.1])
+            - 0.10 * blob(p, [-0.085, 0.09, 1.42], [0.045, 0.065, 0.1]);
+        let smile = -0.05
+            * (-((p.y + 0.20 - 0.5 * p.x * p.x) / 0.035).powi(2)).exp()
+            * step(0.75, 0.95, p.z)
+            * step(0.4, 0.25, p.x.abs());
         Vec3::new(0.02 * (2.0 * p.z).sin(), 0.0, nostril + smile)
     })
 }

@@ -46,7 +46,10 @@ impl Ear {
         let up = step(-0.6, 0.8, s);
         let wide = self.slim * (0.40 + 0.28 * up) * (1.0 - 0.16 * step(0.1, -1.0, c) * (1.0 - up));
         let low = 1.0 + 0.16 * self.lobe * step(-0.5, -1.0, s);
-        [wide * c + 0.10 * s.max(0.0) + 0.30 * self.point * step(0.5, 1.0, s), (s * low) + 0.45 * self.point * step(0.55, 1.0, s)]
+        [
+            wide * c + 0.10 * s.max(0.0) + 0.30 * self.point * step(0.5, 1.0, s),
+            (s * low) + 0.45 * self.point * step(0.55, 1.0, s),
+        ]
     }
 
     fn point_at(&self, a: f64, [radius, height, rim, fold, hollow]: [f64; 5]) -> Vec3 {
@@ -71,8 +74,7 @@ impl Ear {
             cage.name(&[r * COLUMNS + 13, r * COLUMNS + 14, r * COLUMNS + 15], "lobe");
         }
         // The cap's corners lie on the diagonals.
-        let rim: Vec<u32> =
-            (0..COLUMNS).map(|c| ((LOOPS.len() - 1) * COLUMNS + (c + 12) % COLUMNS) as u32).collect();
+        let rim: Vec<u32> = (0..COLUMNS).map(|c| ((LOOPS.len() - 1) * COLUMNS + (c + 12) % COLUMNS) as u32).collect();
         cage.cap(&rim, 5, "concha");
         finish(cage, levels, |p| {
             let tragus = 0.20 * bump([p.x + 0.30, p.y + 0.16], [0.10, 0.13]);

@@ -78,7 +78,11 @@ impl Hand {
         for (i, finger) in self.fingers.iter().enumerate() {
             let region = [roots[i], roots[n + i]];
             let root = cage.centre(&cage.vertices(&region));
-            cage.grow(&region, &finger.hoops(root, Vec3::new(finger.spread.sin(), finger.spread.cos(), 0.0)), &format!("finger_{}", i + 1));
+            cage.grow(
+                &region,
+                &finger.hoops(root, Vec3::new(finger.spread.sin(), finger.spread.cos(), 0.0)),
+                &format!("finger_{}", i + 1),
+            );
         }
         if let Some(thumb) = self.thumb {
             let region: Vec<usize> = (3..5).flat_map(|r| [r * columns + n, r * columns + n + 1]).collect();
@@ -95,7 +99,8 @@ impl Hand {
             let heads = 0.05 * blob(p, [0.0, 0.92 * h, d], [0.9 * w, 0.14 * h, d]);
             let hollow = -0.10 * blob(p, [0.0, 0.56 * h, d], [0.36 * w, 0.26 * h, d * 1.5]);
             let cushion = 0.16 * pads * blob(p, [0.0, 0.48 * h, 1.1 * d], [0.62 * w, 0.32 * h, d]);
-            let tip_pads: f64 = tips.iter().map(|t| 0.09 * pads * blob(p, [t.x, t.y, t.z + 0.15], [0.2, 0.2, 0.25])).sum();
+            let tip_pads: f64 =
+                tips.iter().map(|t| 0.09 * pads * blob(p, [t.x, t.y, t.z + 0.15], [0.2, 0.2, 0.25])).sum();
             let knuckles: f64 = (0..n)
                 .map(|i| {
                     let q = root_of(&loft, i, n);

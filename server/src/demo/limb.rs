@@ -37,7 +37,7 @@ pub(super) struct Build {
 }
 
 /// A left arm from the wrist (below) to the shoulder, the elbow behind.
-pub(super) fn arm(build: &Build) -> (Cage, Vec<Vec3>) {
+pub(super) fn arm(build: &Build, levels: usize) -> (Cage, Vec<Vec3>) {
     let Build { thick: w, muscle: m, bend } = *build;
     let b = 0.9 * bend;
     let keys = [
@@ -72,11 +72,11 @@ pub(super) fn arm(build: &Build) -> (Cage, Vec<Vec3>) {
         let bone = 0.045 * blob(p, [0.30, -1.58, -0.08 + 1.35 * b], [0.11, 0.10, 0.14]);
         Vec3::new(deltoid + outer + inner + bone, 0.0, biceps + triceps + tip + pit)
     };
-    finish(cage, 1, sculpt)
+    finish(cage, levels, sculpt)
 }
 
 /// A left leg from the ankle (below) to the thigh, the knee in front.
-pub(super) fn leg(build: &Build) -> (Cage, Vec<Vec3>) {
+pub(super) fn leg(build: &Build, levels: usize) -> (Cage, Vec<Vec3>) {
     let Build { thick: w, muscle: m, bend: b } = *build;
     let keys = [
         [-0.02, -1.95, -0.05 - 0.75 * b, 0.225 * w, 0.25 * w],
@@ -103,7 +103,7 @@ pub(super) fn leg(build: &Build) -> (Cage, Vec<Vec3>) {
         let below = 0.04 * blob(p, [0.0, -0.42, 0.33], [0.12, 0.14, 0.2]);
         let pit = 0.05 * blob(p, [0.0, -0.05, -0.38], [0.22, 0.20, 0.2]);
         let quad = 0.10 * m * blob(p, [0.05, 0.95, 0.50], [0.40, 0.55, 0.40]);
-        let calf_in = -0.14 * m * blob(p, [-0.20, -0.70 , -0.42 - 0.2 * b], [0.26, 0.42, 0.30]);
+        let calf_in = -0.14 * m * blob(p, [-0.20, -0.70, -0.42 - 0.2 * b], [0.26, 0.42, 0.30]);
         let calf_out = -0.10 * m * blob(p, [0.22, -0.62, -0.40 - 0.2 * b], [0.26, 0.38, 0.30]);
         let shin = 0.05 * blob(p, [-0.05, -1.05, 0.25 - 0.3 * b], [0.13, 0.60, 0.2]);
         let tear = -0.075 * m * blob(p, [-0.40, 0.36, 0.20], [0.25, 0.26, 0.3]);
@@ -112,7 +112,7 @@ pub(super) fn leg(build: &Build) -> (Cage, Vec<Vec3>) {
         let outer_ankle = 0.055 * blob(p, [0.24, -1.89, -0.09 - 0.70 * b], [0.11, 0.11, 0.15]);
         Vec3::new(tear + sweep + inner_ankle + outer_ankle, 0.0, cap + below + pit + quad + calf_in + calf_out + shin)
     };
-    finish(cage, 1, sculpt)
+    finish(cage, levels, sculpt)
 }
 
 /// Round loops on a joint's tip: (radius, height).
@@ -130,7 +130,7 @@ fn joint_rings(cage: &mut Cage, region: &[usize], rings: &[(f64, f64)], group: &
 }
 
 /// A piece of a tentacle with suckers; `curl` is how far it winds, in radians.
-pub(super) fn tentacle(curl: f64, suckers: usize) -> (Cage, Vec<Vec3>) {
+pub(super) fn tentacle(curl: f64, suckers: usize, levels: usize) -> (Cage, Vec<Vec3>) {
     let count = 3 * suckers + 3;
     let keys: Vec<[f64; 5]> = (0..=12)
         .map(|k| {
@@ -138,7 +138,13 @@ pub(super) fn tentacle(curl: f64, suckers: usize) -> (Cage, Vec<Vec3>) {
             let radius = 0.52 - 0.40 * s.powf(0.85);
             let angle = curl * s * s;
             let reach = 1.35 - 0.62 * s;
-            [0.16 * (3.0 * s).sin(), 2.6 * s + 0.4 * s * angle.sin(), reach * (1.0 - angle.cos()), radius, radius * 0.92]
+            [
+                0.16 * (3.0 * s).sin(),
+                2.6 * s + 0.4 * s * angle.sin(),
+                reach * (1.0 - angle.cos()),
+                radius,
+                radius * 0.92,
+            ]
         })
         .collect();
     let ts: Vec<f64> = (0..count).map(|k| 12.0 * (k as f64 / (count - 1) as f64).powf(0.92)).collect();
@@ -163,7 +169,7 @@ pub(super) fn tentacle(curl: f64, suckers: usize) -> (Cage, Vec<Vec3>) {
         };
         cage.grow(&block, &[at(0.0, 0.62), at(0.34, 0.80), at(0.40, 0.62), at(0.08, 0.36)], "suckers");
     }
-    finish(cage, 1, |p| Vec3::new(0.0, 0.0, -0.04 * step(0.1, 0.5, p.x.abs())))
+    finish(cage, levels, |p| Vec3::new(0.0, 0.0, -0.04 * step(0.1, 0.5, p.x.abs())))
 }
 
 /// Subdivides and sculpts.
