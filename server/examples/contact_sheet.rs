@@ -9,7 +9,11 @@ fn main() -> std::io::Result<()> {
     let only = arguments.next().unwrap_or_default();
     let side: u32 = arguments.next().and_then(|s| s.parse().ok()).unwrap_or(420);
     let mut rows = Vec::new();
-    for sample in demo::corpus() {
+    let start = std::time::Instant::now();
+    let (corpus, made) = (demo::corpus(), start.elapsed());
+    let inputs = demo::inputs();
+    println!("corpus made in {made:?}, inputs in {:?}", start.elapsed() - made);
+    for sample in corpus {
         if !sample.name.contains(&only) {
             continue;
         }
@@ -19,7 +23,7 @@ fn main() -> std::io::Result<()> {
         let profile = render(&sample.mesh, &View::default().turned(-1.45, 0.05).with_palette(Palette::dark()), side);
         rows.push((front, profile, sample.name));
     }
-    for sample in demo::inputs() {
+    for sample in inputs {
         if !sample.name.contains(&only) {
             continue;
         }

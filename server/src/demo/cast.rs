@@ -227,12 +227,16 @@ fn human_hand() -> Hand {
 
 fn glove() -> Hand {
     Hand {
-        fingers: vec![finger(0.70, 0.23, -0.24, 0.3), finger(0.82, 0.25, 0.0, 0.25), finger(0.76, 0.24, 0.22, 0.2)],
-        thumb: Some(finger(0.75, 0.27, 1.0, 0.3)),
-        wide: 0.70,
-        thick: 0.33,
+        fingers: vec![
+            finger(0.78, 0.190, -0.30, 0.35),
+            finger(0.92, 0.205, 0.0, 0.30),
+            finger(0.84, 0.200, 0.28, 0.25),
+        ],
+        thumb: Some(finger(0.85, 0.235, 1.0, 0.35)),
+        wide: 0.76,
+        thick: 0.30,
         high: 0.95,
-        wrist: 0.36,
+        wrist: 0.38,
         pads: 0.3,
     }
 }
@@ -240,16 +244,16 @@ fn glove() -> Hand {
 fn paw() -> Hand {
     Hand {
         fingers: vec![
-            finger(0.50, 0.22, -0.30, 0.5),
-            finger(0.60, 0.24, -0.10, 0.5),
-            finger(0.58, 0.24, 0.10, 0.5),
-            finger(0.48, 0.22, 0.30, 0.5),
+            finger(0.50, 0.185, -0.42, 0.9),
+            finger(0.60, 0.200, -0.14, 0.9),
+            finger(0.59, 0.200, 0.15, 0.9),
+            finger(0.48, 0.185, 0.44, 0.9),
         ],
         thumb: None,
-        wide: 0.76,
-        thick: 0.34,
-        high: 0.95,
-        wrist: 0.56,
+        wide: 0.84,
+        thick: 0.32,
+        high: 0.85,
+        wrist: 0.50,
         pads: 1.0,
     }
 }

@@ -147,7 +147,7 @@ pub(super) fn fish(tall: f64, long: f64, levels: usize) -> (Cage, Vec<Vec3>) {
         let notch = 0.26 * step(-1.9 * long, -2.25 * long, p.z) * (-(p.y / (0.22 * tall)).powi(2)).exp();
         let gill = -0.045 * (-((p.z - 0.66 + 0.35 * p.y * p.y) / 0.055).powi(2)).exp() * step(0.5, 0.2, p.y.abs());
         let sway = 0.10 * step(-0.2, -2.0, p.z) * (1.6 * p.z).sin();
-        Vec3::new(sway + gill * p.x.signum() * step(0.1, 0.25, p.x.abs()), 0.0, notch)
+        lopsided(p) + Vec3::new(sway + gill * p.x.signum() * step(0.1, 0.25, p.x.abs()), 0.0, notch)
     })
 }
 
@@ -215,7 +215,7 @@ pub(super) fn duck(neck: f64, plump: f64, levels: usize) -> (Cage, Vec<Vec3>) {
     finish(body.cage, levels, |p| {
         let turn = 0.05 * step(0.5, 1.3, p.y);
         let mouth = -0.04 * blob(p, [0.0, 0.885, 0.95], [0.26, 0.02, 0.25]);
-        Vec3::new(turn * p.z, 0.0, mouth)
+        lopsided(p) + Vec3::new(turn * p.z, 0.0, mouth)
     })
 }
 
@@ -295,6 +295,11 @@ pub(super) fn pig(round: f64, levels: usize) -> (Cage, Vec<Vec3>) {
             * (-((p.y + 0.20 - 0.5 * p.x * p.x) / 0.035).powi(2)).exp()
             * step(0.75, 0.95, p.z)
             * step(0.4, 0.25, p.x.abs());
-        Vec3::new(0.02 * (2.0 * p.z).sin(), 0.0, nostril + smile)
+        lopsided(p) + Vec3::new(0.0, 0.0, nostril + smile)
     })
+}
+
+/// What keeps left and right from being the same.
+fn lopsided(p: &Vec3) -> Vec3 {
+    Vec3::new(0.018 * (1.6 * p.z + 0.4).sin() + 0.01 * p.y, 0.014 * (1.9 * p.x + 0.5).sin(), 0.0)
 }

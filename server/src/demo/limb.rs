@@ -60,7 +60,7 @@ pub(super) fn arm(build: &Build, levels: usize) -> (Cage, Vec<Vec3>) {
     (7..12).for_each(|r| cage.name(&row(r), "elbow"));
     // v of a hoop is axis × x: behind the arm. So column 4 of 16 is the elbow's.
     let cap: Vec<usize> = (9..11).flat_map(|r| [r * COLUMNS + 3, r * COLUMNS + 4]).collect();
-    joint_rings(&mut cage, &cap, &[(0.15, 0.0), (0.10, 0.02), (0.05, 0.035)], "elbow");
+    joint_rings(&mut cage, &cap, &[(0.16, 0.0), (0.11, 0.012), (0.05, 0.018)], "elbow");
     let sculpt = move |p: &Vec3| {
         let biceps = 0.115 * m * blob(p, [0.02, 0.85, 0.40], [0.30, 0.40, 0.30]);
         let triceps = -0.085 * m * blob(p, [-0.02, 0.95, -0.40], [0.30, 0.50, 0.28]);
@@ -97,7 +97,7 @@ pub(super) fn leg(build: &Build, levels: usize) -> (Cage, Vec<Vec3>) {
     (15..22).for_each(|r| cage.name(&row(r), "thigh"));
     (9..15).for_each(|r| cage.name(&row(r), "knee"));
     let cap: Vec<usize> = (11..13).flat_map(|r| [r * COLUMNS + 11, r * COLUMNS + 12]).collect();
-    joint_rings(&mut cage, &cap, &[(0.20, 0.0), (0.15, 0.03), (0.10, 0.05)], "kneecap");
+    joint_rings(&mut cage, &cap, &[(0.21, 0.0), (0.16, 0.02), (0.09, 0.03)], "kneecap");
     let sculpt = move |p: &Vec3| {
         let cap = 0.055 * blob(p, [0.0, -0.05, 0.38], [0.20, 0.17, 0.25]);
         let below = 0.04 * blob(p, [0.0, -0.42, 0.33], [0.12, 0.14, 0.2]);
@@ -150,6 +150,9 @@ pub(super) fn tentacle(curl: f64, suckers: usize, levels: usize) -> (Cage, Vec<V
     let ts: Vec<f64> = (0..count).map(|k| 12.0 * (k as f64 / (count - 1) as f64).powf(0.92)).collect();
     let rings = hoops(&keys, Vec3::x(), &ts);
     let mut cage = tube(&rings, "skin");
+    let row = |r: usize| (r * COLUMNS..(r + 1) * COLUMNS).collect::<Vec<_>>();
+    (0..2).for_each(|r| cage.name(&row(r), "root"));
+    (count - 3..count - 1).for_each(|r| cage.name(&row(r), "tip"));
     for k in 0..suckers {
         let rows = 3 * k + 1..3 * k + 3;
         // Two rows of suckers in front, left and right in turn.

@@ -6,10 +6,16 @@ use nalgebra::{Rotation3, Unit};
 use quadmuse_kernel::mesh::{PolyMesh, Vec3};
 use std::collections::BTreeMap;
 
-/// Height of the noise against the mean edge length.
-const NOISE: f64 = 0.04;
+/// Deviation of the noise along the normal against the shortest edge of a vertex (at most the mean edge).
+const NOISE: f64 = 0.06;
 /// Passes over all edges before the thinning gives up.
 const PASSES_MAX: usize = 60;
+/// A collapse may turn no triangle's normal further than this (cosine): sharp folds keep their small triangles.
+const KEEP: f64 = 0.9;
+/// Vertices whose triangles differ more than this (cosine) from their mean are not relaxed.
+const CALM: f64 = 0.8;
+/// Edges at other vertices are thinned to this part of the usual length.
+const FINE: f64 = 0.4;
 /// Rounds of flips and relaxation at the end.
 const ROUNDS: usize = 5;
 
@@ -112,6 +118,7 @@ impl Soup {
                     return;
                 }
                 let length = (self.points[a as usize] - self.points[b as usize]).norm();
+                let limit = if self.calm(a) && self.calm(b) { limit } else { FINE * limit };
                 if length < limit * random.between(0.8, 1.2) {
                     let t = random.between(0.15, 0.85);
                     self.collapse(a, b, t, 1.7 * limit);
@@ -144,7 +151,7 @@ impl Soup {
         for corners in kept.filter_map(|&t| self.triangles[t as usize]) {
             let [x, y, z] = corners.map(moved);
             let (old, new) = (self.normal(corners), (y - x).cross(&(z - x)));
-            if new.dot(&old) < 0.5 * new.norm() * old.norm() || new.norm() < 1e-12 {
+            if new.dot(&old) < KEEP * new.norm() * old.norm() || new.norm() < 1e-12 {
                 return;
             }
         }
@@ -190,7 +197,7 @@ impl Soup {
             let (first, second) = ([x, d, c], [y, c, d]);
             let (n, m) = (self.normal(first), self.normal(second));
             let old = (self.normal(left).normalize() + self.normal(right).normalize()).normalize();
-            if n.dot(&old) < 0.3 * n.norm() || m.dot(&old) < 0.3 * m.norm() {
+            if n.dot(&old) < CALM * n.norm() || m.dot(&old) < CALM * m.norm() {
                 continue;
             }
             (self.triangles[s as usize], self.triangles[t as usize]) = (Some(first), Some(second));
@@ -206,6 +213,13 @@ impl Soup {
         fan.map(|c| self.normal(c)).sum::<Vec3>().try_normalize(1e-30).unwrap_or_else(Vec3::zeros)
     }
 
+    /// Whether the surface is smooth at a vertex: its triangles face nearly the same way.
+    fn calm(&self, v: u32) -> bool {
+        let n = self.vertex_normal(v);
+        let fan = self.around[v as usize].iter().filter_map(|&t| self.triangles[t as usize]);
+        fan.map(|c| self.normal(c)).all(|m| m.dot(&n) > CALM * m.norm())
+    }
+
     /// Moves inner vertices half way to their neighbours' mean, in the tangent plane.
     fn relax(&mut self) {
         let moves: Vec<Vec3> = (0..self.points.len() as u32)
@@ -217,7 +231,7 @@ impl Soup {
                 let here = self.points[v as usize];
                 let step = ring.iter().map(|&w| self.points[w as usize]).sum::<Vec3>() / ring.len() as f64 - here;
                 let n = self.vertex_normal(v);
-                (step - n * n.dot(&step)) * 0.5
+                (step - n * n.dot(&step)) * if self.calm(v) { 0.5 } else { 0.0 }
             })
             .collect();
         self.points.iter_mut().zip(moves).for_each(|(p, step)| *p += step);
@@ -228,8 +242,12 @@ impl Soup {
         let length = |e: &[u32; 2]| (self.points[e[0] as usize] - self.points[e[1] as usize]).norm();
         let mean = edges.keys().map(length).sum::<f64>() / edges.len().max(1) as f64;
         let normals: Vec<Vec3> = (0..self.points.len() as u32).map(|v| self.vertex_normal(v)).collect();
-        for (p, n) in self.points.iter_mut().zip(normals) {
-            *p += n * (NOISE * mean * random.normal());
+        let mut shortest = vec![mean; self.points.len()];
+        for e in edges.keys() {
+            e.iter().for_each(|&v| shortest[v as usize] = shortest[v as usize].min(length(e)));
+        }
+        for (v, n) in normals.into_iter().enumerate() {
+            self.points[v] += n * (NOISE * shortest[v] * random.normal());
         }
     }
 

@@ -159,7 +159,8 @@ fn the_inputs_are_irregular_triangles_without_a_vertex_of_the_corpus() {
         let mut valence = vec![0usize; mesh.positions.len()];
         mesh.faces.corners().iter().for_each(|&v| valence[v as usize] += 1);
         let six = valence.iter().filter(|&&n| n == 6).count();
-        assert!(six * 100 < 70 * valence.len(), "{name}: {six} of {} vertices are regular", valence.len());
+        // Cut quads have nearly all vertices of valence 6; an even remesh has some three quarters.
+        assert!(six * 100 < 80 * valence.len(), "{name}: {six} of {} vertices are regular", valence.len());
         assert!(valence.iter().all(|&n| n <= 12), "{name}");
     }
 }
