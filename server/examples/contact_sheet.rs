@@ -9,7 +9,11 @@ fn main() -> std::io::Result<()> {
     let only = arguments.next().unwrap_or_default();
     let side: u32 = arguments.next().and_then(|s| s.parse().ok()).unwrap_or(420);
     let mut rows = Vec::new();
-    for sample in demo::corpus() {
+    let start = std::time::Instant::now();
+    let (corpus, made) = (demo::corpus(), start.elapsed());
+    let inputs = demo::inputs();
+    println!("corpus made in {made:?}, inputs in {:?}", start.elapsed() - made);
+    for sample in corpus {
         if !sample.name.contains(&only) {
             continue;
         }
@@ -17,6 +21,16 @@ fn main() -> std::io::Result<()> {
         let front = render(&sample.mesh, &View::default(), side);
         println!("{}: {} quads, drawn in {:?}", sample.name, sample.mesh.faces.len(), start.elapsed());
         let profile = render(&sample.mesh, &View::default().turned(-1.45, 0.05).with_palette(Palette::dark()), side);
+        rows.push((front, profile, sample.name));
+    }
+    for sample in inputs {
+        if !sample.name.contains(&only) {
+            continue;
+        }
+        let view = View::guess(&sample.mesh).with_palette(Palette::scan());
+        let (front, profile) =
+            (render(&sample.mesh, &view, side), render(&sample.mesh, &view.turned(-1.45, 0.05), side));
+        println!("{}: {} triangles", sample.name, sample.mesh.faces.len());
         rows.push((front, profile, sample.name));
     }
     let captioned: Vec<(&Picture, &str)> = rows.iter().flat_map(|(f, p, n)| [(f, n.as_str()), (p, "")]).collect();

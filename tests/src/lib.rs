@@ -1,1 +1,3 @@
-//! Shared helpers of the end-to-end tests.
+//! What the end-to-end tests, the walls and the runner on real input share.
+
+pub mod walls;

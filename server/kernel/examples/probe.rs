@@ -30,7 +30,13 @@ fn main() {
     for path in std::env::args().skip(1) {
         let mesh = tri(&path);
         let name = path.rsplit('/').next().unwrap();
-        let patch = match topology::whole(&mesh) { Ok(p) => p, Err(e) => { println!("{name}: {e}"); continue } };
+        let patch = match topology::whole(&mesh) {
+            Ok(p) => p,
+            Err(e) => {
+                println!("{name}: {e}");
+                continue;
+            }
+        };
         let t0 = Instant::now();
         let chart = unfold::unfold(&patch, &Default::default()).unwrap();
         let t1 = Instant::now();
@@ -38,9 +44,23 @@ fn main() {
         let t2 = Instant::now();
         let _index = encode::index::PlanarIndex::new(&chart);
         let t3 = Instant::now();
-        println!("{name:50} {:?} tris {} -> {} unfold {:.0} ms encode {:.0} ms index {:.0} ms; m {:.4} uvflips {} ({:.3}%) angle {:.2} flips {} feat {} max {:.1} clamp {} moll {:.1e}",
-            patch.topology, mesh.triangles.len(), chart.mesh.triangles.len(), (t1-t0).as_secs_f64()*1e3, (t2-t1).as_secs_f64()*1e3, (t3-t2).as_secs_f64()*1e3, chart.modulus,
-            chart.report.uv_flips, 100.0*chart.report.uv_flips as f64/chart.mesh.triangles.len() as f64, chart.report.angle_deviation_deg, chart.report.flips, enc.features.len(),
-            enc.pyramid[4].values.iter().copied().fold(0.0,f32::max), chart.report.clamped, chart.report.mollified);
+        println!(
+            "{name:50} {:?} tris {} -> {} unfold {:.0} ms encode {:.0} ms index {:.0} ms; m {:.4} uvflips {} ({:.3}%) angle {:.2} flips {} feat {} max {:.1} clamp {} moll {:.1e}",
+            patch.topology,
+            mesh.triangles.len(),
+            chart.mesh.triangles.len(),
+            (t1 - t0).as_secs_f64() * 1e3,
+            (t2 - t1).as_secs_f64() * 1e3,
+            (t3 - t2).as_secs_f64() * 1e3,
+            chart.modulus,
+            chart.report.uv_flips,
+            100.0 * chart.report.uv_flips as f64 / chart.mesh.triangles.len() as f64,
+            chart.report.angle_deviation_deg,
+            chart.report.flips,
+            enc.features.len(),
+            enc.pyramid[4].values.iter().copied().fold(0.0, f32::max),
+            chart.report.clamped,
+            chart.report.mollified
+        );
     }
 }

@@ -9,7 +9,8 @@ mod probe;
 fn errors(reg: &Registration, a: &unfold::Chart, b: &unfold::Chart, truth: &[Vec3], area: f64) -> (f64, f64) {
     let index = PlanarIndex::new(b);
     let places = map::cross_map(reg, a, b, &index).locations;
-    let mut e: Vec<f64> = places.iter().zip(truth).map(|(l, t)| 100.0 * (l.point(b) - t).norm() / area.sqrt()).collect();
+    let mut e: Vec<f64> =
+        places.iter().zip(truth).map(|(l, t)| 100.0 * (l.point(b) - t).norm() / area.sqrt()).collect();
     e.sort_by(f64::total_cmp);
     (e[e.len() / 2], e[e.len() * 95 / 100])
 }
@@ -21,7 +22,9 @@ fn main() {
     let lines: Vec<String> = text.lines().skip(1).map(String::from).collect();
     let next = std::sync::atomic::AtomicUsize::new(0);
     let sums: std::sync::Mutex<std::collections::BTreeMap<String, Vec<[f64; 6]>>> = Default::default();
-    std::thread::scope(|scope| { for _ in 0..2 { scope.spawn(|| loop {
+    std::thread::scope(|scope| {
+        for _ in 0..2 {
+            scope.spawn(|| loop {
         let k = next.fetch_add(1, std::sync::atomic::Ordering::SeqCst);
         let Some(line) = lines.get(k) else { break };
         let c: Vec<&str> = line.split(',').collect();
@@ -51,12 +54,24 @@ fn main() {
         let e1 = errors(&r1.registration, &chart, &ch1, &truth_mesh.positions, area);
         let mo = if r1.registration.flip.is_mirror() { 1.0 } else { 0.0 };
         println!("{:9} {:46} med {:6.3} p95 {:6.2} cost {:.4} -> med {:6.3} p95 {:6.2} cost {:.4} ctrl {} flip {}{} folds {} m {:.3}/{:.3} cands {} | query {:.0} reg {:.0} poles {:.0} ms", c[0], &c[6][6..c[6].len().min(52)], e0.0, e0.1, r0.cost(), e1.0, e1.1, r1.cost(), r1.registration.p.len(),
-            if r1.registration.flip.u {"U"} else {"-"}, if r1.registration.flip.v {"V"} else {"-"}, r1.registration.folds, chart.modulus, r1.unfolded.encoding.modulus, query.candidates.len(), (t1-t0).as_secs_f64()*1e3, (t2-t1).as_secs_f64()*1e3, (t4-t3).as_secs_f64()*1e3);
+            if r1.registration.flip.u {"U"} else {"-"}, if r1.registration.flip.v {"V"} else {"-"}, r1.registration.folds, chart.modulus, r1.unfolded.encoding.modulus, query.candidates().len(), (t1-t0).as_secs_f64()*1e3, (t2-t1).as_secs_f64()*1e3, (t4-t3).as_secs_f64()*1e3);
         sums.lock().unwrap().entry(c[0].to_string()).or_default().push([e0.0, e0.1, e1.0, e1.1, mo, 0.0]);
-    }); } });
+    });
+        }
+    });
     for (k, v) in sums.into_inner().unwrap() {
         let mean = |j: usize| v.iter().map(|x| x[j]).sum::<f64>() / v.len() as f64;
         let max = |j: usize| v.iter().map(|x| x[j]).fold(0.0, f64::max);
-        println!("{k:9}: n {} before: median {:.3} (max {:.3}) p95 {:.3} | refined: median {:.3} (max {:.3}) p95 {:.3} mirrors {}", v.len(), mean(0), max(0), mean(1), mean(2), max(2), mean(3), mean(4) * v.len() as f64);
+        println!(
+            "{k:9}: n {} before: median {:.3} (max {:.3}) p95 {:.3} | refined: median {:.3} (max {:.3}) p95 {:.3} mirrors {}",
+            v.len(),
+            mean(0),
+            max(0),
+            mean(1),
+            mean(2),
+            max(2),
+            mean(3),
+            mean(4) * v.len() as f64
+        );
     }
 }

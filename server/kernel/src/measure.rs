@@ -21,9 +21,9 @@ pub struct Distribution {
     pub mean: f64,
     /// Median.
     pub median: f64,
-    /// 95th percentile.
+    /// 95th percentile of the magnitude.
     pub p95: f64,
-    /// Maximum.
+    /// Largest magnitude.
     pub max: f64,
 }
 
@@ -107,23 +107,22 @@ fn distribution(mut samples: Vec<(f64, f64)>, low: f64, high: f64) -> Distributi
         let bin = ((x - low) / (high - low) * BINS as f64).clamp(0.0, BINS as f64 - 1.0) as usize;
         shares[bin] += weight / total;
     }
-    let quantile = |share: f64| {
-        let mut sum = 0.0;
-        let reached = samples.iter().find(|s| {
-            sum += s.1;
-            sum >= share * total
-        });
-        reached.or(samples.last()).map_or(0.0, |s| s.0)
-    };
-    Distribution {
-        low,
-        high,
-        shares,
-        mean: samples.iter().map(|(x, w)| x * w).sum::<f64>() / total,
-        median: quantile(0.5),
-        p95: quantile(0.95),
-        max: samples.last().map_or(0.0, |s| s.0),
-    }
+    let mean = samples.iter().map(|(x, w)| x * w).sum::<f64>() / total;
+    let median = quantile(&samples, 0.5 * total);
+    samples.iter_mut().for_each(|s| s.0 = s.0.abs());
+    samples.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let p95 = quantile(&samples, 0.95 * total);
+    Distribution { low, high, shares, mean, median, p95, max: samples.last().map_or(0.0, |s| s.0) }
+}
+
+/// The value below which `weight` lies, of sorted (value, weight) samples.
+fn quantile(samples: &[(f64, f64)], weight: f64) -> f64 {
+    let mut sum = 0.0;
+    let reached = samples.iter().find(|s| {
+        sum += s.1;
+        sum >= weight
+    });
+    reached.or(samples.last()).map_or(0.0, |s| s.0)
 }
 
 /// One plain word for a map.

@@ -15,10 +15,10 @@ use crate::encode::features::{Feature, distance};
 use crate::encode::{Encoding, LEVEL_SIDES};
 use crate::topology::Topology;
 use crate::unfold::Uv;
+pub use entry::Entry;
 use image::Image;
 use mls::{Domain, psi};
 use problem::{Problem, folded};
-pub use entry::Entry;
 pub use query::Query;
 pub use solve::{LevenbergMarquardt, PixelDescent, Solver, Termination};
 
@@ -223,9 +223,8 @@ impl Registration {
             let open = (0..self.p.len()).filter(|&i| moves[i] <= REPAIR_HALVINGS);
             let nearest = open.min_by(|&a, &b| distance(self.p[a], *fold).total_cmp(&distance(self.p[b], *fold)));
             let Some(i) = nearest else { break };
-            let others = |all: &[Uv]| -> Vec<Uv> {
-                all.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, x)| *x).collect()
-            };
+            let others =
+                |all: &[Uv]| -> Vec<Uv> { all.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, x)| *x).collect() };
             let predicted = psi(domain, &others(&self.p), &others(&self.q), self.p[i]);
             let share = if moves[i] < REPAIR_HALVINGS { 0.5 } else { 1.0 };
             (0..2).for_each(|k| self.q[i][k] += share * (predicted[k] - self.q[i][k]));

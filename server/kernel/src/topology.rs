@@ -288,9 +288,7 @@ pub(crate) mod tests {
                 positions.push(match (wrap_u, wrap_v) {
                     (false, _) => Vec3::new(a, b, 0.0),
                     (true, false) => Vec3::new(ta.cos(), ta.sin(), 3.0 * b),
-                    (true, true) => {
-                        Vec3::new((2.0 + tb.cos()) * ta.cos(), (2.0 + tb.cos()) * ta.sin(), tb.sin())
-                    }
+                    (true, true) => Vec3::new((2.0 + tb.cos()) * ta.cos(), (2.0 + tb.cos()) * ta.sin(), tb.sin()),
                 });
             }
         }

@@ -207,8 +207,9 @@ impl Unfolder {
 
     fn assemble(&self, poles: &[u32], harmonic: &Harmonic, u: &[f64], s: &[i32], v: &[f64], modulus: f64) -> Chart {
         let mesh = &self.solver.mesh;
-        let corners: Vec<[Uv; 3]> =
-            (0..mesh.triangles.len()).map(|t| corner_uvs(mesh.triangles[t], u, &s[3 * t..3 * t + 3], v, poles)).collect();
+        let corners: Vec<[Uv; 3]> = (0..mesh.triangles.len())
+            .map(|t| corner_uvs(mesh.triangles[t], u, &s[3 * t..3 * t + 3], v, poles))
+            .collect();
         let uv = u.iter().zip(v).map(|(&u, &v)| [u.rem_euclid(1.0), v]).collect();
         let poles: Vec<Pole> = match self.solver.topology {
             Topology::Disc => poles.iter().map(|&vertex| Pole { vertex, at_top: true }).collect(),

@@ -140,9 +140,8 @@ impl Cage {
             self.quads[f].iter_mut().for_each(|v| *v = moved.get(v).copied().unwrap_or(*v));
         }
         let n = outer.len();
-        let faces = (0..n)
-            .map(|k| self.face([outer[k], outer[(k + 1) % n], inner[(k + 1) % n], inner[k]], group))
-            .collect();
+        let faces =
+            (0..n).map(|k| self.face([outer[k], outer[(k + 1) % n], inner[(k + 1) % n], inner[k]], group)).collect();
         Ring { faces, inner }
     }
 

@@ -71,14 +71,23 @@ impl Hand {
             let turn = if c % half <= n { across(c % half) } else { std::f64::consts::FRAC_PI_2 };
             if c < half { turn } else { turn + std::f64::consts::PI }
         };
-        let mut cage = Cage::tube(ROWS.len(), columns, "palm", |r, c| loft.at(azimuth(c), ROWS[r]));
+        let mut cage = Cage::tube(ROWS.len(), columns, "palm", |r, c| {
+            // The knuckles stand in an arch, highest at the middle finger.
+            let p = loft.at(azimuth(c), ROWS[r]);
+            let arch = 0.16 * self.high * ((p.x - 0.12 * self.wide) / self.wide).powi(2);
+            p - Vec3::y() * (arch * step(0.4 * self.high, self.high, p.y))
+        });
         cage.name(&(0..2 * columns).collect::<Vec<_>>(), "wrist");
         let rim: Vec<u32> = (0..columns).map(|c| ((ROWS.len() - 1) * columns + c) as u32).collect();
         let roots = cage.cap(&rim, n, "palm");
         for (i, finger) in self.fingers.iter().enumerate() {
             let region = [roots[i], roots[n + i]];
             let root = cage.centre(&cage.vertices(&region));
-            cage.grow(&region, &finger.hoops(root, Vec3::new(finger.spread.sin(), finger.spread.cos(), 0.0)), &format!("finger_{}", i + 1));
+            cage.grow(
+                &region,
+                &finger.hoops(root, Vec3::new(finger.spread.sin(), finger.spread.cos(), 0.0)),
+                &format!("finger_{}", i + 1),
+            );
         }
         if let Some(thumb) = self.thumb {
             let region: Vec<usize> = (3..5).flat_map(|r| [r * columns + n, r * columns + n + 1]).collect();
@@ -95,14 +104,16 @@ impl Hand {
             let heads = 0.05 * blob(p, [0.0, 0.92 * h, d], [0.9 * w, 0.14 * h, d]);
             let hollow = -0.10 * blob(p, [0.0, 0.56 * h, d], [0.36 * w, 0.26 * h, d * 1.5]);
             let cushion = 0.16 * pads * blob(p, [0.0, 0.48 * h, 1.1 * d], [0.62 * w, 0.32 * h, d]);
-            let tip_pads: f64 = tips.iter().map(|t| 0.09 * pads * blob(p, [t.x, t.y, t.z + 0.15], [0.2, 0.2, 0.25])).sum();
+            let tip_pads: f64 =
+                tips.iter().map(|t| 0.09 * pads * blob(p, [t.x, t.y, t.z + 0.15], [0.2, 0.2, 0.25])).sum();
             let knuckles: f64 = (0..n)
                 .map(|i| {
                     let q = root_of(&loft, i, n);
                     -0.045 * blob(p, [q.x, q.y - 0.04, -d], [0.11 * w * 4.0 / n as f64, 0.12 * h, d])
                 })
                 .sum();
-            Vec3::new(0.0, 0.0, front * (thenar + hypothenar + heads + hollow + cushion + tip_pads) + knuckles)
+            let slant = 0.03 * (1.3 * p.y + 0.5).sin();
+            Vec3::new(slant, 0.05 * p.x, front * (thenar + hypothenar + heads + hollow + cushion + tip_pads) + knuckles)
         })
     }
 }
@@ -121,19 +132,21 @@ impl Finger {
 
     /// Hoops from the root to the tip: two joints with their three loops each, then the tip.
     fn hoops(&self, root: Vec3, axis: Vec3) -> Vec<Hoop> {
+        // Slim fingers show their joints; stout ones are round.
+        let slim = ((self.length / self.radius - 3.5) / 3.0).clamp(0.0, 1.0);
         const STATIONS: [(f64, f64); 12] = [
-            (0.05, 0.98),
-            (0.20, 0.96),
-            (0.36, 1.00),
-            (0.42, 1.06),
-            (0.48, 1.00),
-            (0.60, 0.94),
-            (0.68, 0.99),
-            (0.73, 1.02),
-            (0.78, 0.97),
-            (0.88, 0.92),
-            (0.965, 0.76),
-            (1.0, 0.42),
+            (0.05, -0.01),
+            (0.20, -0.03),
+            (0.36, 0.01),
+            (0.42, 0.07),
+            (0.48, 0.01),
+            (0.60, -0.05),
+            (0.68, 0.0),
+            (0.73, 0.03),
+            (0.78, -0.01),
+            (0.88, -0.03),
+            (0.965, -0.20),
+            (1.0, -0.56),
         ];
         let across = (Vec3::x() - axis * axis.x).try_normalize(0.5).unwrap_or(Vec3::z());
         let palm = across.cross(&axis);
@@ -145,6 +158,7 @@ impl Finger {
                 let along = axis * bend.cos() + palm * bend.sin();
                 place += along * ((s - last) * self.length);
                 last = s;
+                let round = 1.0 + round * if s < 0.9 { slim } else { 1.0 };
                 let r = 1.18 * self.radius * round * (1.0 - self.taper * s);
                 Hoop { centre: place, u: across * r, v: along.cross(&across) * (r * 0.94) }
             })

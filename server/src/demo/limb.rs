@@ -37,7 +37,7 @@ pub(super) struct Build {
 }
 
 /// A left arm from the wrist (below) to the shoulder, the elbow behind.
-pub(super) fn arm(build: &Build) -> (Cage, Vec<Vec3>) {
+pub(super) fn arm(build: &Build, levels: usize) -> (Cage, Vec<Vec3>) {
     let Build { thick: w, muscle: m, bend } = *build;
     let b = 0.9 * bend;
     let keys = [
@@ -60,7 +60,7 @@ pub(super) fn arm(build: &Build) -> (Cage, Vec<Vec3>) {
     (7..12).for_each(|r| cage.name(&row(r), "elbow"));
     // v of a hoop is axis × x: behind the arm. So column 4 of 16 is the elbow's.
     let cap: Vec<usize> = (9..11).flat_map(|r| [r * COLUMNS + 3, r * COLUMNS + 4]).collect();
-    cage.inset(&cap, &[(0.72, Vec3::new(0.0, 0.0, -0.03)), (0.6, Vec3::new(0.0, 0.0, -0.015))], "elbow");
+    joint_rings(&mut cage, &cap, &[(0.16, 0.0), (0.11, 0.012), (0.05, 0.018)], "elbow");
     let sculpt = move |p: &Vec3| {
         let biceps = 0.115 * m * blob(p, [0.02, 0.85, 0.40], [0.30, 0.40, 0.30]);
         let triceps = -0.085 * m * blob(p, [-0.02, 0.95, -0.40], [0.30, 0.50, 0.28]);
@@ -72,11 +72,11 @@ pub(super) fn arm(build: &Build) -> (Cage, Vec<Vec3>) {
         let bone = 0.045 * blob(p, [0.30, -1.58, -0.08 + 1.35 * b], [0.11, 0.10, 0.14]);
         Vec3::new(deltoid + outer + inner + bone, 0.0, biceps + triceps + tip + pit)
     };
-    finish(cage, 1, sculpt)
+    finish(cage, levels, sculpt)
 }
 
 /// A left leg from the ankle (below) to the thigh, the knee in front.
-pub(super) fn leg(build: &Build) -> (Cage, Vec<Vec3>) {
+pub(super) fn leg(build: &Build, levels: usize) -> (Cage, Vec<Vec3>) {
     let Build { thick: w, muscle: m, bend: b } = *build;
     let keys = [
         [-0.02, -1.95, -0.05 - 0.75 * b, 0.225 * w, 0.25 * w],
@@ -97,14 +97,13 @@ pub(super) fn leg(build: &Build) -> (Cage, Vec<Vec3>) {
     (15..22).for_each(|r| cage.name(&row(r), "thigh"));
     (9..15).for_each(|r| cage.name(&row(r), "knee"));
     let cap: Vec<usize> = (11..13).flat_map(|r| [r * COLUMNS + 11, r * COLUMNS + 12]).collect();
-    let out = Vec3::new(0.0, 0.0, 0.03);
-    cage.inset(&cap, &[(1.25, out * 0.4), (0.78, out), (0.62, out * 0.5)], "kneecap");
+    joint_rings(&mut cage, &cap, &[(0.21, 0.0), (0.16, 0.02), (0.09, 0.03)], "kneecap");
     let sculpt = move |p: &Vec3| {
         let cap = 0.055 * blob(p, [0.0, -0.05, 0.38], [0.20, 0.17, 0.25]);
         let below = 0.04 * blob(p, [0.0, -0.42, 0.33], [0.12, 0.14, 0.2]);
         let pit = 0.05 * blob(p, [0.0, -0.05, -0.38], [0.22, 0.20, 0.2]);
         let quad = 0.10 * m * blob(p, [0.05, 0.95, 0.50], [0.40, 0.55, 0.40]);
-        let calf_in = -0.14 * m * blob(p, [-0.20, -0.70 , -0.42 - 0.2 * b], [0.26, 0.42, 0.30]);
+        let calf_in = -0.14 * m * blob(p, [-0.20, -0.70, -0.42 - 0.2 * b], [0.26, 0.42, 0.30]);
         let calf_out = -0.10 * m * blob(p, [0.22, -0.62, -0.40 - 0.2 * b], [0.26, 0.38, 0.30]);
         let shin = 0.05 * blob(p, [-0.05, -1.05, 0.25 - 0.3 * b], [0.13, 0.60, 0.2]);
         let tear = -0.075 * m * blob(p, [-0.40, 0.36, 0.20], [0.25, 0.26, 0.3]);
@@ -113,11 +112,25 @@ pub(super) fn leg(build: &Build) -> (Cage, Vec<Vec3>) {
         let outer_ankle = 0.055 * blob(p, [0.24, -1.89, -0.09 - 0.70 * b], [0.11, 0.11, 0.15]);
         Vec3::new(tear + sweep + inner_ankle + outer_ankle, 0.0, cap + below + pit + quad + calf_in + calf_out + shin)
     };
-    finish(cage, 1, sculpt)
+    finish(cage, levels, sculpt)
+}
+
+/// Round loops on a joint's tip: (radius, height).
+fn joint_rings(cage: &mut Cage, region: &[usize], rings: &[(f64, f64)], group: &str) {
+    let rim = cage.outline(region);
+    let centre = cage.centre(&cage.vertices(region));
+    let spoke = |k: usize| cage.bases[rim[k % rim.len()] as usize] - centre;
+    let out = (0..rim.len()).map(|k| spoke(k).cross(&spoke(k + 1))).sum::<Vec3>().normalize();
+    let u = (Vec3::x() - out * out.x).normalize();
+    let v = out.cross(&u);
+    let hoops: Vec<Hoop> =
+        rings.iter().map(|&(r, high)| Hoop { centre: centre + out * high, u: u * r, v: v * r }).collect();
+    cage.lay(region, &hoops[0]);
+    cage.grow(region, &hoops[1..], group);
 }
 
 /// A piece of a tentacle with suckers; `curl` is how far it winds, in radians.
-pub(super) fn tentacle(curl: f64, suckers: usize) -> (Cage, Vec<Vec3>) {
+pub(super) fn tentacle(curl: f64, suckers: usize, levels: usize) -> (Cage, Vec<Vec3>) {
     let count = 3 * suckers + 3;
     let keys: Vec<[f64; 5]> = (0..=12)
         .map(|k| {
@@ -125,12 +138,21 @@ pub(super) fn tentacle(curl: f64, suckers: usize) -> (Cage, Vec<Vec3>) {
             let radius = 0.52 - 0.40 * s.powf(0.85);
             let angle = curl * s * s;
             let reach = 1.35 - 0.62 * s;
-            [0.16 * (3.0 * s).sin(), 2.6 * s + 0.4 * s * angle.sin(), reach * (1.0 - angle.cos()), radius, radius * 0.92]
+            [
+                0.16 * (3.0 * s).sin(),
+                2.6 * s + 0.4 * s * angle.sin(),
+                reach * (1.0 - angle.cos()),
+                radius,
+                radius * 0.92,
+            ]
         })
         .collect();
     let ts: Vec<f64> = (0..count).map(|k| 12.0 * (k as f64 / (count - 1) as f64).powf(0.92)).collect();
     let rings = hoops(&keys, Vec3::x(), &ts);
     let mut cage = tube(&rings, "skin");
+    let row = |r: usize| (r * COLUMNS..(r + 1) * COLUMNS).collect::<Vec<_>>();
+    (0..2).for_each(|r| cage.name(&row(r), "root"));
+    (count - 3..count - 1).for_each(|r| cage.name(&row(r), "tip"));
     for k in 0..suckers {
         let rows = 3 * k + 1..3 * k + 3;
         // Two rows of suckers in front, left and right in turn.
@@ -150,7 +172,7 @@ pub(super) fn tentacle(curl: f64, suckers: usize) -> (Cage, Vec<Vec3>) {
         };
         cage.grow(&block, &[at(0.0, 0.62), at(0.34, 0.80), at(0.40, 0.62), at(0.08, 0.36)], "suckers");
     }
-    finish(cage, 1, |p| Vec3::new(0.0, 0.0, -0.04 * step(0.1, 0.5, p.x.abs())))
+    finish(cage, levels, |p| Vec3::new(0.0, 0.0, -0.04 * step(0.1, 0.5, p.x.abs())))
 }
 
 /// Subdivides and sculpts.

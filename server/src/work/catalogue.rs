@@ -5,6 +5,7 @@
 use super::corpus::{Corpus, CorpusError};
 use super::engine::{Encoding, Engine};
 use super::error::WorkError;
+use super::ranking::levels_up_to;
 use quadmuse_proto::query::LEVELS;
 use quadmuse_proto::{Example, ExampleId, Topology};
 use std::collections::BTreeMap;
@@ -174,6 +175,19 @@ impl Catalogue {
     /// [`WorkError::Corpus`], [`WorkError::Engine`].
     pub fn encoding(&self, id: ExampleId, segment: u32, level: u32) -> Result<Encoding, WorkError> {
         let packed = self.corpus.encoding(id, segment, level)?;
+        Ok(self.engine.unpack(&packed)?)
+    }
+
+    /// An encoding with all levels up to `level`, from the store. Blocks.
+    ///
+    /// # Errors
+    /// [`WorkError::Corpus`], [`WorkError::Engine`].
+    pub fn pyramid(&self, id: ExampleId, segment: u32, level: u32) -> Result<Encoding, WorkError> {
+        let mut levels = levels_up_to(level);
+        let mut packed = self.corpus.encoding(id, segment, levels.next().unwrap_or(LEVEL_COARSEST))?;
+        for finer in levels {
+            packed.levels.extend(self.corpus.encoding(id, segment, finer)?.levels);
+        }
         Ok(self.engine.unpack(&packed)?)
     }
 

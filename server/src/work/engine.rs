@@ -222,10 +222,21 @@ pub struct Stitched {
 pub struct Packed {
     /// What is known of the segment.
     pub facts: SegmentFacts,
-    /// Feature points in the domain (u, v).
-    pub features: Vec<[f64; 2]>,
+    /// Feature points.
+    pub features: Vec<PackedFeature>,
     /// λ, level by level from the coarsest: the side in pixels and the pixels, row after row.
     pub levels: Vec<(u32, Vec<f32>)>,
+}
+
+/// A feature point, as it is stored.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PackedFeature {
+    /// Where it lies in the domain.
+    pub uv: [f64; 2],
+    /// λ there.
+    pub lambda: f32,
+    /// Side of the level it was found at, in pixels.
+    pub side: u32,
 }
 
 /// What the service asks of the geometry.
@@ -279,8 +290,21 @@ pub trait Engine: Send + Sync + 'static {
         stop: &Stop,
     ) -> Result<Registration, EngineError>;
 
+    /// Finishes a registration of the best: what costs too much to do for all. `example` holds all levels up to the
+    /// one reached.
+    ///
+    /// # Errors
+    /// [`EngineError::Stopped`], [`EngineError::Internal`].
+    fn finish(
+        &self,
+        from: &Registration,
+        example: &Encoding,
+        query: &Encoding,
+        stop: &Stop,
+    ) -> Result<Registration, EngineError>;
+
     /// E′ of a registration (eq. 8): the lower the better.
-    fn score(&self, energy: f64, example: &Encoding, query: &Encoding, relevance: f64) -> f64;
+    fn score(&self, registration: &Registration, example: &Encoding, query: &Encoding, relevance: f64) -> f64;
 
     /// Maps every vertex of the example's segment onto the query's.
     ///

@@ -6,7 +6,7 @@ use super::engine::{Encoding, Mapped, Side};
 use super::ingest::{self, encode};
 use super::query::{LiveQuery, MAPS_MAX, ms_since};
 use super::ranking::{Candidate, levels_up_to};
-use super::search::{newcomer, refined};
+use super::search::{Step, advanced, newcomer};
 use super::{REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane};
 use quadmuse_proto::constraint::CONSTRAINTS_MAX;
@@ -160,8 +160,11 @@ async fn registered(
     let missed: Vec<u32> =
         levels_up_to(live.options.resolution).filter(|level| *level > candidate.registration.level).collect();
     for level in &missed {
-        candidate = refined(work, job, Lane::Edit, candidate, Arc::clone(query), *level).await.1?;
+        candidate = advanced(work, job, Lane::Edit, candidate, Arc::clone(query), Step::Refine, *level).await.1?;
     }
+    // What is finished already is so at no cost.
+    let resolution = live.options.resolution;
+    candidate = advanced(work, job, Lane::Edit, candidate, Arc::clone(query), Step::Finish, resolution).await.1?;
     // While the query goes on, its own schedule decides what stands in the ranking.
     if !missed.is_empty() && live.is_final() {
         let resumed = Candidate { state: EntryState::Done, ..candidate.clone() };

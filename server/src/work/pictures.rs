@@ -64,7 +64,8 @@ pub async fn encoding(
     let draw = move |_: &_| -> Result<Bytes, WorkError> {
         let packed = this.corpus.encoding(id, segment, level)?;
         let pixels = packed.levels.iter().find(|(side, _)| *side == level).map_or(&[][..], |(_, pixels)| pixels);
-        let picture = encoding_picture(pixels, level as usize, &packed.features, ENCODING_SIDE / level);
+        let features: Vec<[f64; 2]> = packed.features.iter().map(|f| f.uv).collect();
+        let picture = encoding_picture(pixels, level as usize, &features, ENCODING_SIDE / level);
         Ok(picture.to_png().into())
     };
     work.pool.run(&job, Lane::Edit, draw).await?

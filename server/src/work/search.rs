@@ -116,7 +116,7 @@ async fn rank_all(work: &Arc<Work>, live: &Arc<LiveQuery>, corpus: Vec<Vec<Arc<R
     let mut searches: Vec<SegmentSearch<'_>> = Vec::new();
     for (segment, corpus) in corpus.into_iter().enumerate() {
         let query = live.encoded(segment as u32).await?;
-        let mut search = SegmentSearch { work, live, segment, query: Arc::new(query.encoding.clone()) };
+        let search = SegmentSearch { work, live, segment, query: Arc::new(query.encoding.clone()) };
         let candidates = search.coarse(corpus).await?;
         search.publish(LEVEL_COARSEST, candidates);
         searches.push(search);
@@ -124,9 +124,14 @@ async fn rank_all(work: &Arc<Work>, live: &Arc<LiveQuery>, corpus: Vec<Vec<Arc<R
     for level in levels_up_to(resolution).filter(|level| *level > LEVEL_COARSEST) {
         for search in &mut searches {
             let start = Instant::now();
-            let (candidates, fresh) = search.refine(level).await?;
+            let (candidates, fresh) = search.each(Step::Refine, level).await?;
             search.publish(level, (candidates, fresh, ms_since(start)));
         }
+    }
+    for search in &mut searches {
+        let start = Instant::now();
+        let (candidates, fresh) = search.each(Step::Finish, resolution).await?;
+        search.publish(resolution, (candidates, fresh, ms_since(start)));
     }
     Ok(())
 }
@@ -197,14 +202,20 @@ impl SegmentSearch<'_> {
         Ok((candidates, fresh, ms_since(start)))
     }
 
-    /// Refines the best of the newest ranking at `level`; the rest stay as they are.
-    async fn refine(&self, level: u32) -> Result<(Vec<Candidate>, usize), WorkError> {
+    /// Takes a step with the best of the newest ranking; the rest stay as they are.
+    async fn each(&self, step: Step, level: u32) -> Result<(Vec<Candidate>, usize), WorkError> {
         let newest = self.live.board().rankings.get(self.segment).cloned().unwrap_or_default();
         let mut candidates = newest.candidates.clone();
-        let goes_on = candidates.partition_point(|c| c.state == EntryState::Refining);
+        let goes_on = match step {
+            Step::Refine => candidates.partition_point(|c| c.state == EntryState::Refining),
+            Step::Finish => {
+                let reached = candidates.partition_point(|c| c.registration.level == level);
+                reached.min(self.live.options.top as usize)
+            }
+        };
         let run = |candidate: Candidate| {
             let query = Arc::clone(&self.query);
-            refined(self.work, &self.live.job, Lane::Fine, candidate, query, level)
+            advanced(self.work, &self.live.job, Lane::Fine, candidate, query, step, level)
         };
         let passed_over = candidates.split_off(goes_on);
         let mut results = stream::iter(candidates.into_iter().map(run)).buffered(self.window());
@@ -232,7 +243,8 @@ impl SegmentSearch<'_> {
     fn publish(&self, level: u32, (mut candidates, fresh, ms): Level) {
         let options = &self.live.options;
         let next = LEVELS.into_iter().find(|next| *next > level && *next <= options.resolution);
-        let on = next.map(|next| registered_at(candidates.len(), options.top as usize, next, options.resolution).min(fresh));
+        let on =
+            next.map(|next| registered_at(candidates.len(), options.top as usize, next, options.resolution).min(fresh));
         mark(&mut candidates, level, on);
         let timing = LevelTiming { segment: self.segment as u32, level, entries: fresh as u64, ms };
         self.live.publish(self.segment, level, candidates, timing);
@@ -243,12 +255,7 @@ impl SegmentSearch<'_> {
     }
 }
 
-fn coarse_candidate(
-    engine: &dyn Engine,
-    resident: Arc<Resident>,
-    query: &Encoding,
-    stop: &Stop,
-) -> Option<Candidate> {
+fn coarse_candidate(engine: &dyn Engine, resident: Arc<Resident>, query: &Encoding, stop: &Stop) -> Option<Candidate> {
     let registration = engine.coarse(&resident.coarse, query, stop);
     let registration = registration
         .inspect_err(|error| {
@@ -261,35 +268,49 @@ fn coarse_candidate(
 }
 
 /// A candidate with its score. NaN scores, which should not be, go last.
-fn scored(
-    engine: &dyn Engine,
-    resident: Arc<Resident>,
-    registration: Registration,
-    query: &Encoding,
-) -> Candidate {
-    let score = engine.score(registration.energy, &resident.coarse, query, resident.example.relevance);
+fn scored(engine: &dyn Engine, resident: Arc<Resident>, registration: Registration, query: &Encoding) -> Candidate {
+    let score = engine.score(&registration, &resident.coarse, query, resident.example.relevance);
     let score = if score.is_finite() { score } else { f64::MAX };
     Candidate { resident, registration: Arc::new(registration), score, state: EntryState::Refining }
 }
 
-/// Refines one candidate at `level`, in a quantum of its own; hands the candidate back for the case that it fails.
-pub(super) async fn refined(
+/// What is done with a candidate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Step {
+    /// Its registration is refined at a level.
+    Refine,
+    /// Its registration, which has reached the level, is finished.
+    Finish,
+}
+
+/// Takes a step with one candidate, in a quantum of its own; hands the candidate back for the case that it fails.
+pub(super) async fn advanced(
     work: &Arc<Work>,
     job: &Job,
     lane: Lane,
     candidate: Candidate,
     query: Arc<Encoding>,
+    step: Step,
     level: u32,
 ) -> (Candidate, Result<Candidate, WorkError>) {
     let (this, from) = (Arc::clone(work), candidate.clone());
     let quantum = move |stop: &Stop| -> Result<Candidate, WorkError> {
         let Candidate { resident, registration, .. } = from;
-        let example = this.catalogue.encoding(resident.example.id, resident.segment, level)?;
-        let registration = this.engine.refine(&registration, &example, &query, level, stop)?;
+        let (id, segment) = (resident.example.id, resident.segment);
+        let registration = match step {
+            Step::Refine => {
+                let example = this.catalogue.encoding(id, segment, level)?;
+                this.engine.refine(&registration, &example, &query, level, stop)?
+            }
+            Step::Finish => {
+                let example = this.catalogue.pyramid(id, segment, level)?;
+                this.engine.finish(&registration, &example, &query, stop)?
+            }
+        };
         Ok(scored(&*this.engine, resident, registration, &query))
     };
     let result = work.pool.run(job, lane, quantum).await;
-    (candidate, result.map_err(WorkError::from).and_then(|refined| refined))
+    (candidate, result.map_err(WorkError::from).and_then(|advanced| advanced))
 }
 
 /// A candidate that the ranking doesn't hold (added meanwhile): registered at the coarsest level.

@@ -84,7 +84,8 @@ pub(crate) fn encode(level: &Level) -> Result<Vec<u8>, StoreError> {
     let (min, step) = range(&level.lambda, step_min(side));
     let codes: Vec<u16> = level.lambda.iter().map(|&value| code(value, min, step)).collect();
     let (at, residuals) = best_residuals(&codes, side as usize);
-    let planes: Vec<u8> = residuals.iter().map(|r| (r & 0xff) as u8).chain(residuals.iter().map(|r| (r >> 8) as u8)).collect();
+    let planes: Vec<u8> =
+        residuals.iter().map(|r| (r & 0xff) as u8).chain(residuals.iter().map(|r| (r >> 8) as u8)).collect();
     let (packing, packed) = pack(&planes, side);
     let mut out = Vec::with_capacity(HEAD + packed.len());
     out.extend_from_slice(&[VERSION, at, packing as u8, 0]);
@@ -319,7 +320,8 @@ pub(crate) mod tests {
             // Forty near-duplicates whose energies lie within a few per cent of each other.
             let corpus: Vec<Level> = (0..40).map(|i| picture(side, 12, 0.02 + 0.0004 * f64::from(i))).collect();
             let rank = |of: &dyn Fn(&Level) -> Level| {
-                let mut order: Vec<(f64, usize)> = corpus.iter().map(|entry| energy(&of(entry), &query)).zip(0..).collect();
+                let mut order: Vec<(f64, usize)> =
+                    corpus.iter().map(|entry| energy(&of(entry), &query)).zip(0..).collect();
                 order.sort_by(|a, b| a.0.total_cmp(&b.0));
                 order.into_iter().map(|(_, i)| i).collect::<Vec<_>>()
             };
@@ -347,7 +349,14 @@ pub(crate) mod tests {
 
     #[test]
     fn a_level_that_is_none_is_refused() {
-        for (side, count, value) in [(32, 1023, 1.0), (48, 48 * 48, 1.0), (0, 0, 1.0), (1024, 1 << 20, 1.0), (32, 1024, -1.0), (32, 1024, f32::NAN)] {
+        for (side, count, value) in [
+            (32, 1023, 1.0),
+            (48, 48 * 48, 1.0),
+            (0, 0, 1.0),
+            (1024, 1 << 20, 1.0),
+            (32, 1024, -1.0),
+            (32, 1024, f32::NAN),
+        ] {
             let level = Level { side, lambda: vec![value; count] };
             assert!(matches!(encode(&level), Err(StoreError::Invalid { .. })), "{side} {count} {value}");
         }

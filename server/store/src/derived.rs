@@ -141,11 +141,15 @@ pub(crate) fn pack(derived: &DerivedSegment) -> Result<Vec<Part>, StoreError> {
         poles: derived.poles.clone(),
         sides: derived.levels.iter().map(|level| level.side).collect(),
     };
-    let head = rmp_serde::to_vec_named(&head).map_err(|error| invalid("a segment's head", "to serialise".into(), error.to_string()))?;
+    let head = rmp_serde::to_vec_named(&head)
+        .map_err(|error| invalid("a segment's head", "to serialise".into(), error.to_string()))?;
     let mut parts = vec![
         Part { kind: PartKind::HEAD, bytes: head },
         Part { kind: PartKind::FEATURES, bytes: derived.features.iter().flat_map(pack_feature).collect() },
-        Part { kind: PartKind::SIGNATURE, bytes: derived.signature.iter().flat_map(|value| value.to_le_bytes()).collect() },
+        Part {
+            kind: PartKind::SIGNATURE,
+            bytes: derived.signature.iter().flat_map(|value| value.to_le_bytes()).collect(),
+        },
     ];
     for level in &derived.levels {
         parts.push(Part { kind: PartKind::level(level.side), bytes: codec::encode(level)? });
@@ -168,7 +172,11 @@ fn validate(derived: &DerivedSegment) -> Result<(), StoreError> {
     sides.sort_unstable();
     sides.dedup();
     if sides.is_empty() || sides.len() != derived.levels.len() {
-        return Err(invalid("the levels", "one or more, each side once".into(), format!("{} of them", derived.levels.len())));
+        return Err(invalid(
+            "the levels",
+            "one or more, each side once".into(),
+            format!("{} of them", derived.levels.len()),
+        ));
     }
     let finite = derived.modulus.is_finite()
         && derived.features.iter().all(|f| f.u.is_finite() && f.v.is_finite() && f.lambda.is_finite())
@@ -180,7 +188,12 @@ const FEATURE_BYTES: usize = 24;
 
 fn pack_feature(feature: &Feature) -> [u8; FEATURE_BYTES] {
     let mut out = [0; FEATURE_BYTES];
-    let fields = [&feature.u.to_le_bytes()[..], &feature.v.to_le_bytes(), &feature.lambda.to_le_bytes(), &feature.level.to_le_bytes()];
+    let fields = [
+        &feature.u.to_le_bytes()[..],
+        &feature.v.to_le_bytes(),
+        &feature.lambda.to_le_bytes(),
+        &feature.level.to_le_bytes(),
+    ];
     for (to, from) in out.iter_mut().zip(fields.into_iter().flatten()) {
         *to = *from;
     }
@@ -206,14 +219,20 @@ pub(crate) fn unpack_features(bytes: &[u8]) -> Result<Vec<Feature>, &'static str
 /// A signature out of its part.
 pub(crate) fn unpack_signature(bytes: &[u8]) -> Result<Vec<f32>, &'static str> {
     let (chunks, rest) = bytes.as_chunks::<4>();
-    if rest.is_empty() { Ok(chunks.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect()) } else { Err("a part of a number") }
+    if rest.is_empty() {
+        Ok(chunks.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect())
+    } else {
+        Err("a part of a number")
+    }
 }
 
 /// `count u64 LE`, then the bytes of all u and v, plane by plane, compressed: lossless.
 fn pack_chart(uv: &[[f64; 2]]) -> Result<Vec<u8>, StoreError> {
-    let values: Vec<[u8; 8]> =
-        (0..2).flat_map(|axis| uv.iter().map(move |point| point.get(axis).map_or([0; 8], |value| value.to_le_bytes()))).collect();
-    let planes: Vec<u8> = (0..8).flat_map(|byte| values.iter().map(move |value| value.get(byte).copied().unwrap_or(0))).collect();
+    let values: Vec<[u8; 8]> = (0..2)
+        .flat_map(|axis| uv.iter().map(move |point| point.get(axis).map_or([0; 8], |value| value.to_le_bytes())))
+        .collect();
+    let planes: Vec<u8> =
+        (0..8).flat_map(|byte| values.iter().map(move |value| value.get(byte).copied().unwrap_or(0))).collect();
     compress(&planes)
 }
 
@@ -232,7 +251,8 @@ fn unpack_chart(bytes: &[u8]) -> Result<Vec<[f64; 2]>, &'static str> {
 
 /// `length u64 LE ‖ zstd`.
 pub(crate) fn compress(bytes: &[u8]) -> Result<Vec<u8>, StoreError> {
-    let packed = zstd::bulk::compress(bytes, ZSTD_LEVEL).map_err(|error| invalid("bytes", "to compress".into(), error.to_string()))?;
+    let packed = zstd::bulk::compress(bytes, ZSTD_LEVEL)
+        .map_err(|error| invalid("bytes", "to compress".into(), error.to_string()))?;
     let mut out = (bytes.len() as u64).to_le_bytes().to_vec();
     out.extend_from_slice(&packed);
     Ok(out)
@@ -257,7 +277,11 @@ pub(crate) trait PartSource {
     fn damaged(&self, kind: PartKind, reason: &str) -> StoreError;
 }
 
-fn read<T>(source: &impl PartSource, kind: PartKind, unpack: impl FnOnce(&[u8]) -> Result<T, &'static str>) -> Result<T, StoreError> {
+fn read<T>(
+    source: &impl PartSource,
+    kind: PartKind,
+    unpack: impl FnOnce(&[u8]) -> Result<T, &'static str>,
+) -> Result<T, StoreError> {
     let bytes = source.part(kind)?;
     unpack(&bytes).map_err(|reason| source.damaged(kind, reason))
 }
@@ -316,7 +340,10 @@ mod tests {
     fn charts_features_and_signatures_come_back_bit_for_bit() {
         let uv = vec![[0.1, 0.7], [f64::MIN_POSITIVE, 1.0 - f64::EPSILON], [-0.0, 3.25]];
         let back = unpack_chart(&pack_chart(&uv).unwrap()).unwrap();
-        assert_eq!(back.iter().flatten().map(|v| v.to_bits()).collect::<Vec<_>>(), uv.iter().flatten().map(|v| v.to_bits()).collect::<Vec<_>>());
+        assert_eq!(
+            back.iter().flatten().map(|v| v.to_bits()).collect::<Vec<_>>(),
+            uv.iter().flatten().map(|v| v.to_bits()).collect::<Vec<_>>()
+        );
         let feature = Feature { u: 0.3, v: 0.9, lambda: 4.5, level: 512 };
         assert_eq!(unpack_features(&pack_feature(&feature)), Ok(vec![feature]));
         assert!(unpack_features(&[0; 25]).is_err());

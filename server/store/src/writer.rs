@@ -287,7 +287,10 @@ impl Writer {
     }
 
     /// The record (`None` if it is damaged) and the pointers of an example.
-    fn known(&self, id: ExampleId) -> Result<(Option<Arc<ExampleRecord>>, Vec<(SegmentKey, Arc<Pointer>)>), StoreError> {
+    fn known(
+        &self,
+        id: ExampleId,
+    ) -> Result<(Option<Arc<ExampleRecord>>, Vec<(SegmentKey, Arc<Pointer>)>), StoreError> {
         let index = self.shared.index();
         let record = index.record(id).cloned();
         if record.is_none() && index.quarantine_reason(id).is_none() {
@@ -300,7 +303,12 @@ impl Writer {
         let former = {
             let index = self.shared.index();
             let record = index.record(key.0).ok_or(StoreError::NotFound { id: key.0 })?;
-            crate::record::at_most("the segment's number", "for this example", key.1 as usize + 1, record.segments.len())?;
+            crate::record::at_most(
+                "the segment's number",
+                "for this example",
+                key.1 as usize + 1,
+                record.segments.len(),
+            )?;
             index.pointer(key).cloned()
         };
         engine.put_parts(key, packed.generation, &packed.parts)?;

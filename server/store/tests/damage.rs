@@ -116,7 +116,9 @@ fn mend(dir: &Path, truth: &Truth, seen: &mut Seen, what: &str) {
             Err(StoreError::Quarantined { .. }) => {
                 seen.quarantined += 1;
                 assert!(store.quarantined().iter().any(|(named, _)| *named == id));
-                let Added::Exists(healed) = store.add(&sample.example()).unwrap() else { panic!("{what}: it was known") };
+                let Added::Exists(healed) = store.add(&sample.example()).unwrap() else {
+                    panic!("{what}: it was known")
+                };
                 assert_eq!(healed.id, id);
                 assert_eq!(store.mesh_bytes(id).unwrap(), sample.mesh);
             }

@@ -3,9 +3,9 @@
 //! Vertex order, faces, UVs, groups, materials, colours and creases stay. Normals of the example would be wrong on the
 //! input and are left out. A mirrored map reverses each face, so that normals point outward.
 
+use crate::mesh::Vec3;
 use crate::mesh::poly::{Attributes, CornerLayer, Crease, FaceLabels, PolyMesh, Polygons};
 use crate::mesh::tri::{NONE, TriMesh};
-use crate::mesh::Vec3;
 use crate::topology::Patch;
 
 /// Which way the faces of the result turn.
@@ -49,13 +49,7 @@ pub fn assemble(
 }
 
 /// A position for every vertex of the example; unused ones take that of the nearest mapped vertex.
-fn place(
-    example: &PolyMesh,
-    surface: &TriMesh,
-    vertex_of: &[u32],
-    patch: &Patch,
-    positions: &[Vec3],
-) -> Vec<Vec3> {
+fn place(example: &PolyMesh, surface: &TriMesh, vertex_of: &[u32], patch: &Patch, positions: &[Vec3]) -> Vec<Vec3> {
     let mut at = vec![NONE; surface.positions.len()];
     for (k, &v) in patch.vertex_of.iter().enumerate() {
         if at[v as usize] == NONE {
@@ -106,10 +100,8 @@ pub fn select(mesh: &PolyMesh, keep: &[bool]) -> PolyMesh {
         faces.push(&face);
     }
     let a = &mesh.attributes;
-    let labels = |l: &FaceLabels| FaceLabels {
-        names: l.names.clone(),
-        of_face: kept.iter().map(|&f| l.of_face[f]).collect(),
-    };
+    let labels =
+        |l: &FaceLabels| FaceLabels { names: l.names.clone(), of_face: kept.iter().map(|&f| l.of_face[f]).collect() };
     let attributes = Attributes {
         uvs: a.uvs.as_ref().map(|l| select_corners(mesh, l, &kept)),
         normals: a.normals.as_ref().map(|l| select_corners(mesh, l, &kept)),

@@ -55,7 +55,7 @@ impl Entry {
             return None;
         }
         let mut hypotheses = Vec::new();
-        for unfolded in &query.candidates {
+        for unfolded in query.candidates() {
             let level = Level::new(example, unfolded.images.first()?)?;
             for &flip in Flip::all(example.topology) {
                 let registration = coarse_flip(&level, flip, solver, stop);
@@ -138,8 +138,9 @@ impl Entry {
                 return Ok(());
             }
             rival.unfolded = query.unfolded_for(&rival.unfolded.poles)?;
-            rival.registration = pole_search::register(&rival.unfolded, example, rival.registration.flip, side, solver, stop)
-                .unwrap_or_else(|| rival.registration.clone());
+            rival.registration =
+                pole_search::register(&rival.unfolded, example, rival.registration.flip, side, solver, stop)
+                    .unwrap_or_else(|| rival.registration.clone());
         }
         // A finer level may take back what the search's level promised.
         if rivals.first().is_some_and(|r| r.handicapped() < self.best().handicapped()) {

@@ -1,9 +1,10 @@
 //! A query segment, ready to be registered against: unfolded for each pole worth trying.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::image::Image;
 use super::query_images;
+use crate::encode::index::PlanarIndex;
 use crate::encode::{Encoding, encode, encode_to};
 use crate::topology::Patch;
 use crate::unfold::moebius::Conformal;
@@ -39,13 +40,16 @@ impl Unfolded {
 #[derive(Debug)]
 pub struct Query {
     unfolder: Unfolder,
-    conformal: Option<Conformal>,
+    pole_sets: Vec<Vec<u32>>,
     /// Whether the user gave the poles, which are then kept.
     pub poles_given: bool,
-    /// The best pole first.
-    pub candidates: Vec<Arc<Unfolded>>,
     /// The chart of the best pole.
     pub chart: Arc<Chart>,
+    best: Arc<Unfolded>,
+    index: OnceLock<PlanarIndex>,
+    /// What only searching needs, made when first asked for: the conformal map, and all unfoldings to try.
+    conformal: OnceLock<Option<Conformal>>,
+    candidates: OnceLock<Vec<Arc<Unfolded>>>,
 }
 
 impl Query {
@@ -55,17 +59,34 @@ impl Query {
     /// [`UnfoldError`].
     pub fn new(patch: &Patch, options: &UnfoldOptions) -> Result<Self, UnfoldError> {
         let unfolder = Unfolder::new(solve_mesh(patch), patch.topology, patch.mesh.positions.len())?;
-        let candidates = unfolder.poles_to_try(options)?;
-        let (first, chart) = unfolder.first_chart(&candidates)?;
-        let conformal = unfolder.conformal(&first)?;
-        let mut unfolded = vec![Arc::new(Unfolded::new(&first, encode(&chart)))];
-        if let Some(conformal) = &conformal {
-            for poles in candidates.iter().filter(|p| **p != first) {
-                unfolded.push(Arc::new(Unfolded::new(poles, encode_to(&conformal.chart(poles), SEARCH_SIDE))));
-            }
-        }
-        let poles_given = !options.poles.is_empty();
-        Ok(Self { unfolder, conformal, poles_given, candidates: unfolded, chart: Arc::new(chart) })
+        let pole_sets = unfolder.poles_to_try(options)?;
+        let (first, chart) = unfolder.first_chart(&pole_sets)?;
+        let best = Arc::new(Unfolded::new(&first, encode(&chart)));
+        Ok(Self {
+            unfolder,
+            pole_sets,
+            poles_given: !options.poles.is_empty(),
+            chart: Arc::new(chart),
+            best,
+            index: OnceLock::new(),
+            conformal: OnceLock::new(),
+            candidates: OnceLock::new(),
+        })
+    }
+
+    /// The unfoldings worth trying, that of the best pole first.
+    pub fn candidates(&self) -> &[Arc<Unfolded>] {
+        self.candidates.get_or_init(|| {
+            let mut all = vec![Arc::clone(&self.best)];
+            let rivals = self.pole_sets.iter().filter(|poles| **poles != self.best.poles);
+            all.extend(rivals.filter_map(|poles| self.try_poles(poles)).map(Arc::new));
+            all
+        })
+    }
+
+    fn conformal(&self) -> Option<&Conformal> {
+        // A surface that was unfolded once has its conformal map; where it has none the poles stay as they are.
+        self.conformal.get_or_init(|| self.unfolder.conformal(&self.best.poles).unwrap_or(None)).as_ref()
     }
 
     /// The mesh on which poles are vertices.
@@ -73,14 +94,19 @@ impl Query {
         &self.unfolder
     }
 
+    /// The planar index of [`Self::chart`].
+    pub fn index(&self) -> &PlanarIndex {
+        self.index.get_or_init(|| PlanarIndex::new(&self.chart))
+    }
+
     /// The query's encoding with its best pole.
     pub fn encoding(&self) -> &Encoding {
-        &self.candidates[0].encoding
+        &self.best.encoding
     }
 
     /// A quick unfolding for other poles, to the search's level; `None` where poles are fixed.
     pub fn try_poles(&self, poles: &[u32]) -> Option<Unfolded> {
-        let conformal = self.conformal.as_ref()?;
+        let conformal = self.conformal()?;
         Some(Unfolded::new(poles, encode_to(&conformal.chart(poles), SEARCH_SIDE)))
     }
 
@@ -89,7 +115,7 @@ impl Query {
     /// # Errors
     /// [`UnfoldError`].
     pub fn chart_for(&self, poles: &[u32]) -> Result<Arc<Chart>, UnfoldError> {
-        if self.candidates[0].poles == poles {
+        if self.best.poles == poles {
             return Ok(Arc::clone(&self.chart));
         }
         Ok(Arc::new(self.unfolder.chart(poles)?))
@@ -100,8 +126,8 @@ impl Query {
     /// # Errors
     /// [`UnfoldError`].
     pub fn unfolded_for(&self, poles: &[u32]) -> Result<Arc<Unfolded>, UnfoldError> {
-        if self.candidates[0].poles == poles {
-            return Ok(Arc::clone(&self.candidates[0]));
+        if self.best.poles == poles {
+            return Ok(Arc::clone(&self.best));
         }
         Ok(Arc::new(Unfolded::new(poles, encode(&self.unfolder.chart(poles)?))))
     }

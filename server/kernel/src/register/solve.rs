@@ -173,9 +173,8 @@ fn roll_back_folds(problem: &Problem, q: &[Uv], trial: &mut [Uv], locked: &mut [
         let folds = problem.folded_cells(trial);
         let Some(fold) = folds.first() else { return };
         let free = (0..q.len()).filter(|&i| !locked[i]);
-        let Some(i) = free.min_by(|&a, &b| {
-            distance(problem.p[a], *fold).total_cmp(&distance(problem.p[b], *fold))
-        }) else {
+        let Some(i) = free.min_by(|&a, &b| distance(problem.p[a], *fold).total_cmp(&distance(problem.p[b], *fold)))
+        else {
             return;
         };
         trial[i] = q[i];

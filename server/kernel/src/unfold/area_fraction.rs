@@ -64,8 +64,7 @@ fn quantiles(v: &[f64]) -> Vec<f64> {
     let mut sorted = v.to_vec();
     sorted.sort_by(f64::total_cmp);
     let steps = sorted.len().clamp(2, LEVELS_MAX);
-    let mut levels: Vec<f64> =
-        (0..=steps).map(|k| sorted[(k * (sorted.len() - 1)) / steps]).collect();
+    let mut levels: Vec<f64> = (0..=steps).map(|k| sorted[(k * (sorted.len() - 1)) / steps]).collect();
     levels.dedup();
     if levels.len() < 2 {
         levels.push(levels[0] + 1.0);

@@ -130,9 +130,8 @@ impl Solver {
             }
             _ => {
                 let loops = self.mesh.boundary_loops();
-                let vertices = |k: usize| -> Vec<u32> {
-                    loops.get(k).into_iter().flatten().map(|&h| self.mesh.tail(h)).collect()
-                };
+                let vertices =
+                    |k: usize| -> Vec<u32> { loops.get(k).into_iter().flatten().map(|&h| self.mesh.tail(h)).collect() };
                 // From the loop at v = 1 to the one at v = 0, as from a pole to the boundary.
                 let (distance, by) = distances(&self.mesh, &vertices(1));
                 let nearest =
@@ -175,8 +174,7 @@ impl Solver {
                 held[t.head(h as u32) as usize] = false;
             }
         }
-        let orphans: Vec<u32> =
-            (0..n as u32).filter(|&v| held[v as usize] && !poles.contains(&v)).collect();
+        let orphans: Vec<u32> = (0..n as u32).filter(|&v| held[v as usize] && !poles.contains(&v)).collect();
         let ground = ground.filter(|&g| !held[g as usize]).or_else(|| (0..n as u32).find(|&v| !held[v as usize]));
         if let Some(g) = ground {
             held[g as usize] = true;

@@ -56,8 +56,7 @@ impl Intrinsic {
     /// Cotangent of the angle opposite to halfedge `h` in its triangle.
     #[inline]
     pub fn cotangent(&self, h: u32) -> f64 {
-        let (a, b, c) =
-            (self.lengths[h as usize], self.lengths[next(h) as usize], self.lengths[prev(h) as usize]);
+        let (a, b, c) = (self.lengths[h as usize], self.lengths[next(h) as usize], self.lengths[prev(h) as usize]);
         (b * b + c * c - a * a) / (4.0 * heron(a, b, c))
     }
 
@@ -68,8 +67,9 @@ impl Intrinsic {
 
     /// Flips edges until all are Delaunay (or the flip budget is spent, which only rounding can cause).
     pub fn make_delaunay(&mut self) {
-        let mut queue: Vec<u32> =
-            (0..self.tails.len() as u32).filter(|&h| self.twins[h as usize] != NONE && h < self.twins[h as usize]).collect();
+        let mut queue: Vec<u32> = (0..self.tails.len() as u32)
+            .filter(|&h| self.twins[h as usize] != NONE && h < self.twins[h as usize])
+            .collect();
         queue.reverse();
         let mut queued = vec![false; self.tails.len()];
         queue.iter().for_each(|&h| queued[h as usize] = true);

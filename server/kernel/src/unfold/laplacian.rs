@@ -47,7 +47,12 @@ impl Laplacian {
     ///
     /// # Errors
     /// [`SolveError::NotPositiveDefinite`] when the remaining system is singular.
-    pub fn factor(&self, fixed: &[bool], mass_weight: f64, skip: impl Fn(usize) -> bool) -> Result<Factored, SolveError> {
+    pub fn factor(
+        &self,
+        fixed: &[bool],
+        mass_weight: f64,
+        skip: impl Fn(usize) -> bool,
+    ) -> Result<Factored, SolveError> {
         let weights = self.weights_without(skip);
         let mut diagonal: Vec<f64> = self.masses.iter().map(|m| mass_weight * m).collect();
         for (h, &w) in weights.iter().enumerate() {

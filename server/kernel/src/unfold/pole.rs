@@ -62,8 +62,7 @@ fn smoothed_radius(
             areas[v as usize][1] += flat.abs();
         }
     }
-    let raw: Vec<f64> =
-        areas.iter().map(|[a3, a2]| 0.5 * (a3.max(1e-300).ln() - a2.max(1e-300).ln())).collect();
+    let raw: Vec<f64> = areas.iter().map(|[a3, a2]| 0.5 * (a3.max(1e-300).ln() - a2.max(1e-300).ln())).collect();
     let area = mesh.total_area();
     let free = vec![false; raw.len()];
     let weight = 1.0 / (SMOOTHING * area);

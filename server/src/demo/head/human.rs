@@ -165,10 +165,8 @@ impl Human {
         let rim: Vec<u32> = (0..COLUMNS).map(|c| ((ROWS.len() - 1) * COLUMNS + (c + 21) % COLUMNS) as u32).collect();
         cage.cap(&rim, 6, "skull");
         let block = |rows: std::ops::Range<usize>, columns: std::ops::Range<isize>| -> Vec<Face> {
-            rows.flat_map(|r| {
-                columns.clone().map(move |c| r * COLUMNS + c.rem_euclid(COLUMNS as isize) as usize)
-            })
-            .collect()
+            rows.flat_map(|r| columns.clone().map(move |c| r * COLUMNS + c.rem_euclid(COLUMNS as isize) as usize))
+                .collect()
         };
         cage.name(&block(0..3, 0..24), "neck");
         cage.name(&block(3..6, -7..7), "jaw");
@@ -273,7 +271,11 @@ impl Human {
 
     fn askew(&self, p: Vec3) -> Vec3 {
         let s = self.askew;
-        p + Vec3::new(s * (1.9 * p.y + 0.4).sin() + 0.4 * s * p.z, 0.5 * s * (2.3 * p.x + 0.3).sin(), 0.6 * s * (1.7 * p.x + p.y).sin())
+        p + Vec3::new(
+            s * (1.9 * p.y + 0.4).sin() + 0.4 * s * p.z,
+            0.5 * s * (2.3 * p.x + 0.3).sin(),
+            0.6 * s * (1.7 * p.x + p.y).sin(),
+        )
     }
 
     /// What the features add to the skull at `p`.
@@ -310,7 +312,8 @@ impl Human {
         let mound = 0.055 * bump([x, y - ym], [wide * 1.05, 0.24]);
         let upper = 0.060 * full * along * bump([y - (ym + 0.048 * full + bow), 0.0], [0.040 * full + 0.008, 1.0]);
         let lower = 0.070 * full * along * bump([y - (ym - 0.056 * full), 0.0], [0.048 * full + 0.008, 1.0]);
-        let slit = -0.060 * (0.25 + 0.75 * along) * bump([y - ym, 0.0], [0.016, 1.0]) * step(1.12, 0.95, (x / wide).abs());
+        let slit =
+            -0.060 * (0.25 + 0.75 * along) * bump([y - ym, 0.0], [0.016, 1.0]) * step(1.12, 0.95, (x / wide).abs());
         let corner = -0.030 * bump([x.abs() - wide * 1.04, y - ym], [0.055, 0.06]);
         let philtrum = -0.022 * bump([x, y - (ym + 0.15 * self.face)], [0.035, 0.07]);
         let below = -0.045 * bump([x, y - (ym - 0.165)], [0.20, 0.055]);

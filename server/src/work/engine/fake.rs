@@ -88,7 +88,9 @@ impl Engine for FakeEngine {
                 ["encode-slow", ms] => script.encode_slow = Duration::from_secs_f64(number(ms)? / 1e3),
                 ["panic", "read"] => panic!("told to panic"),
                 ["panic", place] => script.panics.push((*place).into()),
-                ["refuse", code] => return Err(EngineError::refused(refusal(code), format!("refused in line {}", at + 1))),
+                ["refuse", code] => {
+                    return Err(EngineError::refused(refusal(code), format!("refused in line {}", at + 1)));
+                }
                 _ => return Err(unreadable(at + 1, line)),
             }
         }
@@ -114,9 +116,9 @@ impl Engine for FakeEngine {
         assert!(!script.panics.iter().any(|place| place == "encode"), "told to panic");
         let number = script.numbers[segment as usize];
         let panics_refine = script.panics.iter().any(|place| place == "refine");
-        let facts =
-            SegmentFacts { topology: model.segments[segment as usize].topology, k: 1.0, faces: 1, features: 0 };
-        let encoding = Encoding { facts, inner: Opaque::new(FakeEncoding { number, slow: script.slow, panics_refine }) };
+        let facts = SegmentFacts { topology: model.segments[segment as usize].topology, k: 1.0, faces: 1, features: 0 };
+        let encoding =
+            Encoding { facts, inner: Opaque::new(FakeEncoding { number, slow: script.slow, panics_refine }) };
         Ok(Encoded { encoding, chart: Opaque::new(()) })
     }
 
@@ -156,8 +158,12 @@ impl Engine for FakeEngine {
         Ok(Registration { level, energy: from.energy * 0.9, ..from.clone() })
     }
 
-    fn score(&self, energy: f64, _: &Encoding, _: &Encoding, relevance: f64) -> f64 {
-        energy * 5.0 / (relevance + 5.0)
+    fn finish(&self, from: &Registration, _: &Encoding, _: &Encoding, _: &Stop) -> Result<Registration, EngineError> {
+        Ok(from.clone())
+    }
+
+    fn score(&self, registration: &Registration, _: &Encoding, _: &Encoding, relevance: f64) -> f64 {
+        registration.energy * 5.0 / (relevance + 5.0)
     }
 
     fn map(&self, from: &Registration, example: &Side, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
@@ -189,7 +195,10 @@ impl Engine for FakeEngine {
         let mut constraints = from.constraints.clone();
         for id in &edit.remove {
             let Some(at) = constraints.iter().position(|c| c.id == *id) else {
-                return Err(EngineError::refused(Refusal::ConstraintUnknown, format!("expected a constraint, found `{id}`")));
+                return Err(EngineError::refused(
+                    Refusal::ConstraintUnknown,
+                    format!("expected a constraint, found `{id}`"),
+                ));
             };
             constraints.remove(at);
         }
@@ -209,13 +218,7 @@ impl Engine for FakeEngine {
         Ok(Registration { inner: Opaque::new(constraints), ..from.registration.clone() })
     }
 
-    fn compose(
-        &self,
-        _: &Model,
-        parts: &[(u32, Arc<PolyMesh>)],
-        _: u32,
-        _: &Stop,
-    ) -> Result<Stitched, EngineError> {
+    fn compose(&self, _: &Model, parts: &[(u32, Arc<PolyMesh>)], _: u32, _: &Stop) -> Result<Stitched, EngineError> {
         Ok(Stitched { mesh: Arc::new(square(parts.len())), extraordinary_vertices: 0 })
     }
 

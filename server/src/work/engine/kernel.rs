@@ -1,1 +1,224 @@
 //! The engine in earnest: the kernel.
+
+mod constrain;
+mod model;
+mod registered;
+
+use super::{
+    ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Mapped, Model, Opaque, Packed, PackedFeature, Refusal,
+    Registration, SegmentFacts, Side, Stitched,
+};
+use crate::pool::Stop;
+use model::{ModelInner, format_of, refused};
+use quadmuse_kernel as kernel;
+use quadmuse_kernel::encode::Feature;
+use quadmuse_kernel::mesh::PolyMesh;
+use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
+use quadmuse_kernel::unfold::UnfoldOptions;
+use quadmuse_proto::{MeshFormat, Topology};
+use registered::Registered;
+use std::sync::Arc;
+
+/// Memory that reading and encoding takes for each byte of an upload, at most (measured: tests/records).
+const MEMORY_PER_BYTE: u64 = 40;
+/// Memory that it takes at least.
+const MEMORY_BASE: u64 = 48 << 20;
+
+/// The kernel.
+#[derive(Debug, Default)]
+pub struct KernelEngine {
+    limits: kernel::mesh::Limits,
+    solver: LevenbergMarquardt,
+}
+
+/// What an [`Encoding`] holds: a segment of an upload with its factored surface, or an encoding from the store.
+#[derive(Debug)]
+enum Source {
+    Fresh(Arc<Query>),
+    Stored(kernel::encode::Encoding),
+}
+
+impl Source {
+    fn encoding(&self) -> &kernel::encode::Encoding {
+        match self {
+            Self::Fresh(query) => query.encoding(),
+            Self::Stored(encoding) => encoding,
+        }
+    }
+}
+
+fn fresh(encoding: &Encoding) -> Result<&Arc<Query>, EngineError> {
+    match encoding.inner.open()? {
+        Source::Fresh(query) => Ok(query),
+        Source::Stored(_) => Err(EngineError::Internal("expected an unfolded segment, found a stored encoding".into())),
+    }
+}
+
+impl Engine for KernelEngine {
+    fn version(&self) -> u32 {
+        kernel::encode::ENCODER_VERSION
+    }
+
+    fn memory_estimate(&self, bytes: u64) -> u64 {
+        MEMORY_BASE + bytes.saturating_mul(MEMORY_PER_BYTE)
+    }
+
+    fn read(&self, bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, _: &Stop) -> Result<Model, EngineError> {
+        model::read(bytes, format, cut, &self.limits)
+    }
+
+    fn encode(&self, model: &Model, segment: u32, stop: &Stop) -> Result<Encoded, EngineError> {
+        let inner: &ModelInner = model.inner.open()?;
+        let patch = inner.patch(segment)?;
+        stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
+        let query = Query::new(patch, &UnfoldOptions::default())
+            .map_err(|e| EngineError::refused(Refusal::NotEncodable, format!("segment {segment}: {e}")))?;
+        let chart = Opaque::new(());
+        let facts = facts(query.encoding(), inner.faces(segment));
+        Ok(Encoded { encoding: Encoding { facts, inner: Opaque::new(Source::Fresh(Arc::new(query))) }, chart })
+    }
+
+    fn pack(&self, encoding: &Encoding) -> Result<Packed, EngineError> {
+        let source: &Source = encoding.inner.open()?;
+        let from = source.encoding();
+        Ok(Packed {
+            facts: encoding.facts,
+            features: from
+                .features
+                .iter()
+                .map(|f| PackedFeature { uv: f.uv, lambda: f.lambda, side: f.side as u32 })
+                .collect(),
+            levels: from.pyramid.iter().map(|p| (p.side as u32, p.values.clone())).collect(),
+        })
+    }
+
+    fn unpack(&self, packed: &Packed) -> Result<Encoding, EngineError> {
+        let picture = |(side, values): &(u32, Vec<f32>)| {
+            let side = *side as usize;
+            (values.len() == side * side).then(|| kernel::encode::Picture { side, values: values.clone() })
+        };
+        let pyramid: Option<Vec<_>> = packed.levels.iter().map(picture).collect();
+        let pyramid = pyramid.ok_or_else(|| EngineError::Internal("expected square levels in the store".into()))?;
+        let features = packed.features.iter();
+        let encoding = kernel::encode::Encoding {
+            topology: topology_in(packed.facts.topology),
+            modulus: packed.facts.k,
+            pyramid,
+            features: features.map(|f| Feature { uv: f.uv, lambda: f.lambda, side: f.side as usize }).collect(),
+        };
+        Ok(Encoding { facts: packed.facts, inner: Opaque::new(Source::Stored(encoding)) })
+    }
+
+    fn coarse(&self, example: &Encoding, query: &Encoding, stop: &Stop) -> Result<Registration, EngineError> {
+        let source: &Source = example.inner.open()?;
+        let stopped = || stop.reason().is_some();
+        let entry = Entry::coarse(fresh(query)?, source.encoding(), &self.solver, &stopped);
+        let entry =
+            entry.ok_or_else(|| EngineError::Internal("expected the coarsest level and like topologies".into()))?;
+        registered::checked(entry, stop)
+    }
+
+    fn refine(
+        &self,
+        from: &Registration,
+        example: &Encoding,
+        query: &Encoding,
+        _: u32,
+        stop: &Stop,
+    ) -> Result<Registration, EngineError> {
+        let source: &Source = example.inner.open()?;
+        let mut entry = from.inner.open::<Registered>()?.entry.clone();
+        let stopped = || stop.reason().is_some();
+        entry.advance(fresh(query)?, source.encoding(), &self.solver, &stopped).map_err(internal)?;
+        registered::checked(entry, stop)
+    }
+
+    fn finish(
+        &self,
+        from: &Registration,
+        example: &Encoding,
+        query: &Encoding,
+        stop: &Stop,
+    ) -> Result<Registration, EngineError> {
+        let source: &Source = example.inner.open()?;
+        let mut entry = from.inner.open::<Registered>()?.entry.clone();
+        if entry.poles_refined() {
+            return Ok(from.clone());
+        }
+        let stopped = || stop.reason().is_some();
+        entry.refine_poles(fresh(query)?, source.encoding(), &self.solver, &stopped).map_err(internal)?;
+        registered::checked(entry, stop)
+    }
+
+    fn score(&self, registration: &Registration, example: &Encoding, query: &Encoding, relevance: f64) -> f64 {
+        let best = registration.inner.open::<Registered>().map(|r| r.entry.best().clone());
+        best.map_or(f64::MAX, |best| {
+            let query_modulus = best.unfolded.encoding.modulus;
+            debug_assert!(query_modulus.is_finite() && query.facts.k.is_finite());
+            kernel::rank::score(best.cost(), example.facts.k, query_modulus, relevance)
+        })
+    }
+
+    fn map(&self, from: &Registration, example: &Side, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
+        registered::map(from, example, query, stop)
+    }
+
+    fn constrain(
+        &self,
+        from: &Mapped,
+        edit: &ConstraintEdit,
+        example: &Side,
+        query: &Side,
+        _: &Stop,
+    ) -> Result<Registration, EngineError> {
+        constrain::edit(from, edit, example, query)
+    }
+
+    fn compose(&self, _: &Model, parts: &[(u32, Arc<PolyMesh>)], _: u32, _: &Stop) -> Result<Stitched, EngineError> {
+        match parts {
+            [(_, mesh)] => Ok(Stitched { mesh: Arc::clone(mesh), extraordinary_vertices: model::extraordinary(mesh) }),
+            _ => Err(EngineError::refused(
+                Refusal::Unsupported,
+                format!(
+                    "expected one part, found {}: stitching several is not part of this version; download each map's mesh",
+                    parts.len()
+                ),
+            )),
+        }
+    }
+
+    fn write(&self, mesh: &PolyMesh, format: MeshFormat) -> Result<Vec<u8>, EngineError> {
+        kernel::mesh::write(mesh, format_of(format)).map_err(refused)
+    }
+}
+
+fn internal(error: impl std::fmt::Display) -> EngineError {
+    EngineError::Internal(error.to_string())
+}
+
+fn facts(encoding: &kernel::encode::Encoding, faces: u64) -> SegmentFacts {
+    SegmentFacts {
+        topology: topology_out(encoding.topology),
+        k: encoding.modulus,
+        faces,
+        features: encoding.features.len() as u32,
+    }
+}
+
+fn topology_out(topology: kernel::topology::Topology) -> Topology {
+    match topology {
+        kernel::topology::Topology::Disc => Topology::Disc,
+        kernel::topology::Topology::Annulus => Topology::Annulus,
+        kernel::topology::Topology::Sphere => Topology::Sphere,
+        kernel::topology::Topology::Torus => Topology::Torus,
+    }
+}
+
+fn topology_in(topology: Topology) -> kernel::topology::Topology {
+    match topology {
+        Topology::Disc => kernel::topology::Topology::Disc,
+        Topology::Annulus => kernel::topology::Topology::Annulus,
+        Topology::Sphere => kernel::topology::Topology::Sphere,
+        Topology::Torus => kernel::topology::Topology::Torus,
+    }
+}

@@ -1,8 +1,8 @@
 //! Where a mesh is seen from: the view's upright frame, its turn and tilt, and a projection that fills the picture.
 
 use super::colour::Palette;
-use super::surface::Surface;
-use nalgebra::{Matrix3, Vector3};
+use super::surface::{EdgeKind, Surface};
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use quadmuse_kernel::mesh::{PolyMesh, Vec3};
 
 /// Distance of the eye in radii of the mesh: a long lens, some 20° wide.
@@ -15,6 +15,8 @@ const YAW: f64 = 0.52;
 const PITCH: f64 = 0.17;
 /// A guessed upright direction this close to a file axis (cosine of 35°) is that axis.
 const SNAP_COSINE: f64 = 0.82;
+/// A boundary this much longer than wide (ratio of variances) is a tube's two openings.
+const TUBE: f64 = 2.5;
 
 /// Whether polygon edges are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -84,8 +86,9 @@ impl View {
 
     /// A view guessed from the shape alone, for scans in any pose.
     ///
-    /// An open surface stands on its boundary (a head on its neck); a closed one keeps the file's +y. A direction
-    /// near a file axis is taken to be that axis. The front is where the surface is most detailed: the sum of its
+    /// An open surface stands on its boundary (a head on its neck), a tube along its length with the wider opening
+    /// up unless the file's +y says otherwise; a closed one keeps the file's +y. A direction near a file axis is taken
+    /// to be that axis. The front is where the surface is most detailed: the sum of its
     /// normals weighted by how much they turn.
     pub fn guess(mesh: &PolyMesh) -> Self {
         let surface = Surface::of(mesh);
@@ -100,24 +103,62 @@ impl View {
     }
 }
 
-/// From the boundary's centre to the surface's; `None` for closed surfaces and where the two coincide (a tube).
+/// From the boundary's centre to the surface's; along a tube whose two openings balance; `None` for closed surfaces.
 fn upright(surface: &Surface) -> Option<Vec3> {
-    let mut rim = Vec3::zeros();
-    let mut length = 0.0;
-    for edge in surface.edges.iter().filter(|e| e.kind == super::surface::EdgeKind::Rim) {
+    let mut rim = Mean::default();
+    for edge in surface.edges.iter().filter(|e| e.kind == EdgeKind::Rim) {
         let [a, b] = edge.vertices.map(|v| surface.points[v as usize]);
-        rim += (a + b) * 0.5 * (b - a).norm();
-        length += (b - a).norm();
+        rim.add((a + b) * 0.5, (b - a).norm());
     }
-    let mut body = Vec3::zeros();
-    let mut area = 0.0;
+    let mut body = Mean::default();
     for t in &surface.triangles {
         let [a, b, c] = t.map(|v| surface.points[v as usize]);
-        let doubled = (b - a).cross(&(c - a)).norm();
-        body += (a + b + c) / 3.0 * doubled;
-        area += doubled;
+        body.add((a + b + c) / 3.0, (b - a).cross(&(c - a)).norm());
     }
-    (length > 0.0 && area > 0.0).then(|| body / area - rim / length).filter(|d| d.norm() > 0.15)?.try_normalize(1e-9)
+    let (rim_centre, body_centre) = (rim.centre()?, body.centre()?);
+    // The rim's long axis: of two openings far apart, the line between them.
+    let mut spread = Matrix3::zeros();
+    for edge in surface.edges.iter().filter(|e| e.kind == EdgeKind::Rim) {
+        let [a, b] = edge.vertices.map(|v| surface.points[v as usize]);
+        let d = (a + b) * 0.5 - rim_centre;
+        spread += d * d.transpose() * (b - a).norm();
+    }
+    let eigen = SymmetricEigen::new(spread / rim.weight);
+    let longest = eigen.eigenvalues.imax();
+    let others: f64 = (0..3).filter(|&k| k != longest).map(|k| eigen.eigenvalues[k]).sum();
+    if eigen.eigenvalues[longest] > TUBE * others {
+        let axis: Vec3 = eigen.eigenvectors.column(longest).into();
+        let wider: f64 = surface
+            .edges
+            .iter()
+            .filter(|e| e.kind == EdgeKind::Rim)
+            .map(|e| {
+                let [a, b] = e.vertices.map(|v| surface.points[v as usize]);
+                ((a + b) * 0.5 - body_centre).dot(&axis).signum() * (b - a).norm()
+            })
+            .sum();
+        let sense = if axis.y.abs() > 0.5 { axis.y } else { wider };
+        return Some(if sense < 0.0 { -axis } else { axis });
+    }
+    Some(body_centre - rim_centre).filter(|d| d.norm() > 0.05)?.try_normalize(1e-9)
+}
+
+/// A weighted mean of points.
+#[derive(Default)]
+struct Mean {
+    sum: Vec3,
+    weight: f64,
+}
+
+impl Mean {
+    fn add(&mut self, point: Vec3, weight: f64) {
+        self.sum += point * weight;
+        self.weight += weight;
+    }
+
+    fn centre(&self) -> Option<Vec3> {
+        (self.weight > 1e-12).then(|| self.sum / self.weight)
+    }
 }
 
 fn detail_direction(surface: &Surface) -> Vec3 {

@@ -1,0 +1,112 @@
+//! Calls on `/v1/examples`.
+
+use super::Api;
+use crate::{error::ClientError, file, spec::SegmentsSpec};
+use quadmuse_proto::{Example, ExampleId, ExamplePatch, Page, Topology, paging::LIMIT_MAX};
+use reqwest::{Method, StatusCode};
+use std::path::Path;
+
+/// What an example is given along with its mesh.
+#[derive(Clone, Debug, Default)]
+pub struct ExampleUpload {
+    /// Its tags.
+    pub tags: Vec<String>,
+    /// Its relevance, 0–5.
+    pub relevance: Option<f64>,
+    /// How it is cut into segments.
+    pub segments: Option<SegmentsSpec>,
+}
+
+/// An example after its upload.
+#[derive(Clone, Debug)]
+pub struct Added {
+    /// The example.
+    pub example: Example,
+    /// Whether the corpus gained it, or had it already.
+    pub how: Gain,
+}
+
+/// Whether an upload changed the corpus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Gain {
+    /// It was added.
+    New,
+    /// The same bytes and options were there already.
+    AlreadyThere,
+}
+
+/// Which examples to list.
+#[derive(Clone, Debug, Default)]
+pub struct ExampleFilter {
+    /// With all these tags.
+    pub tags: Vec<String>,
+    /// With a segment of this topology.
+    pub topology: Option<Topology>,
+}
+
+impl Api {
+    /// Adds a mesh file to the corpus.
+    ///
+    /// # Errors
+    /// The file cannot be read, or the service refuses it or is out of reach.
+    pub async fn add_example(&self, mesh: &Path, upload: &ExampleUpload) -> Result<Added, ClientError> {
+        let mut query = vec![("name", file::example_name(mesh))];
+        query.extend(upload.tags.iter().map(|tag| ("tag", tag.clone())));
+        query.extend(upload.relevance.map(|relevance| ("relevance", relevance.to_string())));
+        let request = self.request(Method::POST, &["examples"]).query(&query);
+        let request = self.with_mesh(request, mesh, upload.segments.as_ref())?;
+        let response = self.send(request).await?;
+        let how = if response.status() == StatusCode::CREATED { Gain::New } else { Gain::AlreadyThere };
+        let example = self.decode(response, "the example that was added").await?;
+        Ok(Added { example, how })
+    }
+
+    /// All examples that pass the filter, page by page, in order of creation.
+    ///
+    /// # Errors
+    /// The service refuses or is out of reach.
+    pub async fn examples(&self, filter: &ExampleFilter) -> Result<Vec<Example>, ClientError> {
+        let mut fixed = vec![("limit", LIMIT_MAX.to_string())];
+        fixed.extend(filter.tags.iter().map(|tag| ("tag", tag.clone())));
+        fixed.extend(filter.topology.map(|topology| ("topology", topology.to_string())));
+        let mut items = Vec::new();
+        let mut cursor: Option<String> = None;
+        loop {
+            let mut query = fixed.clone();
+            query.extend(cursor.take().map(|cursor| ("cursor", cursor)));
+            let request = self.request(Method::GET, &["examples"]).query(&query);
+            let page: Page<Example> = self.json(request, "a page of examples").await?;
+            let is_empty = page.items.is_empty();
+            items.extend(page.items);
+            match page.next {
+                Some(next) if !is_empty => cursor = Some(next),
+                _ => return Ok(items),
+            }
+        }
+    }
+
+    /// One example.
+    ///
+    /// # Errors
+    /// The service refuses (there is none) or is out of reach.
+    pub async fn example(&self, id: ExampleId) -> Result<Example, ClientError> {
+        self.json(self.request(Method::GET, &["examples", &id.to_string()]), "an example").await
+    }
+
+    /// Changes an example's annotations.
+    ///
+    /// # Errors
+    /// The service refuses or is out of reach.
+    pub async fn patch_example(&self, id: ExampleId, patch: &ExamplePatch) -> Result<Example, ClientError> {
+        let request = self.request(Method::PATCH, &["examples", &id.to_string()]).json(patch);
+        self.json(request, "the example that was changed").await
+    }
+
+    /// Removes an example.
+    ///
+    /// # Errors
+    /// The service refuses (there is none) or is out of reach.
+    pub async fn remove_example(&self, id: ExampleId) -> Result<(), ClientError> {
+        self.send(self.request(Method::DELETE, &["examples", &id.to_string()])).await.map(drop)
+    }
+}

@@ -1,0 +1,139 @@
+//! Calls on `/v1/queries`: queries, their rankings, maps and compositions.
+
+use super::{Api, WORK_TIMEOUT};
+use crate::{args::QueryArgs, error::ClientError, stream::StreamFormat};
+use quadmuse_proto::{
+    Composition, CompositionId, ConstraintEdit, Map, MapId, MeshFormat, NewComposition, NewMap, Query, QueryId, Ranking,
+};
+use reqwest::{Method, Response, header};
+use std::time::Duration;
+
+/// What a long poll may take beyond its waiting time.
+const POLL_SLACK: Duration = Duration::from_secs(30);
+
+/// Which ranking is asked for.
+#[derive(Clone, Copy, Debug)]
+pub struct RankingView {
+    /// The query's segment.
+    pub segment: u32,
+    /// Wait for a revision after this one.
+    pub after: Option<u64>,
+    /// For so long at most, in milliseconds.
+    pub wait_ms: u64,
+}
+
+/// Where a mesh is downloaded from.
+#[derive(Clone, Copy, Debug)]
+pub enum MeshSource {
+    /// The mesh of a map.
+    Map(MapId),
+    /// The mesh of a composition.
+    Composition(CompositionId),
+}
+
+impl Api {
+    /// Uploads a mesh to be ranked.
+    ///
+    /// # Errors
+    /// The file cannot be read, or the service refuses it or is out of reach.
+    pub async fn start_query(&self, args: &QueryArgs) -> Result<Query, ClientError> {
+        let mut query: Vec<(&str, String)> = args.tags.iter().map(|tag| ("tag", tag.clone())).collect();
+        query.extend(args.top.map(|top| ("top", top.to_string())));
+        query.extend(args.resolution.map(|resolution| ("resolution", resolution.to_string())));
+        query.extend(args.deadline.map(|seconds| ("deadline_ms", format!("{:.0}", (seconds * 1000.0).ceil()))));
+        let request = self.request(Method::POST, &["queries"]).query(&query);
+        let request = self.with_mesh(request, &args.file, args.segments.segments.as_ref())?;
+        self.json(request, "the query that was started").await
+    }
+
+    /// A query as it stands.
+    ///
+    /// # Errors
+    /// The service refuses (there is none) or is out of reach.
+    pub async fn query(&self, id: QueryId) -> Result<Query, ClientError> {
+        self.json(self.request(Method::GET, &["queries", &id.to_string()]), "a query").await
+    }
+
+    /// The ranking of one segment of a query, at once or when it is newer.
+    ///
+    /// # Errors
+    /// The service refuses (there is none) or is out of reach.
+    pub async fn ranking(&self, id: QueryId, view: RankingView) -> Result<Ranking, ClientError> {
+        let mut query = vec![("segment", view.segment.to_string())];
+        if let Some(after) = view.after {
+            query.push(("after", after.to_string()));
+            query.push(("wait_ms", view.wait_ms.to_string()));
+        }
+        let request = self.request(Method::GET, &["queries", &id.to_string(), "ranking"]).query(&query);
+        self.json(request.timeout(Duration::from_millis(view.wait_ms) + POLL_SLACK), "a ranking").await
+    }
+
+    /// Opens the stream of a query's rankings, after an event already seen.
+    ///
+    /// # Errors
+    /// The service refuses or is out of reach, or answers with no stream.
+    pub async fn ranking_stream(
+        &self,
+        id: QueryId,
+        after: Option<u64>,
+    ) -> Result<(StreamFormat, Response), ClientError> {
+        let request = self.request(Method::GET, &["queries", &id.to_string(), "stream"]);
+        let mut request = request.timeout(WORK_TIMEOUT).header(header::ACCEPT, StreamFormat::ACCEPT);
+        if let Some(after) = after {
+            request = request.header("last-event-id", after.to_string());
+        }
+        let response = self.send(request).await?;
+        let media_type = response.headers().get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok());
+        match media_type.and_then(StreamFormat::from_media_type) {
+            Some(format) => Ok((format, response)),
+            None => Err(ClientError::Unintelligible {
+                url: response.url().to_string(),
+                expected: "a stream of events",
+                found: format!("`{}`", media_type.unwrap_or_default()),
+            }),
+        }
+    }
+
+    /// Lays an example on a segment of a query.
+    ///
+    /// # Errors
+    /// The service refuses or is out of reach.
+    pub async fn start_map(&self, id: QueryId, new: &NewMap) -> Result<Map, ClientError> {
+        let request = self.request(Method::POST, &["queries", &id.to_string(), "maps"]).json(new);
+        self.json(request.timeout(WORK_TIMEOUT), "a map").await
+    }
+
+    /// Edits the constraints of a map.
+    ///
+    /// # Errors
+    /// The service refuses (an edit may fold the map) or is out of reach.
+    pub async fn edit_constraints(&self, id: QueryId, map: MapId, edit: &ConstraintEdit) -> Result<Map, ClientError> {
+        let path = ["queries", &id.to_string(), "maps", &map.to_string(), "constraints"];
+        let request = self.request(Method::PATCH, &path).json(edit);
+        self.json(request.timeout(WORK_TIMEOUT), "the map that was edited").await
+    }
+
+    /// Stitches maps.
+    ///
+    /// # Errors
+    /// The service refuses or is out of reach.
+    pub async fn start_composition(&self, id: QueryId, new: &NewComposition) -> Result<Composition, ClientError> {
+        let request = self.request(Method::POST, &["queries", &id.to_string(), "compositions"]).json(new);
+        self.json(request.timeout(WORK_TIMEOUT), "a composition").await
+    }
+
+    /// Downloads a mesh.
+    ///
+    /// # Errors
+    /// The service refuses or is out of reach.
+    pub async fn mesh(&self, id: QueryId, source: MeshSource, format: MeshFormat) -> Result<Vec<u8>, ClientError> {
+        let query = id.to_string();
+        let request = match source {
+            MeshSource::Map(map) => self.request(Method::GET, &["queries", &query, "maps", &map.to_string(), "mesh"]),
+            MeshSource::Composition(composition) => {
+                self.request(Method::GET, &["queries", &query, "compositions", &composition.to_string(), "mesh"])
+            }
+        };
+        self.bytes(request.query(&[("format", format.as_str())])).await
+    }
+}

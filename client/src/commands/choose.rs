@@ -1,0 +1,94 @@
+//! Choosing the example, and its segment, that a query's segment takes.
+
+use crate::{
+    api::{Api, RankingView},
+    error::ClientError,
+    follow::{self, Watcher},
+    spec::ExampleRef,
+    ui::Ui,
+};
+use quadmuse_proto::{Event, Example, NewMap, Query, QueryId, QuerySegment, Ranking, Topology};
+
+/// A watcher that only waits.
+struct Patience;
+
+impl Watcher for Patience {
+    fn see(&mut self, _: &Event) -> Result<(), ClientError> {
+        Ok(())
+    }
+}
+
+/// The query, once its ranking is final.
+pub(super) async fn finished(id: QueryId, api: &Api, ui: &mut Ui) -> Result<Query, ClientError> {
+    let query = api.query(id).await?;
+    let spinner = ui.spinner("waiting for the ranking");
+    let end = follow::poll(api, query, &mut Patience).await;
+    spinner.finish_and_clear();
+    let end = end?;
+    follow::conclude(&end)?;
+    Ok(end.summary)
+}
+
+/// What to lay on a segment: the example that is told, or else the best entry of the ranking.
+pub(super) async fn choose(
+    query: &Query,
+    segment: &QuerySegment,
+    told: Option<ExampleRef>,
+    api: &Api,
+) -> Result<NewMap, ClientError> {
+    let number = segment.segment;
+    if let Some(ExampleRef { example, segment: Some(example_segment) }) = told {
+        return Ok(NewMap { segment: number, example, example_segment });
+    }
+    let ranking = api.ranking(query.id, RankingView { segment: number, after: None, wait_ms: 0 }).await?;
+    if let Some(new) = best(&ranking, number, told) {
+        return Ok(new);
+    }
+    match told {
+        // The example may stand below the entries that are shown.
+        Some(told) => fitting(&api.example(told.example).await?, number, segment.topology),
+        None => Err(ClientError::NothingRanked { segment: number, topology: segment.topology.to_string() }),
+    }
+}
+
+/// The best entry of the ranking, or the best of the example that is told.
+fn best(ranking: &Ranking, segment: u32, told: Option<ExampleRef>) -> Option<NewMap> {
+    let entry = ranking.entries.iter().find(|entry| told.is_none_or(|told| told.example == entry.example))?;
+    Some(NewMap { segment, example: entry.example, example_segment: entry.example_segment })
+}
+
+/// The first segment of the example that has the topology.
+fn fitting(example: &Example, segment: u32, topology: Topology) -> Result<NewMap, ClientError> {
+    let found = example.segments.iter().find(|candidate| candidate.topology == topology);
+    let Some(found) = found else {
+        let article = if topology == Topology::Annulus { "an" } else { "a" };
+        let (example, topology) = (example.id.to_string(), topology.to_string());
+        return Err(ClientError::TopologyDiffers { example, topology, article });
+    };
+    Ok(NewMap { segment, example: example.id, example_segment: found.segment })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::table::tests::{head, with_entries};
+
+    #[test]
+    fn the_best_entry_is_taken_unless_an_example_is_told() {
+        let ranking = with_entries(3);
+        let first = best(&ranking, 0, None).expect("an entry");
+        assert_eq!((first.example, first.example_segment), (ranking.entries[0].example, 0));
+        let told = ExampleRef { example: ranking.entries[2].example, segment: None };
+        let third = best(&ranking, 0, Some(told)).expect("an entry");
+        assert_eq!((third.example, third.example_segment), (told.example, 2));
+        assert_eq!(best(&with_entries(0), 0, None), None);
+    }
+
+    #[test]
+    fn an_example_below_the_ranking_is_taken_by_its_topology() {
+        let annulus = fitting(&head(), 4, Topology::Annulus).expect("it has one");
+        assert_eq!((annulus.segment, annulus.example_segment), (4, 1));
+        let error = fitting(&head(), 4, Topology::Sphere).expect_err("it has none");
+        assert!(error.to_string().contains("a sphere"), "{error}");
+    }
+}

@@ -1,0 +1,71 @@
+//! `map` and `constrain`: lays an example on the input, and writes the mesh.
+
+use super::{
+    choose::{choose, finished},
+    rank::check_segment,
+};
+use crate::{
+    api::{Api, MeshSource},
+    args::{ConstrainArgs, MapArgs},
+    error::ClientError,
+    file::OutFile,
+    spec::ExampleRef,
+    table,
+    ui::Ui,
+};
+use quadmuse_proto::{ConstraintEdit, Map, Query};
+use serde::Serialize;
+
+/// What programs get: the message, and the file that was written.
+#[derive(Serialize)]
+pub(super) struct Written<'a, T> {
+    pub(super) file: String,
+    #[serde(flatten)]
+    pub(super) message: &'a T,
+}
+
+pub(super) async fn map(args: &MapArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
+    args.out.check()?;
+    let query = finished(args.query, api, ui).await?;
+    let map = lay(&query, args.segment, args.example, api, ui).await?;
+    write_map(&map, &args.out, api, ui).await
+}
+
+/// Lays an example (the best, unless one is told) on a segment.
+pub(super) async fn lay(
+    query: &Query,
+    segment: u32,
+    told: Option<ExampleRef>,
+    api: &Api,
+    ui: &mut Ui,
+) -> Result<Map, ClientError> {
+    check_segment(query, Some(segment))?;
+    let Some(found) = query.segments.iter().find(|candidate| candidate.segment == segment) else {
+        return Err(ClientError::NoSuchSegment {
+            query: query.id.to_string(),
+            segment,
+            segments: query.segments.len(),
+        });
+    };
+    let new = choose(query, found, told, api).await?;
+    let spinner = ui.spinner("mapping");
+    let map = api.start_map(query.id, &new).await;
+    spinner.finish_and_clear();
+    map
+}
+
+/// Downloads the mesh of a map, writes it, and tells how good it is.
+pub(super) async fn write_map(map: &Map, out: &OutFile, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
+    let mesh = api.mesh(map.query, MeshSource::Map(map.id), out.format).await?;
+    out.write(&mesh)?;
+    let file = out.path.display().to_string();
+    ui.text(&format!("{}\nwritten    {file}", table::map(map)))?;
+    ui.value(&Written { file, message: map })
+}
+
+pub(super) async fn constrain(args: ConstrainArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
+    args.out.check()?;
+    let edit = ConstraintEdit { set: args.set.into_iter().map(|spec| spec.0).collect(), remove: args.remove };
+    let map = api.edit_constraints(args.query, args.map, &edit).await?;
+    write_map(&map, &args.out, api, ui).await
+}

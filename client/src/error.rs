@@ -1,0 +1,240 @@
+//! What can go wrong in a command, what is said about it, and the exit code that follows.
+
+use quadmuse_proto::{Code, Problem};
+use std::{error::Error, io, path::PathBuf};
+
+/// Everything was done.
+pub const EXIT_DONE: u8 = 0;
+/// The service refused, or something failed.
+pub const EXIT_FAILED: u8 = 1;
+/// The command line is wrong (clap answers with the same code).
+pub const EXIT_USAGE: u8 = 2;
+/// No server could be reached.
+pub const EXIT_UNREACHABLE: u8 = 3;
+
+/// Why a command could not be carried out.
+#[derive(Debug, thiserror::Error)]
+pub enum ClientError {
+    /// No connection to the server.
+    #[error(
+        "expected a Quadmuse server at {server}, found none that answers; start one with `quadmuse-server --data DIR`, or name another with --server or QUADMUSE_SERVER"
+    )]
+    Unreachable {
+        /// The server's address.
+        server: String,
+        /// What the connection ran into.
+        source: reqwest::Error,
+    },
+    /// The connection was lost, or nothing came in time.
+    #[error(
+        "expected an answer from {server}, found that the connection broke off; see whether the server still runs, then try again"
+    )]
+    BrokenOff {
+        /// The server's address.
+        server: String,
+        /// What the connection ran into.
+        source: reqwest::Error,
+    },
+    /// The connection was lost while a file was on its way.
+    #[error(
+        "expected {server} to take {bytes} bytes, found that it closed the connection before the last; the file may be larger than the server's --upload-limit"
+    )]
+    UploadBrokenOff {
+        /// The server's address.
+        server: String,
+        /// Size of the body.
+        bytes: usize,
+        /// What the connection ran into.
+        source: reqwest::Error,
+    },
+    /// Something answers that is no Quadmuse server, or one of another version.
+    #[error(
+        "expected {expected} from {url}, found {found}; see whether the address is that of a Quadmuse server, and of this version"
+    )]
+    Unintelligible {
+        /// What was asked.
+        url: String,
+        /// What should have come.
+        expected: &'static str,
+        /// What came.
+        found: String,
+    },
+    /// The service answered with a problem.
+    #[error("{}", refusal(.0))]
+    Refused(Box<Problem>),
+    /// The query was cancelled while it was followed.
+    #[error("expected a ranking, found that query {query} was cancelled; start it again")]
+    Cancelled {
+        /// The query.
+        query: String,
+    },
+    /// A segment has no entry to choose.
+    #[error(
+        "expected an example to lay on segment {segment}, found none in its ranking; add examples of its topology ({topology}), or name one"
+    )]
+    NothingRanked {
+        /// The query's segment.
+        segment: u32,
+        /// Its topology.
+        topology: String,
+    },
+    /// A query has fewer segments.
+    #[error(
+        "expected a segment below {segments}, found {segment}; `quadmuse ranking {query}` shows the query's segments"
+    )]
+    NoSuchSegment {
+        /// The query.
+        query: String,
+        /// The segment asked for.
+        segment: u32,
+        /// Segments of the query.
+        segments: usize,
+    },
+    /// An example has no segment of the topology asked for.
+    #[error(
+        "expected an example with a segment that is {article} {topology}, found none in {example}; choose another from `quadmuse ranking`"
+    )]
+    TopologyDiffers {
+        /// The example.
+        example: String,
+        /// Topology of the query's segment.
+        topology: String,
+        /// `a` or `an`.
+        article: &'static str,
+    },
+    /// Some of several files or examples were refused; each was named when it happened.
+    #[error("{failed} of {total} failed; the others are done")]
+    SomeFailed {
+        /// How many were refused.
+        failed: usize,
+        /// Out of how many.
+        total: usize,
+    },
+    /// A file cannot be read.
+    #[error("expected a file that can be read at {}, found none; check the path and its permissions", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// A file cannot be written.
+    #[error("expected to write {}, found that it cannot be done; check that the folder exists and has room", path.display())]
+    Unwritable {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// Standard output cannot be written.
+    #[error("expected to print to standard output, found that it cannot be done")]
+    Output(#[from] io::Error),
+    /// The server's address is none.
+    #[error("expected a server's address like http://127.0.0.1:7979, found `{found}`; {way_out}")]
+    Address {
+        /// What was given.
+        found: String,
+        /// What to do.
+        way_out: &'static str,
+    },
+}
+
+impl ClientError {
+    /// The exit code of a command that ends with this error.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Unreachable { .. } | Self::BrokenOff { .. } => EXIT_UNREACHABLE,
+            Self::Address { .. } => EXIT_USAGE,
+            Self::Output(source) if source.kind() == io::ErrorKind::BrokenPipe => EXIT_DONE,
+            _ => EXIT_FAILED,
+        }
+    }
+
+    /// Whether there is nobody to tell: the reader of standard output has gone (as in `quadmuse list | head`).
+    pub fn is_silent(&self) -> bool {
+        matches!(self, Self::Output(source) if source.kind() == io::ErrorKind::BrokenPipe)
+    }
+
+    /// The problem, if the service answered with one.
+    pub fn problem(&self) -> Option<&Problem> {
+        match self {
+            Self::Refused(problem) => Some(problem),
+            _ => None,
+        }
+    }
+
+    /// The message with the innermost cause in brackets, on one line.
+    pub fn message(&self) -> String {
+        let mut cause = None;
+        let mut next = self.source();
+        while let Some(error) = next {
+            cause = Some(error);
+            next = error.source();
+        }
+        match cause {
+            Some(cause) => printable(&format!("{self} ({cause})")),
+            None => printable(&self.to_string()),
+        }
+    }
+}
+
+/// A problem in one sentence: its detail, and the way out in this program's terms where the service can't know it.
+fn refusal(problem: &Problem) -> String {
+    let detail = if problem.detail.is_empty() { &problem.title } else { &problem.detail };
+    let hint = match problem.code {
+        Code::CorpusEmpty => "; fill the corpus with `quadmuse add FILE…`",
+        Code::Unauthorized => "; give a token with --token or QUADMUSE_TOKEN",
+        Code::Overloaded | Code::Unavailable => "; try again later",
+        _ => "",
+    };
+    let id = match (&problem.request_id, problem.status >= 500) {
+        (Some(id), true) => format!(" [request {id}]"),
+        _ => String::new(),
+    };
+    format!("{detail}{hint} ({}){id}", problem.code)
+}
+
+/// A text from outside without characters that would move a terminal's cursor or recolour it.
+pub fn printable(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() && c != '\n' { '\u{fffd}' } else { c }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_refusal_is_told_by_its_detail_and_code() {
+        let problem = Problem::new(
+            Code::MeshUnreadable,
+            422,
+            "expected a vertex number on line 7, found `x`; export the mesh again",
+        );
+        let error = ClientError::Refused(Box::new(problem));
+        assert_eq!(
+            error.message(),
+            "expected a vertex number on line 7, found `x`; export the mesh again (mesh_unreadable)"
+        );
+        assert_eq!(error.exit_code(), EXIT_FAILED);
+    }
+
+    #[test]
+    fn an_internal_error_names_the_request_for_the_log() {
+        let mut problem = Problem::new(Code::Internal, 500, "the service failed");
+        problem.request_id = Some("01R".into());
+        assert_eq!(ClientError::Refused(Box::new(problem)).message(), "the service failed (internal) [request 01R]");
+    }
+
+    #[test]
+    fn a_reader_that_has_gone_is_no_failure() {
+        let gone = ClientError::Output(io::Error::from(io::ErrorKind::BrokenPipe));
+        assert!(gone.is_silent());
+        assert_eq!(gone.exit_code(), EXIT_DONE);
+        assert_eq!(ClientError::Output(io::Error::from(io::ErrorKind::StorageFull)).exit_code(), EXIT_FAILED);
+    }
+
+    #[test]
+    fn escape_sequences_from_outside_do_not_reach_the_terminal() {
+        assert_eq!(printable("a\x1b[31mb\u{9b}c"), "a\u{fffd}[31mb\u{fffd}c");
+    }
+}

@@ -1,0 +1,42 @@
+//! The client of a Quadmuse server: the command line, the requests, and what is printed of the answers.
+//!
+//! `main` reads the command line and hands it to [`run`]; everything else is a library, so that it can be tested
+//! without a process. Data go to standard output, progress and messages to standard error.
+
+pub mod api;
+pub mod args;
+pub mod commands;
+pub mod error;
+pub mod file;
+pub mod follow;
+pub mod spec;
+pub mod stream;
+pub mod table;
+pub mod ui;
+
+use api::Api;
+use args::Cli;
+use error::ClientError;
+use ui::Ui;
+
+/// Carries out the command line against standard output; answers with the exit code.
+pub async fn run(cli: Cli) -> u8 {
+    let mut ui = Ui::stdout(cli.json);
+    let done = carry_out(cli, &mut ui).await;
+    match done.and_then(|()| ui.finish()) {
+        Ok(()) => error::EXIT_DONE,
+        Err(error) => {
+            ui.report(&error);
+            error.exit_code()
+        }
+    }
+}
+
+/// Carries out the command line, printing to `ui`.
+///
+/// # Errors
+/// Whatever the command ran into; it has not been printed yet.
+pub async fn carry_out(cli: Cli, ui: &mut Ui) -> Result<(), ClientError> {
+    let api = Api::new(&cli.server, cli.token.as_deref())?;
+    commands::dispatch(cli.command, &api, ui).await
+}

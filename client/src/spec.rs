@@ -1,0 +1,262 @@
+//! The small languages of the command line: segments, tags, examples, constraints.
+
+use quadmuse_proto::{ExampleId, NewConstraint, Place, Segmentation, example::TAG_LENGTH_MAX};
+use std::{path::PathBuf, str::FromStr};
+
+/// A text of the command line that cannot be understood.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected {expected}, found `{found}`")]
+pub struct SpecError {
+    /// What would do.
+    pub expected: &'static str,
+    /// What was given.
+    pub found: String,
+}
+
+fn refuse<T>(expected: &'static str, found: &str) -> Result<T, SpecError> {
+    Err(SpecError { expected, found: found.into() })
+}
+
+/// How an upload is cut into segments.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SegmentsSpec {
+    /// By a rule of the service.
+    Rule(Segmentation),
+    /// By the labels in a file: one integer a face, one a line.
+    Labels(PathBuf),
+}
+
+impl FromStr for SegmentsSpec {
+    type Err = SpecError;
+
+    fn from_str(text: &str) -> Result<Self, SpecError> {
+        if let Ok(rule) = text.parse() {
+            return Ok(Self::Rule(rule));
+        }
+        // A rule of the service is a bare word: what looks like a misspelt one should not be taken for a file.
+        let is_path = text.contains(['/', '\\', '.']);
+        if is_path {
+            Ok(Self::Labels(text.into()))
+        } else {
+            refuse("auto, whole, groups, or a file like ./labels.txt", text)
+        }
+    }
+}
+
+/// A change of an example's tags.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum TagEdit {
+    /// `+TAG`.
+    Add(String),
+    /// `-TAG`.
+    Remove(String),
+}
+
+impl TagEdit {
+    /// The tags after the edits, sorted, each once.
+    pub fn apply(edits: &[Self], tags: &[String]) -> Vec<String> {
+        let mut tags = tags.to_vec();
+        for edit in edits {
+            match edit {
+                Self::Add(tag) => tags.push(tag.clone()),
+                Self::Remove(tag) => tags.retain(|t| t != tag),
+            }
+        }
+        tags.sort();
+        tags.dedup();
+        tags
+    }
+}
+
+impl FromStr for TagEdit {
+    type Err = SpecError;
+
+    fn from_str(text: &str) -> Result<Self, SpecError> {
+        let expected = "+TAG or -TAG";
+        let (make, tag): (fn(String) -> Self, _) = match text.split_at_checked(1) {
+            Some(("+", tag)) => (Self::Add, tag),
+            Some(("-", tag)) if !tag.starts_with('-') => (Self::Remove, tag),
+            _ => return refuse(expected, text),
+        };
+        if tag.is_empty() || tag.len() > TAG_LENGTH_MAX { refuse(expected, text) } else { Ok(make(tag.into())) }
+    }
+}
+
+/// `EXAMPLE` or `EXAMPLE:SEGMENT`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ExampleRef {
+    /// The example.
+    pub example: ExampleId,
+    /// Its segment; the one that ranks best if absent.
+    pub segment: Option<u32>,
+}
+
+impl FromStr for ExampleRef {
+    type Err = SpecError;
+
+    fn from_str(text: &str) -> Result<Self, SpecError> {
+        let (id, segment) = match text.split_once(':') {
+            Some((id, segment)) => (id, Some(segment)),
+            None => (text, None),
+        };
+        let segment = segment.map(str::parse::<u32>).transpose();
+        match (id.parse(), segment) {
+            (Ok(example), Ok(segment)) => Ok(Self { example, segment }),
+            _ => refuse("an example's id, or ID:SEGMENT", text),
+        }
+    }
+}
+
+/// `SEGMENT=EXAMPLE`: which example a segment of the query takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct UsePart {
+    /// The query's segment.
+    pub segment: u32,
+    /// The example laid on it.
+    pub example: ExampleRef,
+}
+
+impl FromStr for UsePart {
+    type Err = SpecError;
+
+    fn from_str(text: &str) -> Result<Self, SpecError> {
+        let expected = "SEGMENT=EXAMPLE, a number and an example's id";
+        let Some((segment, example)) = text.split_once('=') else { return refuse(expected, text) };
+        match (segment.parse(), example.parse()) {
+            (Ok(segment), Ok(example)) => Ok(Self { segment, example }),
+            _ => refuse(expected, text),
+        }
+    }
+}
+
+/// A constraint to set: `[ID:]ON_EXAMPLE=ON_INPUT` or JSON.
+///
+/// Each end is `x,y,z` (a point in the mesh's units), `uU,vV` (of the parameter domain) or `fFACE/w,w,w` (a face and
+/// a weight for each of its corners). With an id, an end may be left empty: it stays where it is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ConstraintSpec(pub NewConstraint);
+
+impl FromStr for ConstraintSpec {
+    type Err = SpecError;
+
+    fn from_str(text: &str) -> Result<Self, SpecError> {
+        let expected =
+            "[ID:]ON_EXAMPLE=ON_INPUT with ends like 1,2,3 or u0.25,v0.5 or f7/0.5,0.25,0.25, or a constraint as JSON";
+        if text.trim_start().starts_with('{') {
+            return serde_json::from_str(text).map(Self).or_else(|_| refuse(expected, text));
+        }
+        let Some((left, right)) = text.split_once('=') else { return refuse(expected, text) };
+        let (id, left) = match left.split_once(':') {
+            Some((id, left)) if !id.is_empty() => (Some(id.to_owned()), left),
+            Some(_) => return refuse(expected, text),
+            None => (None, left),
+        };
+        let (Some(on_example), Some(on_input)) = (end(left), end(right)) else { return refuse(expected, text) };
+        let missing = usize::from(on_example.is_none()) + usize::from(on_input.is_none());
+        if missing > usize::from(id.is_some()) {
+            return refuse(expected, text);
+        }
+        Ok(Self(NewConstraint { id, on_example, on_input }))
+    }
+}
+
+/// One end: `Some(None)` if it is left empty, `None` if it can't be understood.
+fn end(text: &str) -> Option<Option<Place>> {
+    let text = text.trim();
+    if text.is_empty() {
+        return Some(None);
+    }
+    let place = if let Some(rest) = text.strip_prefix('u') {
+        let (u, v) = rest.split_once(",v")?;
+        Place::Domain { u: number(u)?, v: number(v)? }
+    } else if let Some(rest) = text.strip_prefix('f') {
+        let (face, weights) = rest.split_once('/')?;
+        let barycentric = numbers(weights)?;
+        Place::OnFace { face: face.parse().ok()?, barycentric: (barycentric.len() >= 3).then_some(barycentric)? }
+    } else {
+        Place::Point(numbers(text)?.try_into().ok()?)
+    };
+    Some(Some(place))
+}
+
+fn numbers(text: &str) -> Option<Vec<f64>> {
+    text.split(',').map(number).collect()
+}
+
+fn number(text: &str) -> Option<f64> {
+    text.trim().parse().ok().filter(|value: &f64| value.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ID: &str = "01ARZ3NDEKTSV4RRFFQ69G5FAV";
+
+    fn constraint(text: &str) -> Result<NewConstraint, SpecError> {
+        text.parse::<ConstraintSpec>().map(|spec| spec.0)
+    }
+
+    #[test]
+    fn a_constraint_is_read_in_each_form() {
+        let both = constraint("1,-2,3.5=u0.25,v0.5").expect("parses");
+        assert_eq!(both.id, None);
+        assert_eq!(both.on_example, Some(Place::Point([1.0, -2.0, 3.5])));
+        assert_eq!(both.on_input, Some(Place::Domain { u: 0.25, v: 0.5 }));
+
+        let moved = constraint("f3:=f7/0.5,0.25,0.25").expect("parses");
+        assert_eq!((moved.id.as_deref(), moved.on_example), (Some("f3"), None));
+        assert_eq!(moved.on_input, Some(Place::OnFace { face: 7, barycentric: vec![0.5, 0.25, 0.25] }));
+
+        let json = constraint(r#"{"on_example": [0, 0, 1], "on_input": {"u": 0.1, "v": 1}}"#).expect("parses");
+        assert_eq!(json.on_input, Some(Place::Domain { u: 0.1, v: 1.0 }));
+    }
+
+    #[test]
+    fn a_constraint_that_says_too_little_is_refused() {
+        for text in [
+            "",
+            "1,2,3",
+            "=",
+            "1,2,3=",
+            "f3:=",
+            ":1,2,3=4,5,6",
+            "1,2=3,4,5",
+            "1,2,nan=3,4,5",
+            "f1/1=1,2,3",
+            "u1=1,2,3",
+            "{}x",
+        ] {
+            assert!(constraint(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn tags_are_added_and_taken_off_in_order() {
+        let tags = ["b".to_owned(), "wip".to_owned()];
+        let edits: Vec<TagEdit> =
+            ["-wip", "+a", "+b", "+c", "-c"].iter().map(|t| t.parse().expect("an edit")).collect();
+        assert_eq!(TagEdit::apply(&edits, &tags), ["a", "b"]);
+        for text in ["", "+", "-", "hero", "--json", "é"] {
+            assert!(text.parse::<TagEdit>().is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_misspelt_rule_is_not_taken_for_a_file() {
+        assert_eq!("groups".parse(), Ok(SegmentsSpec::Rule(Segmentation::Groups)));
+        assert_eq!("./labels".parse(), Ok(SegmentsSpec::Labels("./labels".into())));
+        assert!("group".parse::<SegmentsSpec>().is_err());
+    }
+
+    #[test]
+    fn an_example_may_name_its_segment() {
+        let with: UsePart = format!("3={ID}:2").parse().expect("parses");
+        assert_eq!((with.segment, with.example.segment), (3, Some(2)));
+        let without: ExampleRef = ID.parse().expect("parses");
+        assert_eq!(without.segment, None);
+        for text in [format!("{ID}:"), format!("{ID}:x"), format!("x={ID}"), "3=short".into()] {
+            assert!(text.parse::<UsePart>().is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! Examples.
+
+use super::{Column, line, new_table, size, word};
+use crate::ui::Room;
+use quadmuse_proto::Example;
+use std::{collections::BTreeMap, fmt::Write};
+
+/// A table of examples, and how many there are.
+pub fn examples(examples: &[Example], room: Room) -> String {
+    if examples.is_empty() {
+        return "no examples; add some with `quadmuse add FILE…`".into();
+    }
+    let columns = [
+        Column::Ids("id"),
+        Column::Words("name"),
+        Column::Words("tags"),
+        Column::Numbers("relevance"),
+        Column::Numbers("faces"),
+        Column::Words("segments"),
+    ];
+    let mut table = new_table(&columns, room);
+    for example in examples {
+        table.add_row(line([
+            example.id.to_string(),
+            word(&example.name),
+            word(&example.tags.join(" ")),
+            format!("{}", example.relevance),
+            example.counts.faces.to_string(),
+            topologies(example),
+        ]));
+    }
+    let count = match examples.len() {
+        1 => "1 example".to_owned(),
+        n => format!("{n} examples"),
+    };
+    format!("{table}\n{count}")
+}
+
+/// The topologies of an example's segments: `disc`, or `2 disc, 1 annulus`.
+fn topologies(example: &Example) -> String {
+    let mut counts = BTreeMap::new();
+    for segment in &example.segments {
+        *counts.entry(segment.topology).or_insert(0_u32) += 1;
+    }
+    let one = example.segments.len() == 1;
+    let parts = counts.iter().map(|(topology, n)| if one { topology.to_string() } else { format!("{n} {topology}") });
+    parts.collect::<Vec<_>>().join(", ")
+}
+
+/// Everything about one example.
+pub fn example(example: &Example, room: Room) -> String {
+    let counts = &example.counts;
+    let mut text = String::new();
+    let mut tell = |label: &str, value: &str| {
+        if !value.is_empty() {
+            let _ = writeln!(text, "{label:<10} {value}");
+        }
+    };
+    tell("id", &example.id.to_string());
+    tell("name", &word(&example.name));
+    tell("tags", &word(&example.tags.join(" ")));
+    tell("relevance", &example.relevance.to_string());
+    tell("template", &word(example.template.as_deref().unwrap_or_default()));
+    tell("file", &format!("{}, {}, blake3 {}", word(&example.format), size(example.bytes), word(&example.hash)));
+    tell(
+        "mesh",
+        &format!(
+            "{} vertices, {} faces ({} quads, {} triangles)",
+            counts.vertices, counts.faces, counts.quads, counts.triangles
+        ),
+    );
+    tell("added", &word(&example.created));
+    for repair in &example.repairs {
+        tell("repaired", &word(repair));
+    }
+    let columns = [
+        Column::Numbers("segment"),
+        Column::Words("topology"),
+        Column::Numbers("k"),
+        Column::Numbers("faces"),
+        Column::Numbers("features"),
+    ];
+    let mut table = new_table(&columns, room);
+    for segment in &example.segments {
+        table.add_row(line([
+            segment.segment.to_string(),
+            segment.topology.to_string(),
+            format!("{:.3}", segment.k),
+            segment.faces.to_string(),
+            segment.features.to_string(),
+        ]));
+    }
+    format!("{text}{table}")
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use quadmuse_proto::{ExampleId, ExampleSegment, MeshCounts, Topology};
+
+    pub(crate) fn head() -> Example {
+        let segment = |segment, topology| ExampleSegment { segment, topology, k: 0.4, faces: 200, features: 9 };
+        Example {
+            id: "01ARZ3NDEKTSV4RRFFQ69G5FAV".parse::<ExampleId>().expect("an id"),
+            name: "head\x1b[2J".into(),
+            tags: vec!["film".into(), "hero".into()],
+            relevance: 4.5,
+            hash: "ab12".into(),
+            format: "obj".into(),
+            bytes: 12_345,
+            counts: MeshCounts { vertices: 402, faces: 400, triangles: 0, quads: 400 },
+            segments: vec![segment(0, Topology::Disc), segment(1, Topology::Annulus), segment(2, Topology::Disc)],
+            repairs: vec!["2 vertices that no face uses were left out".into()],
+            created: "2025-01-01T00:00:00Z".into(),
+            template: None,
+        }
+    }
+
+    #[test]
+    fn a_list_names_each_example_and_counts_them() {
+        let text = examples(&[head()], Room::default());
+        assert!(text.contains("01ARZ3NDEKTSV4RRFFQ69G5FAV"), "{text}");
+        assert!(text.contains("film hero"), "{text}");
+        assert!(text.contains("2 disc, 1 annulus"), "{text}");
+        assert!(text.ends_with("1 example"), "{text}");
+        assert!(!text.contains('\x1b'), "a name may not steer the terminal");
+    }
+
+    #[test]
+    fn a_list_keeps_to_the_width_of_the_terminal() {
+        let text = examples(&[head()], Room { width: Some(60), height: None });
+        assert!(text.lines().all(|line| line.chars().count() <= 60), "{text}");
+    }
+
+    #[test]
+    fn an_empty_corpus_is_told_with_the_way_out() {
+        assert!(examples(&[], Room::default()).contains("quadmuse add"));
+    }
+
+    #[test]
+    fn an_example_is_shown_with_its_repairs_and_segments() {
+        let text = example(&head(), Room::default());
+        for part in ["400 quads", "12 kB", "repaired   2 vertices", "annulus", "0.400"] {
+            assert!(text.contains(part), "{part} is missing in\n{text}");
+        }
+        assert!(!text.contains("template"));
+    }
+}

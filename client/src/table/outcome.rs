@@ -1,0 +1,90 @@
+//! Maps and compositions: how good they are, and what they are made of.
+
+use super::{ranking::flip, word};
+use quadmuse_proto::{Composition, ConstraintOrigin, Histogram, Map, Verdict};
+
+/// What came of a map: the verdict first, then the reasons, then the figures.
+pub fn map(map: &Map) -> String {
+    let set_by_user = map.constraints.iter().filter(|c| c.origin == ConstraintOrigin::User).count();
+    let mut lines = vec![format!("verdict    {}", verdict(map.verdict))];
+    lines.extend(map.reasons.iter().map(|reason| format!("           – {}", word(reason))));
+    lines.push(format!("map        {} (revision {}) of query {}", map.id, map.revision, map.query));
+    lines.push(format!("example    {} segment {}, on segment {}", map.example, map.example_segment, map.segment));
+    lines.push(format!("mesh       {} vertices, {} faces, {} folded", map.vertices, map.faces, map.folds));
+    lines.push(format!("flip       {}, shifted by {:.3}", flip(map.flip), map.shift_u));
+    lines.push(format!("angles     {}", statistics(&map.distortion.angle, "°")));
+    lines.push(format!("areas      {} (log₂)", statistics(&map.distortion.area, "")));
+    lines.push(format!("constraints {} ({set_by_user} set by hand), energy {:.4}", map.constraints.len(), map.energy));
+    lines.push(format!("took       {:.2} s", map.timings.total_ms / 1000.0));
+    lines.join("\n")
+}
+
+fn statistics(histogram: &Histogram, unit: &str) -> String {
+    let Histogram { mean, median, p95, max, .. } = histogram;
+    format!(
+        "changed by {mean:.2}{unit} on average, median {median:.2}{unit}, 95 % {p95:.2}{unit}, at most {max:.2}{unit}"
+    )
+}
+
+fn verdict(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Good => "good",
+        Verdict::Fair => "fair: look at it first",
+        Verdict::Poor => "poor: choose another example, or set constraints",
+    }
+}
+
+/// What came of a composition.
+pub fn composition(composition: &Composition) -> String {
+    let Composition { id, query, parts, vertices, quads, triangles, extraordinary_vertices, total_ms, .. } =
+        composition;
+    [
+        format!("composition {id} of query {query}, {} parts", parts.len()),
+        format!("mesh        {vertices} vertices, {quads} quads, {triangles} triangles left"),
+        format!("layout      {extraordinary_vertices} extraordinary vertices"),
+        format!("took        {:.2} s", total_ms / 1000.0),
+    ]
+    .join("\n")
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use quadmuse_proto::{Distortion, ExampleId, Flip, MapId, MapTimings, QueryId};
+
+    pub(crate) fn a_map() -> Map {
+        let histogram = Histogram { mean: 2.5, median: 2.0, p95: 7.0, max: 40.0, ..Histogram::default() };
+        Map {
+            id: MapId::from_bytes([3; 16]),
+            query: QueryId::from_bytes([7; 16]),
+            segment: 1,
+            example: ExampleId::from_bytes([1; 16]),
+            example_segment: 0,
+            revision: 1,
+            flip: Flip { u: true, v: false },
+            shift_u: 0.25,
+            energy: 0.125,
+            resolution: 128,
+            constraints: Vec::new(),
+            vertices: 402,
+            faces: 400,
+            folds: 0,
+            distance_max: 0.0,
+            distortion: Distortion { angle: histogram.clone(), area: histogram },
+            verdict: Verdict::Fair,
+            reasons: vec!["the largest angle changes by 40°".into()],
+            timings: MapTimings { register_ms: 10.0, map_ms: 20.0, total_ms: 1234.0 },
+        }
+    }
+
+    #[test]
+    fn a_map_is_told_by_its_verdict_and_the_reasons_first() {
+        let text = map(&a_map());
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[0], "verdict    fair: look at it first");
+        assert_eq!(lines[1], "           – the largest angle changes by 40°");
+        assert!(text.contains("u (mirror), shifted by 0.250"), "{text}");
+        assert!(text.contains("95 % 7.00°"), "{text}");
+        assert!(text.contains("1.23 s"), "{text}");
+    }
+}

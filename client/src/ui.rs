@@ -1,0 +1,261 @@
+//! Where things are printed: data to standard output, notes and progress to standard error.
+//!
+//! A terminal gets bars, and tables that are drawn over; anything else gets plain text, one table after the other.
+
+use crate::error::{ClientError, printable};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+use std::io::{self, Write};
+
+/// For whom is printed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Audience {
+    /// Tables and sentences.
+    People,
+    /// JSON, one value a line.
+    Programs,
+}
+
+/// How much room there is; `None` where there is no end to it (a file, a pipe).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Room {
+    /// Columns.
+    pub width: Option<u16>,
+    /// Lines.
+    pub height: Option<u16>,
+}
+
+/// Where things are printed.
+pub struct Ui {
+    audience: Audience,
+    out: Box<dyn Write + Send>,
+    notes: Box<dyn Write + Send>,
+    terminal: Option<Room>,
+    bars: Bars,
+    /// Lines of the drawing that the next one replaces.
+    drawn_lines: usize,
+}
+
+/// Whether progress bars are shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Bars {
+    Shown,
+    Hidden,
+}
+
+impl Ui {
+    /// Standard output and standard error, as they are.
+    pub fn stdout(json: bool) -> Self {
+        let (out, err) = (console::Term::stdout(), console::Term::stderr());
+        let audience = if json { Audience::Programs } else { Audience::People };
+        let terminal = (out.is_term() && !json).then(|| match out.size_checked() {
+            Some((height, width)) => Room { width: Some(width), height: Some(height) },
+            None => Room::default(),
+        });
+        let bars = if err.is_term() && !json { Bars::Shown } else { Bars::Hidden };
+        let (out, notes) = (Box::new(io::stdout()), Box::new(io::stderr()));
+        Self { audience, out, notes, terminal, bars, drawn_lines: 0 }
+    }
+
+    /// Two writers in place of the standard ones; `terminal` is what to take the first for.
+    pub fn new(
+        audience: Audience,
+        terminal: Option<Room>,
+        out: impl Write + Send + 'static,
+        notes: impl Write + Send + 'static,
+    ) -> Self {
+        Self { audience, out: Box::new(out), notes: Box::new(notes), terminal, bars: Bars::Hidden, drawn_lines: 0 }
+    }
+
+    /// Whether people read.
+    pub fn is_for_people(&self) -> bool {
+        self.audience == Audience::People
+    }
+
+    /// Whether a drawing can be drawn over.
+    pub fn is_live(&self) -> bool {
+        self.terminal.is_some()
+    }
+
+    /// The room for a table.
+    pub fn room(&self) -> Room {
+        self.terminal.unwrap_or_default()
+    }
+
+    /// Prints a text, a line end behind it. For people only.
+    ///
+    /// # Errors
+    /// [`ClientError::Output`].
+    pub fn text(&mut self, text: &str) -> Result<(), ClientError> {
+        if self.is_for_people() {
+            self.settle();
+            writeln!(self.out, "{}", text.trim_end_matches('\n'))?;
+        }
+        Ok(())
+    }
+
+    /// Prints a value as JSON on a line. For programs only.
+    ///
+    /// # Errors
+    /// [`ClientError::Output`].
+    pub fn value(&mut self, value: &impl Serialize) -> Result<(), ClientError> {
+        if !self.is_for_people() {
+            serde_json::to_writer(&mut self.out, value).map_err(io::Error::from)?;
+            self.out.write_all(b"\n")?;
+            self.out.flush()?;
+        }
+        Ok(())
+    }
+
+    /// Draws a text over the one drawn before; where that can't be done, prints it below. For people only.
+    ///
+    /// # Errors
+    /// [`ClientError::Output`].
+    pub fn draw(&mut self, text: &str) -> Result<(), ClientError> {
+        if !self.is_for_people() {
+            return Ok(());
+        }
+        let text = text.trim_end_matches('\n');
+        if self.is_live() {
+            if self.drawn_lines > 0 {
+                // To the first column, so many lines up; erase from there to the end of the screen.
+                write!(self.out, "\x1b[{}F\x1b[0J", self.drawn_lines)?;
+            }
+            writeln!(self.out, "{text}")?;
+            self.drawn_lines = text.lines().count();
+        } else {
+            writeln!(self.out, "{text}\n")?;
+        }
+        self.out.flush()?;
+        Ok(())
+    }
+
+    /// Leaves the last drawing as it is: the next one goes below.
+    pub fn settle(&mut self) {
+        self.drawn_lines = 0;
+    }
+
+    /// A remark beside the data. For people only; that it can't be printed is no failure.
+    pub fn note(&mut self, text: &str) {
+        if self.is_for_people() {
+            self.settle();
+            let _ = writeln!(self.notes, "{}", printable(text));
+        }
+    }
+
+    /// Says what went wrong: to people in a sentence, to programs as the problem that the service answered with.
+    pub fn report(&mut self, error: &ClientError) {
+        if error.is_silent() {
+            return;
+        }
+        if let Some(problem) = error.problem() {
+            let _ = self.value(problem);
+        }
+        self.complain(&error.message());
+    }
+
+    /// A sentence about a failure, to whomever.
+    pub fn complain(&mut self, text: &str) {
+        self.settle();
+        let _ = writeln!(self.notes, "error: {}", printable(text));
+    }
+
+    /// A progress bar of `length` steps; it is hidden unless standard error is a terminal.
+    pub fn bar(&self, length: u64, what: &'static str) -> ProgressBar {
+        let target = match self.bars {
+            Bars::Shown => ProgressDrawTarget::stderr(),
+            Bars::Hidden => ProgressDrawTarget::hidden(),
+        };
+        let bar = ProgressBar::with_draw_target(Some(length), target);
+        if let Ok(style) = ProgressStyle::with_template("{prefix} {wide_bar} {pos}/{len} {msg}") {
+            bar.set_style(style);
+        }
+        bar.set_prefix(what);
+        bar
+    }
+
+    /// A sign of life during a step of unknown length; it is hidden unless standard error is a terminal.
+    pub fn spinner(&self, what: &'static str) -> ProgressBar {
+        let bar = self.bar(0, what);
+        bar.set_style(ProgressStyle::default_spinner());
+        bar.set_message(what);
+        if self.bars == Bars::Shown {
+            bar.enable_steady_tick(std::time::Duration::from_millis(100));
+        }
+        bar
+    }
+
+    /// Hands everything printed to the system.
+    ///
+    /// # Errors
+    /// [`ClientError::Output`].
+    pub fn finish(&mut self) -> Result<(), ClientError> {
+        Ok(self.out.flush()?)
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use quadmuse_proto::{Code, Problem};
+    use std::sync::{Arc, Mutex};
+
+    /// A writer whose text can be read while it is in use.
+    #[derive(Clone, Default)]
+    pub(crate) struct Shared(Arc<Mutex<Vec<u8>>>);
+
+    impl Shared {
+        pub(crate) fn text(&self) -> String {
+            String::from_utf8(self.0.lock().expect("no panic").clone()).expect("text")
+        }
+    }
+
+    impl Write for Shared {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.0.lock().expect("no panic").extend_from_slice(bytes);
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_terminal_is_drawn_over_and_a_pipe_is_not() {
+        let out = Shared::default();
+        let mut ui = Ui::new(Audience::People, Some(Room::default()), out.clone(), io::sink());
+        ui.draw("a\nb").expect("prints");
+        ui.draw("c").expect("prints");
+        ui.text("id").expect("prints");
+        ui.draw("d").expect("prints");
+        assert_eq!(out.text(), "a\nb\n\x1b[2F\x1b[0Jc\nid\nd\n");
+
+        let out = Shared::default();
+        let mut ui = Ui::new(Audience::People, None, out.clone(), io::sink());
+        ui.draw("a\nb").expect("prints");
+        ui.draw("c").expect("prints");
+        assert_eq!(out.text(), "a\nb\n\nc\n\n");
+    }
+
+    #[test]
+    fn programs_get_values_and_nothing_else() {
+        let (out, notes) = (Shared::default(), Shared::default());
+        let mut ui = Ui::new(Audience::Programs, None, out.clone(), notes.clone());
+        ui.text("text").expect("prints");
+        ui.draw("table").expect("prints");
+        ui.note("remark");
+        ui.value(&[1, 2]).expect("prints");
+        assert_eq!((out.text().as_str(), notes.text().as_str()), ("[1,2]\n", ""));
+    }
+
+    #[test]
+    fn programs_get_the_problem_and_people_the_sentence() {
+        let (out, notes) = (Shared::default(), Shared::default());
+        let mut ui = Ui::new(Audience::Programs, None, out.clone(), notes.clone());
+        ui.report(&ClientError::Refused(Box::new(Problem::new(Code::NotFound, 404, "expected x, found none"))));
+        let value: serde_json::Value = serde_json::from_str(&out.text()).expect("JSON");
+        assert_eq!(value["code"], "not_found");
+        assert_eq!(notes.text(), "error: expected x, found none (not_found)\n");
+    }
+}

@@ -1,0 +1,172 @@
+//! `add`, `list`, `remove`, `rate`, `tag`, and what is said when things go wrong.
+
+use crate::{
+    fake::{Fake, Reply},
+    messages::{example, example_id},
+    run,
+};
+use quadmuse_proto::{Code, Page};
+use std::{
+    path::PathBuf,
+    sync::atomic::{AtomicU32, Ordering},
+};
+use tempfile::TempDir;
+
+fn files(names: &[&str]) -> (TempDir, Vec<PathBuf>) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let paths = names.iter().map(|name| folder.path().join(name)).collect::<Vec<_>>();
+    for path in &paths {
+        std::fs::write(path, path.file_name().expect("a name").to_string_lossy().as_bytes()).expect("writes");
+    }
+    (folder, paths)
+}
+
+#[tokio::test]
+async fn add_goes_on_past_a_bad_file_names_it_and_exits_with_1() {
+    let server = Fake::start(|asked| {
+        let bad = "expected a vertex number on line 3, found `x`";
+        if asked.line.contains("name=bad") {
+            Reply::problem(Code::MeshUnreadable, 422, bad)
+        } else {
+            Reply::json(201, &example(1))
+        }
+    });
+    let (folder, _) = files(&["a.obj", "bad.ply", "c.stl"]);
+    let at = folder.path().display();
+    let ran = run(
+        &server.url,
+        &format!("add {at}/a.obj {at}/bad.ply {at}/c.stl {at}/missing.obj --tag x --tag y --relevance 4"),
+    )
+    .await;
+    assert_eq!(ran.code(), 1);
+    assert_eq!(ran.out.matches("added").count(), 2, "{}", ran.out);
+    assert!(ran.notes.contains("bad.ply: expected a vertex number on line 3, found `x`"), "{}", ran.notes);
+    assert!(ran.notes.contains("missing.obj: expected a file"), "{}", ran.notes);
+    assert!(ran.notes.contains("2 of 4 failed"), "{}", ran.notes);
+    let asked = server.asked();
+    let first = asked.iter().find(|asked| asked.line.contains("name=a")).expect("it was sent");
+    assert_eq!(first.line, "POST /v1/examples?name=a&tag=x&tag=y&relevance=4");
+    assert_eq!((first.header("content-type"), first.body.as_slice()), (Some("model/obj"), b"a.obj".as_slice()));
+}
+
+#[tokio::test]
+async fn programs_get_a_line_a_file_in_the_order_of_the_files() {
+    let server = Fake::start(|asked| {
+        // The first takes longest.
+        if asked.line.contains("name=a") {
+            std::thread::sleep(std::time::Duration::from_millis(200));
+            return Reply::json(200, &example(1));
+        }
+        Reply::problem(Code::MeshEmpty, 422, "expected a face, found none")
+    });
+    let (folder, _) = files(&["a.obj", "b.obj"]);
+    let at = folder.path().display();
+    let ran = run(&server.url, &format!("--json add {at}/a.obj {at}/b.obj")).await;
+    let lines = ran.json_lines();
+    assert_eq!(lines.len(), 2);
+    assert_eq!(lines[0]["id"], example_id(1).to_string());
+    assert_eq!((lines[1]["code"].as_str(), lines[1]["status"].as_u64()), (Some("mesh_empty"), Some(422)));
+    assert!(lines[1]["file"].as_str().expect("a name").ends_with("b.obj"));
+}
+
+#[tokio::test]
+async fn labels_of_faces_travel_beside_the_mesh() {
+    let server = Fake::start(|_| Reply::json(201, &example(1)));
+    let (folder, _) = files(&["a.obj", "labels.txt"]);
+    let at = folder.path().display();
+    let ran = run(&server.url, &format!("add {at}/a.obj --segments {at}/labels.txt")).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    let asked = server.asked().remove(0);
+    assert!(asked.header("content-type").expect("a type").starts_with("multipart/form-data; boundary="));
+    let body = String::from_utf8(asked.body).expect("text");
+    assert!(body.contains("name=\"mesh\"") && body.contains("name=\"segments\""), "{body}");
+}
+
+#[tokio::test]
+async fn a_list_is_read_page_by_page() {
+    let server = Fake::start(|asked| {
+        let (n, next) = if asked.line.contains("cursor=more") { (2, None) } else { (1, Some("more".to_owned())) };
+        Reply::json(200, &Page { items: vec![example(n)], next })
+    });
+    let ran = run(&server.url, "list --tag a&b --topology disc --json").await;
+    assert_eq!(ran.json_lines()[0].as_array().expect("a list").len(), 2);
+    assert_eq!(
+        server.lines(),
+        [
+            "GET /v1/examples?limit=500&tag=a%26b&topology=disc",
+            "GET /v1/examples?limit=500&tag=a%26b&topology=disc&cursor=more"
+        ]
+    );
+}
+
+#[tokio::test]
+async fn tags_and_relevance_are_patched() {
+    let server = Fake::start(|_| Reply::json(200, &example(1)));
+    let id = example_id(1);
+    assert_eq!(run(&server.url, &format!("tag {id} +hero -wip")).await.code(), 0);
+    assert_eq!(run(&server.url, &format!("rate {id} 4.5")).await.code(), 0);
+    let asked = server.asked();
+    assert_eq!(asked[1].line, format!("PATCH /v1/examples/{id}"));
+    assert_eq!(asked[1].body, br#"{"tags":["head","hero"]}"#);
+    assert_eq!(asked[2].body, br#"{"relevance":4.5}"#);
+}
+
+#[tokio::test]
+async fn remove_goes_on_past_an_example_that_is_not_there() {
+    let server = Fake::start(|asked| {
+        if asked.line.ends_with(&example_id(1).to_string()) {
+            return Reply::problem(Code::NotFound, 404, "expected an example, found none");
+        }
+        Reply { status: 204, headers: Vec::new(), body: Vec::new() }
+    });
+    let ran = run(&server.url, &format!("remove {} {}", example_id(1), example_id(2))).await;
+    assert_eq!(ran.code(), 1);
+    assert!(ran.out.contains(&format!("{}  removed", example_id(2))), "{}", ran.out);
+    assert!(ran.notes.contains("1 of 2 failed"), "{}", ran.notes);
+}
+
+#[tokio::test]
+async fn a_busy_server_is_asked_again_under_the_same_key() {
+    let count = AtomicU32::new(0);
+    let server = Fake::start(move |_| match count.fetch_add(1, Ordering::Relaxed) {
+        0 => {
+            let mut reply = Reply::problem(Code::Overloaded, 503, "too much to do");
+            reply.headers.push("Retry-After: 0".into());
+            reply
+        }
+        _ => Reply::json(201, &example(1)),
+    });
+    let (_folder, paths) = files(&["a.obj"]);
+    let ran = run(&server.url, &format!("add {}", paths[0].display())).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    let asked = server.asked();
+    assert_eq!(asked.len(), 2);
+    assert_eq!(asked[0].header("idempotency-key"), asked[1].header("idempotency-key"));
+}
+
+#[tokio::test]
+async fn a_server_out_of_reach_is_named_with_the_way_out_and_exit_code_3() {
+    let free = std::net::TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("an address");
+    let ran = run(&format!("http://{free}"), "list").await;
+    assert_eq!(ran.code(), 3);
+    for part in [free.to_string().as_str(), "quadmuse-server --data DIR", "QUADMUSE_SERVER", "refused"] {
+        assert!(ran.notes.contains(part), "{part} is missing in {}", ran.notes);
+    }
+}
+
+#[tokio::test]
+async fn another_server_than_quadmuse_is_told_from_one() {
+    let server = Fake::start(|_| Reply::bytes("text/html", "<html>It works!</html>"));
+    let ran = run(&server.url, "list").await;
+    assert_eq!(ran.code(), 1);
+    assert!(ran.notes.contains("It works!") && ran.notes.contains("expected a page of examples"), "{}", ran.notes);
+}
+
+#[tokio::test]
+async fn the_problem_reaches_programs_too() {
+    let server = Fake::start(|_| Reply::problem(Code::Unauthorized, 401, "expected a token, found none"));
+    let ran = run(&server.url, "list --json").await;
+    assert_eq!(ran.code(), 1);
+    assert_eq!(ran.json_lines()[0]["code"], "unauthorized");
+    assert!(ran.notes.contains("--token or QUADMUSE_TOKEN"), "{}", ran.notes);
+}

@@ -1,0 +1,69 @@
+//! The verbs against a server that answers as it is told to.
+
+mod corpus;
+mod fake;
+mod messages;
+mod queries;
+
+use quadmuse_client::{
+    args::Cli,
+    carry_out,
+    error::ClientError,
+    ui::{Audience, Ui},
+};
+use std::{
+    io::{self, Write},
+    sync::{Arc, Mutex},
+};
+
+/// A writer whose text can be read afterwards.
+#[derive(Clone, Default)]
+struct Shared(Arc<Mutex<Vec<u8>>>);
+
+impl Shared {
+    fn text(&self) -> String {
+        String::from_utf8(self.0.lock().expect("no panic").clone()).expect("text")
+    }
+}
+
+impl Write for Shared {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.lock().expect("no panic").extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// What a command printed, and how it ended.
+struct Ran {
+    out: String,
+    notes: String,
+    end: Result<(), ClientError>,
+}
+
+impl Ran {
+    fn code(&self) -> u8 {
+        self.end.as_ref().map_or_else(ClientError::exit_code, |()| 0)
+    }
+
+    fn json_lines(&self) -> Vec<serde_json::Value> {
+        self.out.lines().map(|line| serde_json::from_str(line).expect(line)).collect()
+    }
+}
+
+/// Runs a command line (split at blanks) against a server.
+async fn run(server: &str, line: &str) -> Ran {
+    let words = ["quadmuse", "--server", server].into_iter().chain(line.split_whitespace()).map(Into::into);
+    let cli = Cli::read(words).expect(line);
+    let audience = if cli.json { Audience::Programs } else { Audience::People };
+    let (out, notes) = (Shared::default(), Shared::default());
+    let mut ui = Ui::new(audience, None, out.clone(), notes.clone());
+    let end = carry_out(cli, &mut ui).await;
+    if let Err(error) = &end {
+        ui.report(error);
+    }
+    Ran { out: out.text(), notes: notes.text(), end }
+}

@@ -1,0 +1,118 @@
+//! Messages to answer with.
+
+use quadmuse_proto::{
+    Distortion, Entry, EntryState, Example, ExampleId, ExampleSegment, Flip, Histogram, Map, MapId, MapTimings,
+    MeshCounts, Progress, Query, QueryId, QuerySegment, QueryState, QueryTimings, Ranking, Topology, Verdict,
+};
+
+/// The `n`th example.
+pub(crate) fn example_id(n: u8) -> ExampleId {
+    ExampleId::from_bytes([n; 16])
+}
+
+/// The query.
+pub(crate) fn query_id() -> QueryId {
+    QueryId::from_bytes([100; 16])
+}
+
+/// The map.
+pub(crate) fn map_id() -> MapId {
+    MapId::from_bytes([50; 16])
+}
+
+/// The `n`th example.
+pub(crate) fn example(n: u8) -> Example {
+    Example {
+        id: example_id(n),
+        name: format!("example {n}"),
+        tags: vec!["head".into(), "wip".into()],
+        relevance: 3.0,
+        hash: "00".into(),
+        format: "obj".into(),
+        bytes: 100,
+        counts: MeshCounts { vertices: 9, faces: 4, triangles: 0, quads: 4 },
+        segments: vec![ExampleSegment { segment: 0, topology: Topology::Disc, k: 0.5, faces: 4, features: 3 }],
+        repairs: Vec::new(),
+        created: "2025-01-01T00:00:00Z".into(),
+        template: None,
+    }
+}
+
+/// The query, with so many segments.
+pub(crate) fn query(state: QueryState, segments: u32) -> Query {
+    let segment = |segment| QuerySegment {
+        segment,
+        topology: Topology::Disc,
+        faces: 100,
+        k: Some(0.5),
+        features: Some(4),
+        level: None,
+        corpus_size: 3,
+    };
+    Query {
+        id: query_id(),
+        state,
+        deadline_reached: false,
+        top: 4,
+        resolution: 128,
+        deadline_ms: None,
+        tags: Vec::new(),
+        counts: MeshCounts::default(),
+        repairs: Vec::new(),
+        segments: (0..segments).map(segment).collect(),
+        progress: Progress::default(),
+        timings: QueryTimings::default(),
+        revision: 0,
+        corpus_size: u64::from(segments) * 3,
+        created: "2025-01-01T00:00:00Z".into(),
+        problem: None,
+    }
+}
+
+/// A ranking of three examples.
+pub(crate) fn ranking(segment: u32, revision: u64, level: u32, state: QueryState) -> Ranking {
+    let entry = |rank: u8| Entry {
+        rank: rank.into(),
+        example: example_id(rank),
+        example_segment: 0,
+        name: format!("example {rank}"),
+        score: f64::from(rank) / 10.0,
+        energy: 0.5,
+        k: 0.5,
+        relevance: 3.0,
+        flip: Flip::default(),
+        shift_u: 0.0,
+        resolution: level,
+        state: EntryState::Refining,
+        similar_to: None,
+        template: None,
+    };
+    let entries = (1..=3).map(entry).collect();
+    Ranking { query: query_id(), segment, revision, level, resolution: 128, state, entries, corpus_size: 3 }
+}
+
+/// The map.
+pub(crate) fn map() -> Map {
+    let distortion = Distortion { angle: Histogram::default(), area: Histogram::default() };
+    Map {
+        id: map_id(),
+        query: query_id(),
+        segment: 0,
+        example: example_id(1),
+        example_segment: 0,
+        revision: 1,
+        flip: Flip::default(),
+        shift_u: 0.0,
+        energy: 0.5,
+        resolution: 128,
+        constraints: Vec::new(),
+        vertices: 9,
+        faces: 4,
+        folds: 0,
+        distance_max: 0.0,
+        distortion,
+        verdict: Verdict::Good,
+        reasons: vec!["little distortion".into()],
+        timings: MapTimings::default(),
+    }
+}

@@ -1,0 +1,225 @@
+//! `query`, `ranking`, `map`, `compose`, `retopo`.
+
+use crate::{
+    fake::{Asked, Fake, Reply},
+    messages::{example_id, map, map_id, query, query_id, ranking},
+    run,
+};
+use quadmuse_proto::{
+    Begin, Code, Composition, CompositionId, CompositionPart, End, EndState, Event, Problem, QueryState,
+};
+
+/// A service whose ranking is refined with every poll, until it is done at revision 3.
+fn service(asked: &Asked, segments: u32) -> Reply {
+    let path = asked.line.split(['?', ' ']).nth(1).unwrap_or_default();
+    let parameter = |name: &str| {
+        let (_, rest) = asked.line.split_once(&format!("{name}="))?;
+        rest.split('&').next()?.parse::<u32>().ok()
+    };
+    let rest = path.trim_start_matches("/v1/queries").replace(&query_id().to_string(), "Q");
+    match (asked.line.split(' ').next().unwrap_or_default(), rest.as_str()) {
+        ("POST", "") => Reply::json(202, &query(QueryState::Queued, segments)),
+        ("GET", "/Q") => Reply::json(200, &query(QueryState::Done, segments)),
+        ("GET", "/Q/ranking") => {
+            let revision = parameter("after").map_or(3, |after| (after + 1).min(3));
+            let state = if revision == 3 { QueryState::Done } else { QueryState::Ranking };
+            let segment = parameter("segment").unwrap_or_default();
+            Reply::json(200, &ranking(segment, revision.into(), 16 << revision, state))
+        }
+        ("POST", "/Q/maps") => Reply::json(201, &map()),
+        ("POST", "/Q/compositions") => Reply::json(201, &composition()),
+        ("GET", rest) if rest.ends_with("/mesh") => Reply::bytes("model/obj", "v 0 0 0\n"),
+        _ => Reply::problem(Code::NotFound, 404, &asked.line),
+    }
+}
+
+fn composition() -> Composition {
+    Composition {
+        id: CompositionId::from_bytes([60; 16]),
+        query: query_id(),
+        parts: vec![CompositionPart { segment: 0, map: map_id() }],
+        smoothing: 5,
+        vertices: 9,
+        quads: 4,
+        triangles: 0,
+        extraordinary_vertices: 1,
+        total_ms: 1.0,
+    }
+}
+
+fn mesh_file() -> tempfile::NamedTempFile {
+    let file = tempfile::Builder::new().suffix(".ply").tempfile().expect("a file");
+    std::fs::write(file.path(), "ply").expect("writes");
+    file
+}
+
+#[tokio::test]
+async fn query_prints_a_table_a_level_and_the_id_last() {
+    let server = Fake::start(|asked| service(asked, 1));
+    let mesh = mesh_file();
+    let flags = "--top 8 --tag head --resolution 256 --deadline 1.5 --segments whole";
+    let ran = run(&server.url, &format!("query {} {flags}", mesh.path().display())).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    for level in ["level 32 of 128", "level 64 of 128", "level 128 of 128"] {
+        assert_eq!(ran.out.matches(level).count(), 1, "{level} in {}", ran.out);
+    }
+    assert_eq!(ran.out.lines().last(), Some(query_id().to_string().as_str()));
+    let first = server.lines().remove(0);
+    assert_eq!(first, "POST /v1/queries?tag=head&top=8&resolution=256&deadline_ms=1500&segments=whole");
+}
+
+#[tokio::test]
+async fn query_prints_events_for_programs_of_every_segment() {
+    let server = Fake::start(|asked| service(asked, 3));
+    let mesh = mesh_file();
+    let ran = run(&server.url, &format!("--json query {}", mesh.path().display())).await;
+    let lines = ran.json_lines();
+    let names: Vec<&str> = lines.iter().filter_map(|line| line["event"].as_str()).collect();
+    assert_eq!(names.len(), lines.len());
+    assert_eq!((names[0], names[names.len() - 1]), ("begin", "end"));
+    assert_eq!(names.iter().filter(|name| **name == "level").count(), 9);
+    assert_eq!(lines[0]["query"], query_id().to_string());
+    assert_eq!(lines[lines.len() - 1]["state"], "done");
+}
+
+#[tokio::test]
+async fn query_need_not_be_followed() {
+    let server = Fake::start(|asked| service(asked, 1));
+    let mesh = mesh_file();
+    let ran = run(&server.url, &format!("query {} --no-follow", mesh.path().display())).await;
+    assert_eq!(ran.out, format!("{}\n", query_id()));
+    assert_eq!(server.asked().len(), 1);
+}
+
+#[tokio::test]
+async fn a_query_that_fails_is_a_failure_with_its_reason() {
+    let server = Fake::start(|asked| {
+        let mut failed = query(QueryState::Failed, 1);
+        failed.problem = Some(Problem::new(Code::MeshNotEncodable, 422, "expected an area, found none"));
+        if asked.line.contains("ranking") {
+            let mut early = ranking(0, 0, 0, QueryState::Failed);
+            early.entries.clear();
+            return Reply::json(200, &early);
+        }
+        Reply::json(200, &failed)
+    });
+    let mesh = mesh_file();
+    let ran = run(&server.url, &format!("query {}", mesh.path().display())).await;
+    assert_eq!(ran.code(), 1);
+    assert!(ran.notes.contains("expected an area, found none"), "{}", ran.notes);
+}
+
+fn events() -> Vec<Event> {
+    let begin = Begin { query: query_id(), segments: 1, resolution: 128, corpus_size: 3 };
+    let summary = query(QueryState::Done, 1);
+    let end = End { query: query_id(), state: EndState::Done, revision: 2, summary };
+    vec![
+        Event::Begin(begin),
+        Event::Level(ranking(0, 1, 32, QueryState::Ranking)),
+        Event::Level(ranking(0, 2, 64, QueryState::Ranking)),
+        Event::End(Box::new(end)),
+    ]
+}
+
+#[tokio::test]
+async fn a_ranking_is_followed_by_its_stream_across_a_broken_connection() {
+    for content_type in ["application/x-ndjson", "text/event-stream"] {
+        let server = Fake::start(move |asked| {
+            if !asked.line.ends_with("/stream") {
+                return service(asked, 1);
+            }
+            // The first connection ends after the first level; the second goes on behind it.
+            let events = events();
+            let part = if asked.header("last-event-id") == Some("1") { &events[2..] } else { &events[..2] };
+            let text: String = part
+                .iter()
+                .map(|event| serde_json::to_string(event).expect("prints"))
+                .map(|json| {
+                    if content_type == "text/event-stream" { format!("data: {json}\n\n") } else { format!("{json}\n") }
+                })
+                .collect();
+            Reply::bytes(content_type, text)
+        });
+        let ran = run(&server.url, &format!("--json ranking {} --follow", query_id())).await;
+        assert_eq!(ran.code(), 0, "{}", ran.notes);
+        let names: Vec<_> = ran.json_lines().iter().map(|line| line["event"].as_str().map(str::to_owned)).collect();
+        assert_eq!(names, ["begin", "level", "level", "end"].map(|name| Some(name.to_owned())), "{content_type}");
+    }
+}
+
+#[tokio::test]
+async fn a_stream_that_never_ends_well_is_given_up() {
+    let server = Fake::start(|asked| {
+        if asked.line.ends_with("/stream") { Reply::bytes("application/x-ndjson", "") } else { service(asked, 1) }
+    });
+    let ran = run(&server.url, &format!("ranking {} --follow", query_id())).await;
+    assert_eq!(ran.code(), 1);
+    assert!(ran.notes.contains("the end of the stream"), "{}", ran.notes);
+}
+
+#[tokio::test]
+async fn map_lays_the_best_entry_and_writes_the_format_of_the_extension() {
+    let server = Fake::start(|asked| service(asked, 1));
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.ply");
+    let ran = run(&server.url, &format!("map {} -o {}", query_id(), out.display())).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    assert!(ran.out.starts_with("verdict    good\n           – little distortion\n"), "{}", ran.out);
+    assert_eq!(std::fs::read(&out).expect("reads"), b"v 0 0 0\n");
+    let asked = server.asked();
+    let posted = asked.iter().find(|asked| asked.line.starts_with("POST")).expect("a map was asked for");
+    let body: serde_json::Value = serde_json::from_slice(&posted.body).expect("JSON");
+    assert_eq!(body, serde_json::json!({"segment": 0, "example": example_id(1).to_string(), "example_segment": 0}));
+    assert!(asked.last().expect("a request").line.ends_with(&format!("/maps/{}/mesh?format=ply", map_id())));
+}
+
+#[tokio::test]
+async fn map_takes_the_example_that_is_told() {
+    let server = Fake::start(|asked| service(asked, 1));
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.obj");
+    let ran = run(&server.url, &format!("--json map {} {} -o {}", query_id(), example_id(2), out.display())).await;
+    assert_eq!(ran.json_lines()[0]["verdict"], "good");
+    assert_eq!(ran.json_lines()[0]["file"], out.display().to_string());
+    let posted = server.asked().into_iter().find(|asked| asked.line.starts_with("POST")).expect("a map was asked for");
+    assert!(String::from_utf8(posted.body).expect("text").contains(&example_id(2).to_string()));
+}
+
+#[tokio::test]
+async fn a_segment_that_is_not_there_is_refused_before_anything_is_mapped() {
+    let server = Fake::start(|asked| service(asked, 2));
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.obj");
+    let ran = run(&server.url, &format!("map {} --segment 2 -o {}", query_id(), out.display())).await;
+    assert_eq!(ran.code(), 1);
+    assert!(ran.notes.contains("expected a segment below 2, found 2"), "{}", ran.notes);
+    assert!(server.lines().iter().all(|line| !line.starts_with("POST")));
+    assert!(!out.exists());
+}
+
+#[tokio::test]
+async fn a_folder_that_is_missing_is_noticed_before_anything_is_asked() {
+    let server = Fake::start(|asked| service(asked, 1));
+    let mesh = mesh_file();
+    let ran = run(&server.url, &format!("retopo {} -o /no/such/folder/out.obj", mesh.path().display())).await;
+    assert_eq!(ran.code(), 1);
+    assert!(ran.notes.contains("/no/such/folder/out.obj"), "{}", ran.notes);
+    assert_eq!(server.asked().len(), 0);
+}
+
+#[tokio::test]
+async fn retopo_maps_one_segment_and_stitches_several() {
+    let mesh = mesh_file();
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.obj");
+    for (segments, maps, compositions) in [(1, 1, 0), (3, 3, 1)] {
+        let server = Fake::start(move |asked| service(asked, segments));
+        let line = format!("retopo {} -o {} --use 0={}", mesh.path().display(), out.display(), example_id(3));
+        let ran = run(&server.url, &line).await;
+        assert_eq!(ran.code(), 0, "{}", ran.notes);
+        assert!(ran.out.contains("written"), "{}", ran.out);
+        let lines = server.lines();
+        let count = |end: &str| lines.iter().filter(|line| line.starts_with("POST") && line.ends_with(end)).count();
+        assert_eq!((count("/maps"), count("/compositions")), (maps, compositions));
+    }
+}

@@ -1,0 +1,140 @@
+//! Editing constraints: removals first, then moves and additions; all of an edit or nothing.
+
+use super::super::{ConstraintEdit, EngineError, Mapped, Refusal, Registration, Side};
+use super::fresh;
+use super::registered::{Registered, describe};
+use quadmuse_kernel::encode::index::Location;
+use quadmuse_kernel::map::edit::{self, EditError};
+use quadmuse_kernel::mesh::Vec3;
+use quadmuse_kernel::mesh::bvh::Bvh;
+use quadmuse_kernel::unfold::Chart;
+use quadmuse_proto::ConstraintOrigin;
+use quadmuse_proto::constraint::Place;
+
+/// Applies an edit to the registration of a map.
+pub(super) fn edit(
+    from: &Mapped,
+    wanted: &ConstraintEdit,
+    example: &Side,
+    query: &Side,
+) -> Result<Registration, EngineError> {
+    let registered: &Registered = from.registration.inner.open()?;
+    let topology = registered.entry.best().unfolded.encoding.topology;
+    let input = registered.surface(query)?;
+    let source = fresh(&example.encoded.encoding)?;
+    let mut registration = registered.registration().clone();
+    let mut names = registered.named();
+    for id in &wanted.remove {
+        let at = position(&names, id)?;
+        edit::remove(&mut registration, at)
+            .map_err(|e| EngineError::refused(Refusal::ConstraintInvalid, e.to_string()))?;
+        names.remove(at);
+    }
+    let ends = Ends { example, query, example_chart: &source.chart, input_chart: &input.chart };
+    let mut touched = Vec::new();
+    for new in &wanted.set {
+        let index = new.id.as_ref().map(|id| position(&names, id)).transpose()?;
+        let now = edit::constraints(&registration);
+        let old = index.and_then(|i| now.get(i)).copied();
+        let missing = |end: &str| {
+            EngineError::refused(
+                Refusal::ConstraintInvalid,
+                format!("expected `{end}` for a new constraint, found none"),
+            )
+        };
+        let on_example = match &new.on_example {
+            Some(place) => ends.on_example(place)?,
+            None => old.map(|o| o.0).ok_or_else(|| missing("on_example"))?,
+        };
+        let on_input = match &new.on_input {
+            Some(place) => ends.on_input(place)?,
+            None => old.map(|o| o.1).ok_or_else(|| missing("on_input"))?,
+        };
+        edit::set(&mut registration, topology, index, on_example, on_input)
+            .map_err(|e| EngineError::refused(Refusal::ConstraintUnknown, e.to_string()))?;
+        match index {
+            Some(i) => names[i].1 = ConstraintOrigin::User,
+            None => names.push((free_name(&names), ConstraintOrigin::User)),
+        }
+        touched.push(names[index.unwrap_or(names.len() - 1)].0.clone());
+    }
+    edit::check_folds(&registration, topology).map_err(|e| folds(&e, &touched))?;
+    Ok(describe(Registered { edited: Some(registration), names, ..registered.clone() }))
+}
+
+fn folds(error: &EditError, touched: &[String]) -> EngineError {
+    let which = if touched.is_empty() { "the removal".into() } else { format!("constraint {}", touched.join(", ")) };
+    EngineError::refused(Refusal::ConstraintFolds, format!("{which}: {error}"))
+}
+
+fn position(names: &[(String, ConstraintOrigin)], id: &str) -> Result<usize, EngineError> {
+    names.iter().position(|(name, _)| name == id).ok_or_else(|| {
+        let known: Vec<&str> = names.iter().map(|n| n.0.as_str()).collect();
+        EngineError::refused(
+            Refusal::ConstraintUnknown,
+            format!("expected the id of a constraint ({}), found `{}`", known.join(", "), id.escape_default()),
+        )
+    })
+}
+
+/// `c1`, `c2`, …: the first that is free.
+fn free_name(names: &[(String, ConstraintOrigin)]) -> String {
+    let mut k = 1;
+    while names.iter().any(|(name, _)| *name == format!("c{k}")) {
+        k += 1;
+    }
+    format!("c{k}")
+}
+
+/// The two surfaces on which a constraint's ends lie.
+struct Ends<'a> {
+    example: &'a Side,
+    query: &'a Side,
+    example_chart: &'a Chart,
+    input_chart: &'a Chart,
+}
+
+impl Ends<'_> {
+    fn on_example(&self, place: &Place) -> Result<[f64; 2], EngineError> {
+        resolve(place, self.example, self.example_chart, "on_example")
+    }
+
+    fn on_input(&self, place: &Place) -> Result<[f64; 2], EngineError> {
+        resolve(place, self.query, self.input_chart, "on_input")
+    }
+}
+
+/// (u, v) of a place as the caller names it.
+fn resolve(place: &Place, side: &Side, chart: &Chart, end: &str) -> Result<[f64; 2], EngineError> {
+    let invalid = |detail: String| EngineError::refused(Refusal::ConstraintInvalid, format!("{end}: {detail}"));
+    let point = match place {
+        Place::Domain { u, v } => {
+            if !u.is_finite() || !(0.0..=1.0).contains(v) {
+                return Err(invalid(format!("expected a finite u and v from 0 to 1, found ({u}, {v})")));
+            }
+            return Ok([u.rem_euclid(1.0), *v]);
+        }
+        Place::Point(point) => Vec3::from(*point),
+        Place::OnFace { face, barycentric } => on_face(side, *face, barycentric).map_err(invalid)?,
+    };
+    if !point.iter().all(|x| x.is_finite()) {
+        return Err(invalid("expected finite coordinates, found one that is not".into()));
+    }
+    let found = Bvh::new(&chart.mesh).closest(point);
+    Ok(Location { triangle: found.triangle, barycentric: found.barycentric }.uv(chart))
+}
+
+fn on_face(side: &Side, face: u32, weights: &[f64]) -> Result<Vec3, String> {
+    let mesh = &side.model.mesh;
+    if face as usize >= mesh.faces.len() {
+        return Err(format!("expected a face below {}, found {face}", mesh.faces.len()));
+    }
+    let corners = mesh.faces.face(face as usize);
+    let sum: f64 = weights.iter().sum();
+    let fits = weights.len() == corners.len() && weights.iter().all(|w| *w >= 0.0) && (sum - 1.0).abs() < 1e-6;
+    if !fits {
+        let n = corners.len();
+        return Err(format!("expected {n} weights (face {face} has {n} corners), none negative, their sum 1"));
+    }
+    Ok(corners.iter().zip(weights).map(|(&v, w)| mesh.positions[v as usize] * *w).sum())
+}

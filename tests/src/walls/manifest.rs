@@ -1,0 +1,121 @@
+//! Walls between crates: who may depend on whom, read from the manifests.
+
+/// What a crate may, or may not, depend on.
+#[derive(Clone, Copy, Debug)]
+pub struct CrateWall {
+    /// Its manifest's path.
+    pub manifest: &'static str,
+    /// The crates of this project that it may depend on.
+    pub ours: &'static [&'static str],
+    /// Crates from outside that it must not depend on.
+    pub never: &'static [&'static str],
+}
+
+/// The walls, as ARCHITECTURE.md tells them.
+pub const CRATE_WALLS: [CrateWall; 6] = [
+    CrateWall {
+        manifest: "server/kernel/Cargo.toml",
+        ours: &[],
+        never: &[
+            "async-std",
+            "axum",
+            "chrono",
+            "futures",
+            "hyper",
+            "rand",
+            "reqwest",
+            "rmp-serde",
+            "serde",
+            "serde_bytes",
+            "serde_json",
+            "sled",
+            "time",
+            "tokio",
+            "tracing",
+        ],
+    },
+    CrateWall { manifest: "proto/Cargo.toml", ours: &[], never: &["axum", "hyper", "reqwest", "sled", "tokio"] },
+    CrateWall {
+        manifest: "server/store/Cargo.toml",
+        ours: &["quadmuse-kernel", "quadmuse-proto", "quadmuse-migrations"],
+        never: &["axum", "hyper", "tokio"],
+    },
+    CrateWall { manifest: "migrations/Cargo.toml", ours: &[], never: &["axum", "hyper", "tokio"] },
+    CrateWall { manifest: "client/Cargo.toml", ours: &["quadmuse-proto"], never: &["axum", "sled"] },
+    CrateWall {
+        manifest: "server/Cargo.toml",
+        ours: &["quadmuse-kernel", "quadmuse-store", "quadmuse-proto", "quadmuse-migrations"],
+        never: &["sled", "reqwest"],
+    },
+];
+
+/// The only manifests that may name sled, besides the table of shared versions in the root.
+pub const SLED_MANIFESTS: [&str; 3] = ["Cargo.toml", "server/store/Cargo.toml", "migrations/Cargo.toml"];
+
+/// The dependencies that a manifest names, of every kind but those of the tests (`dev-dependencies`).
+pub fn dependencies(manifest: &str) -> Vec<String> {
+    let mut names = Vec::new();
+    let mut in_table = false;
+    for line in manifest.lines().map(str::trim) {
+        if let Some(header) = line.strip_prefix('[') {
+            let header = header.trim_end_matches(']');
+            let path: Vec<&str> = header.split('.').collect();
+            let is_table = |name: &&str| matches!(*name, "dependencies" | "build-dependencies");
+            in_table = path.last().is_some_and(is_table);
+            if let [.., table, name] = path.as_slice()
+                && is_table(table)
+            {
+                names.push(name.trim_matches('"').to_owned());
+            }
+        } else if in_table && !line.is_empty() && !line.starts_with('#') {
+            let name = line.split(['=', '.', ' ']).next().unwrap_or_default();
+            names.push(name.trim_matches('"').to_owned());
+        }
+    }
+    names
+}
+
+/// What a manifest does against its wall.
+pub fn complaints(wall: &CrateWall, manifest: &str) -> Vec<String> {
+    let path = wall.manifest;
+    let mut found = Vec::new();
+    for name in dependencies(manifest) {
+        if name.starts_with("quadmuse-") && !wall.ours.contains(&name.as_str()) {
+            found.push(format!("{path} depends on {name}; of this project it may know {:?} only", wall.ours));
+        }
+        if wall.never.contains(&name.as_str()) {
+            found.push(format!(
+                "{path} depends on {name}; that stays on the other side of the wall (see ARCHITECTURE.md)"
+            ));
+        }
+    }
+    found
+}
+
+/// What any manifest may do wrong, wherever it stands.
+pub fn complaints_anywhere(path: &str, manifest: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    let names_sled = dependencies(manifest).iter().any(|name| name == "sled");
+    if names_sled && !SLED_MANIFESTS.contains(&path) {
+        found.push(format!("{path} depends on sled; only the store and the migrations may, go through quadmuse-store"));
+    }
+    let is_workspace = manifest.contains("[workspace]");
+    let lints: String = manifest.split_whitespace().collect();
+    if !is_workspace && !lints.contains("[lints]workspace=true") {
+        found.push(format!("{path} leaves out the shared lints; add `[lints]` with `workspace = true`"));
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_way_to_write_a_dependency_is_read() {
+        let manifest = "[package]\nname = \"x\"\n[dependencies]\n# none\na = \"1\"\nb.workspace = true\n\"c\" = { path = \"..\" }\n\
+                        [dependencies.d]\nversion = \"1\"\n[target.'cfg(unix)'.dependencies]\ne = \"1\"\n\
+                        [build-dependencies]\nf = \"1\"\n[dev-dependencies]\ng = \"1\"\n[features]\nh = []\n";
+        assert_eq!(dependencies(manifest), ["a", "b", "c", "d", "e", "f"]);
+    }
+}

@@ -1,0 +1,159 @@
+//! The walls hold in this tree, and each of them bites.
+
+use quadmuse_tests::walls::{
+    habits,
+    manifest::{self, CRATE_WALLS},
+    modules,
+    tree::{SourceFile, files},
+};
+
+fn sources() -> Vec<SourceFile> {
+    let found = files(".rs").expect("the sources can be read");
+    assert!(found.iter().any(|file| file.path == "tests/tests/walls.rs"), "this file is not among the sources");
+    found
+}
+
+fn manifests() -> Vec<SourceFile> {
+    files("Cargo.toml").expect("the manifests can be read")
+}
+
+fn assert_none(complaints: &[String]) {
+    assert!(complaints.is_empty(), "\n{}\n", complaints.join("\n"));
+}
+
+#[test]
+fn crates_depend_only_on_what_their_wall_allows() {
+    let manifests = manifests();
+    let text_of = |path: &str| {
+        let found = manifests.iter().find(|file| file.path == path);
+        &found.unwrap_or_else(|| panic!("{path} is missing; if it moved, move its wall")).text
+    };
+    assert_none(
+        &CRATE_WALLS.iter().flat_map(|wall| manifest::complaints(wall, text_of(wall.manifest))).collect::<Vec<_>>(),
+    );
+}
+
+#[test]
+fn only_the_store_and_the_migrations_name_sled_and_every_crate_keeps_the_lints() {
+    let found =
+        manifests().iter().flat_map(|file| manifest::complaints_anywhere(&file.path, &file.text)).collect::<Vec<_>>();
+    assert_none(&found);
+}
+
+#[test]
+fn modules_name_only_what_stands_before_them() {
+    let found = sources().iter().flat_map(|file| modules::complaints(&file.path, &file.text)).collect::<Vec<_>>();
+    assert_none(&found);
+}
+
+#[test]
+fn sources_are_short_and_finished() {
+    let found = sources().iter().flat_map(|file| habits::complaints(&file.path, &file.text)).collect::<Vec<_>>();
+    assert_none(&found);
+}
+
+/// Each broken sample, and what the complaint about it must say.
+#[test]
+fn the_walls_between_crates_bite() {
+    for (path, line, expected) in [
+        (
+            "server/kernel/Cargo.toml",
+            "quadmuse-proto.workspace = true",
+            "server/kernel/Cargo.toml depends on quadmuse-proto",
+        ),
+        ("server/kernel/Cargo.toml", "serde = \"1\"", "depends on serde"),
+        ("server/kernel/Cargo.toml", "tokio = { version = \"1\" }", "depends on tokio"),
+        ("server/kernel/Cargo.toml", "sled.workspace = true", "depends on sled"),
+        ("proto/Cargo.toml", "quadmuse-kernel.workspace = true", "proto/Cargo.toml depends on quadmuse-kernel"),
+        ("server/store/Cargo.toml", "quadmuse-server.workspace = true", "depends on quadmuse-server"),
+        ("client/Cargo.toml", "quadmuse-kernel.workspace = true", "client/Cargo.toml depends on quadmuse-kernel"),
+        ("migrations/Cargo.toml", "quadmuse-proto.workspace = true", "depends on quadmuse-proto"),
+        ("server/Cargo.toml", "quadmuse-client.workspace = true", "depends on quadmuse-client"),
+    ] {
+        let wall = CRATE_WALLS.iter().find(|wall| wall.manifest == path).expect("a wall");
+        let broken = format!("[package]\nname = \"x\"\n\n[dependencies]\n{line}\n");
+        let found = manifest::complaints(wall, &broken);
+        assert!(found.iter().any(|complaint| complaint.contains(expected)), "{line}: {found:?}");
+        assert_none(&manifest::complaints(wall, &broken.replace("[dependencies]", "[dev-dependencies]")));
+    }
+}
+
+#[test]
+fn the_walls_that_hold_anywhere_bite() {
+    let lints = "[lints]\nworkspace = true\n";
+    let found =
+        manifest::complaints_anywhere("client/Cargo.toml", &format!("[dependencies]\nsled = \"0.34\"\n{lints}"));
+    assert!(found.len() == 1 && found[0].contains("only the store and the migrations"), "{found:?}");
+    let found = manifest::complaints_anywhere("client/Cargo.toml", "[dependencies]\n");
+    assert!(found.len() == 1 && found[0].contains("shared lints"), "{found:?}");
+    assert_none(&manifest::complaints_anywhere(
+        "server/store/Cargo.toml",
+        &format!("[dependencies]\nsled = \"0.34\"\n{lints}"),
+    ));
+}
+
+#[test]
+fn the_walls_between_modules_bite() {
+    for (path, source, expected) in [
+        (
+            "server/kernel/src/mesh/obj.rs",
+            "use crate::map::Map;\n",
+            "server/kernel/src/mesh/obj.rs:1 uses map, which stands after mesh",
+        ),
+        (
+            "server/kernel/src/rank.rs",
+            "fn f() {}\nuse crate::{mesh::Poly, measure};\n",
+            "server/kernel/src/rank.rs:2 uses measure",
+        ),
+        (
+            "server/kernel/src/unfold/pole.rs",
+            "use super::super::encode::E;\n",
+            "uses encode, which stands after unfold",
+        ),
+        ("server/kernel/src/unfold.rs", "fn f() { super::encode::g() }\n", "uses encode, which stands after unfold"),
+        ("server/kernel/src/rank.rs", "use std::time::Instant;\n", "names std::time"),
+        ("server/kernel/src/rank.rs", "fn f() { println!(\"x\") }\n", "names println"),
+        ("server/kernel/src/misc.rs", "fn f() {}\n", "without a place in the kernel's order"),
+        ("server/src/work/search.rs", "use axum::Json;\n", "server/src/work/search.rs:1 names axum"),
+        ("server/src/work.rs", "use crate::http::error;\n", "names crate::http"),
+        ("server/src/http/maps.rs", "use quadmuse_kernel::map;\n", "server/src/http/maps.rs:1 names quadmuse_kernel"),
+        ("server/src/http.rs", "fn f(s: quadmuse_store::Store) {}\n", "names quadmuse_store"),
+    ] {
+        let found = modules::complaints(path, source);
+        assert!(found.iter().any(|complaint| complaint.contains(expected)), "{path}: {found:?}");
+        assert_none(
+            &modules::complaints(path, &format!("#[cfg(test)]\nmod tests {{\n{source}}}\n"))
+                .into_iter()
+                .filter(|c| !c.contains("misc"))
+                .collect::<Vec<_>>(),
+        );
+    }
+    for (path, source) in [
+        ("server/kernel/src/map.rs", "use crate::{mesh::Poly, numerics};\n"),
+        ("server/kernel/src/unfold/pole.rs", "use super::encode;\n"),
+        ("server/kernel/src/rank.rs", "//! As `crate::measure` does.\nconst A: &str = \"crate::measure\";\n"),
+        ("server/src/http/error.rs", "use quadmuse_store::StoreError;\n"),
+        ("server/src/work/search.rs", "// axum would be wrong here\n"),
+        ("server/kernel/src/mesh/obj/tests.rs", "use crate::map::Map;\n"),
+    ] {
+        assert_none(&modules::complaints(path, source));
+    }
+}
+
+#[test]
+fn the_habits_bite() {
+    let long = "//\n".repeat(habits::FILE_LINES_MAX + 1);
+    for (path, source, expected) in [
+        ("a.rs", long.as_str(), "a.rs has 601 lines"),
+        ("a/mod.rs", "", "a/mod.rs is a mod.rs"),
+        ("a.rs", "fn f() { todo!() }\n", "a.rs:1 has todo!"),
+        ("a.rs", "\nfn f() { unimplemented!(\"x\") }\n", "a.rs:2 has unimplemented!"),
+        ("a.rs", "#[test]\n#[ignore = \"slow\"]\nfn f() {}\n", "a.rs:2 has #[ignore"),
+        ("a.rs", "#![allow(unsafe_code)]\n", "a.rs:1 has allow(unsafe_code)"),
+        ("a.rs", concat!("// FIX", "ME later\n"), "a.rs:1 has FIX"),
+    ] {
+        let found = habits::complaints(path, source);
+        assert!(found.iter().any(|complaint| complaint.contains(expected)), "{expected}: {found:?}");
+    }
+    assert_none(&habits::complaints("a.rs", "/// Never `todo!()` nor `#[ignore]`.\nconst A: &str = \"dbg!\";\n"));
+}
