@@ -4,7 +4,7 @@
 //! part of its segments' charts.
 
 use super::{Corpus, CorpusError, CorpusHealth, NewExample, Put};
-use crate::work::engine::{Cut, Packed, SegmentFacts};
+use crate::work::engine::{Cut, Packed, PackedFeature, SegmentFacts};
 use crate::work::query::rfc3339;
 use bytes::Bytes;
 use quadmuse_proto::{Example, ExampleId, ExamplePatch, ExampleSegment, MeshCounts, Segmentation, Topology};
@@ -161,12 +161,12 @@ fn derived_in(packed: &Packed, counts: MeshCounts) -> DerivedSegment {
     }
 }
 
-fn feature_in(feature: &[f64; 2]) -> Feature {
-    Feature { u: feature[0], v: feature[1], lambda: 0.0, level: 0 }
+fn feature_in(feature: &PackedFeature) -> Feature {
+    Feature { u: feature.uv[0], v: feature.uv[1], lambda: feature.lambda, level: feature.side }
 }
 
-fn feature_out(feature: &Feature) -> [f64; 2] {
-    [feature.u, feature.v]
+fn feature_out(feature: &Feature) -> PackedFeature {
+    PackedFeature { uv: [feature.u, feature.v], lambda: feature.lambda, side: feature.level }
 }
 
 /// Counts beyond 4 × 10⁹ are beyond every limit on meshes.
