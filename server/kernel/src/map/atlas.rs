@@ -16,7 +16,7 @@ use crate::encode::{Encoding, encode_to};
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::{NONE, TriMesh};
-use crate::register::entry::MIRROR_MARGIN;
+use crate::register::entry::{MIRROR_MARGIN, SYMMETRIC_COST};
 use crate::register::{Flip, Level, Query, Registration, Solver, coarse_flip, query_images};
 use crate::topology::Topology;
 use crate::unfold::path::distances;
@@ -27,6 +27,8 @@ const MATCH_SIDE: usize = 32;
 const CHART_SIDE: usize = 128;
 /// A pair of tips may be this many times further apart on one surface than on the other (in √area).
 const STRETCH_MAX: f64 = 1.7;
+/// Ways to place the seed that are tried.
+const TARGETS_MAX: usize = 32;
 /// Mean distance in the domain between matched tips that doubles a match's cost.
 const TIP_DISTANCE: f64 = 0.06;
 /// Tips further apart than this in the domain are no match.
@@ -290,8 +292,25 @@ impl<'a> Matcher<'a> {
         vec![tip(farthest.unwrap_or(k)), tip(k)]
     }
 
-    /// The best match over all ways to place the example's leading tip (disc) or farthest two tips (sphere).
+    /// The best match. A mirrored one has to beat the best unmirrored one, on an example that is not its own mirror
+    /// image: on one that is, both fit and the pictures cannot tell.
     fn best(&self) -> Option<Match> {
+        let plain = self.search(&[Flip { u: false, v: false }]);
+        let mirror = self.search(&[Flip { u: true, v: false }])?;
+        match plain {
+            Some(plain) if plain.cost <= mirror.cost * MIRROR_MARGIN => Some(plain),
+            Some(plain) => {
+                let own = Matcher::new(self.example, self.example, self.solver, self.stop);
+                let symmetric = own.search(&[Flip { u: true, v: false }]).is_some_and(|m| m.cost < SYMMETRIC_COST);
+                Some(if symmetric { plain } else { mirror })
+            }
+            None => Some(mirror),
+        }
+    }
+
+    /// The best match under the given flips, over all ways to place the example's leading tip (disc) or its two
+    /// farthest (sphere).
+    fn search(&self, flips: &[Flip]) -> Option<Match> {
         let spherical = self.example.encoding().topology == Topology::Sphere;
         let mut best: Option<Match> = None;
         for seed in self.seeds(spherical) {
@@ -305,7 +324,7 @@ impl<'a> Matcher<'a> {
                 let Some(two) = self.quick(Which::Query, &poles) else { continue };
                 let images = query_images(&two.encoding, MATCH_SIDE);
                 let Some(level) = images.first().and_then(|i| Level::new(&one.encoding, i)) else { continue };
-                for flip in [Flip { u: false, v: false }, Flip { u: true, v: false }] {
+                for &flip in flips {
                     let registration = coarse_flip(&level, flip, self.solver, self.stop);
                     let found = self.assign(&registration, &one, &two, &seed, &targets);
                     if best.as_ref().is_none_or(|b| found.cost < b.cost) {
@@ -328,20 +347,37 @@ impl<'a> Matcher<'a> {
         pairs.into_iter().take(1).map(|(a, b)| vec![a, b]).collect()
     }
 
-    /// Tips of the query on which the seed may go: all in all orders, if they are about as far apart.
+    /// Tips of the query on which the seed may go, the likeliest first: those that lie to the other tips as it does.
     fn targets(&self, seed: &[usize]) -> Vec<Vec<usize>> {
         let n = self.between[1].len();
-        match *seed {
+        let mut all: Vec<(f64, Vec<usize>)> = match *seed {
             [a, b] => {
                 let wanted = self.between[0][a][b];
-                let fits = |x: usize, y: usize| {
-                    let ratio = self.between[1][x][y] / wanted;
-                    x != y && ratio < STRETCH_MAX && ratio > 1.0 / STRETCH_MAX
+                let pairs = (0..n).flat_map(|x| (0..n).map(move |y| (x, y))).filter(|(x, y)| x != y);
+                let misfit = |(x, y): (usize, usize)| {
+                    let apart = (self.between[1][x][y] / wanted).ln().abs();
+                    (apart + self.unlikeness(a, x) + self.unlikeness(b, y), vec![x, y])
                 };
-                (0..n).flat_map(|x| (0..n).map(move |y| (x, y))).filter(|&(x, y)| fits(x, y)).map(|(x, y)| vec![x, y]).collect()
+                pairs.filter(|&(x, y)| (self.between[1][x][y] / wanted).ln().abs() < STRETCH_MAX.ln()).map(misfit).collect()
             }
-            _ => (0..n).map(|x| vec![x]).collect(),
-        }
+            _ => (0..n).map(|x| (self.unlikeness(seed[0], x), vec![x])).collect(),
+        };
+        all.sort_by(|x, y| x.0.total_cmp(&y.0).then_with(|| x.1.cmp(&y.1)));
+        all.truncate(TARGETS_MAX);
+        all.into_iter().map(|(_, targets)| targets).collect()
+    }
+
+    /// How differently tip `a` of the example and tip `x` of the query lie to the other tips: mean difference of their
+    /// sorted distances.
+    fn unlikeness(&self, a: usize, x: usize) -> f64 {
+        let sorted = |row: &[f64]| {
+            let mut row = row.to_vec();
+            row.sort_by(|p, q| q.total_cmp(p));
+            row
+        };
+        let (one, two) = (sorted(&self.between[0][a]), sorted(&self.between[1][x]));
+        let n = one.len().min(two.len());
+        one.iter().zip(&two).map(|(p, q)| (p - q).abs()).sum::<f64>() / n as f64
     }
 
     fn quick(&self, which: Which, poles: &[u32]) -> Option<Side> {
@@ -378,8 +414,7 @@ impl<'a> Matcher<'a> {
         sum += (possible - pairs.len().min(possible)) as f64 * TIP_DISTANCE_MAX;
         let mean = sum / possible.max(1) as f64;
         let mirrored = r.flip.is_mirror();
-        let handicap = if mirrored { MIRROR_MARGIN } else { 1.0 };
-        let cost = r.energy / r.variance.max(1e-300) * handicap * (1.0 + mean / TIP_DISTANCE);
+        let cost = r.energy / r.variance.max(1e-300) * (1.0 + mean / TIP_DISTANCE);
         Match { pairs, mirrored, cost }
     }
 }

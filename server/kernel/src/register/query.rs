@@ -113,13 +113,14 @@ impl Query {
 
     /// A quick unfolding for other poles, to the search's level; `None` where poles are fixed.
     pub fn try_poles(&self, poles: &[u32]) -> Option<Unfolded> {
-        let conformal = self.conformal()?;
-        Some(Unfolded::new(poles, encode_to(&conformal.chart(poles), SEARCH_SIDE)))
+        Some(Unfolded::new(poles, encode_to(&self.quick_chart(poles)?, SEARCH_SIDE)))
     }
 
-    /// A chart for other poles by a Möbius transformation; `None` where poles are fixed.
+    /// A chart for other poles: by a Möbius transformation where that is precise, else solved for; `None` where poles
+    /// are fixed.
     pub fn quick_chart(&self, poles: &[u32]) -> Option<Chart> {
-        Some(self.conformal()?.chart(poles))
+        let conformal = self.conformal()?;
+        if conformal.is_precise_at(poles) { Some(conformal.chart(poles)) } else { self.unfolder.chart(poles).ok() }
     }
 
     /// The exact chart for some poles.

@@ -25,6 +25,9 @@ pub struct Conformal {
     gap: Vec<f64>,
 }
 
+/// 1 − |w|² below which a pole so near the boundary of the disc is solved for instead.
+const GAP_MIN: f64 = 1e-5;
+
 type Complex = [f64; 2];
 
 fn mul(a: Complex, b: Complex) -> Complex {
@@ -78,6 +81,11 @@ impl Conformal {
             (x[at(0)?], gap[at(0)?]) = ([0.0, 0.0], 1.0);
         }
         Some(Self { mesh, topology, patch_vertices, x, y, gap })
+    }
+
+    /// Whether the map still tells the poles' neighbourhoods apart from their surroundings.
+    pub fn is_precise_at(&self, poles: &[u32]) -> bool {
+        self.topology != Topology::Disc || poles.iter().all(|&p| self.gap[p as usize] > GAP_MIN)
     }
 
     /// The chart for other poles. Its report is empty: nothing was solved.
