@@ -134,7 +134,12 @@ impl Conformal {
             let angle = mul(top, [bottom[0], -bottom[1]]);
             // 1 − |w′|² = (1 − |a|²)(1 − |w|²) / |1 − āw|²
             let inside = (gap_a * self.gap[v] / norm2(bottom)).clamp(0.0, 1.0);
-            (angle[1].atan2(angle[0]) / std::f64::consts::TAU, -0.5 * (-inside).ln_1p())
+            // Each form where it is precise: near the boundary, and near the pole.
+            let depth = match inside < 0.5 {
+                true => -0.5 * (-inside).ln_1p(),
+                false => 0.5 * (norm2(bottom).max(1e-300).ln() - norm2(top).max(1e-300).ln()),
+            };
+            (angle[1].atan2(angle[0]) / std::f64::consts::TAU, depth)
         };
         (0..self.x.len()).map(one).unzip()
     }
