@@ -4,10 +4,12 @@
 
 pub mod app;
 pub mod auth;
+pub mod commands;
 pub mod config;
 pub mod demo;
 pub mod http;
 pub mod pool;
+pub mod service;
 pub mod shutdown;
 pub mod telemetry;
 pub mod work;

@@ -1,3 +1,23 @@
-//! The long-running corpus search service of Quadmuse.
+//! The long-running corpus search service of Quadmuse: reads the command line and dispatches.
 
-fn main() {}
+use clap::Parser;
+use quadmuse_server::{commands, config::Cli, telemetry};
+use std::error::Error;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    telemetry::start();
+    match commands::run(cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("quadmuse-server: {error}");
+            let mut source = error.source();
+            while let Some(cause) = source {
+                eprintln!("  because: {cause}");
+                source = cause.source();
+            }
+            ExitCode::FAILURE
+        }
+    }
+}

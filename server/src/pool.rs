@@ -248,7 +248,8 @@ mod tests {
                 }
             )
         };
-        all.await;
+        let (blocker, ingest, fine, edit, ()) = all.await;
+        assert!([ingest, fine, edit].iter().all(Result::is_ok) && blocker == Ok(true));
         assert_eq!(*order.lock().expect("not poisoned"), ["edit", "fine", "ingest"]);
     }
 

@@ -4,7 +4,7 @@
 
 use super::engine::{Cut, Packed};
 use bytes::Bytes;
-use quadmuse_proto::{Example, ExampleId, ExamplePatch};
+use quadmuse_proto::{Example, ExampleId, ExamplePatch, MeshCounts};
 use std::sync::Arc;
 use tokio::sync::watch;
 
@@ -54,7 +54,7 @@ pub struct NewExample {
     /// How it was cut.
     pub cut: Cut,
     /// What it is made of.
-    pub counts: quadmuse_proto::MeshCounts,
+    pub counts: MeshCounts,
     /// What was repaired.
     pub repairs: Vec<String>,
     /// Its segments, encoded.
@@ -131,11 +131,18 @@ pub trait Corpus: Send + Sync + 'static {
     /// [`CorpusError::NotFound`], [`CorpusError::NoEncoding`], [`CorpusError::Failed`].
     fn encoding(&self, id: ExampleId, segment: u32, level: u32) -> Result<Packed, CorpusError>;
 
-    /// Stores an encoding made anew.
+    /// Stores an encoding made anew, with the counts of its mesh.
     ///
     /// # Errors
     /// As [`Corpus::put`], and [`CorpusError::NotFound`].
-    fn put_encoding(&self, id: ExampleId, segment: u32, packed: &Packed, version: u32) -> Result<(), CorpusError>;
+    fn put_encoding(
+        &self,
+        id: ExampleId,
+        segment: u32,
+        packed: &Packed,
+        counts: MeshCounts,
+        version: u32,
+    ) -> Result<(), CorpusError>;
 
     /// Segments without an encoding of the encoder's version.
     fn stale(&self, version: u32) -> Vec<(ExampleId, u32)>;

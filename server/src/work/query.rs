@@ -234,7 +234,8 @@ impl LiveQuery {
         let progress = Progress {
             segments_encoded: self.encoded.iter().filter(|slot| slot.get().is_some()).count() as u32,
             segments: self.encoded.len() as u32,
-            levels_done: timings.levels.len() as u32,
+            // Finishing the best is one step more at the last level.
+            levels_done: timings.levels.len().min(levels) as u32,
             levels: levels as u32,
         };
         Query {

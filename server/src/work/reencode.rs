@@ -44,11 +44,11 @@ async fn rebuild(work: &Arc<Work>, id: ExampleId, segment: u32) -> Result<(), Wo
     let estimate = work.engine.memory_estimate(example.bytes);
     let job = work.pool.admit(BACKGROUND, estimate, Some(TIME_MAX))?;
     let model = ingest::model(work, &job, Lane::Ingest, &example).await?;
-    let engine = Arc::clone(&work.engine);
+    let (engine, counts) = (Arc::clone(&work.engine), ingest::counts_of(&model.mesh));
     let pack = move |stop: &_| engine.encode(&model, segment, stop).and_then(|e| engine.pack(&e.encoding));
     let packed: Packed = work.pool.run(&job, Lane::Ingest, pack).await??;
     work.blocking(move |work| {
-        work.corpus.put_encoding(id, segment, &packed, work.engine.version())?;
+        work.corpus.put_encoding(id, segment, &packed, counts, work.engine.version())?;
         work.catalogue.refresh(&example);
         Ok(())
     })

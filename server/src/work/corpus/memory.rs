@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::work::query::rfc3339;
-use quadmuse_proto::{ExampleSegment, MeshCounts};
+use quadmuse_proto::ExampleSegment;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard};
@@ -125,7 +125,14 @@ impl Corpus for MemoryCorpus {
         Ok(Packed { levels, ..packed.clone() })
     }
 
-    fn put_encoding(&self, id: ExampleId, segment: u32, packed: &Packed, version: u32) -> Result<(), CorpusError> {
+    fn put_encoding(
+        &self,
+        id: ExampleId,
+        segment: u32,
+        packed: &Packed,
+        _: MeshCounts,
+        version: u32,
+    ) -> Result<(), CorpusError> {
         let mut rows = self.rows();
         let row = rows.get_mut(&id).ok_or(CorpusError::NotFound(id))?;
         row.segments[segment as usize] = (version, packed.clone());

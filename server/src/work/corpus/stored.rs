@@ -1,1 +1,394 @@
 //! The corpus in earnest: the store on disk.
+//!
+//! The store knows meshes, records and encodings; what else an [`Example`] tells is derived, and travels in the opaque
+//! part of its segments' charts.
+
+use super::{Corpus, CorpusError, CorpusHealth, NewExample, Put};
+use crate::work::engine::{Cut, Packed, PackedFeature, SegmentFacts};
+use crate::work::query::rfc3339;
+use bytes::Bytes;
+use quadmuse_proto::{Example, ExampleId, ExamplePatch, ExampleSegment, MeshCounts, Segmentation, Topology};
+use quadmuse_store::{
+    Added, ChartRecord, DerivedSegment, ExampleRecord, Feature, Level, NewSegmentation, OpenOptions, OpenReport, Patch,
+    SegmentSummary, Store, StoreError,
+};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::{Arc, PoisonError, RwLock};
+use tokio::sync::watch;
+
+/// The corpus on disk.
+pub struct StoredCorpus {
+    store: Store,
+    /// What is derived of each example beside its record.
+    described: RwLock<BTreeMap<ExampleId, Arc<Described>>>,
+    changes: watch::Sender<u64>,
+}
+
+/// What an example tells beside its record.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Described {
+    triangles: u64,
+    quads: u64,
+    features: Vec<u32>,
+}
+
+impl StoredCorpus {
+    /// Opens the store in `dir`, or creates it. Blocks.
+    ///
+    /// # Errors
+    /// Those of [`Store::open`].
+    pub fn open(dir: &Path, options: &OpenOptions) -> Result<(Self, OpenReport), StoreError> {
+        let (store, report) = Store::open(dir, options)?;
+        Ok((Self::of(store), report))
+    }
+
+    /// The corpus in an open store. Blocks.
+    pub fn of(store: Store) -> Self {
+        let examples = store.snapshot();
+        let described = examples.examples.iter().map(|record| (record.id, Arc::new(described(&store, record))));
+        Self { described: RwLock::new(described.collect()), store, changes: watch::Sender::new(0) }
+    }
+
+    fn example(&self, record: &ExampleRecord) -> Arc<Example> {
+        let known = self.described.read().unwrap_or_else(PoisonError::into_inner).get(&record.id).cloned();
+        Arc::new(example_of(record, &known.unwrap_or_default()))
+    }
+
+    fn describe(&self, id: ExampleId, known: Option<Described>) {
+        let mut all = self.described.write().unwrap_or_else(PoisonError::into_inner);
+        match known {
+            Some(known) => drop(all.insert(id, Arc::new(known))),
+            None => drop(all.remove(&id)),
+        }
+        drop(all);
+        self.changes.send_modify(|revision| *revision += 1);
+    }
+}
+
+/// Reads what the encodings tell; what is missing counts as 0 until it is encoded again.
+fn described(store: &Store, record: &ExampleRecord) -> Described {
+    let segments = 0..record.segments.len() as u32;
+    let features = segments.clone().map(|s| store.coarse(record.id, s).map_or(0, |coarse| coarse.features.len() as u32));
+    let charts = segments.clone().filter_map(|s| store.chart(record.id, s).ok());
+    let (triangles, quads) = charts.filter_map(|chart| unpack_counts(&chart.extra)).next().unwrap_or_default();
+    Described { triangles, quads, features: features.collect() }
+}
+
+fn pack_counts(counts: MeshCounts) -> Vec<u8> {
+    [counts.triangles.to_le_bytes(), counts.quads.to_le_bytes()].concat()
+}
+
+fn unpack_counts(extra: &[u8]) -> Option<(u64, u64)> {
+    let (words, _) = extra.as_chunks::<8>();
+    match words {
+        [triangles, quads, ..] => Some((u64::from_le_bytes(*triangles), u64::from_le_bytes(*quads))),
+        _ => None,
+    }
+}
+
+fn example_of(record: &ExampleRecord, known: &Described) -> Example {
+    let segment = |(at, s): (usize, &SegmentSummary)| ExampleSegment {
+        segment: at as u32,
+        topology: topology_out(s.topology),
+        k: s.modulus,
+        faces: u64::from(s.faces),
+        features: known.features.get(at).copied().unwrap_or(0),
+    };
+    let (vertices, faces) = (u64::from(record.vertices), u64::from(record.faces));
+    Example {
+        id: record.id,
+        name: record.name.clone(),
+        tags: record.tags.clone(),
+        // f32 holds what was given; the shortest decimal of it is what was written.
+        relevance: record.relevance.to_string().parse().unwrap_or_else(|_| f64::from(record.relevance)),
+        hash: record.content_hash.to_string(),
+        format: record.format.clone(),
+        bytes: record.bytes,
+        counts: MeshCounts { vertices, faces, triangles: known.triangles, quads: known.quads },
+        segments: record.segments.iter().enumerate().map(segment).collect(),
+        repairs: record.repairs.clone(),
+        created: rfc3339(record.created_unix_ms),
+        template: None,
+    }
+}
+
+fn topology_out(topology: quadmuse_store::Topology) -> Topology {
+    match topology {
+        quadmuse_store::Topology::Disc => Topology::Disc,
+        quadmuse_store::Topology::Annulus => Topology::Annulus,
+        quadmuse_store::Topology::Sphere => Topology::Sphere,
+        quadmuse_store::Topology::Torus => Topology::Torus,
+    }
+}
+
+fn topology_in(topology: Topology) -> quadmuse_store::Topology {
+    match topology {
+        Topology::Disc => quadmuse_store::Topology::Disc,
+        Topology::Annulus => quadmuse_store::Topology::Annulus,
+        Topology::Sphere => quadmuse_store::Topology::Sphere,
+        Topology::Torus => quadmuse_store::Topology::Torus,
+    }
+}
+
+/// The labels as numbers from 0, in the order of the labels: only which faces share one matters.
+fn dense(labels: &[i64]) -> Vec<u32> {
+    let mut sorted = labels.to_vec();
+    sorted.sort_unstable();
+    sorted.dedup();
+    labels.iter().map(|label| sorted.partition_point(|other| other < label) as u32).collect()
+}
+
+fn segmentation_in<'a>(way: Segmentation, labels: Option<&'a [u32]>) -> NewSegmentation<'a> {
+    match (labels, way) {
+        (Some(labels), _) => NewSegmentation::Labels(labels),
+        (None, Segmentation::Auto) => NewSegmentation::Auto,
+        (None, Segmentation::Whole) => NewSegmentation::Whole,
+        (None, Segmentation::Groups) => NewSegmentation::Groups,
+    }
+}
+
+fn derived_in(packed: &Packed, counts: MeshCounts) -> DerivedSegment {
+    let level = |(side, lambda): &(u32, Vec<f32>)| Level { side: *side, lambda: lambda.clone() };
+    DerivedSegment {
+        topology: topology_in(packed.facts.topology),
+        modulus: packed.facts.k,
+        poles: Vec::new(),
+        levels: packed.levels.iter().map(level).collect(),
+        features: packed.features.iter().map(feature_in).collect(),
+        signature: Vec::new(),
+        chart: ChartRecord { uv: Vec::new(), extra: pack_counts(counts) },
+    }
+}
+
+fn feature_in(feature: &PackedFeature) -> Feature {
+    Feature { u: feature.uv[0], v: feature.uv[1], lambda: feature.lambda, level: feature.side }
+}
+
+fn feature_out(feature: &Feature) -> PackedFeature {
+    PackedFeature { uv: [feature.u, feature.v], lambda: feature.lambda, side: feature.level }
+}
+
+/// Counts beyond 4 × 10⁹ are beyond every limit on meshes.
+fn short(count: u64) -> u32 {
+    u32::try_from(count).unwrap_or(u32::MAX)
+}
+
+impl Corpus for StoredCorpus {
+    fn put(&self, new: NewExample) -> Result<(Arc<Example>, Put), CorpusError> {
+        let summary = |packed: &Packed| SegmentSummary {
+            topology: topology_in(packed.facts.topology),
+            vertices: 0,
+            faces: short(packed.facts.faces),
+            modulus: packed.facts.k,
+            area_share: 0.0,
+            pole_override: None,
+        };
+        let labels = new.cut.labels.as_deref().map(dense);
+        let segments: Vec<SegmentSummary> = new.segments.iter().map(summary).collect();
+        let derived: Vec<DerivedSegment> = new.segments.iter().map(|packed| derived_in(packed, new.counts)).collect();
+        let added = self.store.add(&quadmuse_store::NewExample {
+            name: &new.name,
+            tags: &new.tags,
+            relevance: new.relevance as f32,
+            format: &new.format,
+            mesh: &new.bytes,
+            segmentation: segmentation_in(new.cut.way, labels.as_deref()),
+            segments: &segments,
+            vertices: short(new.counts.vertices),
+            faces: short(new.counts.faces),
+            repairs: &new.repairs,
+            encoder_version: new.encoder_version,
+            derived: &derived,
+        })?;
+        let put = match added {
+            Added::Created(_) => Put::Added,
+            Added::Exists(_) => Put::There,
+        };
+        let record = added.record();
+        let features = new.segments.iter().map(|packed| packed.features.len() as u32).collect();
+        let known = Described { triangles: new.counts.triangles, quads: new.counts.quads, features };
+        self.describe(record.id, Some(known));
+        Ok((self.example(record), put))
+    }
+
+    fn find(&self, bytes: &[u8], cut: &Cut) -> Option<Arc<Example>> {
+        let labels = cut.labels.as_deref().map(dense);
+        let segmentation = segmentation_in(cut.way, labels.as_deref());
+        self.store.find(bytes, segmentation, None).map(|record| self.example(&record))
+    }
+
+    fn get(&self, id: ExampleId) -> Result<Arc<Example>, CorpusError> {
+        Ok(self.example(&*self.store.get(id)?))
+    }
+
+    fn list(&self) -> Vec<Arc<Example>> {
+        self.store.snapshot().examples.iter().map(|record| self.example(record)).collect()
+    }
+
+    fn annotate(&self, id: ExampleId, patch: &ExamplePatch) -> Result<Arc<Example>, CorpusError> {
+        let relevance = patch.relevance.map(|relevance| relevance as f32);
+        let patch = Patch { name: patch.name.clone(), tags: patch.tags.clone(), relevance };
+        let record = self.store.annotate(id, patch)?;
+        self.changes.send_modify(|revision| *revision += 1);
+        Ok(self.example(&record))
+    }
+
+    fn remove(&self, id: ExampleId) -> Result<(), CorpusError> {
+        self.store.remove(id)?;
+        self.describe(id, None);
+        Ok(())
+    }
+
+    fn bytes(&self, id: ExampleId) -> Result<Bytes, CorpusError> {
+        Ok(self.store.mesh_bytes(id)?.into())
+    }
+
+    fn cut(&self, id: ExampleId) -> Result<Cut, CorpusError> {
+        let labels = self.store.labels(id)?.map(|labels| labels.into_iter().map(i64::from).collect());
+        let way = match self.store.get(id)?.segmentation {
+            quadmuse_store::Segmentation::Whole => Segmentation::Whole,
+            quadmuse_store::Segmentation::Groups => Segmentation::Groups,
+            quadmuse_store::Segmentation::Auto | quadmuse_store::Segmentation::Labels { .. } => Segmentation::Auto,
+        };
+        Ok(Cut { way, labels })
+    }
+
+    fn encoding(&self, id: ExampleId, segment: u32, level: u32) -> Result<Packed, CorpusError> {
+        let coarse = self.store.coarse(id, segment)?;
+        let record = self.store.get(id)?;
+        let faces = record.segments.get(segment as usize).map_or(0, |summary| u64::from(summary.faces));
+        let wanted = match coarse.level.side == level {
+            true => coarse.level,
+            false => self.store.level(id, segment, level)?,
+        };
+        let (topology, k) = (topology_out(coarse.topology), coarse.modulus);
+        Ok(Packed {
+            facts: SegmentFacts { topology, k, faces, features: coarse.features.len() as u32 },
+            features: coarse.features.iter().map(feature_out).collect(),
+            levels: vec![(wanted.side, wanted.lambda)],
+        })
+    }
+
+    fn put_encoding(
+        &self,
+        id: ExampleId,
+        segment: u32,
+        packed: &Packed,
+        counts: MeshCounts,
+        version: u32,
+    ) -> Result<(), CorpusError> {
+        self.store.put_derived(id, segment, version, &derived_in(packed, counts))?;
+        let record = self.store.get(id)?;
+        self.describe(id, Some(described(&self.store, &record)));
+        Ok(())
+    }
+
+    fn stale(&self, version: u32) -> Vec<(ExampleId, u32)> {
+        self.store.missing_derived(version)
+    }
+
+    fn watch(&self) -> watch::Receiver<u64> {
+        self.changes.subscribe()
+    }
+
+    fn health(&self) -> CorpusHealth {
+        let quarantined = self.store.quarantined().into_iter().map(|(id, _)| id).collect();
+        CorpusHealth { read_only: self.store.suspended(), quarantined }
+    }
+}
+
+impl From<StoreError> for CorpusError {
+    fn from(error: StoreError) -> Self {
+        match error {
+            StoreError::NotFound { id } => Self::NotFound(id),
+            StoreError::Quarantined { .. } => Self::Damaged(error.to_string()),
+            StoreError::DamagedDerived { .. } | StoreError::MissingDerived { .. } | StoreError::NoSuchLevel { .. } => {
+                Self::NoEncoding(error.to_string())
+            }
+            StoreError::Invalid { .. } => Self::Invalid(error.to_string()),
+            StoreError::Full { .. } | StoreError::ReadOnly { .. } => Self::ReadOnly(error.to_string()),
+            StoreError::Busy => Self::Busy,
+            StoreError::Io { .. } if error.is_full() => Self::ReadOnly(error.to_string()),
+            StoreError::Io { .. }
+            | StoreError::Engine { .. }
+            | StoreError::Newer { .. }
+            | StoreError::Locked { .. }
+            | StoreError::Migration(_)
+            | StoreError::Backup { .. }
+            | StoreError::NotEmpty { .. }
+            | StoreError::Closed => Self::Failed(Box::new(error)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn packed(level_value: f32) -> Packed {
+        let facts = SegmentFacts { topology: Topology::Annulus, k: 0.4, faces: 12, features: 1 };
+        let levels = [32u32, 64].map(|side| (side, vec![level_value; (side * side) as usize])).to_vec();
+        Packed { facts, features: vec![feature_out(&Feature { u: 0.25, v: 0.5, lambda: 2.0, level: 64 })], levels }
+    }
+
+    fn new_example(bytes: &'static [u8], labels: Option<Vec<i64>>) -> NewExample {
+        NewExample {
+            name: "limb".into(),
+            tags: vec!["arm".into()],
+            relevance: 3.3,
+            bytes: Bytes::from_static(bytes),
+            format: "obj".into(),
+            cut: Cut { way: Segmentation::Auto, labels },
+            counts: MeshCounts { vertices: 14, faces: 12, triangles: 2, quads: 10 },
+            repairs: vec!["two vertices merged".into()],
+            segments: vec![packed(1.0)],
+            encoder_version: 1,
+        }
+    }
+
+    fn open(dir: &Path) -> StoredCorpus {
+        StoredCorpus::open(dir, &OpenOptions { reserve_bytes: 0, ..OpenOptions::default() }).expect("a store").0
+    }
+
+    #[test]
+    fn an_example_is_told_the_same_before_and_after_a_restart() {
+        let dir = tempfile::tempdir().expect("a directory");
+        let corpus = open(dir.path());
+        let (example, put) = corpus.put(new_example(b"mesh", Some(vec![7, -1, 7]))).expect("added");
+        assert_eq!(put, Put::Added);
+        assert_eq!((example.relevance, example.counts.quads, example.segments[0].features), (3.3, 10, 1));
+        let encoding = corpus.encoding(example.id, 0, 64).expect("an encoding");
+        drop(corpus);
+        let corpus = open(dir.path());
+        assert_eq!(corpus.get(example.id).expect("there"), example);
+        assert_eq!(corpus.encoding(example.id, 0, 64).expect("an encoding"), encoding);
+        assert_eq!(corpus.bytes(example.id).expect("bytes"), Bytes::from_static(b"mesh"));
+        assert_eq!(corpus.cut(example.id).expect("a cut").labels, Some(vec![1, 0, 1]));
+    }
+
+    #[test]
+    fn the_same_bytes_cut_the_same_way_are_the_same_example() {
+        let dir = tempfile::tempdir().expect("a directory");
+        let corpus = open(dir.path());
+        let (first, _) = corpus.put(new_example(b"mesh", None)).expect("added");
+        let (second, put) = corpus.put(new_example(b"mesh", None)).expect("there");
+        assert_eq!((second.id, put), (first.id, Put::There));
+        assert_eq!(corpus.find(b"mesh", &Cut::default()).map(|e| e.id), Some(first.id));
+        assert_eq!(corpus.find(b"mesh", &Cut { way: Segmentation::Whole, labels: None }), None);
+    }
+
+    #[test]
+    fn what_is_removed_is_gone_and_an_older_encoding_is_stale() {
+        let dir = tempfile::tempdir().expect("a directory");
+        let corpus = open(dir.path());
+        let (example, _) = corpus.put(new_example(b"mesh", None)).expect("added");
+        assert_eq!(corpus.stale(1), []);
+        assert_eq!(corpus.stale(2), [(example.id, 0)]);
+        corpus.put_encoding(example.id, 0, &packed(2.0), example.counts, 2).expect("encoded again");
+        assert_eq!(corpus.stale(2), []);
+        corpus.remove(example.id).expect("removed");
+        assert!(matches!(corpus.get(example.id), Err(CorpusError::NotFound(_))));
+        assert!(matches!(corpus.remove(example.id), Err(CorpusError::NotFound(_))));
+    }
+}

@@ -1,0 +1,204 @@
+//! The commands of the binary, each a function.
+
+use crate::auth::{AuthError, Tokens};
+use crate::config::{Cli, Command, Config, ConfigError, ServeArgs, StoreArgs, TokenAction};
+use crate::service::{self, StartError};
+use crate::shutdown;
+use crate::work::engine::kernel::KernelEngine;
+use quadmuse_migrations::MigrationError;
+use quadmuse_store::{OpenOptions, Problem, Store, StoreError};
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Why a command failed.
+#[derive(Debug, thiserror::Error)]
+pub enum CommandError {
+    /// The settings can't be used.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The service does not start.
+    #[error(transparent)]
+    Start(#[from] StartError),
+    /// The store refused or failed.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The upgrade refused or failed.
+    #[error(transparent)]
+    Migration(#[from] MigrationError),
+    /// Tokens can't be read or changed.
+    #[error(transparent)]
+    Auth(#[from] AuthError),
+    /// A file can't be read or written.
+    #[error("expected to {doing} {}, found {source}", path.display())]
+    File {
+        /// What was attempted.
+        doing: &'static str,
+        /// Which file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// There is no store.
+    #[error("expected a store in {}, found none; `quadmuse-server --data` creates one", .0.display())]
+    NoStore(PathBuf),
+    /// The check found damage.
+    #[error("expected a store without damage, found {0} problems, listed above")]
+    Damage(usize),
+    /// The system refuses something basic.
+    #[error("expected {what} from the system, found {source}")]
+    System {
+        /// What was asked for.
+        what: &'static str,
+        /// What it said.
+        source: std::io::Error,
+    },
+    /// The demo failed.
+    #[error("expected the demo to end, found: {0}")]
+    Demo(String),
+}
+
+/// Does what the command line says.
+///
+/// # Errors
+/// [`CommandError`], to be printed.
+pub fn run(cli: Cli) -> Result<(), CommandError> {
+    match cli.command {
+        None => serve(cli.serve),
+        Some(Command::Serve(args)) => serve(args),
+        Some(Command::Demo(args)) => demo(&args),
+        Some(Command::Migrate { store, dry_run }) => migrate(&store, dry_run),
+        Some(Command::Check(store)) => check(&store),
+        Some(Command::Backup { store, file }) => backup(&store, &file),
+        Some(Command::Restore { store, file }) => restore(&store, &file),
+        Some(Command::Token { store, action }) => token(&store, action),
+    }
+}
+
+/// Tokio's runtime. Few threads: they only wait; what computes has its own.
+///
+/// # Errors
+/// [`CommandError::System`].
+pub fn runtime() -> Result<tokio::runtime::Runtime, CommandError> {
+    let built = tokio::runtime::Builder::new_multi_thread().worker_threads(2).max_blocking_threads(64).enable_all().build();
+    built.map_err(|source| CommandError::System { what: "threads", source })
+}
+
+fn serve(args: ServeArgs) -> Result<(), CommandError> {
+    let config = Config::resolve(args)?;
+    let runtime = runtime()?;
+    let served = runtime.block_on(async {
+        let running = service::start(&config, Arc::new(KernelEngine::default())).await?;
+        let signal = shutdown::signal().await.map_err(|source| CommandError::System { what: "signals", source });
+        running.stop().await;
+        signal
+    });
+    runtime.shutdown_timeout(Duration::from_millis(200));
+    served
+}
+
+fn demo(args: &crate::config::DemoArgs) -> Result<(), CommandError> {
+    let _ = args;
+    Err(CommandError::Demo("the demo is not joined yet".into()))
+}
+
+fn existing(store: &StoreArgs) -> Result<Store, CommandError> {
+    if !store.data.join(quadmuse_migrations::SCHEMA_FILE).exists() {
+        return Err(CommandError::NoStore(store.data.clone()));
+    }
+    Ok(Store::open(&store.data, &OpenOptions::default())?.0)
+}
+
+fn migrate(store: &StoreArgs, dry_run: bool) -> Result<(), CommandError> {
+    if !store.data.join(quadmuse_migrations::SCHEMA_FILE).exists() {
+        return Err(CommandError::NoStore(store.data.clone()));
+    }
+    let found = quadmuse_migrations::read_schema(&store.data)?;
+    let current = quadmuse_migrations::CURRENT;
+    match found {
+        found if found == current => say(&format!("the store is of schema {current}, this release's: nothing to do")),
+        found if dry_run => say(&format!("the store is of schema {found}; it would be brought to {current}")),
+        found => {
+            drop(existing(store)?);
+            say(&format!("the store was of schema {found} and is of {current} now"));
+        }
+    }
+    Ok(())
+}
+
+fn check(store: &StoreArgs) -> Result<(), CommandError> {
+    let report = existing(store)?.check(&mut |done| tracing::info!(done, "examples checked"))?;
+    for problem in &report.problems {
+        say(&words_of(problem));
+    }
+    say(&format!("{} examples, {} segments, {} bytes read", report.examples, report.segments, report.bytes));
+    if report.problems.is_empty() { Ok(()) } else { Err(CommandError::Damage(report.problems.len())) }
+}
+
+fn words_of(problem: &Problem) -> String {
+    match problem {
+        Problem::Ground { id, reason } => format!("{id}: damaged and set aside ({reason}); add the same mesh again, or remove it"),
+        Problem::RecordMended { id, reason } => format!("{id}: its record was damaged ({reason}) and is mended"),
+        Problem::Derived { id, segment, reason } => {
+            format!("{id}: the encoding of segment {segment} is damaged ({reason}); the service makes it anew")
+        }
+        Problem::Blobs { count } => format!("{count} files are not synced; compact the store"),
+    }
+}
+
+fn backup(store: &StoreArgs, file: &Path) -> Result<(), CommandError> {
+    let store = existing(store)?;
+    // Under another name until it is whole, so that a backup that was interrupted is never taken for one.
+    let partial = file.with_added_extension("partial");
+    let failed = |doing| {
+        let path = partial.clone();
+        move |source| CommandError::File { doing, path, source }
+    };
+    let mut writer = BufWriter::new(File::create(&partial).map_err(failed("write"))?);
+    let report = store.backup(&mut writer)?;
+    writer.flush().and_then(|()| writer.get_ref().sync_all()).map_err(failed("write"))?;
+    std::fs::rename(&partial, file).map_err(failed("rename"))?;
+    for (id, reason) in &report.skipped {
+        say(&format!("left out {id}: {reason}"));
+    }
+    say(&format!("{} examples, {} segments, {} bytes in {}", report.examples, report.segments, report.bytes, file.display()));
+    Ok(())
+}
+
+fn restore(store: &StoreArgs, file: &Path) -> Result<(), CommandError> {
+    let path = file.to_owned();
+    let opened = File::open(file).map_err(|source| CommandError::File { doing: "read", path, source })?;
+    let (_, report) = Store::restore(&store.data, &OpenOptions::default(), &mut BufReader::new(opened))?;
+    say(&format!("{} examples in {}", report.examples, store.data.display()));
+    Ok(())
+}
+
+fn token(store: &StoreArgs, action: TokenAction) -> Result<(), CommandError> {
+    let dir = &store.data;
+    std::fs::create_dir_all(dir).map_err(|source| CommandError::File { doing: "create", path: dir.clone(), source })?;
+    let tokens = Tokens::beside(dir);
+    match action {
+        TokenAction::Create { role, name } => {
+            let (token, record) = tokens.create(role, &name)?;
+            tracing::info!(id = %record.id, ?role, "token created; it can't be shown again");
+            say(&token);
+        }
+        TokenAction::List => {
+            for record in tokens.list()? {
+                say(&format!("{}  {:?}  {:?}", record.id, record.role, record.name));
+            }
+        }
+        TokenAction::Revoke { id } => {
+            tokens.revoke(&id)?;
+            say(&format!("{id} is revoked"));
+        }
+    }
+    Ok(())
+}
+
+/// Prints a line for the user. A closed pipe is no failure of the command.
+fn say(line: &str) {
+    let _ = writeln!(std::io::stdout(), "{line}");
+}

@@ -1,0 +1,103 @@
+//! Maps, constraints and compositions.
+
+use super::*;
+use serde_json::json;
+
+/// A service, a finished query and the id of the example `b`.
+async fn mapped() -> (Bench, String, String) {
+    let bench = Bench::stocked().await;
+    let path = bench.query("top=1", "segment disc 2\nsegment disc 3").await;
+    bench.ended(&path).await;
+    let entries = bench.get(&format!("{path}/ranking")).await.json()["entries"].clone();
+    let example = entries.as_array().expect("entries").iter().find(|e| e["name"] == "a").expect("a")["example"].clone();
+    (bench, path, example.as_str().expect("an id").to_owned())
+}
+
+#[tokio::test]
+async fn a_locked_example_is_resumed_and_mapped() {
+    let (bench, path, example) = mapped().await;
+    let made = bench.post_json(&format!("{path}/maps"), json!({"segment": 0, "example": example})).await;
+    assert_eq!(made.status, StatusCode::CREATED, "{}", made.text());
+    let map = made.json();
+    let address = made.header("location").to_owned();
+    assert_eq!(address, format!("{path}/maps/{}", map["id"].as_str().expect("an id")));
+    assert_eq!((&map["resolution"], &map["verdict"], &map["revision"]), (&json!(128), &json!("good"), &json!(1)));
+    assert_eq!(bench.get(&address).await.json(), map);
+    assert_eq!(bench.get(&format!("{address}/mesh?format=obj")).await.text(), "obj with 1 faces");
+    assert!(bench.get(&format!("{address}/preview.png?size=32")).await.bytes.starts_with(b"\x89PNG"));
+    let ranking = bench.get(&format!("{path}/ranking")).await.json();
+    let entry = ranking["entries"].as_array().expect("entries").iter().find(|e| e["example"] == example.as_str()).expect("a");
+    assert_eq!((&entry["state"], &entry["resolution"]), (&json!("done"), &json!(128)));
+    assert_eq!(bench.get(&format!("{path}/maps")).await.json()["items"][0], map);
+}
+
+#[tokio::test]
+async fn what_is_not_there_is_not_mapped() {
+    let (bench, path, example) = mapped().await;
+    let maps = format!("{path}/maps");
+    let unknown = "01ARZ3NDEKTSV4RRFFQ69G5FAV";
+    bench.post_json(&maps, json!({"segment": 9, "example": example})).await.problem(404, "not_found");
+    bench.post_json(&maps, json!({"segment": 0, "example": unknown})).await.problem(404, "not_found");
+    let wanted = json!({"segment": 0, "example": example, "example_segment": 3});
+    bench.post_json(&maps, wanted).await.problem(404, "not_found");
+    bench.post_json(&maps, json!({"segment": 0})).await.problem(400, "body_invalid");
+    bench.post_json(&maps, json!({"example": "not an id"})).await.problem(400, "body_invalid");
+    bench.get(&format!("{maps}/{unknown}")).await.problem(404, "not_found");
+    bench.post_json(&format!("/v1/queries/{unknown}/maps"), json!({"example": example})).await.problem(404, "not_found");
+    let tube = bench.add("tube", "segment annulus 1").await;
+    bench.post_json(&maps, json!({"example": tube})).await.problem(400, "parameter_invalid");
+}
+
+#[tokio::test]
+async fn an_example_added_after_the_query_can_be_mapped() {
+    let (bench, path, _) = mapped().await;
+    let late = bench.add("late", "segment disc 2.5").await;
+    let made = bench.post_json(&format!("{path}/maps"), json!({"example": late})).await;
+    assert_eq!(made.status, StatusCode::CREATED, "{}", made.text());
+}
+
+#[tokio::test]
+async fn constraints_are_edited_as_a_whole() {
+    let (bench, path, example) = mapped().await;
+    let made = bench.post_json(&format!("{path}/maps"), json!({"example": example})).await;
+    let address = format!("{}/constraints", made.header("location"));
+    let edit = async |edit: Value| {
+        let kind = [("content-type", "application/json")];
+        bench.request(Method::PATCH, &address, &kind, edit.to_string()).await
+    };
+    let set = json!({"set": [{"on_example": [0, 0, 0], "on_input": {"u": 0.5, "v": 0.5}}]});
+    let map = edit(set).await.json();
+    assert_eq!((&map["revision"], map["constraints"].as_array().map(Vec::len)), (&json!(2), Some(1)));
+    let id = map["constraints"][0]["id"].as_str().expect("an id").to_owned();
+    edit(json!({"set": [{"on_example": [0, 0, 0], "on_input": {"u": 0, "v": 2}}], "remove": [id]})).await.problem(422, "constraint_folds");
+    edit(json!({"remove": ["nobody"]})).await.problem(404, "not_found");
+    edit(json!({"put": []})).await.problem(400, "body_invalid");
+    assert_eq!(bench.get(made.header("location")).await.json(), map);
+    let many: Vec<Value> = (0..300).map(|_| json!({"on_example": [0, 0, 0], "on_input": [0, 0, 0]})).collect();
+    edit(json!({"set": many})).await.problem(400, "parameter_invalid");
+    assert_eq!(edit(json!({"remove": [id]})).await.json()["constraints"], json!([]));
+}
+
+#[tokio::test]
+async fn maps_are_composed() {
+    let (bench, path, example) = mapped().await;
+    let mut parts = Vec::new();
+    for segment in [0, 1] {
+        let made = bench.post_json(&format!("{path}/maps"), json!({"segment": segment, "example": example})).await;
+        parts.push(json!({"segment": segment, "map": made.json()["id"]}));
+    }
+    let compositions = format!("{path}/compositions");
+    let made = bench.post_json(&compositions, json!({"parts": parts, "smoothing": 3})).await;
+    assert_eq!(made.status, StatusCode::CREATED, "{}", made.text());
+    let composition = made.json();
+    assert_eq!((&composition["quads"], &composition["triangles"], &composition["smoothing"]), (&json!(2), &json!(0), &json!(3)));
+    assert_eq!(bench.get(made.header("location")).await.json(), composition);
+    assert_eq!(bench.get(&format!("{}/mesh?format=obj", made.header("location"))).await.text(), "obj with 2 faces");
+    bench.post_json(&compositions, json!({"parts": []})).await.problem(400, "parameter_invalid");
+    bench.post_json(&compositions, json!({"parts": parts, "smoothing": 1000})).await.problem(400, "parameter_invalid");
+    let twice = json!({"parts": [parts[0], parts[0]]});
+    bench.post_json(&compositions, twice).await.problem(400, "parameter_invalid");
+    let crossed = json!({"parts": [{"segment": 1, "map": parts[0]["map"]}]});
+    bench.post_json(&compositions, crossed).await.problem(400, "parameter_invalid");
+    bench.get(&format!("{compositions}/01ARZ3NDEKTSV4RRFFQ69G5FAV")).await.problem(404, "not_found");
+}

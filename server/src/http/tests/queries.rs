@@ -1,0 +1,157 @@
+//! `/v1/queries` and their rankings.
+
+use super::*;
+use serde_json::json;
+
+fn names(ranking: &Value) -> Vec<&str> {
+    ranking["entries"].as_array().expect("entries").iter().map(|e| e["name"].as_str().expect("a name")).collect()
+}
+
+#[tokio::test]
+async fn a_query_is_ranked_to_its_end() {
+    let bench = Bench::stocked().await;
+    let path = bench.query("top=1", "segment disc 2.1\nsegment disc 3.9").await;
+    let query = bench.ended(&path).await;
+    assert_eq!((&query["state"], &query["deadline_reached"]), (&json!("done"), &json!(false)));
+    assert_eq!((&query["top"], &query["resolution"], &query["corpus_size"]), (&json!(1), &json!(128), &json!(8)));
+    assert_eq!(query["progress"]["levels_done"], query["progress"]["levels"]);
+    assert_eq!(query["segments"][1]["level"], json!(128));
+    let ranking = bench.get(&format!("{path}/ranking?segment=1")).await.json();
+    assert_eq!(names(&ranking), ["d", "c", "b", "a"]);
+    assert_eq!((&ranking["segment"], &ranking["level"], &ranking["corpus_size"]), (&json!(1), &json!(128), &json!(4)));
+    let first = &ranking["entries"][0];
+    assert_eq!((&first["rank"], &first["state"], &first["resolution"]), (&json!(1), &json!("done"), &json!(128)));
+    assert_eq!(first["flip"], json!({"u": false, "v": false}));
+    assert_eq!(ranking["entries"][3]["state"], json!("locked"));
+    let scores: Vec<f64> = ranking["entries"].as_array().expect("entries").iter().map(|e| e["score"].as_f64().expect("a number")).collect();
+    assert!(scores.is_sorted(), "{scores:?}");
+    assert_eq!(names(&bench.get(&format!("{path}/ranking?limit=2")).await.json()), ["b", "c"]);
+    bench.get(&format!("{path}/ranking?segment=2")).await.problem(404, "not_found");
+    bench.get(&format!("{path}/ranking?segment=x")).await.problem(400, "parameter_invalid");
+}
+
+#[tokio::test]
+async fn only_examples_with_the_tags_and_the_topology_are_ranked() {
+    let bench = Bench::stocked().await;
+    bench.post("/v1/examples?name=tagged&tag=x", "segment disc 7").await;
+    bench.post("/v1/examples?name=tube&tag=x", "segment annulus 7").await;
+    let path = bench.query("tag=x", "segment disc 1").await;
+    bench.ended(&path).await;
+    assert_eq!(names(&bench.get(&format!("{path}/ranking")).await.json()), ["tagged"]);
+    let detail = bench.post("/v1/queries?tag=nobody", "segment disc 1").await.problem(409, "corpus_empty");
+    assert!(detail.contains("nobody"), "{detail}");
+    bench.post("/v1/queries", "segment torus 1").await.problem(409, "corpus_empty");
+}
+
+#[tokio::test]
+async fn options_outside_their_range_are_refused() {
+    let bench = Bench::stocked().await;
+    for wrong in ["top=0", "top=65", "top=x", "resolution=100", "deadline_ms=0", "deadline_ms=3600001", "segments=x"] {
+        bench.post(&format!("/v1/queries?{wrong}"), "segment disc 1").await.problem(400, "parameter_invalid");
+    }
+}
+
+#[tokio::test]
+async fn a_long_poll_answers_when_there_is_something_newer() {
+    let bench = Bench::stocked().await;
+    let path = bench.query("", "segment disc 1\nslow 30").await;
+    let mut revision = 0;
+    let mut levels = Vec::new();
+    loop {
+        let ranking = bench.get(&format!("{path}/ranking?after={revision}&wait_ms=10000")).await.json();
+        let newest = ranking["revision"].as_u64().expect("a revision");
+        if newest == revision {
+            assert_eq!(ranking["state"], json!("done"));
+            break;
+        }
+        revision = newest;
+        levels.push(ranking["level"].as_u64().expect("a level"));
+    }
+    assert!(levels.is_sorted() && levels.first() == Some(&32) && levels.last() == Some(&128), "{levels:?}");
+    bench.get(&format!("{path}/ranking?after=0&wait_ms=60001")).await.problem(400, "parameter_invalid");
+}
+
+#[tokio::test]
+async fn a_long_poll_gives_up_after_its_time() {
+    let bench = Bench::stocked().await;
+    let path = bench.query("", "segment disc 1\nslow 2000").await;
+    let begun = Instant::now();
+    let ranking = bench.get(&format!("{path}/ranking?after=0&wait_ms=50")).await.json();
+    assert!(begun.elapsed() >= Duration::from_millis(50) && begun.elapsed() < Duration::from_millis(1500));
+    assert_eq!((&ranking["revision"], &ranking["entries"]), (&json!(0), &json!([])));
+    bench.request(Method::DELETE, &path, &[], Body::empty()).await;
+}
+
+#[tokio::test]
+async fn cancelling_frees_the_cores_and_the_query() {
+    let bench = Bench::stocked().await;
+    let path = bench.query("", "segment disc 1\nslow 60000").await;
+    tokio::time::sleep(Duration::from_millis(30)).await;
+    let begun = Instant::now();
+    assert_eq!(bench.request(Method::DELETE, &path, &[], Body::empty()).await.status, StatusCode::NO_CONTENT);
+    bench.get(&path).await.problem(404, "not_found");
+    let other = bench.query("", "segment disc 1").await;
+    assert_eq!(bench.ended(&other).await["state"], json!("done"));
+    assert!(begun.elapsed() < Duration::from_secs(5), "the cores were not free");
+}
+
+#[tokio::test]
+async fn a_deadline_answers_with_the_best_so_far() {
+    let bench = Bench::stocked().await;
+    // 4 × 40 ms at the coarsest level, which is one quantum; refining takes as long again.
+    let path = bench.query("deadline_ms=260", "segment disc 1\nslow 40").await;
+    let query = bench.ended(&path).await;
+    assert_eq!((&query["state"], &query["deadline_reached"]), (&json!("done"), &json!(true)));
+    let ranking = bench.get(&format!("{path}/ranking")).await.json();
+    assert_eq!(names(&ranking).len(), 4);
+    assert!(ranking["level"].as_u64() < Some(128));
+}
+
+#[tokio::test]
+async fn a_query_that_cannot_be_encoded_fails_with_its_problem() {
+    let bench = Bench::stocked().await;
+    let path = bench.query("", "segment disc 1\npanic encode").await;
+    let query = bench.ended(&path).await;
+    assert_eq!((&query["state"], &query["problem"]["code"]), (&json!("failed"), &json!("internal")));
+}
+
+#[tokio::test]
+async fn an_example_that_panics_while_it_is_refined_is_passed_over() {
+    let bench = Bench::stocked().await;
+    bench.add("broken", "segment disc 2\npanic refine").await;
+    let path = bench.query("top=2", "segment disc 2").await;
+    assert_eq!(bench.ended(&path).await["state"], json!("done"));
+    let ranking = bench.get(&format!("{path}/ranking")).await.json();
+    assert_eq!((names(&ranking)[0], names(&ranking).len()), ("b", 5));
+    let broken = ranking["entries"].as_array().expect("entries").iter().find(|e| e["name"] == "broken");
+    assert_eq!(broken.map(|e| &e["state"]), Some(&json!("locked")));
+}
+
+#[tokio::test]
+async fn a_query_sees_the_corpus_as_it_was_when_it_began() {
+    let bench = Bench::stocked().await;
+    let path = bench.query("", "segment disc 2\nslow 20").await;
+    bench.add("late", "segment disc 2.0").await;
+    bench.ended(&path).await;
+    assert!(!names(&bench.get(&format!("{path}/ranking")).await.json()).contains(&"late"));
+}
+
+#[tokio::test]
+async fn the_input_comes_back_and_queries_are_listed() {
+    let bench = Bench::stocked().await;
+    let path = bench.query("", "segment disc 1").await;
+    assert_eq!(bench.get(&format!("{path}/mesh?format=off")).await.text(), "off with 1 faces");
+    let listed = bench.get("/v1/queries").await.json();
+    assert_eq!(format!("/v1/queries/{}", listed["items"][0]["id"].as_str().expect("an id")), path);
+}
+
+#[tokio::test]
+async fn an_idempotency_key_starts_one_query() {
+    let bench = Bench::stocked().await;
+    let headers = [("idempotency-key", "k1")];
+    let first = bench.request(Method::POST, "/v1/queries?top=2", &headers, "segment disc 1").await;
+    let again = bench.request(Method::POST, "/v1/queries?top=2", &headers, "segment disc 1").await;
+    assert_eq!((again.status, first.header("location")), (StatusCode::ACCEPTED, again.header("location")));
+    bench.request(Method::POST, "/v1/queries?top=3", &headers, "segment disc 1").await.problem(409, "conflict");
+    bench.request(Method::POST, "/v1/queries", &[("idempotency-key", "")], "segment disc 1").await.problem(400, "parameter_invalid");
+}

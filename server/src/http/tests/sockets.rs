@@ -1,0 +1,93 @@
+//! Over a real socket: what only a connection shows.
+
+use super::*;
+use crate::shutdown::serve;
+use std::net::SocketAddr;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::task::JoinHandle;
+
+async fn listening(bench: &Bench, connections: usize) -> (SocketAddr, JoinHandle<()>) {
+    let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
+    let address = listener.local_addr().expect("an address");
+    (address, tokio::spawn(serve(listener, bench.router.clone(), connections, bench.stopping.clone())))
+}
+
+async fn say(address: SocketAddr, text: &str) -> TcpStream {
+    let mut stream = TcpStream::connect(address).await.expect("a connection");
+    stream.write_all(text.as_bytes()).await.expect("sent");
+    stream
+}
+
+async fn all(mut stream: TcpStream) -> String {
+    let mut bytes = Vec::new();
+    let read = tokio::time::timeout(Duration::from_secs(10), stream.read_to_end(&mut bytes)).await;
+    read.expect("an end within 10 s").expect("a clean end");
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn shutdown_ends_an_open_stream_with_a_last_event() {
+    let bench = Bench::stocked().await;
+    let path = bench.query("", "segment disc 1\nslow 60000").await;
+    let (address, serving) = listening(&bench, 10).await;
+    let idle = say(address, "").await;
+    let streaming = say(address, &format!("GET {path}/stream HTTP/1.1\r\nhost: x\r\n\r\n")).await;
+    tokio::time::sleep(Duration::from_millis(100)).await;
+    let begun = Instant::now();
+    bench.stopping.cancel();
+    let text = all(streaming).await;
+    assert!(text.contains("event: begin\n") && text.contains("event: error\n"), "{text}");
+    tokio::time::timeout(Duration::from_secs(9), serving).await.expect("in time").expect("no panic");
+    assert!(begun.elapsed() < Duration::from_secs(2), "{:?}", begun.elapsed());
+    drop(idle);
+    bench.request(Method::DELETE, &path, &[], Body::empty()).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_client_that_sends_too_much_still_sees_the_answer() {
+    let bench = Bench::new();
+    let (address, _serving) = listening(&bench, 10).await;
+    let size = 20 * LIMIT as usize;
+    let head = format!("POST /v1/examples HTTP/1.1\r\nhost: x\r\ncontent-length: {size}\r\nconnection: close\r\n\r\n");
+    let mut stream = say(address, &head).await;
+    stream.write_all(&vec![b' '; size]).await.expect("the service reads on");
+    assert!(all(stream).await.starts_with("HTTP/1.1 413 "));
+    let mut stream = say(address, "POST /v1/examples HTTP/1.1\r\nhost: x\r\ntransfer-encoding: chunked\r\nconnection: close\r\n\r\n").await;
+    let chunk = format!("{LIMIT:x}\r\n{}\r\n", " ".repeat(LIMIT as usize));
+    for _ in 0..20 {
+        stream.write_all(chunk.as_bytes()).await.expect("the service reads on");
+    }
+    stream.write_all(b"0\r\n\r\n").await.expect("the service reads on");
+    let answer = all(stream).await;
+    assert!(answer.starts_with("HTTP/1.1 413 ") && answer.contains("body_too_large"), "{answer}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_client_that_hangs_up_frees_the_cores() {
+    let bench = Bench::stocked().await;
+    let (address, _serving) = listening(&bench, 10).await;
+    let mesh = "segment disc 1\nencode-slow 60000";
+    let upload = format!("POST /v1/examples HTTP/1.1\r\nhost: x\r\ncontent-length: {}\r\n\r\n{mesh}", mesh.len());
+    let clients = [say(address, &upload).await, say(address, &upload).await];
+    tokio::time::sleep(Duration::from_millis(100)).await;
+    let begun = Instant::now();
+    drop(clients);
+    // Both threads were busy; they are free as soon as this is answered.
+    bench.add("next", "segment disc 5").await;
+    assert!(begun.elapsed() < Duration::from_secs(2), "{:?}", begun.elapsed());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_head_that_does_not_come_is_not_waited_for() {
+    let bench = Bench::new();
+    let (address, _serving) = listening(&bench, 1).await;
+    let begun = Instant::now();
+    let mut slow = say(address, "GET /healthz HTTP/1.1\r\nhost:").await;
+    let mut rest = Vec::new();
+    let ended = tokio::time::timeout(Duration::from_secs(15), slow.read_to_end(&mut rest)).await;
+    assert!(ended.is_ok() && begun.elapsed() >= Duration::from_secs(9), "{:?}", begun.elapsed());
+    // The one place is free again.
+    let next = say(address, "GET /healthz HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n").await;
+    assert!(all(next).await.starts_with("HTTP/1.1 200 "));
+}

@@ -1,0 +1,143 @@
+//! What all endpoints share: negotiation, ids, problems of the router, tokens, the contract.
+
+use super::*;
+use crate::auth::Role;
+use quadmuse_proto::{Example, Health, Page};
+use serde_json::json;
+
+#[tokio::test]
+async fn the_same_types_travel_as_json_and_as_messagepack() {
+    let bench = Bench::stocked().await;
+    let packed = bench.request(Method::GET, "/v1/examples", &[("accept", "application/msgpack")], Body::empty()).await;
+    assert_eq!(packed.header("content-type"), "application/msgpack");
+    let unpacked: Page<Example> = rmp_serde::from_slice(&packed.bytes).expect("a page");
+    let plain: Page<Example> = serde_json::from_slice(&bench.get("/v1/examples").await.bytes).expect("a page");
+    assert_eq!((unpacked.items.len(), &unpacked), (4, &plain));
+    let path = format!("/v1/examples/{}", plain.items[0].id);
+    let patch = rmp_serde::to_vec_named(&json!({"name": "new"})).expect("packs");
+    let headers = [("content-type", "application/msgpack"), ("accept", "application/msgpack")];
+    let answer = bench.request(Method::PATCH, &path, &headers, patch).await;
+    let example: Example = rmp_serde::from_slice(&answer.bytes).expect("an example");
+    assert_eq!(example.name, "new");
+    bench.request(Method::PATCH, &path, &headers, vec![0xc1]).await.problem(400, "body_invalid");
+    let headers = [("accept", "text/html")];
+    bench.request(Method::GET, &path, &headers, Body::empty()).await.problem(406, "not_acceptable");
+}
+
+#[tokio::test]
+async fn what_has_no_route_is_a_problem_too() {
+    let bench = Bench::new();
+    let detail = bench.get("/v1/nothing?x=1").await.problem(404, "not_found");
+    assert!(detail.contains("/v1/nothing"), "{detail}");
+    bench.get("/v1/queries/%00/ranking").await.problem(404, "not_found");
+    let wrong = bench.request(Method::PUT, "/v1/examples", &[], Body::empty()).await;
+    wrong.problem(405, "method_not_allowed");
+    assert_eq!(wrong.header("allow"), "POST,GET,HEAD");
+}
+
+#[tokio::test]
+async fn an_answer_carries_the_request_id() {
+    let bench = Bench::new();
+    let given = bench.request(Method::GET, "/healthz", &[("x-request-id", "mine-7")], Body::empty()).await;
+    assert_eq!(given.header("x-request-id"), "mine-7");
+    let (one, two) = (bench.get("/healthz").await, bench.get("/healthz").await);
+    assert_eq!(one.header("x-request-id").len(), 26);
+    assert_ne!(one.header("x-request-id"), two.header("x-request-id"));
+    let long = "x".repeat(1000);
+    let cut = bench.request(Method::GET, "/nothing", &[("x-request-id", &long)], Body::empty()).await;
+    assert_eq!(cut.header("x-request-id").len(), 26);
+    cut.problem(404, "not_found");
+}
+
+#[tokio::test]
+async fn what_the_caller_has_is_not_sent_again() {
+    let bench = Bench::stocked().await;
+    for path in ["/v1/examples", "/openapi.json", "/", "/docs", "/web/index.js"] {
+        let first = bench.get(path).await;
+        assert_eq!(first.status, StatusCode::OK, "{path}");
+        let tag = first.header("etag").to_owned();
+        assert!(tag.starts_with('"'), "{path}");
+        let again = bench.request(Method::GET, path, &[("if-none-match", &tag)], Body::empty()).await;
+        assert_eq!((again.status, again.bytes.len()), (StatusCode::NOT_MODIFIED, 0), "{path}");
+    }
+    let tag = bench.get("/v1/examples").await.header("etag").to_owned();
+    bench.add("more", "segment disc 77").await;
+    let changed = bench.request(Method::GET, "/v1/examples", &[("if-none-match", &tag)], Body::empty()).await;
+    assert_eq!(changed.status, StatusCode::OK);
+}
+
+#[tokio::test]
+async fn health_and_metrics_are_told() {
+    let bench = Bench::stocked().await;
+    let health: Health = serde_json::from_slice(&bench.get("/healthz").await.bytes).expect("health");
+    assert_eq!(health.status, "ok");
+    let ready = bench.get("/readyz").await;
+    assert_eq!((ready.status, &ready.json()["examples"]), (StatusCode::OK, &json!(4)));
+    assert_eq!((&ready.json()["segments"], &ready.json()["segments_waiting"]), (&json!(4), &json!(0)));
+    let metrics = bench.get("/metrics").await;
+    assert!(metrics.header("content-type").starts_with("text/plain"));
+    assert!(metrics.text().contains("quadmuse_requests_total"), "{}", metrics.text());
+    assert!(metrics.text().contains("route=\"/v1/examples\""));
+}
+
+#[tokio::test]
+async fn tokens_open_what_their_role_allows() {
+    let bench = Bench::new();
+    let tokens = Tokens::beside(bench.dir.path());
+    let (reader, _) = tokens.create(Role::Reader, "r").expect("created");
+    let (contributor, _) = tokens.create(Role::Contributor, "c").expect("created");
+    let ask = async |token: &str, method: Method, path: &str| {
+        let bearer = format!("Bearer {token}");
+        bench.request(method, path, &[("authorization", &bearer)], "segment disc 1").await
+    };
+    let refused = bench.get("/v1/examples").await;
+    refused.problem(401, "unauthorized");
+    assert_eq!(refused.header("www-authenticate"), "Bearer");
+    ask("qm_wrong", Method::GET, "/v1/examples").await.problem(401, "unauthorized");
+    assert_eq!(ask(&reader, Method::GET, "/v1/examples").await.status, StatusCode::OK);
+    ask(&reader, Method::POST, "/v1/examples").await.problem(403, "forbidden");
+    assert_eq!(ask(&contributor, Method::POST, "/v1/examples").await.status, StatusCode::CREATED);
+    assert_eq!(ask(&reader, Method::POST, "/v1/queries").await.status, StatusCode::ACCEPTED);
+    assert_eq!(bench.get("/healthz").await.status, StatusCode::OK);
+}
+
+#[tokio::test]
+async fn the_contract_names_every_route_and_resolves_every_reference() {
+    let bench = Bench::new();
+    let spec = bench.get("/openapi.json").await.json();
+    assert!(spec["openapi"].as_str().is_some_and(|version| version.starts_with("3.1")), "{}", spec["openapi"]);
+    let paths = spec["paths"].as_object().expect("paths");
+    for (path, methods) in [
+        ("/v1/examples", vec!["get", "post"]),
+        ("/v1/examples/{id}", vec!["delete", "get", "patch"]),
+        ("/v1/queries/{id}/stream", vec!["get"]),
+        ("/v1/queries/{id}/maps/{map}/constraints", vec!["patch"]),
+        ("/v1/queries/{id}/compositions", vec!["post"]),
+        ("/readyz", vec!["get"]),
+    ] {
+        let mut found: Vec<&str> = paths[path].as_object().expect(path).keys().map(String::as_str).collect();
+        found.sort_unstable();
+        assert_eq!(found, methods, "{path}");
+    }
+    let text = spec.to_string();
+    for reference in text.split("\"#/components/schemas/").skip(1) {
+        let name = reference.split('"').next().expect("a name");
+        assert!(!spec["components"]["schemas"][name].is_null(), "{name} is not described");
+    }
+    let codes = &spec["components"]["schemas"]["Code"]["enum"];
+    assert_eq!(codes.as_array().map(Vec::len), Some(quadmuse_proto::Code::ALL.len()));
+}
+
+#[tokio::test]
+async fn pages_load_nothing_from_elsewhere() {
+    let bench = Bench::new();
+    for path in ["/", "/docs"] {
+        let page = bench.get(path).await;
+        assert_eq!(page.header("content-type"), "text/html; charset=utf-8");
+        assert!(page.header("content-security-policy").contains("default-src 'none'"));
+        assert!(!page.text().contains("http://") && !page.text().contains("https://"), "{path}");
+        assert!(!page.text().contains(" style=") && !page.text().contains("<script>"), "{path}");
+    }
+    bench.get("/web/secret").await.problem(404, "not_found");
+    bench.get("/web/..%2findex.js").await.problem(404, "not_found");
+}

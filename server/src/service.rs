@@ -1,0 +1,134 @@
+//! A running service: its parts joined, from the store on disk to the open port.
+
+use crate::app::App;
+use crate::auth::Tokens;
+use crate::config::Config;
+use crate::http;
+use crate::pool::{Admission, Pool};
+use crate::shutdown::serve;
+use crate::work::corpus::stored::StoredCorpus;
+use crate::work::engine::Engine;
+use crate::work::{Work, reencode};
+use quadmuse_store::{OpenOptions, StoreError};
+use std::net::SocketAddr;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::net::TcpListener;
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+
+/// Jobs that compute or wait for it, at most.
+const JOBS_MAX: usize = 1024;
+
+/// Longest time for commits under way to end after the last connection.
+const COMMIT_TIME_MAX: Duration = Duration::from_millis(1500);
+
+/// Why a service does not start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// Others could reach a service that lets everybody in.
+    #[error(
+        "expected a loopback address or a token, found {listen} and no token; create one by `quadmuse-server token create`, or give --open"
+    )]
+    Open {
+        /// Where it would listen.
+        listen: SocketAddr,
+    },
+    /// The address is taken, or not ours.
+    #[error("expected to listen on {listen}, found that the system refuses: {source}")]
+    Listen {
+        /// Where it would listen.
+        listen: SocketAddr,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The store can't be opened.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The system gives no threads.
+    #[error("expected threads from the system, found none: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+    /// A part of the start was interrupted.
+    #[error("expected the start to end, found it interrupted")]
+    Interrupted,
+}
+
+/// A running service. Dropping it leaves it running; see [`Running::stop`].
+pub struct Running {
+    /// Where it listens.
+    pub address: SocketAddr,
+    /// What it does.
+    pub work: Arc<Work>,
+    stopping: CancellationToken,
+    serving: JoinHandle<()>,
+    background: JoinHandle<()>,
+}
+
+/// Starts a service on the store that `config` names; it answers when this returns.
+///
+/// # Errors
+/// [`StartError`].
+pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, StartError> {
+    let tokens = Tokens::beside(&config.data);
+    check_open(config, &tokens)?;
+    let listen = config.listen;
+    let listener = TcpListener::bind(listen).await.map_err(|source| StartError::Listen { listen, source })?;
+    let address = listener.local_addr().map_err(|source| StartError::Listen { listen, source })?;
+    let pool = Pool::new(config.threads, Admission::new(config.memory_limit, JOBS_MAX))?;
+    let corpus = open_corpus(&config.data).await?;
+    let work = Work::new(pool, engine, Arc::new(corpus));
+    let began = Instant::now();
+    let loading = work.blocking(|work| {
+        work.load();
+        Ok(())
+    });
+    loading.await.map_err(|_| StartError::Interrupted)?;
+    let snapshot = work.catalogue.snapshot();
+    let (examples, segments) = (snapshot.example_count(), snapshot.segment_count());
+    tracing::info!(examples, segments, ms = began.elapsed().as_millis() as u64, "corpus loaded");
+    let stopping = CancellationToken::new();
+    let app = App::new(Arc::clone(&work), tokens, config.upload_limit, stopping.clone());
+    let router = http::router(app);
+    let serving = tokio::spawn(serve(listener, router, config.connections, stopping.clone()));
+    let background = tokio::spawn(reencode::run(Arc::clone(&work), stopping.clone()));
+    tracing::info!(%address, threads = work.pool.threads(), version = env!("CARGO_PKG_VERSION"), "serving");
+    Ok(Running { address, work, stopping, serving, background })
+}
+
+fn check_open(config: &Config, tokens: &Tokens) -> Result<(), StartError> {
+    if !tokens.is_empty() {
+        return Ok(());
+    }
+    if !config.listen.ip().is_loopback() && !config.open {
+        return Err(StartError::Open { listen: config.listen });
+    }
+    tracing::warn!(listen = %config.listen, "no token was created: the service is open to everybody who reaches it");
+    Ok(())
+}
+
+async fn open_corpus(dir: &Path) -> Result<StoredCorpus, StartError> {
+    let dir = dir.to_owned();
+    let opening = tokio::task::spawn_blocking(move || StoredCorpus::open(&dir, &OpenOptions::default()));
+    let (corpus, report) = opening.await.map_err(|_| StartError::Interrupted)??;
+    let (examples, ms) = (report.examples, report.took_ms);
+    let (quarantined, missing) = (report.quarantined.len(), report.missing_derived.len());
+    tracing::info!(examples, quarantined, missing, ms, index_rebuilt = ?report.index_rebuilt, "store opened");
+    Ok(corpus)
+}
+
+impl Running {
+    /// Ends the service: streams send their last event, requests under way are answered, commits end.
+    pub async fn stop(self) {
+        self.stopping.cancel();
+        // A panic of the accept loop has been logged; there is nothing more to wait for then.
+        let _ = self.serving.await;
+        self.work.queries.all().iter().for_each(|query| query.stop().cancel());
+        let _ = self.background.await;
+        self.work.background.close();
+        if tokio::time::timeout(COMMIT_TIME_MAX, self.work.background.wait()).await.is_err() {
+            tracing::warn!(left = self.work.background.len(), "some background work did not end");
+        }
+        tracing::info!("stopped");
+    }
+}
