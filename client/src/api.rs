@@ -79,7 +79,14 @@ impl Api {
         let mut request = request;
         for sending in 1.. {
             let again = request.try_clone();
-            let response = self.send_once(request).await?;
+            let response = match (self.send_once(request).await, &again) {
+                // A connection kept open may be closed from the other side at the moment it is used again.
+                (Err(error), Some(again)) if sending == 1 && is_broken_early(&error) => {
+                    let again = again.try_clone();
+                    self.send_once(again.ok_or(error)?).await?
+                }
+                (sent, _) => sent?,
+            };
             if response.status().is_success() {
                 return Ok(response);
             }
@@ -178,6 +185,14 @@ fn base_url(address: &str) -> Result<Url, ClientError> {
             refuse("this client speaks plain http: reach the server through a tunnel, or a local proxy that adds TLS")
         }
         _ => refuse("check its spelling"),
+    }
+}
+
+/// Whether a connection broke, other than by taking too long.
+fn is_broken_early(error: &ClientError) -> bool {
+    match error {
+        ClientError::BrokenOff { source, .. } | ClientError::UploadBrokenOff { source, .. } => !source.is_timeout(),
+        _ => false,
     }
 }
 

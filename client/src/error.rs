@@ -62,6 +62,9 @@ pub enum ClientError {
     /// The service answered with a problem.
     #[error("{}", refusal(.0))]
     Refused(Box<Problem>),
+    /// As [`ClientError::Refused`], where programs have already read the problem in an event.
+    #[error("{}", refusal(.0))]
+    Told(Box<Problem>),
     /// The query was cancelled while it was followed.
     #[error("expected a ranking, found that query {query} was cancelled; start it again")]
     Cancelled {
@@ -155,7 +158,7 @@ impl ClientError {
         matches!(self, Self::Output(source) if source.kind() == io::ErrorKind::BrokenPipe)
     }
 
-    /// The problem, if the service answered with one.
+    /// The problem, if the service answered with one that has not been told yet.
     pub fn problem(&self) -> Option<&Problem> {
         match self {
             Self::Refused(problem) => Some(problem),

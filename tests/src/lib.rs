@@ -1,3 +1,11 @@
 //! What the end-to-end tests, the walls and the runner on real input share.
 
+pub mod binaries;
+pub mod client;
+pub mod http;
+pub mod judge;
+pub mod real_input;
+pub mod server;
+pub mod shapes;
+pub mod shared;
 pub mod walls;

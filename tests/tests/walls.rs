@@ -117,6 +117,11 @@ fn the_walls_between_modules_bite() {
         ("server/src/work/search.rs", "use axum::Json;\n", "server/src/work/search.rs:1 names axum"),
         ("server/src/work.rs", "use crate::http::error;\n", "names crate::http"),
         ("server/src/http/maps.rs", "use quadmuse_kernel::map;\n", "server/src/http/maps.rs:1 names quadmuse_kernel"),
+        (
+            "server/store/src/record.rs",
+            "use quadmuse_proto::Example;\n",
+            "server/store/src/record.rs:1 names quadmuse_proto",
+        ),
         ("server/src/http.rs", "fn f(s: quadmuse_store::Store) {}\n", "names quadmuse_store"),
     ] {
         let found = modules::complaints(path, source);
@@ -132,6 +137,7 @@ fn the_walls_between_modules_bite() {
         ("server/kernel/src/map.rs", "use crate::{mesh::Poly, numerics};\n"),
         ("server/kernel/src/unfold/pole.rs", "use super::encode;\n"),
         ("server/kernel/src/rank.rs", "//! As `crate::measure` does.\nconst A: &str = \"crate::measure\";\n"),
+        ("server/store/src/record.rs", "use quadmuse_proto::id::ExampleId;\n"),
         ("server/src/http/error.rs", "use quadmuse_store::StoreError;\n"),
         ("server/src/work/search.rs", "// axum would be wrong here\n"),
         ("server/kernel/src/mesh/obj/tests.rs", "use crate::map::Map;\n"),

@@ -145,6 +145,23 @@ async fn a_busy_server_is_asked_again_under_the_same_key() {
 }
 
 #[tokio::test]
+async fn a_connection_that_breaks_is_tried_once_more() {
+    let count = AtomicU32::new(0);
+    let server = Fake::start(move |_| match count.fetch_add(1, Ordering::Relaxed) {
+        0 => Reply::none(),
+        _ => Reply::json(201, &example(1)),
+    });
+    let (_folder, paths) = files(&["a.obj"]);
+    let ran = run(&server.url, &format!("add {}", paths[0].display())).await;
+    assert_eq!((ran.code(), server.asked().len()), (0, 2), "{}", ran.notes);
+
+    let server = Fake::start(|_| Reply::none());
+    let ran = run(&server.url, "list").await;
+    assert_eq!((ran.code(), server.asked().len()), (3, 2), "{}", ran.notes);
+    assert!(ran.notes.contains("broke off"), "{}", ran.notes);
+}
+
+#[tokio::test]
 async fn a_server_out_of_reach_is_named_with_the_way_out_and_exit_code_3() {
     let free = std::net::TcpListener::bind("127.0.0.1:0").expect("a port").local_addr().expect("an address");
     let ran = run(&format!("http://{free}"), "list").await;

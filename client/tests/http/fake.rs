@@ -42,6 +42,11 @@ impl Reply {
         Self { status, headers: vec!["Content-Type: application/json".into()], body }
     }
 
+    /// Nothing: the connection is closed.
+    pub(crate) fn none() -> Self {
+        Self { status: 0, headers: Vec::new(), body: Vec::new() }
+    }
+
     /// A problem.
     pub(crate) fn problem(code: quadmuse_proto::Code, status: u16, detail: &str) -> Self {
         Self::json(status, &quadmuse_proto::Problem::new(code, status, detail))
@@ -91,6 +96,9 @@ fn serve(mut stream: &TcpStream, answer: &dyn Fn(&Asked) -> Reply, log: &Mutex<V
     let Some(asked) = read(stream) else { return };
     log.lock().expect("no panic").push(asked.clone());
     let reply = answer(&asked);
+    if reply.status == 0 {
+        return;
+    }
     let mut head =
         format!("HTTP/1.1 {} X\r\nConnection: close\r\nContent-Length: {}\r\n", reply.status, reply.body.len());
     for header in &reply.headers {

@@ -1,6 +1,6 @@
 //! dev probe
 #![allow(missing_docs)]
-use quadmuse_kernel::{encode, mesh::*, topology, unfold};
+use quadmuse_kernel::{mesh::*, topology, unfold};
 use std::time::Instant;
 
 pub fn load(path: &str) -> (Vec<Vec3>, Vec<Vec<u32>>) {
@@ -30,37 +30,14 @@ fn main() {
     for path in std::env::args().skip(1) {
         let mesh = tri(&path);
         let name = path.rsplit('/').next().unwrap();
-        let patch = match topology::whole(&mesh) {
-            Ok(p) => p,
-            Err(e) => {
-                println!("{name}: {e}");
-                continue;
-            }
-        };
-        let t0 = Instant::now();
-        let chart = unfold::unfold(&patch, &Default::default()).unwrap();
-        let t1 = Instant::now();
-        let enc = encode::encode(&chart);
-        let t2 = Instant::now();
-        let _index = encode::index::PlanarIndex::new(&chart);
-        let t3 = Instant::now();
-        println!(
-            "{name:50} {:?} tris {} -> {} unfold {:.0} ms encode {:.0} ms index {:.0} ms; m {:.4} uvflips {} ({:.3}%) angle {:.2} flips {} feat {} max {:.1} clamp {} moll {:.1e}",
-            patch.topology,
-            mesh.triangles.len(),
-            chart.mesh.triangles.len(),
-            (t1 - t0).as_secs_f64() * 1e3,
-            (t2 - t1).as_secs_f64() * 1e3,
-            (t3 - t2).as_secs_f64() * 1e3,
-            chart.modulus,
-            chart.report.uv_flips,
-            100.0 * chart.report.uv_flips as f64 / chart.mesh.triangles.len() as f64,
-            chart.report.angle_deviation_deg,
-            chart.report.flips,
-            enc.features.len(),
-            enc.pyramid[4].values.iter().copied().fold(0.0, f32::max),
-            chart.report.clamped,
-            chart.report.mollified
-        );
+        let patch = match topology::whole(&mesh) { Ok(p) => p, Err(e) => { println!("{name}: {e}"); continue } };
+        let sm = unfold::solve_mesh(&patch);
+        let un = unfold::Unfolder::new(sm, patch.topology, patch.mesh.positions.len()).unwrap();
+        let poles = un.pole_candidates().unwrap();
+        let t = Instant::now();
+        let tips = un.protrusions(&poles[0]).unwrap();
+        let e = t.elapsed();
+        let pts: Vec<String> = tips.iter().map(|&t| { let p = un.mesh().positions[t as usize]; format!("({:.2} {:.2} {:.2})", p.x, p.y, p.z) }).collect();
+        println!("{name:50} tips {} {:.0} ms {}", tips.len(), e.as_secs_f64()*1e3, pts.join(" "));
     }
 }

@@ -52,6 +52,18 @@ fn main() {
         let r1 = entry.best().clone();
         let ch1 = query.chart_for(&r1.unfolded.poles).unwrap();
         let e1 = errors(&r1.registration, &chart, &ch1, &truth_mesh.positions, area);
+        if std::env::var("ATLAS").is_ok() {
+            let t = Instant::now();
+            let exq = Query::new(&patch, &Default::default()).unwrap();
+            let at = map::atlas::Atlas::build(&exq, &query, &solver, &never).unwrap();
+            if let Some(at) = at {
+                let m = at.cross_map();
+                let mut e: Vec<f64> = m.positions.iter().zip(&truth_mesh.positions).map(|(l, t)| 100.0 * (l - t).norm() / area.sqrt()).collect();
+                e.sort_by(f64::total_cmp);
+                println!("{:9} {:46} ATLAS med {:6.3} p95 {:6.2} max {:.1} matches {} of {}/{} mirrored {} cost {:.3} {:.0} ms", c[0], &c[6][6..c[6].len().min(52)], e[e.len()/2], e[e.len()*95/100], e[e.len()-1], at.matches.len(), exq.protrusions().len(), query.protrusions().len(), at.mirrored, at.cost, t.elapsed().as_secs_f64()*1e3);
+                sums.lock().unwrap().entry(format!("{} ATLAS", c[0])).or_default().push([0.0, 0.0, e[e.len()/2], e[e.len()*95/100], if at.mirrored {1.0} else {0.0}, 0.0]);
+            }
+        }
         let mo = if r1.registration.flip.is_mirror() { 1.0 } else { 0.0 };
         println!("{:9} {:46} med {:6.3} p95 {:6.2} cost {:.4} -> med {:6.3} p95 {:6.2} cost {:.4} ctrl {} flip {}{} folds {} m {:.3}/{:.3} cands {} | query {:.0} reg {:.0} poles {:.0} ms", c[0], &c[6][6..c[6].len().min(52)], e0.0, e0.1, r0.cost(), e1.0, e1.1, r1.cost(), r1.registration.p.len(),
             if r1.registration.flip.u {"U"} else {"-"}, if r1.registration.flip.v {"V"} else {"-"}, r1.registration.folds, chart.modulus, r1.unfolded.encoding.modulus, query.candidates().len(), (t1-t0).as_secs_f64()*1e3, (t2-t1).as_secs_f64()*1e3, (t4-t3).as_secs_f64()*1e3);

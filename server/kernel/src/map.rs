@@ -3,6 +3,7 @@
 //! *Source:* paper Eq. 7 and §5.3.
 
 pub mod assemble;
+pub mod atlas;
 pub mod edit;
 
 use crate::encode::index::{Location, PlanarIndex};

@@ -76,6 +76,8 @@ pub struct Registration {
 
 /// Half-way moves of the control nearest a fold before it takes its prediction whole. *Source:* METHOD §5.
 const REPAIR_HALVINGS: usize = 6;
+/// A feature this near to a control, in pixels, is that control.
+const CONTROL_SPACING_PX: f64 = 3.0;
 /// Repairs tried in all, as a multiple of the number of controls.
 const REPAIRS_PER_CONTROL: usize = 3;
 /// Aspect of the domain's metric: 1 is the paper's.
@@ -139,20 +141,23 @@ pub fn coarse_flip(level: &Level, flip: Flip, solver: &dyn Solver, stop: &dyn Fn
     let best = (0..energies.len()).min_by(|&a, &b| energies[a].total_cmp(&energies[b])).unwrap_or(0);
     let side = level.query.side;
     let shift = best as f64 / side as f64;
-    let mut registration = Registration {
-        flip,
-        side: 0,
-        p: vec![[0.5, 0.5]],
-        q: vec![[0.5 + shift, 0.5]],
-        energy: energies[best],
-        variance: 0.0,
-        folds: 0,
-    };
+    let coarsest = level.example.features.iter().filter(|f| f.side <= side);
+    let mut p: Vec<Uv> = coarsest.map(|f| flip.apply(f.uv)).collect();
+    if p.is_empty() {
+        p.push([0.5, 0.5]);
+    }
+    let q = p.iter().map(|p| [p[0] + shift, p[1]]).collect();
+    let mut registration = Registration { side, energy: energies[best], ..Registration::from_controls(flip, p, q) };
     registration.solve_level(level, solver, stop);
     registration
 }
 
 impl Registration {
+    /// A registration with given controls, at no level yet.
+    pub fn from_controls(flip: Flip, p: Vec<Uv>, q: Vec<Uv>) -> Self {
+        Self { flip, side: 0, p, q, energy: f64::INFINITY, variance: 0.0, folds: 0 }
+    }
+
     /// Advances to the level of `level`: translation ±1 pixel, new controls, solver, fold repair.
     pub fn advance(&mut self, level: &Level, solver: &dyn Solver, stop: &dyn Fn() -> bool) {
         self.nudge(level);
@@ -180,7 +185,8 @@ impl Registration {
         self.q = shifted(best);
     }
 
-    fn solve_level(&mut self, level: &Level, solver: &dyn Solver, stop: &dyn Fn() -> bool) {
+    /// Registers at `level` from where the controls are: new controls, solver, fold repair.
+    pub fn solve_level(&mut self, level: &Level, solver: &dyn Solver, stop: &dyn Fn() -> bool) {
         let side = level.query.side;
         self.adopt(level, side);
         self.repair(level);
@@ -198,16 +204,11 @@ impl Registration {
     fn adopt(&mut self, level: &Level, side: usize) {
         let domain = level.domain();
         let fresh = |f: &&Feature| f.side <= side && f.side > self.side;
-        let added: Vec<Uv> = level.example.features.iter().filter(fresh).map(|f| self.flip.apply(f.uv)).collect();
-        if added.is_empty() {
-            return;
-        }
+        let spacing = CONTROL_SPACING_PX / side as f64;
+        let far = |x: &Uv| self.p.iter().all(|p| distance(*p, *x) >= spacing);
+        let added: Vec<Uv> =
+            level.example.features.iter().filter(fresh).map(|f| self.flip.apply(f.uv)).filter(far).collect();
         let to: Vec<Uv> = added.iter().map(|&x| psi(domain, &self.p, &self.q, x)).collect();
-        if self.side == 0 {
-            // The lone control of the first translation has done its work.
-            self.p.clear();
-            self.q.clear();
-        }
         self.p.extend(added);
         self.q.extend(to);
     }

@@ -138,6 +138,17 @@ impl Unfolder {
         })
     }
 
+    /// Tips of the surface's protrusions, most prominent first; none for annuli and tori. See [`pole::protrusions`].
+    ///
+    /// # Errors
+    /// [`UnfoldError::Solve`].
+    pub fn protrusions(&self, poles: &[u32]) -> Result<Vec<u32>, UnfoldError> {
+        match self.solver.topology {
+            Topology::Disc | Topology::Sphere => Ok(pole::protrusions(&self.solver, poles)?),
+            Topology::Annulus | Topology::Torus => Ok(Vec::new()),
+        }
+    }
+
     /// The user's poles if they fit the topology, else the candidates.
     ///
     /// # Errors

@@ -3,8 +3,7 @@
 
 use super::random::Random;
 use nalgebra::{Rotation3, Unit};
-use quadmuse_kernel::mesh::{PolyMesh, Vec3};
-use std::collections::BTreeMap;
+use quadmuse_kernel::mesh::{NONE, PolyMesh, Vec3};
 
 /// Deviation of the noise along the normal against the shortest edge of a vertex (at most the mean edge).
 const NOISE: f64 = 0.06;
@@ -45,6 +44,13 @@ pub(super) fn scan(positions: &[Vec3], quads: &[[u32; 4]], scan: &Scan) -> PolyM
     soup.finish(scan, &mut random)
 }
 
+/// An edge: its vertices in ascending order, and its triangles.
+struct Edge {
+    ends: [u32; 2],
+    left: u32,
+    right: u32,
+}
+
 /// Triangles with the triangles around each vertex; dead ones are empty.
 struct Soup {
     points: Vec<Vec3>,
@@ -72,24 +78,26 @@ impl Soup {
         for t in 0..soup.triangles.len() {
             soup.triangles[t].into_iter().flatten().for_each(|v| soup.around[v as usize].push(t as u32));
         }
-        for (edge, sides) in soup.edges() {
-            if sides.len() == 1 {
-                edge.iter().for_each(|&v| soup.on_rim[v as usize] = true);
-            }
+        for edge in soup.edges().iter().filter(|e| e.right == NONE) {
+            edge.ends.iter().for_each(|&v| soup.on_rim[v as usize] = true);
         }
         soup
     }
 
-    fn edges(&self) -> BTreeMap<[u32; 2], Vec<u32>> {
-        let mut edges: BTreeMap<[u32; 2], Vec<u32>> = BTreeMap::new();
+    /// The edges by vertex numbers, each with its one or two triangles ([`NONE`] for a missing second).
+    fn edges(&self) -> Vec<Edge> {
+        let mut sides: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * self.alive);
         for (t, corners) in self.triangles.iter().enumerate() {
             let Some(c) = corners else { continue };
             for k in 0..3 {
                 let (a, b) = (c[k], c[(k + 1) % 3]);
-                edges.entry([a.min(b), a.max(b)]).or_default().push(t as u32);
+                sides.push(([a.min(b), a.max(b)], t as u32));
             }
         }
-        edges
+        sides.sort_unstable();
+        let edge =
+            |run: &[([u32; 2], u32)]| Edge { ends: run[0].0, left: run[0].1, right: run.get(1).map_or(NONE, |s| s.1) };
+        sides.chunk_by(|x, y| x.0 == y.0).map(edge).collect()
     }
 
     fn normal(&self, corners: [u32; 3]) -> Vec3 {
@@ -111,9 +119,9 @@ impl Soup {
         // The edge of an even triangulation of that many triangles.
         let mut limit = 0.55 * (area / target.max(1) as f64 * 4.0 / 3f64.sqrt()).sqrt();
         for _ in 0..PASSES_MAX {
-            let mut edges: Vec<[u32; 2]> = self.edges().into_keys().collect();
+            let mut edges = self.edges();
             random.shuffle(&mut edges);
-            for [a, b] in edges {
+            for Edge { ends: [a, b], .. } in edges {
                 if self.alive <= target {
                     return;
                 }
@@ -125,7 +133,7 @@ impl Soup {
                 }
             }
             self.flip();
-            limit *= 1.05;
+            limit *= 1.10;
         }
     }
 
@@ -172,8 +180,7 @@ impl Soup {
 
     /// Flips the edges whose opposite angles sum to more than π.
     fn flip(&mut self) {
-        for ([a, b], sides) in self.edges() {
-            let &[s, t] = sides.as_slice() else { continue };
+        for Edge { ends: [a, b], left: s, right: t } in self.edges().into_iter().filter(|e| e.right != NONE) {
             let (Some(left), Some(right)) = (self.triangles[s as usize], self.triangles[t as usize]) else { continue };
             let apex = |corners: [u32; 3]| corners.into_iter().find(|&v| v != a && v != b);
             let holds = |corners: &[u32; 3]| corners.contains(&a) && corners.contains(&b);
@@ -240,11 +247,11 @@ impl Soup {
     fn roughen(&mut self, random: &mut Random) {
         let edges = self.edges();
         let length = |e: &[u32; 2]| (self.points[e[0] as usize] - self.points[e[1] as usize]).norm();
-        let mean = edges.keys().map(length).sum::<f64>() / edges.len().max(1) as f64;
+        let mean = edges.iter().map(|e| length(&e.ends)).sum::<f64>() / edges.len().max(1) as f64;
         let normals: Vec<Vec3> = (0..self.points.len() as u32).map(|v| self.vertex_normal(v)).collect();
         let mut shortest = vec![mean; self.points.len()];
-        for e in edges.keys() {
-            e.iter().for_each(|&v| shortest[v as usize] = shortest[v as usize].min(length(e)));
+        for e in &edges {
+            e.ends.iter().for_each(|&v| shortest[v as usize] = shortest[v as usize].min(length(&e.ends)));
         }
         for (v, n) in normals.into_iter().enumerate() {
             self.points[v] += n * (NOISE * shortest[v] * random.normal());

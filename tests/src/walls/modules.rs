@@ -36,6 +36,9 @@ pub fn complaints(path: &str, source: &str) -> Vec<String> {
     if let Some(inside) = path.strip_prefix("server/kernel/src/") {
         return kernel(path, inside, &code);
     }
+    if path.starts_with("server/store/src/") {
+        return store(path, &code);
+    }
     let Some(inside) = path.strip_prefix("server/src/") else { return Vec::new() };
     match inside.split(['/', '.']).next() {
         Some("work") => never(
@@ -57,6 +60,15 @@ pub fn complaints(path: &str, source: &str) -> Vec<String> {
 fn never(path: &str, code: &str, words: &[&str], why: &str) -> Vec<String> {
     let found = words.iter().flat_map(|word| lines_naming(code, word).into_iter().map(move |line| (line, word)));
     found.map(|(line, word)| format!("{path}:{line} names {word}; {why}")).collect()
+}
+
+/// The store knows ids, and nothing else of the wire.
+fn store(path: &str, code: &str) -> Vec<String> {
+    let is_id = |rest: &str| rest.starts_with("::id::") || rest.starts_with("::id;");
+    let others = code.match_indices("quadmuse_proto").filter(|(at, name)| !is_id(&code[at + name.len()..]));
+    let line = |at: usize| code[..at].matches('\n').count() + 1;
+    let why = "the store knows `quadmuse_proto::id` and nothing else of the wire; keep a shape of its own";
+    others.map(|(at, _)| format!("{path}:{} names quadmuse_proto; {why}", line(at))).collect()
 }
 
 fn kernel(path: &str, inside: &str, code: &str) -> Vec<String> {

@@ -4,8 +4,8 @@
 //! in single precision, rounded outwards; distances to triangles are exact in double precision. Ties go to the triangle
 //! with the lowest number, so that the answer does not depend on the tree.
 
-use super::tri::{NONE, TriMesh};
 use super::Vec3;
+use super::tri::{NONE, TriMesh};
 
 /// Triangles in a leaf.
 const LEAF_SIZE: usize = 4;
@@ -48,8 +48,7 @@ struct Node {
 impl Bvh {
     /// Builds the tree.
     pub fn new(mesh: &TriMesh) -> Self {
-        let corners: Vec<[Vec3; 3]> =
-            mesh.triangles.iter().map(|t| t.map(|v| mesh.positions[v as usize])).collect();
+        let corners: Vec<[Vec3; 3]> = mesh.triangles.iter().map(|t| t.map(|v| mesh.positions[v as usize])).collect();
         let centres: Vec<Vec3> = corners.iter().map(|[a, b, c]| (a + b + c) / 3.0).collect();
         let mut order: Vec<u32> = (0..corners.len() as u32).collect();
         let mut nodes = Vec::with_capacity(corners.len());
@@ -87,8 +86,7 @@ impl Bvh {
 
     /// The closest point of the mesh.
     pub fn closest(&self, point: Vec3) -> Closest {
-        let mut best =
-            Closest { triangle: NONE, barycentric: [0.0; 3], point, distance: f64::INFINITY };
+        let mut best = Closest { triangle: NONE, barycentric: [0.0; 3], point, distance: f64::INFINITY };
         if self.nodes.is_empty() || point.iter().any(|x| !x.is_finite()) {
             return best;
         }
@@ -218,7 +216,8 @@ mod tests {
     fn sheet(n: usize) -> TriMesh {
         let at = |x: usize, y: usize| (y * (n + 1) + x) as u32;
         let height = |x: usize, y: usize| ((x * 7 + y * 13) % 11) as f64 / 22.0;
-        let positions = (0..=n).flat_map(|y| (0..=n).map(move |x| Vec3::new(x as f64, y as f64, height(x, y)))).collect();
+        let positions =
+            (0..=n).flat_map(|y| (0..=n).map(move |x| Vec3::new(x as f64, y as f64, height(x, y)))).collect();
         let cells = (0..n).flat_map(|y| (0..n).map(move |x| (x, y)));
         let triangles = cells
             .flat_map(|(x, y)| {
@@ -233,7 +232,11 @@ mod tests {
     fn points(n: usize, count: usize) -> impl Iterator<Item = Vec3> {
         let fraction = |k: usize, step: f64| (k as f64 * step).fract() * 1.4 - 0.2;
         (0..count).map(move |k| {
-            Vec3::new(fraction(k, 0.618_034) * n as f64, fraction(k, 0.754_878) * n as f64, 3.0 * fraction(k, 0.569_840))
+            Vec3::new(
+                fraction(k, 0.618_034) * n as f64,
+                fraction(k, 0.754_878) * n as f64,
+                3.0 * fraction(k, 0.569_840),
+            )
         })
     }
 

@@ -63,23 +63,23 @@ impl<'a> Rows<'a> {
 /// What a vertex line holds besides the position.
 #[derive(Clone, Copy, Default)]
 struct Layout {
-    uvs: Option<()>,
-    normals: Option<()>,
-    colors: Option<()>,
+    uvs: bool,
+    normals: bool,
+    colors: bool,
 }
 
 impl Layout {
     fn new(at: At, word: &[u8]) -> Result<Self, MeshError> {
         let prefix = word.strip_suffix(b"OFF").unwrap_or(word);
         let (uvs, rest) = match prefix.strip_prefix(b"ST") {
-            Some(rest) => (Some(()), rest),
-            None => (None, prefix),
+            Some(rest) => (true, rest),
+            None => (false, prefix),
         };
-        let (mut colors, mut normals) = (None, None);
+        let (mut colors, mut normals) = (false, false);
         for b in rest {
             match b {
-                b'C' => colors = Some(()),
-                b'N' => normals = Some(()),
+                b'C' => colors = true,
+                b'N' => normals = true,
                 _ => {
                     let remedy = "export three-dimensional positions";
                     return Err(at.error("OFF with ST, C or N before it", quoted(word), remedy));
@@ -99,8 +99,7 @@ fn counts(at: At, words: &mut Words<'_>, bytes: usize, limits: &Limits) -> Resul
     let mut counts = [0; 2];
     for (k, (what, limit)) in [("vertices", limits.vertices_max), ("faces", limits.faces_max)].into_iter().enumerate() {
         let word = words.next().unwrap_or_default();
-        let count = whole(word)
-            .ok_or_else(|| at.error("the numbers of vertices and faces", quoted(word), REMEDY))?;
+        let count = whole(word).ok_or_else(|| at.error("the numbers of vertices and faces", quoted(word), REMEDY))?;
         if count > limit as u64 {
             return Err(MeshError::TooLarge { what, found: count, limit: limit as u64 });
         }
@@ -127,11 +126,11 @@ struct Parts {
 impl Parts {
     fn vertex(&mut self, at: At, mut words: Words<'_>, layout: Layout) -> Result<(), MeshError> {
         self.positions.push(at.point(&mut words, "three coordinates of a vertex")?);
-        if layout.normals.is_some() {
+        if layout.normals {
             self.normals.push(at.point(&mut words, "a normal after the position")?.into());
         }
-        let uv_count = if layout.uvs.is_some() { 2 } else { 0 };
-        if layout.colors.is_some() {
+        let uv_count = if layout.uvs { 2 } else { 0 };
+        if layout.colors {
             let channels = words.clone().count().saturating_sub(uv_count);
             let mut color = [1.0f64; 4];
             for channel in color.iter_mut().take(channels) {
@@ -143,7 +142,7 @@ impl Parts {
             let channel = |c: f64| if c.is_finite() { (c / scale) as f32 } else { 1.0 };
             self.colors.push([channel(color[0]), channel(color[1]), channel(color[2]), alpha as f32]);
         }
-        if layout.uvs.is_some() {
+        if layout.uvs {
             let u = at.number(&mut words, "texture coordinates at the end")?;
             self.uvs.push([u, at.number(&mut words, "texture coordinates at the end")?]);
         }
@@ -160,7 +159,8 @@ impl Parts {
         self.face.clear();
         for _ in 0..degree {
             let word = words.next().unwrap_or_default();
-            let index = whole(word).or_else(|| number(word).filter(|x| x.fract() == 0.0 && *x >= 0.0).map(|x| x as u64));
+            let index =
+                whole(word).or_else(|| number(word).filter(|x| x.fract() == 0.0 && *x >= 0.0).map(|x| x as u64));
             let index = index.ok_or_else(|| at.error("vertex indices (whole numbers from 0)", quoted(word), REMEDY))?;
             if index >= self.positions.len() as u64 {
                 return Err(MeshError::IndexOutOfRange {

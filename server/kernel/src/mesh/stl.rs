@@ -115,7 +115,13 @@ fn ascii(bytes: &[u8], limits: &Limits) -> Result<Soup, MeshError> {
                 }
                 b"facet" | b"endsolid" | b"color" => break,
                 b"outer" | b"loop" | b"endfacet" => {}
-                _ => return Err(at.error("solid, facet, outer loop, vertex, endloop, endfacet or endsolid", quoted(word), REMEDY)),
+                _ => {
+                    return Err(at.error(
+                        "solid, facet, outer loop, vertex, endloop, endfacet or endsolid",
+                        quoted(word),
+                        REMEDY,
+                    ));
+                }
             }
         }
     }
@@ -206,7 +212,12 @@ mod tests {
         let cut = &ASCII.as_bytes()[..ASCII.len() - 40];
         assert!(parse(cut).expect_err("cut short").to_string().contains("cut short"));
         let four = ASCII.replacen("endloop", "vertex 5 5 5\nendloop", 1);
-        assert!(parse(four.as_bytes()).expect_err("a square").to_string().contains("line 8: expected three vertices in a loop, found 4"));
+        assert!(
+            parse(four.as_bytes())
+                .expect_err("a square")
+                .to_string()
+                .contains("line 8: expected three vertices in a loop, found 4")
+        );
         let odd = ASCII.replacen("vertex 0 0 0", "vertex 0 zero 0", 1);
         assert!(parse(odd.as_bytes()).expect_err("no number").to_string().contains("line 4"));
         let mut huge = write(&parse(ASCII.as_bytes()).expect("readable")).expect("writable");

@@ -56,6 +56,11 @@ impl<'a> Words<'a> {
         Self(line)
     }
 
+    /// Bytes after the words returned so far.
+    pub(super) fn bytes_left(&self) -> usize {
+        self.0.len()
+    }
+
     /// What follows the words returned so far, without the space around it.
     pub(super) fn rest(&self) -> &'a [u8] {
         trim(self.0)

@@ -5,13 +5,18 @@
 
 use std::sync::Arc;
 
+use super::image::Image;
 use super::query::{Query, SEARCH_SIDE, Unfolded};
 use super::{Flip, Level, Registration, Solver, coarse_flip, next_side, pole_search};
 use crate::encode::Encoding;
+use crate::topology::Topology;
 use crate::unfold::UnfoldError;
 
 /// A mirrored registration's cost is multiplied by this before it is compared with an unmirrored one.
 pub const MIRROR_MARGIN: f64 = 1.25;
+/// An example that matches its own mirror image at this cost or less is symmetric: mirrored and unmirrored maps fit it
+/// alike, and the unmirrored one is meant.
+pub const SYMMETRIC_COST: f64 = 0.15;
 /// Hypotheses within this factor of the best go on from the coarsest level; from the next, only the best.
 const KEPT_WITHIN: f64 = 1.6;
 /// Hypotheses that go on at most.
@@ -47,6 +52,18 @@ pub struct Entry {
     poles_refined: bool,
 }
 
+/// Whether an example is its own mirror image, as far as its coarsest picture tells.
+fn is_symmetric(example: &Encoding, solver: &dyn Solver, stop: &dyn Fn() -> bool) -> bool {
+    let torus = example.topology == Topology::Torus;
+    let Some(picture) = example.pyramid.first() else { return false };
+    let own = Image::new(picture, Flip::default(), torus);
+    let Some(level) = Level::new(example, &own) else { return false };
+    Flip::all(example.topology).iter().filter(|f| f.is_mirror()).any(|&flip| {
+        let r = coarse_flip(&level, flip, solver, stop);
+        r.energy < SYMMETRIC_COST * r.variance
+    })
+}
+
 impl Entry {
     /// Registers at the coarsest level: every flip with every rival pole. `None` when the example has no such level
     /// or another topology.
@@ -64,7 +81,32 @@ impl Entry {
         }
         let mut entry = Self { hypotheses, poles_refined: query.poles_given };
         entry.prune(KEPT_MAX);
+        if entry.hypotheses.iter().any(|h| h.registration.flip.is_mirror()) && is_symmetric(example, solver, stop) {
+            entry.drop_mirrors(query, example, solver, stop);
+        }
         Some(entry)
+    }
+
+    /// Leaves only unmirrored hypotheses; where none survived, the best pole's is made again.
+    fn drop_mirrors(&mut self, query: &Query, example: &Encoding, solver: &dyn Solver, stop: &dyn Fn() -> bool) {
+        let plain: Vec<Hypothesis> =
+            self.hypotheses.iter().filter(|h| !h.registration.flip.is_mirror()).cloned().collect();
+        if !plain.is_empty() {
+            self.hypotheses = plain;
+            return;
+        }
+        let mut made = Vec::new();
+        for unfolded in query.candidates() {
+            let Some(level) = unfolded.images.first().and_then(|image| Level::new(example, image)) else { continue };
+            for &flip in Flip::all(example.topology).iter().filter(|f| !f.is_mirror()) {
+                let registration = coarse_flip(&level, flip, solver, stop);
+                made.push(Hypothesis { unfolded: Arc::clone(unfolded), registration });
+            }
+        }
+        if !made.is_empty() {
+            self.hypotheses = made;
+            self.prune(KEPT_MAX);
+        }
     }
 
     /// The best hypothesis.

@@ -47,6 +47,7 @@ pub struct Query {
     pub chart: Arc<Chart>,
     best: Arc<Unfolded>,
     index: OnceLock<PlanarIndex>,
+    protrusions: OnceLock<Vec<u32>>,
     /// What only searching needs, made when first asked for: the conformal map, and all unfoldings to try.
     conformal: OnceLock<Option<Conformal>>,
     candidates: OnceLock<Vec<Arc<Unfolded>>>,
@@ -69,6 +70,7 @@ impl Query {
             chart: Arc::new(chart),
             best,
             index: OnceLock::new(),
+            protrusions: OnceLock::new(),
             conformal: OnceLock::new(),
             candidates: OnceLock::new(),
         })
@@ -99,6 +101,11 @@ impl Query {
         self.index.get_or_init(|| PlanarIndex::new(&self.chart))
     }
 
+    /// Tips of the surface's protrusions, most prominent first.
+    pub fn protrusions(&self) -> &[u32] {
+        self.protrusions.get_or_init(|| self.unfolder.protrusions(&self.best.poles).unwrap_or_default())
+    }
+
     /// The query's encoding with its best pole.
     pub fn encoding(&self) -> &Encoding {
         &self.best.encoding
@@ -106,8 +113,14 @@ impl Query {
 
     /// A quick unfolding for other poles, to the search's level; `None` where poles are fixed.
     pub fn try_poles(&self, poles: &[u32]) -> Option<Unfolded> {
+        Some(Unfolded::new(poles, encode_to(&self.quick_chart(poles)?, SEARCH_SIDE)))
+    }
+
+    /// A chart for other poles: by a Möbius transformation where that is precise, else solved for; `None` where poles
+    /// are fixed.
+    pub fn quick_chart(&self, poles: &[u32]) -> Option<Chart> {
         let conformal = self.conformal()?;
-        Some(Unfolded::new(poles, encode_to(&conformal.chart(poles), SEARCH_SIDE)))
+        if conformal.is_precise_at(poles) { Some(conformal.chart(poles)) } else { self.unfolder.chart(poles).ok() }
     }
 
     /// The exact chart for some poles.

@@ -25,6 +25,9 @@ pub struct Conformal {
     gap: Vec<f64>,
 }
 
+/// 1 − |w|² below which a pole so near the boundary of the disc is solved for instead.
+const GAP_MIN: f64 = 1e-5;
+
 type Complex = [f64; 2];
 
 fn mul(a: Complex, b: Complex) -> Complex {
@@ -80,6 +83,11 @@ impl Conformal {
         Some(Self { mesh, topology, patch_vertices, x, y, gap })
     }
 
+    /// Whether the map still tells the poles' neighbourhoods apart from their surroundings.
+    pub fn is_precise_at(&self, poles: &[u32]) -> bool {
+        self.topology != Topology::Disc || poles.iter().all(|&p| self.gap[p as usize] > GAP_MIN)
+    }
+
     /// The chart for other poles. Its report is empty: nothing was solved.
     pub fn chart(&self, poles: &[u32]) -> Chart {
         let (u, depth) = match (self.topology, poles) {
@@ -126,7 +134,12 @@ impl Conformal {
             let angle = mul(top, [bottom[0], -bottom[1]]);
             // 1 − |w′|² = (1 − |a|²)(1 − |w|²) / |1 − āw|²
             let inside = (gap_a * self.gap[v] / norm2(bottom)).clamp(0.0, 1.0);
-            (angle[1].atan2(angle[0]) / std::f64::consts::TAU, -0.5 * (-inside).ln_1p())
+            // Each form where it is precise: near the boundary, and near the pole.
+            let depth = match inside < 0.5 {
+                true => -0.5 * (-inside).ln_1p(),
+                false => 0.5 * (norm2(bottom).max(1e-300).ln() - norm2(top).max(1e-300).ln()),
+            };
+            (angle[1].atan2(angle[0]) / std::f64::consts::TAU, depth)
         };
         (0..self.x.len()).map(one).unzip()
     }

@@ -26,12 +26,16 @@ impl Frame {
     }
 }
 
-/// Draws every triangle that covers a sample centre, nearest wins.
+/// Draws every triangle that covers a sample centre, nearest wins. They are taken from near to far, so that few
+/// samples are lit twice.
 pub(super) fn triangles(frame: &mut Frame, surface: &Surface, projected: &Projected, palette: &Palette) {
-    for (t, normals) in surface.triangles.iter().zip(&surface.normals) {
-        let corners = t.map(|v| projected.points[v as usize]);
-        let turned = normals.map(|n| projected.rotation * n);
-        triangle(frame, &corners, &turned, palette);
+    let corners = |t: usize| surface.triangles[t].map(|v| projected.points[v as usize]);
+    let nearest = |t: usize| corners(t).iter().map(|p| p.z).fold(0.0, f32::max);
+    let mut order: Vec<(f32, usize)> = (0..surface.triangles.len()).map(|t| (nearest(t), t)).collect();
+    order.sort_by(|a, b| b.0.total_cmp(&a.0));
+    for (_, t) in order {
+        let turned = surface.normals[t].map(|n| projected.rotation * n);
+        triangle(frame, &corners(t), &turned, palette);
     }
 }
 
@@ -45,12 +49,15 @@ fn triangle(frame: &mut Frame, corners: &[Vector3<f32>; 3], normals: &[Vector3<f
     let low = |x: f32, y: f32, z: f32| (x.min(y).min(z) - 0.5).ceil().clamp(0.0, last) as usize;
     let high = |x: f32, y: f32, z: f32| (x.max(y).max(z) - 0.5).floor().clamp(0.0, last) as usize;
     let (x0, x1, y0, y1) = (low(a.x, b.x, c.x), high(a.x, b.x, c.x), low(a.y, b.y, c.y), high(a.y, b.y, c.y));
+    // y runs down, so a front face turns clockwise: its area is negative.
+    let (sense, albedo) = if area < 0.0 { (1.0, palette.clay) } else { (-1.0, palette.inside) };
+    let inverse = 1.0 / area;
     for y in y0..=y1 {
         let py = y as f32 + 0.5;
         for x in x0..=x1 {
             let px = x as f32 + 0.5;
-            let wa = ((b.x - px) * (c.y - py) - (b.y - py) * (c.x - px)) / area;
-            let wb = ((c.x - px) * (a.y - py) - (c.y - py) * (a.x - px)) / area;
+            let wa = ((b.x - px) * (c.y - py) - (b.y - py) * (c.x - px)) * inverse;
+            let wb = ((c.x - px) * (a.y - py) - (c.y - py) * (a.x - px)) * inverse;
             let wc = 1.0 - wa - wb;
             if wa < 0.0 || wb < 0.0 || wc < 0.0 {
                 continue;
@@ -59,9 +66,8 @@ fn triangle(frame: &mut Frame, corners: &[Vector3<f32>; 3], normals: &[Vector3<f
             let at = y * frame.side + x;
             if depth > frame.depth[at] {
                 frame.depth[at] = depth;
-                // y runs down, so a front face turns clockwise: its area is negative.
                 let normal = normals[0] * wa + normals[1] * wb + normals[2] * wc;
-                frame.light[at] = if area < 0.0 { shade(normal, palette.clay) } else { shade(-normal, palette.inside) };
+                frame.light[at] = shade(normal * sense, albedo);
             }
         }
     }
@@ -139,30 +145,33 @@ fn hollows(frame: &Frame, side: usize, samples: usize) -> Vec<f32> {
         if inverse > 0.0 { 1.0 / inverse } else { f32::INFINITY }
     };
     let distance: Vec<f32> = (0..side * side).map(|k| away(k % side, k / side)).collect();
-    let radii = [0.010 * side as f32, 0.028 * side as f32];
+    // Steps in pixels, and about how far each is in space: the unit ball fills the picture.
+    let steps: Vec<(isize, isize, f32)> = [0.010, 0.028]
+        .into_iter()
+        .flat_map(|part: f32| {
+            let radius = (part * side as f32).max(1.0);
+            let whole = |d: f32| (d * radius).round() as isize;
+            DIRECTIONS.map(|(dx, dy)| (whole(dx), whole(dy), 0.5 * side as f32 / radius))
+        })
+        .collect();
+    let at = |x: isize, y: isize| {
+        let inside = (0..side as isize).contains(&x) && (0..side as isize).contains(&y);
+        if inside { distance[y as usize * side + x as usize] } else { f32::INFINITY }
+    };
     let mut factors = vec![1.0f32; side * side];
     for (k, factor) in factors.iter_mut().enumerate() {
         let here = distance[k];
         if !here.is_finite() {
             continue;
         }
-        let (x, y) = ((k % side) as f32, (k / side) as f32);
+        let (x, y) = ((k % side) as isize, (k / side) as isize);
         let mut dark = 0.0;
-        for radius in radii {
-            // The unit ball fills the picture: a step of `radius` pixels is about this far in space.
-            let reach = 2.0 * radius / side as f32;
-            let nearer = |dx: f32, dy: f32| {
-                let (qx, qy) = ((x + dx).round(), (y + dy).round());
-                let inside = qx >= 0.0 && qy >= 0.0 && qx < side as f32 && qy < side as f32;
-                let there = if inside { distance[qy as usize * side + qx as usize] } else { f32::INFINITY };
-                ((here - there) / reach).clamp(-1.5, 1.5)
-            };
-            for (dx, dy) in DIRECTIONS {
-                let bend = nearer(dx * radius, dy * radius) + nearer(-dx * radius, -dy * radius);
-                dark += (0.5 * bend).clamp(-0.35, 1.0);
-            }
+        for &(dx, dy, per_reach) in &steps {
+            let nearer = |x: isize, y: isize| ((here - at(x, y)) * per_reach).clamp(-1.5, 1.5);
+            let bend = nearer(x + dx, y + dy) + nearer(x - dx, y - dy);
+            dark += (0.5 * bend).clamp(-0.35, 1.0);
         }
-        *factor = (1.0 - 0.55 * dark / (2.0 * DIRECTIONS.len() as f32)).clamp(0.45, 1.12);
+        *factor = (1.0 - 0.55 * dark / steps.len() as f32).clamp(0.45, 1.12);
     }
     factors
 }

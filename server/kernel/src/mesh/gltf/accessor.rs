@@ -4,7 +4,7 @@ use super::container::Document;
 use super::malformed;
 use crate::mesh::Limits;
 use crate::mesh::error::{MeshError, Place, quoted};
-use ::gltf::json::accessor::{Accessor, ComponentType, Type};
+use ::gltf::json::accessor::{Accessor, ComponentType};
 use ::gltf::json::validation::Checked;
 use ::gltf::json::{Index, buffer};
 use std::borrow::Cow;
@@ -31,7 +31,7 @@ struct Layout {
     count: usize,
     width: usize,
     component: ComponentType,
-    normalized: Option<()>,
+    normalized: bool,
 }
 
 impl<'a> Numbers<'a> {
@@ -58,19 +58,25 @@ impl<'a> Numbers<'a> {
         };
         let count = accessor.count.0;
         if count > self.vertices_max as u64 {
-            return Err(MeshError::TooLarge { what: "accessor elements", found: count, limit: self.vertices_max as u64 });
+            return Err(MeshError::TooLarge {
+                what: "accessor elements",
+                found: count,
+                limit: self.vertices_max as u64,
+            });
         }
         let layout = Layout {
             offset: accessor.byte_offset.map_or(0, |offset| offset.0),
             count: count as usize,
-            width: width(kind),
+            width: kind.multiplicity(),
             component: component.0,
-            normalized: accessor.normalized.then_some(()),
+            normalized: accessor.normalized,
         };
         let mut numbers = match accessor.buffer_view {
             Some(view) => self.elements(place, view, layout)?,
             // Zeros, of which a file cannot need more than it has bytes.
-            None if accessor.sparse.is_some() && layout.count <= self.file_bytes => vec![0.0; layout.count * layout.width],
+            None if accessor.sparse.is_some() && layout.count <= self.file_bytes => {
+                vec![0.0; layout.count * layout.width]
+            }
             None => return Err(malformed(place, "a buffer view", format!("none for {count} elements"))),
         };
         if let Some(sparse) = &accessor.sparse {
@@ -83,7 +89,7 @@ impl<'a> Numbers<'a> {
                 count,
                 width: 1,
                 component: index_type.0,
-                normalized: None,
+                normalized: false,
             };
             let indices = self.elements(place, sparse.indices.buffer_view, indices)?;
             let values = Layout { offset: sparse.values.byte_offset.0, count, ..layout };
@@ -161,10 +167,6 @@ fn missing(what: &'static str, found: usize, available: usize) -> MeshError {
     malformed(Place::File, "references to what is in the file", format!("{what} {found} of {available}"))
 }
 
-fn width(kind: Type) -> usize {
-    kind.multiplicity()
-}
-
 /// A component from exactly its bytes.
 fn decode(layout: Layout, bytes: &[u8]) -> f64 {
     let word = |k: usize| bytes.get(k).copied().unwrap_or(0);
@@ -173,10 +175,12 @@ fn decode(layout: Layout, bytes: &[u8]) -> f64 {
         ComponentType::U8 => (f64::from(word(0)), f64::from(u8::MAX)),
         ComponentType::I16 => (f64::from(i16::from_le_bytes([word(0), word(1)])), f64::from(i16::MAX)),
         ComponentType::U16 => (f64::from(u16::from_le_bytes([word(0), word(1)])), f64::from(u16::MAX)),
-        ComponentType::U32 => (f64::from(u32::from_le_bytes([word(0), word(1), word(2), word(3)])), f64::from(u32::MAX)),
+        ComponentType::U32 => {
+            (f64::from(u32::from_le_bytes([word(0), word(1), word(2), word(3)])), f64::from(u32::MAX))
+        }
         ComponentType::F32 => (f64::from(f32::from_le_bytes([word(0), word(1), word(2), word(3)])), 1.0),
     };
-    if layout.normalized.is_some() { (value / largest).max(-1.0) } else { value }
+    if layout.normalized { (value / largest).max(-1.0) } else { value }
 }
 
 /// The bytes of a `data:` URI.
@@ -186,8 +190,7 @@ fn embedded(place: Place, uri: &str) -> Result<Vec<u8>, MeshError> {
     let Some((_, base64)) = data.split_once(";base64,") else {
         return Err(malformed(place, "a data URI in base64", quoted(uri.as_bytes())));
     };
-    decode_base64(base64.as_bytes())
-        .map_err(|byte| malformed(place, "base64", format!("the byte {}", quoted(&[byte]))))
+    decode_base64(base64.as_bytes()).map_err(|byte| malformed(place, "base64", format!("the byte {}", quoted(&[byte]))))
 }
 
 /// Decodes base64, with or without padding; the byte that does not belong there otherwise.
@@ -222,7 +225,9 @@ mod tests {
 
     #[test]
     fn base64_is_decoded_as_the_standard_says() {
-        for (text, bytes) in [("", ""), ("Zg==", "f"), ("Zm8=", "fo"), ("Zm9v", "foo"), ("Zm9vYg", "foob"), ("Zm9vYmFy", "foobar")] {
+        for (text, bytes) in
+            [("", ""), ("Zg==", "f"), ("Zm8=", "fo"), ("Zm9v", "foo"), ("Zm9vYg", "foob"), ("Zm9vYmFy", "foobar")]
+        {
             assert_eq!(decode_base64(text.as_bytes()).as_deref(), Ok(bytes.as_bytes()), "{text}");
         }
         assert_eq!(decode_base64(b"Zm9*"), Err(b'*'));

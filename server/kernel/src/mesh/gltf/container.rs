@@ -58,7 +58,11 @@ fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), MeshError> {
             JSON_CHUNK if json.is_none() => json = Some(chunk),
             BINARY_CHUNK if json.is_some() => binary = Some(chunk),
             _ if json.is_none() => {
-                return Err(malformed(Place::Byte(at as u64), "a JSON chunk first", format!("a chunk of kind {kind:#010x}")));
+                return Err(malformed(
+                    Place::Byte(at as u64),
+                    "a JSON chunk first",
+                    format!("a chunk of kind {kind:#010x}"),
+                ));
             }
             _ => {}
         }
@@ -114,8 +118,15 @@ fn string_length(text: &[u8]) -> usize {
 
 /// Extensions that change neither positions nor faces may be required.
 fn check_extensions(root: &Root) -> Result<(), MeshError> {
-    const HARMLESS: [&str; 7] =
-        ["KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_xmp", "KHR_mesh_quantization", "FB_ngon_encoding"];
+    const HARMLESS: [&str; 7] = [
+        "KHR_materials_",
+        "KHR_texture_",
+        "EXT_texture_",
+        "KHR_lights_",
+        "KHR_xmp",
+        "KHR_mesh_quantization",
+        "FB_ngon_encoding",
+    ];
     let is_harmless = |name: &String| HARMLESS.iter().any(|prefix| name.starts_with(prefix));
     match root.extensions_required.iter().find(|name| !is_harmless(name)) {
         Some(name) => Err(MeshError::Extension { name: quoted(name.as_bytes()) }),

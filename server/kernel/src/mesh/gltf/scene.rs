@@ -56,7 +56,8 @@ fn instances(numbers: &Numbers<'_>) -> Vec<(usize, Matrix4<f64>, Option<String>)
         }
     };
     let mut seen = vec![false; nodes.len()];
-    let mut stack: Vec<(usize, Matrix4<f64>)> = starts.into_iter().rev().map(|node| (node, Matrix4::identity())).collect();
+    let mut stack: Vec<(usize, Matrix4<f64>)> =
+        starts.into_iter().rev().map(|node| (node, Matrix4::identity())).collect();
     let mut found = Vec::new();
     while let Some((index, parent)) = stack.pop() {
         // A node that is met again, as in a cycle, is passed over.
@@ -158,7 +159,11 @@ impl<'l> Soup<'l> {
         match primitive.material {
             Some(material) => {
                 let found = numbers.document.root.materials.get(material.value()).and_then(|m| m.name.clone());
-                label(&mut self.materials, found.unwrap_or_else(|| format!("material {}", material.value())), faces.len());
+                label(
+                    &mut self.materials,
+                    found.unwrap_or_else(|| format!("material {}", material.value())),
+                    faces.len(),
+                );
             }
             None => self.materials.of_face.resize(self.faces.len(), NONE),
         }
@@ -253,7 +258,8 @@ fn faces(mode: Mode, indices: &[u32]) -> Polygons {
     let mut faces = Polygons::default();
     match mode {
         Mode::TriangleStrip => {
-            let oriented = |k: usize, w: &[u32]| if k % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] };
+            let oriented =
+                |k: usize, w: &[u32]| if k.is_multiple_of(2) { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] };
             let strip = indices.windows(3).enumerate().map(|(k, w)| oriented(k, w));
             strip.filter(distinct).for_each(|t| faces.push(&t));
         }

@@ -93,11 +93,17 @@ impl<'l> Reader<'l> {
                 self.normals.push(normal.into());
                 within("normals", self.normals.len(), self.limits.vertices_max)
             }
-            Some(b"g") => Ok(self.groups.set(words.rest())),
-            Some(b"o") => Ok(self.objects.set(words.rest())),
-            Some(b"usemtl") => Ok(self.materials.set(words.rest())),
             Some(b"t") => self.tag(at, words),
-            _ => Ok(()),
+            Some(keyword) => {
+                match keyword {
+                    b"g" => self.groups.set(words.rest()),
+                    b"o" => self.objects.set(words.rest()),
+                    b"usemtl" => self.materials.set(words.rest()),
+                    _ => {}
+                }
+                Ok(())
+            }
+            None => Ok(()),
         }
     }
 
@@ -283,6 +289,7 @@ struct Labels {
 }
 
 impl Labels {
+    /// Sets the name of the faces that follow.
     fn set(&mut self, name: &[u8]) {
         self.current = name.to_vec();
         self.current_index = name.is_empty().then_some(NONE);

@@ -86,7 +86,7 @@ impl<'a> Body<'a> {
     fn count(&mut self, count: Scalar, value: Scalar) -> Result<usize, MeshError> {
         let found = self.scalar(count)?;
         let room = match self {
-            Self::Ascii { words, .. } => words.rest().len().div_ceil(2),
+            Self::Ascii { words, .. } => words.bytes_left() / 2,
             Self::Binary { rest, .. } => rest.len() / value.size(),
         };
         if found >= 0.0 && found <= room as f64 && found.fract() == 0.0 {

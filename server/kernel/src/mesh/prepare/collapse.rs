@@ -13,7 +13,7 @@ use crate::mesh::{NONE, Vec3};
 use std::collections::HashMap;
 
 /// Edges shorter than this fraction of the bounding box's diagonal have no length.
-const LENGTH_MIN: f64 = 1e-9;
+const LENGTH_MIN: f64 = 1e-12;
 /// Triangles with less than this fraction of their longest side squared as area are flat.
 const FLAT: f64 = 1e-12;
 /// Rounds of setting vertices apart again before all are.

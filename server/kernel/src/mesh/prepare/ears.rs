@@ -146,9 +146,13 @@ impl<'p> Ring<'p> {
             Strictness::Flat if area < 0.0 => return false,
             _ => {}
         }
-        let (gone, points, corner) = (&self.gone, self.points, [a, b, c]);
-        let blocks = |q: usize| !gone[q] && !corner.contains(&points[q]) && contains(corner, points[q]);
-        self.grid.none_in(corner, &mut self.tests_left, blocks)
+        let (gone, points, before, after) = (&self.gone, self.points, &self.before, &self.after);
+        let role = |q: usize| match points[q] {
+            _ if gone[q] || twice_area(points[before[q]], points[q], points[after[q]]) > 0.0 => Role::Done,
+            p if p != a && p != b && p != c && contains([a, b, c], p) => Role::Blocks,
+            _ => Role::Aside,
+        };
+        self.grid.none_in([a, b, c], &mut self.tests_left, role)
     }
 }
 
@@ -173,6 +177,8 @@ struct Grid {
     cells_per_unit: Point,
     side: usize,
     starts: Vec<usize>,
+    /// Members of each cell; they are taken out when they are found to block no more.
+    counts: Vec<usize>,
     members: Vec<usize>,
 }
 
@@ -186,12 +192,19 @@ impl Grid {
             let extent = high[axis] - low[axis];
             if extent > 0.0 { side as f64 / extent } else { 0.0 }
         };
-        let mut grid =
-            Self { low, cells_per_unit: [per_unit(0), per_unit(1)], side, starts: Vec::new(), members: reflex };
+        let mut grid = Self {
+            low,
+            cells_per_unit: [per_unit(0), per_unit(1)],
+            side,
+            starts: Vec::new(),
+            counts: Vec::new(),
+            members: reflex,
+        };
         let mut keyed: Vec<(usize, usize)> = grid.members.iter().map(|k| (grid.cell(points[*k]), *k)).collect();
         keyed.sort_unstable();
         grid.starts = vec![0; side * side + 1];
         keyed.iter().for_each(|(cell, _)| grid.starts[cell + 1] += 1);
+        grid.counts = grid.starts[1..].to_vec();
         (0..side * side).for_each(|cell| grid.starts[cell + 1] += grid.starts[cell]);
         grid.members = keyed.into_iter().map(|(_, k)| k).collect();
         grid
@@ -205,25 +218,43 @@ impl Grid {
         self.along(1, p[1]) * self.side + self.along(0, p[0])
     }
 
-    /// Whether no member in the triangle's box `blocks`; false as well when no tests are left.
-    fn none_in(&self, [a, b, c]: [Point; 3], tests_left: &mut usize, blocks: impl Fn(usize) -> bool) -> bool {
-        let range = |axis: usize| {
+    /// Whether no member in the triangle's box blocks; false as well when no tests are left.
+    fn none_in(&mut self, [a, b, c]: [Point; 3], tests_left: &mut usize, role: impl Fn(usize) -> Role) -> bool {
+        let range = |grid: &Self, axis: usize| {
             let (low, high) = (a[axis].min(b[axis]).min(c[axis]), a[axis].max(b[axis]).max(c[axis]));
-            self.along(axis, low)..=self.along(axis, high)
+            grid.along(axis, low)..=grid.along(axis, high)
         };
-        for row in range(1) {
-            for column in range(0) {
+        for row in range(self, 1) {
+            for column in range(self, 0) {
                 let cell = row * self.side + column;
-                let members = &self.members[self.starts[cell]..self.starts[cell + 1]];
-                let Some(left) = tests_left.checked_sub(members.len() + 1) else { return false };
+                let Some(left) = tests_left.checked_sub(self.counts[cell] + 1) else { return false };
                 *tests_left = left;
-                if members.iter().any(|k| blocks(*k)) {
-                    return false;
+                let start = self.starts[cell];
+                let mut k = start;
+                while k < start + self.counts[cell] {
+                    match role(self.members[k]) {
+                        Role::Blocks => return false,
+                        Role::Aside => k += 1,
+                        Role::Done => {
+                            self.counts[cell] -= 1;
+                            self.members[k] = self.members[start + self.counts[cell]];
+                        }
+                    }
                 }
             }
         }
         true
     }
+}
+
+/// What a reflex corner is for an ear.
+enum Role {
+    /// It lies in the ear.
+    Blocks,
+    /// It lies elsewhere.
+    Aside,
+    /// It is cut off or no longer reflex, and blocks no ear any more.
+    Done,
 }
 
 #[cfg(test)]
@@ -233,7 +264,8 @@ mod tests {
 
     fn star(n: usize) -> Vec<Point> {
         let at = |k: usize| {
-            let (angle, radius) = (std::f64::consts::TAU * k as f64 / n as f64, if k % 2 == 0 { 1.0 } else { 0.3 });
+            let (angle, radius) =
+                (std::f64::consts::TAU * k as f64 / n as f64, if k.is_multiple_of(2) { 1.0 } else { 0.3 });
             [radius * angle.cos(), radius * angle.sin()]
         };
         (0..n).map(at).collect()

@@ -34,7 +34,7 @@ pub(super) fn cut(surface: &Surface, vertices: &mut Vertices, repairs: &mut Repa
         let row = &vertices.of_corner[start..start + surface.rows.face(r).len()];
         let face = surface.face_of[r];
         let done = match *row {
-            [a, b, c] => cutter.push([a, b, c], row, face),
+            [a, b, c] => cutter.triangle([a, b, c], face),
             [a, b, c, d] => cutter.quad([a, b, c, d], &vertices.positions, face),
             _ => cutter.polygon(row, &vertices.positions, face),
         };
@@ -94,20 +94,16 @@ struct Cutter {
 }
 
 impl Cutter {
-    /// Adds a triangle of a row unless it has a corner twice; edges that are not of the row are phantoms.
-    fn push(&mut self, corners: [u32; 3], row: &[u32], face: u32) -> bool {
+    fn triangle(&mut self, corners: [u32; 3], face: u32) -> bool {
         let [a, b, c] = corners;
-        if a == b || b == c || c == a {
-            return false;
+        let proper = a != b && b != c && c != a;
+        if proper {
+            self.push(corners, [false; 3], face);
         }
-        self.triangles.corners.push(corners);
-        self.triangles.phantom.push([false; 3]);
-        self.triangles.face_of.push(face);
-        debug_assert!(row.len() >= 3);
-        true
+        proper
     }
 
-    fn push_cut(&mut self, corners: [u32; 3], phantom: [bool; 3], face: u32) {
+    fn push(&mut self, corners: [u32; 3], phantom: [bool; 3], face: u32) {
         self.triangles.corners.push(corners);
         self.triangles.phantom.push(phantom);
         self.triangles.face_of.push(face);
@@ -126,8 +122,8 @@ impl Cutter {
         for [a, b, c, d] in order {
             if self.edges.is_free(a, c) && a != b && b != c && c != d && d != a && b != d {
                 self.edges.add(a, c);
-                self.push_cut([a, b, c], [false, false, true], face);
-                self.push_cut([a, c, d], [true, false, false], face);
+                self.push([a, b, c], [false, false, true], face);
+                self.push([a, c, d], [true, false, false], face);
                 return true;
             }
         }
@@ -156,7 +152,7 @@ impl Cutter {
         };
         for t in triangles {
             let phantom = [0, 1, 2].map(|k| (t[k] + 1) % n != t[(k + 1) % 3]);
-            self.push_cut(t.map(|k| row[k]), phantom, face);
+            self.push(t.map(|k| row[k]), phantom, face);
         }
         true
     }
@@ -164,7 +160,7 @@ impl Cutter {
     /// Cuts a row from a vertex at its centre.
     fn centred(&mut self, row: &[u32], centre: u32, face: u32) {
         for (a, b) in row.iter().zip(row.iter().cycle().skip(1)) {
-            self.push_cut([*a, *b, centre], [false, true, true], face);
+            self.push([*a, *b, centre], [false, true, true], face);
         }
     }
 }

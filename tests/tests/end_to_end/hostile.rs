@@ -1,0 +1,108 @@
+//! Hostile files are refused with a typed problem that helps, and the server lives on.
+
+use crate::Place;
+use quadmuse_tests::{http, shared};
+use serde_json::Value;
+use std::{
+    fmt::Write,
+    path::Path,
+    time::{Duration, Instant},
+};
+
+/// How long one file may occupy the server.
+const FILE_TIME_MAX: Duration = Duration::from_secs(10);
+
+/// Bad files, each with the code that it is to be refused with.
+fn samples() -> Vec<(&'static str, Vec<u8>, &'static str)> {
+    let mut fan = String::from("v 0 0 0\nv 0 0 1\n");
+    for i in 0..5 {
+        let _ = writeln!(fan, "v 1 {i} 0\nf 1 2 {}", i + 3);
+    }
+    let huge_counts = "ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\nproperty float y\n\
+                       property float z\nelement face 4000000000\nproperty list uchar int vertex_indices\nend_header\n";
+    let mut huge_stl = vec![b' '; 80];
+    huge_stl.extend(u32::MAX.to_le_bytes());
+    vec![
+        ("empty.obj", b"".to_vec(), "mesh_empty"),
+        ("points.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_vec(), "mesh_empty"),
+        ("range.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n".to_vec(), "mesh_unreadable"),
+        ("nan.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".to_vec(), "mesh_unreadable"),
+        ("garbage.obj", (0..=255).cycle().take(5000).collect(), "mesh_unreadable"),
+        ("counts.ply", huge_counts.as_bytes().to_vec(), "mesh_unreadable"),
+        ("cut.stl", huge_stl, "mesh_unreadable"),
+        ("counts.off", b"OFF\n4000000000 4000000000 0\n".to_vec(), "mesh_unreadable"),
+        ("not.glb", b"glTF\x02\0\0\0\xff\xff\xff\xff".to_vec(), "mesh_unreadable"),
+        ("fan.obj", fan.into_bytes(), "mesh_not_manifold"),
+    ]
+}
+
+/// Sees to it that an answer is success, or a refusal as RFC 9457 has it that says what and why.
+fn check(name: &str, answer: &http::Answer) -> Option<Value> {
+    assert!(answer.status < 500, "{name}: {} {}", answer.status, answer.text());
+    if answer.status < 300 {
+        return None;
+    }
+    let content_type = answer.header("content-type").unwrap_or_default();
+    assert_eq!(content_type, "application/problem+json", "{name}");
+    let problem: Value = serde_json::from_slice(&answer.body).unwrap_or_else(|_| panic!("{name}: {}", answer.text()));
+    for field in ["type", "title", "detail", "code", "request_id"] {
+        assert!(problem[field].as_str().is_some_and(|text| !text.is_empty()), "{name}: no {field} in {problem}");
+    }
+    assert_eq!(problem["status"], answer.status, "{name}");
+    Some(problem)
+}
+
+#[test]
+fn bad_files_are_refused_with_the_code_that_fits() {
+    let place = Place::new();
+    let (mut server, client) = place.serve();
+    for (name, bytes, code) in samples() {
+        for endpoint in ["/v1/examples", "/v1/queries"] {
+            let media_type = quadmuse_proto::MeshFormat::from_file_name(name).expect("a format").media_type();
+            let answer = http::post(server.address(), endpoint, media_type, &bytes).expect("an answer");
+            let problem = check(name, &answer).unwrap_or_else(|| panic!("{name} was taken: {}", answer.text()));
+            assert_eq!(problem["code"], code, "{name}: {problem}");
+        }
+    }
+    assert!(server.is_alive(), "{}", server.log());
+    // The client names the file and the reason.
+    let bad = place.file("range.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n");
+    let good = place.heads(1).remove(0);
+    let ran = crate::run(&client, &["add"], &[&bad, &good]);
+    assert_eq!(ran.code, Some(1));
+    assert!(ran.notes.contains("range.obj") && ran.notes.contains('9') && ran.notes.contains('4'), "{}", ran.notes);
+    assert!(ran.out.contains("head_0.obj"), "{}", ran.out);
+}
+
+#[test]
+fn shared_hostile_files_never_cost_the_server_its_life() {
+    let Some(shared) = shared::folder_or_say("the shared hostile files") else { return };
+    let place = Place::new();
+    let (mut server, _client) = place.serve();
+    let folder = shared.join("meshes/hostile");
+    let mut files: Vec<_> = std::fs::read_dir(&folder).expect("lists").flatten().map(|entry| entry.path()).collect();
+    files.retain(|path| path.is_file() && !["csv", "md"].iter().any(|end| path.extension().is_some_and(|e| e == *end)));
+    files.sort();
+    let (mut refused, mut taken) = (0, 0);
+    for path in &files {
+        let bytes = std::fs::read(path).expect("reads");
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let begun = Instant::now();
+        let answer = http::post(server.address(), "/v1/examples", media_type(path), &bytes).unwrap_or_else(|error| {
+            panic!("{name}: no answer ({error}); the server is {}", if server.is_alive() { "alive" } else { "dead" })
+        });
+        assert!(begun.elapsed() < FILE_TIME_MAX, "{name} took {:?}", begun.elapsed());
+        match check(&name, &answer) {
+            Some(_) => refused += 1,
+            None => taken += 1,
+        }
+    }
+    assert!(server.is_alive(), "{}", server.log());
+    eprintln!("{refused} hostile files refused, {taken} taken");
+    assert!(refused >= 20, "only {refused} of {} were refused", files.len());
+}
+
+fn media_type(path: &Path) -> &'static str {
+    let format = quadmuse_proto::MeshFormat::from_file_name(&path.to_string_lossy());
+    format.map_or("application/octet-stream", quadmuse_proto::MeshFormat::media_type)
+}
