@@ -106,17 +106,17 @@ fn demo(args: &crate::config::DemoArgs) -> Result<(), CommandError> {
 }
 
 fn existing(store: &StoreArgs) -> Result<Store, CommandError> {
-    if !store.data.join(quadmuse_migrations::SCHEMA_FILE).exists() {
-        return Err(CommandError::NoStore(store.data.clone()));
+    if !store.dir().join(quadmuse_migrations::SCHEMA_FILE).exists() {
+        return Err(CommandError::NoStore(store.dir()));
     }
-    Ok(Store::open(&store.data, &OpenOptions::default())?.0)
+    Ok(Store::open(&store.dir(), &OpenOptions::default())?.0)
 }
 
 fn migrate(store: &StoreArgs, dry_run: bool) -> Result<(), CommandError> {
-    if !store.data.join(quadmuse_migrations::SCHEMA_FILE).exists() {
-        return Err(CommandError::NoStore(store.data.clone()));
+    if !store.dir().join(quadmuse_migrations::SCHEMA_FILE).exists() {
+        return Err(CommandError::NoStore(store.dir()));
     }
-    let found = quadmuse_migrations::read_schema(&store.data)?;
+    let found = quadmuse_migrations::read_schema(&store.dir())?;
     let current = quadmuse_migrations::CURRENT;
     match found {
         found if found == current => say(&format!("the store is of schema {current}, this release's: nothing to do")),
@@ -179,15 +179,19 @@ fn backup(store: &StoreArgs, file: &Path) -> Result<(), CommandError> {
 fn restore(store: &StoreArgs, file: &Path) -> Result<(), CommandError> {
     let path = file.to_owned();
     let opened = File::open(file).map_err(|source| CommandError::File { doing: "read", path, source })?;
-    let (_, report) = Store::restore(&store.data, &OpenOptions::default(), &mut BufReader::new(opened))?;
-    say(&format!("{} examples in {}", report.examples, store.data.display()));
+    let (_, report) = Store::restore(&store.dir(), &OpenOptions::default(), &mut BufReader::new(opened))?;
+    say(&format!("{} examples in {}", report.examples, store.dir().display()));
     Ok(())
 }
 
 fn token(store: &StoreArgs, action: TokenAction) -> Result<(), CommandError> {
-    let dir = &store.data;
-    std::fs::create_dir_all(dir).map_err(|source| CommandError::File { doing: "create", path: dir.clone(), source })?;
-    let tokens = Tokens::beside(dir);
+    let dir = store.dir();
+    std::fs::create_dir_all(&dir).map_err(|source| CommandError::File {
+        doing: "create",
+        path: dir.clone(),
+        source,
+    })?;
+    let tokens = Tokens::beside(&dir);
     match action {
         TokenAction::Create { role, name } => {
             let (token, record) = tokens.create(role, &name)?;

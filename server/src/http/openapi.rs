@@ -55,7 +55,7 @@ fn finish_path(path: &mut Value) {
             json!({ "description": "A problem", "content": { problem::MEDIA_TYPE: { "schema": schema } } });
         operation["security"] = json!([{}, { "token": [] }]);
         if let Some(responses) = operation["responses"].as_object_mut() {
-            responses.values_mut().for_each(|response| add_msgpack(response));
+            responses.values_mut().for_each(add_msgpack);
         }
         if operation.get("requestBody").is_some() {
             add_msgpack(&mut operation["requestBody"]);

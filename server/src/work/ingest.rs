@@ -57,7 +57,8 @@ pub async fn add(
     }
     let estimate = work.engine.memory_estimate(upload.bytes.len() as u64);
     let job = work.pool.admit(caller.user, estimate, Some(REQUEST_TIME_MAX))?;
-    let model = read(work, &job, Lane::Ingest, &upload).await?;
+    // A bad mesh is refused soon, however busy the encoders are.
+    let model = read(work, &job, Lane::Coarse, &upload).await?;
     let segments = encode_all(work, &job, &model).await?;
     let new = NewExample {
         name: annotation.name,

@@ -34,7 +34,7 @@ async fn lines_begin_level_by_level_and_end() {
             Event::Level(ranking) if ranking.segment == segment => Some(ranking.level),
             _ => None,
         });
-        levels.last()
+        levels.max()
     };
     assert_eq!((finest(0), finest(1)), (Some(128), Some(128)));
 }
