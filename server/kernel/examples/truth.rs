@@ -57,7 +57,7 @@ fn main() {
             let exq = Query::new(&patch, &Default::default()).unwrap();
             let at = map::atlas::Atlas::build(&exq, &query, &solver, &never).unwrap();
             if let Some(at) = at {
-                let m = at.cross_map();
+                let m = at.cross_map(&[]).unwrap();
                 let mut e: Vec<f64> = m.positions.iter().zip(&truth_mesh.positions).map(|(l, t)| 100.0 * (l - t).norm() / area.sqrt()).collect();
                 e.sort_by(f64::total_cmp);
                 println!("{:9} {:46} ATLAS med {:6.3} p95 {:6.2} max {:.1} matches {} of {}/{} mirrored {} cost {:.3} {:.0} ms", c[0], &c[6][6..c[6].len().min(52)], e[e.len()/2], e[e.len()*95/100], e[e.len()-1], at.matches.len(), exq.protrusions().len(), query.protrusions().len(), at.mirrored, at.cost, t.elapsed().as_secs_f64()*1e3);
