@@ -21,7 +21,9 @@ const SCHEMA_ROW: &[u8] = b"schema";
 #[derive(Debug, thiserror::Error)]
 pub enum MigrationError {
     /// The store was written by a newer release.
-    #[error("expected schema {supported} or older, found schema {found}; use the release that wrote the store or a newer one")]
+    #[error(
+        "expected schema {supported} or older, found schema {found}; use the release that wrote the store or a newer one"
+    )]
     Newer {
         /// Schema of the store.
         found: u32,

@@ -3,12 +3,12 @@
 use std::fs;
 use std::path::Path;
 
+use crate::derived::Part;
 use crate::engine::Engine;
 use crate::error::StoreError;
 use crate::files::{self, sync_dir};
 use crate::recover::{INDEX_DIR, remove_tree};
 use crate::shared::Shared;
-use crate::derived::Part;
 
 /// A copy under way; worthless after a kill.
 const COPY_DIR: &str = "index.copy";

@@ -84,10 +84,13 @@ impl Failure {
 fn guarded<T>(call: impl FnOnce() -> sled::Result<T>) -> Result<T, Failure> {
     match catch_unwind(AssertUnwindSafe(call)) {
         Ok(Ok(value)) => Ok(value),
-        Ok(Err(sled::Error::Io(error))) if error.kind() != ErrorKind::UnexpectedEof => Err(Failure::Io(error.to_string())),
+        Ok(Err(sled::Error::Io(error))) if error.kind() != ErrorKind::UnexpectedEof => {
+            Err(Failure::Io(error.to_string()))
+        }
         Ok(Err(error)) => Err(Failure::Damaged(error.to_string())),
         Err(panic) => {
-            let text = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
+            let text =
+                panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
             Err(Failure::Panic(format!("panic: {}", text.unwrap_or("without a message"))))
         }
     }
@@ -110,10 +113,12 @@ impl Engine {
     /// Opens or creates the index in `dir`, and carries out pending migrations of the store around it.
     pub(crate) fn open(store: &Path, dir: &Path, cache_bytes: u64) -> Result<Engine, Failure> {
         let other = |error: &dyn std::fmt::Display| Failure::Io(error.to_string());
-        let config = sled::Config::new().path(dir).segment_size(SEGMENT_BYTES).cache_capacity(cache_bytes).flush_every_ms(None);
+        let config =
+            sled::Config::new().path(dir).segment_size(SEGMENT_BYTES).cache_capacity(cache_bytes).flush_every_ms(None);
         let new = !dir.join("db").exists();
         let db = guarded(|| config.open())?;
-        let migrate = || Ok(quadmuse_migrations::run(store, &db, &mut |progress| tracing::info!(?progress, "migrating")));
+        let migrate =
+            || Ok(quadmuse_migrations::run(store, &db, &mut |progress| tracing::info!(?progress, "migrating")));
         guarded(migrate)?.map_err(|error| other(&error))?;
         let tree = |name: &str| guarded(|| db.open_tree(name));
         let file = File::open(dir.join("db")).map_err(|error| other(&error))?;
@@ -251,7 +256,13 @@ impl Engine {
     }
 
     /// Reads `length` bytes in chunks; the inner error says what is wrong with them.
-    fn gather(&self, tree: &sled::Tree, name: &str, length: usize, key: impl Fn(u16) -> Vec<u8>) -> Result<Result<Vec<u8>, String>, Failure> {
+    fn gather(
+        &self,
+        tree: &sled::Tree,
+        name: &str,
+        length: usize,
+        key: impl Fn(u16) -> Vec<u8>,
+    ) -> Result<Result<Vec<u8>, String>, Failure> {
         let mut bytes = Vec::with_capacity(length.min(1 << 20));
         for chunk in 0..length.div_ceil(CHUNK_BYTES) {
             let key = key(chunk as u16);
@@ -280,7 +291,12 @@ impl Engine {
     }
 
     /// Switches a segment to these parts, and notes the former ones as garbage.
-    pub(crate) fn put_pointer(&self, key: SegmentKey, pointer: &Pointer, former: Option<&Pointer>) -> Result<(), Failure> {
+    pub(crate) fn put_pointer(
+        &self,
+        key: SegmentKey,
+        pointer: &Pointer,
+        former: Option<&Pointer>,
+    ) -> Result<(), Failure> {
         let row = rmp_serde::to_vec_named(pointer).map_err(|error| Failure::Io(error.to_string()))?;
         let at = keys::segment(key);
         guarded(|| {
@@ -334,7 +350,12 @@ impl Engine {
     }
 
     /// The bytes of a part as they were written; the inner error says how it is damaged.
-    pub(crate) fn part(&self, key: SegmentKey, pointer: &Pointer, kind: PartKind) -> Result<Result<Vec<u8>, String>, Failure> {
+    pub(crate) fn part(
+        &self,
+        key: SegmentKey,
+        pointer: &Pointer,
+        kind: PartKind,
+    ) -> Result<Result<Vec<u8>, String>, Failure> {
         let Some(length) = pointer.length(kind) else { return Ok(Err("part missing".into())) };
         self.gather(&self.parts, "parts", length, |chunk| keys::part(key, pointer.generation(), kind, chunk))
     }
@@ -356,6 +377,10 @@ impl PartSource for Reader<'_> {
             Err(failure.reason().to_owned())
         });
         bytes.map_err(|reason| self.damaged(kind, &reason))
+    }
+
+    fn has(&self, kind: PartKind) -> bool {
+        self.pointer.has(kind)
     }
 
     fn damaged(&self, kind: PartKind, reason: &str) -> StoreError {

@@ -15,7 +15,9 @@ pub enum StoreError {
         id: ExampleId,
     },
     /// The ground state of one example is damaged; the others are served.
-    #[error("expected the example {id} whole, found it quarantined ({reason}); add the same mesh again to heal it, or remove it")]
+    #[error(
+        "expected the example {id} whole, found it quarantined ({reason}); add the same mesh again to heal it, or remove it"
+    )]
     Quarantined {
         /// The damaged example.
         id: ExampleId,
@@ -23,7 +25,9 @@ pub enum StoreError {
         reason: String,
     },
     /// An encoding doesn't match its checksums; encode the segment anew from the mesh.
-    #[error("expected an intact encoding of segment {segment} of {id}, found {part} damaged ({reason}); encode it again from its mesh")]
+    #[error(
+        "expected an intact encoding of segment {segment} of {id}, found {part} damaged ({reason}); encode it again from its mesh"
+    )]
     DamagedDerived {
         /// The example.
         id: ExampleId,
@@ -43,7 +47,9 @@ pub enum StoreError {
         segment: u32,
     },
     /// The encoding has no pyramid level of this side.
-    #[error("expected a pyramid level of side {side} in segment {segment} of {id}, found none; ask for one of its levels")]
+    #[error(
+        "expected a pyramid level of side {side} in segment {segment} of {id}, found none; ask for one of its levels"
+    )]
     NoSuchLevel {
         /// The example.
         id: ExampleId,
@@ -75,7 +81,9 @@ pub enum StoreError {
         available: u64,
     },
     /// Writing is suspended after a failure; the store tries by itself to resume.
-    #[error("expected a writable store, found it read-only ({reason}); it resumes by itself once the cause is gone, try again later")]
+    #[error(
+        "expected a writable store, found it read-only ({reason}); it resumes by itself once the cause is gone, try again later"
+    )]
     ReadOnly {
         /// The failure that suspended writing.
         reason: String,
@@ -84,7 +92,9 @@ pub enum StoreError {
     #[error("expected room in the queue of writes, found it full; try again shortly")]
     Busy,
     /// The store was written by a newer release. Not a byte was changed.
-    #[error("expected a store of schema {supported} or older, found schema {found}; use the release that wrote it or a newer one")]
+    #[error(
+        "expected a store of schema {supported} or older, found schema {found}; use the release that wrote it or a newer one"
+    )]
     Newer {
         /// Schema of the directory.
         found: u32,
@@ -111,7 +121,9 @@ pub enum StoreError {
         source: io::Error,
     },
     /// The embedded database failed or panicked; the handle is not used any further.
-    #[error("expected the index to {doing}, found a failure ({reason}); the store goes read-only and reopens it by itself")]
+    #[error(
+        "expected the index to {doing}, found a failure ({reason}); the store goes read-only and reopens it by itself"
+    )]
     Engine {
         /// What was attempted.
         doing: &'static str,

@@ -109,7 +109,8 @@ impl Objects {
 
     /// Removes what `keep` doesn't want and what writing left behind; returns how many files.
     pub(crate) fn collect(&self, keep: impl Fn(ContentHash) -> bool) -> Result<usize, StoreError> {
-        let garbage = |name: &&String| name.starts_with(TEMPORARY) || ContentHash::from_hex(name).is_some_and(|hash| !keep(hash));
+        let garbage =
+            |name: &&String| name.starts_with(TEMPORARY) || ContentHash::from_hex(name).is_some_and(|hash| !keep(hash));
         let names = names(&self.dir)?;
         names.iter().filter(garbage).try_fold(0, |count, name| remove(&self.dir.join(name)).map(|()| count + 1))
     }
@@ -177,7 +178,8 @@ impl Ground {
 
 /// A record as bytes: a MessagePack map, so that a field can be added.
 pub(crate) fn encode(record: &ExampleRecord) -> Result<Vec<u8>, StoreError> {
-    rmp_serde::to_vec_named(record).map_err(|error| crate::record::invalid("a record", "to serialise".into(), error.to_string()))
+    rmp_serde::to_vec_named(record)
+        .map_err(|error| crate::record::invalid("a record", "to serialise".into(), error.to_string()))
 }
 
 pub(crate) fn decode(bytes: &[u8]) -> Result<ExampleRecord, String> {

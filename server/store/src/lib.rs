@@ -34,12 +34,14 @@ mod writer;
 pub use backup::BackupReport;
 pub use check::{CheckReport, Problem};
 pub use codec::LEVEL_SIDE_MAX;
-pub use derived::{ChartRecord, Coarse, DerivedSegment, FEATURES_MAX, Feature, Level, PART_BYTES_MAX, POLES_MAX, SIGNATURE_MAX};
+pub use derived::{
+    ChartRecord, Coarse, DerivedSegment, FEATURES_MAX, Feature, Level, PART_BYTES_MAX, POLES_MAX, SIGNATURE_MAX,
+};
 pub use error::StoreError;
 pub use index::{Filter, Page, Snapshot};
 pub use record::{
-    ContentHash, ExampleRecord, FORMAT_BYTES_MAX, NAME_BYTES_MAX, NewSegmentation, Patch, REPAIR_BYTES_MAX, REPAIRS_MAX, RELEVANCE_MAX,
-    SEGMENTS_MAX, SegmentSummary, Segmentation, TAG_BYTES_MAX, TAGS_MAX, Topology,
+    ContentHash, ExampleRecord, FORMAT_BYTES_MAX, NAME_BYTES_MAX, NewSegmentation, Patch, RELEVANCE_MAX,
+    REPAIR_BYTES_MAX, REPAIRS_MAX, SEGMENTS_MAX, SegmentSummary, Segmentation, TAG_BYTES_MAX, TAGS_MAX, Topology,
 };
 pub use recover::OpenReport;
 pub use shared::{FreeSpace, OpenOptions};

@@ -70,7 +70,8 @@ pub(crate) fn open_index(store: &Path, cache_bytes: u64, report: &mut OpenReport
     fs::rename(&dir, &aside).map_err(StoreError::io("move aside", &dir))?;
     files::sync_dir(store)?;
     report.index_rebuilt = Some(refused);
-    open_in_time(store, &dir, cache_bytes).map_err(|failure| StoreError::Engine { doing: "build", reason: failure.reason().to_owned() })
+    open_in_time(store, &dir, cache_bytes)
+        .map_err(|failure| StoreError::Engine { doing: "build", reason: failure.reason().to_owned() })
 }
 
 /// The database's own settings and snapshot are written anew from its log when they are gone.
@@ -92,7 +93,8 @@ pub(crate) fn remove_tree(dir: &Path) -> Result<(), StoreError> {
 
 /// Opens the database on a thread of its own: damaged, it may never come back.
 fn open_in_time(store: &Path, dir: &Path, cache_bytes: u64) -> Result<Engine, Failure> {
-    let deadline = OPEN_DEADLINE + Duration::from_secs(fs::metadata(dir.join("db")).map_or(0, |facts| facts.len()) / OPEN_BYTES_S);
+    let deadline =
+        OPEN_DEADLINE + Duration::from_secs(fs::metadata(dir.join("db")).map_or(0, |facts| facts.len()) / OPEN_BYTES_S);
     let begun = Instant::now();
     loop {
         let (sender, receiver) = mpsc::sync_channel(1);
@@ -101,7 +103,9 @@ fn open_in_time(store: &Path, dir: &Path, cache_bytes: u64) -> Result<Engine, Fa
         let thread = std::thread::Builder::new().name("store-open".into()).spawn(open);
         thread.map_err(|error| Failure::Io(error.to_string()))?;
         match receiver.recv_timeout(deadline) {
-            Ok(Err(Failure::Io(reason))) if reason.contains("could not acquire lock") && begun.elapsed() < LOCK_WAIT => {
+            Ok(Err(Failure::Io(reason)))
+                if reason.contains("could not acquire lock") && begun.elapsed() < LOCK_WAIT =>
+            {
                 std::thread::sleep(Duration::from_millis(20));
             }
             Ok(result) => return result,
@@ -204,7 +208,8 @@ impl Reconcile<'_> {
     fn settle(&mut self, id: ExampleId, known: Known, index: &mut Index) -> Result<(), StoreError> {
         let half = known.row.is_none() != known.revisions.is_empty();
         let mut reasons = Vec::new();
-        let mut best = known.row.and_then(|row| row.map_err(|reason| reasons.push(reason)).ok().filter(|record| record.id == id));
+        let mut best =
+            known.row.and_then(|row| row.map_err(|reason| reasons.push(reason)).ok().filter(|record| record.id == id));
         let in_index = best.as_ref().map(|record| record.revision);
         for &revision in known.revisions.iter().rev() {
             if in_index.is_some_and(|found| found >= revision) {
@@ -223,9 +228,13 @@ impl Reconcile<'_> {
             index.apply(Change::Quarantined(id, reasons.join("; ")));
             return Ok(());
         };
-        let broken = record.objects().zip([Some(record.bytes), None]).find_map(|(object, bytes)| match self.objects.length(object) {
-            None => Some(format!("object {object} is missing")),
-            Some(found) => bytes.filter(|&bytes| bytes != found).map(|_| format!("object {object} has {found} bytes")),
+        let broken = record.objects().zip([Some(record.bytes), None]).find_map(|(object, bytes)| {
+            match self.objects.length(object) {
+                None => Some(format!("object {object} is missing")),
+                Some(found) => {
+                    bytes.filter(|&bytes| bytes != found).map(|_| format!("object {object} has {found} bytes"))
+                }
+            }
         });
         if half && broken.is_some() && self.report.index_rebuilt.is_none() {
             return self.drop_half(id, &known.revisions);
@@ -246,7 +255,12 @@ impl Reconcile<'_> {
         Ok(())
     }
 
-    fn write_missing(&mut self, record: &ExampleRecord, in_index: Option<u32>, revisions: &[u32]) -> Result<(), StoreError> {
+    fn write_missing(
+        &mut self,
+        record: &ExampleRecord,
+        in_index: Option<u32>,
+        revisions: &[u32],
+    ) -> Result<(), StoreError> {
         if in_index != Some(record.revision) {
             let encoded = files::encode(record)?;
             self.engine.put_record(record, &encoded).map_err(engine_error("restore a record"))?;
@@ -267,7 +281,9 @@ impl Reconcile<'_> {
             let wanted = index.record(key.0).is_some_and(|record| (key.1 as usize) < record.segments.len());
             match pointer {
                 Some(pointer) if wanted => index.apply(Change::Pointer(key, Arc::new(pointer))),
-                Some(pointer) => self.engine.remove_pointer(key, &pointer).map_err(engine_error("remove an encoding"))?,
+                Some(pointer) => {
+                    self.engine.remove_pointer(key, &pointer).map_err(engine_error("remove an encoding"))?
+                }
                 None => self.engine.remove_damaged_pointer(key).map_err(engine_error("remove a damaged encoding"))?,
             }
         }

@@ -68,7 +68,14 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Shared {
-    pub(crate) fn new(dir: PathBuf, options: OpenOptions, objects: Objects, ground: Ground, engine: Engine, index: Index) -> Self {
+    pub(crate) fn new(
+        dir: PathBuf,
+        options: OpenOptions,
+        objects: Objects,
+        ground: Ground,
+        engine: Engine,
+        index: Index,
+    ) -> Self {
         let revision = Mutex::new(index.revision());
         Self {
             dir,
@@ -163,9 +170,14 @@ impl Shared {
 
     /// Refuses a write that might need `needed` bytes and would touch the reserve.
     pub(crate) fn check_space(&self, needed: u64) -> Result<(), StoreError> {
-        let available = (self.options.free_space)(&self.dir).map_err(StoreError::io("read the free space of", &self.dir))?;
+        let available =
+            (self.options.free_space)(&self.dir).map_err(StoreError::io("read the free space of", &self.dir))?;
         let reserve = self.options.reserve_bytes;
-        if available >= needed.saturating_add(reserve) { Ok(()) } else { Err(StoreError::Full { needed, reserve, available }) }
+        if available >= needed.saturating_add(reserve) {
+            Ok(())
+        } else {
+            Err(StoreError::Full { needed, reserve, available })
+        }
     }
 
     /// A full disk is told as such, whichever call met it.

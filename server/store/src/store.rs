@@ -9,17 +9,19 @@ use std::time::{Duration, Instant, SystemTime};
 
 use quadmuse_proto::id::ExampleId;
 
-use crate::derived::{self, ChartRecord, Coarse, DerivedSegment, Level, PartKind};
+use crate::compact;
+use crate::derived::{self, ChartRecord, Coarse, DerivedSegment, Level};
 use crate::engine::{Engine, Pointer, Reader};
 use crate::error::StoreError;
 use crate::files::{Ground, Objects, create_dir};
 use crate::index::{Change, Filter, Page, Snapshot};
 use crate::keys::SegmentKey;
-use crate::record::{ContentHash, ExampleRecord, NewSegmentation, Patch, SegmentSummary, Segmentation, invalid, normalise, validate};
+use crate::record::{
+    ContentHash, ExampleRecord, NewSegmentation, Patch, SegmentSummary, Segmentation, invalid, normalise, validate,
+};
 use crate::recover::{self, Collect, OpenReport};
 use crate::shared::{OpenOptions, Shared};
 use crate::writer::{Done, Packed, QUEUE_MAX, Request, Work, Writer, close};
-use crate::compact;
 
 /// Most examples of one page of a list.
 pub const LIST_MAX: usize = 500;
@@ -76,14 +78,20 @@ impl Added {
 }
 
 /// The hash that makes an example the same as another: of the mesh and of the options that matter.
-pub fn identity(mesh: ContentHash, segmentation: NewSegmentation<'_>, poles: impl IntoIterator<Item = Option<u32>>) -> ContentHash {
+pub fn identity(
+    mesh: ContentHash,
+    segmentation: NewSegmentation<'_>,
+    poles: impl IntoIterator<Item = Option<u32>>,
+) -> ContentHash {
     let mut hasher = blake3::Hasher::new_derive_key("quadmuse example identity 1");
     hasher.update(mesh.as_bytes());
     match segmentation {
         NewSegmentation::Auto => hasher.update(b"auto"),
         NewSegmentation::Whole => hasher.update(b"whole"),
         NewSegmentation::Groups => hasher.update(b"groups"),
-        NewSegmentation::Labels(labels) => hasher.update(b"labels").update(ContentHash::of(&label_bytes(labels)).as_bytes()),
+        NewSegmentation::Labels(labels) => {
+            hasher.update(b"labels").update(ContentHash::of(&label_bytes(labels)).as_bytes())
+        }
     };
     for (segment, pole) in (0u32..).zip(poles) {
         if let Some(pole) = pole {
@@ -150,7 +158,8 @@ impl Store {
         let writer = Writer { shared: shared.clone(), requests: receiver, tried: Instant::now() };
         let thread = std::thread::Builder::new().name("store-writer".into()).spawn(move || writer.run());
         let writer = Some(thread.map_err(StoreError::io("start the writer of", dir))?);
-        let handle = Handle { shared, requests: Some(requests), writer, _lock: lock, report: Mutex::new(report.clone()) };
+        let handle =
+            Handle { shared, requests: Some(requests), writer, _lock: lock, report: Mutex::new(report.clone()) };
         Ok((Store { handle: Arc::new(handle) }, report))
     }
 
@@ -181,7 +190,12 @@ impl Store {
     }
 
     /// The example that adding this mesh with these options would come to, if it is there and whole: worth a look before encoding.
-    pub fn find(&self, mesh: &[u8], segmentation: NewSegmentation<'_>, poles: impl IntoIterator<Item = Option<u32>>) -> Option<Arc<ExampleRecord>> {
+    pub fn find(
+        &self,
+        mesh: &[u8],
+        segmentation: NewSegmentation<'_>,
+        poles: impl IntoIterator<Item = Option<u32>>,
+    ) -> Option<Arc<ExampleRecord>> {
         let identity = identity(ContentHash::of(mesh), segmentation, poles);
         let index = self.shared().index();
         index.by_identity(identity).filter(|record| index.quarantine_reason(record.id).is_none()).cloned()
@@ -208,7 +222,13 @@ impl Store {
     }
 
     /// Adds an example whose segments, each with its number, are packed already.
-    pub(crate) fn add_packed(&self, record: ExampleRecord, mesh: &[u8], labels: Option<&[u8]>, segments: Vec<(u32, Packed)>) -> Result<Added, StoreError> {
+    pub(crate) fn add_packed(
+        &self,
+        record: ExampleRecord,
+        mesh: &[u8],
+        labels: Option<&[u8]>,
+        segments: Vec<(u32, Packed)>,
+    ) -> Result<Added, StoreError> {
         let shared = self.shared();
         if shared.fault().is_some() {
             return Err(shared.read_only());
@@ -317,7 +337,13 @@ impl Store {
     ///
     /// # Errors
     /// As [`Store::add`], and [`StoreError::NotFound`].
-    pub fn put_derived(&self, id: ExampleId, segment: u32, encoder_version: u32, derived: &DerivedSegment) -> Result<(), StoreError> {
+    pub fn put_derived(
+        &self,
+        id: ExampleId,
+        segment: u32,
+        encoder_version: u32,
+        derived: &DerivedSegment,
+    ) -> Result<(), StoreError> {
         self.get(id)?;
         let packed = Packed::new(encoder_version, derived::pack(derived)?);
         self.shared().check_space(2 * packed.pointer.bytes() + OVERHEAD_BYTES)?;
@@ -353,7 +379,12 @@ impl Store {
         result
     }
 
-    fn read_at<T>(&self, key: SegmentKey, pointer: &Pointer, read: impl Fn(&Reader<'_>) -> Result<T, StoreError>) -> Result<T, StoreError> {
+    fn read_at<T>(
+        &self,
+        key: SegmentKey,
+        pointer: &Pointer,
+        read: impl Fn(&Reader<'_>) -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
         let engine: Arc<Engine> = self.shared().engine()?;
         read(&Reader { engine: &engine, key, pointer, on_failure: &|failure| self.shared().failed(failure) })
     }
@@ -379,8 +410,8 @@ impl Store {
     /// # Errors
     /// As [`Store::derived`], and [`StoreError::NoSuchLevel`].
     pub fn level(&self, id: ExampleId, segment: u32, side: u32) -> Result<Level, StoreError> {
-        let there = side.is_power_of_two() && self.pointer((id, segment))?.has(PartKind::level(side));
-        if !there {
+        let pointer = self.pointer((id, segment))?;
+        if !derived::has_level(|kind| pointer.has(kind), side) {
             return Err(StoreError::NoSuchLevel { id, segment, side });
         }
         self.read((id, segment), |reader| derived::read_level(reader, side))
@@ -437,7 +468,6 @@ impl Store {
             free_bytes: (shared.options.free_space)(&shared.dir).unwrap_or(0),
         }
     }
-
 }
 
 /// Counts and sizes of a store.
@@ -464,14 +494,21 @@ pub struct Stats {
 fn check_schema(dir: &Path) -> Result<(), StoreError> {
     match quadmuse_migrations::check(dir) {
         Ok(_) => Ok(()),
-        Err(quadmuse_migrations::MigrationError::Newer { found, supported }) => Err(StoreError::Newer { found, supported }),
+        Err(quadmuse_migrations::MigrationError::Newer { found, supported }) => {
+            Err(StoreError::Newer { found, supported })
+        }
         Err(error) => Err(error.into()),
     }
 }
 
 fn lock_dir(dir: &Path) -> Result<File, StoreError> {
     let path = dir.join(LOCK_FILE);
-    let file = fs::OpenOptions::new().create(true).truncate(false).write(true).open(&path).map_err(StoreError::io("open", &path))?;
+    let file = fs::OpenOptions::new()
+        .create(true)
+        .truncate(false)
+        .write(true)
+        .open(&path)
+        .map_err(StoreError::io("open", &path))?;
     match file.try_lock() {
         Ok(()) => Ok(file),
         Err(TryLockError::WouldBlock) => Err(StoreError::Locked { dir: dir.to_path_buf() }),

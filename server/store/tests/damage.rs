@@ -41,7 +41,8 @@ fn build(dir: &Path) -> Truth {
 
 fn add(store: &Store, seeds: std::ops::Range<u64>, truth: &mut Truth) {
     for seed in seeds {
-        let sample = if seed < 12 { Sample::new(seed) } else { Sample::with(seed, vec![segment_of(seed, &[32, 512], 3000)]) };
+        let sample =
+            if seed < 12 { Sample::new(seed) } else { Sample::with(seed, vec![segment_of(seed, &[32, 512], 3000)]) };
         let id = store.add(&sample.example()).unwrap().record().id;
         if seed % 5 == 0 {
             store.put_derived(id, 0, 1, &sample.derived[0]).unwrap();
@@ -116,7 +117,9 @@ fn mend(dir: &Path, truth: &Truth, seen: &mut Seen, what: &str) {
             Err(StoreError::Quarantined { .. }) => {
                 seen.quarantined += 1;
                 assert!(store.quarantined().iter().any(|(named, _)| *named == id));
-                let Added::Exists(healed) = store.add(&sample.example()).unwrap() else { panic!("{what}: it was known") };
+                let Added::Exists(healed) = store.add(&sample.example()).unwrap() else {
+                    panic!("{what}: it was known")
+                };
                 assert_eq!(healed.id, id);
                 assert_eq!(store.mesh_bytes(id).unwrap(), sample.mesh);
             }

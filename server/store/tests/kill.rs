@@ -128,13 +128,21 @@ fn check(dir: &Path, known: &mut HashMap<ExampleId, Known>, options: &OpenOption
     let begun = Instant::now();
     let (store, report) = Store::open(dir, options).unwrap();
     let took = begun.elapsed().as_millis() as u64;
-    assert!(report.index_rebuilt.is_none() && report.quarantined.is_empty() && report.missing_derived.is_empty(), "{report:?}");
+    assert!(
+        report.index_rebuilt.is_none() && report.quarantined.is_empty() && report.missing_derived.is_empty(),
+        "{report:?}"
+    );
     assert_eq!(report.blobs, 0);
     for (&id, known) in known.iter_mut() {
         match store.get(id) {
             Ok(record) => {
                 assert!(!known.removed, "{id} was removed, acknowledged, and is back");
-                assert!(known.names.contains(&record.name), "{id} is named {}, expected one of {:?}", record.name, known.names);
+                assert!(
+                    known.names.contains(&record.name),
+                    "{id} is named {}, expected one of {:?}",
+                    record.name,
+                    known.names
+                );
                 known.names = vec![record.name.clone()];
                 assert_eq!(store.mesh_bytes(id).unwrap(), example(known.seed).mesh);
             }
@@ -186,6 +194,8 @@ fn nothing_acknowledged_is_lost_and_nothing_half_written_is_seen() {
         slowest = slowest.max(took);
         examples = found;
     }
-    println!("{rounds} kills, {acknowledged} acknowledged changes, {examples} examples at the end, slowest opening {slowest} ms");
+    println!(
+        "{rounds} kills, {acknowledged} acknowledged changes, {examples} examples at the end, slowest opening {slowest} ms"
+    );
     assert!(acknowledged > rounds as usize, "the writers were killed too early to mean anything: {acknowledged}");
 }
