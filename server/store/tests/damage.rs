@@ -41,7 +41,8 @@ fn build(dir: &Path) -> Truth {
 
 fn add(store: &Store, seeds: std::ops::Range<u64>, truth: &mut Truth) {
     for seed in seeds {
-        let sample = if seed < 12 { Sample::new(seed) } else { Sample::with(seed, vec![segment_of(seed, &[32, 512], 3000)]) };
+        let sample =
+            if seed < 12 { Sample::new(seed) } else { Sample::with(seed, vec![segment_of(seed, &[32, 512], 3000)]) };
         let id = store.add(&sample.example()).unwrap().record().id;
         if seed % 5 == 0 {
             store.put_derived(id, 0, 1, &sample.derived[0]).unwrap();
