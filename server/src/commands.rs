@@ -82,7 +82,8 @@ pub fn run(cli: Cli) -> Result<(), CommandError> {
 /// # Errors
 /// [`CommandError::System`].
 pub fn runtime() -> Result<tokio::runtime::Runtime, CommandError> {
-    let built = tokio::runtime::Builder::new_multi_thread().worker_threads(2).max_blocking_threads(64).enable_all().build();
+    let built =
+        tokio::runtime::Builder::new_multi_thread().worker_threads(2).max_blocking_threads(64).enable_all().build();
     built.map_err(|source| CommandError::System { what: "threads", source })
 }
 
@@ -139,7 +140,9 @@ fn check(store: &StoreArgs) -> Result<(), CommandError> {
 
 fn words_of(problem: &Problem) -> String {
     match problem {
-        Problem::Ground { id, reason } => format!("{id}: damaged and set aside ({reason}); add the same mesh again, or remove it"),
+        Problem::Ground { id, reason } => {
+            format!("{id}: damaged and set aside ({reason}); add the same mesh again, or remove it")
+        }
         Problem::RecordMended { id, reason } => format!("{id}: its record was damaged ({reason}) and is mended"),
         Problem::Derived { id, segment, reason } => {
             format!("{id}: the encoding of segment {segment} is damaged ({reason}); the service makes it anew")
@@ -163,7 +166,13 @@ fn backup(store: &StoreArgs, file: &Path) -> Result<(), CommandError> {
     for (id, reason) in &report.skipped {
         say(&format!("left out {id}: {reason}"));
     }
-    say(&format!("{} examples, {} segments, {} bytes in {}", report.examples, report.segments, report.bytes, file.display()));
+    say(&format!(
+        "{} examples, {} segments, {} bytes in {}",
+        report.examples,
+        report.segments,
+        report.bytes,
+        file.display()
+    ));
     Ok(())
 }
 

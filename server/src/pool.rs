@@ -110,6 +110,9 @@ pub struct Pool {
 /// Stack of a worker thread, in bytes.
 const STACK_BYTES: usize = 8 << 20;
 
+/// How far the computing threads stand back behind those that answer requests, in steps of `nice`.
+const NICENESS: i32 = 5;
+
 impl Pool {
     /// A pool of `threads` threads (0: one a core) that admits what `admission` allows.
     ///
@@ -120,6 +123,8 @@ impl Pool {
             .num_threads(threads)
             .stack_size(STACK_BYTES)
             .thread_name(|k| format!("compute-{k}"))
+            // On Linux this is the thread's own: those that answer requests go first. If refused, they share.
+            .start_handler(|_| drop(rustix::process::nice(NICENESS)))
             .panic_handler(|_| tracing::error!("a panic passed the pool's net"))
             .build()?;
         Ok(Self { lanes: Arc::default(), threads, admission })

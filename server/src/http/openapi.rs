@@ -6,9 +6,11 @@ use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::response::Response;
 use bytes::Bytes;
+use quadmuse_proto::{
+    Code, CompositionId, ExampleId, MapId, MeshFormat, Problem, QueryId, Segmentation, Topology, problem,
+};
 use serde_json::{Value, json};
 use utoipa::openapi::{ComponentsBuilder, InfoBuilder, OpenApi, OpenApiBuilder};
-use utoipa::{PartialSchema, ToSchema};
 
 /// What stands at the top of the contract; the routes add the rest.
 pub fn head() -> OpenApi {
@@ -20,12 +22,11 @@ pub fn head() -> OpenApi {
              Bodies are JSON or MessagePack (`accept`, `content-type`); errors are `application/problem+json`.",
         ))
         .build();
-    let problem = quadmuse_proto::Problem::schema();
-    let code = quadmuse_proto::Code::schema();
-    let components = ComponentsBuilder::new()
-        .schema(quadmuse_proto::Problem::name(), problem)
-        .schema(quadmuse_proto::Code::name(), code)
-        .build();
+    // Those that no body names: they stand in parameters, or are added to every operation.
+    let components = ComponentsBuilder::new().schema_from::<Problem>().schema_from::<Code>();
+    let components = components.schema_from::<Segmentation>().schema_from::<MeshFormat>().schema_from::<Topology>();
+    let components = components.schema_from::<ExampleId>().schema_from::<QueryId>().schema_from::<MapId>();
+    let components = components.schema_from::<CompositionId>().build();
     OpenApiBuilder::new().info(info).components(Some(components)).build()
 }
 
@@ -45,8 +46,9 @@ fn finish_path(path: &mut Value) {
         if !matches!(method.as_str(), "get" | "post" | "patch" | "delete" | "put") {
             continue;
         }
-        let problem = json!({ "$ref": "#/components/schemas/Problem" });
-        operation["responses"]["default"] = json!({ "description": "A problem", "content": { quadmuse_proto::problem::MEDIA_TYPE: { "schema": problem } } });
+        let schema = json!({ "$ref": "#/components/schemas/Problem" });
+        operation["responses"]["default"] =
+            json!({ "description": "A problem", "content": { problem::MEDIA_TYPE: { "schema": schema } } });
         operation["security"] = json!([{}, { "token": [] }]);
         if let Some(responses) = operation["responses"].as_object_mut() {
             responses.values_mut().for_each(|response| add_msgpack(response));
@@ -74,7 +76,7 @@ fn add_mesh_bodies(body: &mut Value) {
     }
     let bytes = json!({ "schema": { "type": "string", "contentMediaType": "application/octet-stream" } });
     content.insert("application/octet-stream".into(), bytes.clone());
-    for format in quadmuse_proto::MeshFormat::ALL {
+    for format in MeshFormat::ALL {
         content.insert(format.media_type().into(), bytes.clone());
     }
     let form = json!({ "schema": { "type": "object", "required": ["mesh"], "properties": {

@@ -14,11 +14,11 @@ use super::router;
 use crate::app::App;
 use crate::auth::Tokens;
 use crate::pool::{Admission, Pool, User};
-use crate::work::query::{LiveQuery, QueryOptions};
-use crate::work::{Caller, Work};
 use crate::work::corpus::memory::MemoryCorpus;
 use crate::work::engine::Cut;
 use crate::work::engine::fake::FakeEngine;
+use crate::work::query::{LiveQuery, QueryOptions};
+use crate::work::{Caller, Work};
 use axum::Router;
 use axum::body::Body;
 use axum::http::{HeaderMap, Method, Request, StatusCode, header};
@@ -65,7 +65,11 @@ impl Answer {
     fn problem(&self, status: u16, code: &str) -> String {
         assert_eq!(self.header("content-type"), "application/problem+json", "{}", self.text());
         let problem = self.json();
-        assert_eq!((problem["status"].as_u64(), problem["code"].as_str()), (Some(u64::from(status)), Some(code)), "{problem}");
+        assert_eq!(
+            (problem["status"].as_u64(), problem["code"].as_str()),
+            (Some(u64::from(status)), Some(code)),
+            "{problem}"
+        );
         assert_eq!(self.status.as_u16(), status);
         assert_eq!(problem["type"], format!("urn:quadmuse:problem:{code}"));
         assert_eq!(problem["request_id"], self.header("x-request-id"));

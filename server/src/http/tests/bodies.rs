@@ -78,7 +78,8 @@ async fn a_form_brings_a_mesh_and_its_labels() {
     let answer = post_form(&bench, &[("mesh", "a.ply", MESH), ("segments", "", "0\n1\n")]).await;
     assert_eq!((answer.status, &answer.json()["format"]), (StatusCode::CREATED, &json!("ply")));
     post_form(&bench, &[("mesh", "", MESH), ("segments", "", "0\n")]).await.problem(400, "parameter_invalid");
-    let detail = post_form(&bench, &[("mesh", "", MESH), ("segments", "", "0\nx\n")]).await.problem(400, "parameter_invalid");
+    let detail =
+        post_form(&bench, &[("mesh", "", MESH), ("segments", "", "0\nx\n")]).await.problem(400, "parameter_invalid");
     assert!(detail.contains("line 2"), "{detail}");
 }
 

@@ -7,7 +7,8 @@ use std::sync::atomic::Ordering;
 #[tokio::test]
 async fn an_example_is_added_once_and_described() {
     let bench = Bench::new();
-    let first = bench.post("/v1/examples?name=ear&tag=head&tag=ear&relevance=4", "segment disc 1\nsegment annulus 2").await;
+    let first =
+        bench.post("/v1/examples?name=ear&tag=head&tag=ear&relevance=4", "segment disc 1\nsegment annulus 2").await;
     assert_eq!(first.status, StatusCode::CREATED);
     let example = first.json();
     let id = example["id"].as_str().expect("an id");
@@ -91,7 +92,8 @@ async fn the_mesh_comes_back_as_uploaded_or_in_another_format() {
     let accepted = bench.request(Method::GET, &path, &[("accept", "model/stl")], Body::empty()).await;
     assert_eq!(accepted.text(), "stl with 1 faces");
     let tag = other.header("etag").to_owned();
-    let known = bench.request(Method::GET, &format!("{path}?format=ply"), &[("if-none-match", &tag)], Body::empty()).await;
+    let known =
+        bench.request(Method::GET, &format!("{path}?format=ply"), &[("if-none-match", &tag)], Body::empty()).await;
     assert_eq!((known.status, known.bytes.len()), (StatusCode::NOT_MODIFIED, 0));
     bench.get(&format!("{path}?format=xyz")).await.problem(415, "format_unknown");
     bench.request(Method::GET, &path, &[("accept", "image/png")], Body::empty()).await.problem(406, "not_acceptable");

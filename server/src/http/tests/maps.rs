@@ -26,7 +26,8 @@ async fn a_locked_example_is_resumed_and_mapped() {
     assert_eq!(bench.get(&format!("{address}/mesh?format=obj")).await.text(), "obj with 1 faces");
     assert!(bench.get(&format!("{address}/preview.png?size=32")).await.bytes.starts_with(b"\x89PNG"));
     let ranking = bench.get(&format!("{path}/ranking")).await.json();
-    let entry = ranking["entries"].as_array().expect("entries").iter().find(|e| e["example"] == example.as_str()).expect("a");
+    let entry =
+        ranking["entries"].as_array().expect("entries").iter().find(|e| e["example"] == example.as_str()).expect("a");
     assert_eq!((&entry["state"], &entry["resolution"]), (&json!("done"), &json!(128)));
     assert_eq!(bench.get(&format!("{path}/maps")).await.json()["items"][0], map);
 }
@@ -43,7 +44,10 @@ async fn what_is_not_there_is_not_mapped() {
     bench.post_json(&maps, json!({"segment": 0})).await.problem(400, "body_invalid");
     bench.post_json(&maps, json!({"example": "not an id"})).await.problem(400, "body_invalid");
     bench.get(&format!("{maps}/{unknown}")).await.problem(404, "not_found");
-    bench.post_json(&format!("/v1/queries/{unknown}/maps"), json!({"example": example})).await.problem(404, "not_found");
+    bench
+        .post_json(&format!("/v1/queries/{unknown}/maps"), json!({"example": example}))
+        .await
+        .problem(404, "not_found");
     let tube = bench.add("tube", "segment annulus 1").await;
     bench.post_json(&maps, json!({"example": tube})).await.problem(400, "parameter_invalid");
 }
@@ -69,7 +73,9 @@ async fn constraints_are_edited_as_a_whole() {
     let map = edit(set).await.json();
     assert_eq!((&map["revision"], map["constraints"].as_array().map(Vec::len)), (&json!(2), Some(1)));
     let id = map["constraints"][0]["id"].as_str().expect("an id").to_owned();
-    edit(json!({"set": [{"on_example": [0, 0, 0], "on_input": {"u": 0, "v": 2}}], "remove": [id]})).await.problem(422, "constraint_folds");
+    edit(json!({"set": [{"on_example": [0, 0, 0], "on_input": {"u": 0, "v": 2}}], "remove": [id]}))
+        .await
+        .problem(422, "constraint_folds");
     edit(json!({"remove": ["nobody"]})).await.problem(404, "not_found");
     edit(json!({"put": []})).await.problem(400, "body_invalid");
     assert_eq!(bench.get(made.header("location")).await.json(), map);
@@ -90,7 +96,10 @@ async fn maps_are_composed() {
     let made = bench.post_json(&compositions, json!({"parts": parts, "smoothing": 3})).await;
     assert_eq!(made.status, StatusCode::CREATED, "{}", made.text());
     let composition = made.json();
-    assert_eq!((&composition["quads"], &composition["triangles"], &composition["smoothing"]), (&json!(2), &json!(0), &json!(3)));
+    assert_eq!(
+        (&composition["quads"], &composition["triangles"], &composition["smoothing"]),
+        (&json!(2), &json!(0), &json!(3))
+    );
     assert_eq!(bench.get(made.header("location")).await.json(), composition);
     assert_eq!(bench.get(&format!("{}/mesh?format=obj", made.header("location"))).await.text(), "obj with 2 faces");
     bench.post_json(&compositions, json!({"parts": []})).await.problem(400, "parameter_invalid");

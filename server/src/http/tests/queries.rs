@@ -23,7 +23,12 @@ async fn a_query_is_ranked_to_its_end() {
     assert_eq!((&first["rank"], &first["state"], &first["resolution"]), (&json!(1), &json!("done"), &json!(128)));
     assert_eq!(first["flip"], json!({"u": false, "v": false}));
     assert_eq!(ranking["entries"][3]["state"], json!("locked"));
-    let scores: Vec<f64> = ranking["entries"].as_array().expect("entries").iter().map(|e| e["score"].as_f64().expect("a number")).collect();
+    let scores: Vec<f64> = ranking["entries"]
+        .as_array()
+        .expect("entries")
+        .iter()
+        .map(|e| e["score"].as_f64().expect("a number"))
+        .collect();
     assert!(scores.is_sorted(), "{scores:?}");
     assert_eq!(names(&bench.get(&format!("{path}/ranking?limit=2")).await.json()), ["b", "c"]);
     bench.get(&format!("{path}/ranking?segment=2")).await.problem(404, "not_found");
@@ -74,10 +79,10 @@ async fn a_long_poll_answers_when_there_is_something_newer() {
 #[tokio::test]
 async fn a_long_poll_gives_up_after_its_time() {
     let bench = Bench::stocked().await;
-    let path = bench.query("", "segment disc 1\nslow 2000").await;
+    let path = bench.query("", "segment disc 1\nslow 60000").await;
     let begun = Instant::now();
     let ranking = bench.get(&format!("{path}/ranking?after=0&wait_ms=50")).await.json();
-    assert!(begun.elapsed() >= Duration::from_millis(50) && begun.elapsed() < Duration::from_millis(1500));
+    assert!(begun.elapsed() >= Duration::from_millis(50) && begun.elapsed() < Duration::from_secs(20));
     assert_eq!((&ranking["revision"], &ranking["entries"]), (&json!(0), &json!([])));
     bench.request(Method::DELETE, &path, &[], Body::empty()).await;
 }
@@ -98,8 +103,8 @@ async fn cancelling_frees_the_cores_and_the_query() {
 #[tokio::test]
 async fn a_deadline_answers_with_the_best_so_far() {
     let bench = Bench::stocked().await;
-    // 4 × 40 ms at the coarsest level, which is one quantum; refining takes as long again.
-    let path = bench.query("deadline_ms=260", "segment disc 1\nslow 40").await;
+    // 4 × 300 ms at the coarsest level, which is one quantum; the two levels after it take half of that each.
+    let path = bench.query("deadline_ms=2000", "segment disc 1\nslow 300").await;
     let query = bench.ended(&path).await;
     assert_eq!((&query["state"], &query["deadline_reached"]), (&json!("done"), &json!(true)));
     let ranking = bench.get(&format!("{path}/ranking")).await.json();
@@ -153,5 +158,8 @@ async fn an_idempotency_key_starts_one_query() {
     let again = bench.request(Method::POST, "/v1/queries?top=2", &headers, "segment disc 1").await;
     assert_eq!((again.status, first.header("location")), (StatusCode::ACCEPTED, again.header("location")));
     bench.request(Method::POST, "/v1/queries?top=3", &headers, "segment disc 1").await.problem(409, "conflict");
-    bench.request(Method::POST, "/v1/queries", &[("idempotency-key", "")], "segment disc 1").await.problem(400, "parameter_invalid");
+    bench
+        .request(Method::POST, "/v1/queries", &[("idempotency-key", "")], "segment disc 1")
+        .await
+        .problem(400, "parameter_invalid");
 }

@@ -53,7 +53,11 @@ async fn a_client_that_sends_too_much_still_sees_the_answer() {
     let mut stream = say(address, &head).await;
     stream.write_all(&vec![b' '; size]).await.expect("the service reads on");
     assert!(all(stream).await.starts_with("HTTP/1.1 413 "));
-    let mut stream = say(address, "POST /v1/examples HTTP/1.1\r\nhost: x\r\ntransfer-encoding: chunked\r\nconnection: close\r\n\r\n").await;
+    let mut stream = say(
+        address,
+        "POST /v1/examples HTTP/1.1\r\nhost: x\r\ntransfer-encoding: chunked\r\nconnection: close\r\n\r\n",
+    )
+    .await;
     let chunk = format!("{LIMIT:x}\r\n{}\r\n", " ".repeat(LIMIT as usize));
     for _ in 0..20 {
         stream.write_all(chunk.as_bytes()).await.expect("the service reads on");

@@ -48,7 +48,8 @@ async fn the_three_forms_tell_the_same() {
     assert_eq!(names(&events), ["begin", "level", "end"]);
     let packed = stream(&bench, &path, "application/msgpack", &[]).await;
     let mut reader = rmp_serde::Deserializer::new(packed.bytes.as_slice());
-    let unpacked: Vec<Event> = (0..3).map(|_| serde::Deserialize::deserialize(&mut reader).expect("an event")).collect();
+    let unpacked: Vec<Event> =
+        (0..3).map(|_| serde::Deserialize::deserialize(&mut reader).expect("an event")).collect();
     assert_eq!(unpacked, events);
     assert!(reader.get_ref().is_empty());
     let sse = stream(&bench, &path, "text/event-stream", &[]).await;
@@ -119,7 +120,8 @@ async fn a_silent_stream_shows_that_it_is_alive() {
     let bench = Bench::new();
     // No corpus is needed: the query is put there by hand and nobody ranks it.
     let live = bench.idle_query();
-    let request = Request::builder().uri(format!("/v1/queries/{}/stream", live.id)).body(Body::empty()).expect("a request");
+    let request =
+        Request::builder().uri(format!("/v1/queries/{}/stream", live.id)).body(Body::empty()).expect("a request");
     let response = bench.router.clone().oneshot(request).await.expect("infallible");
     let mut body = response.into_body();
     let first = body.frame().await.expect("a frame").expect("whole").into_data().expect("data");

@@ -69,7 +69,8 @@ impl StoredCorpus {
 /// Reads what the encodings tell; what is missing counts as 0 until it is encoded again.
 fn described(store: &Store, record: &ExampleRecord) -> Described {
     let segments = 0..record.segments.len() as u32;
-    let features = segments.clone().map(|s| store.coarse(record.id, s).map_or(0, |coarse| coarse.features.len() as u32));
+    let features =
+        segments.clone().map(|s| store.coarse(record.id, s).map_or(0, |coarse| coarse.features.len() as u32));
     let charts = segments.clone().filter_map(|s| store.chart(record.id, s).ok());
     let (triangles, quads) = charts.filter_map(|chart| unpack_counts(&chart.extra)).next().unwrap_or_default();
     Described { triangles, quads, features: features.collect() }
