@@ -7,7 +7,7 @@ use crate::pool::Stop;
 use quadmuse_kernel::encode::index::{Location as Place, PlanarIndex};
 use quadmuse_kernel::map::assemble::{Winding, assemble};
 use quadmuse_kernel::map::atlas::Atlas;
-use quadmuse_kernel::map::{CrossMap, cross_map, edit};
+use quadmuse_kernel::map::{CrossMap, cross_map, edit, folded_faces};
 use quadmuse_kernel::measure::{self, Distribution, Evidence};
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt};
 use quadmuse_kernel::unfold::Chart;
@@ -57,7 +57,7 @@ impl Registered {
         self.input.get().ok_or_else(|| EngineError::Internal("expected the surface just made".into()))
     }
 
-    /// The atlas, if these surfaces need one.
+    /// The atlas, if these surfaces have one and it distorts less than a single chart does.
     pub(super) fn atlas(&self, example: &Side, query: &Side, stop: &dyn Fn() -> bool) -> Result<Option<&Atlas>, EngineError> {
         if self.atlas.get().is_none() {
             let (one, two) = (fresh(&example.encoded.encoding)?, fresh(&query.encoded.encoding)?);
@@ -65,7 +65,14 @@ impl Registered {
             if stop() {
                 return Ok(None);
             }
-            let _ = self.atlas.set(made);
+            let better = match &made {
+                Some(atlas) => {
+                    let (many, single) = (by_atlas(atlas, self)?, by_chart(self, example, query)?);
+                    distortion(&many, example)?.badness() < distortion(&single, example)?.badness()
+                }
+                None => false,
+            };
+            let _ = self.atlas.set(made.filter(|_| better));
         }
         Ok(self.atlas.get().and_then(Option::as_ref))
     }
@@ -134,8 +141,11 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     let (prepared, positions) = (&model.prepared, &laid.cross.positions);
     let winding = if laid.mirrored { Winding::Reversed } else { Winding::Kept };
     let mesh = assemble(&example.model.mesh, &prepared.mesh, &prepared.vertex_of, patch, positions, winding);
-    let sign = if laid.mirrored { -1.0 } else { 1.0 };
-    let distortion = measure::distortion(&patch.mesh, positions, &laid.cross.locations, laid.input, sign);
+    let distortion = distortion(&laid, example)?;
+    let folds = match atlas {
+        Some(_) => distortion.turned_faces,
+        None => folded_faces(registered.registration(), chart, &patch.mesh),
+    };
     let evidence = Evidence {
         cost: laid.cost,
         modulus_log: (chart.modulus / fresh(&query.encoded.encoding)?.chart.modulus).ln(),
@@ -148,7 +158,7 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
         mesh: Arc::new(mesh),
         constraints: laid.constraints,
         registration: Registration { flip, ..describe(laid.registered) },
-        folds: distortion.turned_faces as u64,
+        folds: folds as u64,
         // Every vertex is a point of a triangle of the input.
         distance_max: 0.0,
         distortion: Distortion {
@@ -162,6 +172,13 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
         },
         reasons,
     })
+}
+
+fn distortion(laid: &Laid<'_>, example: &Side) -> Result<measure::Distortion, EngineError> {
+    let model: &ModelInner = example.model.inner.open()?;
+    let mesh = &model.patch(example.segment)?.mesh;
+    let sign = if laid.mirrored { -1.0 } else { 1.0 };
+    Ok(measure::distortion(mesh, &laid.cross.positions, &laid.cross.locations, laid.input, sign))
 }
 
 /// One chart with its registration.
