@@ -163,7 +163,7 @@ impl Writer {
         carried
     }
 
-    /// Notes what a request depends on; whether nothing before it in the batch touches the same. (`bool` is the set's answer.)
+    /// Notes which example a request is about; false if one before it in the batch is about the same.
     fn touch(&self, work: &Work, touched: &mut HashSet<[u8; 32]>) -> bool {
         let example = |id: ExampleId| {
             let identity = self.shared.index().record(id).map(|record| *record.identity.as_bytes());
