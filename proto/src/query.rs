@@ -149,7 +149,7 @@ pub struct QueryTimings {
     /// From the upload to the first ranking; absent before it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub first_ranking_ms: Option<f64>,
-    /// Ranking, level by level, in the order of computation.
+    /// Ranking, level by level, in the order of computation; finishing the best comes last, under the last level.
     pub levels: Vec<LevelTiming>,
     /// From the upload to the end, or to now.
     pub total_ms: f64,

@@ -43,7 +43,8 @@ pub struct Entry {
     pub example_segment: u32,
     /// The example's name.
     pub name: String,
-    /// E′ (eq. 8): the lower the better.
+    /// E′ (eq. 8): the lower the better. Scores of different levels can't be compared, so those of locked entries are
+    /// lifted, all by the same amount, until none is better than an entry that went on.
     pub score: f64,
     /// E: the registered energy.
     pub energy: f64,

@@ -124,7 +124,7 @@ impl Pool {
             .stack_size(STACK_BYTES)
             .thread_name(|k| format!("compute-{k}"))
             // On Linux this is the thread's own: those that answer requests go first. If refused, they share.
-            .start_handler(|_| drop(rustix::process::nice(NICENESS)))
+            .start_handler(|_| _ = rustix::process::nice(NICENESS))
             .panic_handler(|_| tracing::error!("a panic passed the pool's net"))
             .build()?;
         Ok(Self { lanes: Arc::default(), threads, admission })

@@ -45,6 +45,8 @@ pub struct Work {
     pub catalogue: Catalogue,
     /// The queries under way, and after.
     pub queries: Queries,
+    /// Thumbnails that were drawn.
+    pub thumbnails: pictures::Thumbnails,
     /// Work that goes on when its request is gone.
     pub background: TaskTracker,
 }
@@ -61,7 +63,15 @@ impl Work {
     pub fn new(pool: Pool, engine: Arc<dyn Engine>, corpus: Arc<dyn Corpus>) -> Arc<Self> {
         let catalogue = Catalogue::new(Arc::clone(&corpus), Arc::clone(&engine));
         let queries = Queries::new();
-        Arc::new(Self { pool, engine, corpus, catalogue, queries, background: TaskTracker::new() })
+        Arc::new(Self {
+            pool,
+            engine,
+            corpus,
+            catalogue,
+            queries,
+            thumbnails: pictures::Thumbnails::default(),
+            background: TaskTracker::new(),
+        })
     }
 
     /// Brings the coarse level of the whole corpus into memory. Blocks.

@@ -34,6 +34,10 @@ pub fn head() -> OpenApi {
 pub fn finished(api: &OpenApi) -> Bytes {
     let mut spec = serde_json::to_value(api).unwrap_or_default();
     spec["components"]["securitySchemes"] = json!({ "token": { "type": "http", "scheme": "bearer" } });
+    // What old clients read where they don't know a code is never sent.
+    if let Some(codes) = spec["components"]["schemas"]["Code"]["enum"].as_array_mut() {
+        codes.retain(|code| code != Code::Other.as_str());
+    }
     if let Some(paths) = spec.get_mut("paths").and_then(Value::as_object_mut) {
         paths.values_mut().for_each(finish_path);
     }

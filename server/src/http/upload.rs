@@ -63,7 +63,9 @@ impl FromRequest<App> for MeshUpload {
         let bytes = parts.mesh.ok_or_else(none)?;
         let mut hasher = blake3::Hasher::new();
         hasher.update(query.as_bytes()).update(&[0]).update(&bytes);
-        parts.labels.iter().flatten().for_each(|label| drop(hasher.update(&label.to_le_bytes())));
+        for label in parts.labels.iter().flatten() {
+            hasher.update(&label.to_le_bytes());
+        }
         let upload = Upload { bytes, format: asked.or(parts.format), cut: Cut { way, labels: parts.labels } };
         Ok(Self { upload, fingerprint: hasher.finalize() })
     }

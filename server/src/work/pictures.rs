@@ -7,13 +7,52 @@ use bytes::Bytes;
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::ExampleId;
 use quadmuse_proto::query::LEVELS;
-use std::sync::Arc;
+use std::collections::{HashMap, VecDeque};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Side of a picture when the caller names none, in pixels.
 pub const SIZE_DEFAULT: u32 = 256;
 
 /// Side that an encoding's picture is enlarged to, in pixels.
 const ENCODING_SIDE: u32 = 512;
+
+/// Most bytes of thumbnails that are kept.
+const CACHE_BYTES_MAX: usize = 64 << 20;
+
+/// Thumbnails that were drawn; the oldest make room. An example's mesh never changes, so they never grow stale.
+#[derive(Default)]
+pub struct Thumbnails(Mutex<Drawn>);
+
+#[derive(Default)]
+struct Drawn {
+    pictures: HashMap<(ExampleId, u32), Bytes>,
+    order: VecDeque<(ExampleId, u32)>,
+    bytes: usize,
+}
+
+impl Thumbnails {
+    fn lock(&self) -> MutexGuard<'_, Drawn> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn get(&self, id: ExampleId, size: u32) -> Option<Bytes> {
+        self.lock().pictures.get(&(id, size)).cloned()
+    }
+
+    fn put(&self, id: ExampleId, size: u32, picture: &Bytes) {
+        let mut drawn = self.lock();
+        if drawn.pictures.insert((id, size), picture.clone()).is_some() {
+            return;
+        }
+        drawn.bytes += picture.len();
+        drawn.order.push_back((id, size));
+        while drawn.bytes > CACHE_BYTES_MAX {
+            let Some(oldest) = drawn.order.pop_front() else { return };
+            let freed = drawn.pictures.remove(&oldest).map_or(0, |picture| picture.len());
+            drawn.bytes -= freed;
+        }
+    }
+}
 
 /// An example, shaded, with its quads.
 ///
@@ -22,10 +61,16 @@ const ENCODING_SIDE: u32 = 512;
 pub async fn thumbnail(work: &Arc<Work>, caller: Caller, id: ExampleId, size: u32) -> Result<Bytes, WorkError> {
     let size = checked(size)?;
     let example = work.catalogue.example(id)?;
+    if let Some(drawn) = work.thumbnails.get(id, size) {
+        return Ok(drawn);
+    }
     let job = work.pool.admit(caller.user, work.engine.memory_estimate(example.bytes), Some(REQUEST_TIME_MAX))?;
-    let model = ingest::model(work, &job, Lane::Edit, &example).await?;
+    // Behind what people wait for: a page asks for many at once.
+    let model = ingest::model(work, &job, Lane::Fine, &example).await?;
     let draw = move |_: &_| render(&model.mesh, &View::guess(&model.mesh), size).to_png();
-    Ok(work.pool.run(&job, Lane::Edit, draw).await?.into())
+    let picture = Bytes::from(work.pool.run(&job, Lane::Fine, draw).await?);
+    work.thumbnails.put(id, size, &picture);
+    Ok(picture)
 }
 
 /// A mesh, shaded, with its quads.
@@ -76,4 +121,21 @@ fn checked(size: u32) -> Result<u32, WorkError> {
         return Ok(size);
     }
     Err(WorkError::parameter("size", format!("from {SIDE_MIN} to {SIDE_MAX}"), size))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_oldest_thumbnails_make_room() {
+        let thumbnails = Thumbnails::default();
+        let picture = Bytes::from(vec![0; CACHE_BYTES_MAX / 4]);
+        let ids: Vec<ExampleId> = (0..6).map(|_| ExampleId::generate()).collect();
+        ids.iter().for_each(|id| thumbnails.put(*id, 64, &picture));
+        let kept: Vec<bool> = ids.iter().map(|id| thumbnails.get(*id, 64).is_some()).collect();
+        assert_eq!(kept, [false, false, true, true, true, true]);
+        assert_eq!(thumbnails.get(ids[5], 32), None);
+        assert_eq!(thumbnails.lock().bytes, CACHE_BYTES_MAX);
+    }
 }
