@@ -18,7 +18,7 @@ fn main() -> std::io::Result<()> {
             continue;
         }
         let start = std::time::Instant::now();
-        let front = render(&sample.mesh, &View::default(), side);
+        let front = render(&sample.mesh, &View::guess(&sample.mesh), side);
         println!("{}: {} quads, drawn in {:?}", sample.name, sample.mesh.faces.len(), start.elapsed());
         let profile = render(&sample.mesh, &View::default().turned(-1.45, 0.05).with_palette(Palette::dark()), side);
         rows.push((front, profile, sample.name));
