@@ -124,3 +124,13 @@ fn a_tube_stands_along_its_length() {
     mesh.positions.iter_mut().for_each(|p| *p = Vec3::new(4.0 * p.x, p.y * (1.0 + 0.2 * p.x), p.z * (1.0 + 0.2 * p.x)));
     assert_eq!(View::guess(&mesh).up, Vec3::x(), "the wider opening is up");
 }
+
+#[test]
+fn the_inside_of_a_surface_is_painted_otherwise_than_its_outside() {
+    let middle = |faces: &[[u32; 4]]| render(&cube(faces), &plain(0.0, 0.0), 100).pixel(50, 50);
+    let [r, _, b] = middle(&CUBE);
+    assert!(r > b, "warm clay outside");
+    let opened: Vec<[u32; 4]> = CUBE.iter().copied().filter(|f| *f != CUBE[1]).collect();
+    let [r, _, b] = middle(&opened);
+    assert!(b > r, "cool inside");
+}
