@@ -5,7 +5,10 @@
 use crate::error::{ClientError, printable};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
-use std::io::{self, Write};
+use std::{
+    io::{self, Write},
+    time::Duration,
+};
 
 /// For whom is printed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +38,9 @@ pub struct Ui {
     /// Lines of the drawing that the next one replaces.
     drawn_lines: usize,
 }
+
+/// How often a sign of life moves.
+const SPINNER_TICK: Duration = Duration::from_millis(100);
 
 /// Whether progress bars are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -162,25 +168,22 @@ impl Ui {
 
     /// A progress bar of `length` steps; it is hidden unless standard error is a terminal.
     pub fn bar(&self, length: u64, what: &'static str) -> ProgressBar {
-        let target = match self.bars {
-            Bars::Shown => ProgressDrawTarget::stderr(),
-            Bars::Hidden => ProgressDrawTarget::hidden(),
-        };
-        let bar = ProgressBar::with_draw_target(Some(length), target);
-        if let Ok(style) = ProgressStyle::with_template("{prefix} {wide_bar} {pos}/{len} {msg}") {
-            bar.set_style(style);
-        }
+        let style = ProgressStyle::with_template("{prefix} {wide_bar} {pos}/{len}");
+        let bar = ProgressBar::hidden().with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        bar.set_length(length);
         bar.set_prefix(what);
+        if self.bars == Bars::Shown {
+            bar.set_draw_target(ProgressDrawTarget::stderr());
+        }
         bar
     }
 
     /// A sign of life during a step of unknown length; it is hidden unless standard error is a terminal.
     pub fn spinner(&self, what: &'static str) -> ProgressBar {
-        let bar = self.bar(0, what);
-        bar.set_style(ProgressStyle::default_spinner());
-        bar.set_message(what);
+        let bar = ProgressBar::hidden().with_style(ProgressStyle::default_spinner()).with_message(what);
         if self.bars == Bars::Shown {
-            bar.enable_steady_tick(std::time::Duration::from_millis(100));
+            bar.set_draw_target(ProgressDrawTarget::stderr());
+            bar.enable_steady_tick(SPINNER_TICK);
         }
         bar
     }

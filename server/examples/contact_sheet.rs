@@ -18,7 +18,7 @@ fn main() -> std::io::Result<()> {
             continue;
         }
         let start = std::time::Instant::now();
-        let front = render(&sample.mesh, &View::default(), side);
+        let front = render(&sample.mesh, &View::guess(&sample.mesh), side);
         println!("{}: {} quads, drawn in {:?}", sample.name, sample.mesh.faces.len(), start.elapsed());
         let profile = render(&sample.mesh, &View::default().turned(-1.45, 0.05).with_palette(Palette::dark()), side);
         rows.push((front, profile, sample.name));
@@ -30,7 +30,7 @@ fn main() -> std::io::Result<()> {
         let view = View::guess(&sample.mesh).with_palette(Palette::scan());
         let (front, profile) =
             (render(&sample.mesh, &view, side), render(&sample.mesh, &view.turned(-1.45, 0.05), side));
-        println!("{}: {} triangles", sample.name, sample.mesh.faces.len());
+        println!("{}: {} triangles, drawn twice in {:?}", sample.name, sample.mesh.faces.len(), start.elapsed());
         rows.push((front, profile, sample.name));
     }
     let captioned: Vec<(&Picture, &str)> = rows.iter().flat_map(|(f, p, n)| [(f, n.as_str()), (p, "")]).collect();

@@ -1,6 +1,7 @@
 //! The commands of the binary, each a function.
 
 use crate::auth::{AuthError, Tokens};
+use crate::demo::tour;
 use crate::config::{Cli, Command, Config, ConfigError, ServeArgs, StoreArgs, TokenAction};
 use crate::service::{self, StartError};
 use crate::shutdown;
@@ -101,8 +102,21 @@ fn serve(args: ServeArgs) -> Result<(), CommandError> {
 }
 
 fn demo(args: &crate::config::DemoArgs) -> Result<(), CommandError> {
-    let _ = args;
-    Err(CommandError::Demo("the demo is not joined yet".into()))
+    let data = std::env::temp_dir().join(format!("quadmuse-demo-{}", std::process::id()));
+    let runtime = runtime()?;
+    let toured = runtime.block_on(async {
+        let running = tour::run(&args.out, &data).await.map_err(|e| CommandError::Demo(e.to_string()))?;
+        if args.keep {
+            say(&format!("http://{} goes on until Ctrl-C", running.address));
+            shutdown::signal().await.map_err(|source| CommandError::System { what: "signals", source })?;
+        }
+        running.stop().await;
+        Ok(())
+    });
+    runtime.shutdown_timeout(Duration::from_millis(200));
+    // A store that only the demo used; what is left of it harms nobody.
+    let _ = std::fs::remove_dir_all(&data);
+    toured
 }
 
 fn existing(store: &StoreArgs) -> Result<Store, CommandError> {

@@ -165,6 +165,22 @@ pub struct Config {
     pub open: bool,
 }
 
+impl Config {
+    /// A service for this machine alone, on a free port.
+    pub fn local(data: PathBuf) -> Self {
+        let listen = SocketAddr::from(([127, 0, 0, 1], 0));
+        Self {
+            data,
+            listen,
+            threads: 0,
+            memory_limit: MEMORY_LIMIT_DEFAULT,
+            upload_limit: UPLOAD_LIMIT_DEFAULT,
+            connections: CONNECTIONS_DEFAULT,
+            open: false,
+        }
+    }
+}
+
 /// Why the settings can't be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {

@@ -17,6 +17,7 @@ mod limb;
 mod loft;
 mod random;
 mod remesh;
+pub mod tour;
 
 use cage::Cage;
 use quadmuse_kernel::mesh::tri::NONE;

@@ -39,7 +39,7 @@ pub fn composition(composition: &Composition) -> String {
     let Composition { id, query, parts, vertices, quads, triangles, extraordinary_vertices, total_ms, .. } =
         composition;
     [
-        format!("composition {id} of query {query}, {} parts", parts.len()),
+        format!("composition {id} of query {query}, {} of its segments", parts.len()),
         format!("mesh        {vertices} vertices, {quads} quads, {triangles} triangles left"),
         format!("layout      {extraordinary_vertices} extraordinary vertices"),
         format!("took        {:.2} s", total_ms / 1000.0),

@@ -57,9 +57,14 @@ fn main() {
             let exq = Query::new(&patch, &Default::default()).unwrap();
             let at = map::atlas::Atlas::build(&exq, &query, &solver, &never).unwrap();
             if let Some(at) = at {
-                let m = at.cross_map();
+                let m = at.cross_map(&[]).unwrap();
                 let mut e: Vec<f64> = m.positions.iter().zip(&truth_mesh.positions).map(|(l, t)| 100.0 * (l - t).norm() / area.sqrt()).collect();
                 e.sort_by(f64::total_cmp);
+                let mi = |b: bool| if b { -1.0 } else { 1.0 };
+                let single = map::cross_map(&entry.best().registration, &chart, &query.chart_for(&entry.best().unfolded.poles).unwrap(), &PlanarIndex::new(&query.chart_for(&entry.best().unfolded.poles).unwrap()));
+                let bs = quadmuse_kernel::measure::distortion(&patch.mesh, &single.positions, &single.locations, &query.chart_for(&entry.best().unfolded.poles).unwrap(), mi(entry.best().registration.flip.is_mirror())).badness();
+                let ba = quadmuse_kernel::measure::distortion(&patch.mesh, &m.positions, &m.locations, at.input().unwrap(), mi(at.mirrored)).badness();
+                print!("[single {bs:.1} atlas {ba:.1}] ");
                 println!("{:9} {:46} ATLAS med {:6.3} p95 {:6.2} max {:.1} matches {} of {}/{} mirrored {} cost {:.3} {:.0} ms", c[0], &c[6][6..c[6].len().min(52)], e[e.len()/2], e[e.len()*95/100], e[e.len()-1], at.matches.len(), exq.protrusions().len(), query.protrusions().len(), at.mirrored, at.cost, t.elapsed().as_secs_f64()*1e3);
                 sums.lock().unwrap().entry(format!("{} ATLAS", c[0])).or_default().push([0.0, 0.0, e[e.len()/2], e[e.len()*95/100], if at.mirrored {1.0} else {0.0}, 0.0]);
             }

@@ -8,8 +8,9 @@ pub mod edit;
 
 use crate::encode::index::{Location, PlanarIndex};
 use crate::mesh::Vec3;
+use crate::mesh::tri::TriMesh;
 use crate::register::Registration;
-use crate::unfold::{Chart, Uv};
+use crate::unfold::{Chart, Uv, signed_area};
 
 /// Where each vertex of an example's patch goes on the input.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,6 +28,32 @@ pub fn cross_map(registration: &Registration, example: &Chart, input: &Chart, in
         .collect();
     let positions = locations.iter().map(|l| l.point(input)).collect();
     CrossMap { locations, positions }
+}
+
+/// Polygons of the example that the map turns over in the domain, beyond those that are turned over there already.
+/// `mesh` is the patch that `example` unfolds. Faces at a pole, where u has no meaning, are left out.
+pub fn folded_faces(registration: &Registration, example: &Chart, mesh: &TriMesh) -> usize {
+    let sign = if registration.flip.is_mirror() { -1.0 } else { 1.0 };
+    let mut folded: Vec<u32> = Vec::new();
+    for (t, corners) in mesh.triangles.iter().enumerate() {
+        if example.poles.iter().any(|p| corners.contains(&p.vertex)) {
+            continue;
+        }
+        let first = example.uv[corners[0] as usize];
+        let before = corners.map(|v| {
+            let [u, v] = example.uv[v as usize];
+            [u - (u - first[0]).round(), v]
+        });
+        if signed_area(&before) <= 0.0 {
+            continue;
+        }
+        let after = before.map(|x| registration.map(example.topology, x));
+        if sign * signed_area(&after) < 0.0 {
+            folded.push(mesh.polygon_of[t]);
+        }
+    }
+    folded.dedup();
+    folded.len()
 }
 
 /// (u, v) of a vertex, a pole's v made exact.
@@ -72,6 +99,7 @@ mod tests {
             map.positions.iter().zip(&example.mesh.positions).map(|(a, b)| (a - b).norm()).collect();
         errors.sort_by(f64::total_cmp);
         assert!(!best.registration.flip.is_mirror());
+        assert_eq!(folded_faces(&best.registration, &chart, &example.mesh), 0);
         assert!(errors[errors.len() / 2] < 0.01, "median {}", errors[errors.len() / 2]);
         // Boundary on boundary, exactly.
         for (p, on) in map.positions.iter().zip(example.mesh.boundary_vertices()) {

@@ -40,6 +40,14 @@ pub struct Distortion {
     pub faces: usize,
 }
 
+impl Distortion {
+    /// One number to compare maps of the same pair by: the lower the better.
+    pub fn badness(&self) -> f64 {
+        let turned = self.turned_faces as f64 / self.faces.max(1) as f64;
+        self.angle_deg.mean + self.angle_deg.p95 / 3.0 + 10.0 * self.area_log2.p95 / 3.0 + 100.0 * turned
+    }
+}
+
 /// Compares each triangle of the example with its image. `mirrored` maps turn every face over, which is undone here.
 pub fn distortion(
     example: &TriMesh,

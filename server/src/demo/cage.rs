@@ -50,20 +50,6 @@ impl Cage {
         cage
     }
 
-    /// A rectangular patch; face (r, c) has index r·columns + c, counter-clockwise where rows go up and columns right.
-    pub(super) fn patch(rows: usize, columns: usize, group: &str, point: impl Fn(usize, usize) -> Vec3) -> Self {
-        let mut cage = Self::default();
-        for k in 0..(rows + 1) * (columns + 1) {
-            cage.vertex(point(k / (columns + 1), k % (columns + 1)));
-        }
-        for k in 0..rows * columns {
-            let (r, c) = (k / columns, k % columns);
-            let at = |r: usize, c: usize| (r * (columns + 1) + c) as u32;
-            cage.face([at(r, c), at(r, c + 1), at(r + 1, c + 1), at(r + 1, c)], group);
-        }
-        cage
-    }
-
     /// Adds a vertex without offset.
     pub(super) fn vertex(&mut self, base: Vec3) -> u32 {
         self.bases.push(base);
@@ -322,6 +308,20 @@ fn catmull_clark<const N: usize>(points: &[[Vec3; N]], quads: &[[u32; 4]]) -> (V
 mod tests {
     use super::*;
 
+    /// A rectangular patch; face (r, c) has index r·columns + c, counter-clockwise where rows go up and columns right.
+    fn patch(rows: usize, columns: usize, group: &str, point: impl Fn(usize, usize) -> Vec3) -> Cage {
+        let mut cage = Cage::default();
+        for k in 0..(rows + 1) * (columns + 1) {
+            cage.vertex(point(k / (columns + 1), k % (columns + 1)));
+        }
+        for k in 0..rows * columns {
+            let (r, c) = (k / columns, k % columns);
+            let at = |r: usize, c: usize| (r * (columns + 1) + c) as u32;
+            cage.face([at(r, c), at(r, c + 1), at(r + 1, c + 1), at(r + 1, c)], group);
+        }
+        cage
+    }
+
     fn column() -> Cage {
         Cage::tube(4, 8, "side", |r, c| {
             let a = std::f64::consts::TAU * c as f64 / 8.0;
@@ -365,7 +365,7 @@ mod tests {
 
     #[test]
     fn subdivision_keeps_affine_patches_flat_and_quarters_faces() {
-        let flat = Cage::patch(3, 4, "sheet", |r, c| Vec3::new(c as f64, r as f64, 2.0 * c as f64 - r as f64));
+        let flat = patch(3, 4, "sheet", |r, c| Vec3::new(c as f64, r as f64, 2.0 * c as f64 - r as f64));
         let fine = flat.subdivided();
         assert_eq!(fine.quads.len(), 48);
         assert!(fine.bases.iter().all(|p| (p.z - 2.0 * p.x + p.y).abs() < 1e-12));

@@ -262,6 +262,23 @@ pub(super) fn pig(round: f64, levels: usize) -> (Cage, Vec<Vec3>) {
         })
         .collect();
     body.cage.grow(&middle, &curl, "tail");
+    pig_legs_and_ears(&mut body);
+    for (columns, group) in [(12..14, "eye_l"), (2..4, "eye_r")] {
+        let region = body.block(15..17, columns);
+        body.eye(&region, 0.07, group);
+    }
+    finish(body.cage, levels, |p| {
+        let nostril = -0.10 * blob(p, [0.085, 0.09, 1.42], [0.045, 0.065, 0.1])
+            - 0.10 * blob(p, [-0.085, 0.09, 1.42], [0.045, 0.065, 0.1]);
+        let smile = -0.05
+            * (-((p.y + 0.20 - 0.5 * p.x * p.x) / 0.035).powi(2)).exp()
+            * step(0.75, 0.95, p.z)
+            * step(0.4, 0.25, p.x.abs());
+        lopsided(p) + Vec3::new(0.0, 0.0, nostril + smile)
+    })
+}
+
+fn pig_legs_and_ears(body: &mut Body) {
     for (side, columns, end) in [(1.0, 9..11, "l"), (-1.0, 5..7, "r")] {
         for (rows, place) in [(4..6, "hind"), (11..13, "fore")] {
             let region = body.block(rows, columns.clone());
@@ -284,19 +301,6 @@ pub(super) fn pig(round: f64, levels: usize) -> (Cage, Vec<Vec3>) {
             &format!("ear_{end}"),
         );
     }
-    for (columns, group) in [(12..14, "eye_l"), (2..4, "eye_r")] {
-        let region = body.block(15..17, columns);
-        body.eye(&region, 0.07, group);
-    }
-    finish(body.cage, levels, |p| {
-        let nostril = -0.10 * blob(p, [0.085, 0.09, 1.42], [0.045, 0.065, 0.1])
-            - 0.10 * blob(p, [-0.085, 0.09, 1.42], [0.045, 0.065, 0.1]);
-        let smile = -0.05
-            * (-((p.y + 0.20 - 0.5 * p.x * p.x) / 0.035).powi(2)).exp()
-            * step(0.75, 0.95, p.z)
-            * step(0.4, 0.25, p.x.abs());
-        lopsided(p) + Vec3::new(0.0, 0.0, nostril + smile)
-    })
 }
 
 /// What keeps left and right from being the same.

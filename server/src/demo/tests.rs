@@ -2,7 +2,7 @@
 
 use super::*;
 use quadmuse_kernel::mesh::TriMesh;
-use quadmuse_kernel::mesh::tri::next;
+use quadmuse_kernel::mesh::tri::prev;
 use std::collections::BTreeSet;
 
 /// Triangles of all polygons, as fans.
@@ -35,12 +35,8 @@ fn check_topology(sample: &Sample) {
         let (mut h, mut count) = (out[v], 0);
         loop {
             count += 1;
-            h = tri.twin(h);
-            if h == NONE {
-                break;
-            }
-            h = next(h);
-            if h == out[v] {
+            h = tri.twin(prev(h));
+            if h == NONE || h == out[v] {
                 break;
             }
         }

@@ -19,8 +19,8 @@ use quadmuse_kernel::mesh::PolyMesh;
 
 /// Smallest side of a picture, in pixels; smaller requests are raised to it.
 pub const SIDE_MIN: u32 = 16;
-/// Largest side of a picture, in pixels; larger requests are lowered to it.
-pub const SIDE_MAX: u32 = 2048;
+/// Largest side of a picture, in pixels; larger requests are lowered to it. Its sample buffers take 75 MB.
+pub const SIDE_MAX: u32 = 1024;
 
 /// An sRGB picture, three bytes a pixel, rows from the top.
 #[derive(Clone, Debug, PartialEq, Eq)]

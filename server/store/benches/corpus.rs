@@ -45,7 +45,17 @@ fn resident_mib() -> f64 {
 
 fn size(dir: &Path) -> u64 {
     let entries = fs::read_dir(dir).into_iter().flatten().flatten();
-    entries.map(|entry| if entry.path().is_dir() { size(&entry.path()) } else { entry.metadata().map_or(0, |facts| facts.len()) }).sum()
+    entries
+        .map(
+            |entry| {
+                if entry.path().is_dir() {
+                    size(&entry.path())
+                } else {
+                    entry.metadata().map_or(0, |facts| facts.len())
+                }
+            },
+        )
+        .sum()
 }
 
 fn ms(begun: Instant) -> f64 {
@@ -65,12 +75,15 @@ fn main() {
         let add = |thread: u64| {
             let (store, sample) = (&store, &sample);
             scope.spawn(move || {
-                (thread..count).step_by(THREADS as usize).map(|seed| {
-                    let sample = sample(seed);
-                    let begun = Instant::now();
-                    store.add(&sample.example()).unwrap();
-                    ms(begun)
-                }).collect::<Vec<_>>()
+                (thread..count)
+                    .step_by(THREADS as usize)
+                    .map(|seed| {
+                        let sample = sample(seed);
+                        let begun = Instant::now();
+                        store.add(&sample.example()).unwrap();
+                        ms(begun)
+                    })
+                    .collect::<Vec<_>>()
             })
         };
         let threads: Vec<_> = (0..THREADS).map(add).collect();
@@ -79,9 +92,20 @@ fn main() {
     let total = ms(begun);
     waits.sort_by(f64::total_cmp);
     let at = |q: f64| waits[((waits.len() - 1) as f64 * q) as usize];
-    println!("add, {THREADS} threads: {:.1} ms an example; p50 {:.1}, p99 {:.1} ms; resident {:.0} MiB", total / count as f64, at(0.5), at(0.99), resident_mib());
+    println!(
+        "add, {THREADS} threads: {:.1} ms an example; p50 {:.1}, p99 {:.1} ms; resident {:.0} MiB",
+        total / count as f64,
+        at(0.5),
+        at(0.99),
+        resident_mib()
+    );
     let stats = store.stats();
-    println!("bytes a segment: {}; index on disk {:.2} × that; blobs {}", stats.derived_bytes / count, stats.index_bytes as f64 / stats.derived_bytes as f64, stats.blobs);
+    println!(
+        "bytes a segment: {}; index on disk {:.2} × that; blobs {}",
+        stats.derived_bytes / count,
+        stats.index_bytes as f64 / stats.derived_bytes as f64,
+        stats.blobs
+    );
     drop(store);
 
     for name in ["first", "second"] {

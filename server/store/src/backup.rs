@@ -14,8 +14,8 @@ use crate::derived::{PART_BYTES_MAX, Part, PartKind};
 use crate::error::StoreError;
 use crate::files;
 use crate::frame::{self, FRAME_OVERHEAD};
-use crate::recover::OpenReport;
 use crate::record::{ContentHash, ExampleRecord, validate};
+use crate::recover::OpenReport;
 use crate::shared::OpenOptions;
 use crate::store::Store;
 use crate::writer::Packed;
@@ -79,7 +79,8 @@ impl Out<'_> {
     }
 
     fn value(&mut self, magic: [u8; 4], value: &impl Serialize) -> Result<(), StoreError> {
-        let bytes = rmp_serde::to_vec_named(value).map_err(|error| StoreError::Backup { found: error.to_string(), at: self.bytes })?;
+        let bytes = rmp_serde::to_vec_named(value)
+            .map_err(|error| StoreError::Backup { found: error.to_string(), at: self.bytes })?;
         self.frame(magic, &bytes)
     }
 
@@ -117,7 +118,12 @@ impl Store {
         Ok(report)
     }
 
-    fn backup_example(&self, record: &ExampleRecord, out: &mut Out<'_>, report: &mut BackupReport) -> Result<(), StoreError> {
+    fn backup_example(
+        &self,
+        record: &ExampleRecord,
+        out: &mut Out<'_>,
+        report: &mut BackupReport,
+    ) -> Result<(), StoreError> {
         let id = record.id;
         let objects: Result<Vec<_>, StoreError> = record.objects().map(|object| self.object(id, object)).collect();
         let objects = match objects {
@@ -146,7 +152,9 @@ impl Store {
         let Some(pointer) = self.shared().index().pointer((id, segment)).cloned() else { return Ok(false) };
         let engine = self.shared().engine()?;
         let part = |kind| Some((kind, engine.part((id, segment), &pointer, kind).ok()?.ok()?));
-        let Some(parts) = pointer.kinds().map(part).collect::<Option<Vec<(PartKind, Vec<u8>)>>>() else { return Ok(false) };
+        let Some(parts) = pointer.kinds().map(part).collect::<Option<Vec<(PartKind, Vec<u8>)>>>() else {
+            return Ok(false);
+        };
         out.value(SEGMENT, &SegmentHead { segment, encoder_version: pointer.encoder_version })?;
         for (kind, bytes) in parts {
             out.pieces(PART, kind.0, &bytes)?;
@@ -158,7 +166,11 @@ impl Store {
     ///
     /// # Errors
     /// [`StoreError::Backup`] for a damaged or cut one, [`StoreError::NotEmpty`], and whatever opening and adding fail with.
-    pub fn restore(dir: &Path, options: &OpenOptions, reader: &mut dyn Read) -> Result<(Store, OpenReport), StoreError> {
+    pub fn restore(
+        dir: &Path,
+        options: &OpenOptions,
+        reader: &mut dyn Read,
+    ) -> Result<(Store, OpenReport), StoreError> {
         let (store, report) = Store::open(dir, options)?;
         let examples = report.examples + report.quarantined.len();
         if examples > 0 {
@@ -250,7 +262,11 @@ impl In<'_> {
                 }
                 (TAIL, None) => {
                     let tail: Tail = self.parse(&payload)?;
-                    return if tail.examples == examples && tail.hash == before { Ok(()) } else { self.bad("a part missing or out of place") };
+                    return if tail.examples == examples && tail.hash == before {
+                        Ok(())
+                    } else {
+                        self.bad("a part missing or out of place")
+                    };
                 }
                 _ => return self.bad("a frame out of place"),
             }

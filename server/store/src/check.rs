@@ -136,7 +136,8 @@ impl Store {
                 }
             };
             // Replaced or removed meanwhile: not damaged.
-            let current = self.shared().index().pointer(key).is_some_and(|now| now.generation() == pointer.generation());
+            let current =
+                self.shared().index().pointer(key).is_some_and(|now| now.generation() == pointer.generation());
             if current {
                 return Ok(Some(format!("{}: {reason}", kind.name())));
             }

@@ -379,6 +379,10 @@ impl PartSource for Reader<'_> {
         bytes.map_err(|reason| self.damaged(kind, &reason))
     }
 
+    fn has(&self, kind: PartKind) -> bool {
+        self.pointer.has(kind)
+    }
+
     fn damaged(&self, kind: PartKind, reason: &str) -> StoreError {
         let (id, segment) = self.key;
         StoreError::DamagedDerived { id, segment, part: kind.name(), reason: reason.to_owned() }

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant, SystemTime};
 use quadmuse_proto::id::ExampleId;
 
 use crate::compact;
-use crate::derived::{self, ChartRecord, Coarse, DerivedSegment, Level, PartKind};
+use crate::derived::{self, ChartRecord, Coarse, DerivedSegment, Level};
 use crate::engine::{Engine, Pointer, Reader};
 use crate::error::StoreError;
 use crate::files::{Ground, Objects, create_dir};
@@ -222,7 +222,13 @@ impl Store {
     }
 
     /// Adds an example whose segments, each with its number, are packed already.
-    pub(crate) fn add_packed(&self, record: ExampleRecord, mesh: &[u8], labels: Option<&[u8]>, segments: Vec<(u32, Packed)>) -> Result<Added, StoreError> {
+    pub(crate) fn add_packed(
+        &self,
+        record: ExampleRecord,
+        mesh: &[u8],
+        labels: Option<&[u8]>,
+        segments: Vec<(u32, Packed)>,
+    ) -> Result<Added, StoreError> {
         let shared = self.shared();
         if shared.fault().is_some() {
             return Err(shared.read_only());
@@ -404,8 +410,8 @@ impl Store {
     /// # Errors
     /// As [`Store::derived`], and [`StoreError::NoSuchLevel`].
     pub fn level(&self, id: ExampleId, segment: u32, side: u32) -> Result<Level, StoreError> {
-        let there = side.is_power_of_two() && self.pointer((id, segment))?.has(PartKind::level(side));
-        if !there {
+        let pointer = self.pointer((id, segment))?;
+        if !derived::has_level(|kind| pointer.has(kind), side) {
             return Err(StoreError::NoSuchLevel { id, segment, side });
         }
         self.read((id, segment), |reader| derived::read_level(reader, side))
@@ -462,7 +468,6 @@ impl Store {
             free_bytes: (shared.options.free_space)(&shared.dir).unwrap_or(0),
         }
     }
-
 }
 
 /// Counts and sizes of a store.

@@ -129,7 +129,9 @@ impl Writer {
             let next = carried.take().map_or_else(|| self.requests.recv_timeout(TICK), Ok);
             match next {
                 Ok(request) if self.shared.fault().is_some() => self.serve_suspended(request),
-                Ok(Request { work: Work::Compact, reply }) => drop(reply.send(self.copy_index().and_then(|()| self.reopen_now()))),
+                Ok(Request { work: Work::Compact, reply }) => {
+                    drop(reply.send(self.copy_index().and_then(|()| self.reopen_now())))
+                }
                 Ok(Request { work: Work::Reopen, reply }) => drop(reply.send(self.reopen_now())),
                 Ok(first) => carried = self.serve(first),
                 Err(RecvTimeoutError::Timeout) => {}
@@ -161,7 +163,7 @@ impl Writer {
         carried
     }
 
-    /// Notes what a request depends on; whether nothing before it in the batch touches the same. (`bool` is the set's answer.)
+    /// Notes which example a request is about; false if one before it in the batch is about the same.
     fn touch(&self, work: &Work, touched: &mut HashSet<[u8; 32]>) -> bool {
         let example = |id: ExampleId| {
             let identity = self.shared.index().record(id).map(|record| *record.identity.as_bytes());
@@ -192,7 +194,11 @@ impl Writer {
                     }
                 }
             }
-            if self.shared.fault().is_some() { Err(self.shared.read_only()) } else { self.make_durable(&engine, &staged).map(|()| engine) }
+            if self.shared.fault().is_some() {
+                Err(self.shared.read_only())
+            } else {
+                self.make_durable(&engine, &staged).map(|()| engine)
+            }
         });
         let Ok(engine) = result else {
             return waiting.into_iter().for_each(|waiting| self.answer_failed(waiting));
@@ -233,7 +239,13 @@ impl Writer {
         }
     }
 
-    fn stage_add(&self, engine: &Engine, record: Arc<ExampleRecord>, segments: Vec<(u32, Packed)>, held: InFlight) -> Result<(Staged, Done), Stop> {
+    fn stage_add(
+        &self,
+        engine: &Engine,
+        record: Arc<ExampleRecord>,
+        segments: Vec<(u32, Packed)>,
+        held: InFlight,
+    ) -> Result<(Staged, Done), Stop> {
         let mut stage = Staged { _held: Some(held), ..Staged::default() };
         let existing = self.shared.index().by_identity(record.identity).cloned();
         if let Some(existing) = existing {

@@ -68,7 +68,11 @@ fn a_damaged_or_cut_backup_is_refused() {
     for flip in 0..24 {
         let mut bad = bytes.clone();
         let at = (random(flip, 1) * bad.len() as f64) as usize;
-        if flip % 3 == 0 { bad.truncate(at) } else { bad[at] ^= 0x11 }
+        if flip % 3 == 0 {
+            bad.truncate(at)
+        } else {
+            bad[at] ^= 0x11
+        }
         let to = tempfile::tempdir().unwrap();
         let refused = Store::restore(to.path(), &options(), &mut &bad[..]);
         assert!(matches!(refused, Err(StoreError::Backup { .. })), "at {at} of {}", bytes.len());
@@ -103,7 +107,10 @@ fn a_check_names_each_kind_of_damage_and_mends_records() {
 
     let (store, _) = Store::open(dir.path(), &options()).unwrap();
     let report = store.check(&mut |_| ()).unwrap();
-    assert!(matches!(&report.problems[..], [Problem::RecordMended { id: a, .. }, Problem::Ground { id: b, .. }] if (*a, *b) == (first, last)), "{report:?}");
+    assert!(
+        matches!(&report.problems[..], [Problem::RecordMended { id: a, .. }, Problem::Ground { id: b, .. }] if (*a, *b) == (first, last)),
+        "{report:?}"
+    );
     assert!(matches!(store.get(last), Err(StoreError::Quarantined { .. })));
     let mut backup = Vec::new();
     assert_eq!(store.backup(&mut backup).unwrap().skipped.len(), 1);

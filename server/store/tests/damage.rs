@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use quadmuse_proto::id::ExampleId;
-use quadmuse_store::{Added, DerivedSegment, Store, StoreError};
+use quadmuse_store::{Added, DerivedSegment, OpenOptions, Store, StoreError};
 
 #[path = "support/sample.rs"]
 mod sample;
@@ -41,7 +41,8 @@ fn build(dir: &Path) -> Truth {
 
 fn add(store: &Store, seeds: std::ops::Range<u64>, truth: &mut Truth) {
     for seed in seeds {
-        let sample = if seed < 12 { Sample::new(seed) } else { Sample::with(seed, vec![segment_of(seed, &[32, 512], 3000)]) };
+        let sample =
+            if seed < 12 { Sample::new(seed) } else { Sample::with(seed, vec![segment_of(seed, &[32, 512], 3000)]) };
         let id = store.add(&sample.example()).unwrap().record().id;
         if seed % 5 == 0 {
             store.put_derived(id, 0, 1, &sample.derived[0]).unwrap();
@@ -88,6 +89,8 @@ struct Seen {
     records_restored: usize,
     quarantined: usize,
     encodings_rebuilt: usize,
+    /// Openings after which the database itself met the damage, and the store copied what was left of it.
+    suspended: usize,
 }
 
 /// Writes an encoding anew, waiting while the store mends itself.
@@ -110,6 +113,7 @@ fn mend(dir: &Path, truth: &Truth, seen: &mut Seen, what: &str) {
     seen.flips += 1;
     seen.index_rebuilt += usize::from(report.index_rebuilt.is_some());
     seen.records_restored += report.records_restored;
+    let mut suspended = false;
     for (&id, (sample, derived)) in truth {
         match store.mesh_bytes(id) {
             Ok(mesh) => assert_eq!(mesh, sample.mesh, "{what}: wrong bytes"),
@@ -128,6 +132,7 @@ fn mend(dir: &Path, truth: &Truth, seen: &mut Seen, what: &str) {
         match store.derived(id, 0) {
             Ok(found) => assert_eq!(&found, derived, "{what}: wrong encoding"),
             Err(StoreError::MissingDerived { .. } | StoreError::DamagedDerived { .. }) => {
+                suspended |= store.suspended().is_some();
                 seen.encodings_rebuilt += 1;
                 put_again(&store, id, &sample.derived[0]);
                 assert_eq!(&store.derived(id, 0).unwrap(), derived, "{what}");
@@ -135,6 +140,7 @@ fn mend(dir: &Path, truth: &Truth, seen: &mut Seen, what: &str) {
             Err(error) => panic!("{what}: {id}: {error}"),
         }
     }
+    seen.suspended += usize::from(suspended);
 }
 
 /// A mended store is whole after the next opening, or mends itself again.
@@ -230,4 +236,55 @@ fn an_example_without_its_mesh_is_quarantined_and_can_be_removed() {
     store.remove(id).unwrap();
     assert!(matches!(store.get(id), Err(StoreError::NotFound { .. })));
     assert!(store.quarantined().is_empty());
+}
+
+#[test]
+fn damage_under_an_open_store_is_met_by_a_copy_of_what_is_left() {
+    let dir = tempfile::tempdir().unwrap();
+    let small_cache = OpenOptions { cache_bytes: 1 << 20, ..options() };
+    let (store, _) = Store::open(dir.path(), &small_cache).unwrap();
+    let mut truth = Truth::new();
+    for seed in 0..100 {
+        let sample = Sample::with(seed, vec![segment_of(seed, &[32, 512], 6000)]);
+        let id = store.add(&sample.example()).unwrap().record().id;
+        truth.insert(id, (sample, store.derived(id, 0).unwrap()));
+    }
+    let path = dir.path().join("index/db");
+    let file = fs::OpenOptions::new().read(true).write(true).open(&path).unwrap();
+    let length = content(&path);
+    for at in (length / 8..length / 2).step_by(1 << 20) {
+        let mut bytes = [0; 16];
+        file.read_exact_at(&mut bytes, at).unwrap();
+        file.write_all_at(&bytes.map(|byte| byte ^ 0x33), at).unwrap();
+    }
+    let mut seen = Seen::default();
+    read_all(&store, &truth, &mut seen);
+    println!("{seen:?}");
+    assert!(seen.encodings_rebuilt > 0 && seen.suspended > 0, "the damage was not met: {seen:?}");
+    let begun = Instant::now();
+    while store.suspended().is_some() {
+        assert!(begun.elapsed() < RESUME, "still suspended: {:?}", store.suspended());
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let mut again = Seen::default();
+    read_all(&store, &truth, &mut again);
+    assert_eq!(again.encodings_rebuilt, 0);
+    drop(store);
+    check_mended(dir.path(), &truth, "damaged while open");
+}
+
+/// Reads every encoding; one that is damaged is written anew.
+fn read_all(store: &Store, truth: &Truth, seen: &mut Seen) {
+    for (&id, (sample, derived)) in truth {
+        match store.derived(id, 0) {
+            Ok(found) => assert_eq!(&found, derived, "wrong encoding"),
+            Err(StoreError::MissingDerived { .. } | StoreError::DamagedDerived { .. }) => {
+                seen.encodings_rebuilt += 1;
+                seen.suspended += usize::from(store.suspended().is_some());
+                put_again(store, id, &sample.derived[0]);
+                assert_eq!(&store.derived(id, 0).unwrap(), derived);
+            }
+            Err(error) => panic!("{id}: {error}"),
+        }
+    }
 }

@@ -62,7 +62,8 @@ fn child() {
             let real = options.free_space.clone();
             // Resuming must see the truth: blind is only the check before a write.
             let path = root.join("objects");
-            options.free_space = Arc::new(move |asked| if path.join("../lie").exists() { Ok(free) } else { real(asked) });
+            options.free_space =
+                Arc::new(move |asked| if path.join("../lie").exists() { Ok(free) } else { real(asked) });
         }
         survive(dir, &root, &options, blind.is_some());
         fs::remove_dir_all(&root).unwrap();
@@ -126,7 +127,11 @@ fn survive(disk: &Path, root: &Path, options: &OpenOptions, blind: bool) {
     check(&store, &kept);
     drop(store);
     let (store, report) = Store::open(root, options).unwrap();
-    assert_eq!((report.examples, report.quarantined.len(), report.missing_derived.len()), (kept.len(), 0, 0), "{report:?}");
+    assert_eq!(
+        (report.examples, report.quarantined.len(), report.missing_derived.len()),
+        (kept.len(), 0, 0),
+        "{report:?}"
+    );
     check(&store, &kept);
 }
 

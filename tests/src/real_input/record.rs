@@ -29,7 +29,9 @@ pub fn circumstances() -> String {
 /// [`RunError::File`].
 pub fn write(text: &str) -> Result<PathBuf, RunError> {
     let (day, commit) = (printed("date", &["-u", "+%F"]), printed("git", &["rev-parse", "--short", "HEAD"]));
-    let path = root().join(format!("tests/records/real-input-{day}-{commit}.md"));
-    std::fs::write(&path, text).map_err(|source| RunError::File { path: path.clone(), source })?;
+    let folder = root().join("tests/records");
+    let path = folder.join(format!("real-input-{day}-{commit}.md"));
+    let written = std::fs::create_dir_all(&folder).and_then(|()| std::fs::write(&path, text));
+    written.map_err(|source| RunError::File { path: path.clone(), source })?;
     Ok(path)
 }

@@ -28,9 +28,9 @@ fn samples() -> Vec<(&'static str, Vec<u8>, &'static str)> {
         ("range.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n".to_vec(), "mesh_unreadable"),
         ("nan.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".to_vec(), "mesh_unreadable"),
         ("garbage.obj", (0..=255).cycle().take(5000).collect(), "mesh_unreadable"),
-        ("counts.ply", huge_counts.as_bytes().to_vec(), "mesh_unreadable"),
+        ("counts.ply", huge_counts.as_bytes().to_vec(), "mesh_too_large"),
         ("cut.stl", huge_stl, "mesh_unreadable"),
-        ("counts.off", b"OFF\n4000000000 4000000000 0\n".to_vec(), "mesh_unreadable"),
+        ("counts.off", b"OFF\n4000000000 4000000000 0\n".to_vec(), "mesh_too_large"),
         ("not.glb", b"glTF\x02\0\0\0\xff\xff\xff\xff".to_vec(), "mesh_unreadable"),
         ("fan.obj", fan.into_bytes(), "mesh_not_manifold"),
     ]

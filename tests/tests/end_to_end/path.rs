@@ -59,7 +59,10 @@ fn a_mesh_is_found_again_on_a_scan_of_itself_and_laid_on_it() {
     assert_eq!(mesh(server.address()).text(), example);
     drop(server);
     let (server, client) = place.serve();
-    assert_eq!(listed(&client), ids);
+    // In order of creation, which is not that of the files: they are sent side by side.
+    let mut created = ids.clone();
+    created.sort();
+    assert_eq!(listed(&client), created);
     assert_eq!(mesh(server.address()).text(), example);
     let events = values(&client, &["query", "--resolution", "64"], &[&scan]);
     let after: Vec<_> = events.iter().filter(|event| event["event"] == "level").collect();

@@ -9,6 +9,7 @@
 
 use std::sync::Arc;
 
+use super::edit::{self, EditError};
 use super::{CrossMap, vertex_uv};
 use crate::encode::features::distance;
 use crate::encode::index::{Location, PlanarIndex};
@@ -28,11 +29,15 @@ const CHART_SIDE: usize = 128;
 /// A pair of tips may be this many times further apart on one surface than on the other (in √area).
 const STRETCH_MAX: f64 = 1.7;
 /// Ways to place the seed that are tried.
-const TARGETS_MAX: usize = 32;
+const TARGETS_MAX: usize = 12;
 /// Mean distance in the domain between matched tips that doubles a match's cost.
 const TIP_DISTANCE: f64 = 0.06;
 /// Tips further apart than this in the domain are no match.
 const TIP_DISTANCE_MAX: f64 = 0.25;
+/// Tips that make an atlas worth its charts: with one or two, two poles do.
+const TIPS_MIN: usize = 3;
+/// A match that costs more is none.
+const MATCH_COST_MAX: f64 = 1.5;
 /// How fast a chart's say falls with its compression.
 const BLEND_POWER: f64 = 2.0;
 
@@ -71,7 +76,8 @@ struct Match {
 }
 
 impl Atlas {
-    /// Matches two surfaces by their tips; `None` where either has fewer than two, or they are no discs or spheres.
+    /// Matches two surfaces by their tips; `None` where either has fewer than three, or
+    /// they are no discs or spheres, or the match is too poor to be one.
     ///
     /// # Errors
     /// [`UnfoldError`] when a chart cannot be made.
@@ -84,11 +90,14 @@ impl Atlas {
         let topology = example.encoding().topology;
         let tips = (example.protrusions(), query.protrusions());
         let wanted = matches!(topology, Topology::Disc | Topology::Sphere) && topology == query.encoding().topology;
-        if !wanted || tips.0.len() < 2 || tips.1.len() < 2 {
+        if !wanted || tips.0.len() < TIPS_MIN || tips.1.len() < TIPS_MIN {
             return Ok(None);
         }
         let matcher = Matcher::new(example, query, solver, stop);
         let Some(found) = matcher.best() else { return Ok(None) };
+        if found.pairs.len() < TIPS_MIN || found.cost > MATCH_COST_MAX {
+            return Ok(None);
+        }
         let matches: Vec<(u32, u32)> = found.pairs.iter().map(|&(a, b)| (tips.0[a], tips.1[b])).collect();
         let flip = Flip { u: found.mirrored, v: false };
         let mut sheets = Vec::new();
@@ -97,22 +106,27 @@ impl Atlas {
                 return Ok(None);
             }
             let (one, two) = (matcher.poles_at(&found.pairs, k, Which::Example), matcher.poles_at(&found.pairs, k, Which::Query));
-            let (one, two) = (exact(example, &one)?, exact(query, &two)?);
+            let (one, two) = (side_at(example, &one)?, side_at(query, &two)?);
             sheets.push(Sheet::new(one, two, &matches, flip, solver, stop));
         }
         Ok(Some(Self { sheets, matches, mirrored: found.mirrored, cost: found.cost }))
     }
 
-    /// Maps the vertices of the example's patch onto the mesh of the input's charts.
-    pub fn cross_map(&self) -> CrossMap {
-        let Some(first) = self.sheets.first() else { return CrossMap { locations: Vec::new(), positions: Vec::new() } };
+    /// Maps the vertices of the example's patch onto the mesh of the input's charts. Each of `constraints`, a place on
+    /// the example's charts and one on the input's, holds in every chart.
+    ///
+    /// # Errors
+    /// [`EditError::Folds`] when the constraints fold a chart.
+    pub fn cross_map(&self, constraints: &[(Location, Location)]) -> Result<CrossMap, EditError> {
+        let Some(first) = self.sheets.first() else { return Ok(CrossMap { locations: Vec::new(), positions: Vec::new() }) };
         let (n, input) = (first.example.patch_vertices, &first.input);
         let mut sums = vec![(Vec3::zeros(), 0.0f64); n];
         for sheet in &self.sheets {
             let index = PlanarIndex::new(&sheet.input);
+            let registration = sheet.constrained(constraints)?;
             let compression = compression(&sheet.example);
             for (v, sum) in sums.iter_mut().enumerate() {
-                let uv = sheet.registration.map(sheet.example.topology, vertex_uv(&sheet.example, v));
+                let uv = registration.map(sheet.example.topology, vertex_uv(&sheet.example, v));
                 let place = index.locate(&sheet.input, uv);
                 let weight = compression[v].powf(-BLEND_POWER);
                 sum.0 += place.point(&sheet.input) * weight;
@@ -134,7 +148,18 @@ impl Atlas {
             })
             .collect();
         let positions = locations.iter().map(|l| l.point(input)).collect();
-        CrossMap { locations, positions }
+        Ok(CrossMap { locations, positions })
+    }
+
+    /// Mean of the charts' E / variance.
+    pub fn mean_cost(&self) -> f64 {
+        let cost = |s: &Sheet| s.registration.energy / s.registration.variance.max(1e-300);
+        self.sheets.iter().map(cost).sum::<f64>() / self.sheets.len().max(1) as f64
+    }
+
+    /// The chart from which [`Self::cross_map`] takes the example's vertices.
+    pub fn example(&self) -> Option<&Arc<Chart>> {
+        self.sheets.first().map(|s| &s.example)
     }
 
     /// The chart on whose mesh [`Self::cross_map`] places vertices.
@@ -143,8 +168,11 @@ impl Atlas {
     }
 }
 
-fn exact(query: &Query, poles: &[u32]) -> Result<Side, UnfoldError> {
-    let chart = query.chart_for(poles)?;
+fn side_at(query: &Query, poles: &[u32]) -> Result<Side, UnfoldError> {
+    let chart = match query.quick_chart(poles) {
+        Some(chart) => Arc::new(chart),
+        None => query.chart_for(poles)?,
+    };
     let encoding = encode_to(&chart, CHART_SIDE);
     Ok(Side { chart, encoding })
 }
@@ -184,6 +212,22 @@ impl Sheet {
         }
         let identity = || Registration::from_controls(flip, vec![[0.5, 0.5]], vec![[0.5, 0.5]]);
         Self { example: one.chart, input: two.chart, registration: registration.unwrap_or_else(identity) }
+    }
+}
+
+impl Sheet {
+    /// The registration with further constraints; refused where they fold it.
+    fn constrained(&self, constraints: &[(Location, Location)]) -> Result<Registration, EditError> {
+        let mut registration = self.registration.clone();
+        let topology = self.example.topology;
+        for (on_example, on_input) in constraints {
+            let (p, q) = (on_example.uv(&self.example), on_input.uv(&self.input));
+            edit::set(&mut registration, topology, None, p, q)?;
+        }
+        if !constraints.is_empty() {
+            edit::check_folds(&registration, topology)?;
+        }
+        Ok(registration)
     }
 }
 
@@ -295,24 +339,25 @@ impl<'a> Matcher<'a> {
     /// The best match. A mirrored one has to beat the best unmirrored one, on an example that is not its own mirror
     /// image: on one that is, both fit and the pictures cannot tell.
     fn best(&self) -> Option<Match> {
-        let plain = self.search(&[Flip { u: false, v: false }]);
-        let mirror = self.search(&[Flip { u: true, v: false }])?;
-        match plain {
-            Some(plain) if plain.cost <= mirror.cost * MIRROR_MARGIN => Some(plain),
-            Some(plain) => {
-                let own = Matcher::new(self.example, self.example, self.solver, self.stop);
-                let symmetric = own.search(&[Flip { u: true, v: false }]).is_some_and(|m| m.cost < SYMMETRIC_COST);
-                Some(if symmetric { plain } else { mirror })
-            }
-            None => Some(mirror),
-        }
+        let [plain, mirror] = self.search(&[Flip { u: false, v: false }, Flip { u: true, v: false }]);
+        let mirror_wins = match (&plain, &mirror) {
+            (Some(plain), Some(mirror)) => mirror.cost * MIRROR_MARGIN < plain.cost && !self.example_is_symmetric(),
+            (plain, _) => plain.is_none(),
+        };
+        if mirror_wins { mirror } else { plain }
     }
 
-    /// The best match under the given flips, over all ways to place the example's leading tip (disc) or its two
-    /// farthest (sphere).
-    fn search(&self, flips: &[Flip]) -> Option<Match> {
+    fn example_is_symmetric(&self) -> bool {
+        let own = Matcher::new(self.example, self.example, self.solver, self.stop);
+        let [_, mirror] = own.search(&[Flip { u: true, v: false }]);
+        mirror.is_some_and(|m| m.cost < SYMMETRIC_COST)
+    }
+
+    /// The best unmirrored and the best mirrored match among the given flips, over all ways to place the example's
+    /// leading tips (disc) or its two farthest (sphere).
+    fn search(&self, flips: &[Flip]) -> [Option<Match>; 2] {
         let spherical = self.example.encoding().topology == Topology::Sphere;
-        let mut best: Option<Match> = None;
+        let mut best: [Option<Match>; 2] = [None, None];
         for seed in self.seeds(spherical) {
             let poles: Vec<u32> = seed.iter().map(|&t| self.example.protrusions()[t]).collect();
             let Some(one) = self.quick(Which::Example, &poles) else { continue };
@@ -327,8 +372,9 @@ impl<'a> Matcher<'a> {
                 for &flip in flips {
                     let registration = coarse_flip(&level, flip, self.solver, self.stop);
                     let found = self.assign(&registration, &one, &two, &seed, &targets);
-                    if best.as_ref().is_none_or(|b| found.cost < b.cost) {
-                        best = Some(found);
+                    let slot = &mut best[usize::from(found.mirrored)];
+                    if slot.as_ref().is_none_or(|b| found.cost < b.cost) {
+                        *slot = Some(found);
                     }
                 }
             }

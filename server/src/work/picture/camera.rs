@@ -1,7 +1,7 @@
 //! Where a mesh is seen from: the view's upright frame, its turn and tilt, and a projection that fills the picture.
 
 use super::colour::Palette;
-use super::surface::{EdgeKind, Surface};
+use super::surface::{EdgeKind, Origin, Surface};
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use quadmuse_kernel::mesh::{PolyMesh, Vec3};
 
@@ -84,21 +84,29 @@ impl View {
         Self { yaw, pitch, ..self }
     }
 
-    /// A view guessed from the shape alone, for scans in any pose.
+    /// A view guessed from the mesh, for uploads in any pose.
     ///
     /// An open surface stands on its boundary (a head on its neck), a tube along its length with the wider opening
     /// up unless the file's +y says otherwise; a closed one keeps the file's +y. A direction near a file axis is taken
-    /// to be that axis. The front is where the surface is most detailed: the sum of its
-    /// normals weighted by how much they turn.
+    /// to be that axis, and never −y (a foot is open above). The front of a mesh of quads that stands along a file axis
+    /// is what modelling programs make it, +z (or −y where +z is up); of any other, the side where the surface is most
+    /// detailed: the sum of its normals weighted by how much they turn.
     pub fn guess(mesh: &PolyMesh) -> Self {
         let surface = Surface::of(mesh);
         let up = snapped(upright(&surface).unwrap_or_else(Vec3::y));
-        let detail = detail_direction(&surface);
-        let level = detail - up * up.dot(&detail);
-        let front = match level.try_normalize(1e-3 * detail.norm().max(1e-12)) {
-            Some(front) => snapped(front),
-            None => across(&up),
+        let up = if up == -Vec3::y() { Vec3::y() } else { up };
+        let usual = if up == Vec3::y() {
+            Some(Vec3::z())
+        } else if up == Vec3::z() {
+            Some(-Vec3::y())
+        } else {
+            None
         };
+        let front = usual.filter(|_| surface.origin == Origin::Modelled).unwrap_or_else(|| {
+            let detail = detail_direction(&surface);
+            let level = detail - up * up.dot(&detail);
+            level.try_normalize(1e-3 * detail.norm().max(1e-12)).map_or_else(|| across(&up), snapped)
+        });
         Self { up, front, ..Self::default() }
     }
 }

@@ -21,6 +21,16 @@ pub(super) enum EdgeKind {
     Rim,
 }
 
+/// Where a mesh seems to come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Origin {
+    /// Mostly quads: modelled, in the usual axes.
+    Modelled,
+    /// Anything else: scanned, in any axes.
+    #[default]
+    Scanned,
+}
+
 /// The drawable part of a mesh, moved and scaled into the unit ball.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Surface {
@@ -30,6 +40,8 @@ pub(super) struct Surface {
     /// One unit normal a corner.
     pub(super) normals: Vec<[Vector3<f32>; 3]>,
     pub(super) edges: Vec<Edge>,
+    /// Whether an artist may have laid the faces.
+    pub(super) origin: Origin,
     /// Vertices of a mesh of mostly quads whose valence is not 4 (boundary vertices count one edge more).
     pub(super) poles: Vec<(u32, u32)>,
 }
@@ -46,8 +58,9 @@ impl Surface {
         let normals = corner_normals(&points, &triangles);
         let edges = polygon_edges(&faces);
         let quads = faces.iter().filter(|face| face.len() == 4).count();
-        let poles = if 2 * quads >= faces.len() { irregular(&edges, points.len()) } else { Vec::new() };
-        Self { points, triangles, normals, edges, poles }
+        let origin = if 2 * quads > faces.len() { Origin::Modelled } else { Origin::Scanned };
+        let poles = if origin == Origin::Modelled { irregular(&edges, points.len()) } else { Vec::new() };
+        Self { points, triangles, normals, edges, origin, poles }
     }
 }
 

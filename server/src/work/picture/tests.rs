@@ -103,3 +103,34 @@ fn an_open_box_is_guessed_to_stand_on_its_opening() {
     mesh.positions.iter_mut().for_each(|p| p.y += 0.02 * p.x);
     assert_eq!(View::guess(&mesh).up, Vec3::x());
 }
+
+#[test]
+fn a_model_that_stands_upright_is_seen_from_the_usual_side() {
+    // Open above, like a foot at its ankle: not turned upside down.
+    let faces: Vec<[u32; 4]> = CUBE.iter().copied().filter(|f| *f != CUBE[3]).collect();
+    let view = View::guess(&cube(&faces));
+    assert_eq!((view.up, view.front), (Vec3::y(), Vec3::z()));
+    // Standing on an opening at −z, as programs with z up have it: faces −y.
+    let faces: Vec<[u32; 4]> = CUBE.iter().copied().filter(|f| *f != CUBE[0]).collect();
+    let view = View::guess(&cube(&faces));
+    assert_eq!((view.up, view.front), (Vec3::z(), -Vec3::y()));
+}
+
+#[test]
+fn a_tube_stands_along_its_length() {
+    // Open at −x and +x: the openings' line is the x axis, and it is longer than they are wide.
+    let faces: Vec<[u32; 4]> = CUBE.iter().copied().filter(|f| *f != CUBE[4] && *f != CUBE[5]).collect();
+    let mut mesh = cube(&faces);
+    mesh.positions.iter_mut().for_each(|p| *p = Vec3::new(4.0 * p.x, p.y * (1.0 + 0.2 * p.x), p.z * (1.0 + 0.2 * p.x)));
+    assert_eq!(View::guess(&mesh).up, Vec3::x(), "the wider opening is up");
+}
+
+#[test]
+fn the_inside_of_a_surface_is_painted_otherwise_than_its_outside() {
+    let middle = |faces: &[[u32; 4]]| render(&cube(faces), &plain(0.0, 0.0), 100).pixel(50, 50);
+    let [r, _, b] = middle(&CUBE);
+    assert!(r > b, "warm clay outside");
+    let opened: Vec<[u32; 4]> = CUBE.iter().copied().filter(|f| *f != CUBE[1]).collect();
+    let [r, _, b] = middle(&opened);
+    assert!(b > r, "cool inside");
+}

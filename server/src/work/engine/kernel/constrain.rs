@@ -3,9 +3,10 @@
 use super::super::{ConstraintEdit, EngineError, Mapped, Refusal, Registration, Side};
 use super::fresh;
 use super::registered::{Registered, describe};
-use quadmuse_kernel::encode::index::Location;
+use quadmuse_kernel::encode::index::{Location, PlanarIndex};
+use quadmuse_kernel::map::atlas::Atlas;
 use quadmuse_kernel::map::edit::{self, EditError};
-use quadmuse_kernel::mesh::Vec3;
+use quadmuse_kernel::mesh::{NONE, Vec3};
 use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::unfold::Chart;
 use quadmuse_proto::ConstraintOrigin;
@@ -19,6 +20,9 @@ pub(super) fn edit(
     query: &Side,
 ) -> Result<Registration, EngineError> {
     let registered: &Registered = from.registration.inner.open()?;
+    if let Some(atlas) = registered.atlas.get().and_then(Option::as_ref) {
+        return edit_atlas(atlas, registered, wanted, example, query);
+    }
     let topology = registered.entry.best().unfolded.encoding.topology;
     let input = registered.surface(query)?;
     let source = fresh(&example.encoded.encoding)?;
@@ -60,6 +64,57 @@ pub(super) fn edit(
     }
     edit::check_folds(&registration, topology).map_err(|e| folds(&e, &touched))?;
     Ok(describe(Registered { edited: Some(registration), names, ..registered.clone() }))
+}
+
+/// Edits the constraints of an atlas: matched tips stay, since each has a chart of its own; the caller's come and go.
+fn edit_atlas(
+    atlas: &Atlas,
+    registered: &Registered,
+    wanted: &ConstraintEdit,
+    example: &Side,
+    query: &Side,
+) -> Result<Registration, EngineError> {
+    let (Some(one), Some(two)) = (atlas.example(), atlas.input()) else {
+        return Err(EngineError::Internal("expected an atlas with charts".into()));
+    };
+    let mut pinned = registered.pinned.clone();
+    let find = |pinned: &[(String, (Location, Location))], id: &str| -> Result<usize, EngineError> {
+        if let Some(k) = pinned.iter().position(|(name, _)| name == id) {
+            return Ok(k);
+        }
+        let tip = (0..atlas.matches.len()).any(|k| format!("f{k}") == id);
+        let refusal = if tip { Refusal::ConstraintInvalid } else { Refusal::ConstraintUnknown };
+        let why = if tip { "which is a matched tip and carries a chart of its own: add a constraint beside it" } else { "which is none" };
+        Err(EngineError::refused(refusal, format!("expected a constraint that was added, found `{}`, {why}", id.escape_default())))
+    };
+    for id in &wanted.remove {
+        let k = find(&pinned, id)?;
+        pinned.remove(k);
+    }
+    for new in &wanted.set {
+        let index = new.id.as_ref().map(|id| find(&pinned, id)).transpose()?;
+        let old = index.and_then(|k| pinned.get(k)).map(|p| p.1);
+        let missing = |end: &str| {
+            EngineError::refused(Refusal::ConstraintInvalid, format!("expected `{end}` for a new constraint, found none"))
+        };
+        let on_example = match &new.on_example {
+            Some(place) => locate(place, example, one, "on_example")?,
+            None => old.map(|o| o.0).ok_or_else(|| missing("on_example"))?,
+        };
+        let on_input = match &new.on_input {
+            Some(place) => locate(place, query, two, "on_input")?,
+            None => old.map(|o| o.1).ok_or_else(|| missing("on_input"))?,
+        };
+        match index {
+            Some(k) => pinned[k].1 = (on_example, on_input),
+            None => {
+                let names: Vec<(String, ConstraintOrigin)> =
+                    pinned.iter().map(|p| (p.0.clone(), ConstraintOrigin::User)).collect();
+                pinned.push((free_name(&names), (on_example, on_input)));
+            }
+        }
+    }
+    Ok(describe(Registered { pinned, ..registered.clone() }))
 }
 
 fn folds(error: &EditError, touched: &[String]) -> EngineError {
@@ -106,13 +161,28 @@ impl Ends<'_> {
 
 /// (u, v) of a place as the caller names it.
 fn resolve(place: &Place, side: &Side, chart: &Chart, end: &str) -> Result<[f64; 2], EngineError> {
+    if let Place::Domain { u, v } = place {
+        check_domain(*u, *v, end)?;
+        return Ok([u.rem_euclid(1.0), *v]);
+    }
+    Ok(locate(place, side, chart, end)?.uv(chart))
+}
+
+fn check_domain(u: f64, v: f64, end: &str) -> Result<(), EngineError> {
+    if u.is_finite() && (0.0..=1.0).contains(&v) {
+        return Ok(());
+    }
+    let detail = format!("{end}: expected a finite u and v from 0 to 1, found ({u}, {v})");
+    Err(EngineError::refused(Refusal::ConstraintInvalid, detail))
+}
+
+/// The place of a chart's mesh that the caller names.
+fn locate(place: &Place, side: &Side, chart: &Chart, end: &str) -> Result<Location, EngineError> {
     let invalid = |detail: String| EngineError::refused(Refusal::ConstraintInvalid, format!("{end}: {detail}"));
     let point = match place {
         Place::Domain { u, v } => {
-            if !u.is_finite() || !(0.0..=1.0).contains(v) {
-                return Err(invalid(format!("expected a finite u and v from 0 to 1, found ({u}, {v})")));
-            }
-            return Ok([u.rem_euclid(1.0), *v]);
+            check_domain(*u, *v, end)?;
+            return Ok(PlanarIndex::new(chart).locate(chart, [*u, *v]));
         }
         Place::Point(point) => Vec3::from(*point),
         Place::OnFace { face, barycentric } => on_face(side, *face, barycentric).map_err(invalid)?,
@@ -121,7 +191,10 @@ fn resolve(place: &Place, side: &Side, chart: &Chart, end: &str) -> Result<[f64;
         return Err(invalid("expected finite coordinates, found one that is not".into()));
     }
     let found = Bvh::new(&chart.mesh).closest(point);
-    Ok(Location { triangle: found.triangle, barycentric: found.barycentric }.uv(chart))
+    if found.triangle == NONE {
+        return Err(invalid("expected a point near the surface, found one beyond all range".into()));
+    }
+    Ok(Location { triangle: found.triangle, barycentric: found.barycentric })
 }
 
 fn on_face(side: &Side, face: u32, weights: &[f64]) -> Result<Vec3, String> {

@@ -1,14 +1,15 @@
 //! Registrations of the kernel, and the maps they make.
 
-use super::super::{EngineError, Mapped, Opaque, Registration, Side};
+use super::super::{EngineError, Mapped, Opaque, Refusal, Registration, Side};
 use super::model::ModelInner;
 use super::{fresh, internal};
 use crate::pool::Stop;
 use quadmuse_kernel::encode::index::{Location as Place, PlanarIndex};
 use quadmuse_kernel::map::assemble::{Winding, assemble};
-use quadmuse_kernel::map::{cross_map, edit};
+use quadmuse_kernel::map::atlas::Atlas;
+use quadmuse_kernel::map::{CrossMap, cross_map, edit, folded_faces};
 use quadmuse_kernel::measure::{self, Distribution, Evidence};
-use quadmuse_kernel::register::Entry;
+use quadmuse_kernel::register::{Entry, LevenbergMarquardt};
 use quadmuse_kernel::unfold::Chart;
 use quadmuse_proto::{Constraint, ConstraintOrigin, Distortion, Flip, Histogram, Location, Verdict};
 use std::sync::{Arc, OnceLock};
@@ -24,6 +25,10 @@ pub(super) struct Registered {
     pub(super) names: Vec<(String, ConstraintOrigin)>,
     /// The query's surface unfolded with the poles of this registration, made with the first map.
     pub(super) input: Arc<OnceLock<Surface>>,
+    /// Where the surfaces have protrusions: the atlas that maps instead, made with the first map.
+    pub(super) atlas: Arc<OnceLock<Option<Atlas>>>,
+    /// With an atlas: the caller's constraints, each with its name.
+    pub(super) pinned: Vec<(String, (Place, Place))>,
 }
 
 /// A chart that points can be located on.
@@ -52,6 +57,26 @@ impl Registered {
         self.input.get().ok_or_else(|| EngineError::Internal("expected the surface just made".into()))
     }
 
+    /// The atlas, if these surfaces have one and it distorts less than a single chart does.
+    pub(super) fn atlas(&self, example: &Side, query: &Side, stop: &dyn Fn() -> bool) -> Result<Option<&Atlas>, EngineError> {
+        if self.atlas.get().is_none() {
+            let (one, two) = (fresh(&example.encoded.encoding)?, fresh(&query.encoded.encoding)?);
+            let made = Atlas::build(one, two, &LevenbergMarquardt::default(), stop).map_err(internal)?;
+            if stop() {
+                return Ok(None);
+            }
+            let better = match &made {
+                Some(atlas) => {
+                    let (many, single) = (by_atlas(atlas, self)?, by_chart(self, example, query)?);
+                    distortion(&many, example)?.badness() < distortion(&single, example)?.badness()
+                }
+                None => false,
+            };
+            let _ = self.atlas.set(made.filter(|_| better));
+        }
+        Ok(self.atlas.get().and_then(Option::as_ref))
+    }
+
     /// Names of the constraints: those given, and one for each control that has none.
     pub(super) fn named(&self) -> Vec<(String, ConstraintOrigin)> {
         let count = self.registration().p.len();
@@ -67,7 +92,14 @@ pub(super) fn checked(entry: Entry, stop: &Stop) -> Result<Registration, EngineE
     if let Some(reason) = stop.reason() {
         return Err(reason.into());
     }
-    Ok(describe(Registered { entry, edited: None, names: Vec::new(), input: Arc::default() }))
+    Ok(describe(Registered {
+        entry,
+        edited: None,
+        names: Vec::new(),
+        input: Arc::default(),
+        atlas: Arc::default(),
+        pinned: Vec::new(),
+    }))
 }
 
 /// The registration as the service sees it.
@@ -82,35 +114,51 @@ pub(super) fn describe(registered: Registered) -> Registration {
     }
 }
 
+/// What a map is made of before it is measured.
+struct Laid<'a> {
+    cross: CrossMap,
+    /// The chart on whose mesh the vertices lie.
+    input: &'a Chart,
+    mirrored: bool,
+    cost: f64,
+    constraints: Vec<Constraint>,
+    registered: Registered,
+}
+
 /// Maps every vertex of the example's segment.
 pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
     let registered: &Registered = from.inner.open()?;
-    let input = registered.surface(query)?;
+    let stopped = || stop.reason().is_some();
+    let atlas = registered.atlas(example, query, &stopped)?;
     stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
+    let laid = match atlas {
+        Some(atlas) => by_atlas(atlas, registered)?,
+        None => by_chart(registered, example, query)?,
+    };
     let model: &ModelInner = example.model.inner.open()?;
     let patch = model.patch(example.segment)?;
     let chart = &fresh(&example.encoded.encoding)?.chart;
-    let registration = registered.registration();
-    let cross = cross_map(registration, chart, &input.chart, &input.index);
-    let mirrored = registration.flip.is_mirror();
-    let winding = if mirrored { Winding::Reversed } else { Winding::Kept };
-    let prepared = &model.prepared;
-    let mesh = assemble(&example.model.mesh, &prepared.mesh, &prepared.vertex_of, patch, &cross.positions, winding);
-    let sign = if mirrored { -1.0 } else { 1.0 };
-    let distortion = measure::distortion(&patch.mesh, &cross.positions, &cross.locations, &input.chart, sign);
+    let (prepared, positions) = (&model.prepared, &laid.cross.positions);
+    let winding = if laid.mirrored { Winding::Reversed } else { Winding::Kept };
+    let mesh = assemble(&example.model.mesh, &prepared.mesh, &prepared.vertex_of, patch, positions, winding);
+    let distortion = distortion(&laid, example)?;
+    let folds = match atlas {
+        Some(_) => distortion.turned_faces,
+        None => folded_faces(registered.registration(), chart, &patch.mesh),
+    };
     let evidence = Evidence {
-        cost: registered.entry.best().cost(),
-        modulus_log: (chart.modulus / input.chart.modulus).ln(),
+        cost: laid.cost,
+        modulus_log: (chart.modulus / fresh(&query.encoded.encoding)?.chart.modulus).ln(),
         turned_share: distortion.turned_faces as f64 / distortion.faces.max(1) as f64,
         angle_p95_deg: distortion.angle_deg.p95,
     };
     let (word, reasons) = measure::verdict(&evidence);
-    let named = registered.named();
+    let flip = if atlas.is_some() { Flip { u: laid.mirrored, v: false } } else { from.flip };
     Ok(Mapped {
         mesh: Arc::new(mesh),
-        constraints: constraints(registration, &named, chart, fresh(&example.encoded.encoding)?, input),
-        registration: describe(Registered { names: named, ..registered.clone() }),
-        folds: distortion.turned_faces as u64,
+        constraints: laid.constraints,
+        registration: Registration { flip, ..describe(laid.registered) },
+        folds: folds as u64,
         // Every vertex is a point of a triangle of the input.
         distance_max: 0.0,
         distortion: Distortion {
@@ -126,11 +174,73 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     })
 }
 
+fn distortion(laid: &Laid<'_>, example: &Side) -> Result<measure::Distortion, EngineError> {
+    let model: &ModelInner = example.model.inner.open()?;
+    let mesh = &model.patch(example.segment)?.mesh;
+    let sign = if laid.mirrored { -1.0 } else { 1.0 };
+    Ok(measure::distortion(mesh, &laid.cross.positions, &laid.cross.locations, laid.input, sign))
+}
+
+/// One chart with its registration.
+fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Result<Laid<'a>, EngineError> {
+    let input = registered.surface(query)?;
+    let source = fresh(&example.encoded.encoding)?;
+    let registration = registered.registration();
+    let named = registered.named();
+    Ok(Laid {
+        cross: cross_map(registration, &source.chart, &input.chart, &input.index),
+        input: &input.chart,
+        mirrored: registration.flip.is_mirror(),
+        cost: registered.entry.best().cost(),
+        constraints: constraints(registration, &named, source, input),
+        registered: Registered { names: named, ..registered.clone() },
+    })
+}
+
+/// A chart for each protrusion. Its constraints are the matched tips, and what the caller pinned.
+fn by_atlas<'a>(atlas: &'a Atlas, registered: &Registered) -> Result<Laid<'a>, EngineError> {
+    let pins: Vec<(Place, Place)> = registered.pinned.iter().map(|p| p.1).collect();
+    let cross = atlas.cross_map(&pins).map_err(|e| {
+        let which: Vec<&str> = registered.pinned.iter().map(|p| p.0.as_str()).collect();
+        EngineError::refused(Refusal::ConstraintFolds, format!("constraint {}: {e}", which.join(", ")))
+    })?;
+    let (Some(example), Some(input)) = (atlas.example(), atlas.input()) else {
+        return Err(EngineError::Internal("expected an atlas with charts".into()));
+    };
+    let at_vertex = |chart: &Chart, v: u32| {
+        Location { point: chart.mesh.positions[v as usize].into(), u: chart.uv[v as usize][0], v: chart.uv[v as usize][1] }
+    };
+    let at_place = |chart: &Chart, place: &Place| {
+        let uv = place.uv(chart);
+        Location { point: place.point(chart).into(), u: uv[0], v: uv[1] }
+    };
+    let tip = |(k, &(a, b)): (usize, &(u32, u32))| Constraint {
+        id: format!("f{k}"),
+        on_example: at_vertex(example, a),
+        on_input: at_vertex(input, b),
+        origin: ConstraintOrigin::Feature,
+    };
+    let pin = |(id, (a, b)): &(String, (Place, Place))| Constraint {
+        id: id.clone(),
+        on_example: at_place(example, a),
+        on_input: at_place(input, b),
+        origin: ConstraintOrigin::User,
+    };
+    let tips = atlas.matches.iter().enumerate().map(tip);
+    Ok(Laid {
+        cross,
+        input,
+        mirrored: atlas.mirrored,
+        cost: atlas.mean_cost(),
+        constraints: tips.chain(registered.pinned.iter().map(pin)).collect(),
+        registered: registered.clone(),
+    })
+}
+
 fn constraints(
     registration: &quadmuse_kernel::register::Registration,
     named: &[(String, ConstraintOrigin)],
-    example: &Chart,
-    query: &quadmuse_kernel::register::Query,
+    example: &quadmuse_kernel::register::Query,
     input: &Surface,
 ) -> Vec<Constraint> {
     let at =
@@ -140,7 +250,7 @@ fn constraints(
         .zip(named)
         .map(|((p, q), (id, origin))| Constraint {
             id: id.clone(),
-            on_example: at(example, query.index().locate(example, p), p),
+            on_example: at(&example.chart, example.index().locate(&example.chart, p), p),
             on_input: at(&input.chart, input.index.locate(&input.chart, q), q),
             origin: *origin,
         })
