@@ -1,8 +1,8 @@
 //! The commands of the binary, each a function.
 
 use crate::auth::{AuthError, Tokens};
-use crate::demo::tour;
 use crate::config::{Cli, Command, Config, ConfigError, ServeArgs, StoreArgs, TokenAction};
+use crate::demo::tour;
 use crate::service::{self, StartError};
 use crate::shutdown;
 use crate::work::engine::kernel::KernelEngine;

@@ -3,8 +3,8 @@
 use super::Sample;
 use crate::config::Config;
 use crate::service::{self, Running, StartError};
-use crate::work::engine::{Cut, EngineError, Registration};
 use crate::work::engine::kernel::KernelEngine;
+use crate::work::engine::{Cut, EngineError, Registration};
 use crate::work::ingest::{self, Annotation, Upload};
 use crate::work::picture::{Palette, Picture, Poles, View, Wires, render, side_by_side_captioned};
 use crate::work::query::{Board, LiveQuery, QueryOptions};

@@ -105,7 +105,8 @@ impl Atlas {
             if stop() {
                 return Ok(None);
             }
-            let (one, two) = (matcher.poles_at(&found.pairs, k, Which::Example), matcher.poles_at(&found.pairs, k, Which::Query));
+            let (one, two) =
+                (matcher.poles_at(&found.pairs, k, Which::Example), matcher.poles_at(&found.pairs, k, Which::Query));
             let (one, two) = (side_at(example, &one)?, side_at(query, &two)?);
             sheets.push(Sheet::new(one, two, &matches, flip, solver, stop));
         }
@@ -118,7 +119,9 @@ impl Atlas {
     /// # Errors
     /// [`EditError::Folds`] when the constraints fold a chart.
     pub fn cross_map(&self, constraints: &[(Location, Location)]) -> Result<CrossMap, EditError> {
-        let Some(first) = self.sheets.first() else { return Ok(CrossMap { locations: Vec::new(), positions: Vec::new() }) };
+        let Some(first) = self.sheets.first() else {
+            return Ok(CrossMap { locations: Vec::new(), positions: Vec::new() });
+        };
         let (n, input) = (first.example.patch_vertices, &first.input);
         let mut sums = vec![(Vec3::zeros(), 0.0f64); n];
         for sheet in &self.sheets {
@@ -404,7 +407,10 @@ impl<'a> Matcher<'a> {
                     let apart = (self.between[1][x][y] / wanted).ln().abs();
                     (apart + self.unlikeness(a, x) + self.unlikeness(b, y), vec![x, y])
                 };
-                pairs.filter(|&(x, y)| (self.between[1][x][y] / wanted).ln().abs() < STRETCH_MAX.ln()).map(misfit).collect()
+                pairs
+                    .filter(|&(x, y)| (self.between[1][x][y] / wanted).ln().abs() < STRETCH_MAX.ln())
+                    .map(misfit)
+                    .collect()
             }
             _ => (0..n).map(|x| (self.unlikeness(seed[0], x), vec![x])).collect(),
         };

@@ -108,10 +108,12 @@ impl Pattern {
             values[self.column_starts[c] as usize] = if fixed[c] { 1.0 } else { d };
         }
         for (a, b, w) in entries {
-            if a != b && !fixed[a as usize] && !fixed[b as usize] {
-                if let Some(at) = self.entry(a, b) {
-                    values[at] += w;
-                }
+            if a != b
+                && !fixed[a as usize]
+                && !fixed[b as usize]
+                && let Some(at) = self.entry(a, b)
+            {
+                values[at] += w;
             }
         }
         let n = self.dim();

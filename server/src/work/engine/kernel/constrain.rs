@@ -6,8 +6,8 @@ use super::registered::{Registered, describe};
 use quadmuse_kernel::encode::index::{Location, PlanarIndex};
 use quadmuse_kernel::map::atlas::Atlas;
 use quadmuse_kernel::map::edit::{self, EditError};
-use quadmuse_kernel::mesh::{NONE, Vec3};
 use quadmuse_kernel::mesh::bvh::Bvh;
+use quadmuse_kernel::mesh::{NONE, Vec3};
 use quadmuse_kernel::unfold::Chart;
 use quadmuse_proto::ConstraintOrigin;
 use quadmuse_proto::constraint::Place;
@@ -84,8 +84,15 @@ fn edit_atlas(
         }
         let tip = (0..atlas.matches.len()).any(|k| format!("f{k}") == id);
         let refusal = if tip { Refusal::ConstraintInvalid } else { Refusal::ConstraintUnknown };
-        let why = if tip { "which is a matched tip and carries a chart of its own: add a constraint beside it" } else { "which is none" };
-        Err(EngineError::refused(refusal, format!("expected a constraint that was added, found `{}`, {why}", id.escape_default())))
+        let why = if tip {
+            "which is a matched tip and carries a chart of its own: add a constraint beside it"
+        } else {
+            "which is none"
+        };
+        Err(EngineError::refused(
+            refusal,
+            format!("expected a constraint that was added, found `{}`, {why}", id.escape_default()),
+        ))
     };
     for id in &wanted.remove {
         let k = find(&pinned, id)?;
@@ -95,7 +102,10 @@ fn edit_atlas(
         let index = new.id.as_ref().map(|id| find(&pinned, id)).transpose()?;
         let old = index.and_then(|k| pinned.get(k)).map(|p| p.1);
         let missing = |end: &str| {
-            EngineError::refused(Refusal::ConstraintInvalid, format!("expected `{end}` for a new constraint, found none"))
+            EngineError::refused(
+                Refusal::ConstraintInvalid,
+                format!("expected `{end}` for a new constraint, found none"),
+            )
         };
         let on_example = match &new.on_example {
             Some(place) => locate(place, example, one, "on_example")?,

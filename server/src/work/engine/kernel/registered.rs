@@ -58,7 +58,12 @@ impl Registered {
     }
 
     /// The atlas, if these surfaces have one and it distorts less than a single chart does.
-    pub(super) fn atlas(&self, example: &Side, query: &Side, stop: &dyn Fn() -> bool) -> Result<Option<&Atlas>, EngineError> {
+    pub(super) fn atlas(
+        &self,
+        example: &Side,
+        query: &Side,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Option<&Atlas>, EngineError> {
         if self.atlas.get().is_none() {
             let (one, two) = (fresh(&example.encoded.encoding)?, fresh(&query.encoded.encoding)?);
             let made = Atlas::build(one, two, &LevenbergMarquardt::default(), stop).map_err(internal)?;
@@ -207,8 +212,10 @@ fn by_atlas<'a>(atlas: &'a Atlas, registered: &Registered) -> Result<Laid<'a>, E
     let (Some(example), Some(input)) = (atlas.example(), atlas.input()) else {
         return Err(EngineError::Internal("expected an atlas with charts".into()));
     };
-    let at_vertex = |chart: &Chart, v: u32| {
-        Location { point: chart.mesh.positions[v as usize].into(), u: chart.uv[v as usize][0], v: chart.uv[v as usize][1] }
+    let at_vertex = |chart: &Chart, v: u32| Location {
+        point: chart.mesh.positions[v as usize].into(),
+        u: chart.uv[v as usize][0],
+        v: chart.uv[v as usize][1],
     };
     let at_place = |chart: &Chart, place: &Place| {
         let uv = place.uv(chart);
