@@ -17,7 +17,7 @@ use crate::encode::{Encoding, encode_to};
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::{NONE, TriMesh};
-use crate::register::entry::{MIRROR_MARGIN, SYMMETRIC_COST};
+use crate::register::entry::{MIRROR_MARGIN, PROTRUSIONS_MANY, SYMMETRIC_COST};
 use crate::register::{Flip, Level, Query, Registration, Solver, coarse_flip, query_images};
 use crate::topology::Topology;
 use crate::unfold::path::distances;
@@ -35,7 +35,7 @@ const TIP_DISTANCE: f64 = 0.06;
 /// Tips further apart than this in the domain are no match.
 const TIP_DISTANCE_MAX: f64 = 0.25;
 /// Tips that make an atlas worth its charts: with one or two, two poles do.
-const TIPS_MIN: usize = 3;
+const TIPS_MIN: usize = PROTRUSIONS_MANY;
 /// A match that costs more is none.
 const MATCH_COST_MAX: f64 = 1.5;
 /// How fast a chart's say falls with its compression.

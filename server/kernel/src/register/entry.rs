@@ -17,6 +17,8 @@ pub const MIRROR_MARGIN: f64 = 1.25;
 /// An example that matches its own mirror image at this cost or less is symmetric: mirrored and unmirrored maps fit it
 /// alike, and the unmirrored one is meant.
 pub const SYMMETRIC_COST: f64 = 0.15;
+/// From so many tips on, no single pole does, and seeking it is wasted: such surfaces get a chart a tip.
+pub const PROTRUSIONS_MANY: usize = 3;
 /// Hypotheses within this factor of the best go on from the coarsest level; from the next, only the best.
 const KEPT_WITHIN: f64 = 1.6;
 /// Hypotheses that go on at most.
@@ -162,7 +164,7 @@ impl Entry {
         solver: &dyn Solver,
         stop: &dyn Fn() -> bool,
     ) -> Result<(), UnfoldError> {
-        if std::mem::replace(&mut self.poles_refined, true) {
+        if std::mem::replace(&mut self.poles_refined, true) || query.protrusions().len() >= PROTRUSIONS_MANY {
             return Ok(());
         }
         let side = self.side();
