@@ -28,6 +28,7 @@ fn main() -> std::io::Result<()> {
             continue;
         }
         let view = View::guess(&sample.mesh).with_palette(Palette::scan());
+        let start = std::time::Instant::now();
         let (front, profile) =
             (render(&sample.mesh, &view, side), render(&sample.mesh, &view.turned(-1.45, 0.05), side));
         println!("{}: {} triangles, drawn twice in {:?}", sample.name, sample.mesh.faces.len(), start.elapsed());

@@ -54,12 +54,20 @@ fn an_edge_behind_the_surface_appears_once_the_surface_is_taken_away() {
 
 #[test]
 fn the_poles_of_a_cube_are_marked_only_where_visible() {
-    let marked = render(&cube(&CUBE), &View { poles: Poles::Marked, ..plain(0.6, 0.4) }, 300);
-    let bare = render(&cube(&CUBE), &plain(0.6, 0.4), 300);
-    let blue = changed(&bare, &marked).into_iter().filter(|&(x, y)| marked.pixel(x, y) == [38, 96, 214]).count();
+    let blue = |faces: &[[u32; 4]]| {
+        let marked = render(&cube(faces), &View { poles: Poles::Marked, ..plain(0.0, 0.0) }, 300);
+        let bare = render(&cube(faces), &plain(0.0, 0.0), 300);
+        let all = changed(&bare, &marked).into_iter().filter(|&(x, y)| marked.pixel(x, y) == [38, 96, 214]);
+        // The far corners lie well within the near square.
+        let (far, near): (Vec<_>, Vec<_>) = all.partition(|&(x, y)| (30..270).contains(&x) && (30..270).contains(&y));
+        (near.len(), far.len())
+    };
     let disc = std::f64::consts::PI * 4.5 * 4.5;
-    let discs = blue as f64 / disc;
-    assert!((5.5..9.0).contains(&discs), "seven of eight corners are visible, found some {discs} discs");
+    let (near, far) = blue(&CUBE);
+    assert!((3.0..5.0).contains(&(near as f64 / disc)), "four near corners, found {near} pixels");
+    assert_eq!(far, 0, "no hidden corner");
+    let opened: Vec<[u32; 4]> = CUBE.iter().copied().filter(|f| *f != CUBE[1]).collect();
+    assert!(blue(&opened).1 as f64 / disc > 3.0, "the far corners show once the near face is gone");
 }
 
 #[test]
