@@ -5,6 +5,7 @@
 pub mod assemble;
 pub mod atlas;
 pub mod edit;
+pub mod untangle;
 
 use crate::encode::index::{Location, PlanarIndex};
 use crate::mesh::Vec3;

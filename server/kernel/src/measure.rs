@@ -1,6 +1,7 @@
 //! How good a map is: fold-overs, distortion against the example's own shape, and one honest word.
 
 use crate::encode::index::Location;
+use crate::map::untangle::normal_at;
 use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
 use crate::unfold::Chart;
@@ -81,12 +82,6 @@ pub fn distortion(
         turned_faces: facing.iter().zip(&present).filter(|(f, p)| **p && **f < 0.0).count(),
         faces: present.iter().filter(|p| **p).count(),
     }
-}
-
-/// Area-weighted normal of the input's triangle at a place.
-fn normal_at(input: &Chart, place: Location) -> Vec3 {
-    let [a, b, c] = input.mesh.triangles[place.triangle as usize].map(|v| input.mesh.positions[v as usize]);
-    (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vec3::zeros)
 }
 
 /// Singular values (greater first) of the linear map between two triangles; `None` for a triangle without area.

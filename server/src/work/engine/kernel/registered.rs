@@ -7,6 +7,7 @@ use crate::pool::Stop;
 use quadmuse_kernel::encode::index::{Location as Place, PlanarIndex};
 use quadmuse_kernel::map::assemble::{Winding, assemble};
 use quadmuse_kernel::map::atlas::Atlas;
+use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, edit, folded_faces};
 use quadmuse_kernel::measure::{self, Distribution, Evidence};
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt};
@@ -72,7 +73,7 @@ impl Registered {
             }
             let better = match &made {
                 Some(atlas) => {
-                    let (many, single) = (by_atlas(atlas, self)?, by_chart(self, example, query)?);
+                    let (many, single) = (by_atlas(atlas, self, example)?, by_chart(self, example, query)?);
                     distortion(&many, example)?.badness() < distortion(&single, example)?.badness()
                 }
                 None => false,
@@ -137,7 +138,7 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     let atlas = registered.atlas(example, query, &stopped)?;
     stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
     let laid = match atlas {
-        Some(atlas) => by_atlas(atlas, registered)?,
+        Some(atlas) => by_atlas(atlas, registered, example)?,
         None => by_chart(registered, example, query)?,
     };
     let model: &ModelInner = example.model.inner.open()?;
@@ -203,9 +204,9 @@ fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Res
 }
 
 /// A chart for each protrusion. Its constraints are the matched tips, and what the caller pinned.
-fn by_atlas<'a>(atlas: &'a Atlas, registered: &Registered) -> Result<Laid<'a>, EngineError> {
+fn by_atlas<'a>(atlas: &'a Atlas, registered: &Registered, example_side: &Side) -> Result<Laid<'a>, EngineError> {
     let pins: Vec<(Place, Place)> = registered.pinned.iter().map(|p| p.1).collect();
-    let cross = atlas.cross_map(&pins).map_err(|e| {
+    let mut cross = atlas.cross_map(&pins).map_err(|e| {
         let which: Vec<&str> = registered.pinned.iter().map(|p| p.0.as_str()).collect();
         EngineError::refused(Refusal::ConstraintFolds, format!("constraint {}: {e}", which.join(", ")))
     })?;
