@@ -11,9 +11,9 @@ use crate::mesh::tri::TriMesh;
 use crate::unfold::Chart;
 
 /// Rounds at most.
-const ROUNDS_MAX: usize = 60;
-/// Rounds after which the neighbours of a folded face's vertices move too.
-const ROUNDS_ALONE: usize = 15;
+const ROUNDS_MAX: usize = 160;
+/// Rounds after each of which one more ring around the folded faces moves too.
+const ROUNDS_A_RING: usize = 15;
 
 /// Untangles a map of `mesh` (the example's patch) onto the mesh of `input`. `mirror` is −1 for mirrored maps, which
 /// turn every face. Boundary vertices stay. Returns how many polygons still look inward.
@@ -32,7 +32,7 @@ pub fn untangle(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64
                 corners.iter().for_each(|&v| moving[v as usize] = true);
             }
         }
-        if round >= ROUNDS_ALONE {
+        for _ in 0..round / ROUNDS_A_RING {
             let first = moving.clone();
             for v in (0..first.len()).filter(|&v| first[v]) {
                 neighbours[v].iter().for_each(|&w| moving[w as usize] = true);

@@ -7,7 +7,7 @@ use crate::pool::Stop;
 use quadmuse_kernel::encode::index::{Location as Place, PlanarIndex};
 use quadmuse_kernel::map::assemble::{Winding, assemble};
 use quadmuse_kernel::map::atlas::Atlas;
-use quadmuse_kernel::map::untangle::untangle;
+use quadmuse_kernel::map::untangle::{inward, untangle};
 use quadmuse_kernel::map::{CrossMap, cross_map, edit, folded_faces};
 use quadmuse_kernel::measure::{self, Distribution, Evidence};
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt};
@@ -148,9 +148,15 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     let winding = if laid.mirrored { Winding::Reversed } else { Winding::Kept };
     let mesh = assemble(&example.model.mesh, &prepared.mesh, &prepared.vertex_of, patch, positions, winding);
     let distortion = distortion(&laid, example)?;
+    let sign = if laid.mirrored { -1.0 } else { 1.0 };
+    let facing_in = inward(&patch.mesh, &laid.cross, laid.input, sign);
     let folds = match atlas {
-        Some(_) => distortion.turned_faces,
-        None => folded_faces(registered.registration(), chart, &patch.mesh),
+        Some(_) => facing_in.len(),
+        // A face over a crease may look inward without a fold: the domain tells them apart.
+        None => folded_faces(registered.registration(), chart, &patch.mesh)
+            .iter()
+            .filter(|f| facing_in.binary_search(f).is_ok())
+            .count(),
     };
     let evidence = Evidence {
         cost: laid.cost,
@@ -193,8 +199,12 @@ fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Res
     let source = fresh(&example.encoded.encoding)?;
     let registration = registered.registration();
     let named = registered.named();
+    let model: &ModelInner = example.model.inner.open()?;
+    let mirror = if registration.flip.is_mirror() { -1.0 } else { 1.0 };
+    let mut cross = cross_map(registration, &source.chart, &input.chart, &input.index);
+    untangle(&model.patch(example.segment)?.mesh, &mut cross, &input.chart, mirror);
     Ok(Laid {
-        cross: cross_map(registration, &source.chart, &input.chart, &input.index),
+        cross,
         input: &input.chart,
         mirrored: registration.flip.is_mirror(),
         cost: registered.entry.best().cost(),
@@ -213,6 +223,9 @@ fn by_atlas<'a>(atlas: &'a Atlas, registered: &Registered, example_side: &Side) 
     let (Some(example), Some(input)) = (atlas.example(), atlas.input()) else {
         return Err(EngineError::Internal("expected an atlas with charts".into()));
     };
+    let model: &ModelInner = example_side.model.inner.open()?;
+    let mirror = if atlas.mirrored { -1.0 } else { 1.0 };
+    untangle(&model.patch(example_side.segment)?.mesh, &mut cross, input, mirror);
     let at_vertex = |chart: &Chart, v: u32| Location {
         point: chart.mesh.positions[v as usize].into(),
         u: chart.uv[v as usize][0],
