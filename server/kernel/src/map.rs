@@ -31,31 +31,31 @@ pub fn cross_map(registration: &Registration, example: &Chart, input: &Chart, in
     CrossMap { locations, positions }
 }
 
-/// Polygons of the example that the map turns over in the domain, beyond those that are turned over there already.
-/// `mesh` is the patch that `example` unfolds. Faces at a pole, where u has no meaning, are left out.
+/// Polygons of the example that the map turns over in the domain, beyond those that are turned over there already, in
+/// order. `mesh` is the patch that `example` unfolds. Faces at a pole, where u has no meaning, are left out.
 pub fn folded_faces(registration: &Registration, example: &Chart, mesh: &TriMesh) -> Vec<u32> {
-    let sign = if registration.flip.is_mirror() { -1.0 } else { 1.0 };
-    let mut folded: Vec<u32> = Vec::new();
-    for (t, corners) in mesh.triangles.iter().enumerate() {
-        if example.poles.iter().any(|p| corners.contains(&p.vertex)) {
-            continue;
-        }
-        let first = example.uv[corners[0] as usize];
-        let before = corners.map(|v| {
-            let [u, v] = example.uv[v as usize];
-            [u - (u - first[0]).round(), v]
-        });
-        if signed_area(&before) <= 0.0 {
-            continue;
-        }
-        let after = before.map(|x| registration.map(example.topology, x));
-        if sign * signed_area(&after) < 0.0 {
-            folded.push(mesh.polygon_of[t]);
-        }
-    }
+    let turned = (0..mesh.triangles.len()).filter(|&t| turns_over(registration, example, &mesh.triangles[t]));
+    let mut folded: Vec<u32> = turned.map(|t| mesh.polygon_of[t]).collect();
     folded.sort_unstable();
     folded.dedup();
     folded
+}
+
+/// Whether the map turns a triangle of the example over in the domain that was not turned over before.
+fn turns_over(registration: &Registration, example: &Chart, corners: &[u32; 3]) -> bool {
+    if example.poles.iter().any(|p| corners.contains(&p.vertex)) {
+        return false;
+    }
+    let first = example.uv[corners[0] as usize];
+    let before = corners.map(|v| {
+        let [u, v] = example.uv[v as usize];
+        [u - (u - first[0]).round(), v]
+    });
+    if signed_area(&before) <= 0.0 {
+        return false;
+    }
+    let sign = if registration.flip.is_mirror() { -1.0 } else { 1.0 };
+    sign * signed_area(&before.map(|x| registration.map(example.topology, x))) < 0.0
 }
 
 /// (u, v) of a vertex, a pole's v made exact.

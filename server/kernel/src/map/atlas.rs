@@ -10,7 +10,7 @@
 use std::sync::Arc;
 
 use super::edit::{self, EditError};
-use super::{CrossMap, vertex_uv};
+use super::{CrossMap, turns_over, vertex_uv};
 use crate::encode::features::distance;
 use crate::encode::index::{Location, PlanarIndex};
 use crate::encode::{Encoding, encode_to};
@@ -152,6 +152,24 @@ impl Atlas {
             .collect();
         let positions = locations.iter().map(|l| l.point(input)).collect();
         Ok(CrossMap { locations, positions })
+    }
+
+    /// Polygons that the map turns over in the domain, each looked at in the chart that has most say on it; in order.
+    /// `mesh` is the example's patch.
+    pub fn folded_faces(&self, mesh: &TriMesh) -> Vec<u32> {
+        let compressions: Vec<Vec<f64>> = self.sheets.iter().map(|s| compression(&s.example)).collect();
+        let mut folded = Vec::new();
+        for (t, corners) in mesh.triangles.iter().enumerate() {
+            let pressed = |k: &usize| corners.iter().map(|&v| compressions[*k][v as usize]).sum::<f64>();
+            let sheet = (0..self.sheets.len()).min_by(|a, b| pressed(a).total_cmp(&pressed(b)));
+            let Some(sheet) = sheet.and_then(|k| self.sheets.get(k)) else { continue };
+            if turns_over(&sheet.registration, &sheet.example, corners) {
+                folded.push(mesh.polygon_of[t]);
+            }
+        }
+        folded.sort_unstable();
+        folded.dedup();
+        folded
     }
 
     /// Mean of the charts' E / variance.

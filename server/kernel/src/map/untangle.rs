@@ -11,9 +11,9 @@ use crate::mesh::tri::TriMesh;
 use crate::unfold::Chart;
 
 /// Rounds at most.
-const ROUNDS_MAX: usize = 160;
-/// Rounds after each of which one more ring around the folded faces moves too.
-const ROUNDS_A_RING: usize = 15;
+const ROUNDS_MAX: usize = 60;
+/// Rounds after which the neighbours of a folded face's vertices move too.
+const ROUNDS_ALONE: usize = 15;
 
 /// Untangles a map of `mesh` (the example's patch) onto the mesh of `input`. `mirror` is −1 for mirrored maps, which
 /// turn every face. Boundary vertices stay. Returns how many polygons still look inward.
@@ -21,10 +21,14 @@ pub fn untangle(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64
     let fixed = mesh.boundary_vertices();
     let bvh = Bvh::new(&input.mesh);
     let neighbours = neighbours(mesh);
+    let mut best: Option<(usize, CrossMap)> = None;
     for round in 0..ROUNDS_MAX {
         let folded = inward(mesh, cross, input, mirror);
         if folded.is_empty() {
             return 0;
+        }
+        if best.as_ref().is_none_or(|(count, _)| folded.len() < *count) {
+            best = Some((folded.len(), cross.clone()));
         }
         let mut moving = vec![false; mesh.positions.len()];
         for (t, corners) in mesh.triangles.iter().enumerate() {
@@ -32,7 +36,7 @@ pub fn untangle(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64
                 corners.iter().for_each(|&v| moving[v as usize] = true);
             }
         }
-        for _ in 0..round / ROUNDS_A_RING {
+        if round >= ROUNDS_ALONE {
             let first = moving.clone();
             for v in (0..first.len()).filter(|&v| first[v]) {
                 neighbours[v].iter().for_each(|&w| moving[w as usize] = true);
@@ -48,7 +52,14 @@ pub fn untangle(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64
             }
         }
     }
-    inward(mesh, cross, input, mirror).len()
+    let last = inward(mesh, cross, input, mirror).len();
+    match best {
+        Some((count, state)) if count < last => {
+            *cross = state;
+            count
+        }
+        _ => last,
+    }
 }
 
 /// Polygons that look into the input, in order.

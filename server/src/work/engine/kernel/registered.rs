@@ -150,14 +150,12 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     let distortion = distortion(&laid, example)?;
     let sign = if laid.mirrored { -1.0 } else { 1.0 };
     let facing_in = inward(&patch.mesh, &laid.cross, laid.input, sign);
-    let folds = match atlas {
-        Some(_) => facing_in.len(),
-        // A face over a crease may look inward without a fold: the domain tells them apart.
-        None => folded_faces(registered.registration(), chart, &patch.mesh)
-            .iter()
-            .filter(|f| facing_in.binary_search(f).is_ok())
-            .count(),
+    let in_domain = match atlas {
+        Some(atlas) => atlas.folded_faces(&patch.mesh),
+        None => folded_faces(registered.registration(), chart, &patch.mesh),
     };
+    // A face over a crease may look inward without a fold: the domain tells them apart.
+    let folds = in_domain.iter().filter(|f| facing_in.binary_search(f).is_ok()).count();
     let evidence = Evidence {
         cost: laid.cost,
         modulus_log: (chart.modulus / fresh(&query.encoded.encoding)?.chart.modulus).ln(),
