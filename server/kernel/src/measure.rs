@@ -1,7 +1,7 @@
 //! How good a map is: fold-overs, distortion against the example's own shape, and one honest word.
 
-use crate::encode::index::Location;
-use crate::map::untangle::normal_at;
+use crate::map::CrossMap;
+use crate::map::untangle::inward;
 use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
 use crate::unfold::Chart;
@@ -35,8 +35,8 @@ pub struct Distortion {
     pub angle_deg: Distribution,
     /// log₂ of how much larger a face is on the input than on the example, each as a share of its surface.
     pub area_log2: Distribution,
-    /// Polygons that look into the input.
-    pub turned_faces: usize,
+    /// Polygons that look into the input, in order.
+    pub inward: Vec<u32>,
     /// Polygons in all.
     pub faces: usize,
 }
@@ -44,31 +44,22 @@ pub struct Distortion {
 impl Distortion {
     /// One number to compare maps of the same pair by: the lower the better.
     pub fn badness(&self) -> f64 {
-        let turned = self.turned_faces as f64 / self.faces.max(1) as f64;
+        let turned = self.inward.len() as f64 / self.faces.max(1) as f64;
         self.angle_deg.mean + self.angle_deg.p95 / 3.0 + 10.0 * self.area_log2.p95 / 3.0 + 100.0 * turned
     }
 }
 
-/// Compares each triangle of the example with its image. `mirrored` maps turn every face over, which is undone here.
-pub fn distortion(
-    example: &TriMesh,
-    positions: &[Vec3],
-    locations: &[Location],
-    input: &Chart,
-    mirror: f64,
-) -> Distortion {
+/// Compares each triangle of the example with its image. `mirror` is −1 for mirrored maps, which turn
+/// every face.
+pub fn distortion(example: &TriMesh, cross: &CrossMap, input: &Chart, mirror: f64) -> Distortion {
     let (area_1, area_2) = (example.total_area(), input.mesh.total_area());
     let (mut angles, mut areas) = (Vec::new(), Vec::new());
-    let faces = example.polygon_of.iter().max().map_or(0, |&f| f as usize + 1);
-    let mut facing = vec![0.0; faces];
-    let mut present = vec![false; faces];
+    let mut polygons = example.polygon_of.clone();
+    polygons.sort_unstable();
+    polygons.dedup();
     for (t, corners) in example.triangles.iter().enumerate() {
         let before = corners.map(|v| example.positions[v as usize]);
-        let after = corners.map(|v| positions[v as usize]);
-        let outward: Vec3 = corners.iter().map(|&v| normal_at(input, locations[v as usize])).sum();
-        let polygon = example.polygon_of[t] as usize;
-        facing[polygon] += mirror * (after[1] - after[0]).cross(&(after[2] - after[0])).dot(&outward);
-        present[polygon] = true;
+        let after = corners.map(|v| cross.positions[v as usize]);
         if let Some([s1, s2]) = singular_values(before, after) {
             let weight = example.area(t);
             let angle = if s1 > 0.0 { 90.0 - 2.0 * (s2 / s1).atan().to_degrees() } else { 90.0 };
@@ -79,8 +70,8 @@ pub fn distortion(
     Distortion {
         angle_deg: distribution(angles, 0.0, 60.0),
         area_log2: distribution(areas, -3.0, 3.0),
-        turned_faces: facing.iter().zip(&present).filter(|(f, p)| **p && **f < 0.0).count(),
-        faces: present.iter().filter(|p| **p).count(),
+        inward: inward(example, cross, input, mirror),
+        faces: polygons.len(),
     }
 }
 

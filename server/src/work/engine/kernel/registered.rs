@@ -7,7 +7,7 @@ use crate::pool::Stop;
 use quadmuse_kernel::encode::index::{Location as Place, PlanarIndex};
 use quadmuse_kernel::map::assemble::{Winding, assemble};
 use quadmuse_kernel::map::atlas::Atlas;
-use quadmuse_kernel::map::untangle::{inward, untangle};
+use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, edit, folded_faces};
 use quadmuse_kernel::measure::{self, Distribution, Evidence};
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt};
@@ -148,18 +148,16 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     let winding = if laid.mirrored { Winding::Reversed } else { Winding::Kept };
     let mesh = assemble(&example.model.mesh, &prepared.mesh, &prepared.vertex_of, patch, positions, winding);
     let distortion = distortion(&laid, example)?;
-    let sign = if laid.mirrored { -1.0 } else { 1.0 };
-    let facing_in = inward(&patch.mesh, &laid.cross, laid.input, sign);
     let in_domain = match atlas {
         Some(atlas) => atlas.folded_faces(&patch.mesh),
         None => folded_faces(registered.registration(), chart, &patch.mesh),
     };
     // A face over a crease may look inward without a fold: the domain tells them apart.
-    let folds = in_domain.iter().filter(|f| facing_in.binary_search(f).is_ok()).count();
+    let folds = in_domain.iter().filter(|f| distortion.inward.binary_search(f).is_ok()).count();
     let evidence = Evidence {
         cost: laid.cost,
         modulus_log: (chart.modulus / fresh(&query.encoded.encoding)?.chart.modulus).ln(),
-        turned_share: distortion.turned_faces as f64 / distortion.faces.max(1) as f64,
+        turned_share: distortion.inward.len() as f64 / distortion.faces.max(1) as f64,
         angle_p95_deg: distortion.angle_deg.p95,
     };
     let (word, reasons) = measure::verdict(&evidence);
@@ -188,7 +186,7 @@ fn distortion(laid: &Laid<'_>, example: &Side) -> Result<measure::Distortion, En
     let model: &ModelInner = example.model.inner.open()?;
     let mesh = &model.patch(example.segment)?.mesh;
     let sign = if laid.mirrored { -1.0 } else { 1.0 };
-    Ok(measure::distortion(mesh, &laid.cross.positions, &laid.cross.locations, laid.input, sign))
+    Ok(measure::distortion(mesh, &laid.cross, laid.input, sign))
 }
 
 /// One chart with its registration.
