@@ -1,0 +1,7 @@
+//! Maps with a known truth, by several methods: an example, the same shape in another form as a scan, and where each
+//! vertex of the example belongs on it.
+
+pub mod lay;
+pub mod method;
+pub mod pairs;
+pub mod table;

@@ -1,0 +1,128 @@
+//! Lays an example on an input by one of the methods, and measures how far off it is.
+
+use super::method::Method;
+use super::pairs::{Loaded, Pair};
+use quadmuse_kernel::encode::index::PlanarIndex;
+use quadmuse_kernel::map::atlas::Atlas;
+use quadmuse_kernel::map::untangle::untangle;
+use quadmuse_kernel::map::{CrossMap, cross_map, folded_faces};
+use quadmuse_kernel::measure::{self, Distortion, Evidence, Verdict};
+use quadmuse_kernel::mesh::Vec3;
+use quadmuse_kernel::register::{Entry, Query, Solver};
+use quadmuse_kernel::unfold::UnfoldOptions;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Level to which everything is registered.
+const SIDE: usize = 128;
+
+/// A map against the truth.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Median distance of a vertex from where it belongs, in % of √area of the input.
+    pub median_pct: f64,
+    /// 95th percentile of that.
+    pub p95_pct: f64,
+    /// Whether the map mirrors.
+    pub mirrored: bool,
+    /// Whether several charts made it.
+    pub atlas: bool,
+    /// Faces turned over in the domain and in space.
+    pub folds: usize,
+    /// What the verdict is made of.
+    pub evidence: Evidence,
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Seconds for unfolding both, registration, and mapping.
+    pub seconds: [f64; 3],
+}
+
+struct Laid {
+    cross: CrossMap,
+    mirrored: bool,
+    cost: f64,
+    in_domain: Vec<u32>,
+    distortion: Distortion,
+}
+
+/// Maps a pair by a method.
+///
+/// # Errors
+/// What failed; a sentence.
+pub fn lay(pair: &Pair, method: Method) -> Result<Outcome, String> {
+    let (example, input) = (Loaded::read(&pair.example)?, Loaded::read(&pair.input)?);
+    let bytes = std::fs::read(&pair.truth).map_err(|e| format!("{}: {e}", pair.truth.display()))?;
+    let truth = quadmuse_kernel::mesh::read(&bytes, None, &Default::default()).map_err(|e| e.to_string())?;
+    let truth = example.in_order_of(&truth.positions);
+    let begun = Instant::now();
+    let options = UnfoldOptions::default();
+    let one = Query::new(&example.patch, &options).map_err(|e| e.to_string())?;
+    let two = Query::new(&input.patch, &options).map_err(|e| e.to_string())?;
+    let unfolded = Instant::now();
+    let solver = method.solver();
+    let entry = registered(&one, &two, method, solver.as_ref())?;
+    let registered = Instant::now();
+    let mut laid = by_chart(&example, &one, &two, &entry)?;
+    let mut atlas = false;
+    if method == Method::Full
+        && let Some(other) = by_atlas(&example, &one, &two, solver.as_ref())?
+        && other.distortion.badness() < laid.distortion.badness()
+    {
+        (laid, atlas) = (other, true);
+    }
+    let seconds = [unfolded - begun, registered - unfolded, registered.elapsed()].map(|d| d.as_secs_f64());
+    let folds = laid.in_domain.iter().filter(|f| laid.distortion.inward.binary_search(f).is_ok()).count();
+    let evidence = Evidence {
+        cost: laid.cost,
+        modulus_log: (one.chart.modulus / two.chart.modulus).ln(),
+        turned_share: laid.distortion.inward.len() as f64 / laid.distortion.faces.max(1) as f64,
+        angle_p95_deg: laid.distortion.angle_deg.p95,
+    };
+    let (verdict, _) = measure::verdict(&evidence);
+    let [median_pct, p95_pct] = errors(&laid.cross.positions, &truth, input.patch.mesh.total_area());
+    Ok(Outcome { median_pct, p95_pct, mirrored: laid.mirrored, atlas, folds, evidence, verdict, seconds })
+}
+
+fn registered(one: &Query, two: &Query, method: Method, solver: &dyn Solver) -> Result<Entry, String> {
+    let never = || false;
+    let unlike = || "expected two surfaces of the same topology".to_owned();
+    let mut entry = Entry::coarse(two, one.encoding(), solver, &never).ok_or_else(unlike)?;
+    while entry.side() < SIDE {
+        entry.advance(two, one.encoding(), solver, &never).map_err(|e| e.to_string())?;
+    }
+    if method.refines_poles() {
+        entry.refine_poles(two, one.encoding(), solver, &never).map_err(|e| e.to_string())?;
+    }
+    Ok(entry)
+}
+
+fn by_chart(example: &Loaded, one: &Query, two: &Query, entry: &Entry) -> Result<Laid, String> {
+    let best = entry.best();
+    let input = two.chart_for(&best.unfolded.poles).map_err(|e| e.to_string())?;
+    let mut cross = cross_map(&best.registration, &one.chart, &input, &PlanarIndex::new(&input));
+    let mirrored = best.registration.flip.is_mirror();
+    let sign = if mirrored { -1.0 } else { 1.0 };
+    untangle(&example.patch.mesh, &mut cross, &input, sign);
+    let distortion = measure::distortion(&example.patch.mesh, &cross, &input, sign);
+    let in_domain = folded_faces(&best.registration, &one.chart, &example.patch.mesh);
+    Ok(Laid { cross, mirrored, cost: best.cost(), in_domain, distortion })
+}
+
+fn by_atlas(example: &Loaded, one: &Query, two: &Query, solver: &dyn Solver) -> Result<Option<Laid>, String> {
+    let Some(atlas) = Atlas::build(one, two, solver, &|| false).map_err(|e| e.to_string())? else { return Ok(None) };
+    let mut cross = atlas.cross_map(&[]).map_err(|e| e.to_string())?;
+    let input = Arc::clone(atlas.input().ok_or("expected an atlas with charts")?);
+    let sign = if atlas.mirrored { -1.0 } else { 1.0 };
+    untangle(&example.patch.mesh, &mut cross, &input, sign);
+    let distortion = measure::distortion(&example.patch.mesh, &cross, &input, sign);
+    let in_domain = atlas.folded_faces(&example.patch.mesh);
+    Ok(Some(Laid { cross, mirrored: atlas.mirrored, cost: atlas.mean_cost(), in_domain, distortion }))
+}
+
+/// Median and 95th percentile of the distances, in % of √area.
+fn errors(mapped: &[Vec3], truth: &[Vec3], area: f64) -> [f64; 2] {
+    let mut all: Vec<f64> = mapped.iter().zip(truth).map(|(a, b)| 100.0 * (a - b).norm() / area.sqrt()).collect();
+    all.sort_by(f64::total_cmp);
+    let at = |share: usize| all.get(all.len() * share / 100).copied().unwrap_or(f64::NAN);
+    [at(50), at(95)]
+}

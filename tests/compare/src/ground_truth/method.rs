@@ -1,0 +1,60 @@
+//! What is compared: the whole path, the path without one of its means, and the paper's.
+
+use quadmuse_kernel::register::problem::Problem;
+use quadmuse_kernel::register::{LevenbergMarquardt, PixelDescent, Solver, Termination};
+use quadmuse_kernel::unfold::Uv;
+
+/// A way to map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Everything.
+    Full,
+    /// One chart, even where there are protrusions.
+    NoAtlas,
+    /// One chart, the pole as the surface alone gives it.
+    NoPoles,
+    /// The paper's descent, one chart, the pole as the surface alone gives it.
+    Paper,
+    /// Flips and translations only.
+    Translation,
+}
+
+impl Method {
+    /// All of them, best first.
+    pub const ALL: [Self; 5] = [Self::Full, Self::NoAtlas, Self::NoPoles, Self::Paper, Self::Translation];
+
+    /// A name for tables and the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Full => "full",
+            Self::NoAtlas => "no-atlas",
+            Self::NoPoles => "no-poles",
+            Self::Paper => "paper",
+            Self::Translation => "translation",
+        }
+    }
+
+    /// What moves the controls.
+    pub fn solver(self) -> Box<dyn Solver> {
+        match self {
+            Self::Full | Self::NoAtlas | Self::NoPoles => Box::new(LevenbergMarquardt::default()),
+            Self::Paper => Box::new(PixelDescent),
+            Self::Translation => Box::new(Still),
+        }
+    }
+
+    /// Whether the poles are sought again for the example.
+    pub fn refines_poles(self) -> bool {
+        matches!(self, Self::Full | Self::NoAtlas)
+    }
+}
+
+/// Leaves the controls where they are: only translations and flips remain.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Still;
+
+impl Solver for Still {
+    fn solve(&self, problem: &Problem, q: &mut Vec<Uv>, _: &dyn Fn() -> bool) -> (f64, Termination) {
+        (problem.energy(q), Termination::Converged)
+    }
+}
