@@ -21,6 +21,11 @@ pub enum Topology {
 }
 
 impl Topology {
+    /// Whether its domain is periodic in v as well as in u.
+    pub fn is_periodic_v(self) -> bool {
+        self == Self::Torus
+    }
+
     /// The word used on the wire and in files.
     pub fn name(self) -> &'static str {
         match self {

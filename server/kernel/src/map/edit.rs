@@ -35,7 +35,8 @@ pub enum EditError {
 
 /// The constraints as pairs of points of the two domains (the example's unmirrored).
 pub fn constraints(registration: &Registration) -> Vec<(Uv, Uv)> {
-    let pair = |(p, q): (&Uv, &Uv)| (registration.flip.apply(*p), [q[0].rem_euclid(1.0), q[1]]);
+    let inside = |x: Uv| [x[0].rem_euclid(1.0), if (0.0..=1.0).contains(&x[1]) { x[1] } else { x[1].rem_euclid(1.0) }];
+    let pair = |(p, q): (&Uv, &Uv)| (registration.flip.apply(*p), inside(*q));
     registration.p.iter().zip(&registration.q).map(pair).collect()
 }
 
@@ -51,9 +52,11 @@ pub fn set(
     on_input: Uv,
 ) -> Result<(), EditError> {
     let p = registration.flip.apply(on_example);
-    // Of all periods of u the one nearest to where the map sends the point now.
+    // Of all periods the one nearest to where the map sends the point now.
     let now = psi(Domain { topology, aspect: ASPECT }, &registration.p, &registration.q, p);
-    let q = [on_input[0] + (now[0] - on_input[0]).round(), on_input[1].clamp(0.0, 1.0)];
+    let nearest = |k: usize| on_input[k] + (now[k] - on_input[k]).round();
+    let v = if topology.is_periodic_v() { nearest(1) } else { on_input[1].clamp(0.0, 1.0) };
+    let q = [nearest(0), v];
     let count = registration.p.len();
     match index {
         Some(i) if i < count => (registration.p[i], registration.q[i]) = (p, q),
