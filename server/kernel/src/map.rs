@@ -9,8 +9,10 @@ pub mod untangle;
 
 use crate::encode::index::{Location, PlanarIndex};
 use crate::mesh::Vec3;
+use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::TriMesh;
 use crate::register::Registration;
+use crate::unfold::holes::is_filling;
 use crate::unfold::{Chart, Uv, signed_area};
 
 /// Where each vertex of an example's patch goes on the input.
@@ -29,6 +31,29 @@ pub fn cross_map(registration: &Registration, example: &Chart, input: &Chart, in
         .collect();
     let positions = locations.iter().map(|l| l.point(input)).collect();
     CrossMap { locations, positions }
+}
+
+/// Moves vertices that lie on the filling of a hole to the nearest point of the surface; returns how many.
+pub fn leave_fillings(cross: &mut CrossMap, input: &Chart) -> usize {
+    let on_filling = |l: &Location| is_filling(&input.mesh, l.triangle);
+    let count = cross.locations.iter().filter(|l| on_filling(l)).count();
+    if count == 0 {
+        return 0;
+    }
+    let own: Vec<u32> = (0..input.mesh.triangles.len() as u32).filter(|&t| !is_filling(&input.mesh, t)).collect();
+    let triangles = own.iter().map(|&t| input.mesh.triangles[t as usize]).collect();
+    let bvh = Bvh::new(&TriMesh { positions: input.mesh.positions.clone(), triangles, ..TriMesh::default() });
+    for (location, position) in cross.locations.iter_mut().zip(&mut cross.positions) {
+        if !on_filling(location) {
+            continue;
+        }
+        let closest = bvh.closest(*position);
+        if let Some(&triangle) = own.get(closest.triangle as usize) {
+            *location = Location { triangle, barycentric: closest.barycentric };
+            *position = closest.point;
+        }
+    }
+    count
 }
 
 /// Polygons of the example that the map turns over in the domain, beyond those that are turned over there already, in

@@ -4,6 +4,7 @@
 
 pub mod area_fraction;
 pub mod harmonic;
+pub mod holes;
 pub mod homology;
 pub mod intrinsic;
 pub mod laplacian;
@@ -101,9 +102,9 @@ pub struct Unfolder {
     solver: Solver,
 }
 
-/// The mesh on which a patch is unfolded: chords split, coarse meshes subdivided.
+/// The mesh on which a patch is unfolded: holes filled, chords split, coarse meshes subdivided.
 pub fn solve_mesh(patch: &Patch) -> Arc<TriMesh> {
-    let mut mesh = refine::split_chords(patch.mesh.clone());
+    let mut mesh = refine::split_chords(holes::filled(&patch.mesh, &patch.holes));
     while mesh.triangles.len() < TRIANGLES_MIN {
         mesh = refine::split_edges(&mesh, &vec![true; mesh.twins.len()]);
     }
