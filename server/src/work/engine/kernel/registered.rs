@@ -8,7 +8,7 @@ use quadmuse_kernel::encode::index::{Location as Place, PlanarIndex};
 use quadmuse_kernel::map::assemble::{Winding, assemble};
 use quadmuse_kernel::map::atlas::Atlas;
 use quadmuse_kernel::map::untangle::untangle;
-use quadmuse_kernel::map::{CrossMap, cross_map, edit, folded_faces};
+use quadmuse_kernel::map::{CrossMap, cross_map, edit, folded_faces, leave_fillings};
 use quadmuse_kernel::measure::{self, Distribution, Evidence};
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt};
 use quadmuse_kernel::unfold::Chart;
@@ -199,6 +199,7 @@ fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Res
     let mirror = if registration.flip.is_mirror() { -1.0 } else { 1.0 };
     let mut cross = cross_map(registration, &source.chart, &input.chart, &input.index);
     untangle(&model.patch(example.segment)?.mesh, &mut cross, &input.chart, mirror);
+    leave_fillings(&mut cross, &input.chart);
     Ok(Laid {
         cross,
         input: &input.chart,
@@ -222,6 +223,7 @@ fn by_atlas<'a>(atlas: &'a Atlas, registered: &Registered, example_side: &Side) 
     let model: &ModelInner = example_side.model.inner.open()?;
     let mirror = if atlas.mirrored { -1.0 } else { 1.0 };
     untangle(&model.patch(example_side.segment)?.mesh, &mut cross, input, mirror);
+    leave_fillings(&mut cross, input);
     let at_vertex = |chart: &Chart, v: u32| Location {
         point: chart.mesh.positions[v as usize].into(),
         u: chart.uv[v as usize][0],
