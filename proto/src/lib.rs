@@ -22,7 +22,7 @@ pub mod stream;
 mod schema;
 
 pub use composition::{Composition, CompositionPart, NewComposition};
-pub use constraint::{Constraint, ConstraintEdit, ConstraintOrigin, Location, NewConstraint, Place};
+pub use constraint::{Constraint, ConstraintEdit, ConstraintOrigin, Location, NewConstraint, OnFold, Place};
 pub use example::{Example, ExamplePatch, ExampleSegment, MeshCounts};
 pub use format::MeshFormat;
 pub use health::{Health, Readiness};

@@ -4,6 +4,7 @@
 //! by one pixel, features join as controls, and a solver moves them. *Source:* paper §5; METHOD §4, §5.
 
 pub mod entry;
+pub mod evaluate;
 pub mod image;
 pub mod mls;
 pub mod pole_search;
@@ -16,8 +17,9 @@ use crate::encode::{Encoding, LEVEL_SIDES};
 use crate::topology::Topology;
 use crate::unfold::Uv;
 pub use entry::Entry;
+use evaluate::psi;
 use image::Image;
-use mls::{Domain, psi};
+use mls::Domain;
 use problem::{Problem, folded};
 pub use query::Query;
 pub use solve::{LevenbergMarquardt, PixelDescent, Solver, Termination};
