@@ -4,6 +4,7 @@
 //! faster, CRATES §3.3).
 
 use crate::mesh::Vec3;
+use crate::mesh::tri::NONE;
 use crate::unfold::{Chart, Uv};
 
 /// A place on the surface.
@@ -63,7 +64,12 @@ pub struct PlanarIndex {
     cells: usize,
     starts: Vec<u32>,
     triangles: Vec<u32>,
+    /// Halfedges on the surface's boundary.
+    rim: Vec<u32>,
 }
+
+/// A point so near to the end of v is on the boundary.
+const RIM: f64 = 1e-12;
 
 /// Grid cells a side at most.
 const CELLS_MAX: usize = 512;
@@ -88,13 +94,17 @@ impl PlanarIndex {
                 filled[c] += 1;
             });
         }
-        Self { cells, starts, triangles }
+        let rim = (0..chart.mesh.twins.len() as u32).filter(|&h| chart.mesh.twin(h) == NONE).collect();
+        Self { cells, starts, triangles, rim }
     }
 
     /// The place of the surface at `uv`; the nearest in its neighbourhood where rounding leaves a crack.
     pub fn locate(&self, chart: &Chart, uv: Uv) -> Location {
         let torus = chart.topology.is_periodic_v();
         let (u, v) = (uv[0].rem_euclid(1.0), if torus { uv[1].rem_euclid(1.0) } else { uv[1].clamp(0.0, 1.0) });
+        if let Some(location) = self.on_rim(chart, u, v) {
+            return location;
+        }
         let cell = |x: f64| ((x * self.cells as f64) as isize).min(self.cells as isize - 1);
         let (cx, cy) = (cell(u), cell(v));
         let mut best: Option<(f64, Location)> = None;
@@ -117,6 +127,38 @@ impl PlanarIndex {
             }
         }
         best.map_or(Location { triangle: 0, barycentric: [1.0, 0.0, 0.0] }, |(_, location)| clamped(location))
+    }
+}
+
+impl PlanarIndex {
+    /// The place on the boundary, for points at an end of v where there is one. On noisy scans triangles overlap in the
+    /// domain, and only the boundary's own edges are sure to lie on the boundary.
+    fn on_rim(&self, chart: &Chart, u: f64, v: f64) -> Option<Location> {
+        if self.rim.is_empty() || (v > RIM && v < 1.0 - RIM) {
+            return None;
+        }
+        let mut best: Option<(f64, Location)> = None;
+        for &h in &self.rim {
+            let (t, k) = (h / 3, h as usize % 3);
+            let (a, b) = (chart.corners[t as usize][k], chart.corners[t as usize][(k + 1) % 3]);
+            if (a[1] - v).abs() > 0.5 || a[0] == b[0] {
+                continue;
+            }
+            // u is taken in the period that fits the edge's middle.
+            let x = u + (0.5 * (a[0] + b[0]) - u).round();
+            let along = (x - a[0]) / (b[0] - a[0]);
+            let inside = along.min(1.0 - along) * (b[0] - a[0]).abs();
+            if best.as_ref().is_none_or(|(most, _)| inside.min(0.0) > *most) {
+                let mut barycentric = [0.0; 3];
+                let along = along.clamp(0.0, 1.0);
+                (barycentric[k], barycentric[(k + 1) % 3]) = (1.0 - along, along);
+                best = Some((inside.min(0.0), Location { triangle: t, barycentric }));
+            }
+            if inside >= 0.0 {
+                break;
+            }
+        }
+        best.map(|(_, location)| location)
     }
 }
 
