@@ -92,6 +92,24 @@ pub struct ConstraintEdit {
     /// Ids of constraints to remove.
     #[serde(default)]
     pub remove: Vec<String>,
+    /// Ids of constraints to put back as the registration had them; those that were added go.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub undo: Vec<String>,
+    /// What to do where the map would fold.
+    #[serde(default)]
+    pub on_fold: OnFold,
+}
+
+/// What to do where constraints would fold the map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum OnFold {
+    /// Refuse the edit.
+    #[default]
+    Refuse,
+    /// Let constraints that the edit does not name make room.
+    Resolve,
 }
 
 #[cfg(test)]
@@ -115,6 +133,8 @@ mod tests {
         let edit = ConstraintEdit {
             set: vec![NewConstraint { id: None, on_example: Some(Place::Point([0.0; 3])), on_input: None }],
             remove: vec!["f3".into()],
+            undo: vec!["f4".into()],
+            on_fold: OnFold::Resolve,
         };
         let packed = rmp_serde::to_vec_named(&edit).expect("packs");
         assert_eq!(rmp_serde::from_slice::<ConstraintEdit>(&packed).expect("unpacks"), edit);

@@ -22,7 +22,7 @@ pub mod stream;
 mod schema;
 
 pub use composition::{Composition, CompositionPart, NewComposition};
-pub use constraint::{Constraint, ConstraintEdit, ConstraintOrigin, Location, NewConstraint, Place};
+pub use constraint::{Constraint, ConstraintEdit, ConstraintOrigin, Location, NewConstraint, OnFold, Place};
 pub use example::{Example, ExamplePatch, ExampleSegment, MeshCounts};
 pub use format::MeshFormat;
 pub use health::{Health, Readiness};
@@ -32,5 +32,5 @@ pub use paging::Page;
 pub use problem::{Code, Problem};
 pub use query::{LevelTiming, Progress, Query, QuerySegment, QueryState, QueryTimings};
 pub use ranking::{Entry, EntryState, Flip, Ranking};
-pub use segment::{Segmentation, Topology};
+pub use segment::{Components, Segmentation, Topology};
 pub use stream::{Begin, End, EndState, Event, StreamError};

@@ -61,6 +61,28 @@ impl Segmentation {
     }
 }
 
+/// What becomes of a mesh of several components (`components=`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum Components {
+    /// The largest is taken where the others are crumbs beside it, and a repair says so.
+    #[default]
+    Largest,
+    /// Refused.
+    Refuse,
+}
+
+impl Components {
+    /// The name on the wire.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Largest => "largest",
+            Self::Refuse => "refuse",
+        }
+    }
+}
+
 /// A word that is none of those expected.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected one of {expected}, found `{found}`")]
@@ -91,6 +113,17 @@ impl FromStr for Segmentation {
     }
 }
 
+impl FromStr for Components {
+    type Err = UnknownWord;
+
+    fn from_str(text: &str) -> Result<Self, UnknownWord> {
+        [Self::Largest, Self::Refuse]
+            .into_iter()
+            .find(|c| c.as_str() == text)
+            .ok_or_else(|| UnknownWord { expected: "largest, refuse", found: text.into() })
+    }
+}
+
 impl fmt::Display for Topology {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(self.as_str())
@@ -112,6 +145,10 @@ mod tests {
         for topology in Topology::ALL {
             assert_eq!(serde_json::to_value(topology).expect("a word"), topology.as_str());
             assert_eq!(topology.as_str().parse::<Topology>(), Ok(topology));
+        }
+        for what in [Components::Largest, Components::Refuse] {
+            assert_eq!(serde_json::to_value(what).expect("a word"), what.as_str());
+            assert_eq!(what.as_str().parse::<Components>(), Ok(what));
         }
         for way in [Segmentation::Auto, Segmentation::Whole, Segmentation::Groups] {
             assert_eq!(serde_json::to_value(way).expect("a word"), way.as_str());

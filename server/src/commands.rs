@@ -92,7 +92,7 @@ fn serve(args: ServeArgs) -> Result<(), CommandError> {
     let config = Config::resolve(args)?;
     let runtime = runtime()?;
     let served = runtime.block_on(async {
-        let running = service::start(&config, Arc::new(KernelEngine::default())).await?;
+        let running = service::start(&config, Arc::new(KernelEngine::within_memory(config.memory_limit))).await?;
         let signal = shutdown::signal().await.map_err(|source| CommandError::System { what: "signals", source });
         running.stop().await;
         signal

@@ -101,6 +101,33 @@ pub fn vase(kind: u32, around: u32, up: u32, faces: Faces) -> String {
     text
 }
 
+/// A ring of uneven girth with lumps, a torus: `around` cells along the ring by `girth` cells around its tube. The cells
+/// of rings with other numbers of them start elsewhere.
+pub fn ring(kind: u32, around: u32, girth: u32, faces: Faces) -> String {
+    let mut text = String::new();
+    for row in 0..girth {
+        for column in 0..around {
+            let start = f64::from(around) / 7.0;
+            let a = TAU * f64::from(column) / f64::from(around) + start;
+            let b = TAU * f64::from(row) / f64::from(girth) + 0.4 * start;
+            let lump = |at: f64, up: f64| (-(1.0 - (a - at).cos()) / 0.08 - (1.0 - (b - up).cos()) / 0.2).exp();
+            let lumps = 0.5 * lump(0.0, 0.0) + 0.7 * lump(0.7, 1.5) + 0.9 * lump(1.4, 3.0) + 0.5 * lump(2.4, 4.4);
+            let tube = 0.6 + 0.15 * a.sin() + 0.1 * (f64::from(1 + kind % 3) * a).cos() + lumps;
+            let radius = 2.2 + tube * b.cos();
+            let z = tube * b.sin() + 0.3 * (2.0 * a).sin();
+            let _ = writeln!(text, "v {:.6} {:.6} {z:.6}", radius * a.cos(), radius * a.sin());
+        }
+    }
+    for row in 0..girth {
+        for column in 0..around {
+            let (right, up) = ((column + 1) % around, (row + 1) % girth);
+            let corners = [row * around + column, row * around + right, up * around + right, up * around + column];
+            face(&mut text, corners.map(|corner| corner + 1), faces);
+        }
+    }
+    text
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -77,7 +77,7 @@ pub fn encode_to(chart: &Chart, finest: usize) -> Encoding {
         pyramid.push(next);
     }
     pyramid.reverse();
-    let features = features::extract(&pyramid);
+    let features = features::extract(&pyramid, chart.topology);
     Encoding { topology: chart.topology, modulus: chart.modulus, pyramid, features }
 }
 
@@ -89,7 +89,7 @@ mod tests {
 
     #[test]
     fn the_mean_of_lambda_is_one_at_every_level() {
-        for (u, v) in [(false, false), (true, false)] {
+        for (u, v) in [(false, false), (true, false), (true, true)] {
             let patch = whole(&grid(24, 20, u, v)).expect("a primitive");
             let chart = unfold(&patch, &UnfoldOptions::default()).expect("solvable");
             for level in encode(&chart).pyramid {

@@ -4,6 +4,7 @@
 //! by one pixel, features join as controls, and a solver moves them. *Source:* paper §5; METHOD §4, §5.
 
 pub mod entry;
+pub mod evaluate;
 pub mod image;
 pub mod mls;
 pub mod pole_search;
@@ -11,13 +12,14 @@ pub mod problem;
 pub mod query;
 pub mod solve;
 
-use crate::encode::features::{Feature, distance};
+use crate::encode::features::{Feature, distance_on};
 use crate::encode::{Encoding, LEVEL_SIDES};
 use crate::topology::Topology;
 use crate::unfold::Uv;
 pub use entry::Entry;
+use evaluate::psi;
 use image::Image;
-use mls::{Domain, psi};
+use mls::Domain;
 use problem::{Problem, folded};
 pub use query::Query;
 pub use solve::{LevenbergMarquardt, PixelDescent, Solver, Termination};
@@ -97,8 +99,8 @@ impl<'a> Level<'a> {
     /// Prepares an example's level against the query's image of the same side; `None` where the example lacks it.
     pub fn new(example: &'a Encoding, query: &'a Image) -> Option<Self> {
         let picture = example.level(query.side)?;
-        let torus = example.topology == Topology::Torus;
-        let flipped = Flip::all(example.topology).iter().map(|&f| Image::new(picture, f, torus)).collect();
+        let periodic = example.topology.is_periodic_v();
+        let flipped = Flip::all(example.topology).iter().map(|&f| Image::new(picture, f, periodic)).collect();
         Some(Self { example, flipped, query })
     }
 
@@ -114,25 +116,29 @@ impl<'a> Level<'a> {
 
 /// Query images at every level up to `side`, coarse to fine.
 pub fn query_images(query: &Encoding, side: usize) -> Vec<Image> {
-    let torus = query.topology == Topology::Torus;
-    query.pyramid.iter().filter(|p| p.side <= side).map(|p| Image::new(p, Flip::default(), torus)).collect()
+    let periodic = query.topology.is_periodic_v();
+    query.pyramid.iter().filter(|p| p.side <= side).map(|p| Image::new(p, Flip::default(), periodic)).collect()
 }
 
 /// E for all translations of `side` pixels: `energies[t]` compares pixel x of the example with pixel x + t of the
 /// query. *Source:* paper §5.2 ("Isometries").
+///
+/// Tori: `energies[row * side + t]` for translations by `row` pixels in v as well.
 pub fn translation_energies(example: &Image, query: &Image) -> Vec<f64> {
     let side = example.side;
-    let energy = |t: usize| {
+    let energy = |t: usize, row: usize| {
         let mut sum = 0.0;
         for y in 0..side {
+            let above = (y + row) % side;
             for x in 0..side {
-                let d = query.pixel((x + t) % side, y) - example.pixel(x, y);
+                let d = query.pixel((x + t) % side, above) - example.pixel(x, y);
                 sum += d * d;
             }
         }
         sum / (side * side) as f64
     };
-    (0..side).map(energy).collect()
+    let rows = if example.is_periodic_v() { side } else { 1 };
+    (0..rows * side).map(|k| energy(k % side, k / side)).collect()
 }
 
 /// Registers one flip at the coarsest level: the best translation, then the solver.
@@ -140,13 +146,13 @@ pub fn coarse_flip(level: &Level, flip: Flip, solver: &dyn Solver, stop: &dyn Fn
     let energies = translation_energies(level.image(flip), level.query);
     let best = (0..energies.len()).min_by(|&a, &b| energies[a].total_cmp(&energies[b])).unwrap_or(0);
     let side = level.query.side;
-    let shift = best as f64 / side as f64;
+    let shift = [(best % side) as f64 / side as f64, (best / side) as f64 / side as f64];
     let coarsest = level.example.features.iter().filter(|f| f.side <= side);
     let mut p: Vec<Uv> = coarsest.map(|f| flip.apply(f.uv)).collect();
     if p.is_empty() {
         p.push([0.5, 0.5]);
     }
-    let q = p.iter().map(|p| [p[0] + shift, p[1]]).collect();
+    let q = p.iter().map(|p| [p[0] + shift[0], p[1] + shift[1]]).collect();
     let mut registration = Registration { side, energy: energies[best], ..Registration::from_controls(flip, p, q) };
     registration.solve_level(level, solver, stop);
     registration
@@ -175,14 +181,16 @@ impl Registration {
         (sum / self.p.len().max(1) as f64).rem_euclid(1.0)
     }
 
-    /// Tries the translation one pixel to either side.
+    /// Tries the translation one pixel to either side (tori: and up and down).
     fn nudge(&mut self, level: &Level) {
         let pixel = 1.0 / level.query.side as f64;
-        let shifted = |d: f64| -> Vec<Uv> { self.q.iter().map(|q| [q[0] + d * pixel, q[1]]).collect() };
+        let shifted =
+            |d: Uv| -> Vec<Uv> { self.q.iter().map(|q| [q[0] + d[0] * pixel, q[1] + d[1] * pixel]).collect() };
         let problem = Problem::new(level.domain(), level.image(self.flip), level.query, &self.p);
-        let trials = [0.0, -1.0, 1.0].map(|d| (problem.energy(&shifted(d)), d));
-        let best = trials.iter().min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |t| t.1);
-        self.q = shifted(best);
+        let rows: &[f64] = if level.domain().topology.is_periodic_v() { &[0.0, -1.0, 1.0] } else { &[0.0] };
+        let trials = rows.iter().flat_map(|&row| [0.0, -1.0, 1.0].map(|d| [d, row]));
+        let best = trials.map(|d| (problem.energy(&shifted(d)), d)).min_by(|a, b| a.0.total_cmp(&b.0));
+        self.q = shifted(best.map_or([0.0; 2], |b| b.1));
     }
 
     /// Registers at `level` from where the controls are: new controls, solver, fold repair.
@@ -205,7 +213,7 @@ impl Registration {
         let domain = level.domain();
         let fresh = |f: &&Feature| f.side <= side && f.side > self.side;
         let spacing = CONTROL_SPACING_PX / side as f64;
-        let far = |x: &Uv| self.p.iter().all(|p| distance(*p, *x) >= spacing);
+        let far = |x: &Uv| self.p.iter().all(|p| distance_on(domain.topology, *p, *x) >= spacing);
         let added: Vec<Uv> =
             level.example.features.iter().filter(fresh).map(|f| self.flip.apply(f.uv)).filter(far).collect();
         let to: Vec<Uv> = added.iter().map(|&x| psi(domain, &self.p, &self.q, x)).collect();
@@ -222,7 +230,8 @@ impl Registration {
             self.folds = folds.len();
             let Some(fold) = folds.first() else { return };
             let open = (0..self.p.len()).filter(|&i| moves[i] <= REPAIR_HALVINGS);
-            let nearest = open.min_by(|&a, &b| distance(self.p[a], *fold).total_cmp(&distance(self.p[b], *fold)));
+            let to_fold = |i: usize| distance_on(domain.topology, self.p[i], *fold);
+            let nearest = open.min_by(|&a, &b| to_fold(a).total_cmp(&to_fold(b)));
             let Some(i) = nearest else { break };
             let others =
                 |all: &[Uv]| -> Vec<Uv> { all.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, x)| *x).collect() };
@@ -233,8 +242,10 @@ impl Registration {
         }
         if self.folds > 0 {
             // Nothing folds under a translation.
-            let shift = self.p.iter().zip(&self.q).map(|(p, q)| q[0] - p[0]).sum::<f64>() / self.p.len() as f64;
-            self.q = self.p.iter().map(|p| [p[0] + shift, p[1]]).collect();
+            let mean = |k: usize| self.p.iter().zip(&self.q).map(|(p, q)| q[k] - p[k]).sum::<f64>();
+            let shift = [0, 1].map(|k| mean(k) / self.p.len() as f64);
+            let up = if domain.topology.is_periodic_v() { shift[1] } else { 0.0 };
+            self.q = self.p.iter().map(|p| [p[0] + shift[0], p[1] + up]).collect();
             self.folds = 0;
         }
     }

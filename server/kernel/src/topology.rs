@@ -3,9 +3,12 @@
 //! χ = V − E + F = 2 − 2g − b for one component of genus g with b boundary loops.
 //! *Source:* paper §4.1 (discs, cylinders) and §5.1, Fig. 6 (spheres, tori).
 
+mod primitive;
+
 use std::fmt;
 
 use crate::mesh::tri::{NONE, TriMesh, pair_halfedges};
+pub use primitive::{Components, primitive};
 
 /// A surface that one chart can hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -21,6 +24,11 @@ pub enum Topology {
 }
 
 impl Topology {
+    /// Whether its domain is periodic in v as well as in u.
+    pub fn is_periodic_v(self) -> bool {
+        self == Self::Torus
+    }
+
     /// The word used on the wire and in files.
     pub fn name(self) -> &'static str {
         match self {
@@ -100,6 +108,10 @@ pub struct Patch {
     pub vertex_of: Vec<u32>,
     /// Triangle of the parent mesh for each triangle of `mesh`.
     pub triangle_of: Vec<u32>,
+    /// Boundary loops (halfedges of `mesh`) that are filled when it is unfolded.
+    pub holes: Vec<Vec<u32>>,
+    /// Components of the parent mesh that were left out as crumbs beside this one.
+    pub left_out: usize,
 }
 
 /// Component number of each triangle (numbered by lowest triangle), and how many there are. Triangles that share an
@@ -168,7 +180,7 @@ pub fn classify(mesh: &TriMesh) -> Result<Topology, TopologyError> {
 pub fn whole(mesh: &TriMesh) -> Result<Patch, TopologyError> {
     let all: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
     let (mesh, vertex_of) = submesh(mesh, &all);
-    Ok(Patch { topology: classify(&mesh)?, mesh, vertex_of, triangle_of: all })
+    Ok(Patch { topology: classify(&mesh)?, mesh, vertex_of, triangle_of: all, holes: Vec::new(), left_out: 0 })
 }
 
 /// One patch a label, in order of label. `labels` holds one label a polygon.
@@ -197,7 +209,7 @@ pub fn by_labels(mesh: &TriMesh, labels: &[i64]) -> Result<Vec<Patch>, TopologyE
             label: distinct[segment],
             source: Box::new(source),
         })?;
-        Ok(Patch { topology, mesh, vertex_of, triangle_of })
+        Ok(Patch { topology, mesh, vertex_of, triangle_of, holes: Vec::new(), left_out: 0 })
     };
     members.into_iter().enumerate().map(patch).collect()
 }

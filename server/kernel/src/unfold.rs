@@ -1,15 +1,19 @@
 //! Unfolding: a primitive surface to the unit square, u periodic, v from boundary to pole.
 //!
-//! *Source:* paper §4.2. *Ours:* see the parts: [`harmonic`], [`pole`], [`area_fraction`], [`intrinsic`].
+//! *Source:* paper §4.2. *Ours:* see the parts: [`harmonic`], [`pole`], [`area_fraction`], [`intrinsic`], [`torus`].
 
 pub mod area_fraction;
 pub mod harmonic;
+pub mod holes;
+pub mod homology;
 pub mod intrinsic;
 pub mod laplacian;
+pub mod linking;
 pub mod moebius;
 pub mod path;
 pub mod pole;
 pub mod refine;
+pub mod torus;
 
 use std::sync::Arc;
 
@@ -20,7 +24,7 @@ use area_fraction::AreaFraction;
 use harmonic::{Harmonic, Solver};
 use moebius::Conformal;
 
-/// A point of the domain: u (period 1), v in 0–1.
+/// A point of the domain: u (period 1), v in 0–1 (tori: period 1 too).
 pub type Uv = [f64; 2];
 
 /// How to unfold.
@@ -39,9 +43,9 @@ pub enum UnfoldError {
     /// The surface has no area.
     #[error("expected a surface of positive area, found area {0:e}")]
     NoArea(f64),
-    /// Tori need a handle loop, which is not built yet.
-    #[error("expected a disc, annulus or sphere, found a torus; cut it open along a loop")]
-    Torus,
+    /// What should be a torus has not two loops that generate it.
+    #[error("expected a closed surface of genus 1, found none")]
+    NotTorus,
 }
 
 /// A pole of a chart.
@@ -62,9 +66,9 @@ pub struct Chart {
     pub mesh: Arc<TriMesh>,
     /// How many vertices are the patch's own.
     pub patch_vertices: usize,
-    /// (u, v) of each vertex, u in 0–1. At a pole u has no meaning.
+    /// (u, v) of each vertex, both in 0–1. At a pole u has no meaning.
     pub uv: Vec<Uv>,
-    /// (u, v) of each corner of each triangle, u continuous within the triangle.
+    /// (u, v) of each corner of each triangle, continuous within the triangle; the least u (tori: and v) in 0–1.
     pub corners: Vec<[Uv; 3]>,
     /// The poles.
     pub poles: Vec<Pole>,
@@ -98,9 +102,9 @@ pub struct Unfolder {
     solver: Solver,
 }
 
-/// The mesh on which a patch is unfolded: chords split, coarse meshes subdivided.
+/// The mesh on which a patch is unfolded: holes filled, chords split, coarse meshes subdivided.
 pub fn solve_mesh(patch: &Patch) -> Arc<TriMesh> {
-    let mut mesh = refine::split_chords(patch.mesh.clone());
+    let mut mesh = refine::split_chords(holes::filled(&patch.mesh, &patch.holes));
     while mesh.triangles.len() < TRIANGLES_MIN {
         mesh = refine::split_edges(&mesh, &vec![true; mesh.twins.len()]);
     }
@@ -114,14 +118,11 @@ impl Unfolder {
     /// Prepares `mesh` = [`solve_mesh`] of a patch with `patch_vertices` vertices.
     ///
     /// # Errors
-    /// [`UnfoldError`] for surfaces without area, unsolvable systems, and tori.
+    /// [`UnfoldError`] for surfaces without area and unsolvable systems.
     pub fn new(mesh: Arc<TriMesh>, topology: Topology, patch_vertices: usize) -> Result<Self, UnfoldError> {
         let area = mesh.total_area();
         if !(area > 0.0 && area.is_finite()) {
             return Err(UnfoldError::NoArea(area));
-        }
-        if topology == Topology::Torus {
-            return Err(UnfoldError::Torus);
         }
         Ok(Self { patch_vertices, solver: Solver::new(mesh, topology)? })
     }
@@ -190,6 +191,9 @@ impl Unfolder {
     /// # Errors
     /// [`UnfoldError::Solve`].
     pub fn conformal(&self, poles: &[u32]) -> Result<Option<Conformal>, UnfoldError> {
+        if matches!(self.solver.topology, Topology::Annulus | Topology::Torus) {
+            return Ok(None);
+        }
         let harmonic = self.solver.v(poles);
         let (u, _) = self.solver.conjugate(&harmonic, poles)?;
         let mesh = Arc::clone(&self.solver.mesh);
@@ -201,6 +205,9 @@ impl Unfolder {
     /// # Errors
     /// [`UnfoldError::Solve`].
     pub fn chart(&self, poles: &[u32]) -> Result<Chart, UnfoldError> {
+        if self.solver.topology == Topology::Torus {
+            return self.torus_chart();
+        }
         let harmonic = self.solver.v(poles);
         let (u, s) = self.solver.conjugate(&harmonic, poles)?;
         let fraction = AreaFraction::new(&self.solver.mesh, &harmonic.v);
@@ -226,6 +233,36 @@ impl Unfolder {
             Topology::Disc => poles.iter().map(|&vertex| Pole { vertex, at_top: true }).collect(),
             _ => poles.iter().enumerate().map(|(k, &vertex)| Pole { vertex, at_top: k == 1 }).collect(),
         };
+        let conformal = |t: usize| {
+            let du = [1, 2].map(|k| corners[t][k][0] - corners[t][0][0]);
+            (du, [1, 2].map(|k| harmonic.v[mesh.triangles[t][k] as usize] - harmonic.v[mesh.triangles[t][0] as usize]))
+        };
+        let angle_deviation_deg = angle_deviation(mesh, &poles, conformal);
+        self.finish(uv, corners, poles, modulus, angle_deviation_deg)
+    }
+
+    fn torus_chart(&self) -> Result<Chart, UnfoldError> {
+        let mesh = &self.solver.mesh;
+        let torus::Lattice { coordinates: [x, y], jumps: [r, s], tau } = torus::lattice(&self.solver)?;
+        let corners: Vec<[Uv; 3]> = (0..mesh.triangles.len())
+            .map(|t| {
+                let along = |x: &[f64], s: &[i32]| wrapped(continued(mesh.triangles[t], x, &s[3 * t..3 * t + 3], &[]));
+                let (u, v) = (along(&x, &r), along(&y, &s));
+                [0, 1, 2].map(|k| [u[k], v[k]])
+            })
+            .collect();
+        let uv = x.iter().zip(&y).map(|(u, v)| [u.rem_euclid(1.0), v.rem_euclid(1.0)]).collect();
+        // z = u + τv is what is conformal.
+        let conformal = |t: usize| {
+            let d = [1, 2].map(|k| [corners[t][k][0] - corners[t][0][0], corners[t][k][1] - corners[t][0][1]]);
+            (d.map(|d| d[0] + tau[0] * d[1]), d.map(|d| tau[1] * d[1]))
+        };
+        let angle_deviation_deg = angle_deviation(mesh, &[], conformal);
+        Ok(self.finish(uv, corners, Vec::new(), tau[1], angle_deviation_deg))
+    }
+
+    fn finish(&self, uv: Vec<Uv>, corners: Vec<[Uv; 3]>, poles: Vec<Pole>, modulus: f64, deviation: f64) -> Chart {
+        let mesh = &self.solver.mesh;
         let t = &self.solver.laplacian.triangulation;
         let mean_length = t.lengths.iter().sum::<f64>() / t.lengths.len().max(1) as f64;
         let report = UnfoldReport {
@@ -234,7 +271,7 @@ impl Unfolder {
             mollified: t.mollified / mean_length,
             clamped: self.solver.laplacian.clamped,
             uv_flips: corners.iter().filter(|c| signed_area(c) < 0.0).count(),
-            angle_deviation_deg: angle_deviation(mesh, &corners, &harmonic.v, &poles),
+            angle_deviation_deg: deviation,
         };
         Chart {
             topology: self.solver.topology,
@@ -261,6 +298,13 @@ pub fn unfold(patch: &Patch, options: &UnfoldOptions) -> Result<Chart, UnfoldErr
 
 /// The corners of a triangle with u made continuous along its edges. A pole's corner takes the mean u of the others.
 fn corner_uvs(triangle: [u32; 3], u: &[f64], s: &[i32], v: &[f64], poles: &[u32]) -> [Uv; 3] {
+    let x = wrapped(continued(triangle, u, s, poles));
+    [0, 1, 2].map(|k| [x[k], v[triangle[k] as usize]])
+}
+
+/// A coordinate at a triangle's corners, made continuous along its edges by the jumps `s` of its halfedges. A pole's
+/// corner takes the mean of the others.
+fn continued(triangle: [u32; 3], u: &[f64], s: &[i32], poles: &[u32]) -> [f64; 3] {
     let is_pole = triangle.map(|x| poles.contains(&x));
     let k0 = is_pole.iter().position(|p| !p).unwrap_or(0);
     let (k1, k2) = ((k0 + 1) % 3, (k0 + 2) % 3);
@@ -278,8 +322,13 @@ fn corner_uvs(triangle: [u32; 3], u: &[f64], s: &[i32], v: &[f64], poles: &[u32]
             false => x[k1] + at(k2) - at(k1) - f64::from(s[k1]),
         };
     }
+    x
+}
+
+/// Moved by a whole number so that the least is in 0–1.
+fn wrapped(x: [f64; 3]) -> [f64; 3] {
     let shift = x[0].min(x[1]).min(x[2]).floor();
-    [0, 1, 2].map(|k| [x[k] - shift, v[triangle[k] as usize]])
+    x.map(|x| x - shift)
 }
 
 /// Area of a triangle of the domain, positive when it is oriented as on the surface.
@@ -287,8 +336,10 @@ pub fn signed_area(c: &[Uv; 3]) -> f64 {
     0.5 * ((c[1][0] - c[0][0]) * (c[2][1] - c[0][1]) - (c[2][0] - c[0][0]) * (c[1][1] - c[0][1]))
 }
 
-/// Area-weighted mean of |90° − angle(∇u, ∇v)| over faces without a pole, v harmonic. *Source:* paper Fig. 3.
-fn angle_deviation(mesh: &TriMesh, corners: &[[Uv; 3]], v: &[f64], poles: &[Pole]) -> f64 {
+/// Area-weighted mean of |90° − angle(∇x, ∇y)| over faces without a pole. `differences` gives of x and of y, which
+/// should be conformal, how much greater they are at a triangle's second and third corner than at its first.
+/// *Source:* paper Fig. 3.
+fn angle_deviation(mesh: &TriMesh, poles: &[Pole], differences: impl Fn(usize) -> ([f64; 2], [f64; 2])) -> f64 {
     let (mut sum, mut total) = (0.0, 0.0);
     for (t, triangle) in mesh.triangles.iter().enumerate() {
         if triangle.iter().any(|x| poles.iter().any(|p| p.vertex == *x)) {
@@ -301,8 +352,7 @@ fn angle_deviation(mesh: &TriMesh, corners: &[[Uv; 3]], v: &[f64], poles: &[Pole
         if det <= 0.0 {
             continue;
         }
-        let du = [corners[t][1][0] - corners[t][0][0], corners[t][2][0] - corners[t][0][0]];
-        let dv = [1, 2].map(|k| v[triangle[k] as usize] - v[triangle[0] as usize]);
+        let (du, dv) = differences(t);
         let dot = |x: [f64; 2], y: [f64; 2]| g22 * x[0] * y[0] - g12 * (x[0] * y[1] + x[1] * y[0]) + g11 * x[1] * y[1];
         let norm = (dot(du, du) * dot(dv, dv)).sqrt();
         if norm > 0.0 {

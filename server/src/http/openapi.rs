@@ -7,7 +7,7 @@ use axum::http::HeaderMap;
 use axum::response::Response;
 use bytes::Bytes;
 use quadmuse_proto::{
-    Code, CompositionId, ExampleId, MapId, MeshFormat, Problem, QueryId, Segmentation, Topology, problem,
+    Code, Components, CompositionId, ExampleId, MapId, MeshFormat, Problem, QueryId, Segmentation, Topology, problem,
 };
 use serde_json::{Value, json};
 use utoipa::openapi::{ComponentsBuilder, InfoBuilder, OpenApi, OpenApiBuilder};
@@ -24,7 +24,11 @@ pub fn head() -> OpenApi {
         .build();
     // Those that no body names: they stand in parameters, or are added to every operation.
     let components = ComponentsBuilder::new().schema_from::<Problem>().schema_from::<Code>();
-    let components = components.schema_from::<Segmentation>().schema_from::<MeshFormat>().schema_from::<Topology>();
+    let components = components
+        .schema_from::<Segmentation>()
+        .schema_from::<Components>()
+        .schema_from::<MeshFormat>()
+        .schema_from::<Topology>();
     let components = components.schema_from::<ExampleId>().schema_from::<QueryId>().schema_from::<MapId>();
     let components = components.schema_from::<CompositionId>().build();
     OpenApiBuilder::new().info(info).components(Some(components)).build()

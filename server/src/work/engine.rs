@@ -5,7 +5,9 @@
 
 use crate::pool::{Stop, StopReason};
 use quadmuse_kernel::mesh::PolyMesh;
-use quadmuse_proto::{Constraint, ConstraintEdit, Distortion, Flip, MeshFormat, Segmentation, Topology, Verdict};
+use quadmuse_proto::{
+    Components, Constraint, ConstraintEdit, Distortion, Flip, MeshFormat, Segmentation, Topology, Verdict,
+};
 use std::any::Any;
 use std::fmt;
 use std::sync::Arc;
@@ -103,6 +105,8 @@ pub struct Cut {
     pub way: Segmentation,
     /// The caller's labels, one a face.
     pub labels: Option<Vec<i64>>,
+    /// Whether crumbs beside the largest component may be left out.
+    pub components: Components,
 }
 
 /// A mesh that was read, checked and cut.
@@ -158,6 +162,8 @@ pub struct Encoded {
     pub encoding: Encoding,
     /// The unfolding.
     pub chart: Opaque,
+    /// What unfolding had to mend, a sentence each.
+    pub repairs: Vec<String>,
 }
 
 /// An example laid on a query segment, at some level.

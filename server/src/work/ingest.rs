@@ -1,7 +1,7 @@
 //! Examples: adding, annotating, removing, reading.
 
 use super::corpus::{NewExample, Put};
-use super::engine::{Cut, Encoded, Model, Packed};
+use super::engine::{Cut, Encoded, EngineError, Model, Packed};
 use super::{Caller, REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, User};
 use bytes::Bytes;
@@ -59,7 +59,8 @@ pub async fn add(
     let job = work.pool.admit(caller.user, estimate, Some(REQUEST_TIME_MAX))?;
     // A bad mesh is refused soon, however busy the encoders are.
     let model = read(work, &job, Lane::Coarse, &upload).await?;
-    let segments = encode_all(work, &job, &model).await?;
+    let (segments, mended): (Vec<_>, Vec<_>) = encode_all(work, &job, &model).await?.into_iter().unzip();
+    let repairs = model.repairs.iter().cloned().chain(mended.into_iter().flatten()).collect();
     let new = NewExample {
         name: annotation.name,
         tags,
@@ -68,7 +69,7 @@ pub async fn add(
         format: model.format.as_str().into(),
         cut: upload.cut,
         counts: counts_of(&model.mesh),
-        repairs: model.repairs.clone(),
+        repairs,
         segments,
         encoder_version: work.engine.version(),
     };
@@ -111,10 +112,14 @@ pub async fn encode(
     Ok(work.pool.run(job, lane, move |stop| engine.encode(&model, segment, stop)).await??)
 }
 
-async fn encode_all(work: &Arc<Work>, job: &Job, model: &Arc<Model>) -> Result<Vec<Packed>, WorkError> {
-    let one = async |segment: u32| -> Result<Packed, WorkError> {
+/// Every segment, packed, with what unfolding had to mend.
+async fn encode_all(work: &Arc<Work>, job: &Job, model: &Arc<Model>) -> Result<Vec<(Packed, Vec<String>)>, WorkError> {
+    let one = async |segment: u32| -> Result<(Packed, Vec<String>), WorkError> {
         let (engine, model) = (Arc::clone(&work.engine), Arc::clone(model));
-        let pack = move |stop: &_| engine.encode(&model, segment, stop).and_then(|e| engine.pack(&e.encoding));
+        let pack = move |stop: &_| {
+            let encoded = engine.encode(&model, segment, stop)?;
+            Ok::<_, EngineError>((engine.pack(&encoded.encoding)?, encoded.repairs))
+        };
         Ok(work.pool.run(job, Lane::Ingest, pack).await??)
     };
     futures_util::future::try_join_all((0..model.segments.len() as u32).map(one)).await

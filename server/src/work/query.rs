@@ -247,7 +247,7 @@ impl LiveQuery {
             deadline_ms: self.options.deadline.map(|time| time.as_millis() as u64),
             tags: self.options.tags.clone(),
             counts: counts_of(&self.model.mesh),
-            repairs: self.model.repairs.clone(),
+            repairs: self.repairs(),
             segments,
             progress,
             timings,
@@ -256,6 +256,12 @@ impl LiveQuery {
             created: rfc3339(self.id.created_unix_ms()),
             problem: None,
         }
+    }
+
+    /// What reading mended, and what unfolding did in the segments encoded so far.
+    fn repairs(&self) -> Vec<String> {
+        let unfolding = self.encoded.iter().filter_map(|slot| slot.get()).flat_map(|encoded| &encoded.repairs);
+        self.model.repairs.iter().chain(unfolding).cloned().collect()
     }
 
     fn describe_segment(&self, segment: usize, board: &Board) -> Option<QuerySegment> {

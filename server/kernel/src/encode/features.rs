@@ -4,6 +4,7 @@
 //! (METHOD §3).
 
 use super::Picture;
+use crate::topology::Topology;
 use crate::unfold::Uv;
 
 /// Distance kept between features, in pixels of the level at which they are found. *Source:* paper §5.2.
@@ -24,18 +25,18 @@ pub struct Feature {
     pub side: usize,
 }
 
-/// Extracts features from a pyramid, coarse to fine.
-pub fn extract(pyramid: &[Picture]) -> Vec<Feature> {
+/// Extracts features from a pyramid, coarse to fine. Tori are periodic in v too.
+pub fn extract(pyramid: &[Picture], topology: Topology) -> Vec<Feature> {
     let mut features: Vec<Feature> = Vec::new();
     for picture in pyramid {
-        let mut peaks = maxima(picture);
+        let mut peaks = maxima(picture, topology);
         peaks.sort_by(|a, b| b.lambda.total_cmp(&a.lambda));
         let spacing = SPACING_PX / picture.side as f64;
         for peak in peaks {
             if features.len() == FEATURES_MAX {
                 return features;
             }
-            if features.iter().all(|f| distance(f.uv, peak.uv) >= spacing) {
+            if features.iter().all(|f| distance_on(topology, f.uv, peak.uv) >= spacing) {
                 features.push(peak);
             }
         }
@@ -49,10 +50,17 @@ pub fn distance(a: Uv, b: Uv) -> f64 {
     du.min(1.0 - du).hypot(a[1] - b[1])
 }
 
+/// Distance in the domain of a surface, periodic as that is.
+pub fn distance_on(topology: Topology, a: Uv, b: Uv) -> f64 {
+    let rows = if topology.is_periodic_v() { (a[1] - b[1]).round() } else { 0.0 };
+    distance(a, [b[0], b[1] + rows])
+}
+
 /// Pixels that exceed the threshold and no neighbour exceeds; of equal neighbours the first in reading order counts.
-fn maxima(picture: &Picture) -> Vec<Feature> {
+fn maxima(picture: &Picture, topology: Topology) -> Vec<Feature> {
     let side = picture.side as isize;
-    let at = |x: isize, y: isize| picture.values[(y * side + x.rem_euclid(side)) as usize];
+    let at = |x: isize, y: isize| picture.values[(y.rem_euclid(side) * side + x.rem_euclid(side)) as usize];
+    let ends = |y: isize| !topology.is_periodic_v() && (y < 0 || y >= side);
     let mut peaks = Vec::new();
     for y in 0..side {
         for x in 0..side {
@@ -64,7 +72,7 @@ fn maxima(picture: &Picture) -> Vec<Feature> {
                 (-1..=1).all(|dx| {
                     let (nx, ny) = (x + dx, y + dy);
                     let earlier = (dy, dx) < (0, 0);
-                    ny < 0 || ny >= side || (dx, dy) == (0, 0) || {
+                    ends(ny) || (dx, dy) == (0, 0) || {
                         let other = at(nx, ny);
                         other < value || (other == value && !earlier)
                     }
@@ -94,8 +102,23 @@ mod tests {
         let values = (0..side * side)
             .map(|k| (bump(k % side, k / side, 0.2, 20.5) + bump(k % side, k / side, 32.5, 40.5)) as f32)
             .collect();
-        let features = extract(&[Picture { side, values }]);
+        let features = extract(&[Picture { side, values }], Topology::Annulus);
         assert_eq!(features.len(), 2);
         assert!(features.iter().any(|f| distance(f.uv, [0.2 / 64.0, 20.5 / 64.0]) < 1.0 / 64.0));
+    }
+
+    #[test]
+    fn on_a_torus_a_peak_on_the_seam_of_v_is_one() {
+        let side = 32;
+        let rise = |y: usize| (y as f64 + 0.5).min(32.0 - y as f64 - 0.5);
+        let values = (0..side * side)
+            .map(|k| {
+                let (x, y) = ((k % side) as f64 - 15.7, rise(k / side));
+                (5.0 * (-(x * x + y * y) / 9.0).exp()) as f32
+            })
+            .collect();
+        let picture = [Picture { side, values }];
+        assert_eq!(extract(&picture, Topology::Torus).len(), 1);
+        assert_eq!(extract(&picture, Topology::Annulus).len(), 2);
     }
 }

@@ -1,9 +1,10 @@
 //! The planar index φ⁻¹: which triangle of the chart holds a point of the domain.
 //!
-//! A uniform grid of buckets over the square, periodic in u. *Source:* paper §4 (a binary space partition; a grid is
+//! A uniform grid of buckets over the square, periodic in u (tori: and in v). *Source:* paper §4 (a binary space partition; a grid is
 //! faster, CRATES §3.3).
 
 use crate::mesh::Vec3;
+use crate::mesh::tri::NONE;
 use crate::unfold::{Chart, Uv};
 
 /// A place on the surface.
@@ -38,10 +39,15 @@ impl Location {
             }
             None => {
                 let mean = |j: usize| (0..3).map(|k| w[k] * corners[k][j]).sum::<f64>();
-                [mean(0).rem_euclid(1.0), mean(1)]
+                [mean(0).rem_euclid(1.0), inside_v(chart, mean(1))]
             }
         }
     }
+}
+
+/// v as the chart's topology has it: wrapped on tori, else as it is.
+fn inside_v(chart: &Chart, v: f64) -> f64 {
+    if chart.topology.is_periodic_v() { v.rem_euclid(1.0) } else { v }
 }
 
 /// The corner of a triangle that is a pole, and the pole's v.
@@ -58,7 +64,12 @@ pub struct PlanarIndex {
     cells: usize,
     starts: Vec<u32>,
     triangles: Vec<u32>,
+    /// Halfedges on the surface's boundary.
+    rim: Vec<u32>,
 }
+
+/// A point so near to the end of v is on the boundary.
+const RIM: f64 = 1e-12;
 
 /// Grid cells a side at most.
 const CELLS_MAX: usize = 512;
@@ -83,21 +94,27 @@ impl PlanarIndex {
                 filled[c] += 1;
             });
         }
-        Self { cells, starts, triangles }
+        let rim = (0..chart.mesh.twins.len() as u32).filter(|&h| chart.mesh.twin(h) == NONE).collect();
+        Self { cells, starts, triangles, rim }
     }
 
     /// The place of the surface at `uv`; the nearest in its neighbourhood where rounding leaves a crack.
     pub fn locate(&self, chart: &Chart, uv: Uv) -> Location {
-        let (u, v) = (uv[0].rem_euclid(1.0), uv[1].clamp(0.0, 1.0));
+        let torus = chart.topology.is_periodic_v();
+        let (u, v) = (uv[0].rem_euclid(1.0), if torus { uv[1].rem_euclid(1.0) } else { uv[1].clamp(0.0, 1.0) });
+        if let Some(location) = self.on_rim(chart, u, v) {
+            return location;
+        }
         let cell = |x: f64| ((x * self.cells as f64) as isize).min(self.cells as isize - 1);
         let (cx, cy) = (cell(u), cell(v));
         let mut best: Option<(f64, Location)> = None;
         for radius in 0..self.cells as isize {
             for (x, y) in ring(cx, cy, radius) {
-                if y < 0 || y >= self.cells as isize {
+                if !torus && (y < 0 || y >= self.cells as isize) {
                     continue;
                 }
-                let c = y as usize * self.cells + x.rem_euclid(self.cells as isize) as usize;
+                let c = y.rem_euclid(self.cells as isize) as usize * self.cells
+                    + x.rem_euclid(self.cells as isize) as usize;
                 for &t in &self.triangles[self.starts[c] as usize..self.starts[c + 1] as usize] {
                     let (inside, location) = locate_in(chart, t, [u, v]);
                     if best.as_ref().is_none_or(|(b, _)| inside > *b) {
@@ -110,6 +127,38 @@ impl PlanarIndex {
             }
         }
         best.map_or(Location { triangle: 0, barycentric: [1.0, 0.0, 0.0] }, |(_, location)| clamped(location))
+    }
+}
+
+impl PlanarIndex {
+    /// The place on the boundary, for points at an end of v where there is one. On noisy scans triangles overlap in the
+    /// domain, and only the boundary's own edges are sure to lie on the boundary.
+    fn on_rim(&self, chart: &Chart, u: f64, v: f64) -> Option<Location> {
+        if self.rim.is_empty() || (v > RIM && v < 1.0 - RIM) {
+            return None;
+        }
+        let mut best: Option<(f64, Location)> = None;
+        for &h in &self.rim {
+            let (t, k) = (h / 3, h as usize % 3);
+            let (a, b) = (chart.corners[t as usize][k], chart.corners[t as usize][(k + 1) % 3]);
+            if (a[1] - v).abs() > 0.5 || a[0] == b[0] {
+                continue;
+            }
+            // u is taken in the period that fits the edge's middle.
+            let x = u + (0.5 * (a[0] + b[0]) - u).round();
+            let along = (x - a[0]) / (b[0] - a[0]);
+            let inside = along.min(1.0 - along) * (b[0] - a[0]).abs();
+            if best.as_ref().is_none_or(|(most, _)| inside.min(0.0) > *most) {
+                let mut barycentric = [0.0; 3];
+                let along = along.clamp(0.0, 1.0);
+                (barycentric[k], barycentric[(k + 1) % 3]) = (1.0 - along, along);
+                best = Some((inside.min(0.0), Location { triangle: t, barycentric }));
+            }
+            if inside >= 0.0 {
+                break;
+            }
+        }
+        best.map(|(_, location)| location)
     }
 }
 
@@ -144,31 +193,40 @@ fn for_each_cell(chart: &Chart, t: u32, cells: usize, mut visit: impl FnMut(usiz
     }
     let n = cells as f64;
     let columns = (low[0] * n) as usize..=((high[0] * n) as usize).min((low[0] * n) as usize + cells - 1);
-    let rows = ((low[1] * n) as usize).min(cells - 1)..=((high[1] * n) as usize).min(cells - 1);
+    let (bottom, top) = ((low[1] * n) as usize, (high[1] * n) as usize);
+    let rows = if chart.topology.is_periodic_v() {
+        bottom..=top.min(bottom + cells - 1)
+    } else {
+        bottom.min(cells - 1)..=top.min(cells - 1)
+    };
     for y in rows {
         for x in columns.clone() {
-            visit(y * cells + x % cells);
+            visit(y % cells * cells + x % cells);
         }
     }
 }
 
-/// The smallest barycentric coordinate (≥ 0 inside) and the place, u taken in the period that fits best.
+/// The smallest barycentric coordinate (≥ 0 inside) and the place, u (tori: and v) taken in the period that fits best.
 fn locate_in(chart: &Chart, t: u32, uv: Uv) -> (f64, Location) {
     let c = &chart.corners[t as usize];
     let pole = pole_corner(chart, t);
     let mut best = (f64::NEG_INFINITY, Location { triangle: t, barycentric: [1.0 / 3.0; 3] });
-    let high = c[0][0].max(c[1][0]).max(c[2][0]);
-    let mut u = uv[0];
-    while u <= high + 0.5 {
-        let barycentric = match pole {
-            Some((k, end)) => in_pole_quad(c, k, end, [u, uv[1]]),
-            None => in_triangle(c, [u, uv[1]]),
-        };
-        let inside = barycentric.iter().copied().fold(f64::INFINITY, f64::min);
-        if inside > best.0 {
-            best = (inside, Location { triangle: t, barycentric });
+    let high = |k: usize| c[0][k].max(c[1][k]).max(c[2][k]);
+    let rows = if chart.topology.is_periodic_v() { (high(1) + 0.5 - uv[1]).max(0.0) as usize } else { 0 };
+    for row in 0..=rows {
+        let v = uv[1] + row as f64;
+        let mut u = uv[0];
+        while u <= high(0) + 0.5 {
+            let barycentric = match pole {
+                Some((k, end)) => in_pole_quad(c, k, end, [u, v]),
+                None => in_triangle(c, [u, v]),
+            };
+            let inside = barycentric.iter().copied().fold(f64::INFINITY, f64::min);
+            if inside > best.0 {
+                best = (inside, Location { triangle: t, barycentric });
+            }
+            u += 1.0;
         }
-        u += 1.0;
     }
     best
 }
@@ -209,8 +267,8 @@ mod tests {
 
     #[test]
     fn locating_undoes_unfolding() {
-        for wrapped in [false, true] {
-            let patch = whole(&grid(20, 17, wrapped, false)).expect("a primitive");
+        for (wrap_u, wrap_v) in [(false, false), (true, false), (true, true)] {
+            let patch = whole(&grid(20, 17, wrap_u, wrap_v)).expect("a primitive");
             let chart = unfold(&patch, &UnfoldOptions::default()).expect("solvable");
             let index = PlanarIndex::new(&chart);
             for t in (0..chart.corners.len() as u32).step_by(7) {

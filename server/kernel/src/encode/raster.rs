@@ -5,6 +5,7 @@
 //! triangle costs what its outline costs; the picture's mean is 1 up to rounding. *Source:* METHOD §3.
 
 use super::Picture;
+use crate::topology::Topology;
 use crate::unfold::{Chart, Uv};
 
 /// Periods of u that the accumulation buffer spans; corners start in the first.
@@ -15,7 +16,7 @@ const POINT_AREA_PX: f64 = 1e-7;
 /// The conformal factor of a chart at `side` × `side` pixels.
 pub fn conformal_factor(chart: &Chart, side: usize) -> Picture {
     let total = chart.mesh.total_area();
-    let mut canvas = Canvas::new(side);
+    let mut canvas = Canvas::new(side, chart.topology);
     for (t, triangle) in chart.mesh.triangles.iter().enumerate() {
         let share = chart.mesh.area(t) / total * (side * side) as f64;
         let pole = (0..3).find_map(|k| {
@@ -38,21 +39,24 @@ pub fn conformal_factor(chart: &Chart, side: usize) -> Picture {
 struct Canvas {
     side: usize,
     width: usize,
+    /// Highest v a corner may have: above 1 tori begin anew.
+    v_max: f64,
     differences: Vec<f64>,
     points: Vec<f64>,
 }
 
 impl Canvas {
-    fn new(side: usize) -> Self {
+    fn new(side: usize, topology: Topology) -> Self {
         let width = PERIODS * side + 2;
-        Self { side, width, differences: vec![0.0; side * width], points: vec![0.0; side * side] }
+        let v_max = if topology.is_periodic_v() { PERIODS as f64 } else { 1.0 };
+        Self { side, width, v_max, differences: vec![0.0; side * width], points: vec![0.0; side * side] }
     }
 
     /// Spreads `share` (in pixels) over a convex polygon of the domain.
     fn spread(&mut self, polygon: &[Uv], share: f64) {
         let scale = self.side as f64;
-        let last_x = (PERIODS * self.side) as f64;
-        let px = |p: Uv| [(p[0] * scale).clamp(0.0, last_x), (p[1] * scale).clamp(0.0, scale)];
+        let (last_x, last_y) = ((PERIODS * self.side) as f64, self.v_max * scale);
+        let px = |p: Uv| [(p[0] * scale).clamp(0.0, last_x), (p[1] * scale).clamp(0.0, last_y)];
         let n = polygon.len();
         let cross = |k: usize| {
             let (p, q, r) = (px(polygon[0]), px(polygon[k]), px(polygon[(k + 1) % n]));
@@ -73,7 +77,8 @@ impl Canvas {
     fn point(&mut self, polygon: &[Uv], share: f64) {
         let mean = |k: usize| polygon.iter().map(|p| p[k]).sum::<f64>() / polygon.len() as f64;
         let cell = |x: f64| ((x * self.side as f64) as usize).min(self.side - 1);
-        let at = cell(mean(1)) * self.side + cell(mean(0).rem_euclid(1.0));
+        let at = cell(if self.v_max > 1.0 { mean(1).rem_euclid(1.0) } else { mean(1) }) * self.side
+            + cell(mean(0).rem_euclid(1.0));
         self.points[at] += share;
     }
 
@@ -86,13 +91,14 @@ impl Canvas {
         // An edge that goes up has the inside on its left: it takes away what lies to its right.
         let (sign, low, high) = if from[1] < to[1] { (-density, from, to) } else { (density, to, from) };
         let slope = (high[0] - low[0]) / (high[1] - low[1]);
-        let rows = low[1] as usize..(high[1].ceil() as usize).min(self.side);
+        let rows = low[1] as usize..(high[1].ceil() as usize).min((self.v_max * self.side as f64) as usize);
         let mut x = low[0];
         for row in rows {
             let top = ((row + 1) as f64).min(high[1]);
             let dy = top - (row as f64).max(low[1]);
             let x_next = if top == high[1] { high[0] } else { low[0] + slope * (top - low[1]) };
-            let line = &mut self.differences[row * self.width..(row + 1) * self.width];
+            let at = row % self.side * self.width;
+            let line = &mut self.differences[at..at + self.width];
             strip(line, x, x_next, sign * dy);
             x = x_next;
         }
@@ -144,7 +150,7 @@ mod tests {
 
     #[test]
     fn a_triangle_covers_each_pixel_by_its_exact_share() {
-        let mut canvas = Canvas::new(4);
+        let mut canvas = Canvas::new(4, Topology::Annulus);
         // Right triangle with legs 2 px from pixel (1, 1), area 2 px.
         canvas.spread(&[[0.25, 0.25], [0.75, 0.25], [0.25, 0.75]], 2.0);
         let picture = canvas.finish();
@@ -156,7 +162,7 @@ mod tests {
 
     #[test]
     fn a_triangle_across_the_seam_comes_in_on_the_other_side() {
-        let mut canvas = Canvas::new(4);
+        let mut canvas = Canvas::new(4, Topology::Annulus);
         canvas.spread(&[[0.75, 0.0], [1.25, 0.0], [1.25, 0.25], [0.75, 0.25]], 2.0);
         let picture = canvas.finish();
         assert!((picture.values[3] - 1.0).abs() < 1e-7 && (picture.values[0] - 1.0).abs() < 1e-7);
@@ -164,9 +170,18 @@ mod tests {
     }
 
     #[test]
+    fn on_a_torus_a_triangle_above_the_top_comes_in_at_the_bottom() {
+        let mut canvas = Canvas::new(4, Topology::Torus);
+        canvas.spread(&[[0.0, 0.75], [0.25, 0.75], [0.25, 1.25], [0.0, 1.25]], 2.0);
+        let picture = canvas.finish();
+        assert!((picture.values[12] - 1.0).abs() < 1e-7 && (picture.values[0] - 1.0).abs() < 1e-7);
+        assert!(picture.values[4].abs() < 1e-7 && picture.values[8].abs() < 1e-7);
+    }
+
+    #[test]
     fn orientation_does_not_matter_and_the_sum_is_kept() {
         let polygon = [[0.13, 0.21], [0.87, 0.33], [0.41, 0.97]];
-        let mut canvas = Canvas::new(16);
+        let mut canvas = Canvas::new(16, Topology::Annulus);
         canvas.spread(&polygon, 3.0);
         canvas.spread(&[polygon[0], polygon[2], polygon[1]], 3.0);
         let sum: f64 = canvas.finish().values.iter().map(|&x| f64::from(x)).sum();

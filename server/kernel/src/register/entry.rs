@@ -17,6 +17,8 @@ pub const MIRROR_MARGIN: f64 = 1.25;
 /// An example that matches its own mirror image at this cost or less is symmetric: mirrored and unmirrored maps fit it
 /// alike, and the unmirrored one is meant.
 pub const SYMMETRIC_COST: f64 = 0.15;
+/// The same for tori, all of which are wide outside and narrow inside: most of a picture's variance says nothing.
+const SYMMETRIC_COST_TORUS: f64 = 0.02;
 /// From so many tips on, no single pole does, and seeking it is wasted: such surfaces get a chart a tip.
 pub const PROTRUSIONS_MANY: usize = 3;
 /// Hypotheses within this factor of the best go on from the coarsest level; from the next, only the best.
@@ -54,15 +56,18 @@ pub struct Entry {
     poles_refined: bool,
 }
 
+fn symmetric_cost(topology: Topology) -> f64 {
+    if topology == Topology::Torus { SYMMETRIC_COST_TORUS } else { SYMMETRIC_COST }
+}
+
 /// Whether an example is its own mirror image, as far as its coarsest picture tells.
 fn is_symmetric(example: &Encoding, solver: &dyn Solver, stop: &dyn Fn() -> bool) -> bool {
-    let torus = example.topology == Topology::Torus;
     let Some(picture) = example.pyramid.first() else { return false };
-    let own = Image::new(picture, Flip::default(), torus);
+    let own = Image::new(picture, Flip::default(), example.topology.is_periodic_v());
     let Some(level) = Level::new(example, &own) else { return false };
     Flip::all(example.topology).iter().filter(|f| f.is_mirror()).any(|&flip| {
         let r = coarse_flip(&level, flip, solver, stop);
-        r.energy < SYMMETRIC_COST * r.variance
+        r.energy < symmetric_cost(example.topology) * r.variance
     })
 }
 

@@ -37,6 +37,11 @@ impl Image {
         self.values[y * self.side + x]
     }
 
+    /// Whether the last row borders on the first.
+    pub fn is_periodic_v(&self) -> bool {
+        self.periodic_v
+    }
+
     /// Centre of pixel (column, row).
     pub fn centre(&self, x: usize, y: usize) -> Uv {
         [(x as f64 + 0.5) / self.side as f64, (y as f64 + 0.5) / self.side as f64]

@@ -22,7 +22,7 @@ use crate::unfold::Uv;
 /// Added to squared distances, so that a control's own weight dominates instead of dividing by zero.
 const TINY: f64 = 1e-20;
 /// |M| below which no rotation is fitted.
-const ROTATION_MIN: f64 = 1e-12;
+pub(super) const ROTATION_MIN: f64 = 1e-12;
 
 /// Images of a control along v: sign and offset of each, `v → sign·v + offset`.
 fn orbit_v(topology: Topology) -> [[f64; 2]; 3] {
@@ -144,7 +144,12 @@ pub fn psi(domain: Domain, p: &[Uv], q: &[Uv], x: Uv) -> Uv {
 }
 
 /// Calls `visit(control, weight, offset from x in the metric, period, [sign, offset] of v)` for each image near x.
-fn for_each_image(domain: Domain, p: &[Uv], x: Uv, mut visit: impl FnMut(usize, f64, [f64; 2], f64, [f64; 2])) {
+pub(super) fn for_each_image(
+    domain: Domain,
+    p: &[Uv],
+    x: Uv,
+    mut visit: impl FnMut(usize, f64, [f64; 2], f64, [f64; 2]),
+) {
     let orbit = orbit_v(domain.topology);
     for (i, p) in p.iter().enumerate() {
         for image @ [sign, offset] in orbit {

@@ -6,6 +6,7 @@
 use super::problem::Problem;
 use crate::encode::features::distance;
 use crate::numerics::dense::solve_spd;
+use crate::topology::Topology;
 use crate::unfold::Uv;
 
 /// Iterations a level. *Source:* paper §7.
@@ -68,7 +69,7 @@ impl Solver for LevenbergMarquardt {
                 damping *= DAMPING_FACTOR;
                 continue;
             };
-            let trial = stepped(q, &step, step_max);
+            let trial = stepped(problem.domain.topology, q, &step, step_max);
             let energy = problem.energy(&trial);
             let trial_total = energy + prior_energy(alpha, problem.p, &trial);
             if trial_total < total && problem.folded_cells(&trial).is_empty() {
@@ -122,14 +123,20 @@ fn damped_step(matrix: &[f64], gradient: &[f64], alpha: f64, damping: f64, p: &[
 }
 
 /// `q` moved by `step`, no control further than `step_max`, none out of the domain.
-fn stepped(q: &[Uv], step: &[f64], step_max: f64) -> Vec<Uv> {
+fn stepped(topology: Topology, q: &[Uv], step: &[f64], step_max: f64) -> Vec<Uv> {
+    let (low, high) = v_range(topology);
     let mut moved = Vec::with_capacity(q.len());
     for (q, s) in q.iter().zip(step.chunks_exact(2)) {
         let length = s[0].hypot(s[1]);
         let scale = if length > step_max { step_max / length } else { 1.0 };
-        moved.push([q[0] + scale * s[0], (q[1] + scale * s[1]).clamp(0.0, 1.0)]);
+        moved.push([q[0] + scale * s[0], (q[1] + scale * s[1]).clamp(low, high)]);
     }
     moved
+}
+
+/// Where v may lie: tori have no end.
+fn v_range(topology: Topology) -> (f64, f64) {
+    if topology.is_periodic_v() { (f64::NEG_INFINITY, f64::INFINITY) } else { (0.0, 1.0) }
 }
 
 /// The paper's descent: each control moves to the neighbouring pixel that its negative gradient points to, until E
@@ -140,6 +147,7 @@ pub struct PixelDescent;
 impl Solver for PixelDescent {
     fn solve(&self, problem: &Problem, q: &mut Vec<Uv>, stop: &dyn Fn() -> bool) -> (f64, Termination) {
         let pixel = 1.0 / problem.example.side as f64;
+        let (low, high) = v_range(problem.domain.topology);
         let mut locked = vec![false; q.len()];
         let mut energy = problem.energy(q);
         for _ in 0..ITERATIONS_MAX {
@@ -154,7 +162,7 @@ impl Solver for PixelDescent {
                 if size > 0.0 {
                     // The neighbour pixel in direction −g: each component rounded to −1, 0 or 1 pixels.
                     to[0] -= (g[0] / size).round() * pixel;
-                    to[1] = (to[1] - (g[1] / size).round() * pixel).clamp(0.0, 1.0);
+                    to[1] = (to[1] - (g[1] / size).round() * pixel).clamp(low, high);
                 }
             }
             roll_back_folds(problem, q, &mut trial, &mut locked);

@@ -119,7 +119,7 @@ impl Engine for FakeEngine {
         let facts = SegmentFacts { topology: model.segments[segment as usize].topology, k: 1.0, faces: 1, features: 0 };
         let encoding =
             Encoding { facts, inner: Opaque::new(FakeEncoding { number, slow: script.slow, panics_refine }) };
-        Ok(Encoded { encoding, chart: Opaque::new(()) })
+        Ok(Encoded { encoding, chart: Opaque::new(()), repairs: Vec::new() })
     }
 
     fn pack(&self, encoding: &Encoding) -> Result<Packed, EngineError> {

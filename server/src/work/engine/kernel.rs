@@ -31,6 +31,14 @@ pub struct KernelEngine {
     solver: LevenbergMarquardt,
 }
 
+impl KernelEngine {
+    /// An engine that refuses meshes whose reading would take more than `memory_bytes`.
+    pub fn within_memory(memory_bytes: u64) -> Self {
+        let limits = kernel::mesh::Limits::within_memory(usize::try_from(memory_bytes).unwrap_or(usize::MAX));
+        Self { limits, ..Self::default() }
+    }
+}
+
 /// What an [`Encoding`] holds: a segment of an upload with its factored surface, or an encoding from the store.
 #[derive(Debug)]
 enum Source {
@@ -75,7 +83,8 @@ impl Engine for KernelEngine {
             .map_err(|e| EngineError::refused(Refusal::NotEncodable, format!("segment {segment}: {e}")))?;
         let chart = Opaque::new(());
         let facts = facts(query.encoding(), inner.faces(segment));
-        Ok(Encoded { encoding: Encoding { facts, inner: Opaque::new(Source::Fresh(Arc::new(query))) }, chart })
+        let repairs = unfolding(segment, &query.chart);
+        Ok(Encoded { encoding: Encoding { facts, inner: Opaque::new(Source::Fresh(Arc::new(query))) }, chart, repairs })
     }
 
     fn pack(&self, encoding: &Encoding) -> Result<Packed, EngineError> {
@@ -189,6 +198,28 @@ impl Engine for KernelEngine {
     fn write(&self, mesh: &PolyMesh, format: MeshFormat) -> Result<Vec<u8>, EngineError> {
         kernel::mesh::write(mesh, format_of(format)).map_err(refused)
     }
+}
+
+/// Flips of so large a share of the edges are worth a word: a clean mesh needs fewer.
+const FLIPS_SHARE_TOLD: f64 = 0.05;
+
+/// What unfolding had to do beyond the usual, in numbers.
+fn unfolding(segment: u32, chart: &kernel::unfold::Chart) -> Vec<String> {
+    let (report, edges) = (&chart.report, 1.5 * chart.mesh.triangles.len() as f64);
+    let mut steps = Vec::new();
+    if report.flips as f64 > FLIPS_SHARE_TOLD * edges {
+        steps.push(format!("{} edges flipped to Delaunay", report.flips));
+    }
+    if report.mollified > 0.0 {
+        steps.push(format!("edges lengthened by {:.0e} of their mean", report.mollified));
+    }
+    if report.clamped > 0 {
+        steps.push(format!("{} negative weights clamped", report.clamped));
+    }
+    if report.uv_flips > 0 {
+        steps.push(format!("{} of {} triangles turned over in the plane", report.uv_flips, chart.corners.len()));
+    }
+    if steps.is_empty() { Vec::new() } else { vec![format!("unfolding segment {segment}: {}", steps.join(", "))] }
 }
 
 fn internal(error: impl std::fmt::Display) -> EngineError {

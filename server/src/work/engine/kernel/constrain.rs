@@ -3,14 +3,17 @@
 use super::super::{ConstraintEdit, EngineError, Mapped, Refusal, Registration, Side};
 use super::fresh;
 use super::registered::{Registered, describe};
+use quadmuse_kernel::encode::features::distance_on;
 use quadmuse_kernel::encode::index::{Location, PlanarIndex};
 use quadmuse_kernel::map::atlas::Atlas;
 use quadmuse_kernel::map::edit::{self, EditError};
 use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::mesh::{NONE, Vec3};
+use quadmuse_kernel::topology::Topology;
 use quadmuse_kernel::unfold::Chart;
-use quadmuse_proto::ConstraintOrigin;
 use quadmuse_proto::constraint::Place;
+use quadmuse_proto::{ConstraintOrigin, OnFold};
+use std::sync::OnceLock;
 
 /// Applies an edit to the registration of a map.
 pub(super) fn edit(
@@ -28,24 +31,22 @@ pub(super) fn edit(
     let source = fresh(&example.encoded.encoding)?;
     let mut registration = registered.registration().clone();
     let mut names = registered.named();
+    for id in &wanted.undo {
+        undo(&mut registration, &mut names, &registered.entry.best().registration, id)?;
+    }
     for id in &wanted.remove {
         let at = position(&names, id)?;
         edit::remove(&mut registration, at)
             .map_err(|e| EngineError::refused(Refusal::ConstraintInvalid, e.to_string()))?;
         names.remove(at);
     }
-    let ends = Ends { example, query, example_chart: &source.chart, input_chart: &input.chart };
+    let bvhs = (&*registered.example_bvh, &input.bvh);
+    let ends = Ends { example, query, example_chart: &source.chart, input_chart: &input.chart, bvhs };
     let mut touched = Vec::new();
     for new in &wanted.set {
         let index = new.id.as_ref().map(|id| position(&names, id)).transpose()?;
         let now = edit::constraints(&registration);
         let old = index.and_then(|i| now.get(i)).copied();
-        let missing = |end: &str| {
-            EngineError::refused(
-                Refusal::ConstraintInvalid,
-                format!("expected `{end}` for a new constraint, found none"),
-            )
-        };
         let on_example = match &new.on_example {
             Some(place) => ends.on_example(place)?,
             None => old.map(|o| o.0).ok_or_else(|| missing("on_example"))?,
@@ -60,10 +61,47 @@ pub(super) fn edit(
             Some(i) => names[i].1 = ConstraintOrigin::User,
             None => names.push((free_name(&names), ConstraintOrigin::User)),
         }
-        touched.push(names[index.unwrap_or(names.len() - 1)].0.clone());
+        touched.push(index.unwrap_or(names.len() - 1));
     }
-    edit::check_folds(&registration, topology).map_err(|e| folds(&e, &touched))?;
+    let settled = match wanted.on_fold {
+        OnFold::Refuse => edit::check_folds(&registration, topology),
+        OnFold::Resolve => edit::resolve(&mut registration, topology, &touched).map(|_| ()),
+    };
+    settled.map_err(|e| folds(&e, &registration, topology, &names, &touched))?;
     Ok(describe(Registered { edited: Some(registration), names, ..registered.clone() }))
+}
+
+fn missing(end: &str) -> EngineError {
+    EngineError::refused(Refusal::ConstraintInvalid, format!("expected `{end}` for a new constraint, found none"))
+}
+
+/// Puts a constraint back as the registration had it; one that was added goes.
+fn undo(
+    registration: &mut quadmuse_kernel::register::Registration,
+    names: &mut Vec<(String, ConstraintOrigin)>,
+    original: &quadmuse_kernel::register::Registration,
+    id: &str,
+) -> Result<(), EngineError> {
+    let feature = id.strip_prefix('f').and_then(|k| k.parse::<usize>().ok()).filter(|k| *k < original.p.len());
+    let at = names.iter().position(|(name, _)| name == id);
+    match (feature, at) {
+        (Some(k), Some(at)) => {
+            (registration.p[at], registration.q[at]) = (original.p[k], original.q[k]);
+            names[at].1 = ConstraintOrigin::Feature;
+        }
+        (Some(k), None) => {
+            registration.p.push(original.p[k]);
+            registration.q.push(original.q[k]);
+            names.push((id.to_owned(), ConstraintOrigin::Feature));
+        }
+        (None, _) => {
+            let at = position(names, id)?;
+            edit::remove(registration, at)
+                .map_err(|e| EngineError::refused(Refusal::ConstraintInvalid, e.to_string()))?;
+            names.remove(at);
+        }
+    }
+    Ok(())
 }
 
 /// Edits the constraints of an atlas: matched tips stay, since each has a chart of its own; the caller's come and go.
@@ -78,6 +116,7 @@ fn edit_atlas(
         return Err(EngineError::Internal("expected an atlas with charts".into()));
     };
     let mut pinned = registered.pinned.clone();
+    let bvhs = (OnceLock::new(), OnceLock::new());
     let find = |pinned: &[(String, (Location, Location))], id: &str| -> Result<usize, EngineError> {
         if let Some(k) = pinned.iter().position(|(name, _)| name == id) {
             return Ok(k);
@@ -94,25 +133,20 @@ fn edit_atlas(
             format!("expected a constraint that was added, found `{}`, {why}", id.escape_default()),
         ))
     };
-    for id in &wanted.remove {
+    // What is pinned was added: to undo it is to remove it.
+    for id in wanted.undo.iter().chain(&wanted.remove) {
         let k = find(&pinned, id)?;
         pinned.remove(k);
     }
     for new in &wanted.set {
         let index = new.id.as_ref().map(|id| find(&pinned, id)).transpose()?;
         let old = index.and_then(|k| pinned.get(k)).map(|p| p.1);
-        let missing = |end: &str| {
-            EngineError::refused(
-                Refusal::ConstraintInvalid,
-                format!("expected `{end}` for a new constraint, found none"),
-            )
-        };
         let on_example = match &new.on_example {
-            Some(place) => locate(place, example, one, "on_example")?,
+            Some(place) => locate(place, example, one, &bvhs.0, "on_example")?,
             None => old.map(|o| o.0).ok_or_else(|| missing("on_example"))?,
         };
         let on_input = match &new.on_input {
-            Some(place) => locate(place, query, two, "on_input")?,
+            Some(place) => locate(place, query, two, &bvhs.1, "on_input")?,
             None => old.map(|o| o.1).ok_or_else(|| missing("on_input"))?,
         };
         match index {
@@ -127,9 +161,25 @@ fn edit_atlas(
     Ok(describe(Registered { pinned, ..registered.clone() }))
 }
 
-fn folds(error: &EditError, touched: &[String]) -> EngineError {
-    let which = if touched.is_empty() { "the removal".into() } else { format!("constraint {}", touched.join(", ")) };
-    EngineError::refused(Refusal::ConstraintFolds, format!("{which}: {error}"))
+/// Of the constraints that were set, the one nearest to the fold is named; else the nearest of all.
+fn folds(
+    error: &EditError,
+    registration: &quadmuse_kernel::register::Registration,
+    topology: Topology,
+    names: &[(String, ConstraintOrigin)],
+    touched: &[usize],
+) -> EngineError {
+    let all: Vec<usize> = (0..names.len()).collect();
+    let (of, why) = if touched.is_empty() { (&all[..], "nearest constraint") } else { (touched, "constraint") };
+    let which = match error {
+        EditError::Folds { at, .. } => {
+            let apart = |i: usize| distance_on(topology, registration.p[i], *at);
+            of.iter().copied().min_by(|&a, &b| apart(a).total_cmp(&apart(b)))
+        }
+        _ => of.first().copied(),
+    };
+    let name = which.and_then(|i| names.get(i)).map_or("none", |n| n.0.as_str());
+    EngineError::refused(Refusal::ConstraintFolds, format!("{why} {name}: {error}"))
 }
 
 fn position(names: &[(String, ConstraintOrigin)], id: &str) -> Result<usize, EngineError> {
@@ -157,25 +207,27 @@ struct Ends<'a> {
     query: &'a Side,
     example_chart: &'a Chart,
     input_chart: &'a Chart,
+    /// Their trees of boxes, once made.
+    bvhs: (&'a OnceLock<Bvh>, &'a OnceLock<Bvh>),
 }
 
 impl Ends<'_> {
     fn on_example(&self, place: &Place) -> Result<[f64; 2], EngineError> {
-        resolve(place, self.example, self.example_chart, "on_example")
+        resolve(place, self.example, self.example_chart, self.bvhs.0, "on_example")
     }
 
     fn on_input(&self, place: &Place) -> Result<[f64; 2], EngineError> {
-        resolve(place, self.query, self.input_chart, "on_input")
+        resolve(place, self.query, self.input_chart, self.bvhs.1, "on_input")
     }
 }
 
 /// (u, v) of a place as the caller names it.
-fn resolve(place: &Place, side: &Side, chart: &Chart, end: &str) -> Result<[f64; 2], EngineError> {
+fn resolve(place: &Place, side: &Side, chart: &Chart, bvh: &OnceLock<Bvh>, end: &str) -> Result<[f64; 2], EngineError> {
     if let Place::Domain { u, v } = place {
         check_domain(*u, *v, end)?;
         return Ok([u.rem_euclid(1.0), *v]);
     }
-    Ok(locate(place, side, chart, end)?.uv(chart))
+    Ok(locate(place, side, chart, bvh, end)?.uv(chart))
 }
 
 fn check_domain(u: f64, v: f64, end: &str) -> Result<(), EngineError> {
@@ -187,7 +239,7 @@ fn check_domain(u: f64, v: f64, end: &str) -> Result<(), EngineError> {
 }
 
 /// The place of a chart's mesh that the caller names.
-fn locate(place: &Place, side: &Side, chart: &Chart, end: &str) -> Result<Location, EngineError> {
+fn locate(place: &Place, side: &Side, chart: &Chart, bvh: &OnceLock<Bvh>, end: &str) -> Result<Location, EngineError> {
     let invalid = |detail: String| EngineError::refused(Refusal::ConstraintInvalid, format!("{end}: {detail}"));
     let point = match place {
         Place::Domain { u, v } => {
@@ -200,7 +252,7 @@ fn locate(place: &Place, side: &Side, chart: &Chart, end: &str) -> Result<Locati
     if !point.iter().all(|x| x.is_finite()) {
         return Err(invalid("expected finite coordinates, found one that is not".into()));
     }
-    let found = Bvh::new(&chart.mesh).closest(point);
+    let found = bvh.get_or_init(|| Bvh::new(&chart.mesh)).closest(point);
     if found.triangle == NONE {
         return Err(invalid("expected a point near the surface, found one beyond all range".into()));
     }

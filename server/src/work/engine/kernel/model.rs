@@ -4,7 +4,7 @@ use super::super::{Cut, EngineError, Model, ModelSegment, Opaque, Refusal};
 use super::topology_out;
 use quadmuse_kernel::mesh::{self, FaceLabels, Format, Limits, MeshError, MeshErrorKind, NONE, PolyMesh, Prepared};
 use quadmuse_kernel::topology::{self, Patch, TopologyError};
-use quadmuse_proto::{MeshFormat, Segmentation};
+use quadmuse_proto::{Components, MeshFormat, Segmentation};
 use std::sync::Arc;
 
 /// What a model keeps for encoding and mapping.
@@ -37,7 +37,7 @@ pub(super) fn read(bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, limits: 
     let segment = |p: &Patch| ModelSegment { topology: topology_out(p.topology), faces: count_polygons(&prepared, p) };
     Ok(Model {
         format: wanted.map_or(MeshFormat::Obj, format_back),
-        repairs: prepared.repairs.iter().map(ToString::to_string).collect(),
+        repairs: prepared.repairs.iter().map(ToString::to_string).chain(patches.iter().flat_map(mended)).collect(),
         segments: patches.iter().map(segment).collect(),
         mesh: Arc::new(mesh),
         inner: Opaque::new(ModelInner { prepared, patches }),
@@ -54,8 +54,12 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Vec<Patch>,
         }
         return topology::by_labels(surface, labels).map_err(cannot_cut);
     }
+    let policy = match cut.components {
+        Components::Largest => topology::Components::Crumbs,
+        Components::Refuse => topology::Components::Refuse,
+    };
     match cut.way {
-        Segmentation::Whole => topology::whole(surface).map(|p| vec![p]).map_err(cannot_cut),
+        Segmentation::Whole => topology::primitive(surface, policy).map(|p| vec![p]).map_err(cannot_cut),
         Segmentation::Groups => {
             let labels = group_labels(mesh).ok_or_else(|| {
                 EngineError::refused(
@@ -70,10 +74,29 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Vec<Patch>,
                 Ok(patch) => return Ok(vec![patch]),
                 Err(error) => error,
             };
-            let labels = group_labels(mesh).ok_or_else(|| cannot_cut(whole.clone()))?;
-            topology::by_labels(surface, &labels).map_err(|_| cannot_cut(whole))
+            let grouped = group_labels(mesh).and_then(|labels| topology::by_labels(surface, &labels).ok());
+            let repaired = || topology::primitive(surface, policy).map(|p| vec![p]);
+            grouped.map_or_else(repaired, Ok).map_err(|_| cannot_cut(whole))
         }
     }
+}
+
+/// What was left out of a patch, or will be filled, to make it a primitive.
+fn mended(patch: &Patch) -> Vec<String> {
+    let mut sentences = Vec::new();
+    if patch.left_out > 0 {
+        let n = patch.left_out;
+        let s = if n == 1 { "" } else { "s" };
+        sentences.push(format!("{n} small component{s} beside the largest left out"));
+    }
+    if !patch.holes.is_empty() {
+        let (n, edges) = (patch.holes.len(), patch.holes.iter().map(Vec::len).max().unwrap_or(0));
+        let s = if n == 1 { "" } else { "s" };
+        sentences.push(format!(
+            "{n} small hole{s} (the longest of {edges} edges) filled for the computation; maps keep to the surface"
+        ));
+    }
+    sentences
 }
 
 /// One label a face: groups, else materials, else segment numbers; `None` where there is at most one.

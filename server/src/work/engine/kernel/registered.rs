@@ -7,9 +7,10 @@ use crate::pool::Stop;
 use quadmuse_kernel::encode::index::{Location as Place, PlanarIndex};
 use quadmuse_kernel::map::assemble::{Winding, assemble};
 use quadmuse_kernel::map::atlas::Atlas;
-use quadmuse_kernel::map::untangle::untangle;
-use quadmuse_kernel::map::{CrossMap, cross_map, edit, folded_faces};
+use quadmuse_kernel::map::untangle::{inward, untangle};
+use quadmuse_kernel::map::{CrossMap, cross_map, edit, folded_faces, leave_fillings};
 use quadmuse_kernel::measure::{self, Distribution, Evidence};
+use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt};
 use quadmuse_kernel::unfold::Chart;
 use quadmuse_proto::{Constraint, ConstraintOrigin, Distortion, Flip, Histogram, Location, Verdict};
@@ -26,6 +27,8 @@ pub(super) struct Registered {
     pub(super) names: Vec<(String, ConstraintOrigin)>,
     /// The query's surface unfolded with the poles of this registration, made with the first map.
     pub(super) input: Arc<OnceLock<Surface>>,
+    /// The example's tree of boxes, made with the first constraint that is given in space.
+    pub(super) example_bvh: Arc<OnceLock<Bvh>>,
     /// Where the surfaces have protrusions: the atlas that maps instead, made with the first map.
     pub(super) atlas: Arc<OnceLock<Option<Atlas>>>,
     /// With an atlas: the caller's constraints, each with its name.
@@ -39,6 +42,8 @@ pub(super) struct Surface {
     pub(super) chart: Arc<Chart>,
     /// Its planar index.
     pub(super) index: PlanarIndex,
+    /// Its tree of boxes, made with the first constraint that is given in space.
+    pub(super) bvh: OnceLock<Bvh>,
 }
 
 impl Registered {
@@ -53,7 +58,7 @@ impl Registered {
             let chart =
                 fresh(&query.encoded.encoding)?.chart_for(&self.entry.best().unfolded.poles).map_err(internal)?;
             let index = PlanarIndex::new(&chart);
-            let _ = self.input.set(Surface { chart, index });
+            let _ = self.input.set(Surface { chart, index, bvh: OnceLock::new() });
         }
         self.input.get().ok_or_else(|| EngineError::Internal("expected the surface just made".into()))
     }
@@ -103,6 +108,7 @@ pub(super) fn checked(entry: Entry, stop: &Stop) -> Result<Registration, EngineE
         edited: None,
         names: Vec::new(),
         input: Arc::default(),
+        example_bvh: Arc::default(),
         atlas: Arc::default(),
         pinned: Vec::new(),
     }))
@@ -198,7 +204,11 @@ fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Res
     let model: &ModelInner = example.model.inner.open()?;
     let mirror = if registration.flip.is_mirror() { -1.0 } else { 1.0 };
     let mut cross = cross_map(registration, &source.chart, &input.chart, &input.index);
-    untangle(&model.patch(example.segment)?.mesh, &mut cross, &input.chart, mirror);
+    let mesh = &model.patch(example.segment)?.mesh;
+    if !inward(mesh, &cross, &input.chart, mirror).is_empty() {
+        untangle(mesh, &mut cross, &input.chart, mirror);
+    }
+    leave_fillings(&mut cross, &input.chart);
     Ok(Laid {
         cross,
         input: &input.chart,
@@ -222,6 +232,7 @@ fn by_atlas<'a>(atlas: &'a Atlas, registered: &Registered, example_side: &Side) 
     let model: &ModelInner = example_side.model.inner.open()?;
     let mirror = if atlas.mirrored { -1.0 } else { 1.0 };
     untangle(&model.patch(example_side.segment)?.mesh, &mut cross, input, mirror);
+    leave_fillings(&mut cross, input);
     let at_vertex = |chart: &Chart, v: u32| Location {
         point: chart.mesh.positions[v as usize].into(),
         u: chart.uv[v as usize][0],
