@@ -175,8 +175,16 @@ fn short(count: u64) -> u32 {
     u32::try_from(count).unwrap_or(u32::MAX)
 }
 
-impl Corpus for StoredCorpus {
-    fn put(&self, new: NewExample) -> Result<(Arc<Example>, Put), CorpusError> {
+/// An example in the shapes of the store.
+struct Shaped {
+    new: NewExample,
+    labels: Option<Vec<u32>>,
+    segments: Vec<SegmentSummary>,
+    derived: Vec<DerivedSegment>,
+}
+
+impl Shaped {
+    fn of(new: NewExample) -> Self {
         let summary = |packed: &Packed| SegmentSummary {
             topology: topology_in(packed.facts.topology),
             vertices: 0,
@@ -185,23 +193,45 @@ impl Corpus for StoredCorpus {
             area_share: 0.0,
             pole_override: None,
         };
-        let labels = new.cut.labels.as_deref().map(dense);
-        let segments: Vec<SegmentSummary> = new.segments.iter().map(summary).collect();
-        let derived: Vec<DerivedSegment> = new.segments.iter().map(|packed| derived_in(packed, new.counts)).collect();
-        let added = self.store.add(&quadmuse_store::NewExample {
+        Self {
+            labels: new.cut.labels.as_deref().map(dense),
+            segments: new.segments.iter().map(summary).collect(),
+            derived: new.segments.iter().map(|packed| derived_in(packed, new.counts)).collect(),
+            new,
+        }
+    }
+
+    fn for_store(&self) -> quadmuse_store::NewExample<'_> {
+        let new = &self.new;
+        quadmuse_store::NewExample {
             name: &new.name,
             tags: &new.tags,
             relevance: new.relevance as f32,
             format: &new.format,
             mesh: &new.bytes,
-            segmentation: segmentation_in(new.cut.way, labels.as_deref()),
-            segments: &segments,
+            segmentation: segmentation_in(new.cut.way, self.labels.as_deref()),
+            segments: &self.segments,
             vertices: short(new.counts.vertices),
             faces: short(new.counts.faces),
             repairs: &new.repairs,
             encoder_version: new.encoder_version,
-            derived: &derived,
-        })?;
+            derived: &self.derived,
+        }
+    }
+}
+
+impl StoredCorpus {
+    /// Adds many examples by one commit; durable when it returns.
+    ///
+    /// # Errors
+    /// As [`Corpus::put`]; none is added then.
+    pub fn put_all(&self, new: Vec<NewExample>) -> Result<Vec<(Arc<Example>, Put)>, CorpusError> {
+        let shaped: Vec<Shaped> = new.into_iter().map(Shaped::of).collect();
+        let added = self.store.add_all(&shaped.iter().map(Shaped::for_store).collect::<Vec<_>>())?;
+        Ok(shaped.iter().zip(&added).map(|(shaped, added)| self.added(&shaped.new, added)).collect())
+    }
+
+    fn added(&self, new: &NewExample, added: &Added) -> (Arc<Example>, Put) {
         let put = match added {
             Added::Created(_) => Put::Added,
             Added::Exists(_) => Put::There,
@@ -210,7 +240,15 @@ impl Corpus for StoredCorpus {
         let features = new.segments.iter().map(|packed| packed.features.len() as u32).collect();
         let known = Described { triangles: new.counts.triangles, quads: new.counts.quads, features };
         self.describe(record.id, Some(known));
-        Ok((self.example(record), put))
+        (self.example(record), put)
+    }
+}
+
+impl Corpus for StoredCorpus {
+    fn put(&self, new: NewExample) -> Result<(Arc<Example>, Put), CorpusError> {
+        let shaped = Shaped::of(new);
+        let added = self.store.add(&shaped.for_store())?;
+        Ok(self.added(&shaped.new, &added))
     }
 
     fn find(&self, bytes: &[u8], cut: &Cut) -> Option<Arc<Example>> {
