@@ -104,7 +104,11 @@ pub struct Made {
 ///
 /// # Errors
 /// [`BenchCorpusError`].
-pub fn run(args: &BenchCorpusArgs, engine: &dyn Engine, say: &(dyn Fn(usize) + Sync)) -> Result<Made, BenchCorpusError> {
+pub fn run(
+    args: &BenchCorpusArgs,
+    engine: &dyn Engine,
+    say: &(dyn Fn(usize) + Sync),
+) -> Result<Made, BenchCorpusError> {
     let begun = Instant::now();
     let (corpus, report) = StoredCorpus::open(&args.data, &OpenOptions::default())?;
     let before = report.examples;

@@ -94,7 +94,10 @@ fn bench_corpus(args: &bench_corpus::BenchCorpusArgs) -> Result<(), CommandError
         }
     })?;
     let (sources, before, after) = (made.sources, made.before, made.after);
-    say(&format!("{after} segments (there were {before}), from {sources} encodings, in {:.1} s", begun.elapsed().as_secs_f64()));
+    say(&format!(
+        "{after} segments (there were {before}), from {sources} encodings, in {:.1} s",
+        begun.elapsed().as_secs_f64()
+    ));
     Ok(())
 }
 

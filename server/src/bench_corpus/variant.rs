@@ -120,8 +120,7 @@ fn sample(picture: &Picture, at: [f64; 2]) -> f64 {
         let (column, row) = ((x0 as isize + dx).rem_euclid(n), (y0 as isize + dy).clamp(0, n - 1));
         f64::from(picture.values[(row * n + column) as usize])
     };
-    let (low, high) =
-        (pixel(0, 0) + fx * (pixel(1, 0) - pixel(0, 0)), pixel(0, 1) + fx * (pixel(1, 1) - pixel(0, 1)));
+    let (low, high) = (pixel(0, 0) + fx * (pixel(1, 0) - pixel(0, 0)), pixel(0, 1) + fx * (pixel(1, 1) - pixel(0, 1)));
     low + fy * (high - low)
 }
 

@@ -112,9 +112,8 @@ impl Objects {
         &self,
         objects: impl Iterator<Item = (ContentHash, Cow<'a, [u8]>)>,
     ) -> Result<(), StoreError> {
-        let intact = |hash, length: usize| {
-            self.length(hash) == Some(length as u64) && matches!(self.get(hash), Ok(Ok(_)))
-        };
+        let intact =
+            |hash, length: usize| self.length(hash) == Some(length as u64) && matches!(self.get(hash), Ok(Ok(_)));
         let missing = objects.filter(|(hash, bytes)| !intact(*hash, bytes.len()));
         write_all_whole(&self.dir, missing.map(|(hash, bytes)| (hash.to_string(), bytes)))
     }

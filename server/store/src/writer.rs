@@ -63,9 +63,17 @@ pub(crate) enum Work {
     Add(NewRows),
     /// Many at once; committed by themselves.
     AddAll(Vec<NewRows>),
-    Annotate { id: ExampleId, patch: Patch },
-    Remove { id: ExampleId },
-    PutDerived { key: SegmentKey, packed: Packed },
+    Annotate {
+        id: ExampleId,
+        patch: Patch,
+    },
+    Remove {
+        id: ExampleId,
+    },
+    PutDerived {
+        key: SegmentKey,
+        packed: Packed,
+    },
     Compact,
     Reopen,
 }
@@ -166,7 +174,9 @@ impl Writer {
         while batch.len() < BATCH_MAX
             && let Ok(request) = self.requests.try_recv()
         {
-            if matches!(request.work, Work::Compact | Work::Reopen | Work::AddAll(_)) || !self.touch(&request.work, &mut touched) {
+            if matches!(request.work, Work::Compact | Work::Reopen | Work::AddAll(_))
+                || !self.touch(&request.work, &mut touched)
+            {
                 carried = Some(request);
                 break;
             }

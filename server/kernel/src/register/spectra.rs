@@ -15,6 +15,8 @@
 //! over blocks of [`LANES`] pictures ([`Block::peaks`]) has told within [`PEAK_ERROR`] which ones matter. A lane is a
 //! picture, so no sum depends on the width of the processor's vectors, on threads, or on what else is in the block.
 
+use std::sync::LazyLock;
+
 use super::Flip;
 use super::entry::SYMMETRIC_COST;
 use super::image::Image;
@@ -32,6 +34,8 @@ pub const PEAK_ERROR: f64 = 64.0 * (f32::EPSILON as f64) / 2.0;
 const CODE_MAX: f64 = 32_767.0;
 /// Frequencies with a real and an imaginary part: all but 0 and n/2.
 const COMPLEX: usize = SIDE / 2 - 1;
+/// Steps of a pixel in which near-duplicates are laid on one another.
+const QUARTERS: usize = 4;
 /// 1/n³.
 const NORM: f64 = 1.0 / (SIDE * SIDE * SIDE) as f64;
 
@@ -45,22 +49,24 @@ fn place(frequency: usize, row: usize) -> usize {
 }
 
 /// cos and sin of 2πk/n.
-fn turn(k: usize) -> (f64, f64) {
-    let (sin, cos) = (std::f64::consts::TAU * (k % SIDE) as f64 / SIDE as f64).sin_cos();
-    (cos, sin)
-}
+static CIRCLE: LazyLock<[(f64, f64); SIDE]> = LazyLock::new(|| {
+    std::array::from_fn(|k| {
+        let (sin, cos) = (std::f64::consts::TAU * k as f64 / SIDE as f64).sin_cos();
+        (cos, sin)
+    })
+});
 
 /// Row spectra of a picture less its mean, in the order of [`place`], and the mean.
 fn spectra(image: &Image) -> ([f64; VALUES], f64) {
     let pixels = (0..VALUES).map(|k| image.pixel(k % SIDE, k / SIDE));
     let mean = pixels.sum::<f64>() / VALUES as f64;
-    let turns: [(f64, f64); SIDE] = std::array::from_fn(turn);
+    let circle = &*CIRCLE;
     let mut values = [0.0; VALUES];
     for row in 0..SIDE {
         for frequency in 0..=SIDE / 2 {
             let (mut re, mut im) = (0.0, 0.0);
             for x in 0..SIDE {
-                let (cos, sin) = turns[frequency * x % SIDE];
+                let (cos, sin) = circle[frequency * x % SIDE];
                 let value = image.pixel(x, row) - mean;
                 re += value * cos;
                 im -= value * sin;
@@ -125,8 +131,35 @@ impl Row {
         row
     }
 
+    /// The same picture as a query.
+    pub fn spectrum(&self) -> Spectrum {
+        Spectrum { values: self.values(), mean: f64::from(self.mean), variance: self.variance }
+    }
+
+    /// E / (var A + var B) of the best translation without a flip, to a quarter of a pixel (between pixels the
+    /// pictures are what their coefficients say): whether two examples are one but for the cut and the mesh.
+    pub fn unmirrored_cost(&self, query: &Spectrum) -> f64 {
+        let variance = self.variance + query.variance;
+        let gap = f64::from(self.mean) - query.mean;
+        let (ends, plain, _) = self.products(query);
+        let whole = best_shift(&ends, &plain, 0);
+        let mut most = whole.value;
+        for quarter in 1 - QUARTERS as isize..QUARTERS as isize {
+            let shift = whole.shift as f64 + quarter as f64 / QUARTERS as f64;
+            let angle = std::f64::consts::TAU * shift / SIDE as f64;
+            let half = ends[1] * (angle * (SIDE / 2) as f64).cos();
+            let waves = (1..).zip(&plain).map(|(f, (re, im))| {
+                let (sin, cos) = (angle * f64::from(f)).sin_cos();
+                re * cos - im * sin
+            });
+            most = most.max(ends[0] + half + waves.sum::<f64>());
+        }
+        let energy = (gap * gap + variance - 2.0 * most).max(0.0);
+        if energy > 0.0 { energy / variance.max(f64::MIN_POSITIVE) } else { 0.0 }
+    }
+
     fn is_symmetric(&self, topology: Topology) -> bool {
-        let own = Spectrum { values: self.values(), mean: f64::from(self.mean), variance: self.variance };
+        let own = self.spectrum();
         Flip::all(topology).iter().filter(|flip| flip.is_mirror()).any(|&flip| {
             let peak = self.peaks(&own.turned(flip))[usize::from(flip.u)];
             2.0 * (self.variance - peak.value) < SYMMETRIC_COST * 2.0 * self.variance
@@ -146,7 +179,7 @@ impl Row {
             let sign = if x % 2 == 0 { 1.0 } else { -1.0 };
             let mut sum = values[place(0, row)] + sign * values[place(SIDE / 2, row)];
             for f in 1..=COMPLEX {
-                let (cos, sin) = turn(f * x);
+                let (cos, sin) = CIRCLE[f * x % SIDE];
                 let at = place(f, row);
                 sum += 2.0 * (values[at] * cos - values[at + 1] * sin);
             }
@@ -157,6 +190,12 @@ impl Row {
 
     /// The best shift against a query as it is and mirrored in u, in f64.
     pub fn peaks(&self, query: &Spectrum) -> [Peak; 2] {
+        let (ends, plain, mirrored) = self.products(query);
+        [best_shift(&ends, &plain, 0), best_shift(&ends, &mirrored, 1)]
+    }
+
+    /// w_f·X_f/n³ of frequencies 0 and n/2; of the others as it is, and mirrored in u.
+    fn products(&self, query: &Spectrum) -> ([f64; 2], Products, Products) {
         let scale = f64::from(self.scale) * NORM;
         let code = |k: usize| f64::from(self.codes[k]);
         let q = &query.values;
@@ -176,27 +215,33 @@ impl Row {
             plain[f - 1] = (s[0] + s[1], s[2] - s[3]);
             mirrored[f - 1] = (s[0] - s[1], s[2] + s[3]);
         }
-        let best = |products: &[(f64, f64); COMPLEX], offset: usize| {
-            let at = |t: usize| {
-                let s = (t + SIDE - offset) % SIDE;
-                let mut sum = ends[0] + if s.is_multiple_of(2) { ends[1] } else { -ends[1] };
-                for (f, (re, im)) in (1..).zip(products) {
-                    let (cos, sin) = turn(f * s);
-                    sum += re * cos - im * sin;
-                }
-                sum
-            };
-            let mut best = Peak { value: at(0), shift: 0 };
-            for shift in 1..SIDE {
-                let value = at(shift);
-                if value > best.value {
-                    best = Peak { value, shift };
-                }
-            }
-            best
-        };
-        [best(&plain, 0), best(&mirrored, 1)]
+        (ends, plain, mirrored)
     }
+}
+
+/// X_f of the frequencies with two parts.
+type Products = [(f64, f64); COMPLEX];
+
+/// The largest c, whose products stand for a picture moved by `offset` pixels already.
+fn best_shift(ends: &[f64; 2], products: &Products, offset: usize) -> Peak {
+    let circle = &*CIRCLE;
+    let at = |t: usize| {
+        let s = (t + SIDE - offset) % SIDE;
+        let mut sum = ends[0] + if s.is_multiple_of(2) { ends[1] } else { -ends[1] };
+        for (f, (re, im)) in (1..).zip(products) {
+            let (cos, sin) = circle[f * s % SIDE];
+            sum += re * cos - im * sin;
+        }
+        sum
+    };
+    let mut best = Peak { value: at(0), shift: 0 };
+    for shift in 1..SIDE {
+        let value = at(shift);
+        if value > best.value {
+            best = Peak { value, shift };
+        }
+    }
+    best
 }
 
 /// A query's coarsest picture.
@@ -321,9 +366,9 @@ impl Block {
 const QUARTER: usize = SIDE / 4;
 
 /// cos and sin of 2πft/n for t = 0 … n/4 and f = 1 … n/2 − 1.
-static TURNS: std::sync::LazyLock<[[(f32, f32); COMPLEX]; QUARTER + 1]> = std::sync::LazyLock::new(|| {
+static TURNS: LazyLock<[[(f32, f32); COMPLEX]; QUARTER + 1]> = LazyLock::new(|| {
     let narrow = |(cos, sin): (f64, f64)| (cos as f32, sin as f32);
-    std::array::from_fn(|t| std::array::from_fn(|f| narrow(turn((f + 1) * t))))
+    std::array::from_fn(|t| std::array::from_fn(|f| narrow(CIRCLE[(f + 1) * t % SIDE])))
 });
 
 /// max over t of Re Σ_f X_f e^{2πi·ft/n}. Even and odd frequencies and cosines and sines are summed by themselves: their
@@ -452,6 +497,23 @@ pub(crate) mod tests {
         assert!(plain.value > mirrored.value && (plain.value / spectrum.variance - 1.0).abs() < 1e-4);
         let [plain, mirrored] = Row::new(&moved(3, true), Topology::Disc).expect("of 32²").peaks(&spectrum);
         assert!(mirrored.value > plain.value && (mirrored.value / spectrum.variance - 1.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn a_copy_moved_by_half_a_pixel_costs_nothing() {
+        let wave = |by: f64| {
+            let value = |k: usize| {
+                let (u, v) = ((k % SIDE) as f64 + by, (k / SIDE) as f64);
+                let root = 2.0 + (std::f64::consts::TAU * u * 3.0 / 32.0).sin() * (0.2 + v / 32.0);
+                (root * root) as f32
+            };
+            let picture = Picture { side: SIDE, values: (0..VALUES).map(value).collect() };
+            Image::new(&picture, Flip::default(), false)
+        };
+        let spectrum = Spectrum::new(&wave(0.0)).expect("of 32²");
+        let row = Row::new(&wave(0.5), Topology::Disc).expect("of 32²");
+        let whole = 1.0 - 2.0 * row.peaks(&spectrum)[0].value / (row.variance + spectrum.variance);
+        assert!(whole > 0.001 && row.unmirrored_cost(&spectrum) < 1e-6, "{whole}");
     }
 
     #[test]

@@ -3,7 +3,9 @@
 //! The store knows meshes, records and encodings; what else an [`Example`] tells is derived, and travels in the opaque
 //! part of its segments' charts.
 
-use super::{Corpus, CorpusError, CorpusHealth, NewExample, Put};
+mod row;
+
+use super::{Corpus, CorpusError, CorpusHealth, KeptRow, NewExample, Put};
 use crate::work::engine::{Cut, Packed, PackedFeature, SegmentFacts};
 use crate::work::query::rfc3339;
 use bytes::Bytes;
@@ -12,9 +14,10 @@ use quadmuse_store::{
     Added, ChartRecord, DerivedSegment, ExampleRecord, Feature, Level, NewSegmentation, OpenOptions, OpenReport, Patch,
     SegmentSummary, Store, StoreError,
 };
-use std::collections::BTreeMap;
+use row::WrittenRow;
+use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use tokio::sync::watch;
 
 /// The corpus on disk.
@@ -22,6 +25,8 @@ pub struct StoredCorpus {
     store: Store,
     /// What is derived of each example beside its record.
     described: RwLock<BTreeMap<ExampleId, Arc<Described>>>,
+    /// The rows that were written down, until they are asked for.
+    rows: Mutex<HashMap<ExampleId, Vec<KeptRow>>>,
     changes: watch::Sender<u64>,
 }
 
@@ -45,9 +50,30 @@ impl StoredCorpus {
 
     /// The corpus in an open store. Blocks.
     pub fn of(store: Store) -> Self {
-        let examples = store.snapshot();
-        let described = examples.examples.iter().map(|record| (record.id, Arc::new(described(&store, record))));
-        Self { described: RwLock::new(described.collect()), store, changes: watch::Sender::new(0) }
+        let mut written: HashMap<ExampleId, Vec<WrittenRow>> = HashMap::new();
+        for (id, (segment, bytes)) in store.rows() {
+            written.entry(id).or_default().extend(row::read(segment, &bytes));
+        }
+        let (mut all, mut rows) = (BTreeMap::new(), HashMap::new());
+        for record in &store.snapshot().examples {
+            let mut of = written.remove(&record.id).unwrap_or_default();
+            of.sort_by_key(|written| written.segment);
+            let whole = of.iter().map(|written| written.segment).eq(0..record.segments.len() as u32);
+            let known = match of.first() {
+                Some(first) if whole => Described {
+                    triangles: first.counts.0,
+                    quads: first.counts.1,
+                    features: of.iter().map(|written| written.features).collect(),
+                },
+                _ => described(&store, record),
+            };
+            all.insert(record.id, Arc::new(known));
+            if whole {
+                let kept = of.into_iter().zip(&record.segments).map(|(written, summary)| written.kept(summary));
+                rows.insert(record.id, kept.collect());
+            }
+        }
+        Self { described: RwLock::new(all), rows: Mutex::new(rows), store, changes: watch::Sender::new(0) }
     }
 
     fn example(&self, record: &ExampleRecord) -> Arc<Example> {
@@ -321,6 +347,19 @@ impl Corpus for StoredCorpus {
         let record = self.store.get(id)?;
         self.describe(id, Some(described(&self.store, &record)));
         Ok(())
+    }
+
+    fn take_rows(&self) -> HashMap<ExampleId, Vec<KeptRow>> {
+        std::mem::take(&mut *self.rows.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn keep_rows(&self, rows: &mut dyn Iterator<Item = (ExampleId, KeptRow)>) -> Result<(), CorpusError> {
+        let described = self.described.read().unwrap_or_else(PoisonError::into_inner).clone();
+        let written = |(id, kept): (ExampleId, KeptRow)| {
+            let counts = described.get(&id).map_or((0, 0), |known| (known.triangles, known.quads));
+            (id, (kept.segment, row::write(&kept, counts)))
+        };
+        Ok(self.store.put_rows(&mut rows.map(written))?)
     }
 
     fn stale(&self, version: u32) -> Vec<(ExampleId, u32)> {
