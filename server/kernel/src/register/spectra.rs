@@ -504,7 +504,7 @@ pub(crate) mod tests {
         let wave = |by: f64| {
             let value = |k: usize| {
                 let (u, v) = ((k % SIDE) as f64 + by, (k / SIDE) as f64);
-                let root = 2.0 + (std::f64::consts::TAU * u * 3.0 / 32.0).sin() * (0.2 + v / 32.0);
+                let root = 2.0 + (std::f64::consts::TAU * u / 32.0).sin() * (0.2 + v / 32.0);
                 (root * root) as f32
             };
             let picture = Picture { side: SIDE, values: (0..VALUES).map(value).collect() };
@@ -513,7 +513,7 @@ pub(crate) mod tests {
         let spectrum = Spectrum::new(&wave(0.0)).expect("of 32²");
         let row = Row::new(&wave(0.5), Topology::Disc).expect("of 32²");
         let whole = 1.0 - 2.0 * row.peaks(&spectrum)[0].value / (row.variance + spectrum.variance);
-        assert!(whole > 0.001 && row.unmirrored_cost(&spectrum) < 1e-6, "{whole}");
+        assert!(whole > 0.004 && row.unmirrored_cost(&spectrum) < 1e-6, "{whole}");
     }
 
     #[test]
