@@ -1,6 +1,7 @@
 //! The commands of the binary, each a function.
 
 use crate::auth::{AuthError, Tokens};
+use crate::bench_corpus;
 use crate::config::{Cli, Command, Config, ConfigError, ServeArgs, StoreArgs, TokenAction};
 use crate::demo::tour;
 use crate::service::{self, StartError};
@@ -12,7 +13,10 @@ use std::fs::File;
 use std::io::{BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
+
+/// How often a growing corpus says its size, in segments.
+const PROGRESS_EVERY: usize = 1024;
 
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
@@ -56,6 +60,9 @@ pub enum CommandError {
         /// What it said.
         source: std::io::Error,
     },
+    /// No corpus was made.
+    #[error(transparent)]
+    BenchCorpus(#[from] bench_corpus::BenchCorpusError),
     /// The demo failed.
     #[error("expected the demo to end, found: {0}")]
     Demo(String),
@@ -74,8 +81,24 @@ pub fn run(cli: Cli) -> Result<(), CommandError> {
         Some(Command::Check(store)) => check(&store),
         Some(Command::Backup { store, file }) => backup(&store, &file),
         Some(Command::Restore { store, file }) => restore(&store, &file),
+        Some(Command::BenchCorpus(args)) => bench_corpus(&args),
         Some(Command::Token { store, action }) => token(&store, action),
     }
+}
+
+fn bench_corpus(args: &bench_corpus::BenchCorpusArgs) -> Result<(), CommandError> {
+    let begun = Instant::now();
+    let made = bench_corpus::run(args, &KernelEngine::default(), &|after| {
+        if after.is_multiple_of(PROGRESS_EVERY) {
+            say(&format!("{after} segments, {:.0} s", begun.elapsed().as_secs_f64()));
+        }
+    })?;
+    let (sources, before, after) = (made.sources, made.before, made.after);
+    say(&format!(
+        "{after} segments (there were {before}), from {sources} encodings, in {:.1} s",
+        begun.elapsed().as_secs_f64()
+    ));
+    Ok(())
 }
 
 /// Tokio's runtime. Few threads: they only wait; what computes has its own.

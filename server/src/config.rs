@@ -64,6 +64,8 @@ pub enum Command {
         /// The file to read.
         file: PathBuf,
     },
+    /// Grow a store of made-up examples, to measure searching with.
+    BenchCorpus(crate::bench_corpus::BenchCorpusArgs),
     /// Create, list and revoke access tokens.
     Token {
         /// The store.

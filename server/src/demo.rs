@@ -15,7 +15,7 @@ mod hand;
 mod head;
 mod limb;
 mod loft;
-mod random;
+pub(crate) mod random;
 mod remesh;
 pub mod tour;
 

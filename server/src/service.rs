@@ -129,6 +129,11 @@ impl Running {
         if tokio::time::timeout(COMMIT_TIME_MAX, self.work.background.wait()).await.is_err() {
             tracing::warn!(left = self.work.background.len(), "some background work did not end");
         }
+        if *self.work.corpus.watch().borrow() != 0 {
+            let work = Arc::clone(&self.work);
+            // The rows are written again by a later stop, or made anew.
+            let _ = tokio::task::spawn_blocking(move || work.keep_rows()).await;
+        }
         tracing::info!("stopped");
     }
 }

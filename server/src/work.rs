@@ -33,6 +33,9 @@ use tokio_util::task::TaskTracker;
 /// Longest computation for one request (reading and encoding an upload, a map, a composition).
 const REQUEST_TIME_MAX: Duration = Duration::from_secs(120);
 
+/// So many rows made at a start are written down at once, not only at the end.
+const ROWS_WORTH_WRITING: usize = 1000;
+
 /// The handles that all verbs share.
 pub struct Work {
     /// Where computations run.
@@ -74,9 +77,18 @@ impl Work {
         })
     }
 
-    /// Brings the coarse level of the whole corpus into memory. Blocks.
+    /// Brings the coarse level of the whole corpus into memory, and writes down what wasn't. Blocks.
     pub fn load(&self) {
-        self.catalogue.load();
+        if self.catalogue.load() >= ROWS_WORTH_WRITING {
+            self.keep_rows();
+        }
+    }
+
+    /// Writes down what a start would otherwise have to make anew. Blocks.
+    pub fn keep_rows(&self) {
+        if let Err(error) = self.catalogue.keep() {
+            tracing::warn!(%error, "rows not written: the next start takes longer");
+        }
     }
 
     /// Runs blocking work of the store off the tokio workers. It goes on when the caller is gone.

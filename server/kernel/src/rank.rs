@@ -4,6 +4,8 @@
 //! *Source:* paper Eq. 8. *Ours, not the paper's:* E is divided by the variances, since plain E favours flat
 //! pictures, and the modulus takes the place of k (METHOD §6).
 
+pub mod coarse;
+
 /// Highest relevance. *Source:* paper §5.1.
 pub const RELEVANCE_MAX: f64 = 5.0;
 /// Weight of the moduli's difference.

@@ -11,6 +11,7 @@ pub mod pole_search;
 pub mod problem;
 pub mod query;
 pub mod solve;
+pub mod spectra;
 
 use crate::encode::features::{Feature, distance_on};
 use crate::encode::{Encoding, LEVEL_SIDES};

@@ -1,13 +1,17 @@
-//! What of the corpus is resident: every example's record and every segment's coarsest level.
+//! What of the corpus is resident: every example's record and every segment's coarsest picture, as row spectra.
 //!
 //! A search takes one [`Snapshot`] and sees the corpus as it was then, whatever is added or removed meanwhile.
 
-use super::corpus::{Corpus, CorpusError};
-use super::engine::{Encoding, Engine};
+pub mod shelf;
+
+use super::corpus::{Corpus, CorpusError, KeptRow};
+use super::engine::{Encoding, Engine, SegmentFacts};
 use super::error::WorkError;
 use super::ranking::levels_up_to;
+use quadmuse_kernel::register::spectra::LANES;
 use quadmuse_proto::query::LEVELS;
 use quadmuse_proto::{Example, ExampleId, Topology};
+use shelf::{Place, Shelf};
 use std::collections::BTreeMap;
 use std::sync::{Arc, PoisonError, RwLock};
 
@@ -21,8 +25,10 @@ pub struct Resident {
     pub example: Arc<Example>,
     /// The example's segment.
     pub segment: u32,
-    /// Its encoding, with the coarsest level.
-    pub coarse: Arc<Encoding>,
+    /// What is known of it.
+    pub facts: SegmentFacts,
+    /// Where it stands on the shelf of its topology.
+    pub place: Place,
 }
 
 impl Resident {
@@ -42,15 +48,13 @@ impl Resident {
 pub struct Snapshot {
     examples: BTreeMap<ExampleId, Arc<Example>>,
     segments: BTreeMap<(ExampleId, u32), Arc<Resident>>,
+    shelves: BTreeMap<Topology, Shelf>,
 }
 
 impl Snapshot {
-    /// The segments of a topology whose examples have all the tags, in the order of ties.
-    pub fn segments_of(&self, topology: Topology, tags: &[String]) -> Vec<Arc<Resident>> {
-        let fits = |r: &&Arc<Resident>| r.coarse.facts.topology == topology && r.has_tags(tags);
-        let mut found: Vec<_> = self.segments.values().filter(fits).cloned().collect();
-        found.sort_by(|a, b| a.tie_break().cmp(&b.tie_break()));
-        found
+    /// The segments of a topology.
+    pub fn shelf(&self, topology: Topology) -> Option<&Shelf> {
+        self.shelves.get(&topology)
     }
 
     /// A segment.
@@ -84,11 +88,34 @@ impl Snapshot {
         self.examples.values().map(|example| example.segments.len()).sum()
     }
 
-    fn put(&mut self, example: &Arc<Example>, encodings: Vec<(u32, Arc<Encoding>)>) {
+    fn put(&mut self, example: &Arc<Example>, rows: Vec<KeptRow>) {
         self.examples.insert(example.id, Arc::clone(example));
-        for (segment, coarse) in encodings {
-            let resident = Resident { example: Arc::clone(example), segment, coarse };
-            self.segments.insert((example.id, segment), Arc::new(resident));
+        for KeptRow { segment, facts, row } in rows {
+            self.take_out((example.id, segment));
+            let shelf = self.shelves.entry(facts.topology).or_default();
+            let made = |place| Resident { example: Arc::clone(example), segment, facts, place };
+            let resident = shelf.put(&row, facts.k, made);
+            self.segments.insert((example.id, segment), resident);
+        }
+    }
+
+    /// The same segments with another record.
+    fn annotate(&mut self, example: &Arc<Example>) {
+        self.examples.insert(example.id, Arc::clone(example));
+        for (&(_, segment), resident) in self.segments.range_mut((example.id, 0)..=(example.id, u32::MAX)) {
+            let Resident { facts, place, .. } = **resident;
+            *resident = Arc::new(Resident { example: Arc::clone(example), segment, facts, place });
+            if let Some(shelf) = self.shelves.get_mut(&facts.topology) {
+                shelf.replace(resident);
+            }
+        }
+    }
+
+    fn take_out(&mut self, key: (ExampleId, u32)) {
+        if let Some(gone) = self.segments.remove(&key)
+            && let Some(shelf) = self.shelves.get_mut(&gone.facts.topology)
+        {
+            shelf.remove(gone.place);
         }
     }
 }
@@ -111,34 +138,52 @@ impl Catalogue {
         Arc::clone(&self.now.read().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Brings the whole corpus in. Blocks.
-    pub fn load(&self) {
+    /// Brings the whole corpus in; how many rows had to be made from their encodings. Blocks.
+    pub fn load(&self) -> usize {
         let mut fresh = Snapshot::default();
+        let mut kept = self.corpus.take_rows();
+        let mut made = 0;
         for example in self.corpus.list() {
-            let encodings = self.coarse_of(&example);
-            fresh.put(&example, encodings);
+            let rows = kept.remove(&example.id).filter(|rows| rows.len() == example.segments.len());
+            let rows = rows.unwrap_or_else(|| {
+                let rows = self.rows_of(&example);
+                made += rows.len();
+                rows
+            });
+            fresh.put(&example, rows);
         }
         *self.now.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(fresh);
+        made
+    }
+
+    /// Writes all rows down, so that the next start needn't make them. Blocks.
+    ///
+    /// # Errors
+    /// [`CorpusError`].
+    pub fn keep(&self) -> Result<(), CorpusError> {
+        let snapshot = self.snapshot();
+        let chunks = snapshot.shelves.values().flat_map(|shelf| shelf.chunks());
+        let rows = chunks.flat_map(|chunk| (0..LANES).filter_map(|lane| chunk.row(lane)));
+        let mut rows = rows.map(|(row, r)| (r.example.id, KeptRow { segment: r.segment, facts: r.facts, row }));
+        self.corpus.keep_rows(&mut rows)
     }
 
     /// Brings an example in, or its new state and encodings. Blocks.
     pub fn refresh(&self, example: &Arc<Example>) {
-        let encodings = self.coarse_of(example);
-        self.put_newest(example.id, encodings);
+        let rows = self.rows_of(example);
+        self.put_newest(example.id, |snapshot, newest| snapshot.put(newest, rows));
     }
 
     /// Brings an example's new annotations in; its encodings are the same.
     pub fn annotate(&self, example: &Arc<Example>) {
-        let now = self.snapshot();
-        let of = now.segments.range((example.id, 0)..=(example.id, u32::MAX));
-        self.put_newest(example.id, of.map(|(key, r)| (key.1, Arc::clone(&r.coarse))).collect());
+        self.put_newest(example.id, |snapshot, newest| snapshot.annotate(newest));
     }
 
     /// The record is read under the lock, so that whoever comes last brings the newest, and none that was removed.
-    fn put_newest(&self, id: ExampleId, encodings: Vec<(u32, Arc<Encoding>)>) {
+    fn put_newest(&self, id: ExampleId, put: impl FnOnce(&mut Snapshot, &Arc<Example>)) {
         self.change(|snapshot| {
             if let Ok(newest) = self.corpus.get(id) {
-                snapshot.put(&newest, encodings);
+                put(snapshot, &newest);
             }
         });
     }
@@ -148,7 +193,7 @@ impl Catalogue {
         self.change(|snapshot| {
             snapshot.examples.remove(&id);
             let gone: Vec<_> = snapshot.segments.range((id, 0)..=(id, u32::MAX)).map(|(key, _)| *key).collect();
-            gone.iter().for_each(|key| drop(snapshot.segments.remove(key)));
+            gone.into_iter().for_each(|key| snapshot.take_out(key));
         });
     }
 
@@ -157,13 +202,16 @@ impl Catalogue {
         change(Arc::make_mut(&mut now));
     }
 
-    /// The coarse encodings that are there; those that are not are left to `reencode`.
-    fn coarse_of(&self, example: &Example) -> Vec<(u32, Arc<Encoding>)> {
-        let load = |segment: u32| match self.encoding(example.id, segment, LEVEL_COARSEST) {
-            Ok(encoding) => Some((segment, Arc::new(encoding))),
-            Err(error) => {
-                tracing::warn!(example = %example.id, segment, %error, "no encoding: not ranked until it is rebuilt");
-                None
+    /// The rows of the encodings that are there; those that are not are left to `reencode`.
+    fn rows_of(&self, example: &Example) -> Vec<KeptRow> {
+        let load = |segment: u32| {
+            let encoding = self.encoding(example.id, segment, LEVEL_COARSEST);
+            match encoding.and_then(|encoding| Ok((encoding.facts, self.engine.row(&encoding)?))) {
+                Ok((facts, row)) => Some(KeptRow { segment, facts, row }),
+                Err(error) => {
+                    tracing::warn!(example = %example.id, segment, %error, "no encoding: not ranked until it is rebuilt");
+                    None
+                }
             }
         };
         example.segments.iter().filter_map(|s| load(s.segment)).collect()

@@ -2,9 +2,11 @@
 //!
 //! All methods block and are called from a blocking thread or from the pool, never from a tokio worker.
 
-use super::engine::{Cut, Packed};
+use super::engine::{Cut, Packed, SegmentFacts};
 use bytes::Bytes;
+use quadmuse_kernel::register::spectra::Row;
 use quadmuse_proto::{Example, ExampleId, ExamplePatch, MeshCounts};
+use std::collections::HashMap;
 use std::sync::Arc;
 use tokio::sync::watch;
 
@@ -70,6 +72,17 @@ pub enum Put {
     Added,
     /// The same bytes, cut the same way, were there already.
     There,
+}
+
+/// A segment as it is resident.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KeptRow {
+    /// Its number.
+    pub segment: u32,
+    /// What is known of it.
+    pub facts: SegmentFacts,
+    /// Its coarsest picture.
+    pub row: Row,
 }
 
 /// How the corpus is.
@@ -143,6 +156,19 @@ pub trait Corpus: Send + Sync + 'static {
         counts: MeshCounts,
         version: u32,
     ) -> Result<(), CorpusError>;
+
+    /// The rows that were written down and still hold, by example; only once, when the corpus is brought in.
+    fn take_rows(&self) -> HashMap<ExampleId, Vec<KeptRow>> {
+        HashMap::new()
+    }
+
+    /// Writes rows down for the next start, in place of those before. What is lost of them is made from the encodings.
+    ///
+    /// # Errors
+    /// [`CorpusError::ReadOnly`], [`CorpusError::Failed`].
+    fn keep_rows(&self, _rows: &mut dyn Iterator<Item = (ExampleId, KeptRow)>) -> Result<(), CorpusError> {
+        Ok(())
+    }
 
     /// Segments without an encoding of the encoder's version.
     fn stale(&self, version: u32) -> Vec<(ExampleId, u32)>;

@@ -5,6 +5,8 @@
 
 use crate::pool::{Stop, StopReason};
 use quadmuse_kernel::mesh::PolyMesh;
+use quadmuse_kernel::rank::coarse::CoarseQuery;
+use quadmuse_kernel::register::spectra::Row;
 use quadmuse_proto::{
     Components, Constraint, ConstraintEdit, Distortion, Flip, MeshFormat, Segmentation, Topology, Verdict,
 };
@@ -277,6 +279,18 @@ pub trait Engine: Send + Sync + 'static {
     /// [`EngineError::Internal`] when it is not one that [`Engine::pack`] made.
     fn unpack(&self, packed: &Packed) -> Result<Encoding, EngineError>;
 
+    /// What is kept in memory of an example, from its coarsest level.
+    ///
+    /// # Errors
+    /// [`EngineError::Internal`].
+    fn row(&self, example: &Encoding) -> Result<Row, EngineError>;
+
+    /// A query, prepared for sweeps over rows.
+    ///
+    /// # Errors
+    /// [`EngineError::Internal`].
+    fn coarse_query(&self, query: &Encoding) -> Result<CoarseQuery, EngineError>;
+
     /// Registers an example on a query at the coarsest level: all flips and translations.
     ///
     /// # Errors
@@ -310,7 +324,7 @@ pub trait Engine: Send + Sync + 'static {
     ) -> Result<Registration, EngineError>;
 
     /// E′ of a registration (eq. 8): the lower the better.
-    fn score(&self, registration: &Registration, example: &Encoding, query: &Encoding, relevance: f64) -> f64;
+    fn score(&self, registration: &Registration, example: &SegmentFacts, query: &Encoding, relevance: f64) -> f64;
 
     /// Maps every vertex of the example's segment onto the query's.
     ///

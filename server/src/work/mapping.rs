@@ -150,7 +150,7 @@ async fn registered(
             let (example, segment) = (wanted.example, wanted.example_segment);
             let snapshot = work.catalogue.snapshot();
             let resident = snapshot.segment(example, segment).ok_or(WorkError::NotEncodedYet { example, segment })?;
-            let (expected, found) = (query.facts.topology, resident.coarse.facts.topology);
+            let (expected, found) = (query.facts.topology, resident.facts.topology);
             if expected != found {
                 return Err(WorkError::TopologyDiffers { expected, found });
             }

@@ -12,10 +12,10 @@ use super::{Caller, WorkError};
 use crate::pool::{Job, Stop};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::{
-    Begin, CompositionId, End, EndState, LevelTiming, MapId, Progress, Query, QueryId, QuerySegment, QueryState,
-    QueryTimings, Ranking,
+    Begin, CompositionId, End, EndState, Entry, EntryState, LevelTiming, MapId, Progress, Query, QueryId, QuerySegment,
+    QueryState, QueryTimings, Ranking,
 };
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant, UNIX_EPOCH};
 use tokio::sync::watch;
@@ -82,7 +82,7 @@ pub struct SegmentRanking {
     pub revision: u64,
     /// The level just ranked, in pixels a side.
     pub level: u32,
-    /// All candidates, best first.
+    /// The best candidates, best first: all of a small corpus.
     pub candidates: Vec<Candidate>,
     /// Corpus segments it is ranked against.
     pub corpus_size: u64,
@@ -123,6 +123,11 @@ impl LiveQuery {
     /// The input mesh.
     pub fn mesh(&self) -> &Arc<PolyMesh> {
         &self.model.mesh
+    }
+
+    /// Time since the upload.
+    pub fn elapsed(&self) -> Duration {
+        self.started.elapsed()
     }
 
     /// Milliseconds since the upload.
@@ -231,11 +236,12 @@ impl LiveQuery {
         let segments: Vec<QuerySegment> =
             (0..self.encoded.len()).filter_map(|s| self.describe_segment(s, &board)).collect();
         let levels = levels_up_to(self.options.resolution).count() * self.encoded.len();
+        let done: BTreeSet<(u32, u32)> = timings.levels.iter().map(|timing| (timing.segment, timing.level)).collect();
         let progress = Progress {
             segments_encoded: self.encoded.iter().filter(|slot| slot.get().is_some()).count() as u32,
             segments: self.encoded.len() as u32,
-            // Finishing the best is one step more at the last level.
-            levels_done: timings.levels.len().min(levels) as u32,
+            // The sweep before the coarsest level and finishing the best at the last are steps more of these.
+            levels_done: done.len() as u32,
             levels: levels as u32,
         };
         Query {
@@ -292,9 +298,19 @@ impl LiveQuery {
             level: ranking.level,
             resolution: self.options.resolution,
             state: board.state,
-            entries: entries(&ranking.candidates, limit),
+            entries: self.entries(board, &ranking.candidates, limit),
             corpus_size: ranking.corpus_size,
         })
+    }
+
+    /// Entries as they go over the wire: once the query has ended nothing goes on by itself any more.
+    fn entries(&self, board: &Board, candidates: &[Candidate], limit: usize) -> Vec<Entry> {
+        let mut entries = entries(candidates, limit);
+        if board.state.is_final() {
+            let going = entries.iter_mut().filter(|entry| entry.state == EntryState::Refining);
+            going.for_each(|entry| entry.state = EntryState::Locked);
+        }
+        entries
     }
 
     /// The first event of its stream.

@@ -7,8 +7,9 @@
 use super::catalogue::{LEVEL_COARSEST, Resident};
 use super::engine::Registration;
 use quadmuse_proto::query::LEVELS;
-use quadmuse_proto::{Entry, EntryState};
+use quadmuse_proto::{Entry, EntryState, ExampleId};
 use std::cmp::Ordering;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// A corpus segment while it is ranked.
@@ -22,6 +23,26 @@ pub struct Candidate {
     pub score: f64,
     /// Whether it goes on.
     pub state: EntryState,
+    /// How it came by its registration.
+    pub depth: Depth,
+    /// A better candidate that it nearly duplicates: only that one goes on.
+    pub similar_to: Option<(ExampleId, u32)>,
+}
+
+/// How a candidate was registered at its level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Depth {
+    /// By the best translation of the coarsest level.
+    Translated,
+    /// With its features moved.
+    Registered,
+}
+
+impl Candidate {
+    /// What names it.
+    pub fn key(&self) -> (ExampleId, u32) {
+        (self.resident.example.id, self.resident.segment)
+    }
 }
 
 /// The levels to rank at, coarsest first, up to `resolution`.
@@ -29,10 +50,17 @@ pub fn levels_up_to(resolution: u32) -> impl Iterator<Item = u32> {
     LEVELS.into_iter().filter(move |level| *level <= resolution)
 }
 
+/// Candidates of a corpus that are ranked one by one; of a larger one the best by translation alone.
+pub const RANKED_MAX: usize = 512;
+
+/// Candidates whose features are moved at the coarsest level. *Ours, not the paper's*, which moves those of all: in a
+/// large corpus the best by translation hold the best by registration (tests/records).
+pub const REGISTERED_MAX: usize = 128;
+
 /// How many of `count` candidates go on to `level`: half at each level, never fewer than `top`.
 pub fn survivors(count: usize, top: usize, level: u32) -> usize {
     let halvings = (level / LEVEL_COARSEST).max(1).ilog2();
-    count.div_ceil(1 << halvings).max(top).min(count)
+    count.min(REGISTERED_MAX).div_ceil(1 << halvings).max(top).min(count)
 }
 
 /// How many of `count` candidates are registered at `level`, of which `resolution` is the last: there only `top`.
@@ -58,12 +86,17 @@ pub fn order(candidates: &mut [Candidate], fresh: usize) {
     }
 }
 
-/// Marks which candidates go on: the first `next` do (`None`: the last level is ranked, and those at it are done).
+/// Marks which candidates go on: the first `next` that duplicate no better one (`None`: the last level is ranked, and
+/// those at it are done).
 pub fn mark(candidates: &mut [Candidate], level: u32, next: Option<usize>) {
-    for (place, candidate) in candidates.iter_mut().enumerate() {
+    let mut going = 0;
+    for candidate in candidates {
         candidate.state = match next {
-            Some(next) if place < next => EntryState::Refining,
-            None if candidate.registration.level == level => EntryState::Done,
+            Some(next) if going < next && candidate.similar_to.is_none() => {
+                going += 1;
+                EntryState::Refining
+            }
+            None if candidate.registration.level == level && candidate.depth == Depth::Registered => EntryState::Done,
             _ => EntryState::Locked,
         };
     }
@@ -71,10 +104,7 @@ pub fn mark(candidates: &mut [Candidate], level: u32, next: Option<usize>) {
 
 /// Puts a candidate that was resumed into its place among those of its level.
 pub fn resume(candidates: &mut Vec<Candidate>, resumed: Candidate) {
-    let same = |c: &Candidate| {
-        c.resident.example.id == resumed.resident.example.id && c.resident.segment == resumed.resident.segment
-    };
-    candidates.retain(|c| !same(c));
+    candidates.retain(|c| c.key() != resumed.key());
     let level = resumed.registration.level;
     candidates.push(resumed);
     candidates.sort_by_key(|c| c.registration.level != level);
@@ -84,6 +114,9 @@ pub fn resume(candidates: &mut Vec<Candidate>, resumed: Candidate) {
 
 /// The first `limit` candidates as they go over the wire.
 pub fn entries(candidates: &[Candidate], limit: usize) -> Vec<Entry> {
+    let ranks: HashMap<(ExampleId, u32), u32> =
+        candidates.iter().take(limit).zip(1u32..).map(|(c, rank)| (c.key(), rank)).collect();
+    let above = |key, place: usize| ranks.get(&key).copied().filter(|&rank| (rank as usize) <= place);
     let describe = |(place, c): (usize, &Candidate)| Entry {
         rank: place as u32 + 1,
         example: c.resident.example.id,
@@ -91,13 +124,13 @@ pub fn entries(candidates: &[Candidate], limit: usize) -> Vec<Entry> {
         name: c.resident.example.name.clone(),
         score: c.score,
         energy: c.registration.energy,
-        k: c.resident.coarse.facts.k,
+        k: c.resident.facts.k,
         relevance: c.resident.example.relevance,
         flip: c.registration.flip,
         shift_u: c.registration.shift_u,
         resolution: c.registration.level,
         state: c.state,
-        similar_to: None,
+        similar_to: c.similar_to.and_then(|key| above(key, place)),
         template: c.resident.example.template.clone(),
     };
     candidates.iter().take(limit).enumerate().map(describe).collect()
@@ -106,8 +139,9 @@ pub fn entries(candidates: &[Candidate], limit: usize) -> Vec<Entry> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::work::engine::{Encoding, Opaque, SegmentFacts};
-    use quadmuse_proto::{Example, ExampleId, Flip, MeshCounts, Topology};
+    use crate::work::catalogue::shelf::Place;
+    use crate::work::engine::{Opaque, SegmentFacts};
+    use quadmuse_proto::{Example, Flip, MeshCounts, Topology};
 
     fn candidate(hash: &str, score: f64) -> Candidate {
         let example = Example {
@@ -125,14 +159,15 @@ mod tests {
             template: None,
         };
         let facts = SegmentFacts { topology: Topology::Disc, k: 1.0, faces: 0, features: 0 };
-        let coarse = Arc::new(Encoding { facts, inner: Opaque::new(()) });
         let registration =
             Registration { level: 32, energy: score, flip: Flip::default(), shift_u: 0.0, inner: Opaque::new(()) };
         Candidate {
-            resident: Arc::new(Resident { example: Arc::new(example), segment: 0, coarse }),
+            resident: Arc::new(Resident { example: Arc::new(example), segment: 0, facts, place: Place::default() }),
             registration: Arc::new(registration),
             score,
             state: EntryState::Refining,
+            depth: Depth::Registered,
+            similar_to: None,
         }
     }
 
@@ -145,6 +180,8 @@ mod tests {
         assert_eq!([32, 64, 128, 256, 512].map(|level| survivors(100, 4, level)), [100, 50, 25, 13, 7]);
         assert_eq!([32, 64, 128, 256, 512].map(|level| survivors(10, 4, level)), [10, 5, 4, 4, 4]);
         assert_eq!([32, 64, 128].map(|level| survivors(2, 4, level)), [2, 2, 2]);
+        assert_eq!([32, 64, 128].map(|level| survivors(100_000, 4, level)), [128, 64, 32]);
+        assert_eq!([32, 64, 128].map(|level| survivors(512, 64, level)), [128, 64, 64]);
         assert_eq!([32, 64, 128].map(|level| registered_at(100, 4, level, 128)), [100, 50, 4]);
         assert_eq!(registered_at(100, 4, 32, 32), 100);
     }
@@ -165,6 +202,19 @@ mod tests {
         assert_eq!(hashes(&all), "bacd");
         let scores: Vec<f64> = all.iter().map(|c| c.score).collect();
         assert_eq!(scores, [4.0, 5.0, 5.0, 5.5]);
+    }
+
+    #[test]
+    fn near_duplicates_leave_their_places_to_others_and_name_whom_they_duplicate() {
+        let mut all = vec![candidate("a", 1.0), candidate("b", 2.0), candidate("c", 2.5), candidate("d", 3.0)];
+        all[1].similar_to = Some(all[0].key());
+        mark(&mut all, 32, Some(2));
+        use EntryState::{Locked, Refining};
+        assert_eq!(all.iter().map(|c| c.state).collect::<Vec<_>>(), [Refining, Locked, Refining, Locked]);
+        let told = |limit| entries(&all, limit).iter().map(|e| e.similar_to).collect::<Vec<_>>();
+        assert_eq!(told(9), [None, Some(1), None, None]);
+        all.swap(0, 1);
+        assert_eq!(entries(&all, 9)[0].similar_to, None);
     }
 
     #[test]

@@ -1,25 +1,31 @@
 //! Queries: an input mesh is cut, encoded and ranked against one snapshot of the corpus, level by level.
 //!
-//! *Source:* paper §5.2; METHOD §5–6. Every segment is ranked at the coarsest level against the entire corpus first;
-//! then, a level at a time, the best half is refined, until the best `top` reach the resolution asked for. Each level
-//! of each segment publishes a whole ranking. The result doesn't depend on the number of threads: each registration is
-//! a sequential computation of its own, and the results are combined in the order of the candidates.
+//! *Source:* paper §5.2; METHOD §5–6. Every segment is ranked at the coarsest level against the entire corpus first, by
+//! translations alone ([`coarse`]); then the best are registered at it, and a level at a time the better half is refined,
+//! until the best `top` reach the resolution asked for. Near-duplicates of a better one don't go on. Each level of each
+//! segment publishes a whole ranking. The result doesn't depend on the number of threads: each registration is a
+//! sequential computation of its own, and the results are combined in the order of the candidates.
+//! A query with a deadline gives each level at most half of the time that is left, the most promising first; `top` are
+//! registered at each level in any case.
+
+mod coarse;
 
 use super::catalogue::{LEVEL_COARSEST, Resident};
 use super::engine::{Encoding, Engine, Registration};
 use super::ingest::{self, Upload, encode, normal_tags};
 use super::query::{LiveQuery, QueryOptions, ms_since};
-use super::ranking::{Candidate, levels_up_to, mark, order, registered_at};
+use super::ranking::{Candidate, Depth, levels_up_to, mark, order, registered_at};
 use super::{Caller, REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, PoolError, Stop, StopReason};
+use coarse::Selection;
 use futures_util::{StreamExt, stream};
 use quadmuse_proto::query::{DEADLINE_MS_MAX, LEVELS, TOP_MAX};
 use quadmuse_proto::{EntryState, LevelTiming, QueryId, QueryState};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Corpus segments a quantum of the coarse level.
-const COARSE_CHUNK: usize = 128;
+/// Share of the time left that one level may take of a query with a deadline.
+const LEVEL_SHARE: f64 = 0.5;
 
 /// Quanta that a query has in the pool at a time, for each thread.
 const WINDOW_PER_THREAD: usize = 4;
@@ -50,9 +56,9 @@ pub async fn start(
     let time = options.deadline.unwrap_or(QUERY_TIME_MAX).saturating_sub(started.elapsed());
     let job = reading.renew(Some(time));
     let snapshot = work.catalogue.snapshot();
-    let corpus: Vec<Vec<Arc<Resident>>> =
-        model.segments.iter().map(|s| snapshot.segments_of(s.topology, &options.tags)).collect();
-    if corpus.iter().all(Vec::is_empty) {
+    let select = |topology| Selection::new(snapshot.shelf(topology), &options.tags);
+    let corpus: Vec<Selection> = model.segments.iter().map(|s| select(s.topology)).collect();
+    if corpus.iter().all(|selection| selection.size == 0) {
         let mut wanted: Vec<&str> = model.segments.iter().map(|s| s.topology.as_str()).collect();
         wanted.sort_unstable();
         wanted.dedup();
@@ -60,7 +66,7 @@ pub async fn start(
         return Err(WorkError::CorpusEmpty { wanted: format!("of topology {}{tags}", wanted.join(" or ")) });
     }
     let live = Arc::new(LiveQuery::new(caller, options, model, job, started));
-    live.set_corpus_sizes(&corpus.iter().map(|c| c.len() as u64).collect::<Vec<_>>());
+    live.set_corpus_sizes(&corpus.iter().map(|c| c.size as u64).collect::<Vec<_>>());
     work.queries.insert(Arc::clone(&live))?;
     work.background.spawn(run(Arc::clone(work), Arc::clone(&live), corpus));
     Ok(live)
@@ -95,7 +101,7 @@ fn checked(options: QueryOptions) -> Result<QueryOptions, WorkError> {
 }
 
 /// Ranks a query and writes how it ended on its board.
-async fn run(work: Arc<Work>, live: Arc<LiveQuery>, corpus: Vec<Vec<Arc<Resident>>>) {
+async fn run(work: Arc<Work>, live: Arc<LiveQuery>, corpus: Vec<Selection>) {
     match rank_all(&work, &live, corpus).await {
         Ok(()) => live.end(QueryState::Done, false, None),
         Err(error) => match error.stop_reason() {
@@ -110,7 +116,7 @@ async fn run(work: Arc<Work>, live: Arc<LiveQuery>, corpus: Vec<Vec<Arc<Resident
     tracing::info!(query = %live.id, state = live.board().state.as_str(), ms = live.elapsed_ms(), "query ended");
 }
 
-async fn rank_all(work: &Arc<Work>, live: &Arc<LiveQuery>, corpus: Vec<Vec<Arc<Resident>>>) -> Result<(), WorkError> {
+async fn rank_all(work: &Arc<Work>, live: &Arc<LiveQuery>, corpus: Vec<Selection>) -> Result<(), WorkError> {
     encode_segments(work, live).await?;
     let resolution = live.options.resolution;
     let mut searches: Vec<SegmentSearch<'_>> = Vec::new();
@@ -118,20 +124,21 @@ async fn rank_all(work: &Arc<Work>, live: &Arc<LiveQuery>, corpus: Vec<Vec<Arc<R
         let query = live.encoded(segment as u32).await?;
         let search = SegmentSearch { work, live, segment, query: Arc::new(query.encoding.clone()) };
         let candidates = search.coarse(corpus).await?;
-        search.publish(LEVEL_COARSEST, candidates);
+        search.publish(LEVEL_COARSEST, Some(LEVEL_COARSEST), candidates);
         searches.push(search);
     }
-    for level in levels_up_to(resolution).filter(|level| *level > LEVEL_COARSEST) {
+    for level in levels_up_to(resolution) {
+        let next = LEVELS.into_iter().find(|next| *next > level && *next <= resolution);
         for search in &mut searches {
             let start = Instant::now();
             let (candidates, fresh) = search.each(Step::Refine, level).await?;
-            search.publish(level, (candidates, fresh, ms_since(start)));
+            search.publish(level, next, (candidates, fresh, ms_since(start)));
         }
     }
     for search in &mut searches {
         let start = Instant::now();
         let (candidates, fresh) = search.each(Step::Finish, resolution).await?;
-        search.publish(resolution, (candidates, fresh, ms_since(start)));
+        search.publish(resolution, None, (candidates, fresh, ms_since(start)));
     }
     Ok(())
 }
@@ -173,62 +180,46 @@ impl SegmentSearch<'_> {
         WINDOW_PER_THREAD * self.work.pool.threads()
     }
 
-    /// Registers the whole corpus at the coarsest level.
-    async fn coarse(&self, corpus: Vec<Arc<Resident>>) -> Result<Level, WorkError> {
-        let start = Instant::now();
-        let chunks: Vec<Vec<Arc<Resident>>> = corpus.chunks(COARSE_CHUNK).map(<[_]>::to_vec).collect();
-        let run = |chunk: Vec<Arc<Resident>>| {
-            let (engine, query) = (Arc::clone(&self.work.engine), Arc::clone(&self.query));
-            let quantum = move |stop: &Stop| -> Vec<Candidate> {
-                let register = |resident: Arc<Resident>| coarse_candidate(&*engine, resident, &query, stop);
-                chunk.into_iter().filter_map(register).collect()
-            };
-            self.work.pool.run(&self.live.job, Lane::Coarse, quantum)
-        };
-        let mut results = stream::iter(chunks.into_iter().map(run)).buffered(self.window());
-        let mut candidates = Vec::new();
-        while let Some(chunk) = results.next().await {
-            match chunk {
-                Ok(chunk) => candidates.extend(chunk),
-                Err(PoolError::Panicked { message }) => {
-                    tracing::error!(query = %self.live.id, %message, "a coarse registration panicked; its chunk is left out");
-                }
-                Err(error) => return Err(error.into()),
-            }
-        }
-        self.stopped()?;
-        let fresh = candidates.len();
-        order(&mut candidates, fresh);
-        Ok((candidates, fresh, ms_since(start)))
-    }
-
     /// Takes a step with the best of the newest ranking; the rest stay as they are.
     async fn each(&self, step: Step, level: u32) -> Result<(Vec<Candidate>, usize), WorkError> {
         let newest = self.live.board().rankings.get(self.segment).cloned().unwrap_or_default();
-        let mut candidates = newest.candidates.clone();
-        let goes_on = match step {
-            Step::Refine => candidates.partition_point(|c| c.state == EntryState::Refining),
+        let top = self.live.options.top as usize;
+        let mut finished = 0;
+        let goes_on = |candidate: &Candidate| match step {
+            Step::Refine => candidate.state == EntryState::Refining,
             Step::Finish => {
-                let reached = candidates.partition_point(|c| c.registration.level == level);
-                reached.min(self.live.options.top as usize)
+                let goes = candidate.state == EntryState::Done && finished < top;
+                finished += usize::from(goes);
+                goes
             }
         };
-        let run = |candidate: Candidate| {
+        let (going, passed_over): (Vec<Candidate>, Vec<Candidate>) =
+            newest.candidates.iter().cloned().partition(goes_on);
+        let late = self.late_after();
+        let run = |(place, candidate): (usize, Candidate)| {
             let query = Arc::clone(&self.query);
-            advanced(self.work, &self.live.job, Lane::Fine, candidate, query, step, level)
+            let late = &late;
+            async move {
+                if step == Step::Refine && place >= top && late() {
+                    return (candidate, None);
+                }
+                let (work, job) = (self.work, &self.live.job);
+                let (candidate, result) = advanced(work, job, Lane::Fine, candidate, query, step, level).await;
+                (candidate, Some(result))
+            }
         };
-        let passed_over = candidates.split_off(goes_on);
-        let mut results = stream::iter(candidates.into_iter().map(run)).buffered(self.window());
+        let mut results = stream::iter(going.into_iter().enumerate().map(run)).buffered(self.window());
         let (mut fresh, mut left) = (Vec::new(), Vec::new());
         while let Some((candidate, result)) = results.next().await {
             match result {
-                Ok(refined) => fresh.push(refined),
-                Err(error) if error.stop_reason().is_some() => return Err(error),
-                Err(error) => {
+                Some(Ok(refined)) => fresh.push(refined),
+                Some(Err(error)) if error.stop_reason().is_some() => return Err(error),
+                Some(Err(error)) => {
                     let example = candidate.resident.example.id;
                     tracing::error!(query = %self.live.id, %example, level, %error, "not refined");
                     left.push(candidate);
                 }
+                None => left.push(candidate),
             }
         }
         let count = fresh.len();
@@ -239,12 +230,18 @@ impl SegmentSearch<'_> {
         Ok((all, count))
     }
 
-    /// Marks who goes on, and publishes.
-    fn publish(&self, level: u32, (mut candidates, fresh, ms): Level) {
+    /// Tells when a level has had its share of the time; never, if the caller set no deadline.
+    fn late_after(&self) -> impl Fn() -> bool + use<> {
+        let left = self.live.options.deadline.map(|time| time.saturating_sub(self.live.elapsed()));
+        let until = left.map(|left| Instant::now() + left.mul_f64(LEVEL_SHARE));
+        move || until.is_some_and(|until| Instant::now() > until)
+    }
+
+    /// Marks who goes on to `next`, and publishes.
+    fn publish(&self, level: u32, next: Option<u32>, (mut candidates, fresh, ms): Level) {
         let options = &self.live.options;
-        let next = LEVELS.into_iter().find(|next| *next > level && *next <= options.resolution);
-        let on =
-            next.map(|next| registered_at(candidates.len(), options.top as usize, next, options.resolution).min(fresh));
+        let count = candidates.len();
+        let on = next.map(|next| registered_at(count, options.top as usize, next, options.resolution).min(fresh));
         mark(&mut candidates, level, on);
         let timing = LevelTiming { segment: self.segment as u32, level, entries: fresh as u64, ms };
         self.live.publish(self.segment, level, candidates, timing);
@@ -255,23 +252,18 @@ impl SegmentSearch<'_> {
     }
 }
 
-fn coarse_candidate(engine: &dyn Engine, resident: Arc<Resident>, query: &Encoding, stop: &Stop) -> Option<Candidate> {
-    let registration = engine.coarse(&resident.coarse, query, stop);
-    let registration = registration
-        .inspect_err(|error| {
-            if stop.reason().is_none() {
-                tracing::error!(example = %resident.example.id, %error, "not ranked");
-            }
-        })
-        .ok()?;
-    Some(scored(engine, resident, registration, query))
+/// A candidate with its score. NaN scores, which should not be, go last.
+fn scored(engine: &dyn Engine, from: Candidate, registration: Registration, query: &Encoding) -> Candidate {
+    let score = engine.score(&registration, &from.resident.facts, query, from.resident.example.relevance);
+    let score = if score.is_finite() { score } else { f64::MAX };
+    let (registration, state) = (Arc::new(registration), EntryState::Refining);
+    Candidate { registration, score, state, depth: Depth::Registered, ..from }
 }
 
-/// A candidate with its score. NaN scores, which should not be, go last.
-fn scored(engine: &dyn Engine, resident: Arc<Resident>, registration: Registration, query: &Encoding) -> Candidate {
-    let score = engine.score(&registration, &resident.coarse, query, resident.example.relevance);
-    let score = if score.is_finite() { score } else { f64::MAX };
-    Candidate { resident, registration: Arc::new(registration), score, state: EntryState::Refining }
+/// Registers an example at the coarsest level.
+fn registered(work: &Work, resident: &Resident, query: &Encoding, stop: &Stop) -> Result<Registration, WorkError> {
+    let example = work.catalogue.encoding(resident.example.id, resident.segment, LEVEL_COARSEST)?;
+    Ok(work.engine.coarse(&example, query, stop)?)
 }
 
 /// What is done with a candidate.
@@ -295,19 +287,23 @@ pub(super) async fn advanced(
 ) -> (Candidate, Result<Candidate, WorkError>) {
     let (this, from) = (Arc::clone(work), candidate.clone());
     let quantum = move |stop: &Stop| -> Result<Candidate, WorkError> {
-        let Candidate { resident, registration, .. } = from;
-        let (id, segment) = (resident.example.id, resident.segment);
+        let (id, segment) = from.key();
+        let start = match from.depth {
+            Depth::Registered => Arc::clone(&from.registration),
+            Depth::Translated => Arc::new(registered(&this, &from.resident, &query, stop)?),
+        };
         let registration = match step {
+            Step::Refine if level == LEVEL_COARSEST => (*start).clone(),
             Step::Refine => {
                 let example = this.catalogue.encoding(id, segment, level)?;
-                this.engine.refine(&registration, &example, &query, level, stop)?
+                this.engine.refine(&start, &example, &query, level, stop)?
             }
             Step::Finish => {
                 let example = this.catalogue.pyramid(id, segment, level)?;
-                this.engine.finish(&registration, &example, &query, stop)?
+                this.engine.finish(&start, &example, &query, stop)?
             }
         };
-        Ok(scored(&*this.engine, resident, registration, &query))
+        Ok(scored(&*this.engine, from, registration, &query))
     };
     let result = work.pool.run(job, lane, quantum).await;
     (candidate, result.map_err(WorkError::from).and_then(|advanced| advanced))
@@ -320,10 +316,18 @@ pub(super) async fn newcomer(
     resident: Arc<Resident>,
     query: Arc<Encoding>,
 ) -> Result<Candidate, WorkError> {
-    let engine = Arc::clone(&work.engine);
+    let this = Arc::clone(work);
     let quantum = move |stop: &Stop| -> Result<Candidate, WorkError> {
-        let registration = engine.coarse(&resident.coarse, &query, stop)?;
-        Ok(scored(&*engine, resident, registration, &query))
+        let registration = registered(&this, &resident, &query, stop)?;
+        let from = Candidate {
+            resident,
+            registration: Arc::new(registration.clone()),
+            score: f64::MAX,
+            state: EntryState::Refining,
+            depth: Depth::Registered,
+            similar_to: None,
+        };
+        Ok(scored(&*this.engine, from, registration, &query))
     };
     work.pool.run(job, Lane::Edit, quantum).await?
 }

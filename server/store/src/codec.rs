@@ -80,8 +80,8 @@ enum Packing {
 
 const PACKINGS: [Packing; 3] = [Packing::Raw, Packing::Lz4, Packing::Zstd];
 
-/// Packs a level. λ must be finite and not negative; the side a power of two up to [`LEVEL_SIDE_MAX`].
-pub(crate) fn encode(level: &Level) -> Result<Vec<u8>, StoreError> {
+/// Checks a level: λ must be finite and not negative; the side a power of two up to [`LEVEL_SIDE_MAX`].
+pub(crate) fn check(level: &Level) -> Result<(), StoreError> {
     let side = level.side;
     at_most("a level's side", "pixels", side as usize, LEVEL_SIDE_MAX as usize)?;
     let pixels = (side as usize) * (side as usize);
@@ -92,6 +92,13 @@ pub(crate) fn encode(level: &Level) -> Result<Vec<u8>, StoreError> {
     if let Some(bad) = level.lambda.iter().find(|value| !value.is_finite() || **value < 0.0) {
         return Err(invalid("every λ of a level", "to be finite and not negative".into(), bad.to_string()));
     }
+    Ok(())
+}
+
+/// Packs a level that passes [`check`].
+pub(crate) fn encode(level: &Level) -> Result<Vec<u8>, StoreError> {
+    check(level)?;
+    let side = level.side;
     let (min, step) = range(&level.lambda, step_min(side));
     let codes: Vec<u16> = level.lambda.iter().map(|&value| code(value, min, step)).collect();
     let (predictor, streams) = best_streams(&codes, side as usize);

@@ -2,6 +2,8 @@
 //!
 //! Each part is stored by itself, so that a search reads one level and not the chart beside it.
 
+use std::collections::HashMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::codec::{self, LEVEL_SIDE_MAX};
@@ -163,8 +165,41 @@ pub(crate) struct Part {
     pub(crate) bytes: Vec<u8>,
 }
 
+/// Packed levels by the hash of their pixels: where many segments are packed together, like levels are packed once.
+#[derive(Default)]
+pub(crate) struct PackedLevels(HashMap<[u8; 32], Vec<u8>>);
+
+impl PackedLevels {
+    fn encode(&mut self, level: &Level) -> Result<Vec<u8>, StoreError> {
+        let mut hasher = blake3::Hasher::new();
+        for pixels in level.lambda.chunks(LEVEL_SIDE_MAX as usize) {
+            let bytes: Vec<u8> = pixels.iter().flat_map(|value| value.to_le_bytes()).collect();
+            hasher.update(&bytes);
+        }
+        let hash = *hasher.finalize().as_bytes();
+        if let Some(packed) = self.0.get(&hash) {
+            return Ok(packed.clone());
+        }
+        let packed = codec::encode(level)?;
+        self.0.insert(hash, packed.clone());
+        Ok(packed)
+    }
+}
+
 /// Packs a segment, part by part, after checking it against the limits of this module.
 pub(crate) fn pack(derived: &DerivedSegment) -> Result<Vec<Part>, StoreError> {
+    pack_with(derived, &mut codec::encode)
+}
+
+/// As [`pack`], beside others.
+pub(crate) fn pack_beside(derived: &DerivedSegment, levels: &mut PackedLevels) -> Result<Vec<Part>, StoreError> {
+    pack_with(derived, &mut |level| levels.encode(level))
+}
+
+fn pack_with(
+    derived: &DerivedSegment,
+    encode: &mut dyn FnMut(&Level) -> Result<Vec<u8>, StoreError>,
+) -> Result<Vec<Part>, StoreError> {
     validate(derived)?;
     let head = Head {
         topology: derived.topology,
@@ -184,11 +219,11 @@ pub(crate) fn pack(derived: &DerivedSegment) -> Result<Vec<Part>, StoreError> {
     ];
     let above = derived.levels.iter().find(|level| level.side == 2 * MEAN_SIDE);
     for level in &derived.levels {
-        let bytes = codec::encode(level)?;
+        codec::check(level)?;
         if level.side == MEAN_SIDE && above.is_some_and(|above| above.halved().is_close_to(level)) {
             continue;
         }
-        parts.push(Part { kind: PartKind::level(level.side), bytes });
+        parts.push(Part { kind: PartKind::level(level.side), bytes: encode(level)? });
     }
     parts.push(Part { kind: PartKind::CHART, bytes: pack_chart(&derived.chart.uv)? });
     parts.push(Part { kind: PartKind::EXTRA, bytes: compress(&derived.chart.extra)? });

@@ -25,6 +25,9 @@ const RECORD_SUM: usize = 16;
 /// Rows removed at once when garbage is collected.
 const COLLECT_ROWS: usize = 512;
 
+/// Threads that read records at an opening, at most.
+const READERS_MAX: usize = 4;
+
 /// What names the parts of a segment: the row that is switched when it is encoded anew.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Pointer {
@@ -231,10 +234,21 @@ impl Engine {
     /// Every record there is a row of; `Err` in an entry says how it is damaged.
     pub(crate) fn records(&self) -> Result<Vec<(ExampleId, Result<ExampleRecord, String>)>, Failure> {
         let rows: Vec<_> = guarded(|| self.manifest.iter().collect())?;
+        let read = |rows: &[(sled::IVec, sled::IVec)]| -> Result<Vec<_>, Failure> {
+            let known = rows.iter().filter_map(|(key, value)| Some((keys::parse_record(key)?, value)));
+            known.map(|(id, value)| Ok((id, self.record(id, value)?))).collect()
+        };
+        // Most of an opening's time goes here: it is shared among the cores, and joined in order.
+        let threads = std::thread::available_parallelism().map_or(1, usize::from).min(READERS_MAX);
+        let parts = std::thread::scope(|scope| {
+            let read = &read;
+            let part = |rows| scope.spawn(move || read(rows));
+            let parts: Vec<_> = rows.chunks(rows.len().div_ceil(threads).max(1)).map(part).collect();
+            parts.into_iter().map(|part| part.join()).collect::<Vec<_>>()
+        });
         let mut records = Vec::with_capacity(rows.len());
-        for (key, value) in rows {
-            let Some(id) = keys::parse_record(&key) else { continue };
-            records.push((id, self.record(id, &value)?));
+        for part in parts {
+            records.extend(part.map_err(|_| Failure::Panic("a reader of records panicked".into()))??);
         }
         Ok(records)
     }

@@ -1,5 +1,6 @@
 //! Ground state in files: written whole or not at all, and durable once their directory is synced.
 
+use std::borrow::Cow;
 use std::fs::{self, File};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -29,6 +30,25 @@ fn write_whole(dir: &Path, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
         // What is left of it is collected at the next opening anyway.
         let _ = fs::remove_file(&temporary);
         StoreError::Io { doing: "write", path: path.clone(), source }
+    })
+}
+
+/// Writes many files in `dir` as [`write_whole`] does, with one sync for all of them.
+fn write_all_whole<'a>(dir: &Path, files: impl Iterator<Item = (String, Cow<'a, [u8]>)>) -> Result<(), StoreError> {
+    let mut written: Vec<(PathBuf, PathBuf)> = Vec::new();
+    let write = || {
+        for (name, bytes) in files {
+            let temporary = dir.join(format!("{TEMPORARY}{}", ExampleId::generate()));
+            written.push((temporary.clone(), dir.join(name)));
+            File::create_new(&temporary)?.write_all(&bytes)?;
+        }
+        rustix::fs::syncfs(File::open(dir)?)?;
+        written.iter().try_for_each(|(temporary, path)| fs::rename(temporary, path))
+    };
+    write().map_err(|source| {
+        // What is left of them is collected at the next opening anyway.
+        written.iter().for_each(|(temporary, _)| drop(fs::remove_file(temporary)));
+        StoreError::Io { doing: "write into", path: dir.to_path_buf(), source }
     })
 }
 
@@ -87,6 +107,17 @@ impl Objects {
         write_whole(&self.dir, &hash.to_string(), bytes)
     }
 
+    /// Writes objects with one sync for all, those left out of which an intact one is there.
+    pub(crate) fn put_all<'a>(
+        &self,
+        objects: impl Iterator<Item = (ContentHash, Cow<'a, [u8]>)>,
+    ) -> Result<(), StoreError> {
+        let intact =
+            |hash, length: usize| self.length(hash) == Some(length as u64) && matches!(self.get(hash), Ok(Ok(_)));
+        let missing = objects.filter(|(hash, bytes)| !intact(*hash, bytes.len()));
+        write_all_whole(&self.dir, missing.map(|(hash, bytes)| (hash.to_string(), bytes)))
+    }
+
     /// Length of an object in bytes, `None` if it isn't there.
     pub(crate) fn length(&self, hash: ContentHash) -> Option<u64> {
         fs::metadata(self.path(hash)).ok().filter(|facts| facts.is_file()).map(|facts| facts.len())
@@ -138,6 +169,16 @@ impl Ground {
     pub(crate) fn put(&self, record: &ExampleRecord) -> Result<(), StoreError> {
         let bytes = frame::frame(GROUND_MAGIC, &encode(record)?);
         write_whole(&self.dir, &Self::name(record.id, record.revision), &bytes)
+    }
+
+    /// Writes records with one sync for all.
+    pub(crate) fn put_all(&self, records: &[&ExampleRecord]) -> Result<(), StoreError> {
+        let framed = |record: &&ExampleRecord| {
+            let bytes = frame::frame(GROUND_MAGIC, &encode(record)?);
+            Ok((Self::name(record.id, record.revision), Cow::Owned(bytes)))
+        };
+        let files = records.iter().map(framed).collect::<Result<Vec<_>, StoreError>>()?;
+        write_all_whole(&self.dir, files.into_iter())
     }
 
     /// A record, checked; the inner error says how it is damaged.

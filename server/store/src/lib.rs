@@ -27,6 +27,7 @@ mod index;
 mod keys;
 mod record;
 mod recover;
+mod rows;
 mod shared;
 mod store;
 mod writer;
@@ -44,5 +45,6 @@ pub use record::{
     REPAIR_BYTES_MAX, REPAIRS_MAX, SEGMENTS_MAX, SegmentSummary, Segmentation, TAG_BYTES_MAX, TAGS_MAX, Topology,
 };
 pub use recover::OpenReport;
+pub use rows::SegmentRow;
 pub use shared::{FreeSpace, OpenOptions};
 pub use store::{Added, LIST_MAX, NewExample, Stats, Store, identity};

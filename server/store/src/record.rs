@@ -47,14 +47,14 @@ impl ContentHash {
     /// Reads 64 lower-case hexadecimal digits.
     pub(crate) fn from_hex(text: &str) -> Option<Self> {
         let hash = blake3::Hash::from_hex(text).ok()?;
-        let hash = Self(*hash.as_bytes());
-        (hash.to_string() == text).then_some(hash)
+        let canonical = !text.bytes().any(|byte| byte.is_ascii_uppercase());
+        canonical.then_some(Self(*hash.as_bytes()))
     }
 }
 
 impl fmt::Display for ContentHash {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+        f.write_str(&blake3::Hash::from_bytes(self.0).to_hex())
     }
 }
 

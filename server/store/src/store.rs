@@ -1,5 +1,6 @@
 //! The store as the server sees it. Every call blocks: call from a thread that may wait, never from one of tokio's workers.
 
+use std::borrow::Cow;
 use std::fs::{self, File, TryLockError};
 use std::path::Path;
 use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
@@ -10,7 +11,7 @@ use std::time::{Duration, Instant, SystemTime};
 use quadmuse_proto::id::ExampleId;
 
 use crate::compact;
-use crate::derived::{self, ChartRecord, Coarse, DerivedSegment, Level};
+use crate::derived::{self, ChartRecord, Coarse, DerivedSegment, Level, PackedLevels};
 use crate::engine::{Engine, Pointer, Reader};
 use crate::error::StoreError;
 use crate::files::{Ground, Objects, create_dir};
@@ -21,7 +22,7 @@ use crate::record::{
 };
 use crate::recover::{self, Collect, OpenReport};
 use crate::shared::{OpenOptions, Shared};
-use crate::writer::{Done, Packed, QUEUE_MAX, Request, Work, Writer, close};
+use crate::writer::{Done, NewRows, Packed, QUEUE_MAX, Request, Work, Writer, close};
 
 /// Most examples of one page of a list.
 pub const LIST_MAX: usize = 500;
@@ -242,9 +243,46 @@ impl Store {
         if let (Segmentation::Labels { object, .. }, Some(labels)) = (&record.segmentation, labels) {
             put(*object, labels)?;
         }
-        match self.submit(Work::Add { record: Arc::new(record), segments, held })? {
+        match self.submit(Work::Add(NewRows { record: Arc::new(record), segments, held }))? {
             Done::Added(added) => Ok(added),
-            Done::Annotated(_) | Done::Unit => Err(StoreError::Closed),
+            Done::AddedAll(_) | Done::Annotated(_) | Done::Unit => Err(StoreError::Closed),
+        }
+    }
+
+    /// Adds many examples by one commit, as [`Store::add`] does one by one: all of them are durable on return.
+    ///
+    /// # Errors
+    /// As [`Store::add`]; none is added then.
+    pub fn add_all(&self, new: &[NewExample<'_>]) -> Result<Vec<Added>, StoreError> {
+        let shared = self.shared();
+        if shared.fault().is_some() {
+            return Err(shared.read_only());
+        }
+        let mut rows = Vec::with_capacity(new.len());
+        let mut objects: Vec<(ContentHash, Cow<'_, [u8]>)> = Vec::new();
+        let mut alike = PackedLevels::default();
+        let mut needed = OVERHEAD_BYTES;
+        for example in new {
+            let (record, labels) = new_record(example)?;
+            let mut packed = |(number, derived)| {
+                let parts = derived::pack_beside(derived, &mut alike)?;
+                Ok((number, Packed::new(example.encoder_version, parts)))
+            };
+            let segments = (0u32..).zip(example.derived).map(&mut packed).collect::<Result<Vec<_>, StoreError>>()?;
+            needed += example.mesh.len() as u64 + labels.as_ref().map_or(0, |labels| labels.len() as u64);
+            needed += segments.iter().map(|(_, packed)| 2 * packed.pointer.bytes()).sum::<u64>();
+            objects.push((record.content_hash, Cow::Borrowed(example.mesh)));
+            if let (Segmentation::Labels { object, .. }, Some(labels)) = (&record.segmentation, labels) {
+                objects.push((*object, Cow::Owned(labels)));
+            }
+            let held = shared.hold(record.objects().collect());
+            rows.push(NewRows { record: Arc::new(record), segments, held });
+        }
+        shared.check_space(needed)?;
+        shared.objects.put_all(objects.into_iter()).map_err(|error| shared.told_full(error, needed))?;
+        match self.submit(Work::AddAll(rows))? {
+            Done::AddedAll(added) => Ok(added),
+            Done::Added(_) | Done::Annotated(_) | Done::Unit => Err(StoreError::Closed),
         }
     }
 
@@ -289,7 +327,7 @@ impl Store {
         self.shared().check_space(OVERHEAD_BYTES)?;
         match self.submit(Work::Annotate { id, patch })? {
             Done::Annotated(record) => Ok(record),
-            Done::Added(_) | Done::Unit => Err(StoreError::Closed),
+            Done::Added(_) | Done::AddedAll(_) | Done::Unit => Err(StoreError::Closed),
         }
     }
 

@@ -26,6 +26,8 @@ use crate::{Added, compact};
 pub(crate) const QUEUE_MAX: usize = 64;
 /// Writes committed together.
 const BATCH_MAX: usize = 32;
+/// Up to so many files are synced one by one; more by one sync of the file system, which costs as some fifteen of them.
+const SYNCED_SINGLY_MAX: usize = 8;
 /// How often a suspended store looks whether it can go on.
 const TICK: Duration = Duration::from_millis(250);
 const REOPEN_EVERY: Duration = Duration::from_secs(1);
@@ -50,17 +52,35 @@ impl Packed {
     }
 }
 
+/// The rows of a new example.
+pub(crate) struct NewRows {
+    pub(crate) record: Arc<ExampleRecord>,
+    pub(crate) segments: Vec<(u32, Packed)>,
+    pub(crate) held: InFlight,
+}
+
 pub(crate) enum Work {
-    Add { record: Arc<ExampleRecord>, segments: Vec<(u32, Packed)>, held: InFlight },
-    Annotate { id: ExampleId, patch: Patch },
-    Remove { id: ExampleId },
-    PutDerived { key: SegmentKey, packed: Packed },
+    Add(NewRows),
+    /// Many at once; committed by themselves.
+    AddAll(Vec<NewRows>),
+    Annotate {
+        id: ExampleId,
+        patch: Patch,
+    },
+    Remove {
+        id: ExampleId,
+    },
+    PutDerived {
+        key: SegmentKey,
+        packed: Packed,
+    },
     Compact,
     Reopen,
 }
 
 pub(crate) enum Done {
     Added(Added),
+    AddedAll(Vec<Added>),
     Annotated(Arc<ExampleRecord>),
     Unit,
 }
@@ -94,9 +114,9 @@ impl From<Failure> for Stop {
 #[derive(Default)]
 struct Staged {
     changes: Vec<Change>,
-    ground_put: Option<Arc<ExampleRecord>>,
+    ground_put: Vec<Arc<ExampleRecord>>,
     after: Vec<After>,
-    _held: Option<InFlight>,
+    held: Vec<InFlight>,
 }
 
 /// A caller whose rows are written, or failed to be.
@@ -133,6 +153,7 @@ impl Writer {
                     drop(reply.send(self.copy_index().and_then(|()| self.reopen_now())))
                 }
                 Ok(Request { work: Work::Reopen, reply }) => drop(reply.send(self.reopen_now())),
+                Ok(many @ Request { work: Work::AddAll(_), .. }) => self.commit(vec![many]),
                 Ok(first) => carried = self.serve(first),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
@@ -153,7 +174,9 @@ impl Writer {
         while batch.len() < BATCH_MAX
             && let Ok(request) = self.requests.try_recv()
         {
-            if matches!(request.work, Work::Compact | Work::Reopen) || !self.touch(&request.work, &mut touched) {
+            if matches!(request.work, Work::Compact | Work::Reopen | Work::AddAll(_))
+                || !self.touch(&request.work, &mut touched)
+            {
                 carried = Some(request);
                 break;
             }
@@ -170,9 +193,9 @@ impl Writer {
             identity.unwrap_or_else(|| *ContentHash::of(&id.to_bytes()).as_bytes())
         };
         touched.insert(match work {
-            Work::Add { record, .. } => *record.identity.as_bytes(),
+            Work::Add(rows) => *rows.record.identity.as_bytes(),
             Work::Annotate { id, .. } | Work::Remove { id } | Work::PutDerived { key: (id, _), .. } => example(*id),
-            Work::Compact | Work::Reopen => [0; 32],
+            Work::Compact | Work::Reopen | Work::AddAll(_) => [0; 32],
         })
     }
 
@@ -231,7 +254,17 @@ impl Writer {
     /// Writes the rows of one request.
     fn stage(&self, engine: &Engine, work: Work) -> Result<(Staged, Done), Stop> {
         match work {
-            Work::Add { record, segments, held } => self.stage_add(engine, record, segments, held),
+            Work::Add(rows) => {
+                let mut stage = Staged::default();
+                let added = self.stage_add(engine, rows, &mut stage)?;
+                Ok((stage, Done::Added(added)))
+            }
+            Work::AddAll(all) => {
+                let mut stage = Staged::default();
+                let added = all.into_iter().map(|rows| self.stage_add(engine, rows, &mut stage));
+                let added = added.collect::<Result<_, _>>()?;
+                Ok((stage, Done::AddedAll(added)))
+            }
             Work::Annotate { id, patch } => self.stage_annotate(engine, id, &patch),
             Work::Remove { id } => self.stage_remove(engine, id),
             Work::PutDerived { key, packed } => self.stage_derived(engine, key, packed),
@@ -239,19 +272,15 @@ impl Writer {
         }
     }
 
-    fn stage_add(
-        &self,
-        engine: &Engine,
-        record: Arc<ExampleRecord>,
-        segments: Vec<(u32, Packed)>,
-        held: InFlight,
-    ) -> Result<(Staged, Done), Stop> {
-        let mut stage = Staged { _held: Some(held), ..Staged::default() };
+    fn stage_add(&self, engine: &Engine, rows: NewRows, stage: &mut Staged) -> Result<Added, Stop> {
+        let NewRows { record, segments, held } = rows;
+        stage.held.push(held);
         let existing = self.shared.index().by_identity(record.identity).cloned();
+        let existing = existing.or_else(|| stage.ground_put.iter().find(|r| r.identity == record.identity).cloned());
         if let Some(existing) = existing {
             // The caller has just written the objects anew where they were damaged.
             stage.changes.push(Change::Healed(existing.id));
-            return Ok((stage, Done::Added(Added::Exists(existing))));
+            return Ok(Added::Exists(existing));
         }
         for (number, packed) in segments {
             let key = (record.id, number);
@@ -262,8 +291,8 @@ impl Writer {
         }
         engine.put_record(&record, &files::encode(&record)?)?;
         stage.changes.push(Change::Record(record.clone()));
-        stage.ground_put = Some(record.clone());
-        Ok((stage, Done::Added(Added::Created(record))))
+        stage.ground_put.push(record.clone());
+        Ok(Added::Created(record))
     }
 
     fn stage_annotate(&self, engine: &Engine, id: ExampleId, patch: &Patch) -> Result<(Staged, Done), Stop> {
@@ -272,7 +301,7 @@ impl Writer {
         engine.put_record(&next, &files::encode(&next)?)?;
         let stage = Staged {
             changes: vec![Change::Record(next.clone())],
-            ground_put: Some(next.clone()),
+            ground_put: vec![next.clone()],
             after: vec![After::Ground(id, record.revision), After::Bodies(id, Some(next.revision))],
             ..Staged::default()
         };
@@ -333,10 +362,15 @@ impl Writer {
     /// Makes a batch durable; after an error here nothing is known of it.
     fn make_durable(&self, engine: &Engine, staged: &[Staged]) -> Result<(), StoreError> {
         let shared = &self.shared;
-        let records: Vec<_> = staged.iter().filter_map(|stage| stage.ground_put.as_deref()).collect();
+        let records: Vec<&ExampleRecord> =
+            staged.iter().flat_map(|stage| stage.ground_put.iter().map(Arc::as_ref)).collect();
         let ground = || {
-            records.iter().try_for_each(|record| shared.ground.put(record))?;
-            if records.is_empty() { Ok(()) } else { sync_dir(shared.ground.dir()) }
+            match &records[..] {
+                [] => return Ok(()),
+                few if few.len() <= SYNCED_SINGLY_MAX => few.iter().try_for_each(|record| shared.ground.put(record))?,
+                many => shared.ground.put_all(many)?,
+            }
+            sync_dir(shared.ground.dir())
         };
         let commit = || {
             engine.commit().map_err(|failure| {

@@ -37,6 +37,48 @@ fn what_was_added_is_there_after_a_restart_bit_for_bit() {
 }
 
 #[test]
+fn many_added_by_one_commit_are_each_as_if_added_alone() {
+    let dir = tempfile::tempdir().unwrap();
+    let samples: Vec<Sample> = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 3].map(Sample::new).into();
+    let alone = tempfile::tempdir().unwrap();
+    let (one_by_one, _) = Store::open(alone.path(), &options()).unwrap();
+    let added = {
+        let (store, _) = Store::open(dir.path(), &options()).unwrap();
+        let already = store.add(&samples[4].example()).unwrap().record().id;
+        let added = store.add_all(&samples.iter().map(Sample::example).collect::<Vec<_>>()).unwrap();
+        let Added::Exists(there) = &added[4] else { panic!("it was there") };
+        assert_eq!(there.id, already);
+        let Added::Exists(twice) = &added[10] else { panic!("it was among them already") };
+        assert_eq!(twice.id, added[2].record().id);
+        added
+    };
+    let (store, report) = Store::open(dir.path(), &options()).unwrap();
+    assert_eq!((report.examples, report.ground_restored, report.records_restored, report.blobs), (10, 0, 0, 0));
+    for (sample, added) in samples.iter().zip(&added) {
+        let alone = one_by_one.add(&sample.example()).unwrap();
+        let (id, alone) = (added.record().id, alone.record().id);
+        assert_eq!(store.mesh_bytes(id).unwrap(), sample.mesh);
+        assert_eq!(store.derived(id, 0).unwrap(), one_by_one.derived(alone, 0).unwrap());
+    }
+}
+
+#[test]
+fn rows_hold_as_long_as_their_encoding() {
+    let dir = tempfile::tempdir().unwrap();
+    let samples = [1, 2, 3].map(Sample::new);
+    let (store, _) = Store::open(dir.path(), &options()).unwrap();
+    let ids = samples.each_ref().map(|sample| store.add(&sample.example()).unwrap().record().id);
+    let rows = [1u8, 2, 3].map(|k| (ids[usize::from(k) - 1], (0, vec![k; 2000])));
+    store.put_rows(&mut rows.clone().into_iter()).unwrap();
+    assert_eq!(store.rows(), rows);
+    store.put_derived(ids[1], 0, 2, &segment(9)).unwrap();
+    store.remove(ids[2]).unwrap();
+    drop(store);
+    let (store, _) = Store::open(dir.path(), &options()).unwrap();
+    assert_eq!(store.rows(), rows[..1]);
+}
+
+#[test]
 fn the_same_mesh_with_the_same_options_is_the_same_example() {
     let dir = tempfile::tempdir().unwrap();
     let (store, _) = Store::open(dir.path(), &options()).unwrap();

@@ -79,7 +79,7 @@ async fn a_long_poll_answers_when_there_is_something_newer() {
 #[tokio::test]
 async fn a_long_poll_gives_up_after_its_time() {
     let bench = Bench::stocked().await;
-    let path = bench.query("", "segment disc 1\nslow 60000").await;
+    let path = bench.query("", "segment disc 1\nencode-slow 60000").await;
     let begun = Instant::now();
     let ranking = bench.get(&format!("{path}/ranking?after=0&wait_ms=50")).await.json();
     assert!(begun.elapsed() >= Duration::from_millis(50) && begun.elapsed() < Duration::from_secs(20));
@@ -103,8 +103,8 @@ async fn cancelling_frees_the_cores_and_the_query() {
 #[tokio::test]
 async fn a_deadline_answers_with_the_best_so_far() {
     let bench = Bench::stocked().await;
-    // 4 × 300 ms at the coarsest level, which is one quantum; the two levels after it take half of that each.
-    let path = bench.query("deadline_ms=2000", "segment disc 1\nslow 300").await;
+    // A round of 300 ms at least for each of three levels.
+    let path = bench.query("deadline_ms=700", "segment disc 1\nslow 300").await;
     let query = bench.ended(&path).await;
     assert_eq!((&query["state"], &query["deadline_reached"]), (&json!("done"), &json!(true)));
     let ranking = bench.get(&format!("{path}/ranking")).await.json();
@@ -123,7 +123,7 @@ async fn a_query_that_cannot_be_encoded_fails_with_its_problem() {
 #[tokio::test]
 async fn an_example_that_panics_while_it_is_refined_is_passed_over() {
     let bench = Bench::stocked().await;
-    bench.add("broken", "segment disc 2\npanic refine").await;
+    bench.add("broken", "segment disc 2.01\npanic refine").await;
     let path = bench.query("top=2", "segment disc 2").await;
     assert_eq!(bench.ended(&path).await["state"], json!("done"));
     let ranking = bench.get(&format!("{path}/ranking")).await.json();

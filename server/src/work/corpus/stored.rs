@@ -3,7 +3,9 @@
 //! The store knows meshes, records and encodings; what else an [`Example`] tells is derived, and travels in the opaque
 //! part of its segments' charts.
 
-use super::{Corpus, CorpusError, CorpusHealth, NewExample, Put};
+mod row;
+
+use super::{Corpus, CorpusError, CorpusHealth, KeptRow, NewExample, Put};
 use crate::work::engine::{Cut, Packed, PackedFeature, SegmentFacts};
 use crate::work::query::rfc3339;
 use bytes::Bytes;
@@ -12,9 +14,10 @@ use quadmuse_store::{
     Added, ChartRecord, DerivedSegment, ExampleRecord, Feature, Level, NewSegmentation, OpenOptions, OpenReport, Patch,
     SegmentSummary, Store, StoreError,
 };
-use std::collections::BTreeMap;
+use row::WrittenRow;
+use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use tokio::sync::watch;
 
 /// The corpus on disk.
@@ -22,6 +25,8 @@ pub struct StoredCorpus {
     store: Store,
     /// What is derived of each example beside its record.
     described: RwLock<BTreeMap<ExampleId, Arc<Described>>>,
+    /// The rows that were written down, until they are asked for.
+    rows: Mutex<HashMap<ExampleId, Vec<KeptRow>>>,
     changes: watch::Sender<u64>,
 }
 
@@ -45,9 +50,30 @@ impl StoredCorpus {
 
     /// The corpus in an open store. Blocks.
     pub fn of(store: Store) -> Self {
-        let examples = store.snapshot();
-        let described = examples.examples.iter().map(|record| (record.id, Arc::new(described(&store, record))));
-        Self { described: RwLock::new(described.collect()), store, changes: watch::Sender::new(0) }
+        let mut written: HashMap<ExampleId, Vec<WrittenRow>> = HashMap::new();
+        for (id, (segment, bytes)) in store.rows() {
+            written.entry(id).or_default().extend(row::read(segment, &bytes));
+        }
+        let (mut all, mut rows) = (BTreeMap::new(), HashMap::new());
+        for record in &store.snapshot().examples {
+            let mut of = written.remove(&record.id).unwrap_or_default();
+            of.sort_by_key(|written| written.segment);
+            let whole = of.iter().map(|written| written.segment).eq(0..record.segments.len() as u32);
+            let known = match of.first() {
+                Some(first) if whole => Described {
+                    triangles: first.counts.0,
+                    quads: first.counts.1,
+                    features: of.iter().map(|written| written.features).collect(),
+                },
+                _ => described(&store, record),
+            };
+            all.insert(record.id, Arc::new(known));
+            if whole {
+                let kept = of.into_iter().zip(&record.segments).map(|(written, summary)| written.kept(summary));
+                rows.insert(record.id, kept.collect());
+            }
+        }
+        Self { described: RwLock::new(all), rows: Mutex::new(rows), store, changes: watch::Sender::new(0) }
     }
 
     fn example(&self, record: &ExampleRecord) -> Arc<Example> {
@@ -175,8 +201,16 @@ fn short(count: u64) -> u32 {
     u32::try_from(count).unwrap_or(u32::MAX)
 }
 
-impl Corpus for StoredCorpus {
-    fn put(&self, new: NewExample) -> Result<(Arc<Example>, Put), CorpusError> {
+/// An example in the shapes of the store.
+struct Shaped {
+    new: NewExample,
+    labels: Option<Vec<u32>>,
+    segments: Vec<SegmentSummary>,
+    derived: Vec<DerivedSegment>,
+}
+
+impl Shaped {
+    fn of(new: NewExample) -> Self {
         let summary = |packed: &Packed| SegmentSummary {
             topology: topology_in(packed.facts.topology),
             vertices: 0,
@@ -185,23 +219,45 @@ impl Corpus for StoredCorpus {
             area_share: 0.0,
             pole_override: None,
         };
-        let labels = new.cut.labels.as_deref().map(dense);
-        let segments: Vec<SegmentSummary> = new.segments.iter().map(summary).collect();
-        let derived: Vec<DerivedSegment> = new.segments.iter().map(|packed| derived_in(packed, new.counts)).collect();
-        let added = self.store.add(&quadmuse_store::NewExample {
+        Self {
+            labels: new.cut.labels.as_deref().map(dense),
+            segments: new.segments.iter().map(summary).collect(),
+            derived: new.segments.iter().map(|packed| derived_in(packed, new.counts)).collect(),
+            new,
+        }
+    }
+
+    fn for_store(&self) -> quadmuse_store::NewExample<'_> {
+        let new = &self.new;
+        quadmuse_store::NewExample {
             name: &new.name,
             tags: &new.tags,
             relevance: new.relevance as f32,
             format: &new.format,
             mesh: &new.bytes,
-            segmentation: segmentation_in(new.cut.way, labels.as_deref()),
-            segments: &segments,
+            segmentation: segmentation_in(new.cut.way, self.labels.as_deref()),
+            segments: &self.segments,
             vertices: short(new.counts.vertices),
             faces: short(new.counts.faces),
             repairs: &new.repairs,
             encoder_version: new.encoder_version,
-            derived: &derived,
-        })?;
+            derived: &self.derived,
+        }
+    }
+}
+
+impl StoredCorpus {
+    /// Adds many examples by one commit; durable when it returns.
+    ///
+    /// # Errors
+    /// As [`Corpus::put`]; none is added then.
+    pub fn put_all(&self, new: Vec<NewExample>) -> Result<Vec<(Arc<Example>, Put)>, CorpusError> {
+        let shaped: Vec<Shaped> = new.into_iter().map(Shaped::of).collect();
+        let added = self.store.add_all(&shaped.iter().map(Shaped::for_store).collect::<Vec<_>>())?;
+        Ok(shaped.iter().zip(&added).map(|(shaped, added)| self.added(&shaped.new, added)).collect())
+    }
+
+    fn added(&self, new: &NewExample, added: &Added) -> (Arc<Example>, Put) {
         let put = match added {
             Added::Created(_) => Put::Added,
             Added::Exists(_) => Put::There,
@@ -210,7 +266,15 @@ impl Corpus for StoredCorpus {
         let features = new.segments.iter().map(|packed| packed.features.len() as u32).collect();
         let known = Described { triangles: new.counts.triangles, quads: new.counts.quads, features };
         self.describe(record.id, Some(known));
-        Ok((self.example(record), put))
+        (self.example(record), put)
+    }
+}
+
+impl Corpus for StoredCorpus {
+    fn put(&self, new: NewExample) -> Result<(Arc<Example>, Put), CorpusError> {
+        let shaped = Shaped::of(new);
+        let added = self.store.add(&shaped.for_store())?;
+        Ok(self.added(&shaped.new, &added))
     }
 
     fn find(&self, bytes: &[u8], cut: &Cut) -> Option<Arc<Example>> {
@@ -284,6 +348,19 @@ impl Corpus for StoredCorpus {
         let record = self.store.get(id)?;
         self.describe(id, Some(described(&self.store, &record)));
         Ok(())
+    }
+
+    fn take_rows(&self) -> HashMap<ExampleId, Vec<KeptRow>> {
+        std::mem::take(&mut *self.rows.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn keep_rows(&self, rows: &mut dyn Iterator<Item = (ExampleId, KeptRow)>) -> Result<(), CorpusError> {
+        let described = self.described.read().unwrap_or_else(PoisonError::into_inner).clone();
+        let written = |(id, kept): (ExampleId, KeptRow)| {
+            let counts = described.get(&id).map_or((0, 0), |known| (known.triangles, known.quads));
+            (id, (kept.segment, row::write(&kept, counts)))
+        };
+        Ok(self.store.put_rows(&mut rows.map(written))?)
     }
 
     fn stale(&self, version: u32) -> Vec<(ExampleId, u32)> {

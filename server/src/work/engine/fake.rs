@@ -5,7 +5,10 @@
 //! `refine`, and `refuse CODE`. Anything else is unreadable. The mesh is a unit square, one quad a segment.
 
 use super::*;
+use quadmuse_kernel::encode::Picture;
 use quadmuse_kernel::mesh::{Polygons, Vec3};
+use quadmuse_kernel::register::image::Image;
+use quadmuse_kernel::register::spectra::Spectrum;
 use quadmuse_proto::constraint::Place;
 use quadmuse_proto::{ConstraintOrigin, Histogram, Location, MeshFormat};
 use std::time::{Duration, Instant};
@@ -46,6 +49,13 @@ fn square(quads: usize) -> PolyMesh {
     let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     let positions = corners.map(|[x, y]| Vec3::new(x, y, 0.0)).to_vec();
     PolyMesh { positions, faces, ..PolyMesh::default() }
+}
+
+/// A flat picture, so that differences of numbers are differences of means.
+fn flat(of: &Encoding) -> Result<Image, EngineError> {
+    let number = of.inner.open::<FakeEncoding>()?.number as f32;
+    let picture = Picture { side: 32, values: vec![number * number; 32 * 32] };
+    Ok(Image::new(&picture, quadmuse_kernel::register::Flip::default(), false))
 }
 
 fn refusal(word: &str) -> Refusal {
@@ -137,6 +147,16 @@ impl Engine for FakeEngine {
         Ok(Encoding { facts: packed.facts, inner })
     }
 
+    fn row(&self, example: &Encoding) -> Result<Row, EngineError> {
+        let row = Row::new(&flat(example)?, quadmuse_kernel::topology::Topology::Disc);
+        row.ok_or_else(|| EngineError::Internal("not of 32²".into()))
+    }
+
+    fn coarse_query(&self, query: &Encoding) -> Result<CoarseQuery, EngineError> {
+        let spectra = Spectrum::new(&flat(query)?).map(|spectrum| (spectrum, 1.0));
+        Ok(CoarseQuery::from_spectra(quadmuse_kernel::topology::Topology::Disc, spectra.into_iter().collect()))
+    }
+
     fn coarse(&self, example: &Encoding, query: &Encoding, stop: &Stop) -> Result<Registration, EngineError> {
         let (one, two): (&FakeEncoding, &FakeEncoding) = (example.inner.open()?, query.inner.open()?);
         sleep(two.slow, stop)?;
@@ -162,7 +182,7 @@ impl Engine for FakeEngine {
         Ok(from.clone())
     }
 
-    fn score(&self, registration: &Registration, _: &Encoding, _: &Encoding, relevance: f64) -> f64 {
+    fn score(&self, registration: &Registration, _: &SegmentFacts, _: &Encoding, relevance: f64) -> f64 {
         registration.energy * 5.0 / (relevance + 5.0)
     }
 

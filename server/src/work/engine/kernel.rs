@@ -13,6 +13,9 @@ use model::{ModelInner, format_of, refused};
 use quadmuse_kernel as kernel;
 use quadmuse_kernel::encode::Feature;
 use quadmuse_kernel::mesh::PolyMesh;
+use quadmuse_kernel::rank::coarse::CoarseQuery;
+use quadmuse_kernel::register::image::Image;
+use quadmuse_kernel::register::spectra::Row;
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
 use quadmuse_kernel::unfold::UnfoldOptions;
 use quadmuse_proto::{MeshFormat, Topology};
@@ -118,6 +121,19 @@ impl Engine for KernelEngine {
         Ok(Encoding { facts: packed.facts, inner: Opaque::new(Source::Stored(encoding)) })
     }
 
+    fn row(&self, example: &Encoding) -> Result<Row, EngineError> {
+        let encoding = example.inner.open::<Source>()?.encoding();
+        let torus = encoding.topology == kernel::topology::Topology::Torus;
+        let image =
+            encoding.pyramid.first().map(|picture| Image::new(picture, kernel::register::Flip::default(), torus));
+        let row = image.and_then(|image| Row::new(&image, encoding.topology));
+        row.ok_or_else(|| EngineError::Internal("expected the coarsest level first".into()))
+    }
+
+    fn coarse_query(&self, query: &Encoding) -> Result<CoarseQuery, EngineError> {
+        Ok(CoarseQuery::new(fresh(query)?))
+    }
+
     fn coarse(&self, example: &Encoding, query: &Encoding, stop: &Stop) -> Result<Registration, EngineError> {
         let source: &Source = example.inner.open()?;
         let stopped = || stop.reason().is_some();
@@ -159,11 +175,11 @@ impl Engine for KernelEngine {
         registered::checked(entry, stop)
     }
 
-    fn score(&self, registration: &Registration, example: &Encoding, _: &Encoding, relevance: f64) -> f64 {
+    fn score(&self, registration: &Registration, example: &SegmentFacts, _: &Encoding, relevance: f64) -> f64 {
         let best = registration.inner.open::<Registered>().map(|r| r.entry.best().clone());
         best.map_or(f64::MAX, |best| {
             let query_modulus = best.unfolded.encoding.modulus;
-            kernel::rank::score(best.cost(), example.facts.k, query_modulus, relevance)
+            kernel::rank::score(best.cost(), example.k, query_modulus, relevance)
         })
     }
 

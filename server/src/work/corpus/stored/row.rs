@@ -1,0 +1,88 @@
+//! A row as bytes: what a start needs of a segment beside the example's record.
+//!
+//! Little-endian: `version 1 u8 ‖ symmetric u8 ‖ features u32 ‖ triangles u64 ‖ quads u64 ‖ scale f32 ‖ mean f32 ‖
+//! variance f64 ‖ codes i16 …`.
+
+use super::topology_out;
+use crate::work::corpus::KeptRow;
+use crate::work::engine::SegmentFacts;
+use quadmuse_kernel::register::spectra::{Row, VALUES};
+use quadmuse_store::SegmentSummary;
+
+const VERSION: u8 = 1;
+
+/// A row that was written down.
+pub(super) struct WrittenRow {
+    pub(super) segment: u32,
+    pub(super) features: u32,
+    /// Triangles and quads of the mesh.
+    pub(super) counts: (u64, u64),
+    row: Row,
+}
+
+impl WrittenRow {
+    /// With what the example's record says of the segment.
+    pub(super) fn kept(self, summary: &SegmentSummary) -> KeptRow {
+        let facts = SegmentFacts {
+            topology: topology_out(summary.topology),
+            k: summary.modulus,
+            faces: u64::from(summary.faces),
+            features: self.features,
+        };
+        KeptRow { segment: self.segment, facts, row: self.row }
+    }
+}
+
+pub(super) fn write(kept: &KeptRow, (triangles, quads): (u64, u64)) -> Vec<u8> {
+    let row = &kept.row;
+    let mut out = vec![VERSION, u8::from(row.symmetric)];
+    out.extend_from_slice(&kept.facts.features.to_le_bytes());
+    out.extend_from_slice(&triangles.to_le_bytes());
+    out.extend_from_slice(&quads.to_le_bytes());
+    out.extend_from_slice(&row.scale.to_le_bytes());
+    out.extend_from_slice(&row.mean.to_le_bytes());
+    out.extend_from_slice(&row.variance.to_le_bytes());
+    row.codes.iter().for_each(|code| out.extend_from_slice(&code.to_le_bytes()));
+    out
+}
+
+pub(super) fn read(segment: u32, bytes: &[u8]) -> Option<WrittenRow> {
+    let (&[version, symmetric], rest) = bytes.split_first_chunk::<2>()?;
+    let (features, rest) = rest.split_first_chunk::<4>()?;
+    let (triangles, rest) = rest.split_first_chunk::<8>()?;
+    let (quads, rest) = rest.split_first_chunk::<8>()?;
+    let (scale, rest) = rest.split_first_chunk::<4>()?;
+    let (mean, rest) = rest.split_first_chunk::<4>()?;
+    let (variance, rest) = rest.split_first_chunk::<8>()?;
+    let (pairs, odd) = rest.as_chunks::<2>();
+    let codes: Box<[i16; VALUES]> =
+        pairs.iter().map(|&pair| i16::from_le_bytes(pair)).collect::<Vec<_>>().try_into().ok()?;
+    let (scale, mean, variance) =
+        (f32::from_le_bytes(*scale), f32::from_le_bytes(*mean), f64::from_le_bytes(*variance));
+    let sound = version == VERSION && odd.is_empty() && scale.is_finite() && mean.is_finite() && variance.is_finite();
+    sound.then(|| WrittenRow {
+        segment,
+        features: u32::from_le_bytes(*features),
+        counts: (u64::from_le_bytes(*triangles), u64::from_le_bytes(*quads)),
+        row: Row { codes, scale, mean, variance, symmetric: symmetric == 1 },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use quadmuse_proto::Topology;
+
+    #[test]
+    fn a_row_comes_back_bit_for_bit() {
+        let codes = Box::new(std::array::from_fn(|k| (k as i16).wrapping_mul(77)));
+        let row = Row { codes, scale: 1e-3, mean: 0.97, variance: 0.123, symmetric: true };
+        let facts = SegmentFacts { topology: Topology::Annulus, k: 0.4, faces: 12, features: 3 };
+        let kept = KeptRow { segment: 4, facts, row };
+        let bytes = write(&kept, (5, 6));
+        let back = read(4, &bytes).expect("a row");
+        assert_eq!((back.counts, back.features), ((5, 6), 3));
+        assert_eq!(back.row, kept.row);
+        assert!(read(4, &bytes[..bytes.len() - 1]).is_none());
+    }
+}

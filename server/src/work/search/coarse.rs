@@ -1,0 +1,203 @@
+//! The coarsest level: a sweep over the rows of the whole corpus, the best of them exactly, near-duplicates told.
+//!
+//! *Ours, not the paper's:* everything here but the flips and translations themselves. Only the best [`RANKED_MAX`] become
+//! candidates; of the others nothing stays but two numbers each, until the ranking is made.
+
+use super::{Level, SegmentSearch};
+use crate::pool::{Lane, PoolError, Stop};
+use crate::work::WorkError;
+use crate::work::catalogue::shelf::{Chunk, Shelf};
+use crate::work::catalogue::{LEVEL_COARSEST, Resident};
+use crate::work::engine::{Opaque, Registration};
+use crate::work::query::ms_since;
+use crate::work::ranking::{Candidate, Depth, RANKED_MAX, REGISTERED_MAX, order};
+use futures_util::{StreamExt, stream};
+use quadmuse_kernel::rank::coarse::{Bounds, CoarseQuery, Translation, could_be_kept};
+use quadmuse_kernel::register::spectra::{LANES, Row, SIDE};
+use quadmuse_proto::{EntryState, ExampleId, Flip};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Chunks a quantum of the sweep.
+const SWEEP_CHUNKS: usize = 128;
+/// Chunks between two looks at the stop flag.
+const SWEEP_STEP: usize = 16;
+/// Candidates a quantum of the exact ranking.
+const EXACT_STEP: usize = 64;
+/// Two examples that match at this cost or less, unmirrored, are near-duplicates: one choice.
+const SIMILAR_COST: f64 = 0.02;
+/// Near-duplicates' moduli differ by less than this, in their logarithms.
+const SIMILAR_MODULUS_LOG: f64 = 0.05;
+
+/// The part of the corpus that a query segment is ranked against.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Selection {
+    /// Chunks with any segment that is wanted, and which lanes of them are.
+    chunks: Vec<(Arc<Chunk>, u16)>,
+    /// Segments that are wanted.
+    pub(super) size: usize,
+}
+
+impl Selection {
+    /// The segments of a shelf whose examples have all the tags.
+    pub(super) fn new(shelf: Option<&Shelf>, tags: &[String]) -> Self {
+        let mut selection = Self::default();
+        for chunk in shelf.map_or(&[][..], Shelf::chunks) {
+            let wanted = |resident: &Option<Arc<Resident>>| resident.as_ref().is_some_and(|r| r.has_tags(tags));
+            let residents = chunk.residents().iter().enumerate();
+            let mask = residents.fold(0u16, |mask, (lane, r)| mask | (u16::from(wanted(r)) << lane));
+            if mask != 0 {
+                selection.size += mask.count_ones() as usize;
+                selection.chunks.push((Arc::clone(chunk), mask));
+            }
+        }
+        selection
+    }
+}
+
+/// One of the best, while it is being ranked.
+struct Ranked {
+    row: Row,
+    resident: Arc<Resident>,
+    translation: Translation,
+}
+
+impl SegmentSearch<'_> {
+    /// Ranks the selection by translations alone.
+    pub(super) async fn coarse(&self, selection: Selection) -> Result<Level, WorkError> {
+        let start = Instant::now();
+        let (engine, query) = (Arc::clone(&self.work.engine), Arc::clone(&self.query));
+        let prepare = move |_: &Stop| engine.coarse_query(&query).map(Arc::new);
+        let query = self.work.pool.run(&self.live.job, Lane::Coarse, prepare).await??;
+        let chunks = Arc::new(selection.chunks);
+        let bounds = self.swept(&chunks, &query).await?;
+        let select = move |_: &Stop| could_be_kept(&bounds, RANKED_MAX);
+        let places = self.work.pool.run(&self.live.job, Lane::Coarse, select).await?;
+        let mut ranked = self.exact(&chunks, places, &query).await?;
+        let group = move |stop: &Stop| {
+            ranked.sort_by(|a, b| {
+                let by_score = a.translation.score.total_cmp(&b.translation.score);
+                by_score.then_with(|| a.resident.tie_break().cmp(&b.resident.tie_break()))
+            });
+            ranked.truncate(RANKED_MAX);
+            let similar = grouped(&ranked, stop);
+            ranked.into_iter().zip(similar).map(|(ranked, similar)| candidate(ranked, similar)).collect::<Vec<_>>()
+        };
+        let mut candidates = self.work.pool.run(&self.live.job, Lane::Coarse, group).await?;
+        self.stopped()?;
+        let fresh = candidates.len();
+        order(&mut candidates, fresh);
+        Ok((candidates, fresh, ms_since(start)))
+    }
+
+    /// Bounds for every lane of every chunk.
+    async fn swept(
+        &self,
+        chunks: &Arc<Vec<(Arc<Chunk>, u16)>>,
+        query: &Arc<CoarseQuery>,
+    ) -> Result<Vec<Bounds>, WorkError> {
+        let run = |from: usize| {
+            let (chunks, query) = (Arc::clone(chunks), Arc::clone(query));
+            let to = (from + SWEEP_CHUNKS).min(chunks.len());
+            let quantum = move |stop: &Stop| -> Vec<Bounds> {
+                let steps = chunks[from..to].chunks(SWEEP_STEP).take_while(|_| stop.reason().is_none());
+                steps.flatten().flat_map(|(chunk, mask)| sweep(chunk, *mask, &query)).collect()
+            };
+            self.work.pool.run(&self.live.job, Lane::Coarse, quantum)
+        };
+        let starts = (0..chunks.len()).step_by(SWEEP_CHUNKS);
+        let mut results = stream::iter(starts.clone().map(run)).buffered(self.window());
+        let mut bounds = Vec::with_capacity(chunks.len() * LANES);
+        for from in starts {
+            match results.next().await {
+                Some(Ok(swept)) => bounds.extend(swept),
+                Some(Err(PoolError::Panicked { message })) => {
+                    tracing::error!(query = %self.live.id, %message, "a sweep panicked; its chunks are left out");
+                }
+                Some(Err(error)) => return Err(error.into()),
+                None => {}
+            }
+            bounds.resize((from + SWEEP_CHUNKS).min(chunks.len()) * LANES, Bounds::NONE);
+        }
+        self.stopped()?;
+        Ok(bounds)
+    }
+
+    /// The exact scores of those places.
+    async fn exact(
+        &self,
+        chunks: &Arc<Vec<(Arc<Chunk>, u16)>>,
+        places: Vec<usize>,
+        query: &Arc<CoarseQuery>,
+    ) -> Result<Vec<Ranked>, WorkError> {
+        let run = |places: Vec<usize>| {
+            let (chunks, query) = (Arc::clone(chunks), Arc::clone(query));
+            let quantum = move |stop: &Stop| -> Vec<Ranked> {
+                let places = places.into_iter().take_while(|_| stop.reason().is_none());
+                let one = |place: usize| {
+                    let (row, resident) = chunks.get(place / LANES)?.0.row(place % LANES)?;
+                    let translation = query.translation(&row, resident.facts.k, resident.example.relevance)?;
+                    Some(Ranked { row, resident: Arc::clone(resident), translation })
+                };
+                places.filter_map(one).collect()
+            };
+            self.work.pool.run(&self.live.job, Lane::Coarse, quantum)
+        };
+        let quanta: Vec<Vec<usize>> = places.chunks(EXACT_STEP).map(<[usize]>::to_vec).collect();
+        let mut results = stream::iter(quanta.into_iter().map(run)).buffered(self.window());
+        let mut ranked = Vec::with_capacity(places.len());
+        while let Some(quantum) = results.next().await {
+            ranked.extend(quantum?);
+        }
+        self.stopped()?;
+        Ok(ranked)
+    }
+}
+
+fn sweep(chunk: &Chunk, mask: u16, query: &CoarseQuery) -> [Bounds; LANES] {
+    let (mut facts, mut relevance) = (*chunk.facts(), [0.0; LANES]);
+    for (lane, resident) in chunk.residents().iter().enumerate() {
+        match resident {
+            Some(resident) if mask >> lane & 1 == 1 => relevance[lane] = resident.example.relevance,
+            _ => facts[lane] = None,
+        }
+    }
+    query.sweep(chunk.block(), &facts, &relevance)
+}
+
+/// For each of the best that could go on, a better one that it nearly duplicates; those above themselves are none.
+fn grouped(ranked: &[Ranked], stop: &Stop) -> Vec<Option<(ExampleId, u32)>> {
+    let mut similar = vec![None; ranked.len()];
+    let mut choices: Vec<usize> = Vec::new();
+    for k in 0..ranked.len().min(REGISTERED_MAX) {
+        if stop.reason().is_some() {
+            break;
+        }
+        let own = ranked[k].row.spectrum();
+        let is_like = |&&other: &&usize| {
+            let (a, b) = (&ranked[k], &ranked[other]);
+            let ratio = (a.resident.facts.k / b.resident.facts.k).ln().abs();
+            (ratio < SIMILAR_MODULUS_LOG || ratio.is_nan()) && b.row.unmirrored_cost(&own) <= SIMILAR_COST
+        };
+        match choices.iter().find(is_like) {
+            Some(&other) => similar[k] = Some((ranked[other].resident.example.id, ranked[other].resident.segment)),
+            None => choices.push(k),
+        }
+    }
+    similar
+}
+
+fn candidate(ranked: Ranked, similar_to: Option<(ExampleId, u32)>) -> Candidate {
+    let Ranked { resident, translation, .. } = ranked;
+    let registration = Registration {
+        level: LEVEL_COARSEST,
+        energy: translation.energy,
+        flip: Flip { u: translation.flip.u, v: translation.flip.v },
+        shift_u: translation.shift as f64 / SIDE as f64,
+        inner: Opaque::new(translation),
+    };
+    // NaN scores, which should not be, go last.
+    let score = if translation.score.is_finite() { translation.score } else { f64::MAX };
+    let (registration, state) = (Arc::new(registration), EntryState::Refining);
+    Candidate { resident, registration, score, state, depth: Depth::Translated, similar_to }
+}
