@@ -6,10 +6,26 @@
 //! *Source:* paper §4.1 and §6 (phantom edges); the paper's own cuts were made by hand (its reference \[26\]).
 //! *Ours, not the paper's:* everything that finds the cuts; see the parts.
 
+mod centrality;
+mod cut;
+mod distance;
+mod merge;
+mod necks;
+mod parts;
+mod refined;
+mod region;
 mod seams;
+mod smooth;
+mod split;
+mod tour;
+mod tree;
 
 use crate::mesh::tri::TriMesh;
-use crate::topology::{self, Patch, TopologyError};
+use crate::topology::{self, Patch, Topology, TopologyError};
+use parts::Count;
+use refined::Refined;
+use region::Region;
+use smooth::Strength;
 
 pub use seams::{Seam, SeamShape};
 
@@ -35,7 +51,116 @@ pub struct Segmented {
     pub seams: Vec<Seam>,
 }
 
+/// How to cut.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SegmentOptions {
+    /// How many parts to aim at. None: components that are primitives stay whole, others are cut into as many parts as
+    /// they have protrusions, and what is left into as few as can be.
+    pub parts: Option<usize>,
+}
+
+/// A surface with fewer triangles is refined before it is cut.
+const TRIANGLES_MIN: usize = 12_000;
+/// An edge is split if it is this many times longer than those of so many equal triangles.
+const EDGE_MAX: f64 = 1.5;
+/// How borders are smoothed; the next is tried where one leaves a part that is no primitive.
+const STRENGTHS: [Strength; 3] =
+    [Strength { rounds: 4, steps: 12 }, Strength { rounds: 2, steps: 5 }, Strength { rounds: 1, steps: 2 }];
+
+/// Cuts a surface of any topology into primitives.
+///
+/// # Errors
+/// [`TopologyError::Empty`].
+pub fn segment(surface: &TriMesh, options: SegmentOptions) -> Result<Segmented, TopologyError> {
+    if surface.triangles.is_empty() {
+        return Err(TopologyError::Empty);
+    }
+    let mut refined = Refined::of(surface);
+    let edge = (surface.total_area() / TRIANGLES_MIN as f64 * 4.0 / 3f64.sqrt()).sqrt();
+    refined.split_long_edges(EDGE_MAX * edge, 3 * surface.triangles.len() + 8 * TRIANGLES_MIN);
+    let labels = labels(&refined.mesh, options);
+    let (refined, labels) = smoothly_cut(refined, labels);
+    Ok(Segmented::assemble(surface, refined, &labels))
+}
+
+/// A label for each triangle: its part.
+fn labels(mesh: &TriMesh, options: SegmentOptions) -> Vec<u32> {
+    let components = region::connected(mesh, &vec![0; mesh.triangles.len()]);
+    let regions: Vec<Region> = components.into_iter().map(|c| Region::new(mesh, c)).collect();
+    let wanted = options.parts.map(|n| shares_of(n, &regions));
+    let mut label_of = vec![0; mesh.triangles.len()];
+    let mut first = 0;
+    for (k, region) in regions.iter().enumerate() {
+        let count = wanted.as_ref().map_or(Count::Natural, |w| Count::Wanted(w[k]));
+        let stays = matches!(count, Count::Natural | Count::Wanted(..=1)) && region.primitive().is_some();
+        let parts = if stays { vec![0; region.triangle_of.len()] } else { parts::parts(&region.mesh, count) };
+        region.triangle_of.iter().zip(&parts).for_each(|(&t, p)| label_of[t as usize] = first + p);
+        first += 1 + parts.iter().max().copied().unwrap_or(0);
+    }
+    label_of
+}
+
+/// Parts of each component when there are to be `n` in all: one each, the others one by one to the largest by area.
+fn shares_of(n: usize, regions: &[Region]) -> Vec<usize> {
+    let areas: Vec<f64> = regions.iter().map(|r| r.mesh.total_area()).collect();
+    let mut shares = vec![1; regions.len()];
+    for _ in regions.len()..n {
+        let next = (0..areas.len())
+            .max_by(|&a, &b| (areas[a] / shares[a] as f64).total_cmp(&(areas[b] / shares[b] as f64)).then(b.cmp(&a)));
+        if let Some(next) = next {
+            shares[next] += 1;
+        }
+    }
+    shares
+}
+
+/// Smooths the borders and cuts along them, as strongly as leaves every part a primitive.
+fn smoothly_cut(refined: Refined, labels: Vec<u32>) -> (Refined, Vec<u32>) {
+    if labels.iter().all(|l| *l == labels[0]) {
+        return (refined, labels);
+    }
+    for strength in STRENGTHS {
+        let shares = smooth::smooth(&refined.mesh, &labels, strength);
+        let (cut, cut_labels) = cut::cut(&refined, &shares);
+        let sets = members(&cut_labels);
+        let fits = |set: &Vec<u32>| topology::classify(&topology::submesh(&cut.mesh, set).0).is_ok();
+        if sets.iter().all(fits) {
+            return (cut, cut_labels);
+        }
+    }
+    (refined, labels)
+}
+
+/// The triangles of each label in use, in order of label.
+fn members(labels: &[u32]) -> Vec<Vec<u32>> {
+    let count = labels.iter().max().map_or(0, |l| *l as usize + 1);
+    let mut sets = vec![Vec::new(); count];
+    labels.iter().enumerate().for_each(|(t, l)| sets[*l as usize].push(t as u32));
+    sets.retain(|s| !s.is_empty());
+    sets
+}
+
 impl Segmented {
+    /// Puts the parts in order, the largest first.
+    fn assemble(surface: &TriMesh, mut refined: Refined, labels: &[u32]) -> Self {
+        refined.flag_phantoms(surface);
+        let mesh = refined.mesh;
+        let area = |s: &Vec<u32>| s.iter().map(|&t| mesh.area(t as usize)).sum::<f64>();
+        let mut sets: Vec<(f64, Vec<u32>)> = members(labels).into_iter().map(|s| (area(&s), s)).collect();
+        sets.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let mut part_of = vec![0; mesh.triangles.len()];
+        let mut parts = Vec::new();
+        for (number, (_, triangle_of)) in sets.into_iter().enumerate() {
+            triangle_of.iter().for_each(|&t| part_of[t as usize] = number as u32);
+            let (part, vertex_of) = topology::submesh(&mesh, &triangle_of);
+            let topology = topology::classify(&part).unwrap_or(Topology::Disc);
+            parts.push(Patch { topology, mesh: part, vertex_of, triangle_of });
+        }
+        let seams = seams::between(&mesh, &part_of);
+        let surface_vertices = surface.positions.len();
+        Self { mesh, surface_vertices, part_of, source_of: refined.source_of, parts, seams }
+    }
+
     /// One part, the whole surface.
     ///
     /// # Errors
