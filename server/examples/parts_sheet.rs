@@ -1,4 +1,4 @@
-//! Cuts meshes into parts, and tells and draws them: `parts_sheet OUT_DIR [--parts N] FILE…`.
+//! Cuts meshes into parts, and tells and draws them: `parts_sheet OUT_DIR [--parts N|auto] [--side PIXELS] FILE…`.
 //!
 //! One line a file: triangles, genus and loops, parts by kind, the smallest part's share of the area, seconds; and a
 //! picture of the parts from two sides in OUT_DIR. Ends with 1 if a manifold file could not be cut.
@@ -6,7 +6,7 @@
 use std::time::Instant;
 
 use quadmuse_kernel::mesh::{self, Format, Limits, PolyMesh};
-use quadmuse_kernel::segment::{SegmentOptions, Segmented, segment};
+use quadmuse_kernel::segment::{PartCount, Segmented, segment};
 use quadmuse_kernel::topology::{self, Topology};
 use quadmuse_kernel::unfold::{UnfoldOptions, unfold};
 use quadmuse_server::work::picture::{Paint, Picture, Poles, View, Wires, render, side_by_side_captioned};
@@ -15,11 +15,15 @@ fn main() -> std::io::Result<()> {
     let mut arguments: Vec<String> = std::env::args().skip(1).collect();
     let mut flag = |name: &str| {
         let at = arguments.iter().position(|a| a == name)?;
-        let value = arguments.get(at + 1).and_then(|n| n.parse().ok());
+        let value = arguments.get(at + 1).cloned();
         arguments.drain(at..(at + 2).min(arguments.len()));
         value
     };
-    let (parts, side) = (flag("--parts"), flag("--side").unwrap_or(360));
+    let parts = match flag("--parts") {
+        None => PartCount::AsNeeded,
+        Some(word) => word.parse().map_or(PartCount::Protrusions, PartCount::About),
+    };
+    let side = flag("--side").and_then(|s| s.parse().ok()).unwrap_or(360u32);
     let Some((out, files)) = arguments.split_first() else { return Ok(()) };
     std::fs::create_dir_all(out)?;
     println!(
@@ -30,7 +34,7 @@ fn main() -> std::io::Result<()> {
     for file in files {
         let name =
             std::path::Path::new(file).file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-        match row(file, &name, parts, side as u32, &mut strips) {
+        match row(file, &name, parts, side, &mut strips) {
             Ok(row) => println!("{row}"),
             Err(why) => {
                 println!("| {name} | {why} |");
@@ -45,7 +49,7 @@ fn main() -> std::io::Result<()> {
     std::process::exit(i32::from(failures > 0));
 }
 
-fn row(file: &str, name: &str, parts: Option<usize>, side: u32, strips: &mut Vec<Picture>) -> Result<String, String> {
+fn row(file: &str, name: &str, parts: PartCount, side: u32, strips: &mut Vec<Picture>) -> Result<String, String> {
     let bytes = std::fs::read(file).map_err(|e| format!("refused: {e}"))?;
     let poly = mesh::read(&bytes, Format::sniff(&bytes), &Limits::default()).map_err(|e| format!("refused: {e}"))?;
     let surface = mesh::prepare(&poly).map_err(|e| format!("refused: {e}"))?.mesh;
@@ -53,7 +57,7 @@ fn row(file: &str, name: &str, parts: Option<usize>, side: u32, strips: &mut Vec
     let found = topology::invariants(&surface);
     let genus = (2 * components as i64 - found.boundary_loops as i64 - found.euler) / 2;
     let start = Instant::now();
-    let cut = segment(&surface, SegmentOptions { parts }).map_err(|e| format!("failed: {e}"))?;
+    let cut = segment(&surface, parts).map_err(|e| format!("failed: {e}"))?;
     let seconds = start.elapsed().as_secs_f64();
     let wrong = cut.parts.iter().filter(|p| topology::classify(&p.mesh) != Ok(p.topology)).count();
     if wrong > 0 {
@@ -66,6 +70,14 @@ fn row(file: &str, name: &str, parts: Option<usize>, side: u32, strips: &mut Vec
     for part in cut.parts.iter().filter(|p| p.topology != Topology::Torus) {
         let chart = unfold(part, &UnfoldOptions::default()).map_err(|e| format!("failed: part not unfolded: {e}"))?;
         flips += chart.report.uv_flips;
+        if chart.report.uv_flips > 100 {
+            eprintln!(
+                "{name}: {} of {} triangles, {} flips",
+                part.topology,
+                part.mesh.triangles.len(),
+                chart.report.uv_flips
+            );
+        }
     }
     strips.push(draw(&cut, name, side));
     Ok(format!(

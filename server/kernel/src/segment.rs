@@ -51,12 +51,16 @@ pub struct Segmented {
     pub seams: Vec<Seam>,
 }
 
-/// How to cut.
+/// How many parts to cut a surface into.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct SegmentOptions {
-    /// How many parts to aim at. None: components that are primitives stay whole, others are cut into as many parts as
-    /// they have protrusions, and what is left into as few as can be.
-    pub parts: Option<usize>,
+pub enum PartCount {
+    /// Components that are primitives stay whole; others are cut as by [`Self::Protrusions`].
+    #[default]
+    AsNeeded,
+    /// One for each protrusion, and what is left into as few as can be.
+    Protrusions,
+    /// So many in all, if the topology allows; else the fewest that it allows.
+    About(usize),
 }
 
 /// A surface with fewer triangles is refined before it is cut.
@@ -65,35 +69,41 @@ const TRIANGLES_MIN: usize = 12_000;
 const EDGE_MAX: f64 = 1.5;
 /// How borders are smoothed; the next is tried where one leaves a part that is no primitive.
 const STRENGTHS: [Strength; 3] =
-    [Strength { rounds: 4, steps: 12 }, Strength { rounds: 2, steps: 5 }, Strength { rounds: 1, steps: 2 }];
+    [Strength { rounds: 3, steps: 8 }, Strength { rounds: 2, steps: 5 }, Strength { rounds: 1, steps: 2 }];
 
 /// Cuts a surface of any topology into primitives.
 ///
 /// # Errors
 /// [`TopologyError::Empty`].
-pub fn segment(surface: &TriMesh, options: SegmentOptions) -> Result<Segmented, TopologyError> {
+pub fn segment(surface: &TriMesh, count: PartCount) -> Result<Segmented, TopologyError> {
     if surface.triangles.is_empty() {
         return Err(TopologyError::Empty);
     }
     let mut refined = Refined::of(surface);
     let edge = (surface.total_area() / TRIANGLES_MIN as f64 * 4.0 / 3f64.sqrt()).sqrt();
     refined.split_long_edges(EDGE_MAX * edge, 3 * surface.triangles.len() + 8 * TRIANGLES_MIN);
-    let labels = labels(&refined.mesh, options);
+    let labels = labels(&refined.mesh, count);
     let (refined, labels) = smoothly_cut(refined, labels);
     Ok(Segmented::assemble(surface, refined, &labels))
 }
 
 /// A label for each triangle: its part.
-fn labels(mesh: &TriMesh, options: SegmentOptions) -> Vec<u32> {
+fn labels(mesh: &TriMesh, count: PartCount) -> Vec<u32> {
     let components = region::connected(mesh, &vec![0; mesh.triangles.len()]);
     let regions: Vec<Region> = components.into_iter().map(|c| Region::new(mesh, c)).collect();
-    let wanted = options.parts.map(|n| shares_of(n, &regions));
+    let wanted = match count {
+        PartCount::About(n) => Some(shares_of(n, &regions)),
+        PartCount::AsNeeded | PartCount::Protrusions => None,
+    };
     let mut label_of = vec![0; mesh.triangles.len()];
     let mut first = 0;
     for (k, region) in regions.iter().enumerate() {
-        let count = wanted.as_ref().map_or(Count::Natural, |w| Count::Wanted(w[k]));
-        let stays = matches!(count, Count::Natural | Count::Wanted(..=1)) && region.primitive().is_some();
-        let parts = if stays { vec![0; region.triangle_of.len()] } else { parts::parts(&region.mesh, count) };
+        let share = wanted.as_ref().map_or(Count::Natural, |w| Count::Wanted(w[k]));
+        let may_stay = count == PartCount::AsNeeded || share == Count::Wanted(1);
+        let parts = match may_stay && region.primitive().is_some() {
+            true => vec![0; region.triangle_of.len()],
+            false => parts::parts(&region.mesh, share),
+        };
         region.triangle_of.iter().zip(&parts).for_each(|(&t, p)| label_of[t as usize] = first + p);
         first += 1 + parts.iter().max().copied().unwrap_or(0);
     }

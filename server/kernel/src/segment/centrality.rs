@@ -9,9 +9,9 @@ use super::distance::{Marcher, neighbours, spread};
 use crate::mesh::tri::TriMesh;
 
 /// Terms of the sum.
-const SAMPLES: usize = 40;
+const SAMPLES: usize = 20;
 /// Rounds of averaging with the neighbours.
-const ROUNDS: usize = 6;
+const ROUNDS: usize = 8;
 
 /// f at each vertex of a connected surface.
 pub(super) fn centrality(mesh: &TriMesh) -> Vec<f64> {

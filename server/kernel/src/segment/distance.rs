@@ -38,6 +38,10 @@ impl<'a> Marcher<'a> {
             }
             self.for_each_face(v, |x, y| {
                 for (from, to) in [(x, y), (y, x)] {
+                    // What the front has passed already stays as it is.
+                    if distance[to as usize] <= distance[v as usize] {
+                        continue;
+                    }
                     let d = self.across(&distance, v, from, to);
                     if d < distance[to as usize] {
                         distance[to as usize] = d;
@@ -83,7 +87,7 @@ fn straight([a, b, c]: [Vec3; 3], d: [f64; 2]) -> Option<f64> {
     let sx = (d[0] * d[0] - d[1] * d[1] + length * length) / (2.0 * length);
     let sy = (d[0] * d[0] - sx * sx).max(0.0).sqrt();
     let crossing = if cy + sy > 0.0 { sx + (cx - sx) * sy / (cy + sy) } else { return None };
-    (0.0..=length).contains(&crossing).then(|| (cx - sx).hypot(cy + sy))
+    (0.0..=length).contains(&crossing).then(|| ((cx - sx).powi(2) + (cy + sy).powi(2)).sqrt())
 }
 
 /// `count` vertices, each the furthest from those before it; the first is the furthest from the first vertex. Beside

@@ -1,7 +1,7 @@
 //! Necks: where a protrusion is cut off.
 //!
 //! A tip stands out when it is high for its girth. It is cut off at the level set that is short for the area that it
-//! bounds, the minimum of girth / √area along its stretch of the merge tree; and once more wherever the girth has a
+//! bounds, the minimum of girth / area^0.8 along its stretch of the merge tree; and once more wherever the girth has a
 //! pronounced minimum (wrists, ankles).
 
 use super::centrality::centrality;
@@ -21,6 +21,8 @@ const AREA_MIN: f64 = 0.0012;
 const STRETCH_MIN: f64 = 0.25;
 /// Cuts keep this far from the saddle below, in √area, or a quarter of the stretch where that is less.
 const MARGIN: f64 = 0.02;
+/// Power of the area in what a neck minimises: with 1/2, a cone would be cut anywhere; with more, at its root.
+const AREA_POWER: f64 = 0.8;
 /// How much wider the surface is on both sides of a narrow place.
 const NARROW: f64 = 1.3;
 /// Rounds in which tips are dropped.
@@ -133,7 +135,7 @@ fn necks(tree: &Tree, profiles: &[Profile], scale: &Scale) -> Vec<Neck> {
     {
         let profile = &profiles[a as usize];
         let levels: Vec<usize> = levels_of(tree, scale, a).filter(|&j| is_enough(tree, profile, scale, a, j)).collect();
-        let tightness = |j: usize| profile.girth[j] / profile.area[j].min(1.0 - profile.area[j]).sqrt();
+        let tightness = |j: usize| profile.girth[j] / profile.area[j].min(1.0 - profile.area[j]).powf(AREA_POWER);
         let Some(best) = levels.iter().copied().min_by(|&i, &j| tightness(i).total_cmp(&tightness(j))) else {
             continue;
         };

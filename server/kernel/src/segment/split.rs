@@ -13,8 +13,8 @@ use crate::topology::{self, Topology, invariants};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Vertices from which loops around handles are sought.
-const BASES: usize = 10;
+/// Vertices from which loops around handles are sought, at most and at least; fewer where there are many handles.
+const BASES: [usize; 2] = [8, 2];
 /// A handle's annulus has no boundary longer than this many times its loop, or twice as far away as the loop is long.
 const WIDENING_MAX: f64 = 1.4;
 /// Widths of the annulus that are tried.
@@ -46,7 +46,7 @@ pub(super) fn decompose(surface: &TriMesh, triangles: Vec<u32>) -> Vec<Vec<u32>>
 
 fn split(region: &Region) -> Vec<Vec<u32>> {
     let found = invariants(&region.mesh);
-    let group_of = if found.genus > 0 { around_handle(&region.mesh) } else { tour::halves(&region.mesh) };
+    let group_of = if found.genus > 0 { around_handle(&region.mesh, found.genus) } else { tour::halves(&region.mesh) };
     let groups = group_of.map(|g| region.groups(&g)).unwrap_or_default();
     if groups.len() > 1 { groups } else { halve(region) }
 }
@@ -75,17 +75,18 @@ pub(super) fn halve(region: &Region) -> Vec<Vec<u32>> {
 }
 
 /// Marks the triangles of an annulus around the shortest loop found that does not separate the surface.
-fn around_handle(mesh: &TriMesh) -> Option<Vec<u32>> {
+fn around_handle(mesh: &TriMesh, genus: i64) -> Option<Vec<u32>> {
     let marcher = Marcher::new(mesh);
     let mut best: Option<(f64, Vec<u32>)> = None;
-    let mut bases: Vec<u32> = spread(&marcher, BASES).into_iter().map(|s| s.0).collect();
+    let bases_count = (BASES[0] / genus.max(1) as usize).max(BASES[1]);
+    let mut bases: Vec<u32> = spread(&marcher, bases_count).into_iter().map(|s| s.0).collect();
     let mut from = 0;
     while let Some(&base) = bases.get(from) {
         from += 1;
         let Some(found) = shortest_loop(mesh, base) else { continue };
         if best.as_ref().is_none_or(|b| found.0 < b.0 * (1.0 - 1e-9)) {
             // The loop is shortest through its base only: try again from its far side.
-            if bases.len() < 2 * BASES {
+            if bases.len() < 2 * bases_count {
                 bases.push(found.1[found.1.len() / 2]);
             }
             best = Some(found);
