@@ -20,6 +20,8 @@ mod split;
 mod tour;
 mod tree;
 
+use std::collections::BTreeMap;
+
 use crate::mesh::tri::TriMesh;
 use crate::topology::{self, Patch, Topology, TopologyError};
 use parts::Count;
@@ -189,6 +191,31 @@ impl Segmented {
         Ok(Self::uncut(surface, parts))
     }
 
+    /// The same parts with borders between polygons: each polygon goes to the part that has most of it.
+    ///
+    /// # Errors
+    /// See [`topology::by_labels`]: on a coarse mesh a part may lose its shape.
+    pub fn between_polygons(&self, surface: &TriMesh) -> Result<Self, TopologyError> {
+        let polygons = surface.polygon_of.iter().max().map_or(0, |&f| f as usize + 1);
+        let mut areas = vec![BTreeMap::new(); polygons];
+        for (t, &part) in self.part_of.iter().enumerate() {
+            if let Some(areas) = areas.get_mut(self.mesh.polygon_of[t] as usize) {
+                *areas.entry(part).or_insert(0.0) += self.mesh.area(t);
+            }
+        }
+        let most = |areas: &BTreeMap<u32, f64>| {
+            areas.iter().max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(a.0))).map_or(0, |a| *a.0)
+        };
+        let of_polygon: Vec<u32> = areas.iter().map(most).collect();
+        let mut of_triangle: Vec<u32> = surface.polygon_of.iter().map(|&f| of_polygon[f as usize]).collect();
+        merge::absorb_crumbs(surface, &mut of_triangle);
+        let mut labels = vec![0; polygons];
+        for (&f, &label) in surface.polygon_of.iter().zip(&of_triangle) {
+            labels[f as usize] = i64::from(label);
+        }
+        Self::by_labels(surface, &labels)
+    }
+
     /// Parts that are cut along edges of the surface as it is.
     fn uncut(surface: &TriMesh, parts: Vec<Patch>) -> Self {
         let mut part_of = vec![0; surface.triangles.len()];
@@ -218,6 +245,61 @@ impl Segmented {
 mod tests {
     use super::*;
     use crate::topology::tests::grid;
+
+    /// Two tori joined where each has lost a square: genus 2.
+    fn double_torus() -> TriMesh {
+        let one = grid(24, 16, true, true);
+        let n = one.positions.len() as u32;
+        let mut positions = one.positions.clone();
+        positions.extend(one.positions.iter().map(|p| crate::mesh::Vec3::new(6.4 - p.x, -p.y, p.z)));
+        // The squares that are left out have corners a, b, c, d; those of the second are the first's, turned over.
+        let [a, b, c, d] = [0, 1, 25, 24];
+        let glued = |v: u32| match v {
+            _ if v == n + a => b,
+            _ if v == n + b => a,
+            _ if v == n + c => d,
+            _ if v == n + d => c,
+            _ => v,
+        };
+        let kept = one.triangles.iter().skip(2);
+        let second = kept.clone().map(|t| t.map(|v| glued(v + n)));
+        let triangles: Vec<[u32; 3]> = kept.copied().chain(second).collect();
+        let joined = TriMesh::from_triangles(positions, triangles).expect("manifold");
+        let all: Vec<u32> = (0..joined.triangles.len() as u32).collect();
+        // Without the vertices that gluing left over.
+        topology::submesh(&joined, &all).0
+    }
+
+    #[test]
+    fn a_surface_of_genus_two_becomes_discs_and_annuli() {
+        let mesh = double_torus();
+        assert_eq!(topology::invariants(&mesh).genus, 2);
+        let cut = segment(&mesh, PartCount::AsNeeded).expect("cut");
+        assert!(cut.parts.len() >= 3);
+        for part in &cut.parts {
+            assert_eq!(topology::classify(&part.mesh), Ok(part.topology));
+        }
+        let total: f64 = cut.parts.iter().map(|p| p.mesh.total_area()).sum();
+        assert!((total - mesh.total_area()).abs() < 1e-9 * total);
+        assert_eq!(cut.mesh.positions[..mesh.positions.len()], mesh.positions);
+    }
+
+    #[test]
+    fn a_primitive_stays_whole_unless_parts_are_asked_for() {
+        let torus = grid(24, 12, true, true);
+        assert_eq!(segment(&torus, PartCount::AsNeeded).expect("whole").parts.len(), 1);
+        let four = segment(&torus, PartCount::About(4)).expect("cut");
+        assert_eq!(four.parts.len(), 4);
+        assert!(four.parts.iter().all(|p| matches!(p.topology, Topology::Disc | Topology::Annulus)));
+    }
+
+    #[test]
+    fn between_polygons_no_polygon_is_cut() {
+        let torus = grid(24, 12, true, true);
+        let cut = segment(&torus, PartCount::About(3)).and_then(|free| free.between_polygons(&torus)).expect("cut");
+        assert_eq!(cut.mesh, torus);
+        assert_eq!(cut.parts.len(), 3);
+    }
 
     #[test]
     fn labels_along_polygon_edges_refine_nothing() {

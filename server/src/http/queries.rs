@@ -27,6 +27,7 @@ use std::time::Duration;
         ("resolution" = Option<u32>, Query, description = "32, 64, 128, 256 or 512; default 128"),
         ("deadline_ms" = Option<u64>, Query, minimum = 1, maximum = 3_600_000, description = "After this time the ranking so far is the answer"),
         ("segments" = Option<quadmuse_proto::Segmentation>, Query, description = "How to cut the mesh"),
+        ("parts" = Option<String>, Query, description = "Segments that automatic segmentation aims at: a number from 1 to 64, or `auto`, one a protrusion; without it a primitive stays whole"),
         ("format" = Option<quadmuse_proto::MeshFormat>, Query, description = "The body's format; else by Content-Type, else recognised"),
         ("Idempotency-Key" = Option<String>, Header, description = "Sent again with the same key, nothing new is made"),
     ),

@@ -11,14 +11,27 @@ use crate::mesh::tri::TriMesh;
 
 /// Tips whose height over their saddle is less (in √area) are noise.
 const PERSISTENCE_MIN: f64 = 0.012;
-/// A protrusion is at least this high (in √area) …
-const HEIGHT_MIN: f64 = 0.035;
-/// … this high for its girth …
-const SLENDERNESS_MIN: f64 = 0.30;
-/// … and has this share of the area.
+/// A protrusion has at least this share of the area.
 const AREA_MIN: f64 = 0.0012;
-/// A stretch between saddles is cut this far below its upper end, in girths.
-const STRETCH_MIN: f64 = 0.25;
+
+/// What stands out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Prominence {
+    /// Least height of a protrusion, in √area.
+    height_min: f64,
+    /// Least height of a protrusion for its girth.
+    slenderness_min: f64,
+    /// How far below its upper end a stretch between saddles is cut, in girths.
+    stretch_min: f64,
+}
+
+impl Prominence {
+    /// Limbs, fingers, ears: what one chart would squeeze.
+    pub(super) const LIMBS: Self = Self { height_min: 0.035, slenderness_min: 0.30, stretch_min: 0.25 };
+    /// Stubs as well, for a number of parts that is asked for.
+    pub(super) const STUBS: Self = Self { height_min: 0.025, slenderness_min: 0.12, stretch_min: 0.15 };
+}
+
 /// Cuts keep this far from the saddle below, in √area, or a quarter of the stretch where that is less.
 const MARGIN: f64 = 0.02;
 /// Power of the area in what a neck minimises: with 1/2, a cone would be cut anywhere; with more, at its root.
@@ -50,16 +63,30 @@ pub(super) struct Necks {
 
 impl Necks {
     /// The necks of a connected surface.
-    pub(super) fn of(mesh: &TriMesh) -> Self {
+    pub(super) fn of(mesh: &TriMesh, least: Prominence) -> Self {
         let f = centrality(mesh);
         let (neighbours, scale) = (neighbours(mesh), Scale::of(&f));
         let mut dropped = vec![false; f.len()];
         for round in 0.. {
             let tree = Tree::new(&f, &neighbours, &dropped, PERSISTENCE_MIN);
             let profiles = tree.profiles(mesh, &f, &scale);
-            let weak = weak_tips(&tree, &profiles, &scale);
+            let weak = weak_tips(&tree, &profiles, &scale, least);
             if weak.is_empty() || round == ROUNDS_MAX {
-                let found = necks(&tree, &profiles, &scale);
+                for a in (0..tree.arcs.len() as u32).filter(|&a| tree.is_live(a)) {
+                    let arc = &tree.arcs[a as usize];
+                    let j = levels_of(&tree, &scale, a).start.min(LEVELS - 1);
+                    eprintln!(
+                        "arc {a}: {:.3}..{:.3} below {} above {:?} girth {:.3} area {:.4} tip {}",
+                        arc.low,
+                        arc.high,
+                        arc.below as i32,
+                        arc.above,
+                        profiles[a as usize].girth[j],
+                        profiles[a as usize].area[j],
+                        mesh.positions[arc.tip as usize]
+                    );
+                }
+                let found = necks(&tree, &profiles, &scale, least);
                 return Self { f, tree, found };
             }
             weak.into_iter().for_each(|tip| dropped[tip as usize] = true);
@@ -104,18 +131,18 @@ fn is_leaf(tree: &Tree, a: u32) -> bool {
 }
 
 /// Whether a cut at a level cuts off enough.
-fn is_enough(tree: &Tree, profile: &Profile, scale: &Scale, a: u32, j: usize) -> bool {
+fn is_enough(tree: &Tree, profile: &Profile, scale: &Scale, least: Prominence, a: u32, j: usize) -> bool {
     let height = tree.arcs[a as usize].high - scale.level(j);
     let (girth, area) = (profile.girth[j], profile.area[j]);
-    let slender = if is_leaf(tree, a) { SLENDERNESS_MIN } else { STRETCH_MIN };
-    girth > 0.0 && height >= HEIGHT_MIN && height >= slender * girth && area >= AREA_MIN && area <= 1.0 - AREA_MIN
+    let slender = if is_leaf(tree, a) { least.slenderness_min } else { least.stretch_min };
+    girth > 0.0 && height >= least.height_min && height >= slender * girth && area >= AREA_MIN && area <= 1.0 - AREA_MIN
 }
 
 /// Tips that do not stand out; of those that meet at a saddle only the lowest.
-fn weak_tips(tree: &Tree, profiles: &[Profile], scale: &Scale) -> Vec<u32> {
+fn weak_tips(tree: &Tree, profiles: &[Profile], scale: &Scale, least: Prominence) -> Vec<u32> {
     let is_weak = |a: &u32| {
         let mut levels = levels_of(tree, scale, *a);
-        is_leaf(tree, *a) && !levels.any(|j| is_enough(tree, &profiles[*a as usize], scale, *a, j))
+        is_leaf(tree, *a) && !levels.any(|j| is_enough(tree, &profiles[*a as usize], scale, least, *a, j))
     };
     let mut weak = Vec::new();
     for below in (0..tree.arcs.len() as u32).filter(|&a| tree.is_live(a)) {
@@ -128,13 +155,14 @@ fn weak_tips(tree: &Tree, profiles: &[Profile], scale: &Scale) -> Vec<u32> {
     weak
 }
 
-fn necks(tree: &Tree, profiles: &[Profile], scale: &Scale) -> Vec<Neck> {
+fn necks(tree: &Tree, profiles: &[Profile], scale: &Scale, least: Prominence) -> Vec<Neck> {
     let mut found = Vec::new();
     for a in
         (0..tree.arcs.len() as u32).filter(|&a| tree.is_live(a) && tree.arcs[a as usize].below != crate::mesh::NONE)
     {
         let profile = &profiles[a as usize];
-        let levels: Vec<usize> = levels_of(tree, scale, a).filter(|&j| is_enough(tree, profile, scale, a, j)).collect();
+        let levels: Vec<usize> =
+            levels_of(tree, scale, a).filter(|&j| is_enough(tree, profile, scale, least, a, j)).collect();
         let tightness = |j: usize| profile.girth[j] / profile.area[j].min(1.0 - profile.area[j]).powf(AREA_POWER);
         let Some(best) = levels.iter().copied().min_by(|&i, &j| tightness(i).total_cmp(&tightness(j))) else {
             continue;

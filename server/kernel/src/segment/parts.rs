@@ -1,7 +1,7 @@
 //! The parts of one connected surface, as labels on its triangles.
 
 use super::merge::{absorb_crumbs, merge};
-use super::necks::Necks;
+use super::necks::{Necks, Prominence};
 use super::region::{Region, numbers};
 use super::split::{decompose, halve};
 use crate::mesh::tri::TriMesh;
@@ -22,10 +22,12 @@ pub(super) enum Count {
 
 /// The part of each triangle of a connected surface.
 pub(super) fn parts(mesh: &TriMesh, count: Count) -> Vec<u32> {
-    let necks = Necks::of(mesh);
     let sets = match count {
-        Count::Natural => cut_at(mesh, &necks, necks.found.len().min(NECKS_MAX), usize::MAX),
-        Count::Wanted(n) => wanted(mesh, &necks, n.max(1)),
+        Count::Natural => {
+            let necks = Necks::of(mesh, Prominence::LIMBS);
+            cut_at(mesh, &necks, necks.found.len().min(NECKS_MAX), usize::MAX)
+        }
+        Count::Wanted(n) => wanted(mesh, &Necks::of(mesh, Prominence::STUBS), n.max(1)),
     };
     numbers(&sets, mesh.triangles.len())
 }

@@ -252,7 +252,7 @@ impl Corpus for StoredCorpus {
             quadmuse_store::Segmentation::Groups => Segmentation::Groups,
             quadmuse_store::Segmentation::Auto | quadmuse_store::Segmentation::Labels { .. } => Segmentation::Auto,
         };
-        Ok(Cut { way, labels })
+        Ok(Cut { way, labels, ..Cut::default() })
     }
 
     fn encoding(&self, id: ExampleId, segment: u32, level: u32) -> Result<Packed, CorpusError> {
@@ -340,7 +340,7 @@ mod tests {
             relevance: 3.3,
             bytes: Bytes::from_static(bytes),
             format: "obj".into(),
-            cut: Cut { way: Segmentation::Auto, labels },
+            cut: Cut { labels, ..Cut::default() },
             counts: MeshCounts { vertices: 14, faces: 12, triangles: 2, quads: 10 },
             repairs: vec!["two vertices merged".into()],
             segments: vec![packed(1.0)],
@@ -376,7 +376,7 @@ mod tests {
         let (second, put) = corpus.put(new_example(b"mesh", None)).expect("there");
         assert_eq!((second.id, put), (first.id, Put::There));
         assert_eq!(corpus.find(b"mesh", &Cut::default()).map(|e| e.id), Some(first.id));
-        assert_eq!(corpus.find(b"mesh", &Cut { way: Segmentation::Whole, labels: None }), None);
+        assert_eq!(corpus.find(b"mesh", &Cut { way: Segmentation::Whole, ..Cut::default() }), None);
     }
 
     #[test]
