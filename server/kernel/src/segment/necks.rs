@@ -72,20 +72,6 @@ impl Necks {
             let profiles = tree.profiles(mesh, &f, &scale);
             let weak = weak_tips(&tree, &profiles, &scale, least);
             if weak.is_empty() || round == ROUNDS_MAX {
-                for a in (0..tree.arcs.len() as u32).filter(|&a| tree.is_live(a)) {
-                    let arc = &tree.arcs[a as usize];
-                    let j = levels_of(&tree, &scale, a).start.min(LEVELS - 1);
-                    eprintln!(
-                        "arc {a}: {:.3}..{:.3} below {} above {:?} girth {:.3} area {:.4} tip {}",
-                        arc.low,
-                        arc.high,
-                        arc.below as i32,
-                        arc.above,
-                        profiles[a as usize].girth[j],
-                        profiles[a as usize].area[j],
-                        mesh.positions[arc.tip as usize]
-                    );
-                }
                 let found = necks(&tree, &profiles, &scale, least);
                 return Self { f, tree, found };
             }
@@ -102,14 +88,15 @@ impl Necks {
         }
         on_arc.iter_mut().for_each(|cuts| cuts.sort_by(|a, b| b.0.total_cmp(&a.0)));
         let innermost = |v: usize| {
-            let mut a = self.tree.arc_of[v];
+            let (mut a, mut level) = (self.tree.arc_of[v], self.f[v]);
             loop {
-                if let Some(cut) = on_arc[a as usize].iter().find(|cut| cut.0 <= self.f[v]) {
+                if let Some(cut) = on_arc[a as usize].iter().find(|cut| cut.0 <= level) {
                     return cut.1;
                 }
-                match self.tree.arcs[a as usize].below {
+                let arc = &self.tree.arcs[a as usize];
+                match arc.below {
                     crate::mesh::NONE => return 0,
-                    below => a = below,
+                    below => (a, level) = (below, level.min(arc.low)),
                 }
             }
         };

@@ -1,7 +1,8 @@
 //! The merge tree of a function: how the parts of the surface above a level join as the level sinks.
 //!
 //! A part is born at a maximum (a tip) and two become one at a saddle. An arc of the tree is a family of level sets that
-//! grow into each other: a stretch of a limb. Tips that do not stand out are absorbed by their elders.
+//! grow into each other: a stretch of a limb. What does not stand out is a
+//! twig: it flows into its elder somewhere along it, and ends no arc.
 //! *Source:* Carr, Snoeyink and Axen (2003), the join tree; Edelsbrunner, Letscher and Zomorodian (2002), persistence.
 
 use super::centrality::vertex_areas;
@@ -30,11 +31,11 @@ pub(super) struct Arc {
 pub(super) struct Tree {
     pub(super) arcs: Vec<Arc>,
     pub(super) arc_of: Vec<u32>,
-    /// Whether each arc stands, rather than being absorbed by another.
+    /// Whether each arc stands out, rather than flowing into an elder somewhere along it.
     live: Vec<bool>,
 }
 
-/// What is measured of an arc at each of [`LEVELS`] levels.
+/// What is measured of an arc at each of [`LEVELS`] levels; empty for a twig.
 #[derive(Clone, Debug)]
 pub(super) struct Profile {
     /// Length of the level set; 0 beyond the arc.
@@ -51,8 +52,8 @@ struct Sweep<'a> {
     leader: Vec<u32>,
     arc: Vec<u32>,
     arcs: Vec<Arc>,
-    /// The arc that absorbed an arc, or itself.
-    absorbed_by: Vec<u32>,
+    /// Arcs that do not stand out: they flow into an elder somewhere along it.
+    twig: Vec<bool>,
 }
 
 impl Tree {
@@ -63,7 +64,7 @@ impl Tree {
         order.sort_by(|&a, &b| f[b as usize].total_cmp(&f[a as usize]).then(a.cmp(&b)));
         let n = f.len();
         let (leader, arc) = (vec![NONE; n], vec![NONE; n]);
-        let mut sweep = Sweep { f, dropped, persistence_min, leader, arc, arcs: Vec::new(), absorbed_by: Vec::new() };
+        let mut sweep = Sweep { f, dropped, persistence_min, leader, arc, arcs: Vec::new(), twig: Vec::new() };
         for &v in &order {
             let mut met: Vec<u32> = Vec::new();
             for &w in &neighbours[v as usize] {
@@ -76,18 +77,9 @@ impl Tree {
             }
             sweep.add(v, &met);
         }
-        let arc_of = (0..n).map(|v| sweep.resolve(sweep.arc[v])).collect();
-        for a in 0..sweep.arcs.len() {
-            sweep.arcs[a].below = match sweep.arcs[a].below {
-                NONE => NONE,
-                below => sweep.resolve(below),
-            };
-        }
-        let live: Vec<bool> = sweep.absorbed_by.iter().enumerate().map(|(a, &by)| a == by as usize).collect();
+        let arc_of = sweep.arc;
+        let live: Vec<bool> = sweep.twig.iter().map(|twig| !twig).collect();
         let mut arcs = sweep.arcs;
-        for a in 0..arcs.len() {
-            arcs[a].above.clear();
-        }
         for a in 0..arcs.len() as u32 {
             let below = arcs[a as usize].below;
             if below != NONE && live[a as usize] {
@@ -97,7 +89,7 @@ impl Tree {
         Self { arcs, arc_of, live }
     }
 
-    /// Whether an arc was absorbed by none.
+    /// Whether an arc stands out.
     pub(super) fn is_live(&self, a: u32) -> bool {
         self.live[a as usize]
     }
@@ -114,8 +106,9 @@ impl Tree {
     pub(super) fn profiles(&self, mesh: &TriMesh, f: &[f64], scale: &Scale) -> Vec<Profile> {
         let total = mesh.total_area();
         let unit = total.sqrt().max(1e-300);
-        let zero = Profile { girth: vec![0.0; LEVELS], area: vec![0.0; LEVELS] };
-        let mut profiles = vec![zero; self.arcs.len()];
+        let levels = |live: &bool| if *live { vec![0.0; LEVELS] } else { Vec::new() };
+        let mut profiles: Vec<Profile> =
+            self.live.iter().map(|live| Profile { girth: levels(live), area: levels(live) }).collect();
         for corners in &mesh.triangles {
             self.measure(mesh, f, scale, *corners, unit, &mut profiles);
         }
@@ -123,7 +116,9 @@ impl Tree {
             let mut a = self.arc_of[v];
             for j in (0..=scale.below(f[v])).rev() {
                 a = self.at_level(a, scale.level(j));
-                profiles[a as usize].area[j] += mass / total;
+                if let Some(area) = profiles[a as usize].area.get_mut(j) {
+                    *area += mass / total;
+                }
             }
         }
         for profile in &mut profiles {
@@ -151,7 +146,9 @@ impl Tree {
                 false => q + (r - q) * along(middle, low).clamp(0.0, 1.0),
             };
             a = self.at_level(a, level);
-            into[a as usize].girth[j] += (on_long - other).norm() / unit;
+            if let Some(girth) = into[a as usize].girth.get_mut(j) {
+                *girth += (on_long - other).norm() / unit;
+            }
         }
     }
 }
@@ -206,24 +203,17 @@ impl Sweep<'_> {
         root
     }
 
-    fn resolve(&self, mut arc: u32) -> u32 {
-        while self.absorbed_by[arc as usize] != arc {
-            arc = self.absorbed_by[arc as usize];
-        }
-        arc
-    }
-
     fn new_arc(&mut self, high: f64, tip: u32) -> u32 {
         let arc = self.arcs.len() as u32;
         self.arcs.push(Arc { high, low: f64::NEG_INFINITY, tip, below: NONE, above: Vec::new() });
-        self.absorbed_by.push(arc);
+        self.twig.push(false);
         arc
     }
 
     /// Adds the next vertex, at which the components with the given roots meet. `arc` of a root is its current arc.
     fn add(&mut self, v: u32, met: &[u32]) {
         let level = self.f[v as usize];
-        let arcs_met: Vec<u32> = met.iter().map(|&r| self.resolve(self.arc[r as usize])).collect();
+        let arcs_met: Vec<u32> = met.iter().map(|&r| self.arc[r as usize]).collect();
         let tip_of = |s: &Self, a: u32| s.arcs[a as usize].tip;
         let elder = arcs_met.iter().copied().min_by(|&a, &b| {
             let (x, y) = (tip_of(self, a), tip_of(self, b));
@@ -252,7 +242,8 @@ impl Sweep<'_> {
             }
         };
         for &a in arcs_met.iter().filter(|&&a| a != elder && !grown.contains(&a)) {
-            self.absorbed_by[a as usize] = current;
+            (self.arcs[a as usize].low, self.arcs[a as usize].below) = (level, current);
+            self.twig[a as usize] = true;
         }
         // The root keeps its own vertex's arc, so a fresh root is made of the new vertex.
         self.leader[v as usize] = v;
