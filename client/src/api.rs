@@ -9,7 +9,7 @@ mod queries;
 pub use examples::{Added, ExampleFilter, ExampleUpload, Gain};
 pub use queries::{MeshSource, RankingView};
 
-use crate::{error::ClientError, file, spec::SegmentsSpec};
+use crate::{args::SegmentsArg, error::ClientError, file, spec::SegmentsSpec};
 use quadmuse_proto::{Code, MeshFormat, Problem, id::RequestId};
 use reqwest::{Method, RequestBuilder, Response, StatusCode, Url, header};
 use serde::de::DeserializeOwned;
@@ -151,13 +151,17 @@ impl Api {
         &self,
         request: RequestBuilder,
         mesh: &Path,
-        how: Option<&SegmentsSpec>,
+        how: &SegmentsArg,
     ) -> Result<RequestBuilder, ClientError> {
         let bytes = file::read(mesh)?;
         let media_type = MeshFormat::from_file_name(&mesh.to_string_lossy())
             .map_or("application/octet-stream", MeshFormat::media_type);
         let request = request.timeout(WORK_TIMEOUT);
-        Ok(match how {
+        let request = match how.parts {
+            None => request,
+            Some(parts) => request.query(&[("parts", parts.to_string())]),
+        };
+        Ok(match &how.segments {
             None => request.header(header::CONTENT_TYPE, media_type).body(bytes),
             Some(SegmentsSpec::Rule(rule)) => {
                 request.query(&[("segments", rule.as_str())]).header(header::CONTENT_TYPE, media_type).body(bytes)

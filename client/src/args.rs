@@ -5,7 +5,9 @@ use crate::{
     spec::{ConstraintSpec, ExampleRef, SegmentsSpec, TagEdit, UsePart},
 };
 use clap::{Args, Parser, Subcommand};
-use quadmuse_proto::{ExampleId, MapId, QueryId, Topology, composition, example::RELEVANCE_RANGE, query};
+use quadmuse_proto::{
+    ExampleId, MapId, QueryId, Topology, composition, example::RELEVANCE_RANGE, query, segment::Parts,
+};
 use std::{ffi::OsString, path::PathBuf};
 
 /// The address when none is given.
@@ -147,6 +149,10 @@ pub struct SegmentsArg {
     /// `auto`, `whole`, `groups`, or a file with one integer a face, one a line
     #[arg(long = "segments", value_name = "auto|whole|groups|FILE")]
     pub segments: Option<SegmentsSpec>,
+    /// Segments that the server aims at when it cuts: a number from 1 to 64, or `auto`, one a protrusion [default: as
+    /// few as can be]
+    #[arg(long, value_name = "N|auto")]
+    pub parts: Option<Parts>,
 }
 
 /// `list`.
@@ -323,6 +329,8 @@ mod tests {
     fn every_verb_of_the_interface_is_there() {
         for line in [
             "quadmuse add a.obj b.ply --tag head --tag hero --relevance 4 --segments whole",
+            "quadmuse add a.obj --parts 8",
+            "quadmuse retopo a.obj -o b.obj --parts auto",
             "quadmuse list --tag head --topology disc",
             "quadmuse show ID",
             "quadmuse remove ID ID",

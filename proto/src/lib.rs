@@ -32,5 +32,5 @@ pub use paging::Page;
 pub use problem::{Code, Problem};
 pub use query::{LevelTiming, Progress, Query, QuerySegment, QueryState, QueryTimings};
 pub use ranking::{Entry, EntryState, Flip, Ranking};
-pub use segment::{Components, Segmentation, Topology};
+pub use segment::{Components, Parts, Segmentation, Topology};
 pub use stream::{Begin, End, EndState, Event, StreamError};

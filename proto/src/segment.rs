@@ -83,6 +83,41 @@ impl Components {
     }
 }
 
+/// The most segments that `parts=` can ask for.
+pub const PARTS_MAX: u32 = 64;
+
+/// How many segments automatic segmentation aims at (`parts=`). Without it a mesh that is a primitive stays whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Parts {
+    /// One for each protrusion, and what is left into as few as can be (`auto`).
+    Auto,
+    /// So many, if the topology allows.
+    Count(u32),
+}
+
+impl FromStr for Parts {
+    type Err = UnknownWord;
+
+    fn from_str(text: &str) -> Result<Self, UnknownWord> {
+        if text == "auto" {
+            return Ok(Self::Auto);
+        }
+        let count = text.parse().ok().filter(|n| (1..=PARTS_MAX).contains(n));
+        count
+            .map(Self::Count)
+            .ok_or_else(|| UnknownWord { expected: "auto, or a number from 1 to 64", found: text.into() })
+    }
+}
+
+impl fmt::Display for Parts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.pad("auto"),
+            Self::Count(n) => n.fmt(f),
+        }
+    }
+}
+
 /// A word that is none of those expected.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected one of {expected}, found `{found}`")]
@@ -153,6 +188,16 @@ mod tests {
         for way in [Segmentation::Auto, Segmentation::Whole, Segmentation::Groups] {
             assert_eq!(serde_json::to_value(way).expect("a word"), way.as_str());
             assert_eq!(way.as_str().parse::<Segmentation>(), Ok(way));
+        }
+    }
+
+    #[test]
+    fn a_number_of_parts_is_auto_or_within_its_limits() {
+        for parts in [Parts::Auto, Parts::Count(1), Parts::Count(PARTS_MAX)] {
+            assert_eq!(parts.to_string().parse::<Parts>(), Ok(parts));
+        }
+        for text in ["0", "65", "-1", "many", ""] {
+            assert!(text.parse::<Parts>().is_err(), "{text}");
         }
     }
 

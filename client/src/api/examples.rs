@@ -1,7 +1,7 @@
 //! Calls on `/v1/examples`.
 
 use super::Api;
-use crate::{error::ClientError, file, spec::SegmentsSpec};
+use crate::{args::SegmentsArg, error::ClientError, file};
 use quadmuse_proto::{Example, ExampleId, ExamplePatch, Page, Topology, paging::LIMIT_MAX};
 use reqwest::{Method, StatusCode};
 use std::path::Path;
@@ -14,7 +14,7 @@ pub struct ExampleUpload {
     /// Its relevance, 0–5.
     pub relevance: Option<f64>,
     /// How it is cut into segments.
-    pub segments: Option<SegmentsSpec>,
+    pub segments: SegmentsArg,
 }
 
 /// An example after its upload.
@@ -54,7 +54,7 @@ impl Api {
         query.extend(upload.tags.iter().map(|tag| ("tag", tag.clone())));
         query.extend(upload.relevance.map(|relevance| ("relevance", relevance.to_string())));
         let request = self.request(Method::POST, &["examples"]).query(&query);
-        let request = self.with_mesh(request, mesh, upload.segments.as_ref())?;
+        let request = self.with_mesh(request, mesh, &upload.segments)?;
         let response = self.send(request).await?;
         let how = if response.status() == StatusCode::CREATED { Gain::New } else { Gain::AlreadyThere };
         let example = self.decode(response, "the example that was added").await?;

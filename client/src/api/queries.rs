@@ -42,7 +42,7 @@ impl Api {
         query.extend(args.resolution.map(|resolution| ("resolution", resolution.to_string())));
         query.extend(args.deadline.map(|seconds| ("deadline_ms", format!("{:.0}", (seconds * 1000.0).ceil()))));
         let request = self.request(Method::POST, &["queries"]).query(&query);
-        let request = self.with_mesh(request, &args.file, args.segments.segments.as_ref())?;
+        let request = self.with_mesh(request, &args.file, &args.segments)?;
         self.json(request, "the query that was started").await
     }
 

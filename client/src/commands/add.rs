@@ -35,8 +35,7 @@ enum FileAnswer<'a> {
 }
 
 pub(super) async fn add(args: &AddArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
-    let upload =
-        ExampleUpload { tags: args.tags.clone(), relevance: args.relevance, segments: args.segments.segments.clone() };
+    let upload = ExampleUpload { tags: args.tags.clone(), relevance: args.relevance, segments: args.segments.clone() };
     let bar = ui.bar(args.files.len() as u64, "adding");
     let uploads = args.files.iter().map(|file| {
         let (upload, bar) = (&upload, &bar);

@@ -5,6 +5,7 @@
 pub mod assemble;
 pub mod atlas;
 pub mod edit;
+pub mod rejoin;
 pub mod untangle;
 
 use crate::encode::index::{Location, PlanarIndex};

@@ -26,6 +26,7 @@ use std::sync::Arc;
         ("relevance" = Option<f64>, Query, minimum = 0, maximum = 5, description = "How good it is; default 3"),
         ("segments" = Option<quadmuse_proto::Segmentation>, Query, description = "How to cut the mesh"),
         ("components" = Option<quadmuse_proto::Components>, Query, description = "What becomes of small components beside the largest"),
+        ("parts" = Option<String>, Query, description = "Segments that automatic segmentation aims at: a number from 1 to 64, or `auto`, one a protrusion; without it a primitive stays whole"),
         ("format" = Option<quadmuse_proto::MeshFormat>, Query, description = "The body's format; else by Content-Type, else recognised"),
         ("Idempotency-Key" = Option<String>, Header, description = "Sent again with the same key, nothing new is made"),
     ),

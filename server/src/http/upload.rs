@@ -10,7 +10,7 @@ use axum::body::Body;
 use axum::extract::{FromRequest, FromRequestParts, Multipart, Request};
 use axum::http::header;
 use bytes::Bytes;
-use quadmuse_proto::{Components, MeshFormat, Segmentation};
+use quadmuse_proto::{Components, MeshFormat, Segmentation, segment};
 
 /// Names of the parts that are read.
 const PARTS: &str = "`mesh` and (optional) `segments`";
@@ -47,6 +47,7 @@ impl FromRequest<App> for MeshUpload {
         };
         let way = params.get::<Segmentation>("segments", "auto, whole or groups")?.unwrap_or_default();
         let components = params.get::<Components>("components", "largest or refuse")?.unwrap_or_default();
+        let count = params.get::<segment::Parts>("parts", "auto, or a number from 1 to 64")?;
         let query = head.uri.query().unwrap_or_default().to_owned();
         let media_type = head.headers.get(header::CONTENT_TYPE).map(|value| value.to_str().unwrap_or("not a text"));
         let parts = if media_type.is_some_and(|kind| essence(kind).eq_ignore_ascii_case("multipart/form-data")) {
@@ -67,8 +68,17 @@ impl FromRequest<App> for MeshUpload {
         for label in parts.labels.iter().flatten() {
             hasher.update(&label.to_le_bytes());
         }
-        let upload =
-            Upload { bytes, format: asked.or(parts.format), cut: Cut { way, labels: parts.labels, components } };
+        if let Some(count) = count
+            && (way != Segmentation::Auto || parts.labels.is_some())
+        {
+            return Err(HttpError::parameter(
+                "parts",
+                "only where the service cuts (`segments=auto`, no labels)",
+                count,
+            ));
+        }
+        let cut = Cut { way, labels: parts.labels, parts: count, components, ..Cut::default() };
+        let upload = Upload { bytes, format: asked.or(parts.format), cut };
         Ok(Self { upload, fingerprint: hasher.finalize() })
     }
 }

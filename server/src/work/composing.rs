@@ -1,7 +1,7 @@
 //! Compositions: the maps chosen for a query's segments, stitched into one mesh of quads.
 
-use super::engine::Stitched;
-use super::mapping::get;
+use super::engine::{Model, Stitched};
+use super::mapping::{LiveMap, get};
 use super::query::{LiveQuery, ms_since};
 use super::{REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::Lane;
@@ -38,7 +38,16 @@ pub async fn create(
     }
     let job = work.pool.admit(live.caller.user, 0, Some(REQUEST_TIME_MAX))?;
     let (engine, model, smoothing) = (Arc::clone(&work.engine), Arc::clone(&live.model), wanted.smoothing);
-    let stitch = move |stop: &_| engine.compose(&model, &meshes, smoothing, stop);
+    let one = one_example(live, &wanted)?;
+    let stitch = move |stop: &_| {
+        // One example on all segments needs no stitching: it comes back whole.
+        if let Some((example, parts)) = &one
+            && let Some(whole) = engine.rejoin(&model, example, parts, stop)?
+        {
+            return Ok(whole);
+        }
+        engine.compose(&model, &meshes, smoothing, stop)
+    };
     let Stitched { mesh, extraordinary_vertices } = work.pool.run(&job, Lane::Edit, stitch).await??;
     let counts = super::ingest::counts_of(&mesh);
     let summary = Composition {
@@ -63,6 +72,23 @@ pub async fn create(
 /// [`WorkError::NoSuchComposition`].
 pub fn find(live: &LiveQuery, id: CompositionId) -> Result<Arc<LiveComposition>, WorkError> {
     live.compositions().get(&id).cloned().ok_or(WorkError::NoSuchComposition(id))
+}
+
+/// The example from which all segments of the query take their maps, if it is one, with the query's segment, the
+/// example's and the mapped mesh of each part.
+fn one_example(
+    live: &LiveQuery,
+    wanted: &NewComposition,
+) -> Result<Option<(Arc<Model>, Vec<(u32, u32, Arc<PolyMesh>)>)>, WorkError> {
+    let maps = wanted.parts.iter().map(|part| get(live, part.map)).collect::<Result<Vec<_>, _>>()?;
+    let Some(first) = maps.first().filter(|_| maps.len() > 1 && maps.len() == live.model.segments.len()) else {
+        return Ok(None);
+    };
+    if maps.iter().any(|map| map.example_id() != first.example_id()) {
+        return Ok(None);
+    }
+    let part = |map: &Arc<LiveMap>| (map.segment, map.example().segment, Arc::clone(&map.newest().mapped.mesh));
+    Ok(Some((Arc::clone(&first.example().model), maps.iter().map(part).collect())))
 }
 
 /// The mapped meshes of the parts: each segment at most once, each with a map of its own.

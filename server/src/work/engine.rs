@@ -8,7 +8,7 @@ use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::spectra::Row;
 use quadmuse_proto::{
-    Components, Constraint, ConstraintEdit, Distortion, Flip, MeshFormat, Segmentation, Topology, Verdict,
+    Components, Constraint, ConstraintEdit, Distortion, Flip, MeshFormat, Parts, Segmentation, Topology, Verdict,
 };
 use std::any::Any;
 use std::fmt;
@@ -109,6 +109,20 @@ pub struct Cut {
     pub labels: Option<Vec<i64>>,
     /// Whether crumbs beside the largest component may be left out.
     pub components: Components,
+    /// How many segments automatic segmentation aims at; `None` leaves a primitive whole.
+    pub parts: Option<Parts>,
+    /// Where automatic cuts may run.
+    pub grain: Grain,
+}
+
+/// Where automatic cuts may run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Grain {
+    /// Anywhere: an input, whose faces are not wanted back.
+    #[default]
+    Free,
+    /// Between faces: an example, each of whose faces belongs to one segment.
+    Faces,
 }
 
 /// A mesh that was read, checked and cut.
@@ -122,6 +136,8 @@ pub struct Model {
     pub repairs: Vec<String>,
     /// Its segments, numbered from 0.
     pub segments: Vec<ModelSegment>,
+    /// The segment of each face, where [`Cut::parts`] and [`Grain::Faces`] asked for an automatic cut.
+    pub labels: Option<Vec<i64>>,
     /// What the engine needs to go on.
     pub inner: Opaque,
 }
@@ -344,6 +360,23 @@ pub trait Engine: Send + Sync + 'static {
         query: &Side,
         stop: &Stop,
     ) -> Result<Registration, EngineError>;
+
+    /// Puts one example whose segments were mapped on all of a query's segments together again, whole. `parts` holds for
+    /// each the query's segment, the example's, and the mapped mesh. `None` where the segments do not border on each
+    /// other alike, so that they have to be stitched.
+    ///
+    /// # Errors
+    /// [`EngineError`].
+    fn rejoin(
+        &self,
+        query: &Model,
+        example: &Model,
+        parts: &[(u32, u32, Arc<PolyMesh>)],
+        stop: &Stop,
+    ) -> Result<Option<Stitched>, EngineError> {
+        let _ = (query, example, parts);
+        stop.reason().map_or(Ok(None), |reason| Err(reason.into()))
+    }
 
     /// Stitches maps into one mesh of quads, smoothed and projected back onto the input.
     ///

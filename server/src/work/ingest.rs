@@ -1,7 +1,7 @@
 //! Examples: adding, annotating, removing, reading.
 
 use super::corpus::{NewExample, Put};
-use super::engine::{Cut, Encoded, EngineError, Model, Packed};
+use super::engine::{Cut, Encoded, EngineError, Grain, Model, Packed};
 use super::{Caller, REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, User};
 use bytes::Bytes;
@@ -52,13 +52,21 @@ pub async fn add(
     check_relevance(annotation.relevance)?;
     let tags = normal_tags(annotation.tags)?;
     let (bytes, cut) = (upload.bytes.clone(), upload.cut.clone());
-    if let Some(there) = work.blocking(move |work| Ok(work.corpus.find(&bytes, &cut))).await? {
+    // An example cut into a number of parts is kept with the labels that came of it: it is found once it is cut.
+    if cut.parts.is_none()
+        && let Some(there) = work.blocking(move |work| Ok(work.corpus.find(&bytes, &cut))).await?
+    {
         return Ok((there, Put::There));
     }
     let estimate = work.engine.memory_estimate(upload.bytes.len() as u64);
     let job = work.pool.admit(caller.user, estimate, Some(REQUEST_TIME_MAX))?;
     // A bad mesh is refused soon, however busy the encoders are.
+    let upload = Upload { cut: Cut { grain: Grain::Faces, ..upload.cut }, ..upload };
     let model = read(work, &job, Lane::Coarse, &upload).await?;
+    let cut = match &model.labels {
+        Some(labels) if upload.cut.parts.is_some() => Cut { labels: Some(labels.clone()), ..Cut::default() },
+        _ => Cut { parts: None, grain: Grain::Free, ..upload.cut.clone() },
+    };
     let (segments, mended): (Vec<_>, Vec<_>) = encode_all(work, &job, &model).await?.into_iter().unzip();
     let repairs = model.repairs.iter().cloned().chain(mended.into_iter().flatten()).collect();
     let new = NewExample {
@@ -67,7 +75,7 @@ pub async fn add(
         relevance: annotation.relevance,
         bytes: upload.bytes,
         format: model.format.as_str().into(),
-        cut: upload.cut,
+        cut,
         counts: counts_of(&model.mesh),
         repairs,
         segments,
@@ -186,6 +194,7 @@ pub async fn mesh(work: &Arc<Work>, caller: Caller, id: ExampleId, format: MeshF
 pub async fn model(work: &Arc<Work>, job: &Job, lane: Lane, example: &Example) -> Result<Arc<Model>, WorkError> {
     let id = example.id;
     let (bytes, cut) = work.blocking(move |work| Ok((work.corpus.bytes(id)?, work.corpus.cut(id)?))).await?;
+    let cut = Cut { grain: Grain::Faces, ..cut };
     read(work, job, lane, &Upload { bytes, format: example.format.parse().ok(), cut }).await
 }
 

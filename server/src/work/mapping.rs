@@ -41,6 +41,16 @@ impl LiveMap {
         Arc::clone(&self.newest.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
+    /// The example.
+    pub fn example_id(&self) -> ExampleId {
+        self.example_id
+    }
+
+    /// The example's side.
+    pub fn example(&self) -> &Side {
+        &self.example
+    }
+
     fn put(&self, state: MapState) -> Arc<MapState> {
         let state = Arc::new(state);
         *self.newest.lock().unwrap_or_else(PoisonError::into_inner) = Arc::clone(&state);

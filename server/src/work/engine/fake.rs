@@ -116,6 +116,7 @@ impl Engine for FakeEngine {
             format: format.unwrap_or(MeshFormat::Obj),
             repairs: Vec::new(),
             segments,
+            labels: None,
             inner: Opaque::new(script),
         })
     }

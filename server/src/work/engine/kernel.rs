@@ -3,6 +3,7 @@
 mod constrain;
 mod model;
 mod registered;
+mod rejoined;
 
 use super::{
     ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Mapped, Model, Opaque, Packed, PackedFeature, Refusal,
@@ -196,6 +197,17 @@ impl Engine for KernelEngine {
         _: &Stop,
     ) -> Result<Registration, EngineError> {
         constrain::edit(from, edit, example, query)
+    }
+
+    fn rejoin(
+        &self,
+        query: &Model,
+        example: &Model,
+        parts: &[(u32, u32, Arc<PolyMesh>)],
+        stop: &Stop,
+    ) -> Result<Option<Stitched>, EngineError> {
+        stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
+        rejoined::rejoin(query, example, parts)
     }
 
     fn compose(&self, _: &Model, parts: &[(u32, Arc<PolyMesh>)], _: u32, _: &Stop) -> Result<Stitched, EngineError> {

@@ -1,10 +1,11 @@
 //! Uploads: read, repaired, cut into primitives.
 
-use super::super::{Cut, EngineError, Model, ModelSegment, Opaque, Refusal};
+use super::super::{Cut, EngineError, Grain, Model, ModelSegment, Opaque, Refusal};
 use super::topology_out;
 use quadmuse_kernel::mesh::{self, FaceLabels, Format, Limits, MeshError, MeshErrorKind, NONE, PolyMesh, Prepared};
+use quadmuse_kernel::segment::{PartCount, Segmented, segment};
 use quadmuse_kernel::topology::{self, Patch, TopologyError};
-use quadmuse_proto::{Components, MeshFormat, Segmentation};
+use quadmuse_proto::{Components, MeshFormat, Segmentation, segment::Parts};
 use std::sync::Arc;
 
 /// What a model keeps for encoding and mapping.
@@ -12,19 +13,34 @@ use std::sync::Arc;
 pub(super) struct ModelInner {
     /// The surface, and which of its vertices each vertex of the upload became.
     pub(super) prepared: Prepared,
-    patches: Vec<Patch>,
+    /// The surface cut into its segments.
+    pub(super) segmented: Segmented,
 }
 
 impl ModelInner {
     /// A segment's surface.
     pub(super) fn patch(&self, segment: u32) -> Result<&Patch, EngineError> {
-        let count = self.patches.len();
-        self.patches.get(segment as usize).ok_or_else(|| EngineError::Internal(format!("segment {segment} of {count}")))
+        let count = self.segmented.parts.len();
+        self.segmented
+            .parts
+            .get(segment as usize)
+            .ok_or_else(|| EngineError::Internal(format!("segment {segment} of {count}")))
+    }
+
+    /// The segment of each face of the upload; 0 for faces that preparing dropped.
+    pub(super) fn part_of_faces(&self, faces: usize) -> Vec<u32> {
+        let mut part_of = vec![0; faces];
+        for (t, &part) in self.segmented.part_of.iter().enumerate() {
+            if let Some(place) = part_of.get_mut(self.segmented.mesh.polygon_of[t] as usize) {
+                *place = part;
+            }
+        }
+        part_of
     }
 
     /// Polygons of a segment.
     pub(super) fn faces(&self, segment: u32) -> u64 {
-        self.patches.get(segment as usize).map_or(0, |patch| count_polygons(&self.prepared, patch))
+        self.segmented.parts.get(segment as usize).map_or(0, |patch| count_polygons(&self.segmented, patch))
     }
 }
 
@@ -33,18 +49,29 @@ pub(super) fn read(bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, limits: 
     let wanted = format.map(format_of).or_else(|| Format::sniff(bytes));
     let mesh = mesh::read(bytes, wanted, limits).map_err(refused)?;
     let prepared = mesh::prepare(&mesh).map_err(refused)?;
-    let patches = cut_up(&mesh, &prepared, cut)?;
-    let segment = |p: &Patch| ModelSegment { topology: topology_out(p.topology), faces: count_polygons(&prepared, p) };
+    let segmented = cut_up(&mesh, &prepared, cut)?;
+    let asked = cut.parts.is_some() && cut.grain == Grain::Faces;
+    let inner = ModelInner { prepared, segmented };
+    let segment =
+        |p: &Patch| ModelSegment { topology: topology_out(p.topology), faces: count_polygons(&inner.segmented, p) };
+    let labels = asked.then(|| inner.part_of_faces(mesh.faces.len()).into_iter().map(i64::from).collect());
     Ok(Model {
         format: wanted.map_or(MeshFormat::Obj, format_back),
-        repairs: prepared.repairs.iter().map(ToString::to_string).chain(patches.iter().flat_map(mended)).collect(),
-        segments: patches.iter().map(segment).collect(),
+        repairs: inner
+            .prepared
+            .repairs
+            .iter()
+            .map(ToString::to_string)
+            .chain(inner.segmented.parts.iter().flat_map(mended))
+            .collect(),
+        segments: inner.segmented.parts.iter().map(segment).collect(),
+        labels,
         mesh: Arc::new(mesh),
-        inner: Opaque::new(ModelInner { prepared, patches }),
+        inner: Opaque::new(inner),
     })
 }
 
-fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Vec<Patch>, EngineError> {
+fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, EngineError> {
     let surface = &prepared.mesh;
     if let Some(labels) = &cut.labels {
         let expected = mesh.faces.len();
@@ -52,14 +79,14 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Vec<Patch>,
             let detail = format!("expected one label for each of {expected} faces, found {}", labels.len());
             return Err(EngineError::refused(Refusal::LabelsInvalid, detail));
         }
-        return topology::by_labels(surface, labels).map_err(cannot_cut);
+        return Segmented::by_labels(surface, labels).map_err(cannot_cut);
     }
     let policy = match cut.components {
         Components::Largest => topology::Components::Crumbs,
         Components::Refuse => topology::Components::Refuse,
     };
     match cut.way {
-        Segmentation::Whole => topology::primitive(surface, policy).map(|p| vec![p]).map_err(cannot_cut),
+        Segmentation::Whole => Segmented::primitive(surface, policy).map_err(cannot_cut),
         Segmentation::Groups => {
             let labels = group_labels(mesh).ok_or_else(|| {
                 EngineError::refused(
@@ -67,16 +94,26 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Vec<Patch>,
                     "expected groups (OBJ g or usemtl, PLY face property segment), found none",
                 )
             })?;
-            topology::by_labels(surface, &labels).map_err(cannot_cut)
+            Segmented::by_labels(surface, &labels).map_err(cannot_cut)
         }
         Segmentation::Auto => {
-            let whole = match topology::whole(surface) {
-                Ok(patch) => return Ok(vec![patch]),
-                Err(error) => error,
+            let count = match cut.parts {
+                None => PartCount::AsNeeded,
+                Some(Parts::Auto) => PartCount::Protrusions,
+                Some(Parts::Count(n)) => PartCount::About(n as usize),
             };
-            let grouped = group_labels(mesh).and_then(|labels| topology::by_labels(surface, &labels).ok());
-            let repaired = || topology::primitive(surface, policy).map(|p| vec![p]);
-            grouped.map_or_else(repaired, Ok).map_err(|_| cannot_cut(whole))
+            if count == PartCount::AsNeeded {
+                let groups = || group_labels(mesh).and_then(|labels| Segmented::by_labels(surface, &labels).ok());
+                let repaired = || Segmented::primitive(surface, policy).ok();
+                if let Some(whole) = Segmented::whole(surface).ok().or_else(groups).or_else(repaired) {
+                    return Ok(whole);
+                }
+            }
+            let free = segment(surface, count).map_err(cannot_cut)?;
+            match cut.grain {
+                Grain::Free => Ok(free),
+                Grain::Faces => free.between_polygons(surface).map_err(cannot_cut),
+            }
         }
     }
 }
@@ -111,8 +148,8 @@ fn group_labels(mesh: &PolyMesh) -> Option<Vec<i64>> {
     groups.or_else(materials).or_else(|| a.segments.clone().filter(several))
 }
 
-fn count_polygons(prepared: &Prepared, patch: &Patch) -> u64 {
-    let mut faces: Vec<u32> = patch.triangle_of.iter().map(|&t| prepared.mesh.polygon_of[t as usize]).collect();
+fn count_polygons(segmented: &Segmented, patch: &Patch) -> u64 {
+    let mut faces: Vec<u32> = patch.triangle_of.iter().map(|&t| segmented.mesh.polygon_of[t as usize]).collect();
     faces.sort_unstable();
     faces.dedup();
     faces.len() as u64

@@ -150,9 +150,9 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     let model: &ModelInner = example.model.inner.open()?;
     let patch = model.patch(example.segment)?;
     let chart = &fresh(&example.encoded.encoding)?.chart;
-    let (prepared, positions) = (&model.prepared, &laid.cross.positions);
+    let (surface, positions) = (&model.segmented.mesh, &laid.cross.positions);
     let winding = if laid.mirrored { Winding::Reversed } else { Winding::Kept };
-    let mesh = assemble(&example.model.mesh, &prepared.mesh, &prepared.vertex_of, patch, positions, winding);
+    let mesh = assemble(&example.model.mesh, surface, &model.prepared.vertex_of, patch, positions, winding);
     let distortion = distortion(&laid, example)?;
     let in_domain = match atlas {
         Some(atlas) => atlas.folded_faces(&patch.mesh),
