@@ -19,4 +19,6 @@ pub mod rank;
 
 pub mod map;
 
+pub mod compose;
+
 pub mod measure;
