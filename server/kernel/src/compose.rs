@@ -148,6 +148,39 @@ pub fn compose(input: Segmented<'_>, parts: &[PolyMesh], smoothing: u32) -> Resu
     Ok(Composed { mesh, report })
 }
 
+/// For each segment the mean length of boundary edges of the parts beside it; `None` where no neighbour has a part. What
+/// a template takes as the length of its edges.
+pub fn edges_beside(input: Segmented<'_>, parts: &[Option<&PolyMesh>]) -> Vec<Option<f64>> {
+    let found = layout(input.surface, input.owner, input.count);
+    let border = |mesh: &PolyMesh| {
+        let net = Net::from_mesh(mesh);
+        let loops = net.loops()?;
+        let p = |v: u32| net.positions[v as usize];
+        let lengths: Vec<f64> = loops
+            .iter()
+            .flat_map(|ring| (0..ring.len()).map(|k| (p(ring[(k + 1) % ring.len()]) - p(ring[k])).norm()))
+            .collect();
+        (!lengths.is_empty()).then(|| lengths.iter().sum::<f64>() / lengths.len() as f64)
+    };
+    let edge_of: Vec<Option<f64>> = parts.iter().map(|part| part.and_then(border)).collect();
+    let mean = |of: &mut dyn Iterator<Item = f64>| {
+        let (sum, n) = of.fold((0.0, 0.0), |(s, n), x| (s + x, n + 1.0));
+        (n > 0.0).then(|| sum / n)
+    };
+    let overall = mean(&mut edge_of.iter().copied().flatten());
+    (0..input.count)
+        .map(|segment| {
+            let other = |arc: &layout::Arc| match arc.sides[..] {
+                [[a, ..], [b, ..]] if a as usize == segment => Some(b),
+                [[a, ..], [b, ..]] if b as usize == segment => Some(a),
+                _ => None,
+            };
+            let known = |s: u32| edge_of.get(s as usize).copied().flatten();
+            mean(&mut found.arcs.iter().filter_map(other).filter_map(known)).or(overall)
+        })
+        .collect()
+}
+
 struct Stitching<'a> {
     layout: Layout,
     shape: Shape,

@@ -14,7 +14,7 @@ use super::{Caller, REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, PoolError, Stop, StopReason};
 use futures_util::{StreamExt, stream};
 use quadmuse_proto::query::{DEADLINE_MS_MAX, LEVELS, TOP_MAX};
-use quadmuse_proto::{EntryState, LevelTiming, QueryId, QueryState};
+use quadmuse_proto::{EntryState, LevelTiming, QueryId, QueryState, Topology};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -23,6 +23,9 @@ const COARSE_CHUNK: usize = 128;
 
 /// Quanta that a query has in the pool at a time, for each thread.
 const WINDOW_PER_THREAD: usize = 4;
+
+/// What examples may be.
+const TOPOLOGIES: [Topology; 4] = [Topology::Disc, Topology::Annulus, Topology::Sphere, Topology::Torus];
 
 /// Longest time a query without a deadline may take.
 const QUERY_TIME_MAX: Duration = Duration::from_secs(3600);
@@ -52,7 +55,9 @@ pub async fn start(
     let snapshot = work.catalogue.snapshot();
     let corpus: Vec<Vec<Arc<Resident>>> =
         model.segments.iter().map(|s| snapshot.segments_of(s.topology, &options.tags)).collect();
-    if corpus.iter().all(Vec::is_empty) {
+    // A segment for which there is no example takes a regular layout; a corpus without any is a mistake to be told.
+    let any = TOPOLOGIES.into_iter().any(|t| !snapshot.segments_of(t, &options.tags).is_empty());
+    if !any {
         let mut wanted: Vec<&str> = model.segments.iter().map(|s| s.topology.as_str()).collect();
         wanted.sort_unstable();
         wanted.dedup();

@@ -146,6 +146,7 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     let chart = &fresh(&example.encoded.encoding)?.chart;
     let (prepared, positions) = (&model.prepared, &laid.cross.positions);
     let winding = if laid.mirrored { Winding::Reversed } else { Winding::Kept };
+    let part = quadmuse_kernel::compose::part::polygons(&patch.mesh, positions, winding);
     let mesh = assemble(&example.model.mesh, &prepared.mesh, &prepared.vertex_of, patch, positions, winding);
     let distortion = distortion(&laid, example)?;
     let in_domain = match atlas {
@@ -164,6 +165,7 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     let flip = if atlas.is_some() { Flip { u: laid.mirrored, v: false } } else { from.flip };
     Ok(Mapped {
         mesh: Arc::new(mesh),
+        part: Arc::new(part),
         constraints: laid.constraints,
         registration: Registration { flip, ..describe(laid.registered) },
         folds: folds as u64,
