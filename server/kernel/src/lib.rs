@@ -9,6 +9,8 @@ pub mod mesh;
 
 pub mod topology;
 
+pub mod segment;
+
 pub mod unfold;
 
 pub mod encode;

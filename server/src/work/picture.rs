@@ -10,7 +10,7 @@ mod lines;
 mod raster;
 mod surface;
 
-pub use camera::{Poles, View, Wires};
+pub use camera::{Paint, Poles, View, Wires};
 pub use caption::{side_by_side, side_by_side_captioned};
 pub use colour::Palette;
 pub use encoding::encoding_picture;
@@ -117,7 +117,7 @@ pub fn render(mesh: &PolyMesh, view: &View, side: u32) -> Picture {
     let surface = surface::Surface::of(mesh);
     let projected = camera::project(&surface, view, side * samples);
     let mut frame = raster::Frame::new(side * samples);
-    raster::triangles(&mut frame, &surface, &projected, &view.palette);
+    raster::triangles(&mut frame, &surface, &projected, &view.palette, view.paint);
     if view.wires == Wires::Polygons {
         lines::edges(&mut frame, &surface, &projected, samples);
     }

@@ -38,6 +38,16 @@ pub enum Poles {
     Unmarked,
 }
 
+/// What faces are painted with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Paint {
+    /// The palette's clay.
+    #[default]
+    Clay,
+    /// A colour for each segment number, and clay where faces have none.
+    Segments,
+}
+
 /// How a mesh is looked at.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
@@ -56,6 +66,8 @@ pub struct View {
     pub wires: Wires,
     /// Marks of extraordinary vertices.
     pub poles: Poles,
+    /// Paint of the faces.
+    pub paint: Paint,
 }
 
 impl Default for View {
@@ -69,6 +81,7 @@ impl Default for View {
             palette: Palette::light(),
             wires: Wires::Polygons,
             poles: Poles::Marked,
+            paint: Paint::Clay,
         }
     }
 }

@@ -68,6 +68,17 @@ pub(super) fn pole_colour(valence: u32) -> Option<[u8; 3]> {
     }
 }
 
+/// Albedo of the faces of a segment, linear: hues a golden angle apart, so that numbers near each other differ.
+pub(super) fn segment_albedo(label: i64) -> [f32; 3] {
+    let hue = (label.rem_euclid(4096) as f32 * 0.618_034 + 0.08).fract() * 6.0;
+    let value = if label.rem_euclid(3) == 1 { 0.50 } else { 0.72 };
+    let channel = |shift: f32| {
+        let x = ((hue + shift) % 6.0 - 3.0).abs() - 1.0;
+        value * (0.22 + 0.78 * x.clamp(0.0, 1.0))
+    };
+    [channel(0.0), channel(4.0), channel(2.0)]
+}
+
 /// Linear light (0–1) to an sRGB byte.
 pub(super) fn to_srgb(linear: f32) -> u8 {
     let x = linear.clamp(0.0, 1.0);

@@ -1,8 +1,8 @@
 //! The sample buffers, the triangles with their studio light, and the way from samples to pixels.
 
 use super::Picture;
-use super::camera::Projected;
-use super::colour::{Palette, to_srgb};
+use super::camera::{Paint, Projected};
+use super::colour::{Palette, segment_albedo, to_srgb};
 use super::surface::Surface;
 use nalgebra::Vector3;
 
@@ -28,14 +28,16 @@ impl Frame {
 
 /// Draws every triangle that covers a sample centre, nearest wins. They are taken from near to far, so that few
 /// samples are lit twice.
-pub(super) fn triangles(frame: &mut Frame, surface: &Surface, projected: &Projected, palette: &Palette) {
+pub(super) fn triangles(frame: &mut Frame, surface: &Surface, projected: &Projected, palette: &Palette, paint: Paint) {
     let corners = |t: usize| surface.triangles[t].map(|v| projected.points[v as usize]);
     let nearest = |t: usize| corners(t).iter().map(|p| p.z).fold(0.0, f32::max);
     let mut order: Vec<(f32, usize)> = (0..surface.triangles.len()).map(|t| (nearest(t), t)).collect();
     order.sort_by(|a, b| b.0.total_cmp(&a.0));
     for (_, t) in order {
         let turned = surface.normals[t].map(|n| projected.rotation * n);
-        triangle(frame, &corners(t), &turned, palette);
+        let label = if paint == Paint::Segments { surface.segments.get(t) } else { None };
+        let clay = label.map_or(palette.clay, |label| segment_albedo(*label));
+        triangle(frame, &corners(t), &turned, &Palette { clay, ..*palette });
     }
 }
 

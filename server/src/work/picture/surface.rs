@@ -37,6 +37,8 @@ pub(super) struct Surface {
     /// Vertices in the unit ball around the origin; non-finite ones stand at the origin and are in no triangle.
     pub(super) points: Vec<Vec3>,
     pub(super) triangles: Vec<[u32; 3]>,
+    /// Segment number of each triangle; empty where the mesh has none.
+    pub(super) segments: Vec<i64>,
     /// One unit normal a corner.
     pub(super) normals: Vec<[Vector3<f32>; 3]>,
     pub(super) edges: Vec<Edge>,
@@ -55,12 +57,16 @@ impl Surface {
         };
         let faces: Vec<&[u32]> = mesh.faces.iter().filter(|face| usable(face)).collect();
         let triangles: Vec<[u32; 3]> = faces.iter().flat_map(|face| tessellate(face, &points)).collect();
+        let labels = mesh.attributes.segments.as_deref().unwrap_or_default();
+        let labelled = mesh.faces.iter().zip(labels).filter(|(face, _)| usable(face));
+        let segments =
+            labelled.flat_map(|(face, label)| tessellate(face, &points).into_iter().map(|_| *label)).collect();
         let normals = corner_normals(&points, &triangles);
         let edges = polygon_edges(&faces);
         let quads = faces.iter().filter(|face| face.len() == 4).count();
         let origin = if 2 * quads > faces.len() { Origin::Modelled } else { Origin::Scanned };
         let poles = if origin == Origin::Modelled { irregular(&edges, points.len()) } else { Vec::new() };
-        Self { points, triangles, normals, edges, origin, poles }
+        Self { points, triangles, segments, normals, edges, origin, poles }
     }
 }
 
