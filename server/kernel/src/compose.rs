@@ -240,6 +240,11 @@ impl Stitching<'_> {
         let glued = glue(nets, &self.layout, &points)?;
         (report.merged, report.filled) = (glued.merged, glued.filled);
         let pinched = || Misfit::Pinched { segments: (0..nets.len()).collect() };
+        let faces: Vec<usize> = nets.iter().map(|net| net.faces().count()).collect();
+        let culprits = culprits(&glued.net, &faces);
+        if !culprits.is_empty() {
+            return Err(Misfit::Pinched { segments: culprits });
+        }
         if !is_sound(&glued.net) {
             return Err(pinched());
         }
@@ -310,6 +315,24 @@ impl Stitching<'_> {
         check::check_structure(&mesh, self.shape)?;
         Ok(mesh)
     }
+}
+
+/// The parts with a face at a vertex whose faces form no fan; the net's faces are those of the parts in their order, then
+/// what fills holes.
+fn culprits(net: &Net, faces: &[usize]) -> Vec<usize> {
+    let mut ends = Vec::new();
+    for n in faces {
+        ends.push(ends.last().copied().unwrap_or(0) + n);
+    }
+    let bad = (0..net.positions.len() as u32).filter(|&v| net.fan(v).is_none());
+    let mut found: Vec<usize> = bad
+        .flat_map(|v| net.at(v).to_vec())
+        .map(|f| ends.partition_point(|&end| end <= f as usize))
+        .filter(|&s| s < faces.len())
+        .collect();
+    found.sort_unstable();
+    found.dedup();
+    found
 }
 
 /// Whether the faces have distinct corners, share edges two by two, and form one fan at each vertex.

@@ -81,15 +81,12 @@ pub fn lay(net: &Net, ring: &[u32], curve: &Curve) -> Rim {
     let length = curve.length().max(f64::MIN_POSITIVE);
     let n = ring.len();
     let nearest: Vec<f64> = ring.iter().map(|&v| curve.nearest(net.positions[v as usize]).0).collect();
-    let at = if (turns(&nearest, length) - 1.0).abs() < 0.5 {
-        let mut at = vec![nearest[0]];
-        for k in 1..n {
-            at.push(at[k - 1] + wrapped(nearest[k] - nearest[k - 1], length));
-        }
-        at
-    } else {
-        proportional(net, ring, curve)
-    };
+    // Where the curve comes near itself a vertex may be put on its wrong side: those in order are believed.
+    let starts = [0, n / 4, n / 2, 3 * n / 4];
+    let chains = starts.map(|start| (start, longest_chain(&nearest, start, length)));
+    let (start, chain) = chains.into_iter().max_by_key(|(start, c)| (c.len(), n - start)).unwrap_or_default();
+    let at =
+        if 2 * chain.len() > n { between(&nearest, start, &chain, length) } else { proportional(net, ring, curve) };
     let (first, least) = (at[0], 1e-6 * length / n as f64);
     let mut ordered = at;
     for k in 1..n {
@@ -97,6 +94,51 @@ pub fn lay(net: &Net, ring: &[u32], curve: &Curve) -> Rim {
         ordered[k] = ordered[k].clamp((ordered[k - 1] + least).min(most), most);
     }
     Rim { vertices: ring.to_vec(), at: ordered, starts: Vec::new() }
+}
+
+/// How far beyond the vertex `start` the vertex `start + k` lies on a curve of `length`.
+fn beyond(at: &[f64], start: usize, k: usize, length: f64) -> f64 {
+    (at[(start + k) % at.len()] - at[start]).rem_euclid(length)
+}
+
+/// The most vertices, counted from `start` on, that follow each other along the curve within one turn.
+fn longest_chain(at: &[f64], start: usize, length: f64) -> Vec<usize> {
+    // tails[l]: the last of the chain of l + 1 vertices that ends lowest.
+    let (mut tails, mut before): (Vec<usize>, Vec<usize>) = (Vec::new(), vec![usize::MAX; at.len()]);
+    for k in 0..at.len() {
+        let x = beyond(at, start, k, length);
+        let l = tails.partition_point(|&t| beyond(at, start, t, length) < x);
+        before[k] = if l > 0 { tails[l - 1] } else { usize::MAX };
+        if l == tails.len() { tails.push(k) } else { tails[l] = k }
+    }
+    let mut chain = Vec::new();
+    let mut k = tails.last().copied().unwrap_or(usize::MAX);
+    while k != usize::MAX {
+        chain.push(k);
+        k = before[k];
+    }
+    chain.reverse();
+    chain
+}
+
+/// Lengths of all vertices from the first on, those outside the chain spaced evenly between their neighbours in it.
+fn between(at: &[f64], start: usize, chain: &[usize], length: f64) -> Vec<f64> {
+    let n = at.len();
+    let mut all = vec![0.0; n];
+    for (c, &k) in chain.iter().enumerate() {
+        let x = beyond(at, start, k, length);
+        let (next, y) = match chain.get(c + 1) {
+            Some(&m) => (m, beyond(at, start, m, length)),
+            None => (n + chain[0], length + beyond(at, start, chain[0], length)),
+        };
+        for m in k..next {
+            let s = x + (y - x) * (m - k) as f64 / (next - k) as f64;
+            // The turn begins at vertex 0, wherever the chain does.
+            let turn = ((start + m) / n) as f64;
+            all[(start + m) % n] = at[start] + s - length * turn;
+        }
+    }
+    all
 }
 
 /// By the loop's own lengths, at the offset at which it comes nearest to the curve.
@@ -281,6 +323,27 @@ mod tests {
         assert!((rim.at[19] - rim.at[0] - 3.8).abs() < 1e-9);
         let back: Vec<u32> = ring.iter().rev().copied().collect();
         assert_eq!(way(&net, &back, &curve), Way::Against);
+    }
+
+    #[test]
+    fn a_vertex_on_the_wrong_side_of_a_narrow_place_is_put_back_in_order() {
+        let true_at: Vec<f64> = (0..40).map(|k| 0.1 + f64::from(k) * 0.25).collect();
+        for wrong in [0, 1, 13, 39] {
+            let mut at = true_at.clone();
+            at[wrong] = (at[wrong] + 4.3) % 10.0;
+            for start in [0, 10, 20, 30] {
+                if start == wrong {
+                    continue;
+                }
+                let chain = longest_chain(&at, start, 10.0);
+                assert!(chain.len() >= 39, "{wrong} {start} {}", chain.len());
+                let found = between(&at, start, &chain, 10.0);
+                for k in 0..39 {
+                    let step = found[k + 1] - found[k];
+                    assert!((step - 0.25).abs() < 1e-9, "{wrong} {start} {k}: {step}");
+                }
+            }
+        }
     }
 
     #[test]
