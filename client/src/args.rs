@@ -260,6 +260,9 @@ pub struct ComposeArgs {
     /// Rounds of smoothing [default: 5]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=i64::from(composition::SMOOTHING_MAX)))]
     pub smoothing: Option<u32>,
+    /// Steps by which the quads are denser (each doubles rows and columns) or, below 0, coarser than the examples'
+    #[arg(long, value_name = "STEPS", allow_negative_numbers = true, value_parser = clap::value_parser!(i32).range(-i64::from(composition::DENSITY_MAX)..=i64::from(composition::DENSITY_MAX)))]
+    pub density: Option<i32>,
     /// The file to write; its extension chooses the format: obj, ply, off, stl, glb
     #[arg(short, long = "out", value_name = "OUT")]
     pub out: OutFile,

@@ -18,12 +18,22 @@ fn smoothing_default() -> u32 {
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct NewComposition {
-    /// The map of each segment; segments that are not named stay open.
+    /// The map of each segment. A segment that is not named takes the best example of its ranking, or, where there is
+    /// none or its map is poor, a regular layout at the density of its neighbours.
+    #[serde(default)]
     pub parts: Vec<CompositionPart>,
     /// Rounds of smoothing, with projection back onto the input.
     #[serde(default = "smoothing_default")]
     pub smoothing: u32,
+    /// How much denser than the examples the quads are to be: each step doubles the rows and columns of every part
+    /// (four times the faces), each step below 0 halves them where a part's layout is a regular subdivision. A density that
+    /// would give too many faces is refused, and the refusal tells their number.
+    #[serde(default)]
+    pub density: i32,
 }
+
+/// The largest step of `density`, to either side.
+pub const DENSITY_MAX: i32 = 4;
 
 /// One part of a composition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -46,8 +56,14 @@ pub struct Composition {
     pub query: QueryId,
     /// Its parts.
     pub parts: Vec<CompositionPart>,
+    /// Segments that are regular layouts.
+    #[serde(default)]
+    pub templates: Vec<u32>,
     /// Rounds of smoothing.
     pub smoothing: u32,
+    /// Steps of density.
+    #[serde(default)]
+    pub density: i32,
     /// Vertices.
     pub vertices: u64,
     /// Quads.
@@ -56,6 +72,12 @@ pub struct Composition {
     pub triangles: u64,
     /// Inner vertices with another number of edges than four.
     pub extraordinary_vertices: u64,
+    /// Those that the parts had inside before they were stitched.
+    #[serde(default)]
+    pub extraordinary_before: u64,
+    /// What was done beyond plain stitching, a sentence each.
+    #[serde(default)]
+    pub notes: Vec<String>,
     /// Milliseconds it took.
     pub total_ms: f64,
 }

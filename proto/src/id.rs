@@ -119,6 +119,13 @@ id_type! {
     /// A mesh of the corpus.
     ExampleId
 }
+
+impl ExampleId {
+    /// The reserved id of the regular layouts: built in, not stored, made anew for each segment. No example is ever given
+    /// it, as it was created in 1970.
+    pub const TEMPLATE: Self = Self::from_bytes([0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1]);
+}
+
 id_type! {
     /// An uploaded input mesh while it is ranked, and after.
     QueryId

@@ -15,7 +15,7 @@ pub struct NewMap {
     /// The query's segment.
     #[serde(default)]
     pub segment: u32,
-    /// The example to lay on it.
+    /// The example to lay on it; [`ExampleId::TEMPLATE`] for a regular layout.
     pub example: ExampleId,
     /// The example's segment.
     #[serde(default)]

@@ -13,7 +13,7 @@ use crate::{
     table,
     ui::Ui,
 };
-use quadmuse_proto::{Composition, CompositionPart, NewComposition, Query, composition::SMOOTHING_DEFAULT};
+use quadmuse_proto::{Composition, CompositionPart, NewComposition, Query, Verdict, composition::SMOOTHING_DEFAULT};
 
 pub(super) async fn compose(args: &ComposeCommand, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
     args.compose.out.check()?;
@@ -25,7 +25,7 @@ pub(super) async fn retopo(args: &RetopoArgs, api: &Api, ui: &mut Ui) -> Result<
     args.compose.out.check()?;
     let query = upload(&args.query, api, ui).await?;
     let query = follow_upload(&query, api, ui).await?.summary;
-    if query.segments.len() > 1 {
+    if query.segments.len() > 1 || args.compose.density.is_some() {
         return stitch(&query, &args.compose, api, ui).await;
     }
     // One segment needs no stitching: the example's own vertex order, faces, UVs and groups are kept.
@@ -47,21 +47,25 @@ async fn stitch(query: &Query, args: &ComposeArgs, api: &Api, ui: &mut Ui) -> Re
         check_segment(query, Some(part.segment))?;
     }
     let mut parts = Vec::new();
-    for segment in &query.segments {
-        match lay(query, segment.segment, told(segment.segment, args), api, ui).await {
-            Ok(map) => parts.push(CompositionPart { segment: segment.segment, map: map.id }),
-            // The others may still be stitched; this one stays open.
-            Err(error @ ClientError::NothingRanked { .. }) if query.segments.len() > 1 => {
-                ui.note(&format!("segment {} stays open: {}", segment.segment, error.message()));
+    for segment in query.segments.iter().map(|s| s.segment) {
+        let told = told(segment, args);
+        match lay(query, segment, told, api, ui).await {
+            // What nobody asked for and is poor is left to the service, which takes a regular layout.
+            Ok(map) if told.is_none() && map.verdict == Verdict::Poor => {
+                ui.note(&format!("segment {segment}: the best example fits poorly; a regular layout takes its place"));
+            }
+            Ok(map) => parts.push(CompositionPart { segment, map: map.id }),
+            Err(error @ ClientError::NothingRanked { .. }) => {
+                ui.note(&format!("segment {segment} takes a regular layout: {}", error.message()));
             }
             Err(error) => return Err(error),
         }
     }
-    if let (true, Some(first)) = (parts.is_empty(), query.segments.first()) {
-        let topology = first.topology.to_string();
-        return Err(ClientError::NothingRanked { segment: first.segment, topology });
-    }
-    let new = NewComposition { parts, smoothing: args.smoothing.unwrap_or(SMOOTHING_DEFAULT) };
+    let new = NewComposition {
+        parts,
+        smoothing: args.smoothing.unwrap_or(SMOOTHING_DEFAULT),
+        density: args.density.unwrap_or_default(),
+    };
     let spinner = ui.spinner("stitching");
     let composition = api.start_composition(query.id, &new).await;
     spinner.finish_and_clear();

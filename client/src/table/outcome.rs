@@ -36,15 +36,18 @@ fn verdict(verdict: Verdict) -> &'static str {
 
 /// What came of a composition.
 pub fn composition(composition: &Composition) -> String {
-    let Composition { id, query, parts, vertices, quads, triangles, extraordinary_vertices, total_ms, .. } =
-        composition;
-    [
+    let Composition { id, query, parts, vertices, quads, triangles, extraordinary_vertices, .. } = composition;
+    let mut lines = vec![
         format!("composition {id} of query {query}, {} of its segments", parts.len()),
         format!("mesh        {vertices} vertices, {quads} quads, {triangles} triangles left"),
-        format!("layout      {extraordinary_vertices} extraordinary vertices"),
-        format!("took        {:.2} s", total_ms / 1000.0),
-    ]
-    .join("\n")
+        format!(
+            "layout      {extraordinary_vertices} extraordinary vertices, {} in the parts before",
+            composition.extraordinary_before
+        ),
+    ];
+    lines.extend(composition.notes.iter().map(|note| format!("note        {}", word(note))));
+    lines.push(format!("took        {:.2} s", composition.total_ms / 1000.0));
+    lines.join("\n")
 }
 
 #[cfg(test)]

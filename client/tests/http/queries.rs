@@ -38,11 +38,15 @@ fn composition() -> Composition {
         id: CompositionId::from_bytes([60; 16]),
         query: query_id(),
         parts: vec![CompositionPart { segment: 0, map: map_id() }],
+        templates: vec![],
         smoothing: 5,
+        density: 0,
         vertices: 9,
         quads: 4,
         triangles: 0,
         extraordinary_vertices: 1,
+        extraordinary_before: 1,
+        notes: vec![],
         total_ms: 1.0,
     }
 }

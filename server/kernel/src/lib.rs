@@ -21,4 +21,6 @@ pub mod rank;
 
 pub mod map;
 
+pub mod compose;
+
 pub mod measure;

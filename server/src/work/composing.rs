@@ -1,13 +1,13 @@
 //! Compositions: the maps chosen for a query's segments, stitched into one mesh of quads.
 
-use super::engine::{Model, Stitched};
-use super::mapping::{LiveMap, get};
+use super::engine::{Model, Part, Stitching};
+use super::mapping::{self, LiveMap, get};
 use super::query::{LiveQuery, ms_since};
 use super::{REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::Lane;
 use quadmuse_kernel::mesh::PolyMesh;
-use quadmuse_proto::composition::SMOOTHING_MAX;
-use quadmuse_proto::{Composition, CompositionId, NewComposition};
+use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
+use quadmuse_proto::{Composition, CompositionId, CompositionPart, NewComposition, NewMap, Verdict};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -22,7 +22,7 @@ pub struct LiveComposition {
     pub mesh: Arc<PolyMesh>,
 }
 
-/// Stitches maps of a query.
+/// Stitches maps of a query; segments that are not named are filled.
 ///
 /// # Errors
 /// Refusals of the parts, of the pool and of the engine.
@@ -32,13 +32,33 @@ pub async fn create(
     wanted: NewComposition,
 ) -> Result<Arc<LiveComposition>, WorkError> {
     let start = Instant::now();
-    let meshes = meshes_of(live, &wanted)?;
+    let named = maps_of(live, &wanted)?;
     if live.compositions().len() >= COMPOSITIONS_MAX {
         return Err(WorkError::TooMany { of: "compositions", limit: COMPOSITIONS_MAX });
     }
+    let (mut parts, mut summaries, mut templates, mut maps) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for (segment, named) in (0u32..).zip(named) {
+        let map = match named {
+            Some(map) => Some(map),
+            None => best_map(work, live, segment).await?,
+        };
+        maps.push(map.clone());
+        let part = map.map(|map| (map.id, Arc::clone(&map.newest().mapped.part)));
+        match part {
+            Some((map, mesh)) => {
+                summaries.push(CompositionPart { segment, map });
+                parts.push(Part::Mapped(mesh));
+            }
+            None => {
+                templates.push(segment);
+                parts.push(Part::Template(live.encoded(segment).await?));
+            }
+        }
+    }
     let job = work.pool.admit(live.caller.user, 0, Some(REQUEST_TIME_MAX))?;
-    let (engine, model, smoothing) = (Arc::clone(&work.engine), Arc::clone(&live.model), wanted.smoothing);
-    let one = one_example(live, &wanted)?;
+    let (engine, model) = (Arc::clone(&work.engine), Arc::clone(&live.model));
+    let how = Stitching { smoothing: wanted.smoothing, density: wanted.density };
+    let one = one_example(&maps).filter(|_| wanted.density == 0);
     let stitch = move |stop: &_| {
         // One example on all segments needs no stitching: it comes back whole.
         if let Some((example, parts)) = &one
@@ -46,24 +66,50 @@ pub async fn create(
         {
             return Ok(whole);
         }
-        engine.compose(&model, &meshes, smoothing, stop)
+        engine.compose(&model, &parts, how, stop)
     };
-    let Stitched { mesh, extraordinary_vertices } = work.pool.run(&job, Lane::Edit, stitch).await??;
-    let counts = super::ingest::counts_of(&mesh);
+    let stitched = work.pool.run(&job, Lane::Edit, stitch).await??;
+    let counts = super::ingest::counts_of(&stitched.mesh);
     let summary = Composition {
         id: CompositionId::generate(),
         query: live.id,
-        parts: wanted.parts,
-        smoothing,
+        parts: summaries,
+        templates,
+        smoothing: wanted.smoothing,
+        density: wanted.density,
         vertices: counts.vertices,
         quads: counts.quads,
         triangles: counts.triangles,
-        extraordinary_vertices,
+        extraordinary_vertices: stitched.extraordinary_vertices,
+        extraordinary_before: stitched.extraordinary_before,
+        notes: stitched.notes,
         total_ms: ms_since(start),
     };
-    let composition = Arc::new(LiveComposition { summary, mesh });
+    let composition = Arc::new(LiveComposition { summary, mesh: stitched.mesh });
     live.compositions().insert(composition.summary.id, Arc::clone(&composition));
     Ok(composition)
+}
+
+/// The map of the best entry of a segment's ranking, made if it is not there yet; `None` where there is no entry or the
+/// map is poor.
+async fn best_map(work: &Arc<Work>, live: &Arc<LiveQuery>, segment: u32) -> Result<Option<Arc<LiveMap>>, WorkError> {
+    // Only a ranking that will not change any more tells the best.
+    live.wait_for(|_| false).await;
+    let board = live.board();
+    let best = board.rankings.get(segment as usize).and_then(|ranking| ranking.candidates.first()).cloned();
+    let Some(best) = best else { return Ok(None) };
+    let (example, example_segment) = (best.resident.example.id, best.resident.segment);
+    let is_best = |map: &&Arc<LiveMap>| {
+        let summary = &map.newest().summary;
+        (summary.segment, summary.example, summary.example_segment) == (segment, example, example_segment)
+    };
+    let there = live.maps().values().find(is_best).cloned();
+    let map = match there {
+        Some(map) => map,
+        None => mapping::create(work, live, NewMap { segment, example, example_segment }).await?,
+    };
+    let is_poor = map.newest().mapped.verdict == Verdict::Poor;
+    Ok((!is_poor).then_some(map))
 }
 
 /// A composition of a query.
@@ -76,42 +122,37 @@ pub fn find(live: &LiveQuery, id: CompositionId) -> Result<Arc<LiveComposition>,
 
 /// The example from which all segments of the query take their maps, if it is one, with the query's segment, the
 /// example's and the mapped mesh of each part.
-fn one_example(
-    live: &LiveQuery,
-    wanted: &NewComposition,
-) -> Result<Option<(Arc<Model>, Vec<(u32, u32, Arc<PolyMesh>)>)>, WorkError> {
-    let maps = wanted.parts.iter().map(|part| get(live, part.map)).collect::<Result<Vec<_>, _>>()?;
-    let Some(first) = maps.first().filter(|_| maps.len() > 1 && maps.len() == live.model.segments.len()) else {
-        return Ok(None);
-    };
-    if maps.iter().any(|map| map.example_id() != first.example_id()) {
-        return Ok(None);
+fn one_example(maps: &[Option<Arc<LiveMap>>]) -> Option<(Arc<Model>, Vec<(u32, u32, Arc<PolyMesh>)>)> {
+    let maps: Vec<&Arc<LiveMap>> = maps.iter().map(Option::as_ref).collect::<Option<_>>()?;
+    let first = maps.first().filter(|_| maps.len() > 1)?;
+    if first.example_id() == ExampleId::TEMPLATE || maps.iter().any(|map| map.example_id() != first.example_id()) {
+        return None;
     }
-    let part = |map: &Arc<LiveMap>| (map.segment, map.example().segment, Arc::clone(&map.newest().mapped.mesh));
-    Ok(Some((Arc::clone(&first.example().model), maps.iter().map(part).collect())))
+    let part = |map: &&Arc<LiveMap>| (map.segment, map.example().segment, Arc::clone(&map.newest().mapped.mesh));
+    Some((Arc::clone(&first.example().model), maps.iter().map(part).collect()))
 }
 
-/// The mapped meshes of the parts: each segment at most once, each with a map of its own.
-fn meshes_of(live: &LiveQuery, wanted: &NewComposition) -> Result<Vec<(u32, Arc<PolyMesh>)>, WorkError> {
+/// The maps named, one slot a segment: each segment at most once, each with a map of its own.
+fn maps_of(live: &LiveQuery, wanted: &NewComposition) -> Result<Vec<Option<Arc<LiveMap>>>, WorkError> {
     if wanted.smoothing > SMOOTHING_MAX {
         return Err(WorkError::parameter("smoothing", format!("from 0 to {SMOOTHING_MAX}"), wanted.smoothing));
     }
-    if wanted.parts.is_empty() {
-        return Err(WorkError::parameter("parts", "with at least one part", "none"));
+    if wanted.density.unsigned_abs() > DENSITY_MAX.unsigned_abs() {
+        return Err(WorkError::parameter("density", format!("from -{DENSITY_MAX} to {DENSITY_MAX}"), wanted.density));
     }
-    let mut meshes: Vec<(u32, Arc<PolyMesh>)> = Vec::new();
+    let mut maps: Vec<Option<Arc<LiveMap>>> = vec![None; live.model.segments.len()];
     for part in &wanted.parts {
         let map = get(live, part.map)?;
         if map.segment != part.segment {
             let expected = format!("to name the segment of map {}, {}", part.map, map.segment);
             return Err(WorkError::parameter("parts", expected, part.segment));
         }
-        if meshes.iter().any(|(segment, _)| *segment == part.segment) {
+        let (of, count, segment) = ("the query", maps.len(), part.segment);
+        let slot = maps.get_mut(segment as usize).ok_or(WorkError::NoSuchSegment { of, count, segment })?;
+        if slot.replace(map).is_some() {
             let expected = "to name each segment once";
-            return Err(WorkError::parameter("parts", expected, format!("segment {} again", part.segment)));
+            return Err(WorkError::parameter("parts", expected, format!("segment {segment} again")));
         }
-        meshes.push((part.segment, Arc::clone(&map.newest().mapped.mesh)));
     }
-    meshes.sort_by_key(|(segment, _)| *segment);
-    Ok(meshes)
+    Ok(maps)
 }

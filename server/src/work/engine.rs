@@ -216,6 +216,8 @@ pub struct Mapped {
     /// The example's mesh on the input: the same vertex order, faces, UVs and groups. Segments of the example that
     /// were not mapped are left out.
     pub mesh: Arc<PolyMesh>,
+    /// The same as a part to be stitched: the polygons of the segment alone, manifold.
+    pub part: Arc<PolyMesh>,
     /// The registration that was used, with the caller's constraints.
     pub registration: Registration,
     /// The pairs of points that fix it.
@@ -232,6 +234,24 @@ pub struct Mapped {
     pub reasons: Vec<String>,
 }
 
+/// What a segment takes in a composition.
+#[derive(Clone, Debug)]
+pub enum Part {
+    /// A mapped example: [`Mapped::part`].
+    Mapped(Arc<PolyMesh>),
+    /// A regular layout at the density of its neighbours, on this unfolded segment.
+    Template(Arc<Encoded>),
+}
+
+/// How to stitch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stitching {
+    /// Rounds of smoothing.
+    pub smoothing: u32,
+    /// Times each part is subdivided (above 0) or coarsened where its layout allows (below 0).
+    pub density: i32,
+}
+
 /// A stitched mesh.
 #[derive(Clone, Debug)]
 pub struct Stitched {
@@ -239,6 +259,10 @@ pub struct Stitched {
     pub mesh: Arc<PolyMesh>,
     /// Inner vertices with another number of edges than four.
     pub extraordinary_vertices: u64,
+    /// Those that the parts had inside before.
+    pub extraordinary_before: u64,
+    /// What was done beyond plain stitching, a sentence each.
+    pub notes: Vec<String>,
 }
 
 /// What an encoding is worth as bytes: a head that is read as a whole and its levels, each on its own.
@@ -382,13 +406,15 @@ pub trait Engine: Send + Sync + 'static {
     ///
     /// # Errors
     /// [`EngineError::Refused`] when the parts can't be stitched, [`EngineError::Stopped`].
-    fn compose(
-        &self,
-        query: &Model,
-        parts: &[(u32, Arc<PolyMesh>)],
-        smoothing: u32,
-        stop: &Stop,
-    ) -> Result<Stitched, EngineError>;
+    ///
+    /// There is one part a segment, in their order.
+    fn compose(&self, query: &Model, parts: &[Part], how: Stitching, stop: &Stop) -> Result<Stitched, EngineError>;
+
+    /// A regular layout on a query's segment, in place of an example.
+    ///
+    /// # Errors
+    /// [`EngineError::Stopped`], [`EngineError::Internal`].
+    fn template(&self, query: &Side, stop: &Stop) -> Result<Mapped, EngineError>;
 
     /// A mesh as a file.
     ///

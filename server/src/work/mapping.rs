@@ -2,7 +2,7 @@
 //!
 //! An example that was passed over at a coarse level is first registered through the levels it missed.
 
-use super::engine::{Encoding, Mapped, Side};
+use super::engine::{Encoding, EngineError, Mapped, Refusal, Side};
 use super::ingest::{self, encode};
 use super::query::{LiveQuery, MAPS_MAX, ms_since};
 use super::ranking::{Candidate, levels_up_to};
@@ -20,7 +20,8 @@ pub struct LiveMap {
     pub id: MapId,
     /// The query's segment.
     pub segment: u32,
-    example: Side,
+    /// `None` for a regular layout.
+    example: Option<Side>,
     query: Side,
     example_id: ExampleId,
     edits: tokio::sync::Mutex<()>,
@@ -67,6 +68,9 @@ pub async fn create(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: NewMap) -> 
     if live.maps().len() >= MAPS_MAX {
         return Err(WorkError::TooMany { of: "maps", limit: MAPS_MAX });
     }
+    if wanted.example == ExampleId::TEMPLATE {
+        return create_template(work, live, &wanted).await;
+    }
     let example = work.catalogue.example(wanted.example)?;
     let (of, count, segment) = ("the example", example.segments.len(), wanted.example_segment);
     if segment as usize >= count {
@@ -86,17 +90,40 @@ pub async fn create(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: NewMap) -> 
     let id = MapId::generate();
     let timings = MapTimings { register_ms, map_ms: ms_since(start) - register_ms, total_ms: ms_since(start) };
     let summary = summary(live, id, wanted.segment, (wanted.example, segment), 1, &mapped, timings);
+    Ok(keep(live, Some(sides.0), sides.1, MapState { mapped, summary }))
+}
+
+/// Lays a regular layout on a segment, in place of an example.
+async fn create_template(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: &NewMap) -> Result<Arc<LiveMap>, WorkError> {
+    let start = Instant::now();
+    let (of, count, segment) = ("the template", 1, wanted.example_segment);
+    if segment > 0 {
+        return Err(WorkError::NoSuchSegment { of, count, segment });
+    }
+    let encoded = live.encoded(wanted.segment).await?;
+    let job = work.pool.admit(live.caller.user, 0, Some(REQUEST_TIME_MAX))?;
+    let side = Side { model: Arc::clone(&live.model), segment: wanted.segment, encoded };
+    let (engine, query) = (Arc::clone(&work.engine), side.clone());
+    let mapped = work.pool.run(&job, Lane::Edit, move |stop| engine.template(&query, stop)).await??;
+    let timings = MapTimings { register_ms: 0.0, map_ms: ms_since(start), total_ms: ms_since(start) };
+    let summary = summary(live, MapId::generate(), wanted.segment, (wanted.example, 0), 1, &mapped, timings);
+    Ok(keep(live, None, side, MapState { mapped, summary }))
+}
+
+/// Keeps a new map with its query.
+fn keep(live: &LiveQuery, example: Option<Side>, query: Side, state: MapState) -> Arc<LiveMap> {
+    let id = state.summary.id;
     let map = Arc::new(LiveMap {
         id,
-        segment: wanted.segment,
-        example: sides.0,
-        query: sides.1,
-        example_id: wanted.example,
+        segment: state.summary.segment,
+        example,
+        query,
+        example_id: state.summary.example,
         edits: tokio::sync::Mutex::default(),
-        newest: Mutex::new(Arc::new(MapState { mapped, summary })),
+        newest: Mutex::new(Arc::new(state)),
     });
     live.maps().insert(id, Arc::clone(&map));
-    Ok(map)
+    map
 }
 
 /// A map of a query.
@@ -128,16 +155,20 @@ pub async fn constrain(
         return Err(WorkError::parameter("set", format!("to leave at most {CONSTRAINTS_MAX} constraints"), found));
     }
     let job = work.pool.admit(live.caller.user, 0, Some(REQUEST_TIME_MAX))?;
-    let (engine, this, from) = (Arc::clone(&work.engine), Arc::clone(&map), Arc::clone(&before));
+    let Some(one) = map.example.clone() else {
+        let detail =
+            "expected the map of an example, found a regular layout, which has no constraints; choose an example";
+        return Err(EngineError::refused(Refusal::ConstraintInvalid, detail).into());
+    };
+    let example = (map.example_id, one.segment);
+    let (engine, two, from) = (Arc::clone(&work.engine), map.query.clone(), Arc::clone(&before));
     let quantum = move |stop: &_| {
-        let (one, two) = (&this.example, &this.query);
-        let registration = engine.constrain(&from.mapped, &edit, one, two, stop)?;
-        engine.map(&registration, one, two, stop)
+        let registration = engine.constrain(&from.mapped, &edit, &one, &two, stop)?;
+        engine.map(&registration, &one, &two, stop)
     };
     let mapped = work.pool.run(&job, Lane::Edit, quantum).await??;
     let timings = MapTimings { register_ms: 0.0, map_ms: ms_since(start), total_ms: ms_since(start) };
     let revision = before.summary.revision + 1;
-    let example = (map.example_id, map.example.segment);
     let summary = summary(live, id, map.segment, example, revision, &mapped, timings);
     Ok(map.put(MapState { mapped, summary }))
 }

@@ -7,7 +7,7 @@ use super::composing::LiveComposition;
 use super::engine::{Encoded, Model};
 use super::ingest::counts_of;
 use super::mapping::LiveMap;
-use super::ranking::{Candidate, entries, levels_up_to};
+use super::ranking::{Candidate, entries, levels_up_to, template_entry};
 use super::{Caller, WorkError};
 use crate::pool::{Job, Stop};
 use quadmuse_kernel::mesh::PolyMesh;
@@ -291,6 +291,12 @@ impl LiveQuery {
     pub fn ranking(&self, board: &Board, segment: u32, limit: usize) -> Result<Ranking, WorkError> {
         let (of, count) = ("the query", board.rankings.len());
         let ranking = board.rankings.get(segment as usize).ok_or(WorkError::NoSuchSegment { of, count, segment })?;
+        let mut shown = self.entries(board, &ranking.candidates, limit);
+        // Nobody goes away empty-handed: the regular layout stands last, once there is a ranking, where all are shown.
+        if ranking.revision > 0 && shown.len() == ranking.candidates.len() && shown.len() < limit {
+            let topology = self.model.segments.get(segment as usize).map(|s| s.topology);
+            shown.extend(topology.map(|topology| template_entry(&shown, topology)));
+        }
         Ok(Ranking {
             query: self.id,
             segment,
@@ -298,7 +304,7 @@ impl LiveQuery {
             level: ranking.level,
             resolution: self.options.resolution,
             state: board.state,
-            entries: self.entries(board, &ranking.candidates, limit),
+            entries: shown,
             corpus_size: ranking.corpus_size,
         })
     }

@@ -7,7 +7,7 @@
 use super::catalogue::{LEVEL_COARSEST, Resident};
 use super::engine::Registration;
 use quadmuse_proto::query::LEVELS;
-use quadmuse_proto::{Entry, EntryState, ExampleId};
+use quadmuse_proto::{Entry, EntryState, ExampleId, Flip, Topology};
 use std::cmp::Ordering;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -136,12 +136,33 @@ pub fn entries(candidates: &[Candidate], limit: usize) -> Vec<Entry> {
     candidates.iter().take(limit).enumerate().map(describe).collect()
 }
 
+/// The last entry of every ranking: a regular layout, which fits any segment of its topology.
+pub fn template_entry(entries: &[Entry], topology: Topology) -> Entry {
+    Entry {
+        rank: entries.len() as u32 + 1,
+        example: ExampleId::TEMPLATE,
+        example_segment: 0,
+        name: format!("regular {topology}"),
+        // Not compared with anything: it stands below all that was.
+        score: entries.last().map_or(1.0, |last| last.score + 1.0),
+        energy: 0.0,
+        k: 0.0,
+        relevance: 0.0,
+        flip: Flip::default(),
+        shift_u: 0.0,
+        resolution: 0,
+        state: EntryState::Done,
+        similar_to: None,
+        template: Some(topology.as_str().to_owned()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::work::catalogue::shelf::Place;
     use crate::work::engine::{Opaque, SegmentFacts};
-    use quadmuse_proto::{Example, Flip, MeshCounts, Topology};
+    use quadmuse_proto::{Example, MeshCounts};
 
     fn candidate(hash: &str, score: f64) -> Candidate {
         let example = Example {

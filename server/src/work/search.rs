@@ -20,7 +20,7 @@ use crate::pool::{Job, Lane, PoolError, Stop, StopReason};
 use coarse::Selection;
 use futures_util::{StreamExt, stream};
 use quadmuse_proto::query::{DEADLINE_MS_MAX, LEVELS, TOP_MAX};
-use quadmuse_proto::{EntryState, LevelTiming, QueryId, QueryState};
+use quadmuse_proto::{EntryState, LevelTiming, QueryId, QueryState, Topology};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -29,6 +29,9 @@ const LEVEL_SHARE: f64 = 0.5;
 
 /// Quanta that a query has in the pool at a time, for each thread.
 const WINDOW_PER_THREAD: usize = 4;
+
+/// What examples may be.
+const TOPOLOGIES: [Topology; 4] = [Topology::Disc, Topology::Annulus, Topology::Sphere, Topology::Torus];
 
 /// Longest time a query without a deadline may take.
 const QUERY_TIME_MAX: Duration = Duration::from_secs(3600);
@@ -58,7 +61,8 @@ pub async fn start(
     let snapshot = work.catalogue.snapshot();
     let select = |topology| Selection::new(snapshot.shelf(topology), &options.tags);
     let corpus: Vec<Selection> = model.segments.iter().map(|s| select(s.topology)).collect();
-    if corpus.iter().all(|selection| selection.size == 0) {
+    // A segment for which there is no example takes a regular layout; a corpus without any is a mistake to be told.
+    if TOPOLOGIES.into_iter().all(|topology| select(topology).size == 0) {
         let mut wanted: Vec<&str> = model.segments.iter().map(|s| s.topology.as_str()).collect();
         wanted.sort_unstable();
         wanted.dedup();

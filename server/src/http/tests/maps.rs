@@ -102,7 +102,10 @@ async fn maps_are_composed() {
     );
     assert_eq!(bench.get(made.header("location")).await.json(), composition);
     assert_eq!(bench.get(&format!("{}/mesh?format=obj", made.header("location"))).await.text(), "obj with 2 faces");
-    bench.post_json(&compositions, json!({"parts": []})).await.problem(400, "parameter_invalid");
+    // Segments that are not named take their best example.
+    let filled = bench.post_json(&compositions, json!({})).await.json();
+    assert_eq!(filled["parts"].as_array().map(Vec::len), Some(2));
+    bench.post_json(&compositions, json!({"density": 9})).await.problem(400, "parameter_invalid");
     bench.post_json(&compositions, json!({"parts": parts, "smoothing": 1000})).await.problem(400, "parameter_invalid");
     let twice = json!({"parts": [parts[0], parts[0]]});
     bench.post_json(&compositions, twice).await.problem(400, "parameter_invalid");

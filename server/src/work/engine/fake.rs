@@ -195,6 +195,7 @@ impl Engine for FakeEngine {
         };
         Ok(Mapped {
             mesh: Arc::clone(&example.model.mesh),
+            part: Arc::clone(&example.model.mesh),
             registration: from.clone(),
             constraints,
             folds: 0,
@@ -239,8 +240,25 @@ impl Engine for FakeEngine {
         Ok(Registration { inner: Opaque::new(constraints), ..from.registration.clone() })
     }
 
-    fn compose(&self, _: &Model, parts: &[(u32, Arc<PolyMesh>)], _: u32, _: &Stop) -> Result<Stitched, EngineError> {
-        Ok(Stitched { mesh: Arc::new(square(parts.len())), extraordinary_vertices: 0 })
+    fn compose(&self, _: &Model, parts: &[Part], _: Stitching, _: &Stop) -> Result<Stitched, EngineError> {
+        let mesh = Arc::new(square(parts.len()));
+        Ok(Stitched { mesh, extraordinary_vertices: 0, extraordinary_before: 0, notes: Vec::new() })
+    }
+
+    fn template(&self, query: &Side, _: &Stop) -> Result<Mapped, EngineError> {
+        let registration =
+            Registration { level: 0, energy: 0.0, flip: Flip::default(), shift_u: 0.0, inner: Opaque::new(()) };
+        Ok(Mapped {
+            mesh: Arc::clone(&query.model.mesh),
+            part: Arc::clone(&query.model.mesh),
+            registration,
+            constraints: Vec::new(),
+            folds: 0,
+            distance_max: 0.0,
+            distortion: Distortion { angle: Histogram::default(), area: Histogram::default() },
+            verdict: Verdict::Fair,
+            reasons: Vec::new(),
+        })
     }
 
     fn write(&self, mesh: &PolyMesh, format: MeshFormat) -> Result<Vec<u8>, EngineError> {

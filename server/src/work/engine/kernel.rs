@@ -4,10 +4,11 @@ mod constrain;
 mod model;
 mod registered;
 mod rejoined;
+mod stitch;
 
 use super::{
-    ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Mapped, Model, Opaque, Packed, PackedFeature, Refusal,
-    Registration, SegmentFacts, Side, Stitched,
+    ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Mapped, Model, Opaque, Packed, PackedFeature, Part,
+    Refusal, Registration, SegmentFacts, Side, Stitched, Stitching,
 };
 use crate::pool::Stop;
 use model::{ModelInner, format_of, refused};
@@ -210,17 +211,12 @@ impl Engine for KernelEngine {
         rejoined::rejoin(query, example, parts)
     }
 
-    fn compose(&self, _: &Model, parts: &[(u32, Arc<PolyMesh>)], _: u32, _: &Stop) -> Result<Stitched, EngineError> {
-        match parts {
-            [(_, mesh)] => Ok(Stitched { mesh: Arc::clone(mesh), extraordinary_vertices: model::extraordinary(mesh) }),
-            _ => Err(EngineError::refused(
-                Refusal::Unsupported,
-                format!(
-                    "expected one part, found {}: stitching several is not part of this version; download each map's mesh",
-                    parts.len()
-                ),
-            )),
-        }
+    fn compose(&self, query: &Model, parts: &[Part], how: Stitching, stop: &Stop) -> Result<Stitched, EngineError> {
+        stitch::compose(query, parts, how, stop)
+    }
+
+    fn template(&self, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
+        stitch::template(query, stop)
     }
 
     fn write(&self, mesh: &PolyMesh, format: MeshFormat) -> Result<Vec<u8>, EngineError> {

@@ -2,7 +2,9 @@
 
 use super::super::{Cut, EngineError, Grain, Model, ModelSegment, Opaque, Refusal};
 use super::topology_out;
-use quadmuse_kernel::mesh::{self, FaceLabels, Format, Limits, MeshError, MeshErrorKind, NONE, PolyMesh, Prepared};
+use quadmuse_kernel::mesh::{
+    self, FaceLabels, Format, Limits, MeshError, MeshErrorKind, NONE, PolyMesh, Prepared, TriMesh,
+};
 use quadmuse_kernel::segment::{PartCount, Segmented, segment};
 use quadmuse_kernel::topology::{self, Patch, TopologyError};
 use quadmuse_proto::{Components, MeshFormat, Segmentation, segment::Parts};
@@ -36,6 +38,16 @@ impl ModelInner {
             }
         }
         part_of
+    }
+
+    /// The surface that the segments cut up, and which of them each of its triangles belongs to.
+    pub(super) fn segmented(&self) -> (&TriMesh, Vec<u32>) {
+        let surface = &self.segmented.mesh;
+        let mut owner = vec![NONE; surface.triangles.len()];
+        for (segment, patch) in self.segmented.parts.iter().enumerate() {
+            patch.triangle_of.iter().for_each(|&t| owner[t as usize] = segment as u32);
+        }
+        (surface, owner)
     }
 
     /// Polygons of a segment.
@@ -176,27 +188,6 @@ pub(super) fn refused(error: MeshError) -> EngineError {
         MeshErrorKind::TopologyUnsupported => Refusal::TopologyUnsupported,
     };
     EngineError::refused(refusal, error.to_string())
-}
-
-/// Interior vertices with another number of edges than four.
-pub(super) fn extraordinary(mesh: &PolyMesh) -> u64 {
-    let mut edges: Vec<(u32, u32)> = Vec::new();
-    for face in mesh.faces.iter() {
-        for k in 0..face.len() {
-            let (a, b) = (face[k], face[(k + 1) % face.len()]);
-            edges.push((a.min(b), a.max(b)));
-        }
-    }
-    edges.sort_unstable();
-    let mut degree = vec![0u32; mesh.positions.len()];
-    let mut on_boundary = vec![false; mesh.positions.len()];
-    for run in edges.chunk_by(|a, b| a == b) {
-        for v in [run[0].0, run[0].1] {
-            degree[v as usize] += 1;
-            on_boundary[v as usize] |= run.len() == 1;
-        }
-    }
-    degree.iter().zip(&on_boundary).filter(|(d, b)| **d > 0 && **d != 4 && !**b).count() as u64
 }
 
 /// The kernel's name of a format.

@@ -153,6 +153,7 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     let (surface, positions) = (&model.segmented.mesh, &laid.cross.positions);
     let winding = if laid.mirrored { Winding::Reversed } else { Winding::Kept };
     let mesh = assemble(&example.model.mesh, surface, &model.prepared.vertex_of, patch, positions, winding);
+    let part = quadmuse_kernel::compose::part::polygons(&patch.mesh, positions, winding);
     let distortion = distortion(&laid, example)?;
     let in_domain = match atlas {
         Some(atlas) => atlas.folded_faces(&patch.mesh),
@@ -170,6 +171,7 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     let flip = if atlas.is_some() { Flip { u: laid.mirrored, v: false } } else { from.flip };
     Ok(Mapped {
         mesh: Arc::new(mesh),
+        part: Arc::new(part),
         constraints: laid.constraints,
         registration: Registration { flip, ..describe(laid.registered) },
         folds: folds as u64,

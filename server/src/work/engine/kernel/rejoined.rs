@@ -36,5 +36,10 @@ pub(super) fn rejoin(
     let part_of = of.part_of_faces(example.mesh.faces.len());
     // Parts that do not fit together as the example's do are stitched like any others.
     let Ok(mesh) = rejoin::rejoin(&example.mesh, &part_of, &meshes, &on.segmented.mesh) else { return Ok(None) };
-    Ok(Some(Stitched { extraordinary_vertices: extraordinary(&mesh), mesh: Arc::new(mesh) }))
+    Ok(Some(Stitched {
+        extraordinary_vertices: extraordinary(&mesh),
+        extraordinary_before: extraordinary(&example.mesh),
+        notes: vec!["one example on all segments: its own faces, put together again whole".into()],
+        mesh: Arc::new(mesh),
+    }))
 }

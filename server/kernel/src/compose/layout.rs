@@ -1,0 +1,218 @@
+//! The curves along which the segments of an input meet: arcs between junctions, each with the segments on its sides.
+//!
+//! A *junction* is a point of the surface at which other than two cut edges meet, a cut edge being one between two
+//! segments or on the true boundary. An *arc* runs from junction to junction, or is closed. Every boundary loop of a
+//! segment is a row of arcs. *Ours, not the paper's:* the paper merges nearest vertices wherever they lie; knowing which
+//! curve a vertex lies on makes the topology of the result that of the input, by construction.
+
+use crate::mesh::Vec3;
+use crate::mesh::tri::{NONE, TriMesh};
+use crate::topology::submesh;
+use std::collections::BTreeMap;
+
+/// A part of a boundary loop that is one arc.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Run {
+    /// The arc's number.
+    pub arc: u32,
+    /// Where on the loop it starts, as a length.
+    pub start: f64,
+    /// Its length.
+    pub length: f64,
+    /// The junction at its start; [`NONE`] for a closed arc.
+    pub junction: u32,
+}
+
+/// A boundary loop of a segment, with the segment on its left.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve {
+    /// Its points; the last is joined to the first.
+    pub points: Vec<Vec3>,
+    /// Length up to each point, and the whole length last.
+    pub along: Vec<f64>,
+    /// The arcs it consists of, in order.
+    pub runs: Vec<Run>,
+}
+
+/// A place where an arc occurs: segment, loop, run.
+pub type Occurrence = [u32; 3];
+
+/// An arc: two occurrences on a seam, one on the true boundary. The second runs against the first.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Arc {
+    /// Where it occurs.
+    pub sides: Vec<Occurrence>,
+}
+
+/// All curves of a segmentation.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Layout {
+    /// The loops of each segment.
+    pub curves: Vec<Vec<Curve>>,
+    /// The arcs.
+    pub arcs: Vec<Arc>,
+    /// Where the junctions lie: a vertex of the surface each.
+    pub junctions: Vec<u32>,
+}
+
+/// The curves of a surface whose triangle t belongs to segment `owner[t]`, of `count`.
+pub fn layout(surface: &TriMesh, owner: &[u32], count: usize) -> Layout {
+    let junctions = junctions(surface, owner);
+    let mut members: Vec<Vec<u32>> = vec![Vec::new(); count];
+    for (t, &s) in owner.iter().enumerate() {
+        if let Some(list) = members.get_mut(s as usize) {
+            list.push(t as u32);
+        }
+    }
+    let mut arc_of: BTreeMap<(u32, u32), u32> = BTreeMap::new();
+    let mut arcs: Vec<Arc> = Vec::new();
+    let mut curves = Vec::with_capacity(count);
+    for (segment, triangles) in members.iter().enumerate() {
+        let (part, vertex_of) = submesh(surface, triangles);
+        let mut of_segment = Vec::new();
+        for ring in part.boundary_loops() {
+            let vertices: Vec<u32> = ring.iter().map(|&h| vertex_of[part.tail(h) as usize]).collect();
+            let (curve, keys) = curve(surface, vertices, &junctions);
+            let mut curve = curve;
+            for (run, key) in keys.into_iter().enumerate() {
+                let arc = *arc_of.entry(key).or_insert_with(|| {
+                    arcs.push(Arc::default());
+                    arcs.len() as u32 - 1
+                });
+                curve.runs[run].arc = arc;
+                arcs[arc as usize].sides.push([segment as u32, of_segment.len() as u32, run as u32]);
+            }
+            of_segment.push(curve);
+        }
+        curves.push(of_segment);
+    }
+    Layout { curves, arcs, junctions }
+}
+
+/// Vertices at which other than two (and other than no) cut edges meet, in order.
+fn junctions(surface: &TriMesh, owner: &[u32]) -> Vec<u32> {
+    let mut cuts = vec![0u32; surface.positions.len()];
+    for h in 0..surface.twins.len() as u32 {
+        let g = surface.twin(h);
+        if g == NONE || (h < g && owner[h as usize / 3] != owner[g as usize / 3]) {
+            cuts[surface.tail(h) as usize] += 1;
+            cuts[surface.head(h) as usize] += 1;
+        }
+    }
+    (0..cuts.len() as u32).filter(|&v| cuts[v as usize] != 2 && cuts[v as usize] != 0).collect()
+}
+
+/// A loop, started at a junction (else at its lowest vertex, so that both sides agree), and a key for each of its runs:
+/// the lowest edge on it.
+fn curve(surface: &TriMesh, mut vertices: Vec<u32>, junctions: &[u32]) -> (Curve, Vec<(u32, u32)>) {
+    let junction = |v: u32| junctions.binary_search(&v).ok();
+    let n = vertices.len();
+    let start =
+        (0..n).find(|&k| junction(vertices[k]).is_some()).or_else(|| (0..n).min_by_key(|&k| vertices[k])).unwrap_or(0);
+    vertices.rotate_left(start);
+    let points: Vec<Vec3> = vertices.iter().map(|&v| surface.positions[v as usize]).collect();
+    let mut along = vec![0.0];
+    let (mut runs, mut keys): (Vec<Run>, Vec<(u32, u32)>) = (Vec::new(), Vec::new());
+    for k in 0..n {
+        let (a, b) = (vertices[k], vertices[(k + 1) % n]);
+        if k == 0 || junction(a).is_some() {
+            let number = junction(a).map_or(NONE, |j| j as u32);
+            runs.push(Run { arc: NONE, start: along[k], length: 0.0, junction: number });
+            keys.push((u32::MAX, u32::MAX));
+        }
+        let step = (points[(k + 1) % n] - points[k]).norm();
+        along.push(along[k] + step);
+        if let (Some(run), Some(key)) = (runs.last_mut(), keys.last_mut()) {
+            run.length += step;
+            *key = (*key).min((a.min(b), a.max(b)));
+        }
+    }
+    (Curve { points, along, runs }, keys)
+}
+
+impl Curve {
+    /// Its whole length.
+    pub fn length(&self) -> f64 {
+        self.along.last().copied().unwrap_or(0.0)
+    }
+
+    /// The place on the curve nearest to a point: its length from the start, and the distance.
+    pub fn nearest(&self, p: Vec3) -> (f64, f64) {
+        let n = self.points.len();
+        let mut best = (0.0, f64::INFINITY);
+        for k in 0..n {
+            let (a, e) = (self.points[k], self.points[(k + 1) % n] - self.points[k]);
+            let squared = e.norm_squared();
+            let t = if squared > 0.0 { ((p - a).dot(&e) / squared).clamp(0.0, 1.0) } else { 0.0 };
+            let distance = (a + e * t - p).norm_squared();
+            if distance < best.1 {
+                best = (self.along[k] + t * (self.along[k + 1] - self.along[k]), distance);
+            }
+        }
+        (best.0, best.1.sqrt())
+    }
+
+    /// The point at a length from the start.
+    pub fn point(&self, s: f64) -> Vec3 {
+        let n = self.points.len();
+        if n == 0 {
+            return Vec3::zeros();
+        }
+        let s = if self.length() > 0.0 { s.rem_euclid(self.length()) } else { 0.0 };
+        let k = self.along.partition_point(|&x| x <= s).clamp(1, n) - 1;
+        let step = self.along[k + 1] - self.along[k];
+        let t = if step > 0.0 { (s - self.along[k]) / step } else { 0.0 };
+        self.points[k] + (self.points[(k + 1) % n] - self.points[k]) * t
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::topology::tests::grid;
+
+    #[test]
+    fn two_rings_of_a_tube_share_one_closed_arc() {
+        let mesh = grid(8, 6, true, false);
+        let owner: Vec<u32> = (0..mesh.triangles.len() as u32).map(|t| t / 48).collect();
+        let found = layout(&mesh, &owner, 2);
+        assert!(found.junctions.is_empty());
+        let mut sides: Vec<usize> = found.arcs.iter().map(|a| a.sides.len()).collect();
+        sides.sort_unstable();
+        assert_eq!(sides, [1, 1, 2]);
+    }
+
+    #[test]
+    fn three_parts_of_a_sheet_meet_in_junctions() {
+        // Left half, and the right half cut in two: one junction inside, three on the border.
+        let mesh = grid(4, 4, false, false);
+        let owner: Vec<u32> = (0..32u32)
+            .map(|t| {
+                let (i, j) = ((t / 2) % 4, (t / 2) / 4);
+                if i < 2 { 0 } else { 1 + u32::from(j >= 2) }
+            })
+            .collect();
+        let found = layout(&mesh, &owner, 3);
+        assert_eq!(found.junctions.len(), 4);
+        assert_eq!(found.arcs.iter().filter(|a| a.sides.len() == 2).count(), 3);
+        assert_eq!(found.arcs.iter().filter(|a| a.sides.len() == 1).count(), 3);
+        for arc in found.arcs.iter().filter(|a| a.sides.len() == 2) {
+            let [x, y] = [0, 1].map(|k| {
+                let [s, l, r] = arc.sides[k].map(|x| x as usize);
+                found.curves[s][l].runs[r].length
+            });
+            assert!((x - y).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_point_of_a_curve_is_found_again() {
+        let mesh = grid(5, 5, false, false);
+        let found = layout(&mesh, &[0; 50], 1);
+        let curve = &found.curves[0][0];
+        for s in [0.1, 1.3, 2.77, 3.9] {
+            let (t, d) = curve.nearest(curve.point(s));
+            assert!((t - s).abs() < 1e-12 && d < 1e-12, "{s} {t}");
+        }
+    }
+}

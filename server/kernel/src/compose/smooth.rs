@@ -1,0 +1,150 @@
+//! Smoothing with projection back onto the input, most at the seams and fading away from them.
+//!
+//! x_v ← π(x_v + w_v·(mean of its neighbours − x_v)), π the nearest point of the input, w_v = 1 on what stitching touched
+//! and less with each edge of distance. A vertex on the true boundary takes the mean of its two neighbours there, and is
+//! put back onto the boundary. *Source:* paper §6. *Ours, not the paper's:* the weights, so that the parts' own layout
+//! stays as the artist made it.
+
+use super::net::{Net, Step};
+use crate::mesh::Vec3;
+use crate::mesh::bvh::Bvh;
+use crate::mesh::tri::{NONE, TriMesh};
+
+/// Edges away from what was touched at which smoothing ends.
+const REACH: u32 = 5;
+/// Rounds in which new faces get their room, whatever smoothing is asked for.
+pub const OPENING_ROUNDS: u32 = 24;
+
+/// The input as smoothing sees it.
+#[derive(Clone, Debug)]
+pub struct Target {
+    surface: Bvh,
+    border: Bvh,
+}
+
+impl Target {
+    /// Prepares an input.
+    pub fn new(mesh: &TriMesh) -> Self {
+        let edge = |h: &u32| [mesh.tail(*h), mesh.head(*h), mesh.head(*h)];
+        let border: Vec<u32> = (0..mesh.twins.len() as u32).filter(|&h| mesh.twin(h) == NONE).collect();
+        let triangles: Vec<[u32; 3]> = border.iter().map(edge).collect();
+        let border = TriMesh { positions: mesh.positions.clone(), triangles, ..TriMesh::default() };
+        Self { surface: Bvh::new(mesh), border: Bvh::new(&border) }
+    }
+
+    /// The nearest point of the surface.
+    pub fn onto_surface(&self, p: Vec3) -> Vec3 {
+        self.surface.closest(p).point
+    }
+
+    /// The nearest point of the true boundary.
+    pub fn onto_border(&self, p: Vec3) -> Vec3 {
+        self.border.closest(p).point
+    }
+
+    /// The triangle nearest to a point.
+    pub fn triangle(&self, p: Vec3) -> u32 {
+        self.surface.closest(p).triangle
+    }
+}
+
+/// How each vertex of a net is smoothed.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Vertices that move, with their weight.
+    moving: Vec<(u32, f64)>,
+    /// The neighbours that each of them follows.
+    follows: Vec<Vec<u32>>,
+    /// Whether each lies on the true boundary.
+    on_border: Vec<bool>,
+}
+
+impl Plan {
+    /// Smooths around `touched`.
+    pub fn new(net: &Net, touched: &[u32]) -> Self {
+        let mut depth = vec![u32::MAX; net.positions.len()];
+        let mut front: Vec<u32> = touched.to_vec();
+        front.sort_unstable();
+        front.dedup();
+        front.retain(|&v| !net.at(v).is_empty());
+        front.iter().for_each(|&v| depth[v as usize] = 0);
+        let mut moving = Vec::new();
+        for d in 0..REACH {
+            let weight = 1.0 - f64::from(d) / f64::from(REACH);
+            moving.extend(front.iter().map(|&v| (v, weight)));
+            let mut next: Vec<u32> = front.iter().flat_map(|&v| net.neighbours(v)).collect();
+            next.retain(|&v| depth[v as usize] == u32::MAX);
+            next.sort_unstable();
+            next.dedup();
+            next.iter().for_each(|&v| depth[v as usize] = d + 1);
+            front = next;
+        }
+        let mut plan = Self { moving, follows: Vec::new(), on_border: Vec::new() };
+        for &(v, _) in &plan.moving {
+            let fan = net.fan(v).unwrap_or_default();
+            let on_border = fan.last() == Some(&Step::Gap);
+            let edges: Vec<u32> =
+                fan.iter().filter_map(|s| if let Step::Edge(w) = s { Some(*w) } else { None }).collect();
+            let ends = [edges.first(), edges.last()];
+            plan.follows.push(if on_border { ends.into_iter().flatten().copied().collect() } else { edges });
+            plan.on_border.push(on_border);
+        }
+        plan
+    }
+
+    /// Goes `rounds` rounds.
+    pub fn run(&self, net: &mut Net, target: &Target, rounds: u32) {
+        for _ in 0..rounds {
+            let moved: Vec<Vec3> = (0..self.moving.len()).map(|k| self.moved(net, target, k)).collect();
+            for (&(v, _), p) in self.moving.iter().zip(moved) {
+                net.positions[v as usize] = p;
+            }
+        }
+    }
+
+    fn moved(&self, net: &Net, target: &Target, k: usize) -> Vec3 {
+        let (v, weight) = self.moving[k];
+        let here = net.positions[v as usize];
+        let follows = &self.follows[k];
+        if follows.is_empty() {
+            return here;
+        }
+        let mean = follows.iter().map(|&w| net.positions[w as usize]).sum::<Vec3>() / follows.len() as f64;
+        let to = here + (mean - here) * weight;
+        if self.on_border[k] { target.onto_border(to) } else { target.onto_surface(to) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compose::net::tests::sheet;
+    use crate::topology::tests::grid;
+
+    #[test]
+    fn a_vertex_out_of_place_goes_back_and_the_far_ones_stay() {
+        let mut input = grid(12, 12, false, false);
+        input.positions.iter_mut().for_each(|p| *p *= 12.0);
+        let target = Target::new(&input);
+        let mut net = sheet(12, 12);
+        let before = net.positions.clone();
+        let middle = 6 * 13 + 6;
+        net.positions[middle] += Vec3::new(0.9, 0.8, 0.0);
+        Plan::new(&net, &[middle as u32]).run(&mut net, &target, 40);
+        assert!((net.positions[middle] - before[middle]).norm() < 0.35);
+        assert_eq!(net.positions[0], before[0]);
+        let off = net.positions.iter().map(|p| p.z.abs()).fold(0.0, f64::max);
+        assert!(off < 1e-12);
+    }
+
+    #[test]
+    fn the_true_boundary_stays_on_its_curve() {
+        let input = grid(8, 8, false, false);
+        let target = Target::new(&input);
+        let mut net = sheet(8, 8);
+        net.positions.iter_mut().for_each(|p| *p /= 8.0);
+        net.positions[4].x += 0.05;
+        Plan::new(&net, &[4]).run(&mut net, &target, 10);
+        assert!(net.positions[4].y.abs() < 1e-12 && (net.positions[4].x - 0.5).abs() < 0.04);
+    }
+}

@@ -1,0 +1,235 @@
+//! Parts made by code, stitched: spheres of discs, tori of annuli, junctions, true boundaries, unlike densities.
+
+use super::*;
+use crate::topology::tests::grid;
+use layout::Curve;
+
+/// A sphere of triangles: a subdivided octahedron.
+fn sphere(rounds: usize) -> TriMesh {
+    let mut positions: Vec<Vec3> = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]
+        .map(|p| Vec3::from(p.map(f64::from)))
+        .into();
+    let mut triangles: Vec<[u32; 3]> = Vec::new();
+    for (x, sx) in [(0, 1), (1, -1)] {
+        for (y, sy) in [(2, 1), (3, -1)] {
+            for (z, sz) in [(4, 1), (5, -1)] {
+                triangles.push(if sx * sy * sz > 0 { [x, y, z] } else { [x, z, y] });
+            }
+        }
+    }
+    for _ in 0..rounds {
+        let mut middle = std::collections::BTreeMap::new();
+        let mut finer = Vec::new();
+        for t in &triangles {
+            let m = [0, 1, 2].map(|k| {
+                let (a, b) = (t[k], t[(k + 1) % 3]);
+                *middle.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                    positions.push((positions[a as usize] + positions[b as usize]).normalize());
+                    positions.len() as u32 - 1
+                })
+            });
+            finer.extend([[t[0], m[0], m[2]], [t[1], m[1], m[0]], [t[2], m[2], m[1]], m]);
+        }
+        triangles = finer;
+    }
+    TriMesh::from_triangles(positions, triangles).expect("a sphere")
+}
+
+fn centre(mesh: &TriMesh, t: usize) -> Vec3 {
+    mesh.triangles[t].iter().map(|&v| mesh.positions[v as usize]).sum::<Vec3>() / 3.0
+}
+
+fn owners(mesh: &TriMesh, of: impl Fn(Vec3) -> u32) -> Vec<u32> {
+    (0..mesh.triangles.len()).map(|t| of(centre(mesh, t))).collect()
+}
+
+/// A disc of k × k quads inside a curve, its columns ending on the curve at even distances from `offset`.
+fn disc(curve: &Curve, k: u32, offset: f64, target: &Target) -> PolyMesh {
+    let middle = curve.points.iter().sum::<Vec3>() / curve.points.len() as f64;
+    let middle = target.onto_surface(middle);
+    let mut positions = Vec::new();
+    for y in 0..=k {
+        for x in 0..=k {
+            let (p, q) = (2.0 * f64::from(x) / f64::from(k) - 1.0, 2.0 * f64::from(y) / f64::from(k) - 1.0);
+            let rho = p.abs().max(q.abs());
+            let (a, b) = (p / rho.max(1e-9), q / rho.max(1e-9));
+            let around = if b <= -1.0 + 1e-9 {
+                (a + 1.0) / 2.0
+            } else if a >= 1.0 - 1e-9 {
+                1.0 + (b + 1.0) / 2.0
+            } else if b >= 1.0 - 1e-9 {
+                2.0 + (1.0 - a) / 2.0
+            } else {
+                3.0 + (1.0 - b) / 2.0
+            };
+            let border = curve.point(curve.length() * around / 4.0 + offset);
+            let inside = middle + (border - middle) * rho;
+            positions.push(if rho > 1.0 - 1e-9 { border } else { target.onto_surface(inside) });
+        }
+    }
+    let at = |x: u32, y: u32| y * (k + 1) + x;
+    let cells = (0..k).flat_map(|y| (0..k).map(move |x| (x, y)));
+    let faces = cells.map(|(x, y)| vec![at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)]).collect();
+    Net::new(positions, faces).into_mesh().0
+}
+
+/// Stitches discs of k × k quads, one a segment, and checks them anew.
+fn of_discs(mesh: &TriMesh, owner: &[u32], sizes: &[u32]) -> Composed {
+    let found = layout::layout(mesh, owner, sizes.len());
+    let target = Target::new(mesh);
+    let parts: Vec<PolyMesh> =
+        sizes.iter().enumerate().map(|(s, &k)| disc(&found.curves[s][0], k, 0.013 * s as f64, &target)).collect();
+    let input = Segmented { surface: mesh, owner, count: sizes.len() };
+    let made = compose(input, &parts, 5).expect("valid parts");
+    assert_eq!(check(&made.mesh, Shape::of(mesh)), Ok(()));
+    made
+}
+
+#[test]
+fn two_half_spheres_of_like_counts_are_merged_row_to_row() {
+    let mesh = sphere(4);
+    let owner = owners(&mesh, |p| u32::from(p.z > 0.0));
+    let made = of_discs(&mesh, &owner, &[6, 6]);
+    let report = made.report;
+    assert_eq!((report.way, report.merged, report.filled, report.resolved.cuts), (Way::Direct, 24, 0, 0));
+    assert_eq!(made.mesh.faces.len(), 72);
+    // The corners of the squares lie on the seam; beside them every vertex is regular.
+    assert!(report.extraordinary_after <= 8, "{}", report.extraordinary_after);
+}
+
+#[test]
+fn half_spheres_of_unlike_counts_are_stitched_with_few_extraordinary_vertices() {
+    let mesh = sphere(4);
+    let owner = owners(&mesh, |p| u32::from(p.z > 0.0));
+    for (a, b) in [(6, 7), (5, 8), (4, 12), (12, 4), (3, 16), (1, 12), (2, 40)] {
+        let made = of_discs(&mesh, &owner, &[a, b]);
+        let most = 8 + 10 * a.abs_diff(b) as usize;
+        assert!(made.report.extraordinary_after <= most, "{a}, {b}: {:?}", made.report);
+        assert_eq!(made.report.way.max(Way::PartsSubdivided), Way::PartsSubdivided, "{a}, {b}");
+    }
+}
+
+#[test]
+fn parts_close_where_three_and_four_of_them_meet() {
+    let mesh = sphere(4);
+    let eight = owners(&mesh, |p| u32::from(p.x > 0.0) + 2 * u32::from(p.y > 0.0) + 4 * u32::from(p.z > 0.0));
+    of_discs(&mesh, &eight, &[4; 8]);
+    of_discs(&mesh, &eight, &[4, 5, 6, 7, 3, 9, 2, 1]);
+    let three = owners(&mesh, |p| ((p.y.atan2(p.x) / std::f64::consts::TAU + 0.5) * 3.0).min(2.9) as u32);
+    of_discs(&mesh, &three, &[5, 6, 7]);
+    of_discs(&mesh, &three, &[1, 1, 1]);
+}
+
+#[test]
+fn true_boundaries_are_open_again_at_the_end() {
+    let mesh = grid(16, 16, false, false);
+    let owner = owners(&mesh, |p| if p.x < 0.5 { 0 } else { 1 + u32::from(p.y > 0.5) });
+    for sizes in [[4, 4, 4], [3, 5, 4], [7, 2, 3], [6, 5, 5]] {
+        let made = of_discs(&mesh, &owner, &sizes);
+        let off = made.mesh.positions.iter().map(|p| p.z.abs()).fold(0.0, f64::max);
+        assert!(off < 1e-12);
+    }
+}
+
+/// A ring of a torus between two angles, as quads.
+fn ring(columns: u32, rows: u32, from: f64, to: f64) -> PolyMesh {
+    let tau = std::f64::consts::TAU;
+    let mut positions = Vec::new();
+    for j in 0..=rows {
+        let a = tau * (from + (to - from) * f64::from(j) / f64::from(rows));
+        for i in 0..columns {
+            let b = tau * f64::from(i) / f64::from(columns);
+            positions.push(Vec3::new((2.0 + b.cos()) * a.cos(), (2.0 + b.cos()) * a.sin(), b.sin()));
+        }
+    }
+    let at = |i: u32, j: u32| j * columns + i % columns;
+    let cells = (0..rows).flat_map(|j| (0..columns).map(move |i| (i, j)));
+    let quad = |(i, j)| vec![at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)];
+    Net::new(positions, cells.map(quad).collect()).into_mesh().0
+}
+
+#[test]
+fn rings_make_a_torus_of_genus_one() {
+    let mesh = grid(48, 24, true, true);
+    let angle = |t: usize| (t / 2 % 48) as u32;
+    for cuts in [vec![0, 24], vec![0, 10, 30]] {
+        let owner: Vec<u32> =
+            (0..mesh.triangles.len()).map(|t| cuts.iter().filter(|&&c| c <= angle(t)).count() as u32 - 1).collect();
+        for (columns, rows) in [([12, 12, 12], 6), ([12, 14, 9], 4), ([8, 30, 12], 3), ([10, 10, 10], 1)] {
+            let ends = |s: usize| cuts.get(s).copied().unwrap_or(48) as f64 / 48.0;
+            let parts: Vec<PolyMesh> = (0..cuts.len()).map(|s| ring(columns[s], rows, ends(s), ends(s + 1))).collect();
+            let input = Segmented { surface: &mesh, owner: &owner, count: cuts.len() };
+            let made = compose(input, &parts, 5).expect("valid parts");
+            assert_eq!(check(&made.mesh, Shape::of(&mesh)), Ok(()));
+            let is_even = columns.iter().take(cuts.len()).all(|c| *c == columns[0]);
+            if is_even && rows > 1 {
+                assert_eq!(made.report.extraordinary_after, 0, "{cuts:?} {columns:?}: {:?}", made.report);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_part_turned_inside_out_is_turned_back() {
+    let mesh = sphere(3);
+    let owner = owners(&mesh, |p| u32::from(p.z > 0.0));
+    let found = layout::layout(&mesh, &owner, 2);
+    let target = Target::new(&mesh);
+    let mut parts: Vec<PolyMesh> = (0..2).map(|s| disc(&found.curves[s][0], 6, 0.0, &target)).collect();
+    parts[1].faces = parts[1]
+        .faces
+        .iter()
+        .map(|f| f.iter().rev().copied().collect::<Vec<u32>>())
+        .collect::<Vec<_>>()
+        .iter()
+        .map(|f| &f[..])
+        .collect();
+    let input = Segmented { surface: &mesh, owner: &owner, count: 2 };
+    let made = compose(input, &parts, 5).expect("valid parts");
+    assert_eq!((check(&made.mesh, Shape::of(&mesh)), made.report.way), (Ok(()), Way::Direct));
+}
+
+#[test]
+fn triangles_and_polygons_of_the_parts_are_resolved() {
+    let mesh = sphere(4);
+    let owner = owners(&mesh, |p| u32::from(p.z > 0.0));
+    let found = layout::layout(&mesh, &owner, 2);
+    let target = Target::new(&mesh);
+    let mut parts: Vec<PolyMesh> = (0..2).map(|s| disc(&found.curves[s][0], 8, 0.0, &target)).collect();
+    let mut net = Net::from_mesh(&parts[0]);
+    for f in [9, 27, 44] {
+        let c = net.face(f).to_vec();
+        net.set_face(f, vec![c[0], c[1], c[2]]);
+        // The other half and the quad beside it make a pentagon.
+        let beside = net.face_along(c[3], c[2]).expect("inside");
+        let mut wide = net.face(beside).to_vec();
+        let k = wide.iter().position(|&v| v == c[3]).expect("a corner");
+        wide.insert(k + 1, c[0]);
+        wide.rotate_left(k);
+        net.set_face(beside, wide);
+    }
+    parts[0] = net.into_mesh().0;
+    let input = Segmented { surface: &mesh, owner: &owner, count: 2 };
+    let made = compose(input, &parts, 5).expect("valid parts");
+    assert_eq!(check(&made.mesh, Shape::of(&mesh)), Ok(()));
+    assert!(made.report.way <= Way::PartsSubdivided);
+}
+
+#[test]
+fn parts_of_another_topology_leave_the_inputs_own_mesh() {
+    let mesh = sphere(2);
+    let owner = owners(&mesh, |p| u32::from(p.z > 0.0));
+    let wrong = ring(8, 2, 0.0, 0.3);
+    let input = Segmented { surface: &mesh, owner: &owner, count: 2 };
+    let made = compose(input, &[wrong.clone(), wrong], 5).expect("a valid surface");
+    assert_eq!((made.report.way, made.report.unusable), (Way::InputSubdivided, vec![0]));
+    assert_eq!(check(&made.mesh, Shape::of(&mesh)), Ok(()));
+}
+
+#[test]
+fn labels_and_parts_are_counted() {
+    let mesh = sphere(1);
+    let input = Segmented { surface: &mesh, owner: &[0; 3], count: 1 };
+    assert!(matches!(compose(input, &[], 0), Err(ComposeError::Parts { expected: 1, found: 0 })));
+    assert!(matches!(compose(input, &[PolyMesh::default()], 0), Err(ComposeError::Owners { .. })));
+}
