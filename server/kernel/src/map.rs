@@ -5,8 +5,10 @@
 pub mod assemble;
 pub mod atlas;
 pub mod edit;
+pub mod polish;
 pub mod rejoin;
 pub mod untangle;
+pub mod walk;
 
 use crate::encode::index::{Location, PlanarIndex};
 use crate::mesh::Vec3;

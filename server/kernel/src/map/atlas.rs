@@ -7,33 +7,27 @@
 //! *Source:* paper §7 ("introduce extra singularities … one pole per disc segment"); blending after Kim, Lipman,
 //! Funkhouser, *Blended Intrinsic Maps* (2011). *Ours:* poles at matched tips, area-fraction coordinates.
 
+mod assignment;
+mod matching;
+
 use std::sync::Arc;
+
+use matching::{Matcher, Which, tip_controls};
 
 use super::edit::{self, EditError};
 use super::{CrossMap, turns_over, vertex_uv};
-use crate::encode::features::distance;
 use crate::encode::index::{Location, PlanarIndex};
 use crate::encode::{Encoding, encode_to};
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::{NONE, TriMesh};
-use crate::register::entry::{MIRROR_MARGIN, PROTRUSIONS_MANY, SYMMETRIC_COST};
+use crate::register::entry::PROTRUSIONS_MANY;
 use crate::register::{Flip, Level, Query, Registration, Solver, coarse_flip, query_images};
 use crate::topology::Topology;
-use crate::unfold::path::distances;
 use crate::unfold::{Chart, UnfoldError, Uv};
 
-/// Level at which tips are matched, and to which charts are registered.
-const MATCH_SIDE: usize = 32;
+/// Level to which charts are registered.
 const CHART_SIDE: usize = 128;
-/// A pair of tips may be this many times further apart on one surface than on the other (in √area).
-const STRETCH_MAX: f64 = 1.7;
-/// Ways to place the seed that are tried.
-const TARGETS_MAX: usize = 12;
-/// Mean distance in the domain between matched tips that doubles a match's cost.
-const TIP_DISTANCE: f64 = 0.06;
-/// Tips further apart than this in the domain are no match.
-const TIP_DISTANCE_MAX: f64 = 0.25;
 /// Tips that make an atlas worth its charts: with one or two, two poles do.
 const TIPS_MIN: usize = PROTRUSIONS_MANY;
 /// A match that costs more is none.
@@ -68,13 +62,6 @@ pub struct Atlas {
     pub cost: f64,
 }
 
-/// A way to match the tips.
-struct Match {
-    pairs: Vec<(usize, usize)>,
-    mirrored: bool,
-    cost: f64,
-}
-
 impl Atlas {
     /// Matches two surfaces by their tips; `None` where either has fewer than three, or
     /// they are no discs or spheres, or the match is too poor to be one.
@@ -95,22 +82,24 @@ impl Atlas {
         }
         let matcher = Matcher::new(example, query, solver, stop);
         let Some(found) = matcher.best() else { return Ok(None) };
-        if found.pairs.len() < TIPS_MIN || found.cost > MATCH_COST_MAX {
+        if found.assignment.pairs.len() < TIPS_MIN || found.cost > MATCH_COST_MAX {
             return Ok(None);
         }
-        let matches: Vec<(u32, u32)> = found.pairs.iter().map(|&(a, b)| (tips.0[a], tips.1[b])).collect();
-        let flip = Flip { u: found.mirrored, v: false };
+        let matches = matcher.vertices(&found.assignment.pairs);
+        let flip = found.flip;
         let mut sheets = Vec::new();
         for k in 0..matches.len() {
             if stop() {
                 return Ok(None);
             }
-            let (one, two) =
-                (matcher.poles_at(&found.pairs, k, Which::Example), matcher.poles_at(&found.pairs, k, Which::Query));
+            let (one, two) = (
+                matcher.poles_at(&found.assignment.pairs, k, Which::Example),
+                matcher.poles_at(&found.assignment.pairs, k, Which::Query),
+            );
             let (one, two) = (side_at(example, &one)?, side_at(query, &two)?);
             sheets.push(Sheet::new(one, two, &matches, flip, solver, stop));
         }
-        Ok(Some(Self { sheets, matches, mirrored: found.mirrored, cost: found.cost }))
+        Ok(Some(Self { sheets, matches, mirrored: found.flip.is_mirror(), cost: found.cost }))
     }
 
     /// Maps the vertices of the example's patch onto the mesh of the input's charts. Each of `constraints`, a place on
@@ -208,12 +197,7 @@ impl Sheet {
         solver: &dyn Solver,
         stop: &dyn Fn() -> bool,
     ) -> Self {
-        let is_pole = |chart: &Chart, v: u32| chart.poles.iter().any(|p| p.vertex == v);
-        let mut pairs: Vec<(Uv, Uv)> = matches
-            .iter()
-            .filter(|(a, b)| !is_pole(&one.chart, *a) && !is_pole(&two.chart, *b))
-            .map(|&(a, b)| (flip.apply(one.chart.uv[a as usize]), two.chart.uv[b as usize]))
-            .collect();
+        let mut pairs = tip_controls(matches, flip, &one, &two);
         unwrap_shifts(&mut pairs);
         let images = query_images(&two.encoding, CHART_SIDE);
         let mut registration = match pairs.is_empty() {
@@ -252,8 +236,8 @@ impl Sheet {
     }
 }
 
-/// Moves each target to the period nearest to the common shift (circular mean).
-fn unwrap_shifts(pairs: &mut [(Uv, Uv)]) {
+/// Moves each target to the period nearest to the common shift (circular mean), and returns that.
+fn unwrap_shifts(pairs: &mut [(Uv, Uv)]) -> f64 {
     let tau = std::f64::consts::TAU;
     let turn = |(p, q): &(Uv, Uv)| (tau * (q[0] - p[0])).sin_cos();
     let (sin, cos) = pairs.iter().map(turn).fold((0.0, 0.0), |s, t| (s.0 + t.0, s.1 + t.1));
@@ -261,6 +245,7 @@ fn unwrap_shifts(pairs: &mut [(Uv, Uv)]) {
     for (p, q) in pairs {
         q[0] += (p[0] + shift - q[0]).round();
     }
+    shift
 }
 
 /// 3D area per area of the domain at each vertex, both as shares.
@@ -308,183 +293,5 @@ impl Rim {
             }
         }
         best.1
-    }
-}
-
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Which {
-    Example,
-    Query,
-}
-
-/// Matches tips by registering charts with poles at them.
-struct Matcher<'a> {
-    example: &'a Query,
-    query: &'a Query,
-    solver: &'a dyn Solver,
-    stop: &'a dyn Fn() -> bool,
-    /// Distances between tips along each surface, in √area.
-    between: [Vec<Vec<f64>>; 2],
-}
-
-impl<'a> Matcher<'a> {
-    fn new(example: &'a Query, query: &'a Query, solver: &'a dyn Solver, stop: &'a dyn Fn() -> bool) -> Self {
-        let between = [example, query].map(|side| {
-            let mesh = side.unfolder().mesh();
-            let scale = mesh.total_area().sqrt();
-            let tips = side.protrusions();
-            let row = |&t: &u32| {
-                let (d, _) = distances(mesh, &[t]);
-                tips.iter().map(|&x| d[x as usize] / scale).collect()
-            };
-            tips.iter().map(row).collect()
-        });
-        Self { example, query, solver, stop, between }
-    }
-
-    /// The poles of the chart for pair `k`: its tip at the top, and on spheres the matched tip furthest from it below.
-    fn poles_at(&self, pairs: &[(usize, usize)], k: usize, which: Which) -> Vec<u32> {
-        let tip = |j: usize| match which {
-            Which::Example => self.example.protrusions()[pairs[j].0],
-            Which::Query => self.query.protrusions()[pairs[j].1],
-        };
-        if self.example.encoding().topology == Topology::Disc {
-            return vec![tip(k)];
-        }
-        let from = &self.between[0][pairs[k].0];
-        let other = (0..pairs.len()).filter(|&j| j != k);
-        let farthest = other.max_by(|&a, &b| from[pairs[a].0].total_cmp(&from[pairs[b].0]));
-        vec![tip(farthest.unwrap_or(k)), tip(k)]
-    }
-
-    /// The best match. A mirrored one has to beat the best unmirrored one, on an example that is not its own mirror
-    /// image: on one that is, both fit and the pictures cannot tell.
-    fn best(&self) -> Option<Match> {
-        let [plain, mirror] = self.search(&[Flip { u: false, v: false }, Flip { u: true, v: false }]);
-        let mirror_wins = match (&plain, &mirror) {
-            (Some(plain), Some(mirror)) => mirror.cost * MIRROR_MARGIN < plain.cost && !self.example_is_symmetric(),
-            (plain, _) => plain.is_none(),
-        };
-        if mirror_wins { mirror } else { plain }
-    }
-
-    fn example_is_symmetric(&self) -> bool {
-        let own = Matcher::new(self.example, self.example, self.solver, self.stop);
-        let [_, mirror] = own.search(&[Flip { u: true, v: false }]);
-        mirror.is_some_and(|m| m.cost < SYMMETRIC_COST)
-    }
-
-    /// The best unmirrored and the best mirrored match among the given flips, over all ways to place the example's
-    /// leading tips (disc) or its two farthest (sphere).
-    fn search(&self, flips: &[Flip]) -> [Option<Match>; 2] {
-        let spherical = self.example.encoding().topology == Topology::Sphere;
-        let mut best: [Option<Match>; 2] = [None, None];
-        for seed in self.seeds(spherical) {
-            let poles: Vec<u32> = seed.iter().map(|&t| self.example.protrusions()[t]).collect();
-            let Some(one) = self.quick(Which::Example, &poles) else { continue };
-            for targets in self.targets(&seed) {
-                if (self.stop)() {
-                    return best;
-                }
-                let poles: Vec<u32> = targets.iter().map(|&t| self.query.protrusions()[t]).collect();
-                let Some(two) = self.quick(Which::Query, &poles) else { continue };
-                let images = query_images(&two.encoding, MATCH_SIDE);
-                let Some(level) = images.first().and_then(|i| Level::new(&one.encoding, i)) else { continue };
-                for &flip in flips {
-                    let registration = coarse_flip(&level, flip, self.solver, self.stop);
-                    let found = self.assign(&registration, &one, &two, &seed, &targets);
-                    let slot = &mut best[usize::from(found.mirrored)];
-                    if slot.as_ref().is_none_or(|b| found.cost < b.cost) {
-                        *slot = Some(found);
-                    }
-                }
-            }
-        }
-        best
-    }
-
-    /// Tips of the example to start from.
-    fn seeds(&self, spherical: bool) -> Vec<Vec<usize>> {
-        let n = self.between[0].len();
-        if !spherical {
-            return (0..n.min(3)).map(|t| vec![t]).collect();
-        }
-        let mut pairs: Vec<(usize, usize)> = (0..n).flat_map(|a| (0..a).map(move |b| (a, b))).collect();
-        pairs.sort_by(|x, y| self.between[0][y.0][y.1].total_cmp(&self.between[0][x.0][x.1]));
-        pairs.into_iter().take(1).map(|(a, b)| vec![a, b]).collect()
-    }
-
-    /// Tips of the query on which the seed may go, the likeliest first: those that lie to the other tips as it does.
-    fn targets(&self, seed: &[usize]) -> Vec<Vec<usize>> {
-        let n = self.between[1].len();
-        let mut all: Vec<(f64, Vec<usize>)> = match *seed {
-            [a, b] => {
-                let wanted = self.between[0][a][b];
-                let pairs = (0..n).flat_map(|x| (0..n).map(move |y| (x, y))).filter(|(x, y)| x != y);
-                let misfit = |(x, y): (usize, usize)| {
-                    let apart = (self.between[1][x][y] / wanted).ln().abs();
-                    (apart + self.unlikeness(a, x) + self.unlikeness(b, y), vec![x, y])
-                };
-                pairs
-                    .filter(|&(x, y)| (self.between[1][x][y] / wanted).ln().abs() < STRETCH_MAX.ln())
-                    .map(misfit)
-                    .collect()
-            }
-            _ => (0..n).map(|x| (self.unlikeness(seed[0], x), vec![x])).collect(),
-        };
-        all.sort_by(|x, y| x.0.total_cmp(&y.0).then_with(|| x.1.cmp(&y.1)));
-        all.truncate(TARGETS_MAX);
-        all.into_iter().map(|(_, targets)| targets).collect()
-    }
-
-    /// How differently tip `a` of the example and tip `x` of the query lie to the other tips: mean difference of their
-    /// sorted distances.
-    fn unlikeness(&self, a: usize, x: usize) -> f64 {
-        let sorted = |row: &[f64]| {
-            let mut row = row.to_vec();
-            row.sort_by(|p, q| q.total_cmp(p));
-            row
-        };
-        let (one, two) = (sorted(&self.between[0][a]), sorted(&self.between[1][x]));
-        let n = one.len().min(two.len());
-        one.iter().zip(&two).map(|(p, q)| (p - q).abs()).sum::<f64>() / n as f64
-    }
-
-    fn quick(&self, which: Which, poles: &[u32]) -> Option<Side> {
-        let side = match which {
-            Which::Example => self.example,
-            Which::Query => self.query,
-        };
-        let chart = side.quick_chart(poles)?;
-        let encoding = encode_to(&chart, MATCH_SIDE);
-        Some(Side { chart: Arc::new(chart), encoding })
-    }
-
-    /// Pairs the other tips by where the registration sends them, nearest first.
-    fn assign(&self, r: &Registration, one: &Side, two: &Side, seed: &[usize], targets: &[usize]) -> Match {
-        let (from, to) = (self.example.protrusions(), self.query.protrusions());
-        let mut near: Vec<(f64, usize, usize)> = Vec::new();
-        for a in (0..from.len()).filter(|a| !seed.contains(a)) {
-            let x = r.map(one.chart.topology, one.chart.uv[from[a] as usize]);
-            for b in (0..to.len()).filter(|b| !targets.contains(b)) {
-                near.push((distance(x, two.chart.uv[to[b] as usize]), a, b));
-            }
-        }
-        near.sort_by(|x, y| x.0.total_cmp(&y.0));
-        let mut pairs: Vec<(usize, usize)> = seed.iter().copied().zip(targets.iter().copied()).collect();
-        let mut sum = 0.0;
-        for (d, a, b) in near {
-            let free = !pairs.iter().any(|(x, y)| *x == a || *y == b);
-            if free && d <= TIP_DISTANCE_MAX {
-                pairs.push((a, b));
-                sum += d;
-            }
-        }
-        let possible = from.len().min(to.len());
-        sum += (possible - pairs.len().min(possible)) as f64 * TIP_DISTANCE_MAX;
-        let mean = sum / possible.max(1) as f64;
-        let mirrored = r.flip.is_mirror();
-        let cost = r.energy / r.variance.max(1e-300) * (1.0 + mean / TIP_DISTANCE);
-        Match { pairs, mirrored, cost }
     }
 }

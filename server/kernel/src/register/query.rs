@@ -91,6 +91,11 @@ impl Query {
         self.conformal.get_or_init(|| self.unfolder.conformal(&self.best.poles).unwrap_or(None)).as_ref()
     }
 
+    /// u, in periods, of some vertices in the chart for other poles; `None` where poles are fixed.
+    pub fn angles(&self, poles: &[u32], at: &[u32]) -> Option<Vec<f64>> {
+        Some(self.conformal()?.angles(poles, at))
+    }
+
     /// The mesh on which poles are vertices.
     pub fn unfolder(&self) -> &Unfolder {
         &self.unfolder

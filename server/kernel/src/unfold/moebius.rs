@@ -88,6 +88,16 @@ impl Conformal {
         self.topology != Topology::Disc || poles.iter().all(|&p| self.gap[p as usize] > GAP_MIN)
     }
 
+    /// u, in periods, of some vertices in the chart for other poles.
+    pub fn angles(&self, poles: &[u32], at: &[u32]) -> Vec<f64> {
+        let (a, b) = (poles.first().copied().unwrap_or(0) as usize, poles.last().copied().unwrap_or(0) as usize);
+        let angle = |v: u32| match self.topology {
+            Topology::Sphere => self.sphere_at(a, b, v as usize).0,
+            _ => self.disc_at(a, v as usize).0,
+        };
+        at.iter().map(|&v| angle(v)).collect()
+    }
+
     /// The chart for other poles. Its report is empty: nothing was solved.
     pub fn chart(&self, poles: &[u32]) -> Chart {
         let (u, depth) = match (self.topology, poles) {
@@ -127,33 +137,35 @@ impl Conformal {
 
     /// u in periods and −log |w′| with the pole at vertex `pole`.
     fn disc(&self, pole: usize) -> (Vec<f64>, Vec<f64>) {
+        (0..self.x.len()).map(|v| self.disc_at(pole, v)).unzip()
+    }
+
+    fn disc_at(&self, pole: usize, v: usize) -> (f64, f64) {
         let (a, gap_a) = (self.x[pole], self.gap[pole]);
-        let one = |v: usize| {
-            let top = sub(self.x[v], a);
-            let bottom = sub([1.0, 0.0], mul([a[0], -a[1]], self.x[v]));
-            let angle = mul(top, [bottom[0], -bottom[1]]);
-            // 1 − |w′|² = (1 − |a|²)(1 − |w|²) / |1 − āw|²
-            let inside = (gap_a * self.gap[v] / norm2(bottom)).clamp(0.0, 1.0);
-            // Each form where it is precise: near the boundary, and near the pole.
-            let depth = match inside < 0.5 {
-                true => -0.5 * (-inside).ln_1p(),
-                false => 0.5 * (norm2(bottom).max(1e-300).ln() - norm2(top).max(1e-300).ln()),
-            };
-            (angle[1].atan2(angle[0]) / std::f64::consts::TAU, depth)
+        let top = sub(self.x[v], a);
+        let bottom = sub([1.0, 0.0], mul([a[0], -a[1]], self.x[v]));
+        let angle = mul(top, [bottom[0], -bottom[1]]);
+        // 1 − |w′|² = (1 − |a|²)(1 − |w|²) / |1 − āw|²
+        let inside = (gap_a * self.gap[v] / norm2(bottom)).clamp(0.0, 1.0);
+        // Each form where it is precise: near the boundary, and near the pole.
+        let depth = match inside < 0.5 {
+            true => -0.5 * (-inside).ln_1p(),
+            false => 0.5 * (norm2(bottom).max(1e-300).ln() - norm2(top).max(1e-300).ln()),
         };
-        (0..self.x.len()).map(one).unzip()
+        (angle[1].atan2(angle[0]) / std::f64::consts::TAU, depth)
     }
 
     /// The same with poles at two vertices of a sphere.
     fn sphere(&self, south: usize, north: usize) -> (Vec<f64>, Vec<f64>) {
-        let against = |v: usize, pole: usize| sub(mul(self.x[v], self.y[pole]), mul(self.x[pole], self.y[v]));
-        let one = |v: usize| {
-            let (top, bottom) = (against(v, north), against(v, south));
-            let angle = mul(top, [bottom[0], -bottom[1]]);
-            let depth = 0.5 * (norm2(bottom).max(1e-300).ln() - norm2(top).max(1e-300).ln());
-            (angle[1].atan2(angle[0]) / std::f64::consts::TAU, depth)
-        };
-        (0..self.x.len()).map(one).unzip()
+        (0..self.x.len()).map(|v| self.sphere_at(south, north, v)).unzip()
+    }
+
+    fn sphere_at(&self, south: usize, north: usize, v: usize) -> (f64, f64) {
+        let against = |pole: usize| sub(mul(self.x[v], self.y[pole]), mul(self.x[pole], self.y[v]));
+        let (top, bottom) = (against(north), against(south));
+        let angle = mul(top, [bottom[0], -bottom[1]]);
+        let depth = 0.5 * (norm2(bottom).max(1e-300).ln() - norm2(top).max(1e-300).ln());
+        (angle[1].atan2(angle[0]) / std::f64::consts::TAU, depth)
     }
 
     /// Gives the poles, where the depth is infinite, one unit more than their neighbours.

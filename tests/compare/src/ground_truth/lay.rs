@@ -4,12 +4,13 @@ use super::method::Method;
 use super::pairs::{Loaded, Pair};
 use quadmuse_kernel::encode::index::PlanarIndex;
 use quadmuse_kernel::map::atlas::Atlas;
+use quadmuse_kernel::map::polish::{PolishOptions, polish};
 use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, folded_faces};
 use quadmuse_kernel::measure::{self, Distortion, Evidence, Verdict};
 use quadmuse_kernel::mesh::Vec3;
 use quadmuse_kernel::register::{Entry, Query, Solver};
-use quadmuse_kernel::unfold::UnfoldOptions;
+use quadmuse_kernel::unfold::{Chart, UnfoldOptions};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -62,10 +63,10 @@ pub fn lay(pair: &Pair, method: Method) -> Result<Outcome, String> {
     let solver = method.solver();
     let entry = registered(&one, &two, method, solver.as_ref())?;
     let registered = Instant::now();
-    let mut laid = by_chart(&example, &one, &two, &entry)?;
+    let mut laid = by_chart(&example, &one, &two, &entry, method)?;
     let mut atlas = false;
-    if method == Method::Full
-        && let Some(other) = by_atlas(&example, &one, &two, solver.as_ref())?
+    if method.has_atlas()
+        && let Some(other) = by_atlas(&example, &one, &two, method)?
         && other.distortion.badness() < laid.distortion.badness()
     {
         (laid, atlas) = (other, true);
@@ -96,23 +97,27 @@ fn registered(one: &Query, two: &Query, method: Method, solver: &dyn Solver) -> 
     Ok(entry)
 }
 
-fn by_chart(example: &Loaded, one: &Query, two: &Query, entry: &Entry) -> Result<Laid, String> {
+fn by_chart(example: &Loaded, one: &Query, two: &Query, entry: &Entry, method: Method) -> Result<Laid, String> {
     let best = entry.best();
     let input = two.chart_for(&best.unfolded.poles).map_err(|e| e.to_string())?;
     let mut cross = cross_map(&best.registration, &one.chart, &input, &PlanarIndex::new(&input));
     let mirrored = best.registration.flip.is_mirror();
     let sign = if mirrored { -1.0 } else { 1.0 };
+    polish_by(method, example, &mut cross, &input, sign);
     untangle(&example.patch.mesh, &mut cross, &input, sign);
     let distortion = measure::distortion(&example.patch.mesh, &cross, &input, sign);
     let in_domain = folded_faces(&best.registration, &one.chart, &example.patch.mesh);
     Ok(Laid { cross, mirrored, cost: best.cost(), in_domain, distortion })
 }
 
-fn by_atlas(example: &Loaded, one: &Query, two: &Query, solver: &dyn Solver) -> Result<Option<Laid>, String> {
-    let Some(atlas) = Atlas::build(one, two, solver, &|| false).map_err(|e| e.to_string())? else { return Ok(None) };
+fn by_atlas(example: &Loaded, one: &Query, two: &Query, method: Method) -> Result<Option<Laid>, String> {
+    let Some(atlas) = Atlas::build(one, two, method.solver().as_ref(), &|| false).map_err(|e| e.to_string())? else {
+        return Ok(None);
+    };
     let mut cross = atlas.cross_map(&[]).map_err(|e| e.to_string())?;
     let input = Arc::clone(atlas.input().ok_or("expected an atlas with charts")?);
     let sign = if atlas.mirrored { -1.0 } else { 1.0 };
+    polish_by(method, example, &mut cross, &input, sign);
     untangle(&example.patch.mesh, &mut cross, &input, sign);
     let distortion = measure::distortion(&example.patch.mesh, &cross, &input, sign);
     let in_domain = atlas.folded_faces(&example.patch.mesh);
@@ -125,4 +130,10 @@ fn errors(mapped: &[Vec3], truth: &[Vec3], area: f64) -> [f64; 2] {
     all.sort_by(f64::total_cmp);
     let at = |share: usize| all.get(all.len() * share / 100).copied().unwrap_or(f64::NAN);
     [at(50), at(95)]
+}
+
+fn polish_by(method: Method, example: &Loaded, cross: &mut CrossMap, input: &Chart, sign: f64) {
+    if method.polishes() {
+        polish(&example.patch.mesh, cross, input, sign, &PolishOptions::default());
+    }
 }

@@ -9,9 +9,11 @@ use quadmuse_kernel::unfold::Uv;
 pub enum Method {
     /// Everything.
     Full,
-    /// One chart, even where there are protrusions.
+    /// All but the surface polish.
+    NoPolish,
+    /// One chart, even where there are protrusions (polished).
     NoAtlas,
-    /// One chart, the pole as the surface alone gives it.
+    /// One chart, the pole as the surface alone gives it (polished).
     NoPoles,
     /// The paper's descent, one chart, the pole as the surface alone gives it.
     Paper,
@@ -21,12 +23,14 @@ pub enum Method {
 
 impl Method {
     /// All of them, best first.
-    pub const ALL: [Self; 5] = [Self::Full, Self::NoAtlas, Self::NoPoles, Self::Paper, Self::Translation];
+    pub const ALL: [Self; 6] =
+        [Self::Full, Self::NoPolish, Self::NoAtlas, Self::NoPoles, Self::Paper, Self::Translation];
 
     /// A name for tables and the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Full => "full",
+            Self::NoPolish => "no-polish",
             Self::NoAtlas => "no-atlas",
             Self::NoPoles => "no-poles",
             Self::Paper => "paper",
@@ -37,7 +41,7 @@ impl Method {
     /// What moves the controls.
     pub fn solver(self) -> Box<dyn Solver> {
         match self {
-            Self::Full | Self::NoAtlas | Self::NoPoles => Box::new(LevenbergMarquardt::default()),
+            Self::Full | Self::NoPolish | Self::NoAtlas | Self::NoPoles => Box::new(LevenbergMarquardt::default()),
             Self::Paper => Box::new(PixelDescent),
             Self::Translation => Box::new(Still),
         }
@@ -45,7 +49,17 @@ impl Method {
 
     /// Whether the poles are sought again for the example.
     pub fn refines_poles(self) -> bool {
-        matches!(self, Self::Full | Self::NoAtlas)
+        matches!(self, Self::Full | Self::NoPolish | Self::NoAtlas)
+    }
+
+    /// Whether surfaces with protrusions get a chart a tip.
+    pub fn has_atlas(self) -> bool {
+        matches!(self, Self::Full | Self::NoPolish)
+    }
+
+    /// Whether mapped vertices slide along the surface in the end.
+    pub fn polishes(self) -> bool {
+        matches!(self, Self::Full | Self::NoAtlas | Self::NoPoles)
     }
 }
 
