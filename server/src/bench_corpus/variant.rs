@@ -7,6 +7,7 @@
 //! made that has it.
 
 use crate::demo::random::Random;
+use crate::work::engine::kernel::topology_in;
 use crate::work::engine::{Packed, PackedFeature, SegmentFacts};
 use quadmuse_kernel::encode::{LEVEL_SIDES, Picture, features};
 use std::f64::consts::{PI, TAU};
@@ -45,7 +46,7 @@ pub(super) fn variant(source: &Packed, finest: u32, seed: u64) -> Packed {
         pyramid.push(next);
     }
     pyramid.reverse();
-    let found = features::extract(&pyramid);
+    let found = features::extract(&pyramid, topology_in(source.facts.topology));
     let feature = |f: &features::Feature| PackedFeature { uv: f.uv, lambda: f.lambda, side: f.side as u32 };
     let coarse = pyramid.into_iter().map(|p| (p.side as u32, p.values));
     let fine = source.levels.iter().filter(|level| level.0 > finest).cloned();

@@ -125,11 +125,14 @@ pub fn find(live: &LiveQuery, id: CompositionId) -> Result<Arc<LiveComposition>,
 fn one_example(maps: &[Option<Arc<LiveMap>>]) -> Option<(Arc<Model>, Vec<(u32, u32, Arc<PolyMesh>)>)> {
     let maps: Vec<&Arc<LiveMap>> = maps.iter().map(Option::as_ref).collect::<Option<_>>()?;
     let first = maps.first().filter(|_| maps.len() > 1)?;
-    if first.example_id() == ExampleId::TEMPLATE || maps.iter().any(|map| map.example_id() != first.example_id()) {
+    if maps.iter().any(|map| map.example_id() != first.example_id()) {
         return None;
     }
-    let part = |map: &&Arc<LiveMap>| (map.segment, map.example().segment, Arc::clone(&map.newest().mapped.mesh));
-    Some((Arc::clone(&first.example().model), maps.iter().map(part).collect()))
+    let part = |map: &&Arc<LiveMap>| {
+        let segment = map.example()?.segment;
+        Some((map.segment, segment, Arc::clone(&map.newest().mapped.mesh)))
+    };
+    Some((Arc::clone(&first.example()?.model), maps.iter().map(part).collect::<Option<_>>()?))
 }
 
 /// The maps named, one slot a segment: each segment at most once, each with a map of its own.

@@ -47,9 +47,9 @@ impl LiveMap {
         self.example_id
     }
 
-    /// The example's side.
-    pub fn example(&self) -> &Side {
-        &self.example
+    /// The example's side; `None` for a regular layout.
+    pub fn example(&self) -> Option<&Side> {
+        self.example.as_ref()
     }
 
     fn put(&self, state: MapState) -> Arc<MapState> {

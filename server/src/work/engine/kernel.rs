@@ -4,6 +4,7 @@ mod constrain;
 mod model;
 mod registered;
 mod rejoined;
+mod settled;
 mod stitch;
 
 use super::{
@@ -268,7 +269,8 @@ fn topology_out(topology: kernel::topology::Topology) -> Topology {
     }
 }
 
-fn topology_in(topology: Topology) -> kernel::topology::Topology {
+/// The kernel's word for a topology.
+pub(crate) fn topology_in(topology: Topology) -> kernel::topology::Topology {
     match topology {
         Topology::Disc => kernel::topology::Topology::Disc,
         Topology::Annulus => kernel::topology::Topology::Annulus,

@@ -2,6 +2,7 @@
 
 use super::super::{EngineError, Mapped, Opaque, Refusal, Registration, Side};
 use super::model::ModelInner;
+use super::settled::{Settled, settle};
 use super::{fresh, internal};
 use crate::pool::Stop;
 use quadmuse_kernel::encode::index::{Location as Place, PlanarIndex};
@@ -33,6 +34,8 @@ pub(super) struct Registered {
     pub(super) atlas: Arc<OnceLock<Option<Atlas>>>,
     /// With an atlas: the caller's constraints, each with its name.
     pub(super) pinned: Vec<(String, (Place, Place))>,
+    /// Where the polish took the vertices of the first map.
+    pub(super) settled: Arc<OnceLock<Settled>>,
 }
 
 /// A chart that points can be located on.
@@ -111,6 +114,7 @@ pub(super) fn checked(entry: Entry, stop: &Stop) -> Result<Registration, EngineE
         example_bvh: Arc::default(),
         atlas: Arc::default(),
         pinned: Vec::new(),
+        settled: Arc::default(),
     }))
 }
 
@@ -143,11 +147,15 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     let stopped = || stop.reason().is_some();
     let atlas = registered.atlas(example, query, &stopped)?;
     stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
-    let laid = match atlas {
+    let mut laid = match atlas {
         Some(atlas) => by_atlas(atlas, registered, example)?,
         None => by_chart(registered, example, query)?,
     };
     let model: &ModelInner = example.model.inner.open()?;
+    let sign = if laid.mirrored { -1.0 } else { 1.0 };
+    let surface = &model.patch(example.segment)?.mesh;
+    settle(&registered.settled, surface, &mut laid.cross, laid.input, sign, &laid.constraints);
+    leave_fillings(&mut laid.cross, laid.input);
     let patch = model.patch(example.segment)?;
     let chart = &fresh(&example.encoded.encoding)?.chart;
     let (surface, positions) = (&model.segmented.mesh, &laid.cross.positions);

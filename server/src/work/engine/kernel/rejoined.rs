@@ -1,7 +1,8 @@
 //! One example on all segments of a query, put together again.
 
 use super::super::{EngineError, Model, Stitched};
-use super::model::{ModelInner, extraordinary};
+use super::model::ModelInner;
+use quadmuse_kernel::compose::check::extraordinary;
 use quadmuse_kernel::map::rejoin;
 use quadmuse_kernel::mesh::PolyMesh;
 use std::sync::Arc;
@@ -37,8 +38,8 @@ pub(super) fn rejoin(
     // Parts that do not fit together as the example's do are stitched like any others.
     let Ok(mesh) = rejoin::rejoin(&example.mesh, &part_of, &meshes, &on.segmented.mesh) else { return Ok(None) };
     Ok(Some(Stitched {
-        extraordinary_vertices: extraordinary(&mesh),
-        extraordinary_before: extraordinary(&example.mesh),
+        extraordinary_vertices: extraordinary(&mesh) as u64,
+        extraordinary_before: extraordinary(&example.mesh) as u64,
         notes: vec!["one example on all segments: its own faces, put together again whole".into()],
         mesh: Arc::new(mesh),
     }))

@@ -1,0 +1,73 @@
+//! The surface polish of a first map, and what edits keep of it.
+//!
+//! Polishing costs more than an edit may. So the first map is polished, and an edited one, which is a closed form,
+//! takes over by how much each vertex was moved then; near the caller's own constraints nothing is moved, so that they
+//! hold exactly.
+
+use quadmuse_kernel::encode::index::Location as Place;
+use quadmuse_kernel::map::CrossMap;
+use quadmuse_kernel::map::polish::{PolishOptions, polish};
+use quadmuse_kernel::map::untangle::{inward, untangle};
+use quadmuse_kernel::map::walk::walk;
+use quadmuse_kernel::mesh::{TriMesh, Vec3};
+use quadmuse_kernel::unfold::Chart;
+use quadmuse_proto::{Constraint, ConstraintOrigin};
+use std::sync::OnceLock;
+
+/// Within this distance of a caller's constraint (in √area) the polish fades out.
+const FADE: f64 = 0.15;
+
+/// Where the polish took each vertex of the first map.
+#[derive(Debug)]
+pub(super) struct Settled {
+    before: Vec<Vec3>,
+    after: Vec<(Place, Vec3)>,
+}
+
+/// Polishes `cross`, the map of `mesh`, or moves it as the first map was moved. `mirror` is −1 for mirrored maps.
+pub(super) fn settle(
+    kept: &OnceLock<Settled>,
+    mesh: &TriMesh,
+    cross: &mut CrossMap,
+    input: &Chart,
+    mirror: f64,
+    constraints: &[Constraint],
+) {
+    let callers: Vec<Vec3> = constraints
+        .iter()
+        .filter(|c| c.origin == ConstraintOrigin::User)
+        .map(|c| Vec3::from(c.on_input.point))
+        .collect();
+    if callers.is_empty() && kept.get().is_none() {
+        let before = cross.positions.clone();
+        polish(mesh, cross, input, mirror, &PolishOptions::default());
+        if !inward(mesh, cross, input, mirror).is_empty() {
+            untangle(mesh, cross, input, mirror);
+        }
+        let after = cross.locations.iter().copied().zip(cross.positions.iter().copied()).collect();
+        let _ = kept.set(Settled { before, after });
+        return;
+    }
+    if let Some(settled) = kept.get().filter(|s| s.before.len() == cross.positions.len()) {
+        follow(settled, cross, input, &callers);
+    }
+}
+
+fn follow(settled: &Settled, cross: &mut CrossMap, input: &Chart, callers: &[Vec3]) {
+    let scale = input.mesh.total_area().sqrt();
+    for v in 0..cross.positions.len() {
+        let (at, (place, there)) = (cross.positions[v], settled.after[v]);
+        let nearest = callers.iter().map(|c| (c - at).norm()).fold(f64::INFINITY, f64::min);
+        let share = (nearest / (FADE * scale)).min(1.0);
+        let share = share * share * (3.0 - 2.0 * share);
+        if share >= 1.0 && at == settled.before[v] {
+            (cross.locations[v], cross.positions[v]) = (place, there);
+            continue;
+        }
+        let moved = there - settled.before[v];
+        if moved != Vec3::zeros() {
+            cross.locations[v] = walk(&input.mesh, cross.locations[v], moved * share);
+            cross.positions[v] = cross.locations[v].point(input);
+        }
+    }
+}
