@@ -205,8 +205,8 @@ impl Net {
         for (n, &v) in kept.iter().enumerate() {
             number[v as usize] = n as u32;
         }
-        let mut mesh = PolyMesh::default();
-        mesh.positions = kept.iter().map(|&v| self.positions[v as usize]).collect();
+        let positions = kept.iter().map(|&v| self.positions[v as usize]).collect();
+        let mut mesh = PolyMesh { positions, ..PolyMesh::default() };
         let mut corners = Vec::new();
         for face in self.faces.iter().filter(|f| !f.is_empty()) {
             corners.clear();

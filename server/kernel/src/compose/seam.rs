@@ -129,7 +129,7 @@ pub fn match_open(s: &Row, t: &Row) -> Option<(f64, Pairs)> {
 /// Blocks no longer than the counts ask for.
 fn block_max(n: usize, m: usize) -> usize {
     let ratio = n.max(m).div_ceil(n.min(m));
-    (3 * ratio).min(BLOCK_MAX).max(3)
+    (3 * ratio).clamp(3, BLOCK_MAX)
 }
 
 /// Matches two closed rows of vertices with lengths from a common point of a curve of `length`. The first pair comes again
@@ -186,7 +186,7 @@ mod tests {
         let (_, pairs) = match_closed(&s, &t, 6.0).expect("matched");
         assert_eq!(pairs.len(), 25);
         assert!(blocks(&pairs).iter().all(|b| *b == (1, 1)));
-        assert_eq!((pairs[0].1 + 24 - pairs[0].0) % 24, (24 - 7) % 24);
+        assert_eq!((pairs[0].1 + 24 - pairs[0].0) % 24, 24 - 7);
     }
 
     #[test]

@@ -19,7 +19,7 @@ pub(super) fn merge(mesh: &TriMesh, parts: Vec<Vec<u32>>, area_min: f64, count_m
         let smallest =
             (0..merger.parts.len()).filter(wanted).min_by(|&a, &b| merger.areas[a].total_cmp(&merger.areas[b]));
         let Some(k) = smallest else { break };
-        match merger.into_neighbour(k) {
+        match merger.neighbour_to_join(k) {
             Some(grown) => stuck[grown] = false,
             None => stuck[k] = true,
         }
@@ -74,7 +74,7 @@ impl<'a> Merger<'a> {
     }
 
     /// Merges part `k` into the neighbour with the longest border that allows it; returns that one.
-    fn into_neighbour(&mut self, k: usize) -> Option<usize> {
+    fn neighbour_to_join(&mut self, k: usize) -> Option<usize> {
         let borders = borders(self.mesh, &self.parts[k], &self.part_of);
         for (other, _) in longest(&borders, k as u32) {
             let other = other as usize;

@@ -122,7 +122,10 @@ fn is_enough(tree: &Tree, profile: &Profile, scale: &Scale, least: Prominence, a
     let height = tree.arcs[a as usize].high - scale.level(j);
     let (girth, area) = (profile.girth[j], profile.area[j]);
     let slender = if is_leaf(tree, a) { least.slenderness_min } else { least.stretch_min };
-    girth > 0.0 && height >= least.height_min && height >= slender * girth && area >= AREA_MIN && area <= 1.0 - AREA_MIN
+    girth > 0.0
+        && height >= least.height_min
+        && height >= slender * girth
+        && (AREA_MIN..=1.0 - AREA_MIN).contains(&area)
 }
 
 /// Tips that do not stand out; of those that meet at a saddle only the lowest.
