@@ -7,6 +7,7 @@
 pub mod bvh;
 pub mod error;
 mod format;
+pub mod geodesic;
 mod gltf;
 mod limits;
 mod obj;
@@ -16,6 +17,7 @@ pub mod poly;
 mod prepare;
 mod read;
 mod repair;
+pub mod split;
 mod stl;
 mod text;
 pub mod tri;

@@ -3,7 +3,6 @@
 //! *Source:* paper §4.2. *Ours:* see the parts: [`harmonic`], [`pole`], [`area_fraction`], [`intrinsic`], [`torus`].
 
 pub mod area_fraction;
-pub mod geodesic;
 pub mod harmonic;
 pub mod holes;
 pub mod homology;

@@ -252,13 +252,19 @@ fn damage_under_an_open_store_is_met_by_a_copy_of_what_is_left() {
     let path = dir.path().join("index/db");
     let file = fs::OpenOptions::new().read(true).write(true).open(&path).unwrap();
     let length = content(&path);
-    for at in (length / 8..length / 2).step_by(1 << 20) {
-        let mut bytes = [0; 16];
-        file.read_exact_at(&mut bytes, at).unwrap();
-        file.write_all_at(&bytes.map(|byte| byte ^ 0x33), at).unwrap();
-    }
     let mut seen = Seen::default();
-    read_all(&store, &truth, &mut seen);
+    // What the index still holds in memory hides damage on the disk; a few places more, and some of it is met.
+    for first in (0..8).map(|k| length / 8 + (k << 17)) {
+        for at in (first..length / 2).step_by(1 << 20) {
+            let mut bytes = [0; 16];
+            file.read_exact_at(&mut bytes, at).unwrap();
+            file.write_all_at(&bytes.map(|byte| byte ^ 0x33), at).unwrap();
+        }
+        read_all(&store, &truth, &mut seen);
+        if seen.encodings_rebuilt > 0 {
+            break;
+        }
+    }
     println!("{seen:?}");
     assert!(seen.encodings_rebuilt > 0 && seen.suspended > 0, "the damage was not met: {seen:?}");
     let begun = Instant::now();

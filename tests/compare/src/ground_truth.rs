@@ -2,6 +2,6 @@
 //! vertex of the example belongs on it.
 
 pub mod lay;
+pub mod loaded;
 pub mod method;
-pub mod pairs;
 pub mod table;

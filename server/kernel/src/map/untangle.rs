@@ -18,6 +18,10 @@ const ROUNDS_ALONE: usize = 15;
 /// Untangles a map of `mesh` (the example's patch) onto the mesh of `input`. `mirror` is −1 for mirrored maps, which
 /// turn every face. Boundary vertices stay. Returns how many polygons still look inward.
 pub fn untangle(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64) -> usize {
+    // Most maps are sound: the tree is built only where there is something to mend.
+    if inward(mesh, cross, input, mirror).is_empty() {
+        return 0;
+    }
     let fixed = mesh.boundary_vertices();
     let bvh = Bvh::new(&input.mesh);
     let neighbours = neighbours(mesh);

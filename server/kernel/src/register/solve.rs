@@ -176,6 +176,16 @@ impl Solver for PixelDescent {
     }
 }
 
+/// Leaves the controls where they are: only translations and flips remain.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Rigid;
+
+impl Solver for Rigid {
+    fn solve(&self, problem: &Problem, q: &mut Vec<Uv>, _: &dyn Fn() -> bool) -> (f64, Termination) {
+        (problem.energy(q), Termination::Converged)
+    }
+}
+
 fn roll_back_folds(problem: &Problem, q: &[Uv], trial: &mut [Uv], locked: &mut [bool]) {
     for _ in 0..q.len() {
         let folds = problem.folded_cells(trial);

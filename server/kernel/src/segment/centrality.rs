@@ -5,7 +5,8 @@
 //! remeshing leave it as it is. *Source:* Hilaga, Shinagawa, Kohmura and Kunii (2001). The integral is a sum over
 //! vertices spread far apart, each with the area nearest to it.
 
-use super::distance::{Marcher, neighbours, spread};
+use super::distance::{neighbours, spread};
+use crate::mesh::geodesic::Marcher;
 use crate::mesh::tri::TriMesh;
 
 /// Terms of the sum.

@@ -1,6 +1,7 @@
 //! A surface under refinement that knows of every vertex and triangle where it lies on the surface.
 
 use crate::mesh::Vec3;
+use crate::mesh::split;
 use crate::mesh::tri::{NONE, TriMesh, pair_halfedges};
 
 /// On what a vertex lies: a vertex (twice the same number), an edge (its vertices, the lower first), or the inside of a
@@ -148,30 +149,11 @@ impl<'a> Builder<'a> {
     }
 }
 
-/// The triangles that replace triangle `t` when the halfedges with a vertex `on` them are split there.
+/// The triangles that replace triangle `t` when the halfedges with a vertex `on` them are split there; a quad is cut along
+/// its shorter diagonal.
 pub(super) fn pieces(mesh: &TriMesh, t: u32, on: &[u32], positions: &[Vec3]) -> Vec<[u32; 3]> {
-    let m = [0, 1, 2].map(|k| on[(3 * t + k) as usize]);
-    let v = mesh.triangles[t as usize];
-    match m.iter().filter(|&&x| x != NONE).count() {
-        0 => vec![v],
-        1 => {
-            let k = m.iter().position(|&x| x != NONE).unwrap_or(0);
-            let (a, b, c) = (v[k], v[(k + 1) % 3], v[(k + 2) % 3]);
-            vec![[a, m[k], c], [m[k], b, c]]
-        }
-        2 => {
-            // k: the edge that stays whole, from a to b; the other two are split at p (on bc) and q (on ca).
-            let k = m.iter().position(|&x| x == NONE).unwrap_or(0);
-            let (a, b, c) = (v[k], v[(k + 1) % 3], v[(k + 2) % 3]);
-            let (p, q) = (m[(k + 1) % 3], m[(k + 2) % 3]);
-            let length = |x: u32, y: u32| (positions[x as usize] - positions[y as usize]).norm_squared();
-            match length(a, p) <= length(b, q) {
-                true => vec![[q, p, c], [a, b, p], [a, p, q]],
-                false => vec![[q, p, c], [a, b, q], [b, p, q]],
-            }
-        }
-        _ => vec![[v[0], m[0], m[2]], [m[0], v[1], m[1]], [m[2], m[1], v[2]], [m[0], m[1], m[2]]],
-    }
+    let length = |x: u32, y: u32| (positions[x as usize] - positions[y as usize]).norm_squared();
+    split::pieces(mesh, t, on, |[a, b, _], [p, q]| length(a, p) <= length(b, q))
 }
 
 #[cfg(test)]

@@ -5,9 +5,10 @@
 //! Each step makes regions of fewer handles, fewer loops or fewer triangles, so that a repetition ends with primitives.
 //! *Source:* Erickson and Whittlesey (2005), shortest homology basis by tree and cotree.
 
-use super::distance::{Marcher, spread};
+use super::distance::spread;
 use super::region::{Region, connected};
 use super::tour;
+use crate::mesh::geodesic::Marcher;
 use crate::mesh::tri::{NONE, TriMesh, next, prev};
 use crate::topology::{self, Topology, invariants};
 use std::cmp::Reverse;

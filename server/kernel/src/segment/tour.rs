@@ -7,8 +7,9 @@
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashSet};
 
-use super::distance::{Marcher, neighbours};
+use super::distance::neighbours;
 use super::region::connected;
+use crate::mesh::geodesic::Marcher;
 use crate::mesh::tri::{NONE, TriMesh};
 use crate::topology::{self, Topology};
 

@@ -1,6 +1,7 @@
 //! Splitting edges of a triangle mesh at their midpoints, conformingly. New vertices come after the old ones, lie in
 //! the old triangles, and so leave the surface as it is.
 
+use crate::mesh::split;
 use crate::mesh::tri::{NONE, TriMesh, pair_halfedges};
 
 /// Splits the marked edges (by halfedge; either side's mark counts) at their midpoints.
@@ -30,30 +31,9 @@ pub fn split_edges(mesh: &TriMesh, marked: &[bool]) -> TriMesh {
 
 /// The triangles that replace triangle `t`.
 fn pieces(mesh: &TriMesh, t: u32, midpoint: &[u32]) -> Vec<[u32; 3]> {
-    let m = [0, 1, 2].map(|k| midpoint[(3 * t + k) as usize]);
-    let v = mesh.triangles[t as usize];
-    match m.iter().filter(|&&x| x != NONE).count() {
-        0 => vec![v],
-        1 => {
-            let k = m.iter().position(|&x| x != NONE).unwrap_or(0);
-            let (a, b, c) = (v[k], v[(k + 1) % 3], v[(k + 2) % 3]);
-            vec![[a, m[k], c], [m[k], b, c]]
-        }
-        2 => {
-            // k: the edge that stays whole, from a to b; the other two have midpoints p (on bc) and q (on ca).
-            let k = m.iter().position(|&x| x == NONE).unwrap_or(0);
-            let (a, b, c) = (v[k], v[(k + 1) % 3], v[(k + 2) % 3]);
-            let (p, q) = (m[(k + 1) % 3], m[(k + 2) % 3]);
-            let length = |x: u32, y: u32| (mesh.positions[x as usize] - mesh.positions[y as usize]).norm_squared();
-            // The quad a b p q is cut along its shorter diagonal: |ap| ≤ |bq| exactly when |ac| ≤ |bc|.
-            if length(a, c) <= length(b, c) {
-                vec![[q, p, c], [a, b, p], [a, p, q]]
-            } else {
-                vec![[q, p, c], [a, b, q], [b, p, q]]
-            }
-        }
-        _ => vec![[v[0], m[0], m[2]], [m[0], v[1], m[1]], [m[2], m[1], v[2]], [m[0], m[1], m[2]]],
-    }
+    let length = |x: u32, y: u32| (mesh.positions[x as usize] - mesh.positions[y as usize]).norm_squared();
+    // Along the shorter diagonal: |ap| ≤ |bq| exactly when |ac| ≤ |bc|, as p and q are midpoints.
+    split::pieces(mesh, t, midpoint, |[a, b, c], _| length(a, c) <= length(b, c))
 }
 
 /// Puts a vertex into the middle of each marked triangle.

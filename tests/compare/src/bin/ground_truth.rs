@@ -4,8 +4,8 @@
 
 use quadmuse_compare::ground_truth::lay::lay;
 use quadmuse_compare::ground_truth::method::Method;
-use quadmuse_compare::ground_truth::pairs::{Pair, pairs};
 use quadmuse_compare::ground_truth::table::{Row, by_kind, line};
+use quadmuse_tests::real_input::{Extent, pairs};
 use std::process::ExitCode;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -54,9 +54,13 @@ fn wanted() -> Result<Wanted, String> {
 
 fn run(wanted: &Wanted) -> Result<(), String> {
     let Some(shared) = quadmuse_tests::shared::folder_or_say("the comparison with the truth") else { return Ok(()) };
-    let pairs: Vec<Pair> =
-        pairs(&shared, &wanted.kinds)?.into_iter().filter(|p| p.name().contains(&wanted.name)).collect();
-    let jobs: Vec<(&Pair, Method)> = pairs.iter().flat_map(|p| wanted.methods.iter().map(move |&m| (p, m))).collect();
+    let is_wanted = |pair: &pairs::Pair| {
+        (wanted.kinds.is_empty() || wanted.kinds.contains(&pair.kind)) && pair.name().contains(&wanted.name)
+    };
+    let mut pairs = pairs::pairs(&shared, Extent::All).map_err(|e| e.to_string())?;
+    pairs.retain(is_wanted);
+    let jobs: Vec<(&pairs::Pair, Method)> =
+        pairs.iter().flat_map(|p| wanted.methods.iter().map(move |&m| (p, m))).collect();
     let (next, rows) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
     let work = || {
         while let Some(&(pair, method)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {

@@ -1,7 +1,7 @@
 //! Lays an example on an input by one of the methods, and measures how far off it is.
 
+use super::loaded::Loaded;
 use super::method::Method;
-use super::pairs::{Loaded, Pair};
 use quadmuse_kernel::encode::index::PlanarIndex;
 use quadmuse_kernel::map::atlas::Atlas;
 use quadmuse_kernel::map::polish::{PolishOptions, polish};
@@ -11,6 +11,7 @@ use quadmuse_kernel::measure::{self, Distortion, Evidence, Verdict};
 use quadmuse_kernel::mesh::Vec3;
 use quadmuse_kernel::register::{Entry, Query, Solver};
 use quadmuse_kernel::unfold::{Chart, UnfoldOptions};
+use quadmuse_tests::real_input::pairs::Pair;
 use std::sync::Arc;
 use std::time::Instant;
 

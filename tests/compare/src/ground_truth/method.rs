@@ -1,8 +1,7 @@
 //! What is compared: the whole path, the path without one of its means, and the paper's.
 
-use quadmuse_kernel::register::problem::Problem;
-use quadmuse_kernel::register::{LevenbergMarquardt, PixelDescent, Solver, Termination};
-use quadmuse_kernel::unfold::Uv;
+use quadmuse_kernel::register::solve::Rigid;
+use quadmuse_kernel::register::{LevenbergMarquardt, PixelDescent, Solver};
 
 /// A way to map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,7 +42,7 @@ impl Method {
         match self {
             Self::Full | Self::NoPolish | Self::NoAtlas | Self::NoPoles => Box::new(LevenbergMarquardt::default()),
             Self::Paper => Box::new(PixelDescent),
-            Self::Translation => Box::new(Still),
+            Self::Translation => Box::new(Rigid),
         }
     }
 
@@ -60,15 +59,5 @@ impl Method {
     /// Whether mapped vertices slide along the surface in the end.
     pub fn polishes(self) -> bool {
         matches!(self, Self::Full | Self::NoAtlas | Self::NoPoles)
-    }
-}
-
-/// Leaves the controls where they are: only translations and flips remain.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Still;
-
-impl Solver for Still {
-    fn solve(&self, problem: &Problem, q: &mut Vec<Uv>, _: &dyn Fn() -> bool) -> (f64, Termination) {
-        (problem.energy(q), Termination::Converged)
     }
 }

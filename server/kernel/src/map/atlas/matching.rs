@@ -10,12 +10,12 @@ use super::assignment::{Assignment, Assignments};
 use super::{Side, unwrap_shifts};
 use crate::encode::encode_to;
 use crate::encode::features::distance;
+use crate::mesh::geodesic::Marcher;
 use crate::register::entry::{MIRROR_MARGIN, SYMMETRIC_COST};
-use crate::register::problem::Problem;
-use crate::register::{Flip, Level, Query, Registration, Solver, Termination, query_images};
+use crate::register::solve::Rigid;
+use crate::register::{Flip, Level, Query, Registration, Solver, query_images};
 use crate::topology::Topology;
 use crate::unfold::Uv;
-use crate::unfold::geodesic::geodesics;
 
 /// Level at which matches are compared.
 const MATCH_SIDE: usize = 32;
@@ -269,15 +269,6 @@ pub(super) fn tip_controls(matches: &[(u32, u32)], flip: Flip, one: &Side, two: 
         .collect()
 }
 
-/// Leaves the controls where they are.
-struct Rigid;
-
-impl Solver for Rigid {
-    fn solve(&self, problem: &Problem, q: &mut Vec<Uv>, _: &dyn Fn() -> bool) -> (f64, Termination) {
-        (problem.energy(q), Termination::Converged)
-    }
-}
-
 fn angles_between(side: &Query) -> Vec<f64> {
     let tips = side.protrusions();
     let disc = side.encoding().topology == Topology::Disc;
@@ -293,17 +284,18 @@ fn angles_between(side: &Query) -> Vec<f64> {
 
 fn distances_between(side: &Query) -> Vec<Vec<f64>> {
     let mesh = side.unfolder().mesh();
+    let marcher = Marcher::new(mesh);
     let scale = mesh.total_area().sqrt();
     let tips = side.protrusions();
     let mut rows: Vec<Vec<f64>> = Vec::new();
     for &tip in tips {
-        let d = geodesics(mesh, &[tip]);
+        let d = marcher.distances(&[tip]);
         rows.push(tips.iter().map(|&x| d[x as usize] / scale).collect());
     }
     if side.encoding().topology == Topology::Disc {
         let rim: Vec<u32> =
             mesh.boundary_vertices().iter().enumerate().filter(|(_, on)| **on).map(|(v, _)| v as u32).collect();
-        let d = geodesics(mesh, &rim);
+        let d = marcher.distances(&rim);
         rows.iter_mut().zip(tips).for_each(|(row, &tip)| row.push(d[tip as usize] / scale));
         rows.push(tips.iter().map(|&tip| d[tip as usize] / scale).chain([0.0]).collect());
     }

@@ -8,7 +8,7 @@ use crate::pool::Stop;
 use quadmuse_kernel::encode::index::{Location as Place, PlanarIndex};
 use quadmuse_kernel::map::assemble::{Winding, assemble};
 use quadmuse_kernel::map::atlas::Atlas;
-use quadmuse_kernel::map::untangle::{inward, untangle};
+use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, edit, folded_faces, leave_fillings};
 use quadmuse_kernel::measure::{self, Distribution, Evidence};
 use quadmuse_kernel::mesh::bvh::Bvh;
@@ -215,9 +215,7 @@ fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Res
     let mirror = if registration.flip.is_mirror() { -1.0 } else { 1.0 };
     let mut cross = cross_map(registration, &source.chart, &input.chart, &input.index);
     let mesh = &model.patch(example.segment)?.mesh;
-    if !inward(mesh, &cross, &input.chart, mirror).is_empty() {
-        untangle(mesh, &mut cross, &input.chart, mirror);
-    }
+    untangle(mesh, &mut cross, &input.chart, mirror);
     leave_fillings(&mut cross, &input.chart);
     Ok(Laid {
         cross,

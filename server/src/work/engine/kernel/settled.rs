@@ -4,10 +4,9 @@
 //! takes over by how much each vertex was moved then; near the caller's own constraints nothing is moved, so that they
 //! hold exactly.
 
-use quadmuse_kernel::encode::index::Location as Place;
 use quadmuse_kernel::map::CrossMap;
 use quadmuse_kernel::map::polish::{PolishOptions, polish};
-use quadmuse_kernel::map::untangle::{inward, untangle};
+use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::walk::walk;
 use quadmuse_kernel::mesh::{TriMesh, Vec3};
 use quadmuse_kernel::unfold::Chart;
@@ -21,7 +20,7 @@ const FADE: f64 = 0.15;
 #[derive(Debug)]
 pub(super) struct Settled {
     before: Vec<Vec3>,
-    after: Vec<(Place, Vec3)>,
+    after: CrossMap,
 }
 
 /// Polishes `cross`, the map of `mesh`, or moves it as the first map was moved. `mirror` is −1 for mirrored maps.
@@ -41,11 +40,8 @@ pub(super) fn settle(
     if callers.is_empty() && kept.get().is_none() {
         let before = cross.positions.clone();
         polish(mesh, cross, input, mirror, &PolishOptions::default());
-        if !inward(mesh, cross, input, mirror).is_empty() {
-            untangle(mesh, cross, input, mirror);
-        }
-        let after = cross.locations.iter().copied().zip(cross.positions.iter().copied()).collect();
-        let _ = kept.set(Settled { before, after });
+        untangle(mesh, cross, input, mirror);
+        let _ = kept.set(Settled { before, after: cross.clone() });
         return;
     }
     if let Some(settled) = kept.get().filter(|s| s.before.len() == cross.positions.len()) {
@@ -56,12 +52,12 @@ pub(super) fn settle(
 fn follow(settled: &Settled, cross: &mut CrossMap, input: &Chart, callers: &[Vec3]) {
     let scale = input.mesh.total_area().sqrt();
     for v in 0..cross.positions.len() {
-        let (at, (place, there)) = (cross.positions[v], settled.after[v]);
+        let (at, there) = (cross.positions[v], settled.after.positions[v]);
         let nearest = callers.iter().map(|c| (c - at).norm()).fold(f64::INFINITY, f64::min);
         let share = (nearest / (FADE * scale)).min(1.0);
         let share = share * share * (3.0 - 2.0 * share);
         if share >= 1.0 && at == settled.before[v] {
-            (cross.locations[v], cross.positions[v]) = (place, there);
+            (cross.locations[v], cross.positions[v]) = (settled.after.locations[v], there);
             continue;
         }
         let moved = there - settled.before[v];
