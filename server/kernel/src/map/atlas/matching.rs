@@ -11,7 +11,7 @@ use super::{Side, unwrap_shifts};
 use crate::encode::encode_to;
 use crate::encode::features::distance;
 use crate::mesh::geodesic::Marcher;
-use crate::register::entry::{MIRROR_MARGIN, SYMMETRIC_COST};
+use crate::register::entry::MIRROR_MARGIN;
 use crate::register::solve::Rigid;
 use crate::register::{Flip, Level, Query, Registration, Solver, query_images};
 use crate::topology::Topology;
@@ -27,6 +27,9 @@ const FINALISTS_WITHIN: f64 = 3.0;
 const CHARTS_LOOKED_AT: usize = 4;
 /// Mean distance in the domain between matched tips that doubles a match's cost.
 const TIP_DISTANCE: f64 = 0.06;
+/// A surface that matches its own mirror image at this cost or less is symmetric. Bodies in symmetric poses have .05–.16,
+/// hands .27–.40.
+const SYMMETRIC_MATCH: f64 = 0.2;
 /// Distortion that doubles a match's cost.
 const DISTORTION: f64 = 0.1;
 
@@ -77,25 +80,32 @@ impl<'a> Matcher<'a> {
         }
     }
 
-    /// The best match. A mirrored one has to beat the best unmirrored one, on an example that is not its own mirror
+    /// The best match. A mirrored one has to beat the best unmirrored one, on surfaces neither of which is its own mirror
     /// image: on one that is, both fit and the pictures cannot tell.
     pub(super) fn best(&self) -> Option<Match> {
         let [plain, mirror] = self.search(&[Flip { u: false, v: false }, Flip { u: true, v: false }]);
         let mirror_wins = match (&plain, &mirror) {
-            (Some(plain), Some(mirror)) => mirror.cost * MIRROR_MARGIN < plain.cost && !self.example_is_symmetric(),
+            (Some(plain), Some(mirror)) => {
+                mirror.cost * MIRROR_MARGIN < plain.cost
+                    && ![Which::Example, Which::Query].into_iter().any(|which| self.is_symmetric(which))
+            }
             (plain, _) => plain.is_none(),
         };
         if mirror_wins { mirror } else { plain }
     }
 
-    /// Whether the example matches its own mirror image without bending: a hand's palm bends onto its back, a body's
+    /// Whether a surface matches its own mirror image without bending: a hand's palm bends onto its back, a body's
     /// left side lies on its right as it is.
-    fn example_is_symmetric(&self) -> bool {
-        let between = [self.between[0].clone(), self.between[0].clone()];
-        let (tips, angles) = ([self.tips[0]; 2], [self.angles[0].clone(), self.angles[0].clone()]);
-        let own = Matcher { query: self.example, between, tips, angles, solver: &Rigid, ..*self };
+    fn is_symmetric(&self, which: Which) -> bool {
+        let (surface, s) = match which {
+            Which::Example => (self.example, 0),
+            Which::Query => (self.query, 1),
+        };
+        let between = [self.between[s].clone(), self.between[s].clone()];
+        let (tips, angles) = ([self.tips[s]; 2], [self.angles[s].clone(), self.angles[s].clone()]);
+        let own = Matcher { example: surface, query: surface, between, tips, angles, solver: &Rigid, ..*self };
         let [_, mirror] = own.search(&[Flip { u: true, v: false }]);
-        mirror.is_some_and(|m| m.cost < SYMMETRIC_COST)
+        mirror.is_some_and(|m| m.cost < SYMMETRIC_MATCH)
     }
 
     /// The best unmirrored and the best mirrored match among the given flips.
