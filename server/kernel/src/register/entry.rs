@@ -198,6 +198,36 @@ impl Entry {
         Ok(())
     }
 
+    /// Refines the query's poles once more, now for a map that distorts less, and registers anew up to the level reached.
+    /// `burden` measures the map of a hypothesis. Poles that the user gave stay.
+    ///
+    /// # Errors
+    /// [`UnfoldError`] when the query cannot be unfolded for the poles found.
+    pub fn unburden_poles(
+        &mut self,
+        query: &Query,
+        example: &Encoding,
+        solver: &dyn Solver,
+        burden: &dyn Fn(&Hypothesis) -> f64,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<(), UnfoldError> {
+        if query.poles_given || self.best().unfolded.poles.is_empty() {
+            return Ok(());
+        }
+        let (side, start) = (self.side(), self.best());
+        let mut found = pole_search::unburden(query, start, example, solver, burden, stop);
+        if stop() || found.unfolded.poles == start.unfolded.poles {
+            return Ok(());
+        }
+        found.unfolded = query.unfolded_for(&found.unfolded.poles)?;
+        let flip = found.registration.flip;
+        if let Some(registration) = pole_search::register(&found.unfolded, example, flip, side, solver, stop) {
+            found.registration = registration;
+            self.hypotheses = vec![found];
+        }
+        Ok(())
+    }
+
     fn prune(&mut self, most: usize) {
         // Stable: of equals the earlier pole and flip stays first.
         self.hypotheses.sort_by(|a, b| a.handicapped().total_cmp(&b.handicapped()));

@@ -17,6 +17,10 @@ use crate::unfold::path::distances;
 
 /// Radii of the search, in √area. *Source:* METHOD §2.
 const RADII: [f64; 3] = [0.12, 0.06, 0.03];
+/// Radii of the search that weighs distortion: it starts near.
+const RADII_BURDEN: [f64; 3] = [0.06, 0.03, 0.015];
+/// Power of the distortion in its score.
+const BURDEN_POWER: i32 = 4;
 /// Directions tried at each radius.
 const DIRECTIONS: usize = 6;
 /// Rounds at one radius at most.
@@ -53,36 +57,72 @@ pub fn refine(
     solver: &dyn Solver,
     stop: &dyn Fn() -> bool,
 ) -> Hypothesis {
-    let mesh = query.unfolder().mesh();
-    let scale = mesh.total_area().sqrt();
-    let attempt = |poles: &[u32]| -> Option<Hypothesis> {
-        let unfolded = Arc::new(query.try_poles(poles)?);
-        let registration = register(&unfolded, example, flip, SEARCH_SIDE, solver, stop)?;
+    let search = Search { query, flip, example, solver, stop };
+    search.descend(&start.unfolded.poles, &RADII, &Hypothesis::cost).unwrap_or_else(|| start.clone())
+}
+
+/// Searches again from `start`, now for poles at which the map distorts less as well: where a picture is plain about
+/// the pole (a bald head), its energy says little about where the pole belongs. `burden` measures the map of a
+/// hypothesis.
+pub fn unburden(
+    query: &Query,
+    start: &Hypothesis,
+    example: &Encoding,
+    solver: &dyn Solver,
+    burden: &dyn Fn(&Hypothesis) -> f64,
+    stop: &dyn Fn() -> bool,
+) -> Hypothesis {
+    let search = Search { query, flip: start.registration.flip, example, solver, stop };
+    let score = |h: &Hypothesis| h.cost() * burden(h).powi(BURDEN_POWER);
+    search.descend(&start.unfolded.poles, &RADII_BURDEN, &score).unwrap_or_else(|| start.clone())
+}
+
+/// What every trial of a search has in common.
+struct Search<'a> {
+    query: &'a Query,
+    flip: Flip,
+    example: &'a Encoding,
+    solver: &'a dyn Solver,
+    stop: &'a dyn Fn() -> bool,
+}
+
+impl Search<'_> {
+    fn attempt(&self, poles: &[u32]) -> Option<Hypothesis> {
+        let unfolded = Arc::new(self.query.try_poles(poles)?);
+        let registration = register(&unfolded, self.example, self.flip, SEARCH_SIDE, self.solver, self.stop)?;
         Some(Hypothesis { unfolded, registration })
-    };
-    let Some(mut best) = attempt(&start.unfolded.poles) else { return start.clone() };
-    for radius in RADII {
-        for _ in 0..ROUNDS_MAX {
-            let before = best.cost();
-            for which in 0..best.unfolded.poles.len() {
-                for neighbour in around(mesh, best.unfolded.poles[which], radius * scale) {
-                    if stop() {
-                        return best;
-                    }
-                    let mut poles = best.unfolded.poles.clone();
-                    poles[which] = neighbour;
-                    match attempt(&poles) {
-                        Some(trial) if trial.cost() < best.cost() * (1.0 - GAIN_MIN) => best = trial,
-                        _ => {}
+    }
+
+    /// Moves the poles about, at ever smaller radii (in √area), while the score falls.
+    fn descend(&self, start: &[u32], radii: &[f64], score: &dyn Fn(&Hypothesis) -> f64) -> Option<Hypothesis> {
+        let mesh = self.query.unfolder().mesh();
+        let scale = mesh.total_area().sqrt();
+        let mut best = self.attempt(start)?;
+        let mut least = score(&best);
+        for radius in radii {
+            for _ in 0..ROUNDS_MAX {
+                let before = least;
+                for which in 0..best.unfolded.poles.len() {
+                    for neighbour in around(mesh, best.unfolded.poles[which], radius * scale) {
+                        if (self.stop)() {
+                            return Some(best);
+                        }
+                        let mut poles = best.unfolded.poles.clone();
+                        poles[which] = neighbour;
+                        let Some(trial) = self.attempt(&poles) else { continue };
+                        let scored = score(&trial);
+                        if scored < least * (1.0 - GAIN_MIN) {
+                            (best, least) = (trial, scored);
+                        }
                     }
                 }
-            }
-            if best.cost() >= before {
-                break;
+                if least >= before {
+                    break;
+                }
             }
         }
+        Some(best)
     }
-    best
 }
 
 /// Interior vertices at about `radius` from `centre` along edges, one in each of six directions where there is one.

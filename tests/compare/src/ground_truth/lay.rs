@@ -7,8 +7,9 @@ use quadmuse_kernel::map::atlas::Atlas;
 use quadmuse_kernel::map::polish::{PolishOptions, polish};
 use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, folded_faces};
-use quadmuse_kernel::measure::{self, Distortion, Evidence, Verdict};
+use quadmuse_kernel::measure::{self, BURDENED_DEG, Distortion, Evidence, Verdict};
 use quadmuse_kernel::mesh::Vec3;
+use quadmuse_kernel::register::entry::{Hypothesis, PROTRUSIONS_MANY};
 use quadmuse_kernel::register::{Entry, Query, Solver};
 use quadmuse_kernel::unfold::{Chart, UnfoldOptions};
 use quadmuse_tests::real_input::pairs::Pair;
@@ -62,9 +63,14 @@ pub fn lay(pair: &Pair, method: Method) -> Result<Outcome, String> {
     let two = Query::new(&input.patch, &options).map_err(|e| e.to_string())?;
     let unfolded = Instant::now();
     let solver = method.solver();
-    let entry = registered(&one, &two, method, solver.as_ref())?;
+    let mut entry = registered(&one, &two, method, solver.as_ref())?;
     let registered = Instant::now();
     let mut laid = by_chart(&example, &one, &two, &entry, method)?;
+    let burdened = by_chart(&example, &one, &two, &entry, Method::NoPolish)?.distortion.angle_deg.p95 > BURDENED_DEG;
+    if method.refines_poles() && two.protrusions().len() < PROTRUSIONS_MANY && burdened {
+        unburden(&example, &one, &two, &mut entry, method)?;
+        laid = by_chart(&example, &one, &two, &entry, method)?;
+    }
     let mut atlas = false;
     if method.has_atlas()
         && let Some(other) = by_atlas(&example, &one, &two, method)?
@@ -96,6 +102,18 @@ fn registered(one: &Query, two: &Query, method: Method, solver: &dyn Solver) -> 
         entry.refine_poles(two, one.encoding(), solver, &never).map_err(|e| e.to_string())?;
     }
     Ok(entry)
+}
+
+/// Seeks the poles again where the map distorts much, as the service does.
+fn unburden(example: &Loaded, one: &Query, two: &Query, entry: &mut Entry, method: Method) -> Result<(), String> {
+    let burden = |h: &Hypothesis| {
+        let Some(chart) = two.quick_chart(&h.unfolded.poles) else { return f64::INFINITY };
+        let cross = cross_map(&h.registration, &one.chart, &chart, &PlanarIndex::new(&chart));
+        let sign = if h.registration.flip.is_mirror() { -1.0 } else { 1.0 };
+        measure::distortion(&example.patch.mesh, &cross, &chart, sign).badness()
+    };
+    let solver = method.solver();
+    entry.unburden_poles(two, one.encoding(), solver.as_ref(), &burden, &|| false).map_err(|e| e.to_string())
 }
 
 fn by_chart(example: &Loaded, one: &Query, two: &Query, entry: &Entry, method: Method) -> Result<Laid, String> {

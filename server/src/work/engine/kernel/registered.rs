@@ -12,6 +12,7 @@ use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, edit, folded_faces, leave_fillings};
 use quadmuse_kernel::measure::{self, Distribution, Evidence};
 use quadmuse_kernel::mesh::bvh::Bvh;
+use quadmuse_kernel::register::entry::{Hypothesis, PROTRUSIONS_MANY};
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt};
 use quadmuse_kernel::unfold::Chart;
 use quadmuse_proto::{Constraint, ConstraintOrigin, Distortion, Flip, Histogram, Location, Verdict};
@@ -91,6 +92,30 @@ impl Registered {
         Ok(self.atlas.get().and_then(Option::as_ref))
     }
 
+    /// Before the first map, where one chart maps and distorts much: this registration with its poles sought again.
+    fn unburdened(&self, example: &Side, query: &Side, stop: &dyn Fn() -> bool) -> Result<Option<Self>, EngineError> {
+        let is_first = self.edited.is_none() && self.names.is_empty() && self.settled.get().is_none();
+        let (one, two) = (fresh(&example.encoded.encoding)?, fresh(&query.encoded.encoding)?);
+        if !is_first || two.protrusions().len() >= PROTRUSIONS_MANY {
+            return Ok(None);
+        }
+        let as_is = distortion(&by_chart(self, example, query)?, example)?;
+        if as_is.angle_deg.p95 <= measure::BURDENED_DEG {
+            return Ok(None);
+        }
+        let model: &ModelInner = example.model.inner.open()?;
+        let mesh = &model.patch(example.segment)?.mesh;
+        let burden = |h: &Hypothesis| {
+            let Some(chart) = two.quick_chart(&h.unfolded.poles) else { return f64::INFINITY };
+            let cross = cross_map(&h.registration, &one.chart, &chart, &PlanarIndex::new(&chart));
+            let sign = if h.registration.flip.is_mirror() { -1.0 } else { 1.0 };
+            measure::distortion(mesh, &cross, &chart, sign).badness()
+        };
+        let mut entry = self.entry.clone();
+        entry.unburden_poles(two, one.encoding(), &LevenbergMarquardt::default(), &burden, stop).map_err(internal)?;
+        Ok(Some(Self { entry, input: Arc::default(), atlas: Arc::default(), ..self.clone() }))
+    }
+
     /// Names of the constraints: those given, and one for each control that has none.
     pub(super) fn named(&self) -> Vec<(String, ConstraintOrigin)> {
         let count = self.registration().p.len();
@@ -145,6 +170,8 @@ struct Laid<'a> {
 pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
     let registered: &Registered = from.inner.open()?;
     let stopped = || stop.reason().is_some();
+    let unburdened = registered.unburdened(example, query, &stopped)?;
+    let registered = unburdened.as_ref().unwrap_or(registered);
     let atlas = registered.atlas(example, query, &stopped)?;
     stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
     let mut laid = match atlas {
