@@ -61,8 +61,16 @@ pub struct Soundness {
     pub inconsistent_edges: u64,
     /// Boundary loops.
     pub boundary_loops: u64,
+    /// Pieces.
+    pub components: u64,
     /// Vertices − edges + faces.
     pub euler: i64,
+    /// Inner vertices with another number of edges than four.
+    pub extraordinary: u64,
+    /// Inner vertices with two edges.
+    pub doublets: u64,
+    /// Mean of a quad's corner angles from 90°.
+    pub angle_deviation_mean_deg: Option<f64>,
     /// 95th percentile of a quad's corner angles from 90°.
     pub angle_deviation_p95_deg: Option<f64>,
     /// From the mesh to the scan.

@@ -5,6 +5,7 @@ pub mod client;
 pub mod http;
 pub mod judge;
 pub mod real_input;
+pub mod retopo_judged;
 pub mod server;
 pub mod shapes;
 pub mod shared;

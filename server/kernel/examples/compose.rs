@@ -80,7 +80,7 @@ fn stem(file: &str) -> String {
 /// The parts of an example that can be unfolded.
 fn example(file: &str, parts: PartCount) -> Vec<ExamplePart> {
     let Ok(surface) = surface(file) else { return Vec::new() };
-    let Ok(cut) = segment(&surface, parts) else { return Vec::new() };
+    let Ok(cut) = segment(&surface, parts).and_then(|free| free.between_polygons(&surface)) else { return Vec::new() };
     let made = cut.parts.into_iter().filter_map(|patch| {
         let chart = unfold(&patch, &UnfoldOptions::default()).ok()?;
         let encoding = encode(&chart);

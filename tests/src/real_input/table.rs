@@ -108,7 +108,7 @@ pub fn scans(judged: &[scans::Judged]) -> String {
 }
 
 /// Rows as a table whose columns are lined up; the first is the header.
-fn markdown(rows: &[Vec<String>]) -> String {
+pub fn markdown(rows: &[Vec<String>]) -> String {
     let columns = rows.first().map_or(0, Vec::len);
     let full = |row: &&Vec<String>| row.len() == columns;
     let width = |column: usize| rows.iter().filter(full).map(|row| row[column].chars().count()).max().unwrap_or(0);
