@@ -5,8 +5,6 @@
 //! Möbius transformation instead of a solve.
 //! *Source:* METHOD §2 ("pole refinement"); *ours, not the paper's.*
 
-use std::sync::Arc;
-
 use super::entry::Hypothesis;
 use super::query::{Query, SEARCH_SIDE, Unfolded};
 use super::{Flip, Level, Registration, Solver, coarse_flip};
@@ -56,7 +54,7 @@ pub fn refine(
     let mesh = query.unfolder().mesh();
     let scale = mesh.total_area().sqrt();
     let attempt = |poles: &[u32]| -> Option<Hypothesis> {
-        let unfolded = Arc::new(query.try_poles(poles)?);
+        let unfolded = query.tried(poles)?;
         let registration = register(&unfolded, example, flip, SEARCH_SIDE, solver, stop)?;
         Some(Hypothesis { unfolded, registration })
     };
