@@ -5,3 +5,4 @@ pub mod dense;
 pub mod sparse;
 
 pub use sparse::{Factored, Pattern, SolveError};
+pub mod wide;

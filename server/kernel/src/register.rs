@@ -15,10 +15,11 @@ pub mod spectra;
 
 use crate::encode::features::{Feature, distance_on};
 use crate::encode::{Encoding, LEVEL_SIDES};
+use crate::numerics::wide::{Wide, wide};
 use crate::topology::Topology;
 use crate::unfold::Uv;
 pub use entry::Entry;
-use evaluate::psi;
+use evaluate::{displacements, psi};
 use image::Image;
 use mls::Domain;
 use problem::{Problem, folded};
@@ -110,6 +111,13 @@ impl<'a> Level<'a> {
         &self.flipped[k]
     }
 
+    /// Least E over all translations / (var √λ₁ + var √λ₂).
+    fn translation_cost(&self, flip: Flip) -> f64 {
+        let image = self.image(flip);
+        let least = translation_energies(image, self.query).into_iter().fold(f64::INFINITY, f64::min);
+        least / (image.variance + self.query.variance).max(1e-300)
+    }
+
     fn domain(&self) -> Domain {
         Domain { topology: self.example.topology, aspect: ASPECT }
     }
@@ -127,19 +135,53 @@ pub fn query_images(query: &Encoding, side: usize) -> Vec<Image> {
 /// Tori: `energies[row * side + t]` for translations by `row` pixels in v as well.
 pub fn translation_energies(example: &Image, query: &Image) -> Vec<f64> {
     let side = example.side;
-    let energy = |t: usize, row: usize| {
-        let mut sum = 0.0;
-        for y in 0..side {
-            let above = (y + row) % side;
-            for x in 0..side {
-                let d = query.pixel((x + t) % side, above) - example.pixel(x, y);
-                sum += d * d;
+    // Rows of the query twice, so that every shift is a slice.
+    let twice: Vec<f64> = (0..side).flat_map(|y| query.row(y).repeat(2)).collect();
+    wide(Translations { example, twice, side })
+}
+
+struct Translations<'a> {
+    example: &'a Image,
+    twice: Vec<f64>,
+    side: usize,
+}
+
+impl Wide for Translations<'_> {
+    type Output = Vec<f64>;
+
+    #[inline(always)]
+    fn run(self) -> Vec<f64> {
+        let side = self.side;
+        let rows = if self.example.is_periodic_v() { side } else { 1 };
+        let mut energies = Vec::with_capacity(rows * side);
+        for row in 0..rows {
+            for t in 0..side {
+                let mut sums = [0.0; LANES];
+                for y in 0..side {
+                    let at = 2 * side * ((y + row) % side) + t;
+                    add_squares(&mut sums, &self.twice[at..at + side], self.example.row(y));
+                }
+                energies.push(sums.iter().sum::<f64>() / (side * side) as f64);
             }
         }
-        sum / (side * side) as f64
-    };
-    let rows = if example.is_periodic_v() { side } else { 1 };
-    (0..rows * side).map(|k| energy(k % side, k / side)).collect()
+        energies
+    }
+}
+
+/// Sums that are kept side by side: a picture's energy is added up in this order.
+const LANES: usize = 8;
+
+#[inline(always)]
+fn add_squares(sums: &mut [f64; LANES], a: &[f64], b: &[f64]) {
+    let (a, b) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+    for (a, b) in a.0.iter().zip(b.0) {
+        for k in 0..LANES {
+            sums[k] += (a[k] - b[k]) * (a[k] - b[k]);
+        }
+    }
+    for (sum, (a, b)) in sums.iter_mut().zip(a.1.iter().zip(b.1)) {
+        *sum += (a - b) * (a - b);
+    }
 }
 
 /// Registers one flip at the coarsest level: the best translation, then the solver.
@@ -258,14 +300,7 @@ pub const FOLD_SIDE_MAX: usize = 64;
 /// Cells that the map turns over, at `side` cells a side.
 pub fn fold_cells(domain: Domain, p: &[Uv], q: &[Uv], side: usize) -> Vec<Uv> {
     let unit = 1.0 / side as f64;
-    let displacements: Vec<Uv> = (0..side * (side + 1))
-        .map(|k| {
-            let x = [(k % side) as f64 * unit, (k / side) as f64 * unit];
-            let y = psi(domain, p, q, x);
-            [y[0] - x[0], y[1] - x[1]]
-        })
-        .collect();
-    folded(side, side, unit, |i, j| displacements[j * side + i % side])
+    folded(side, unit, &displacements(domain, p, q, [side, side + 1], unit)).collect()
 }
 
 /// The side of the level after `side`, if there is one.

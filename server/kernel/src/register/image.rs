@@ -32,7 +32,7 @@ impl Image {
     }
 
     /// The value of pixel (column, row).
-    #[inline]
+    #[inline(always)]
     pub fn pixel(&self, x: usize, y: usize) -> f64 {
         self.values[y * self.side + x]
     }
@@ -42,28 +42,39 @@ impl Image {
         self.periodic_v
     }
 
+    /// A row of values.
+    pub fn row(&self, y: usize) -> &[f64] {
+        &self.values[y * self.side..(y + 1) * self.side]
+    }
+
     /// Centre of pixel (column, row).
     pub fn centre(&self, x: usize, y: usize) -> Uv {
         [(x as f64 + 0.5) / self.side as f64, (y as f64 + 0.5) / self.side as f64]
     }
 
     /// Bilinear value and its gradient (per unit of u and v) at a point; periodic in u, clamped in v.
-    #[inline]
+    #[inline(always)]
     pub fn sample(&self, at: Uv) -> (f64, [f64; 2]) {
         let n = self.side as isize;
         let scale = self.side as f64;
-        let (x, y) = (at[0] * scale - 0.5, at[1] * scale - 0.5);
+        let wrapped = |t: f64| t - t.floor();
+        let v = if self.periodic_v { wrapped(at[1]) } else { at[1] };
+        let (x, y) = (wrapped(at[0]) * scale - 0.5, v * scale - 0.5);
         let (x0, y0) = (x.floor(), y.floor());
         let (fx, fy) = (x - x0, y - y0);
-        let column = |k: isize| {
-            let c = (x0 as isize + k) % n;
-            (if c < 0 { c + n } else { c }) as usize
+        // From −1 to n: one comparison in place of a division.
+        let around = |c: isize| {
+            (if c < 0 {
+                c + n
+            } else if c >= n {
+                c - n
+            } else {
+                c
+            }) as usize
         };
-        let row = |k: isize| {
-            let r = y0 as isize + k;
-            (if self.periodic_v { r.rem_euclid(n) } else { r.clamp(0, n - 1) }) as usize
-        };
-        let (c0, c1, r0, r1) = (column(0), column(1), row(0), row(1));
+        let row = |r: isize| if self.periodic_v { around(r) } else { r.clamp(0, n - 1) as usize };
+        let (c0, c1) = (around(x0 as isize), around(x0 as isize + 1));
+        let (r0, r1) = (row(y0 as isize), row((y0 as isize).saturating_add(1)));
         let (a, b) = (self.pixel(c0, r0), self.pixel(c1, r0));
         let (c, d) = (self.pixel(c0, r1), self.pixel(c1, r1));
         let (low, high) = (a + fx * (b - a), c + fx * (d - c));

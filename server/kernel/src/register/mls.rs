@@ -20,12 +20,12 @@ use crate::topology::Topology;
 use crate::unfold::Uv;
 
 /// Added to squared distances, so that a control's own weight dominates instead of dividing by zero.
-const TINY: f64 = 1e-20;
+pub(super) const TINY: f64 = 1e-20;
 /// |M| below which no rotation is fitted.
 pub(super) const ROTATION_MIN: f64 = 1e-12;
 
 /// Images of a control along v: sign and offset of each, `v → sign·v + offset`.
-fn orbit_v(topology: Topology) -> [[f64; 2]; 3] {
+pub(super) fn orbit_v(topology: Topology) -> [[f64; 2]; 3] {
     match topology {
         Topology::Torus => [[1.0, 0.0], [1.0, 1.0], [1.0, -1.0]],
         _ => [[1.0, 0.0], [-1.0, 0.0], [-1.0, 2.0]],
@@ -64,41 +64,55 @@ pub struct Domain {
 
 impl MlsTerms {
     /// Prepares the point `x` for controls at `p`.
+    #[inline(always)]
     pub fn new(domain: Domain, p: &[Uv], x: Uv) -> Self {
         let aspect = domain.aspect;
         let mut influences = vec![Influence::default(); p.len()];
         let (mut weight, mut p_sum) = (0.0, [0.0; 2]);
-        for_each_image(domain, p, x, |_, w, d, _, _| {
-            weight += w;
-            p_sum[0] += w * d[0];
-            p_sum[1] += w * d[1];
-        });
+        for_each_image(
+            domain,
+            p,
+            x,
+            #[inline(always)]
+            |_, w, d, _, _| {
+                weight += w;
+                p_sum[0] += w * d[0];
+                p_sum[1] += w * d[1];
+            },
+        );
         if weight <= 0.0 {
             return Self { influences, base: x, turn: [0.0; 2], z: [0.0; 2] };
         }
         // Coordinates relative to x: z = x − p* = −mean of the offsets.
-        let mean = p_sum.map(|s| s / weight);
+        let mean = [p_sum[0] / weight, p_sum[1] / weight];
         let (mut base, mut turn) = ([0.0; 2], [0.0; 2]);
-        for_each_image(domain, p, x, |i, w, d, period, [sign, offset]| {
-            let hat = [d[0] - mean[0], d[1] - mean[1]];
-            // m = w·conj(p̂); q's image is (aspect·(q_u + period), sign·q_v + offset).
-            let m = [w * hat[0], -w * hat[1]];
-            let one = &mut influences[i];
-            one.share[0] += w / weight;
-            one.share[1] += sign * w / weight;
-            one.by_u[0] += aspect * m[0];
-            one.by_u[1] += aspect * m[1];
-            one.by_v[0] -= sign * m[1];
-            one.by_v[1] += sign * m[0];
-            base[0] += period * w / weight;
-            base[1] += offset * w / weight;
-            turn[0] += m[0] * aspect * period - m[1] * offset;
-            turn[1] += m[1] * aspect * period + m[0] * offset;
-        });
+        for_each_image(
+            domain,
+            p,
+            x,
+            #[inline(always)]
+            |i, w, d, period, [sign, offset]| {
+                let hat = [d[0] - mean[0], d[1] - mean[1]];
+                // m = w·conj(p̂); q's image is (aspect·(q_u + period), sign·q_v + offset).
+                let m = [w * hat[0], -w * hat[1]];
+                let one = &mut influences[i];
+                one.share[0] += w / weight;
+                one.share[1] += sign * w / weight;
+                one.by_u[0] += aspect * m[0];
+                one.by_u[1] += aspect * m[1];
+                one.by_v[0] -= sign * m[1];
+                one.by_v[1] += sign * m[0];
+                base[0] += period * w / weight;
+                base[1] += offset * w / weight;
+                turn[0] += m[0] * aspect * period - m[1] * offset;
+                turn[1] += m[1] * aspect * period + m[0] * offset;
+            },
+        );
         Self { influences, base, turn, z: [-mean[0], -mean[1]] }
     }
 
     /// ψ for controls moved to `q`.
+    #[inline(always)]
     pub fn at(&self, domain: Domain, q: &[Uv]) -> Uv {
         let (star, m) = self.sums(q);
         let rotation = unit(m);
@@ -107,9 +121,10 @@ impl MlsTerms {
     }
 
     /// ψ, and into `gradient` for each control the 2 × 2 matrix ∂ψ/∂q as `[∂ψ_u/∂q_u, ∂ψ_v/∂q_u, ∂ψ_u/∂q_v, ∂ψ_v/∂q_v]`.
+    #[inline(always)]
     pub fn with_gradient(&self, domain: Domain, q: &[Uv], gradient: &mut [[f64; 4]]) -> Uv {
         let (star, m) = self.sums(q);
-        let size = m[0].hypot(m[1]);
+        let size = length(m);
         let e = unit(m);
         let r = multiply(self.z, e);
         // i·r/|M|
@@ -126,6 +141,7 @@ impl MlsTerms {
     }
 
     /// q* (in the domain's units) and M.
+    #[inline(always)]
     fn sums(&self, q: &[Uv]) -> (Uv, [f64; 2]) {
         let (mut star, mut m) = (self.base, self.turn);
         for (one, q) in self.influences.iter().zip(q) {
@@ -144,6 +160,7 @@ pub fn psi(domain: Domain, p: &[Uv], q: &[Uv], x: Uv) -> Uv {
 }
 
 /// Calls `visit(control, weight, offset from x in the metric, period, [sign, offset] of v)` for each image near x.
+#[inline(always)]
 pub(super) fn for_each_image(
     domain: Domain,
     p: &[Uv],
@@ -173,12 +190,20 @@ pub(super) fn for_each_image(
     }
 }
 
+/// |m|, of numbers that are neither huge nor tiny.
+#[inline(always)]
+pub(super) fn length(m: [f64; 2]) -> f64 {
+    (m[0] * m[0] + m[1] * m[1]).sqrt()
+}
+
+#[inline(always)]
 fn multiply(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]]
 }
 
+#[inline(always)]
 fn unit(m: [f64; 2]) -> [f64; 2] {
-    let size = m[0].hypot(m[1]);
+    let size = length(m);
     if size > ROTATION_MIN { [m[0] / size, m[1] / size] } else { [1.0, 0.0] }
 }
 

@@ -5,8 +5,6 @@
 //! Möbius transformation instead of a solve.
 //! *Source:* METHOD §2 ("pole refinement"); *ours, not the paper's.*
 
-use std::sync::Arc;
-
 use super::entry::Hypothesis;
 use super::query::{Query, SEARCH_SIDE, Unfolded};
 use super::{Flip, Level, Registration, Solver, coarse_flip};
@@ -88,7 +86,7 @@ struct Search<'a> {
 
 impl Search<'_> {
     fn attempt(&self, poles: &[u32]) -> Option<Hypothesis> {
-        let unfolded = Arc::new(self.query.try_poles(poles)?);
+        let unfolded = self.query.tried(poles)?;
         let registration = register(&unfolded, self.example, self.flip, SEARCH_SIDE, self.solver, self.stop)?;
         Some(Hypothesis { unfolded, registration })
     }

@@ -1,6 +1,7 @@
 //! A query segment, ready to be registered against: unfolded for each pole worth trying.
 
-use std::sync::{Arc, OnceLock};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::image::Image;
 use super::query_images;
@@ -10,6 +11,8 @@ use crate::topology::Patch;
 use crate::unfold::moebius::Conformal;
 use crate::unfold::{Chart, UnfoldError, UnfoldOptions, Unfolder, solve_mesh};
 
+/// Unfoldings for poles that were tried which are kept, some 100 KiB each.
+const TRIED_MAX: usize = 96;
 /// Finest level at which rival poles are compared.
 pub const SEARCH_SIDE: usize = 64;
 
@@ -51,6 +54,7 @@ pub struct Query {
     /// What only searching needs, made when first asked for: the conformal map, and all unfoldings to try.
     conformal: OnceLock<Option<Conformal>>,
     candidates: OnceLock<Vec<Arc<Unfolded>>>,
+    tried: Mutex<BTreeMap<Vec<u32>, Arc<OnceLock<Option<Arc<Unfolded>>>>>>,
 }
 
 impl Query {
@@ -73,6 +77,7 @@ impl Query {
             protrusions: OnceLock::new(),
             conformal: OnceLock::new(),
             candidates: OnceLock::new(),
+            tried: Mutex::default(),
         })
     }
 
@@ -119,6 +124,21 @@ impl Query {
     /// A quick unfolding for other poles, to the search's level; `None` where poles are fixed.
     pub fn try_poles(&self, poles: &[u32]) -> Option<Unfolded> {
         Some(Unfolded::new(poles, encode_to(&self.quick_chart(poles)?, SEARCH_SIDE)))
+    }
+
+    /// The same as [`Self::try_poles`], kept for the next who tries them: the best examples' searches begin at the same
+    /// poles.
+    pub fn tried(&self, poles: &[u32]) -> Option<Arc<Unfolded>> {
+        let slot = {
+            let mut tried = self.tried.lock().unwrap_or_else(PoisonError::into_inner);
+            if tried.len() >= TRIED_MAX && !tried.contains_key(poles) {
+                None
+            } else {
+                Some(Arc::clone(tried.entry(poles.to_vec()).or_default()))
+            }
+        };
+        let make = || self.try_poles(poles).map(Arc::new);
+        slot.map_or_else(make, |slot| slot.get_or_init(make).clone())
     }
 
     /// A chart for other poles: by a Möbius transformation where that is precise, else solved for; `None` where poles

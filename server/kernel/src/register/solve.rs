@@ -70,9 +70,9 @@ impl Solver for LevenbergMarquardt {
                 continue;
             };
             let trial = stepped(problem.domain.topology, q, &step, step_max);
-            let energy = problem.energy(&trial);
+            let energy = problem.unfolded_energy(&trial).unwrap_or(f64::INFINITY);
             let trial_total = energy + prior_energy(alpha, problem.p, &trial);
-            if trial_total < total && problem.folded_cells(&trial).is_empty() {
+            if trial_total < total {
                 let decrease = (total - trial_total) / total.max(1e-300);
                 *q = trial;
                 total = trial_total;

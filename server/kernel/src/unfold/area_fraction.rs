@@ -8,6 +8,8 @@ use crate::mesh::tri::TriMesh;
 
 /// Levels at which the area is tabulated.
 const LEVELS_MAX: usize = 4096;
+/// The same for charts of poles that are only tried, which are looked at in pictures of 64².
+const LEVELS_TRIED_MAX: usize = 512;
 
 /// Area below each of increasing levels of v, as a share of the whole.
 #[derive(Clone, Debug)]
@@ -19,12 +21,22 @@ pub struct AreaFraction {
 impl AreaFraction {
     /// Tabulates the area of `mesh` below levels of `v` (one value a vertex).
     pub fn new(mesh: &TriMesh, v: &[f64]) -> Self {
-        let levels = quantiles(v);
+        Self::at_levels(mesh, v, LEVELS_MAX)
+    }
+
+    /// The same at fewer levels, for what is only tried.
+    pub fn rough(mesh: &TriMesh, v: &[f64]) -> Self {
+        Self::at_levels(mesh, v, LEVELS_TRIED_MAX)
+    }
+
+    fn at_levels(mesh: &TriMesh, v: &[f64], levels_max: usize) -> Self {
+        let levels = quantiles(v, levels_max);
         let bins = levels.len() - 1;
         let mut mass = vec![0.0; bins];
         for (t, corners) in mesh.triangles.iter().enumerate() {
-            let mut x = corners.map(|c| v[c as usize]);
-            x.sort_by(f64::total_cmp);
+            let [a, b, c] = corners.map(|c| v[c as usize]);
+            let (low, high) = (a.min(b), a.max(b));
+            let x = [low.min(c), low.max(high.min(c)), high.max(c)];
             let area = mesh.area(t);
             let first = levels.partition_point(|&l| l <= x[0]).saturating_sub(1).min(bins - 1);
             let mut done = 0.0;
@@ -60,10 +72,10 @@ impl AreaFraction {
 }
 
 /// Increasing levels from the lowest to the highest value, about as many values between any two.
-fn quantiles(v: &[f64]) -> Vec<f64> {
+fn quantiles(v: &[f64], levels_max: usize) -> Vec<f64> {
     let mut sorted = v.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let steps = sorted.len().clamp(2, LEVELS_MAX);
+    sorted.sort_unstable_by(f64::total_cmp);
+    let steps = sorted.len().clamp(2, levels_max);
     let mut levels: Vec<f64> = (0..=steps).map(|k| sorted[(k * (sorted.len() - 1)) / steps]).collect();
     levels.dedup();
     if levels.len() < 2 {

@@ -105,7 +105,7 @@ impl Conformal {
             _ => self.disc(poles.first().map_or(0, |&p| p as usize)),
         };
         let finite = self.cap_poles(depth, poles);
-        let fraction = AreaFraction::new(&self.mesh, &finite);
+        let fraction = AreaFraction::rough(&self.mesh, &finite);
         let v: Vec<f64> = finite.iter().map(|&d| fraction.at(d)).collect();
         let tau = std::f64::consts::TAU;
         let modulus = match self.topology {
