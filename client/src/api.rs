@@ -161,6 +161,10 @@ impl Api {
             None => request,
             Some(parts) => request.query(&[("parts", parts.to_string())]),
         };
+        let request = match how.components {
+            None => request,
+            Some(components) => request.query(&[("components", components.as_str())]),
+        };
         Ok(match &how.segments {
             None => request.header(header::CONTENT_TYPE, media_type).body(bytes),
             Some(SegmentsSpec::Rule(rule)) => {

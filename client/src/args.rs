@@ -6,7 +6,8 @@ use crate::{
 };
 use clap::{Args, Parser, Subcommand};
 use quadmuse_proto::{
-    ExampleId, MapId, QueryId, Topology, composition, example::RELEVANCE_RANGE, query, segment::Parts,
+    Components, ExampleId, MapId, OnFold, QueryId, Topology, composition, example::RELEVANCE_RANGE, query,
+    segment::Parts,
 };
 use std::{ffi::OsString, path::PathBuf};
 
@@ -153,6 +154,10 @@ pub struct SegmentsArg {
     /// few as can be]
     #[arg(long, value_name = "N|auto")]
     pub parts: Option<Parts>,
+    /// What becomes of small components beside the largest: `largest` leaves them out, `refuse` refuses the mesh
+    /// [default: largest]
+    #[arg(long, value_name = "largest|refuse")]
+    pub components: Option<Components>,
 }
 
 /// `list`.
@@ -241,11 +246,17 @@ pub struct ConstrainArgs {
     #[arg(value_name = "MAP")]
     pub map: MapId,
     /// `[ID:]ON_EXAMPLE=ON_INPUT`, each end `x,y,z` or `uU,vV` or `fFACE/w,w,w`; or the constraint as JSON
-    #[arg(long = "set", value_name = "SPEC", required_unless_present = "remove", allow_hyphen_values = true)]
+    #[arg(long = "set", value_name = "SPEC", required_unless_present_any = ["remove", "undo"], allow_hyphen_values = true)]
     pub set: Vec<ConstraintSpec>,
     /// A constraint to remove
     #[arg(long = "remove", value_name = "ID")]
     pub remove: Vec<String>,
+    /// A constraint to put back as the registration had it; one that was added goes
+    #[arg(long = "undo", value_name = "ID")]
+    pub undo: Vec<String>,
+    /// Where the map would fold: `refuse` the edit, or `resolve`: constraints that are not named make room
+    #[arg(long, value_name = "refuse|resolve", value_parser = on_fold, default_value = "refuse")]
+    pub on_fold: OnFold,
     /// The file to write; its extension chooses the format: obj, ply, off, stl, glb
     #[arg(short, long = "out", value_name = "OUT")]
     pub out: OutFile,
@@ -288,6 +299,14 @@ pub struct RetopoArgs {
     /// What to lay on it, and where to write it
     #[command(flatten)]
     pub compose: ComposeArgs,
+}
+
+fn on_fold(text: &str) -> Result<OnFold, String> {
+    match text {
+        "refuse" => Ok(OnFold::Refuse),
+        "resolve" => Ok(OnFold::Resolve),
+        _ => Err("expected refuse or resolve".into()),
+    }
 }
 
 fn relevance(text: &str) -> Result<f64, String> {
@@ -334,6 +353,9 @@ mod tests {
             "quadmuse add a.obj b.ply --tag head --tag hero --relevance 4 --segments whole",
             "quadmuse add a.obj --parts 8",
             "quadmuse retopo a.obj -o b.obj --parts auto",
+            "quadmuse query a.obj --components refuse",
+            "quadmuse constrain ID ID --undo f2 -o out.obj",
+            "quadmuse constrain ID ID --set f1:1,2,3=4,5,6 --on-fold resolve -o out.obj",
             "quadmuse list --tag head --topology disc",
             "quadmuse show ID",
             "quadmuse remove ID ID",
@@ -368,6 +390,9 @@ mod tests {
             "quadmuse map ID -o out.docx",
             "quadmuse constrain ID ID -o out.obj",
             "quadmuse constrain ID ID --set 1,2=3,4,5 -o out.obj",
+            "quadmuse constrain ID ID --on-fold resolve -o out.obj",
+            "quadmuse constrain ID ID --remove f1 --on-fold bend -o out.obj",
+            "quadmuse query a.obj --components all",
             "quadmuse compose ID --use ID -o out.obj",
             "quadmuse tag ID hero",
             "quadmuse list --topology klein",

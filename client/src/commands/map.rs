@@ -66,7 +66,7 @@ pub(super) async fn write_map(map: &Map, out: &OutFile, api: &Api, ui: &mut Ui) 
 pub(super) async fn constrain(args: ConstrainArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
     args.out.check()?;
     let set = args.set.into_iter().map(|spec| spec.0).collect();
-    let edit = ConstraintEdit { set, remove: args.remove, ..ConstraintEdit::default() };
+    let edit = ConstraintEdit { set, remove: args.remove, undo: args.undo, on_fold: args.on_fold };
     let map = api.edit_constraints(args.query, args.map, &edit).await?;
     write_map(&map, &args.out, api, ui).await
 }

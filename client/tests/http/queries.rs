@@ -27,6 +27,7 @@ fn service(asked: &Asked, segments: u32) -> Reply {
             Reply::json(200, &ranking(segment, revision.into(), 16 << revision, state))
         }
         ("POST", "/Q/maps") => Reply::json(201, &map()),
+        ("PATCH", rest) if rest.ends_with("/constraints") => Reply::json(200, &map()),
         ("POST", "/Q/compositions") => Reply::json(201, &composition()),
         ("GET", rest) if rest.ends_with("/mesh") => Reply::bytes("model/obj", "v 0 0 0\n"),
         _ => Reply::problem(Code::NotFound, 404, &asked.line),
@@ -199,6 +200,31 @@ async fn a_segment_that_is_not_there_is_refused_before_anything_is_mapped() {
     assert!(ran.notes.contains("expected a segment below 2, found 2"), "{}", ran.notes);
     assert!(server.lines().iter().all(|line| !line.starts_with("POST")));
     assert!(!out.exists());
+}
+
+#[tokio::test]
+async fn constraints_are_put_back_and_make_room() {
+    let server = Fake::start(|asked| service(asked, 1));
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.obj");
+    let flags = "--set f1:=1,2,3 --remove f2 --undo f3 --on-fold resolve";
+    let ran = run(&server.url, &format!("constrain {} {} {flags} -o {}", query_id(), map_id(), out.display())).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    let edit = server.asked().into_iter().find(|asked| asked.line.starts_with("PATCH")).expect("an edit was asked for");
+    let body: serde_json::Value = serde_json::from_slice(&edit.body).expect("JSON");
+    assert_eq!(body["remove"], serde_json::json!(["f2"]));
+    assert_eq!(body["undo"], serde_json::json!(["f3"]));
+    assert_eq!(body["on_fold"], "resolve");
+    assert_eq!(body["set"][0]["id"], "f1");
+}
+
+#[tokio::test]
+async fn what_becomes_of_components_goes_with_every_upload() {
+    let server = Fake::start(|asked| service(asked, 1));
+    let mesh = mesh_file();
+    let ran = run(&server.url, &format!("query {} --no-follow --components refuse", mesh.path().display())).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    assert_eq!(server.lines().remove(0), "POST /v1/queries?components=refuse");
 }
 
 #[tokio::test]

@@ -5,6 +5,7 @@
 pub mod assemble;
 pub mod atlas;
 pub mod edit;
+pub mod parted;
 pub mod polish;
 pub mod rejoin;
 pub mod untangle;

@@ -22,6 +22,7 @@ mod tree;
 
 use std::collections::BTreeMap;
 
+use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
 use crate::topology::{self, Patch, Topology, TopologyError};
 use parts::Count;
@@ -73,29 +74,56 @@ const EDGE_MAX: f64 = 1.5;
 const STRENGTHS: [Strength; 3] =
     [Strength { rounds: 3, steps: 8 }, Strength { rounds: 2, steps: 5 }, Strength { rounds: 1, steps: 2 }];
 
-/// Surfaces with more handles than this have to bring their segments: each handle costs a search of the whole surface.
-const GENUS_MAX: i64 = 16;
-
 /// Cuts a surface of any topology into primitives.
 ///
 /// # Errors
-/// [`TopologyError::Empty`]; [`TopologyError::Unsupported`] for a component of more than [`GENUS_MAX`] handles.
+/// [`TopologyError::Empty`].
 pub fn segment(surface: &TriMesh, count: PartCount) -> Result<Segmented, TopologyError> {
+    let refined = finely(surface)?;
+    let labels = labels(&refined.mesh, count);
+    let (refined, labels) = smoothly_cut(refined, labels);
+    Ok(Segmented::assemble(surface, refined, &labels, Order::Largest))
+}
+
+/// Cuts a surface where a label on it changes: `label_at` gives the label of a point of the surface. Parts are in order
+/// of label, pieces beside the largest of a label go to its neighbours, and borders are smoothed.
+///
+/// # Errors
+/// [`TopologyError::Empty`]; [`TopologyError::Segment`] naming the first part that is no primitive.
+pub fn segment_by(surface: &TriMesh, label_at: &dyn Fn(Vec3) -> u32) -> Result<Segmented, TopologyError> {
+    let refined = finely(surface)?;
+    let mesh = &refined.mesh;
+    let middle = |t: &[u32; 3]| t.iter().map(|&v| mesh.positions[v as usize]).sum::<Vec3>() / 3.0;
+    let mut labels: Vec<u32> = mesh.triangles.iter().map(|t| label_at(middle(t))).collect();
+    merge::absorb_crumbs(mesh, &mut labels);
+    let (refined, labels) = smoothly_cut(refined, labels);
+    for (segment, set) in members(&labels).iter().enumerate() {
+        if let Err(source) = topology::classify(&topology::submesh(&refined.mesh, set).0) {
+            let label = set.first().map_or(0, |&t| i64::from(labels[t as usize]));
+            return Err(TopologyError::Segment { segment, label, source: Box::new(source) });
+        }
+    }
+    Ok(Segmented::assemble(surface, refined, &labels, Order::Labels))
+}
+
+/// The order of parts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Order {
+    /// The largest first.
+    Largest,
+    /// By label.
+    Labels,
+}
+
+/// A surface with triangles small enough to be cut well.
+fn finely(surface: &TriMesh) -> Result<Refined, TopologyError> {
     if surface.triangles.is_empty() {
         return Err(TopologyError::Empty);
-    }
-    for component in region::connected(surface, &vec![0; surface.triangles.len()]) {
-        let invariants = topology::invariants(&topology::submesh(surface, &component).0);
-        if invariants.genus > GENUS_MAX {
-            return Err(TopologyError::Unsupported(invariants));
-        }
     }
     let mut refined = Refined::of(surface);
     let edge = (surface.total_area() / TRIANGLES_MIN as f64 * 4.0 / 3f64.sqrt()).sqrt();
     refined.split_long_edges(EDGE_MAX * edge, 3 * surface.triangles.len() + 8 * TRIANGLES_MIN);
-    let labels = labels(&refined.mesh, count);
-    let (refined, labels) = smoothly_cut(refined, labels);
-    Ok(Segmented::assemble(surface, refined, &labels))
+    Ok(refined)
 }
 
 /// A label for each triangle: its part.
@@ -162,13 +190,15 @@ fn members(labels: &[u32]) -> Vec<Vec<u32>> {
 }
 
 impl Segmented {
-    /// Puts the parts in order, the largest first.
-    fn assemble(surface: &TriMesh, mut refined: Refined, labels: &[u32]) -> Self {
+    /// Puts the parts in order.
+    fn assemble(surface: &TriMesh, mut refined: Refined, labels: &[u32], order: Order) -> Self {
         refined.flag_phantoms(surface);
         let mesh = refined.mesh;
         let area = |s: &Vec<u32>| s.iter().map(|&t| mesh.area(t as usize)).sum::<f64>();
         let mut sets: Vec<(f64, Vec<u32>)> = members(labels).into_iter().map(|s| (area(&s), s)).collect();
-        sets.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        if order == Order::Largest {
+            sets.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        }
         let mut part_of = vec![0; mesh.triangles.len()];
         let mut parts = Vec::new();
         for (number, (_, triangle_of)) in sets.into_iter().enumerate() {
@@ -269,7 +299,7 @@ mod tests {
         let one = grid(24, 16, true, true);
         let n = one.positions.len() as u32;
         let mut positions = one.positions.clone();
-        positions.extend(one.positions.iter().map(|p| crate::mesh::Vec3::new(6.4 - p.x, -p.y, p.z)));
+        positions.extend(one.positions.iter().map(|p| Vec3::new(6.4 - p.x, -p.y, p.z)));
         // The squares that are left out have corners a, b, c, d; those of the second are the first's, turned over.
         let [a, b, c, d] = [0, 1, 25, 24];
         let glued = |v: u32| match v {
@@ -309,6 +339,68 @@ mod tests {
         let four = segment(&torus, PartCount::About(4)).expect("cut");
         assert_eq!(four.parts.len(), 4);
         assert!(four.parts.iter().all(|p| matches!(p.topology, Topology::Disc | Topology::Annulus)));
+    }
+
+    /// A slab of n × n square holes: a closed surface with n² handles.
+    fn pierced(n: u32) -> TriMesh {
+        let side = 2 * n + 1;
+        let is_hole = |i: u32, j: u32| i % 2 == 1 && j % 2 == 1 && i < side - 1 && j < side - 1;
+        let at = |i: u32, j: u32, k: u32| (k * (side + 1) + j) * (side + 1) + i;
+        let mut quads = Vec::new();
+        for (i, j) in (0..side).flat_map(|j| (0..side).map(move |i| (i, j))).filter(|&(i, j)| !is_hole(i, j)) {
+            quads.push([at(i, j, 1), at(i + 1, j, 1), at(i + 1, j + 1, 1), at(i, j + 1, 1)]);
+            quads.push([at(i, j, 0), at(i, j + 1, 0), at(i + 1, j + 1, 0), at(i + 1, j, 0)]);
+            // A wall towards each side where there is nothing.
+            let (x, y) = (i64::from(i), i64::from(j));
+            let open = |i: i64, j: i64| {
+                let inside = (0..i64::from(side)).contains(&i) && (0..i64::from(side)).contains(&j);
+                !inside || is_hole(i as u32, j as u32)
+            };
+            let mut wall = |a: (u32, u32), b: (u32, u32)| {
+                quads.push([at(a.0, a.1, 0), at(b.0, b.1, 0), at(b.0, b.1, 1), at(a.0, a.1, 1)]);
+            };
+            if open(x, y - 1) {
+                wall((i, j), (i + 1, j));
+            }
+            if open(x + 1, y) {
+                wall((i + 1, j), (i + 1, j + 1));
+            }
+            if open(x, y + 1) {
+                wall((i + 1, j + 1), (i, j + 1));
+            }
+            if open(x - 1, y) {
+                wall((i, j + 1), (i, j));
+            }
+        }
+        let point = |v: u32| {
+            let (i, j, k) = (v % (side + 1), v / (side + 1) % (side + 1), v / (side + 1).pow(2));
+            Vec3::new(f64::from(i), f64::from(j), f64::from(k))
+        };
+        let positions = (0..2 * (side + 1).pow(2)).map(point).collect();
+        let triangles = quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect();
+        let slab = TriMesh::from_triangles(positions, triangles).expect("manifold");
+        let all: Vec<u32> = (0..slab.triangles.len() as u32).collect();
+        topology::submesh(&slab, &all).0
+    }
+
+    #[test]
+    fn very_many_handles_are_cut_too() {
+        let slab = pierced(5);
+        assert_eq!(topology::invariants(&slab).genus, 25);
+        let cut = segment(&slab, PartCount::AsNeeded).expect("cut");
+        assert!(cut.parts.iter().all(|part| topology::classify(&part.mesh) == Ok(part.topology)));
+        assert!(cut.parts.iter().all(|part| matches!(part.topology, Topology::Disc | Topology::Annulus)));
+    }
+
+    #[test]
+    fn labels_on_points_become_parts_in_their_order() {
+        let ring = grid(24, 20, true, false);
+        let cut = segment_by(&ring, &|x| u32::from(x.z < 1.0)).expect("two rings");
+        assert_eq!(cut.parts.iter().map(|p| p.topology).collect::<Vec<_>>(), [Topology::Annulus; 2]);
+        let share = cut.parts[1].mesh.total_area() / ring.total_area();
+        assert!((share - 1.0 / 3.0).abs() < 0.02, "{share}");
+        let error = segment_by(&grid(24, 16, true, true), &|x| u32::from(x.x > 0.0 && x.y > 0.0 && x.z > 0.9));
+        assert!(matches!(error, Err(TopologyError::Segment { segment: 0, .. })), "a torus with a hole is named");
     }
 
     #[test]

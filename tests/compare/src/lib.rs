@@ -2,3 +2,4 @@
 //! means. Each binary prints a table; `tests/records/` keeps them.
 
 pub mod ground_truth;
+pub mod parts;

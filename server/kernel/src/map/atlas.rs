@@ -237,7 +237,7 @@ impl Sheet {
 }
 
 /// Moves each target to the period nearest to the common shift (circular mean), and returns that.
-fn unwrap_shifts(pairs: &mut [(Uv, Uv)]) -> f64 {
+pub(super) fn unwrap_shifts(pairs: &mut [(Uv, Uv)]) -> f64 {
     let tau = std::f64::consts::TAU;
     let turn = |(p, q): &(Uv, Uv)| (tau * (q[0] - p[0])).sin_cos();
     let (sin, cos) = pairs.iter().map(turn).fold((0.0, 0.0), |s, t| (s.0 + t.0, s.1 + t.1));

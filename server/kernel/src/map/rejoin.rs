@@ -48,35 +48,70 @@ pub fn rejoin(
     input: &TriMesh,
 ) -> Result<PolyMesh, RejoinError> {
     let parts: Vec<Vec<u32>> = (0..mapped.len()).map(|part| vertices_of(example, part_of, part as u32)).collect();
-    let mut sums = vec![(Vec3::zeros(), 0u32); example.positions.len()];
     for (part, (vertices, mesh)) in parts.iter().zip(mapped).enumerate() {
         if vertices.len() != mesh.positions.len() {
             return Err(RejoinError::Vertices { part, expected: vertices.len(), found: mesh.positions.len() });
         }
-        for (&v, x) in vertices.iter().zip(&mesh.positions) {
-            sums[v as usize].0 += x;
-            sums[v as usize].1 += 1;
-        }
     }
     let mirrored = winding(example, part_of, mapped)?;
-    let around = neighbours(example);
-    let on_seam: Vec<bool> = sums.iter().map(|s| s.1 > 1).collect();
-    let mut positions: Vec<Vec3> = sums
-        .iter()
-        .zip(&example.positions)
-        .map(|((sum, n), x)| if *n > 0 { sum / f64::from(*n) } else { *x })
-        .collect();
-    for (vertices, mesh) in parts.iter().zip(mapped) {
-        correct(vertices, &mesh.positions, &on_seam, &around, &mut positions);
-    }
-    let bvh = Bvh::new(input);
-    relax(&on_seam, &around, &rim(example), &bvh, &mut positions);
+    let pieces: Vec<Piece<'_>> =
+        parts.iter().zip(mapped).map(|(vertices, mesh)| Piece { vertices, positions: &mesh.positions }).collect();
+    let net = Net::new(example.positions.len(), example.faces.iter());
+    let positions = blend(&example.positions, &net, &pieces, &Bvh::new(input));
     let mut mesh = PolyMesh { positions, faces: example.faces.clone(), attributes: example.attributes.clone() };
     mesh.attributes.normals = None;
     if mirrored {
         super::assemble::reverse(&mut mesh);
     }
     Ok(mesh)
+}
+
+/// A mapped part: its vertices among the whole's, and where each goes.
+#[derive(Clone, Copy, Debug)]
+pub struct Piece<'a> {
+    /// Vertices of the whole.
+    pub vertices: &'a [u32],
+    /// Where they go.
+    pub positions: &'a [Vec3],
+}
+
+/// What blending needs of a mesh: who is beside whom, and who lies on its rim.
+#[derive(Clone, Debug)]
+pub struct Net {
+    around: Vec<Vec<u32>>,
+    rim: Vec<bool>,
+}
+
+impl Net {
+    /// The net of some faces over `count` vertices.
+    pub fn new<'a>(count: usize, faces: impl Iterator<Item = &'a [u32]> + Clone) -> Self {
+        Self { around: neighbours(count, faces.clone()), rim: rim(count, faces) }
+    }
+
+    /// The net of triangles.
+    pub fn of(mesh: &TriMesh) -> Self {
+        Self::new(mesh.positions.len(), mesh.triangles.iter().map(|t| &t[..]))
+    }
+}
+
+/// Where the vertices of a mesh go that was mapped in pieces. Those of several pieces go to the mean of their places,
+/// those near them follow; `at_rest` is for vertices of none.
+pub fn blend(at_rest: &[Vec3], net: &Net, pieces: &[Piece<'_>], input: &Bvh) -> Vec<Vec3> {
+    let mut sums = vec![(Vec3::zeros(), 0u32); at_rest.len()];
+    for piece in pieces {
+        for (&v, x) in piece.vertices.iter().zip(piece.positions) {
+            sums[v as usize].0 += x;
+            sums[v as usize].1 += 1;
+        }
+    }
+    let on_seam: Vec<bool> = sums.iter().map(|s| s.1 > 1).collect();
+    let mean = |((sum, n), x): (&(Vec3, u32), &Vec3)| if *n > 0 { sum / f64::from(*n) } else { *x };
+    let mut positions: Vec<Vec3> = sums.iter().zip(at_rest).map(mean).collect();
+    for piece in pieces {
+        correct(piece, &on_seam, &net.around, &mut positions);
+    }
+    relax(&on_seam, net, input, &mut positions);
+    positions
 }
 
 /// The vertices that a part's faces use, in order.
@@ -105,9 +140,9 @@ fn winding(example: &PolyMesh, part_of: &[u32], mapped: &[&PolyMesh]) -> Result<
     }
 }
 
-fn neighbours(example: &PolyMesh) -> Vec<Vec<u32>> {
-    let mut around: Vec<Vec<u32>> = vec![Vec::new(); example.positions.len()];
-    for face in example.faces.iter() {
+fn neighbours<'a>(count: usize, faces: impl Iterator<Item = &'a [u32]>) -> Vec<Vec<u32>> {
+    let mut around: Vec<Vec<u32>> = vec![Vec::new(); count];
+    for face in faces {
         for k in 0..face.len() {
             let (a, b) = (face[k], face[(k + 1) % face.len()]);
             around[a as usize].push(b);
@@ -122,16 +157,16 @@ fn neighbours(example: &PolyMesh) -> Vec<Vec<u32>> {
 }
 
 /// Vertices on edges of one face.
-fn rim(example: &PolyMesh) -> Vec<bool> {
+fn rim<'a>(count: usize, faces: impl Iterator<Item = &'a [u32]>) -> Vec<bool> {
     let mut edges: Vec<[u32; 2]> = Vec::new();
-    for face in example.faces.iter() {
+    for face in faces {
         edges.extend((0..face.len()).map(|k| {
             let (a, b) = (face[k], face[(k + 1) % face.len()]);
             [a.min(b), a.max(b)]
         }));
     }
     edges.sort_unstable();
-    let mut rim = vec![false; example.positions.len()];
+    let mut rim = vec![false; count];
     for run in edges.chunk_by(|a, b| a == b).filter(|run| run.len() == 1) {
         run[0].iter().for_each(|&v| rim[v as usize] = true);
     }
@@ -139,7 +174,8 @@ fn rim(example: &PolyMesh) -> Vec<bool> {
 }
 
 /// Moves the vertices of a part near its seams by what the seam's vertices were moved, less and less.
-fn correct(part: &[u32], own: &[Vec3], on_seam: &[bool], around: &[Vec<u32>], positions: &mut [Vec3]) {
+fn correct(piece: &Piece<'_>, on_seam: &[bool], around: &[Vec<u32>], positions: &mut [Vec3]) {
+    let (part, own) = (piece.vertices, piece.positions);
     let mut number = vec![NONE; positions.len()];
     part.iter().enumerate().for_each(|(k, &v)| number[v as usize] = k as u32);
     let mut offset: Vec<Option<Vec3>> =
@@ -164,7 +200,7 @@ fn correct(part: &[u32], own: &[Vec3], on_seam: &[bool], around: &[Vec<u32>], po
 
 /// Averages the vertices around the seams with their neighbours and puts all of them back on the input. The example's
 /// boundary stays where it is.
-fn relax(on_seam: &[bool], around: &[Vec<u32>], rim: &[bool], bvh: &Bvh, positions: &mut [Vec3]) {
+fn relax(on_seam: &[bool], Net { around, rim }: &Net, bvh: &Bvh, positions: &mut [Vec3]) {
     let mut ring: Vec<usize> = on_seam.iter().map(|s| if *s { 0 } else { usize::MAX }).collect();
     for depth in 1..=RINGS {
         for v in 0..ring.len() {

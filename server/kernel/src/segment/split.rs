@@ -1,7 +1,8 @@
 //! Splitting a region that is no primitive.
 //!
 //! A handle loses an annulus around its shortest loop; a surface of genus 0 with three or more boundary loops is cut
-//! into two discs along a tour of its loops, as clothes are cut along their side seams; whatever withstands is halved.
+//! into two discs along a tour of its loops, as clothes are cut along their side seams; whatever withstands, or has very
+//! many handles, is halved.
 //! Each step makes regions of fewer handles, fewer loops or fewer triangles, so that a repetition ends with primitives.
 //! *Source:* Erickson and Whittlesey (2005), shortest homology basis by tree and cotree.
 
@@ -18,6 +19,8 @@ use std::collections::BinaryHeap;
 const BASES: [usize; 2] = [8, 2];
 /// A handle's annulus has no boundary longer than this many times its loop, or twice as far away as the loop is long.
 const WIDENING_MAX: f64 = 1.4;
+/// A region with more handles is halved first: each handle costs a search of its whole region.
+const HANDLES_MAX: i64 = 16;
 /// Widths of the annulus that are tried.
 const WIDTHS: usize = 16;
 
@@ -47,6 +50,9 @@ pub(super) fn decompose(surface: &TriMesh, triangles: Vec<u32>) -> Vec<Vec<u32>>
 
 fn split(region: &Region) -> Vec<Vec<u32>> {
     let found = invariants(&region.mesh);
+    if found.genus > HANDLES_MAX {
+        return halve(region);
+    }
     let group_of = if found.genus > 0 { around_handle(&region.mesh, found.genus) } else { tour::halves(&region.mesh) };
     let groups = group_of.map(|g| region.groups(&g)).unwrap_or_default();
     if groups.len() > 1 { groups } else { halve(region) }

@@ -4,6 +4,7 @@ use super::loaded::Loaded;
 use super::method::Method;
 use quadmuse_kernel::encode::index::PlanarIndex;
 use quadmuse_kernel::map::atlas::Atlas;
+use quadmuse_kernel::map::parted::{self, Whole};
 use quadmuse_kernel::map::polish::{PolishOptions, polish};
 use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, folded_faces};
@@ -36,12 +37,16 @@ pub struct Outcome {
     pub evidence: Evidence,
     /// The verdict.
     pub verdict: Verdict,
+    /// Distortion as one number, of the whole map and of the one in the end.
+    pub badness: [f64; 2],
     /// Seconds for unfolding both, registration, and mapping.
     pub seconds: [f64; 3],
 }
 
 struct Laid {
     cross: CrossMap,
+    /// The chart on whose mesh the vertices lie.
+    input: Arc<Chart>,
     mirrored: bool,
     cost: f64,
     in_domain: Vec<u32>,
@@ -78,6 +83,11 @@ pub fn lay(pair: &Pair, method: Method) -> Result<Outcome, String> {
     {
         (laid, atlas) = (other, true);
     }
+    let whole = laid.distortion.badness();
+    if method.goes_by_parts() {
+        laid = by_parts(&example, laid, method).ok_or("expected parts that can be cut alike, found none")?;
+    }
+    let badness = [whole, laid.distortion.badness()];
     let seconds = [unfolded - begun, registered - unfolded, registered.elapsed()].map(|d| d.as_secs_f64());
     let folds = laid.in_domain.iter().filter(|f| laid.distortion.inward.binary_search(f).is_ok()).count();
     let evidence = Evidence {
@@ -88,7 +98,7 @@ pub fn lay(pair: &Pair, method: Method) -> Result<Outcome, String> {
     };
     let (verdict, _) = measure::verdict(&evidence);
     let [median_pct, p95_pct] = errors(&laid.cross.positions, &truth, input.patch.mesh.total_area());
-    Ok(Outcome { median_pct, p95_pct, mirrored: laid.mirrored, atlas, folds, evidence, verdict, seconds })
+    Ok(Outcome { median_pct, p95_pct, mirrored: laid.mirrored, atlas, folds, evidence, verdict, badness, seconds })
 }
 
 fn registered(one: &Query, two: &Query, method: Method, solver: &dyn Solver) -> Result<Entry, String> {
@@ -126,7 +136,7 @@ fn by_chart(example: &Loaded, one: &Query, two: &Query, entry: &Entry, method: M
     untangle(&example.patch.mesh, &mut cross, &input, sign);
     let distortion = measure::distortion(&example.patch.mesh, &cross, &input, sign);
     let in_domain = folded_faces(&best.registration, &one.chart, &example.patch.mesh);
-    Ok(Laid { cross, mirrored, cost: best.cost(), in_domain, distortion })
+    Ok(Laid { cross, input, mirrored, cost: best.cost(), in_domain, distortion })
 }
 
 fn by_atlas(example: &Loaded, one: &Query, two: &Query, method: Method) -> Result<Option<Laid>, String> {
@@ -140,7 +150,19 @@ fn by_atlas(example: &Loaded, one: &Query, two: &Query, method: Method) -> Resul
     untangle(&example.patch.mesh, &mut cross, &input, sign);
     let distortion = measure::distortion(&example.patch.mesh, &cross, &input, sign);
     let in_domain = atlas.folded_faces(&example.patch.mesh);
-    Ok(Some(Laid { cross, mirrored: atlas.mirrored, cost: atlas.mean_cost(), in_domain, distortion }))
+    Ok(Some(Laid { cross, input, mirrored: atlas.mirrored, cost: atlas.mean_cost(), in_domain, distortion }))
+}
+
+/// The map made anew part by part.
+fn by_parts(example: &Loaded, laid: Laid, method: Method) -> Option<Laid> {
+    let (mesh, input) = (&example.patch.mesh, &laid.input);
+    let whole = Whole { mesh, cross: &laid.cross, input, mirrored: laid.mirrored };
+    let mut cross = parted::by_parts(&whole, method.solver().as_ref(), &|| false)?;
+    let sign = if laid.mirrored { -1.0 } else { 1.0 };
+    polish_by(method, example, &mut cross, input, sign);
+    untangle(mesh, &mut cross, input, sign);
+    let distortion = measure::distortion(mesh, &cross, input, sign);
+    Some(Laid { cross, distortion, ..laid })
 }
 
 /// Median and 95th percentile of the distances, in % of √area.
