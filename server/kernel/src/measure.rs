@@ -145,19 +145,28 @@ pub struct Evidence {
     pub turned_share: f64,
     /// 95th percentile of the angle distortion.
     pub angle_p95_deg: f64,
+    /// The same before the polish, which hides what was laid wrongly: it smooths a map wherever it lies.
+    pub laid_angle_p95_deg: f64,
 }
 
 /// Each measure with the limits below which it is good, or fair. Calibrated in tests/records.
-const LIMITS: [(&str, f64, f64); 4] = [
+const LIMITS: [(&str, f64, f64); 5] = [
     ("the surfaces' pictures differ by {} of their variance", 0.12, 0.35),
     ("the surfaces' proportions differ (log modulus {})", 0.15, 0.4),
     ("the share {} of the faces look inward", 0.002, 0.02),
     ("angles change by {}° for one face in twenty", 35.0, 55.0),
+    ("before its faces were smoothed the map changed angles by {}° for one face in twenty", 25.0, 90.0),
 ];
 
 /// The verdict with a sentence for each measure that is not good.
 pub fn verdict(evidence: &Evidence) -> (Verdict, Vec<String>) {
-    let values = [evidence.cost, evidence.modulus_log.abs(), evidence.turned_share, evidence.angle_p95_deg];
+    let values = [
+        evidence.cost,
+        evidence.modulus_log.abs(),
+        evidence.turned_share,
+        evidence.angle_p95_deg,
+        evidence.laid_angle_p95_deg,
+    ];
     let (mut word, mut reasons) = (Verdict::Good, Vec::new());
     for ((text, good, fair), value) in LIMITS.into_iter().zip(values) {
         if value <= good {
@@ -189,11 +198,18 @@ mod tests {
 
     #[test]
     fn a_bad_match_is_called_poor_with_its_reason() {
-        let good = Evidence { cost: 0.05, modulus_log: 0.02, turned_share: 0.0, angle_p95_deg: 20.0 };
+        let good = Evidence {
+            cost: 0.05,
+            modulus_log: 0.02,
+            turned_share: 0.0,
+            angle_p95_deg: 20.0,
+            laid_angle_p95_deg: 22.0,
+        };
         assert_eq!(verdict(&good), (Verdict::Good, Vec::new()));
         let (word, reasons) = verdict(&Evidence { cost: 0.9, ..good });
         assert_eq!((word, reasons.len()), (Verdict::Poor, 1));
         assert!(reasons[0].contains("0.900"), "{}", reasons[0]);
+        assert_eq!(verdict(&Evidence { laid_angle_p95_deg: 30.0, ..good }).0, Verdict::Fair);
     }
 
     #[test]

@@ -51,6 +51,8 @@ struct Laid {
     cost: f64,
     in_domain: Vec<u32>,
     distortion: Distortion,
+    /// 95th percentile of the angle distortion before the polish.
+    laid_angle_deg: f64,
 }
 
 /// Maps a pair by a method.
@@ -71,7 +73,7 @@ pub fn lay(pair: &Pair, method: Method) -> Result<Outcome, String> {
     let mut entry = registered(&one, &two, method, solver.as_ref())?;
     let registered = Instant::now();
     let mut laid = by_chart(&example, &one, &two, &entry, method)?;
-    let burdened = by_chart(&example, &one, &two, &entry, Method::NoPolish)?.distortion.angle_deg.p95 > BURDENED_DEG;
+    let burdened = laid.laid_angle_deg > BURDENED_DEG;
     if method.refines_poles() && two.protrusions().len() < PROTRUSIONS_MANY && burdened {
         unburden(&example, &one, &two, &mut entry, method)?;
         laid = by_chart(&example, &one, &two, &entry, method)?;
@@ -95,6 +97,7 @@ pub fn lay(pair: &Pair, method: Method) -> Result<Outcome, String> {
         modulus_log: (one.chart.modulus / two.chart.modulus).ln(),
         turned_share: laid.distortion.inward.len() as f64 / laid.distortion.faces.max(1) as f64,
         angle_p95_deg: laid.distortion.angle_deg.p95,
+        laid_angle_p95_deg: laid.laid_angle_deg,
     };
     let (verdict, _) = measure::verdict(&evidence);
     let [median_pct, p95_pct] = errors(&laid.cross.positions, &truth, input.patch.mesh.total_area());
@@ -132,11 +135,11 @@ fn by_chart(example: &Loaded, one: &Query, two: &Query, entry: &Entry, method: M
     let mut cross = cross_map(&best.registration, &one.chart, &input, &PlanarIndex::new(&input));
     let mirrored = best.registration.flip.is_mirror();
     let sign = if mirrored { -1.0 } else { 1.0 };
-    polish_by(method, example, &mut cross, &input, sign);
+    let laid_angle_deg = polish_by(method, example, &mut cross, &input, sign);
     untangle(&example.patch.mesh, &mut cross, &input, sign);
     let distortion = measure::distortion(&example.patch.mesh, &cross, &input, sign);
     let in_domain = folded_faces(&best.registration, &one.chart, &example.patch.mesh);
-    Ok(Laid { cross, input, mirrored, cost: best.cost(), in_domain, distortion })
+    Ok(Laid { cross, input, mirrored, cost: best.cost(), in_domain, distortion, laid_angle_deg })
 }
 
 fn by_atlas(example: &Loaded, one: &Query, two: &Query, method: Method) -> Result<Option<Laid>, String> {
@@ -146,11 +149,19 @@ fn by_atlas(example: &Loaded, one: &Query, two: &Query, method: Method) -> Resul
     let mut cross = atlas.cross_map(&[]).map_err(|e| e.to_string())?;
     let input = Arc::clone(atlas.input().ok_or("expected an atlas with charts")?);
     let sign = if atlas.mirrored { -1.0 } else { 1.0 };
-    polish_by(method, example, &mut cross, &input, sign);
+    let laid_angle_deg = polish_by(method, example, &mut cross, &input, sign);
     untangle(&example.patch.mesh, &mut cross, &input, sign);
     let distortion = measure::distortion(&example.patch.mesh, &cross, &input, sign);
     let in_domain = atlas.folded_faces(&example.patch.mesh);
-    Ok(Some(Laid { cross, input, mirrored: atlas.mirrored, cost: atlas.mean_cost(), in_domain, distortion }))
+    Ok(Some(Laid {
+        cross,
+        input,
+        mirrored: atlas.mirrored,
+        cost: atlas.mean_cost(),
+        in_domain,
+        distortion,
+        laid_angle_deg,
+    }))
 }
 
 /// The map made anew part by part.
@@ -159,10 +170,10 @@ fn by_parts(example: &Loaded, laid: Laid, method: Method) -> Option<Laid> {
     let whole = Whole { mesh, cross: &laid.cross, input, mirrored: laid.mirrored };
     let mut cross = parted::by_parts(&whole, method.solver().as_ref(), &|| false)?;
     let sign = if laid.mirrored { -1.0 } else { 1.0 };
-    polish_by(method, example, &mut cross, input, sign);
+    let laid_angle_deg = polish_by(method, example, &mut cross, input, sign);
     untangle(mesh, &mut cross, input, sign);
     let distortion = measure::distortion(mesh, &cross, input, sign);
-    Some(Laid { cross, distortion, ..laid })
+    Some(Laid { cross, distortion, laid_angle_deg, ..laid })
 }
 
 /// Median and 95th percentile of the distances, in % of √area.
@@ -173,8 +184,11 @@ fn errors(mapped: &[Vec3], truth: &[Vec3], area: f64) -> [f64; 2] {
     [at(50), at(95)]
 }
 
-fn polish_by(method: Method, example: &Loaded, cross: &mut CrossMap, input: &Chart, sign: f64) {
+/// The 95th percentile of the angle distortion before the polish.
+fn polish_by(method: Method, example: &Loaded, cross: &mut CrossMap, input: &Chart, sign: f64) -> f64 {
+    let laid = measure::distortion(&example.patch.mesh, cross, input, sign).angle_deg.p95;
     if method.polishes() {
         polish(&example.patch.mesh, cross, input, sign, &PolishOptions::default());
     }
+    laid
 }

@@ -181,6 +181,7 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     let model: &ModelInner = example.model.inner.open()?;
     let sign = if laid.mirrored { -1.0 } else { 1.0 };
     let surface = &model.patch(example.segment)?.mesh;
+    let laid_angle_p95_deg = distortion(&laid, example)?.angle_deg.p95;
     settle(&registered.settled, surface, &mut laid.cross, laid.input, sign, &laid.constraints);
     leave_fillings(&mut laid.cross, laid.input);
     let patch = model.patch(example.segment)?;
@@ -201,6 +202,7 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
         modulus_log: (chart.modulus / fresh(&query.encoded.encoding)?.chart.modulus).ln(),
         turned_share: distortion.inward.len() as f64 / distortion.faces.max(1) as f64,
         angle_p95_deg: distortion.angle_deg.p95,
+        laid_angle_p95_deg,
     };
     let (word, reasons) = measure::verdict(&evidence);
     let flip = if atlas.is_some() { Flip { u: laid.mirrored, v: false } } else { from.flip };
