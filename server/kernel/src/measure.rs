@@ -1,9 +1,12 @@
 //! How good a map is: fold-overs, distortion against the example's own shape, and one honest word.
 
-use crate::map::CrossMap;
+use crate::encode::index::PlanarIndex;
 use crate::map::untangle::inward;
+use crate::map::{CrossMap, cross_map};
 use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
+use crate::register::Query;
+use crate::register::entry::Hypothesis;
 use crate::unfold::Chart;
 
 /// Bins of a histogram.
@@ -51,6 +54,16 @@ impl Distortion {
         let turned = self.inward.len() as f64 / self.faces.max(1) as f64;
         self.angle_deg.mean + self.angle_deg.p95 / 3.0 + 10.0 * self.area_log2.p95 / 3.0 + 100.0 * turned
     }
+}
+
+/// [`Distortion::badness`] of the map that a hypothesis makes of the example's patch `mesh`, before any polish; infinite
+/// where its poles can't be charted. What [`Entry::unburden_poles`](crate::register::Entry::unburden_poles) weighs.
+pub fn burden(mesh: &TriMesh, example: &Chart, query: &Query, hypothesis: &Hypothesis) -> f64 {
+    let Some(chart) = query.quick_chart(&hypothesis.unfolded.poles) else { return f64::INFINITY };
+    let registration = &hypothesis.registration;
+    let cross = cross_map(registration, example, &chart, &PlanarIndex::new(&chart));
+    let mirror = if registration.flip.is_mirror() { -1.0 } else { 1.0 };
+    distortion(mesh, &cross, &chart, mirror).badness()
 }
 
 /// Compares each triangle of the example with its image. `mirror` is −1 for mirrored maps, which turn

@@ -63,24 +63,14 @@ fn symmetric_cost(topology: Topology) -> f64 {
     if topology == Topology::Torus { SYMMETRIC_COST_TORUS } else { SYMMETRIC_COST }
 }
 
-/// Whether an example is its own mirror image, as far as its coarsest picture tells.
-fn is_symmetric(example: &Encoding, solver: &dyn Solver, stop: &dyn Fn() -> bool) -> bool {
-    let Some(picture) = example.pyramid.first() else { return false };
-    let own = Image::new(picture, Flip::default(), example.topology.is_periodic_v());
-    let Some(level) = Level::new(example, &own) else { return false };
-    Flip::all(example.topology).iter().filter(|f| f.is_mirror()).any(|&flip| {
-        let r = coarse_flip(&level, flip, solver, stop);
-        r.energy < symmetric_cost(example.topology) * r.variance
-    })
-}
-
-/// The same by flips and translations alone: what moving features can only make more so.
-fn is_symmetric_as_it_is(example: &Encoding) -> bool {
+/// Whether an example is its own mirror image, as far as its coarsest picture tells; `cost` registers the example with
+/// itself under a flip.
+fn is_symmetric(example: &Encoding, cost: impl Fn(&Level, Flip) -> f64) -> bool {
     let Some(picture) = example.pyramid.first() else { return false };
     let own = Image::new(picture, Flip::default(), example.topology.is_periodic_v());
     let Some(level) = Level::new(example, &own) else { return false };
     let mut mirrors = Flip::all(example.topology).iter().filter(|f| f.is_mirror());
-    mirrors.any(|&flip| level.translation_cost(flip) < symmetric_cost(example.topology))
+    mirrors.any(|&flip| cost(&level, flip) < symmetric_cost(example.topology))
 }
 
 /// Whether mirrored hypotheses are tried.
@@ -100,7 +90,12 @@ impl Entry {
         let levels: Option<Vec<Level>> =
             query.candidates().iter().map(|unfolded| Level::new(example, unfolded.images.first()?)).collect();
         let levels = levels?;
-        let mirrored = if is_symmetric_as_it_is(example) { Mirrored::Never } else { Mirrored::Too };
+        // Moving features can only make it more so.
+        let mirrored = if is_symmetric(example, |level, flip| level.translation_cost(flip)) {
+            Mirrored::Never
+        } else {
+            Mirrored::Too
+        };
         let flips = Flip::all(example.topology).iter().filter(|f| mirrored == Mirrored::Too || !f.is_mirror());
         let mut translated: Vec<(f64, usize, Flip)> = Vec::new();
         for &flip in flips {
@@ -120,7 +115,12 @@ impl Entry {
         }
         let mut entry = Self { hypotheses, poles_refined: query.poles_given };
         entry.prune(KEPT_MAX);
-        if entry.hypotheses.iter().any(|h| h.registration.flip.is_mirror()) && is_symmetric(example, solver, stop) {
+        let bent = |level: &Level, flip: Flip| {
+            let r = coarse_flip(level, flip, solver, stop);
+            // Of a flat picture this is no number, and so it is not symmetric.
+            r.energy / r.variance
+        };
+        if entry.hypotheses.iter().any(|h| h.registration.flip.is_mirror()) && is_symmetric(example, bent) {
             entry.drop_mirrors(query, example, solver, stop);
         }
         Some(entry)

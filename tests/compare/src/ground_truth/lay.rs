@@ -119,12 +119,7 @@ fn registered(one: &Query, two: &Query, method: Method, solver: &dyn Solver) -> 
 
 /// Seeks the poles again where the map distorts much, as the service does.
 fn unburden(example: &Loaded, one: &Query, two: &Query, entry: &mut Entry, method: Method) -> Result<(), String> {
-    let burden = |h: &Hypothesis| {
-        let Some(chart) = two.quick_chart(&h.unfolded.poles) else { return f64::INFINITY };
-        let cross = cross_map(&h.registration, &one.chart, &chart, &PlanarIndex::new(&chart));
-        let sign = if h.registration.flip.is_mirror() { -1.0 } else { 1.0 };
-        measure::distortion(&example.patch.mesh, &cross, &chart, sign).badness()
-    };
+    let burden = |h: &Hypothesis| measure::burden(&example.patch.mesh, &one.chart, two, h);
     let solver = method.solver();
     entry.unburden_poles(two, one.encoding(), solver.as_ref(), &burden, &|| false).map_err(|e| e.to_string())
 }

@@ -105,12 +105,7 @@ impl Registered {
         }
         let model: &ModelInner = example.model.inner.open()?;
         let mesh = &model.patch(example.segment)?.mesh;
-        let burden = |h: &Hypothesis| {
-            let Some(chart) = two.quick_chart(&h.unfolded.poles) else { return f64::INFINITY };
-            let cross = cross_map(&h.registration, &one.chart, &chart, &PlanarIndex::new(&chart));
-            let sign = if h.registration.flip.is_mirror() { -1.0 } else { 1.0 };
-            measure::distortion(mesh, &cross, &chart, sign).badness()
-        };
+        let burden = |h: &Hypothesis| measure::burden(mesh, &one.chart, two, h);
         let mut entry = self.entry.clone();
         entry.unburden_poles(two, one.encoding(), &LevenbergMarquardt::default(), &burden, stop).map_err(internal)?;
         Ok(Some(Self { entry, input: Arc::default(), atlas: Arc::default(), ..self.clone() }))
