@@ -95,6 +95,23 @@ pub struct UnfoldReport {
     pub angle_deviation_deg: f64,
 }
 
+/// v and u for certain poles, before v is re-marginalised.
+#[derive(Debug)]
+pub struct Solution {
+    /// The poles.
+    pub poles: Vec<u32>,
+    fields: Fields,
+}
+
+/// The two coordinates, solved for.
+#[derive(Debug)]
+enum Fields {
+    /// Discs, annuli, spheres: v harmonic, u its conjugate with its jumps along halfedges.
+    Conjugate { harmonic: Harmonic, u: Vec<f64>, jumps: Vec<i32> },
+    /// Tori.
+    Lattice(torus::Lattice),
+}
+
 /// A surface with everything factored, from which charts for any poles are made.
 #[derive(Debug)]
 pub struct Unfolder {
@@ -166,19 +183,34 @@ impl Unfolder {
         self.pole_candidates()
     }
 
-    /// The chart of the first poles for which there is one.
+    /// The solution for the first poles for which there is one.
     ///
     /// # Errors
     /// The last [`UnfoldError`] where there is none.
-    pub fn first_chart(&self, candidates: &[Vec<u32>]) -> Result<(Vec<u32>, Chart), UnfoldError> {
+    pub fn first_solution(&self, candidates: &[Vec<u32>]) -> Result<Solution, UnfoldError> {
         let mut result = Err(UnfoldError::Solve(SolveError::NotPositiveDefinite));
         for poles in candidates {
-            result = self.chart(poles).map(|chart| (poles.clone(), chart));
+            result = self.solve(poles);
             if result.is_ok() {
                 break;
             }
         }
         result
+    }
+
+    /// Solves for v and u with given poles.
+    ///
+    /// # Errors
+    /// [`UnfoldError`].
+    pub fn solve(&self, poles: &[u32]) -> Result<Solution, UnfoldError> {
+        let fields = if self.solver.topology == Topology::Torus {
+            Fields::Lattice(torus::lattice(&self.solver)?)
+        } else {
+            let harmonic = self.solver.v(poles);
+            let (u, jumps) = self.solver.conjugate(&harmonic, poles)?;
+            Fields::Conjugate { harmonic, u, jumps }
+        };
+        Ok(Solution { poles: poles.to_vec(), fields })
     }
 
     /// The (refined) mesh that is unfolded.
@@ -187,29 +219,26 @@ impl Unfolder {
     }
 
     /// The conformal map from which charts for other poles follow without a solve; `None` for annuli and tori.
-    ///
-    /// # Errors
-    /// [`UnfoldError::Solve`].
-    pub fn conformal(&self, poles: &[u32]) -> Result<Option<Conformal>, UnfoldError> {
-        if matches!(self.solver.topology, Topology::Annulus | Topology::Torus) {
-            return Ok(None);
-        }
-        let harmonic = self.solver.v(poles);
-        let (u, _) = self.solver.conjugate(&harmonic, poles)?;
+    pub fn conformal(&self, solution: &Solution) -> Option<Conformal> {
+        let Fields::Conjugate { harmonic, u, .. } = &solution.fields else { return None };
         let mesh = Arc::clone(&self.solver.mesh);
-        Ok(Conformal::new(mesh, self.solver.topology, self.patch_vertices, &harmonic, &u, poles))
+        Conformal::new(mesh, self.solver.topology, self.patch_vertices, harmonic, u, &solution.poles)
     }
 
     /// The chart for given poles.
     ///
     /// # Errors
-    /// [`UnfoldError::Solve`].
+    /// [`UnfoldError`].
     pub fn chart(&self, poles: &[u32]) -> Result<Chart, UnfoldError> {
-        if self.solver.topology == Topology::Torus {
-            return self.torus_chart();
-        }
-        let harmonic = self.solver.v(poles);
-        let (u, s) = self.solver.conjugate(&harmonic, poles)?;
+        Ok(self.chart_of(&self.solve(poles)?))
+    }
+
+    /// The chart that a solution gives.
+    pub fn chart_of(&self, solution: &Solution) -> Chart {
+        let (harmonic, u, s) = match &solution.fields {
+            Fields::Lattice(lattice) => return self.torus_chart(lattice),
+            Fields::Conjugate { harmonic, u, jumps } => (harmonic, u, jumps),
+        };
         let fraction = AreaFraction::new(&self.solver.mesh, &harmonic.v);
         let v: Vec<f64> = match self.solver.topology {
             Topology::Annulus | Topology::Torus => harmonic.v.clone(),
@@ -220,7 +249,7 @@ impl Unfolder {
             Topology::Sphere => (fraction.level(0.9) - fraction.level(0.1)) / harmonic.energy,
             Topology::Annulus | Topology::Torus => 1.0 / harmonic.energy,
         };
-        Ok(self.assemble(poles, &harmonic, &u, &s, &v, modulus))
+        self.assemble(&solution.poles, harmonic, u, s, &v, modulus)
     }
 
     fn assemble(&self, poles: &[u32], harmonic: &Harmonic, u: &[f64], s: &[i32], v: &[f64], modulus: f64) -> Chart {
@@ -241,24 +270,24 @@ impl Unfolder {
         self.finish(uv, corners, poles, modulus, angle_deviation_deg)
     }
 
-    fn torus_chart(&self) -> Result<Chart, UnfoldError> {
+    fn torus_chart(&self, lattice: &torus::Lattice) -> Chart {
         let mesh = &self.solver.mesh;
-        let torus::Lattice { coordinates: [x, y], jumps: [r, s], tau } = torus::lattice(&self.solver)?;
+        let torus::Lattice { coordinates: [x, y], jumps: [r, s], tau } = lattice;
         let corners: Vec<[Uv; 3]> = (0..mesh.triangles.len())
             .map(|t| {
                 let along = |x: &[f64], s: &[i32]| wrapped(continued(mesh.triangles[t], x, &s[3 * t..3 * t + 3], &[]));
-                let (u, v) = (along(&x, &r), along(&y, &s));
+                let (u, v) = (along(x, r), along(y, s));
                 [0, 1, 2].map(|k| [u[k], v[k]])
             })
             .collect();
-        let uv = x.iter().zip(&y).map(|(u, v)| [u.rem_euclid(1.0), v.rem_euclid(1.0)]).collect();
+        let uv = x.iter().zip(y).map(|(u, v)| [u.rem_euclid(1.0), v.rem_euclid(1.0)]).collect();
         // z = u + τv is what is conformal.
         let conformal = |t: usize| {
             let d = [1, 2].map(|k| [corners[t][k][0] - corners[t][0][0], corners[t][k][1] - corners[t][0][1]]);
             (d.map(|d| d[0] + tau[0] * d[1]), d.map(|d| tau[1] * d[1]))
         };
         let angle_deviation_deg = angle_deviation(mesh, &[], conformal);
-        Ok(self.finish(uv, corners, Vec::new(), tau[1], angle_deviation_deg))
+        self.finish(uv, corners, Vec::new(), tau[1], angle_deviation_deg)
     }
 
     fn finish(&self, uv: Vec<Uv>, corners: Vec<[Uv; 3]>, poles: Vec<Pole>, modulus: f64, deviation: f64) -> Chart {
@@ -293,7 +322,7 @@ impl Unfolder {
 pub fn unfold(patch: &Patch, options: &UnfoldOptions) -> Result<Chart, UnfoldError> {
     let unfolder = Unfolder::new(solve_mesh(patch), patch.topology, patch.mesh.positions.len())?;
     let candidates = unfolder.poles_to_try(options)?;
-    unfolder.first_chart(&candidates).map(|(_, chart)| chart)
+    Ok(unfolder.chart_of(&unfolder.first_solution(&candidates)?))
 }
 
 /// The corners of a triangle with u made continuous along its edges. A pole's corner takes the mean u of the others.

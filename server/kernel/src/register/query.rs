@@ -51,8 +51,8 @@ pub struct Query {
     best: Arc<Unfolded>,
     index: OnceLock<PlanarIndex>,
     protrusions: OnceLock<Vec<u32>>,
-    /// What only searching needs, made when first asked for: the conformal map, and all unfoldings to try.
-    conformal: OnceLock<Option<Conformal>>,
+    /// From which the unfoldings for other poles follow; `None` where poles are fixed.
+    conformal: Option<Conformal>,
     candidates: OnceLock<Vec<Arc<Unfolded>>>,
     tried: Mutex<BTreeMap<Vec<u32>, Arc<OnceLock<Option<Arc<Unfolded>>>>>>,
 }
@@ -65,8 +65,10 @@ impl Query {
     pub fn new(patch: &Patch, options: &UnfoldOptions) -> Result<Self, UnfoldError> {
         let unfolder = Unfolder::new(solve_mesh(patch), patch.topology, patch.mesh.positions.len())?;
         let pole_sets = unfolder.poles_to_try(options)?;
-        let (first, chart) = unfolder.first_chart(&pole_sets)?;
-        let best = Arc::new(Unfolded::new(&first, encode(&chart)));
+        let solution = unfolder.first_solution(&pole_sets)?;
+        let chart = unfolder.chart_of(&solution);
+        let conformal = unfolder.conformal(&solution);
+        let best = Arc::new(Unfolded::new(&solution.poles, encode(&chart)));
         Ok(Self {
             unfolder,
             pole_sets,
@@ -75,7 +77,7 @@ impl Query {
             best,
             index: OnceLock::new(),
             protrusions: OnceLock::new(),
-            conformal: OnceLock::new(),
+            conformal,
             candidates: OnceLock::new(),
             tried: Mutex::default(),
         })
@@ -91,14 +93,9 @@ impl Query {
         })
     }
 
-    fn conformal(&self) -> Option<&Conformal> {
-        // A surface that was unfolded once has its conformal map; where it has none the poles stay as they are.
-        self.conformal.get_or_init(|| self.unfolder.conformal(&self.best.poles).unwrap_or(None)).as_ref()
-    }
-
     /// u, in periods, of some vertices in the chart for other poles; `None` where poles are fixed.
     pub fn angles(&self, poles: &[u32], at: &[u32]) -> Option<Vec<f64>> {
-        Some(self.conformal()?.angles(poles, at))
+        Some(self.conformal.as_ref()?.angles(poles, at))
     }
 
     /// The mesh on which poles are vertices.
@@ -144,7 +141,7 @@ impl Query {
     /// A chart for other poles: by a Möbius transformation where that is precise, else solved for; `None` where poles
     /// are fixed.
     pub fn quick_chart(&self, poles: &[u32]) -> Option<Chart> {
-        let conformal = self.conformal()?;
+        let conformal = self.conformal.as_ref()?;
         if conformal.is_precise_at(poles) { Some(conformal.chart(poles)) } else { self.unfolder.chart(poles).ok() }
     }
 

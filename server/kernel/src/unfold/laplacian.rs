@@ -91,6 +91,15 @@ impl Laplacian {
         y
     }
 
+    /// ∫|∇x|² within one triangle.
+    pub fn energy_within(&self, triangle: usize, x: &[f64]) -> f64 {
+        let edge = |h: usize| {
+            let d = x[self.triangulation.tails[h] as usize] - x[self.triangulation.head(h as u32) as usize];
+            self.half_weights[h] * d * d
+        };
+        (3 * triangle..3 * triangle + 3).map(edge).sum::<f64>().max(0.0)
+    }
+
     /// ∫|∇x|².
     pub fn energy(&self, x: &[f64]) -> f64 {
         let edge = |(h, w): (usize, &f64)| {

@@ -9,8 +9,7 @@
 
 use super::harmonic::{Harmonic, Solver};
 use super::path::{distances, for_each_spoke};
-use crate::mesh::Vec3;
-use crate::mesh::tri::{NONE, TriMesh};
+use crate::mesh::tri::{NONE, TriMesh, next};
 use crate::numerics::SolveError;
 use crate::topology::Topology;
 
@@ -36,8 +35,7 @@ const DIAMETER_SWEEPS: usize = 4;
 pub fn disc_candidates(solver: &Solver) -> Result<Vec<u32>, SolveError> {
     let first = torsion_centre(solver);
     let harmonic = solver.v(&[first]);
-    let (u, s) = solver.conjugate(&harmonic, &[first])?;
-    let raw = log_scale(solver, &harmonic, &u, &s, &[first]);
+    let raw = log_scale(solver, &harmonic, &[first]);
     let smooth = smoothed(solver, &raw, SMOOTHING)?;
     let tau = std::f64::consts::TAU;
     let log_radius = |v: usize| {
@@ -55,8 +53,7 @@ pub fn disc_candidates(solver: &Solver) -> Result<Vec<u32>, SolveError> {
 /// [`SolveError`] when a system cannot be factored.
 pub fn protrusions(solver: &Solver, poles: &[u32]) -> Result<Vec<u32>, SolveError> {
     let harmonic = solver.v(poles);
-    let (u, s) = solver.conjugate(&harmonic, poles)?;
-    let raw = log_scale(solver, &harmonic, &u, &s, poles);
+    let raw = log_scale(solver, &harmonic, poles);
     let smooth = smoothed(solver, &raw, TIP_SMOOTHING)?;
     let mut tips = prominent_maxima(&solver.mesh, &smooth, PROMINENCE);
     tips.retain(|&v| !solver.on_boundary[v as usize]);
@@ -119,28 +116,59 @@ fn torsion_centre(solver: &Solver) -> u32 {
 }
 
 /// log √(A₃/A₂) at each vertex: how much larger its faces are on the surface than on the unit disc (or, closed
-/// surfaces, on the unit sphere).
-fn log_scale(solver: &Solver, harmonic: &Harmonic, u: &[f64], s: &[i32], poles: &[u32]) -> Vec<f64> {
-    let mesh = &solver.mesh;
+/// surfaces, on the unit sphere). log w is conformal with |∇ log w| = 2π|∇v|/P, so that v alone tells both areas.
+fn log_scale(solver: &Solver, harmonic: &Harmonic, poles: &[u32]) -> Vec<f64> {
+    let t = &solver.laplacian.triangulation;
     let closed = solver.topology == Topology::Sphere;
-    let middle = if closed { 0.5 } else { 0.0 };
-    let top = poles.last().copied().unwrap_or(NONE);
-    let depth = |v: u32| match poles.contains(&v) {
-        true if v == top => f64::NEG_INFINITY,
-        true => f64::INFINITY,
-        false => -std::f64::consts::TAU * (harmonic.v[v as usize] - middle) / harmonic.energy,
-    };
-    let mut areas = vec![[0.0f64; 2]; mesh.positions.len()];
-    for (t, corners) in mesh.triangles.iter().enumerate() {
-        let depths = corners.map(depth);
-        let flat = flat_area(corners, depths, u, &s[3 * t..3 * t + 3], poles, closed);
-        let area = mesh.area(t);
-        for &v in corners {
+    let rate = std::f64::consts::TAU / harmonic.energy;
+    let depth = |v: u32| rate * (harmonic.v[v as usize] - if closed { 0.5 } else { 0.0 });
+    let around = angles_at(solver, poles);
+    let mut areas = vec![[0.0f64; 2]; harmonic.v.len()];
+    for f in 0..t.tails.len() / 3 {
+        let corners = [0, 1, 2].map(|k| t.tails[3 * f + k]);
+        let flat = match (0..3).find(|&k| poles.contains(&corners[k])) {
+            Some(k) => {
+                // In plane polar coordinates about the pole, where v has a logarithm.
+                let turn = std::f64::consts::TAU * angle(solver, 3 * f + k) / around(corners[k]);
+                let radius = |v: u32| from_pole(depth(v).abs(), closed);
+                0.5 * radius(corners[(k + 1) % 3]) * radius(corners[(k + 2) % 3]) * turn.sin().abs()
+            }
+            None => {
+                let stretch = rate * at_depth(corners.map(depth).iter().sum::<f64>() / 3.0, closed);
+                stretch * stretch * solver.laplacian.energy_within(f, &harmonic.v)
+            }
+        };
+        let area = t.area(f);
+        for v in corners {
             areas[v as usize][0] += area;
-            areas[v as usize][1] += flat.abs();
+            areas[v as usize][1] += flat;
         }
     }
     areas.iter().map(|[a3, a2]| 0.5 * (a3.max(1e-300).ln() - a2.max(1e-300).ln())).collect()
+}
+
+/// Angle of a corner of the intrinsic triangulation, in radians.
+fn angle(solver: &Solver, corner: usize) -> f64 {
+    let opposite = next(corner as u32);
+    1.0f64.atan2(solver.laplacian.triangulation.cotangent(opposite))
+}
+
+/// The sum of the angles about each pole.
+fn angles_at<'a>(solver: &Solver, poles: &'a [u32]) -> impl Fn(u32) -> f64 + 'a {
+    let tails = &solver.laplacian.triangulation.tails;
+    let about = |p: u32| (0..tails.len()).filter(|&c| tails[c] == p).map(|c| angle(solver, c)).sum::<f64>();
+    let sums: Vec<f64> = poles.iter().map(|&p| about(p)).collect();
+    move |p| poles.iter().position(|&q| q == p).map_or(1.0, |k| sums[k])
+}
+
+/// Length on the disc (sphere) a length of log w, at depth −log |w|.
+fn at_depth(depth: f64, closed: bool) -> f64 {
+    if closed { 1.0 / depth.cosh() } else { (-depth).exp() }
+}
+
+/// Distance (sphere: chord) from the pole to a point at `depth` = |log |w||.
+fn from_pole(depth: f64, closed: bool) -> f64 {
+    if closed { 2.0 / ((2.0 * depth).exp() + 1.0).sqrt() } else { (-depth).exp() }
 }
 
 /// Solves (M + tL)x = My with t = `time` × area.
@@ -151,45 +179,6 @@ fn smoothed(solver: &Solver, y: &[f64], time: f64) -> Result<Vec<f64>, SolveErro
     let mut x: Vec<f64> = y.iter().zip(&solver.laplacian.masses).map(|(y, m)| weight * m * y).collect();
     factor.solve(&mut x);
     Ok(x)
-}
-
-/// Area of a triangle in the unit disc, or on the unit sphere by stereographic projection.
-fn flat_area(corners: &[u32; 3], depth: [f64; 3], u: &[f64], s: &[i32], poles: &[u32], closed: bool) -> f64 {
-    let angles = angles_in_triangle(corners, u, s, poles);
-    if closed {
-        let on_sphere = |k: usize| {
-            let d = depth[k];
-            // |w| = e^d; z = (1 − |w|²)/(1 + |w|²), radius in the plane sech d.
-            let (z, r) = (-d.tanh(), if d.is_finite() { 1.0 / d.cosh() } else { 0.0 });
-            let (sin, cos) = angles[k].sin_cos();
-            Vec3::new(r * cos, r * sin, z)
-        };
-        let (a, b, c) = (on_sphere(0), on_sphere(1), on_sphere(2));
-        return 0.5 * (b - a).cross(&(c - a)).norm();
-    }
-    let w = [0, 1, 2].map(|k| {
-        let (sin, cos) = angles[k].sin_cos();
-        let r = depth[k].exp();
-        [r * cos, r * sin]
-    });
-    0.5 * ((w[1][0] - w[0][0]) * (w[2][1] - w[0][1]) - (w[2][0] - w[0][0]) * (w[1][1] - w[0][1]))
-}
-
-/// Angles of a triangle's corners about the pole, continuous within it; a pole's is 0.
-fn angles_in_triangle(corners: &[u32; 3], u: &[f64], s: &[i32], poles: &[u32]) -> [f64; 3] {
-    let k0 = corners.iter().position(|v| !poles.contains(v)).unwrap_or(0);
-    let mut angles = [0.0; 3];
-    for step in 1..3 {
-        let k = (k0 + step) % 3;
-        if poles.contains(&corners[k]) {
-            continue;
-        }
-        // The edge from k0 runs forward (step 1) or backward (step 2) along the triangle.
-        let jump = if step == 1 { s[k0] } else { -s[k] };
-        let turn = u[corners[k] as usize] - u[corners[k0] as usize] - f64::from(jump);
-        angles[k] = std::f64::consts::TAU * turn;
-    }
-    angles
 }
 
 /// The highest local maxima, best first.
