@@ -2,7 +2,9 @@
 //! dense ones.
 
 pub mod dense;
+pub mod pair;
 pub mod sparse;
-
-pub use sparse::{Factored, Pattern, SolveError};
 pub mod wide;
+
+pub use pair::side_by_side;
+pub use sparse::{Factored, Pattern, SolveError};

@@ -22,7 +22,9 @@ use crate::numerics::SolveError;
 use crate::topology::{Patch, Topology};
 use area_fraction::AreaFraction;
 use harmonic::{Harmonic, Solver};
+use laplacian::Laplacian;
 use moebius::Conformal;
+use pole::Smoother;
 
 /// A point of the domain: u (period 1), v in 0–1 (tori: period 1 too).
 pub type Uv = [f64; 2];
@@ -132,28 +134,38 @@ pub fn solve_mesh(patch: &Patch) -> Arc<TriMesh> {
 const TRIANGLES_MIN: usize = 4000;
 
 impl Unfolder {
-    /// Prepares `mesh` = [`solve_mesh`] of a patch with `patch_vertices` vertices.
+    /// Prepares `mesh` = [`solve_mesh`] of a patch with `patch_vertices` vertices, and tells the poles to use, best first;
+    /// each entry is a full set (disc one, sphere two, annulus and torus none). Poles of the user's that fit the
+    /// topology are the only ones.
     ///
     /// # Errors
     /// [`UnfoldError`] for surfaces without area and unsolvable systems.
-    pub fn new(mesh: Arc<TriMesh>, topology: Topology, patch_vertices: usize) -> Result<Self, UnfoldError> {
+    pub fn with_poles(
+        mesh: Arc<TriMesh>,
+        topology: Topology,
+        patch_vertices: usize,
+        options: &UnfoldOptions,
+    ) -> Result<(Self, Vec<Vec<u32>>), UnfoldError> {
         let area = mesh.total_area();
         if !(area > 0.0 && area.is_finite()) {
             return Err(UnfoldError::NoArea(area));
         }
-        Ok(Self { patch_vertices, solver: Solver::new(mesh, topology)? })
-    }
-
-    /// The poles to use, best first; each entry is a full set (disc one, sphere two, annulus none).
-    ///
-    /// # Errors
-    /// [`UnfoldError::Solve`].
-    pub fn pole_candidates(&self) -> Result<Vec<Vec<u32>>, UnfoldError> {
-        Ok(match self.solver.topology {
-            Topology::Disc => pole::disc_candidates(&self.solver)?.into_iter().map(|p| vec![p]).collect(),
-            Topology::Sphere => vec![pole::sphere_poles(&self.solver).to_vec()],
-            Topology::Annulus | Topology::Torus => vec![Vec::new()],
-        })
+        let wanted = match topology {
+            Topology::Disc => 1,
+            Topology::Sphere => 2,
+            Topology::Annulus | Topology::Torus => 0,
+        };
+        let given = wanted > 0 && options.poles.len() == wanted;
+        let seeks = topology == Topology::Disc && !given;
+        let smoother = |laplacian: &Laplacian| seeks.then(|| Smoother::for_poles(laplacian)).transpose();
+        let (solver, smoother) = Solver::beside(mesh, topology, smoother)?;
+        let poles = match (smoother?, topology) {
+            _ if given => vec![options.poles.clone()],
+            (Some(smoother), _) => pole::disc_candidates(&solver, &smoother).into_iter().map(|p| vec![p]).collect(),
+            (None, Topology::Sphere) => vec![pole::sphere_poles(&solver).to_vec()],
+            (None, _) => vec![Vec::new()],
+        };
+        Ok((Self { patch_vertices, solver }, poles))
     }
 
     /// Tips of the surface's protrusions, most prominent first; none for annuli and tori. See [`pole::protrusions`].
@@ -165,22 +177,6 @@ impl Unfolder {
             Topology::Disc | Topology::Sphere => Ok(pole::protrusions(&self.solver, poles)?),
             Topology::Annulus | Topology::Torus => Ok(Vec::new()),
         }
-    }
-
-    /// The user's poles if they fit the topology, else the candidates.
-    ///
-    /// # Errors
-    /// [`UnfoldError::Solve`].
-    pub fn poles_to_try(&self, options: &UnfoldOptions) -> Result<Vec<Vec<u32>>, UnfoldError> {
-        let wanted = match self.solver.topology {
-            Topology::Disc => 1,
-            Topology::Sphere => 2,
-            Topology::Annulus | Topology::Torus => 0,
-        };
-        if wanted > 0 && options.poles.len() == wanted {
-            return Ok(vec![options.poles.clone()]);
-        }
-        self.pole_candidates()
     }
 
     /// The solution for the first poles for which there is one.
@@ -320,9 +316,9 @@ impl Unfolder {
 /// # Errors
 /// [`UnfoldError`].
 pub fn unfold(patch: &Patch, options: &UnfoldOptions) -> Result<Chart, UnfoldError> {
-    let unfolder = Unfolder::new(solve_mesh(patch), patch.topology, patch.mesh.positions.len())?;
-    let candidates = unfolder.poles_to_try(options)?;
-    Ok(unfolder.chart_of(&unfolder.first_solution(&candidates)?))
+    let (unfolder, poles) =
+        Unfolder::with_poles(solve_mesh(patch), patch.topology, patch.mesh.positions.len(), options)?;
+    Ok(unfolder.chart_of(&unfolder.first_solution(&poles)?))
 }
 
 /// The corners of a triangle with u made continuous along its edges. A pole's corner takes the mean u of the others.

@@ -63,8 +63,8 @@ impl Query {
     /// # Errors
     /// [`UnfoldError`].
     pub fn new(patch: &Patch, options: &UnfoldOptions) -> Result<Self, UnfoldError> {
-        let unfolder = Unfolder::new(solve_mesh(patch), patch.topology, patch.mesh.positions.len())?;
-        let pole_sets = unfolder.poles_to_try(options)?;
+        let (mesh, own) = (solve_mesh(patch), patch.mesh.positions.len());
+        let (unfolder, pole_sets) = Unfolder::with_poles(mesh, patch.topology, own, options)?;
         let solution = unfolder.first_solution(&pole_sets)?;
         let chart = unfolder.chart_of(&solution);
         let conformal = unfolder.conformal(&solution);

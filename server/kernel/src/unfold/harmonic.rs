@@ -12,7 +12,7 @@ use std::sync::Arc;
 use super::laplacian::{Laplacian, opposite};
 use super::path::{distances, jumps, trace};
 use crate::mesh::tri::TriMesh;
-use crate::numerics::{Factored, SolveError};
+use crate::numerics::{Factored, SolveError, side_by_side};
 use crate::topology::Topology;
 
 /// A harmonic function with its Dirichlet energy.
@@ -41,11 +41,16 @@ pub struct Solver {
 }
 
 impl Solver {
-    /// Factors the surface's Dirichlet Laplacian (closed surfaces: grounded at one vertex).
+    /// Factors the surface's Dirichlet Laplacian (closed surfaces: grounded at one vertex), and beside it makes something
+    /// else of the Laplacian.
     ///
     /// # Errors
     /// [`SolveError`] when the system cannot be factored.
-    pub fn new(mesh: Arc<TriMesh>, topology: Topology) -> Result<Self, SolveError> {
+    pub fn beside<B: Send>(
+        mesh: Arc<TriMesh>,
+        topology: Topology,
+        other: impl Fn(&Laplacian) -> B + Sync,
+    ) -> Result<(Self, B), SolveError> {
         let laplacian = Laplacian::new(&mesh)?;
         let on_boundary = mesh.boundary_vertices();
         let mut fixed = on_boundary.clone();
@@ -53,8 +58,8 @@ impl Solver {
         if topology == Topology::Sphere || topology == Topology::Torus {
             fixed[ground as usize] = true;
         }
-        let dirichlet = laplacian.factor(&fixed, 0.0, |_| false)?;
-        Ok(Self { mesh, topology, laplacian, on_boundary, dirichlet, ground })
+        let (dirichlet, other) = side_by_side(|| laplacian.factor(&fixed, 0.0, |_| false), || other(&laplacian));
+        Ok((Self { mesh, topology, laplacian, on_boundary, dirichlet: dirichlet?, ground }, other))
     }
 
     /// Column of the Green's function at `p`: L g = e_p, g = 0 on what is fixed.

@@ -189,12 +189,14 @@ impl Conformal {
 #[cfg(test)]
 mod tests {
     use crate::topology::{tests::grid, whole};
-    use crate::unfold::{Unfolder, solve_mesh};
+    use crate::unfold::{UnfoldOptions, Unfolder, solve_mesh};
 
     #[test]
     fn moving_the_pole_agrees_with_solving_for_it() {
         let patch = whole(&grid(48, 40, false, false)).expect("a disc");
-        let unfolder = Unfolder::new(solve_mesh(&patch), patch.topology, patch.mesh.positions.len()).expect("solvable");
+        let (mesh, own) = (solve_mesh(&patch), patch.mesh.positions.len());
+        let (unfolder, _) =
+            Unfolder::with_poles(mesh, patch.topology, own, &UnfoldOptions::default()).expect("solvable");
         let (from, to) = (49 * 20 + 24, 49 * 14 + 30);
         let conformal = unfolder.conformal(&unfolder.solve(&[from]).expect("solvable")).expect("a disc");
         let (quick, exact) = (conformal.chart(&[to]), unfolder.chart(&[to]).expect("solvable"));

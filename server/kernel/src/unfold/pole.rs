@@ -8,9 +8,10 @@
 //! *ours:* the smoothing and the Möbius invariance (METHOD §2).
 
 use super::harmonic::{Harmonic, Solver};
+use super::laplacian::Laplacian;
 use super::path::{distances, for_each_spoke};
 use crate::mesh::tri::{NONE, TriMesh, next};
-use crate::numerics::SolveError;
+use crate::numerics::{Factored, SolveError};
 use crate::topology::Topology;
 
 /// Smoothing time in units of the area: features smaller than 15 % of √area do not move the pole.
@@ -29,21 +30,18 @@ const RIVAL_RADIUS: f64 = 0.75;
 const DIAMETER_SWEEPS: usize = 4;
 
 /// Poles of a disc, best first.
-///
-/// # Errors
-/// [`SolveError`] when a system cannot be factored.
-pub fn disc_candidates(solver: &Solver) -> Result<Vec<u32>, SolveError> {
+pub fn disc_candidates(solver: &Solver, smoother: &Smoother) -> Vec<u32> {
     let first = torsion_centre(solver);
     let harmonic = solver.v(&[first]);
     let raw = log_scale(solver, &harmonic, &[first]);
-    let smooth = smoothed(solver, &raw, SMOOTHING)?;
+    let smooth = smoother.smooth(&solver.laplacian, &raw);
     let tau = std::f64::consts::TAU;
     let log_radius = |v: usize| {
         let inside = if v as u32 == first { 1.0 } else { -(-2.0 * tau * harmonic.v[v] / harmonic.energy).exp_m1() };
         if solver.on_boundary[v] { f64::NEG_INFINITY } else { smooth[v] + inside.max(1e-300).ln() }
     };
     let radius: Vec<f64> = (0..raw.len()).map(log_radius).collect();
-    Ok(local_maxima(solver, &radius))
+    local_maxima(solver, &radius)
 }
 
 /// Tips of protrusions (fingers, limbs): maxima of the smoothed log √(A₃/A₂) that rise by [`PROMINENCE`] over the
@@ -54,7 +52,7 @@ pub fn disc_candidates(solver: &Solver) -> Result<Vec<u32>, SolveError> {
 pub fn protrusions(solver: &Solver, poles: &[u32]) -> Result<Vec<u32>, SolveError> {
     let harmonic = solver.v(poles);
     let raw = log_scale(solver, &harmonic, poles);
-    let smooth = smoothed(solver, &raw, TIP_SMOOTHING)?;
+    let smooth = Smoother::new(&solver.laplacian, TIP_SMOOTHING)?.smooth(&solver.laplacian, &raw);
     let mut tips = prominent_maxima(&solver.mesh, &smooth, PROMINENCE);
     tips.retain(|&v| !solver.on_boundary[v as usize]);
     tips.truncate(TIPS_MAX);
@@ -171,14 +169,35 @@ fn from_pole(depth: f64, closed: bool) -> f64 {
     if closed { 2.0 / ((2.0 * depth).exp() + 1.0).sqrt() } else { (-depth).exp() }
 }
 
-/// Solves (M + tL)x = My with t = `time` × area.
-fn smoothed(solver: &Solver, y: &[f64], time: f64) -> Result<Vec<f64>, SolveError> {
-    let free = vec![false; y.len()];
-    let weight = 1.0 / (time * solver.mesh.total_area());
-    let factor = solver.laplacian.factor(&free, weight, |_| false)?;
-    let mut x: Vec<f64> = y.iter().zip(&solver.laplacian.masses).map(|(y, m)| weight * m * y).collect();
-    factor.solve(&mut x);
-    Ok(x)
+/// (M + tL)x = My, factored.
+#[derive(Debug)]
+pub struct Smoother {
+    factor: Factored,
+    /// 1/t.
+    weight: f64,
+}
+
+impl Smoother {
+    /// For the poles of a disc.
+    ///
+    /// # Errors
+    /// [`SolveError`] when the system cannot be factored.
+    pub fn for_poles(laplacian: &Laplacian) -> Result<Self, SolveError> {
+        Self::new(laplacian, SMOOTHING)
+    }
+
+    /// With t = `time` × the surface's area.
+    fn new(laplacian: &Laplacian, time: f64) -> Result<Self, SolveError> {
+        let weight = 1.0 / (time * laplacian.masses.iter().sum::<f64>());
+        let free = vec![false; laplacian.masses.len()];
+        Ok(Self { factor: laplacian.factor(&free, weight, |_| false)?, weight })
+    }
+
+    fn smooth(&self, laplacian: &Laplacian, y: &[f64]) -> Vec<f64> {
+        let mut x: Vec<f64> = y.iter().zip(&laplacian.masses).map(|(y, m)| self.weight * m * y).collect();
+        self.factor.solve(&mut x);
+        x
+    }
 }
 
 /// The highest local maxima, best first.
