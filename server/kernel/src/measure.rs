@@ -1,5 +1,7 @@
 //! How good a map is: fold-overs, distortion against the example's own shape, and one honest word.
 
+pub mod coverage;
+
 use crate::encode::index::PlanarIndex;
 use crate::map::untangle::inward;
 use crate::map::{CrossMap, cross_map};
@@ -8,6 +10,7 @@ use crate::mesh::tri::TriMesh;
 use crate::register::Query;
 use crate::register::entry::Hypothesis;
 use crate::unfold::Chart;
+pub use coverage::Coverage;
 
 /// Bins of a histogram.
 pub const BINS: usize = 24;
@@ -160,15 +163,19 @@ pub struct Evidence {
     pub angle_p95_deg: f64,
     /// The same before the polish, which hides what was laid wrongly: it smooths a map wherever it lies.
     pub laid_angle_p95_deg: f64,
+    /// What of the input the map leaves out.
+    pub coverage: Coverage,
 }
 
 /// Each measure with the limits below which it is good, or fair. Calibrated in tests/records.
-const LIMITS: [(&str, f64, f64); 5] = [
+const LIMITS: [(&str, f64, f64); 7] = [
     ("the surfaces' pictures differ by {} of their variance", 0.12, 0.35),
     ("the surfaces' proportions differ (log modulus {})", 0.15, 0.4),
     ("the share {} of the faces look inward", 0.002, 0.02),
     ("angles change by {}° for one face in twenty", 35.0, 55.0),
     ("before its faces were smoothed the map changed angles by {}° for one face in twenty", 25.0, 90.0),
+    ("the share {} of the input has no face near it", 0.05, 0.2),
+    ("the share {} of the input's features is missing in the example", 0.1, 0.5),
 ];
 
 /// The verdict with a sentence for each measure that is not good.
@@ -179,6 +186,8 @@ pub fn verdict(evidence: &Evidence) -> (Verdict, Vec<String>) {
         evidence.turned_share,
         evidence.angle_p95_deg,
         evidence.laid_angle_p95_deg,
+        evidence.coverage.uncovered_share,
+        evidence.coverage.missing as f64 / evidence.coverage.features.max(1) as f64,
     ];
     let (mut word, mut reasons) = (Verdict::Good, Vec::new());
     for ((text, good, fair), value) in LIMITS.into_iter().zip(values) {
@@ -217,12 +226,15 @@ mod tests {
             turned_share: 0.0,
             angle_p95_deg: 20.0,
             laid_angle_p95_deg: 22.0,
+            coverage: Coverage { uncovered_share: 0.0, features: 4, missing: 0 },
         };
         assert_eq!(verdict(&good), (Verdict::Good, Vec::new()));
         let (word, reasons) = verdict(&Evidence { cost: 0.9, ..good });
         assert_eq!((word, reasons.len()), (Verdict::Poor, 1));
         assert!(reasons[0].contains("0.900"), "{}", reasons[0]);
         assert_eq!(verdict(&Evidence { laid_angle_p95_deg: 30.0, ..good }).0, Verdict::Fair);
+        let bare = Coverage { uncovered_share: 0.3, ..good.coverage };
+        assert_eq!(verdict(&Evidence { coverage: bare, ..good }).0, Verdict::Poor);
     }
 
     #[test]

@@ -8,6 +8,7 @@ use quadmuse_kernel::map::parted::{self, Whole};
 use quadmuse_kernel::map::polish::{PolishOptions, polish};
 use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, folded_faces};
+use quadmuse_kernel::measure::coverage::{coverage, feature_points};
 use quadmuse_kernel::measure::{self, BURDENED_DEG, Distortion, Evidence, Verdict};
 use quadmuse_kernel::mesh::Vec3;
 use quadmuse_kernel::register::entry::{Hypothesis, PROTRUSIONS_MANY};
@@ -98,6 +99,12 @@ pub fn lay(pair: &Pair, method: Method) -> Result<Outcome, String> {
         turned_share: laid.distortion.inward.len() as f64 / laid.distortion.faces.max(1) as f64,
         angle_p95_deg: laid.distortion.angle_deg.p95,
         laid_angle_p95_deg: laid.laid_angle_deg,
+        coverage: coverage(
+            &example.patch.mesh,
+            &laid.cross,
+            &input.patch.mesh,
+            &feature_points(&two.encoding().features, &two.chart, two.index()),
+        ),
     };
     let (verdict, _) = measure::verdict(&evidence);
     let [median_pct, p95_pct] = errors(&laid.cross.positions, &truth, input.patch.mesh.total_area());

@@ -10,7 +10,9 @@ use quadmuse_kernel::map::assemble::{Winding, assemble};
 use quadmuse_kernel::map::atlas::Atlas;
 use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, edit, folded_faces, leave_fillings};
+use quadmuse_kernel::measure::coverage::{Coverage, coverage, feature_points};
 use quadmuse_kernel::measure::{self, Distribution, Evidence};
+use quadmuse_kernel::mesh::TriMesh;
 use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::register::entry::{Hypothesis, PROTRUSIONS_MANY};
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt};
@@ -198,6 +200,7 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
         turned_share: distortion.inward.len() as f64 / distortion.faces.max(1) as f64,
         angle_p95_deg: distortion.angle_deg.p95,
         laid_angle_p95_deg,
+        coverage: covered(&patch.mesh, &laid.cross, query)?,
     };
     let (word, reasons) = measure::verdict(&evidence);
     let flip = if atlas.is_some() { Flip { u: laid.mirrored, v: false } } else { from.flip };
@@ -220,6 +223,14 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
         },
         reasons,
     })
+}
+
+/// What of the query's surface a map leaves out.
+fn covered(example: &TriMesh, cross: &CrossMap, query: &Side) -> Result<Coverage, EngineError> {
+    let input: &ModelInner = query.model.inner.open()?;
+    let searched = fresh(&query.encoded.encoding)?;
+    let features = feature_points(&searched.encoding().features, &searched.chart, searched.index());
+    Ok(coverage(example, cross, &input.patch(query.segment)?.mesh, &features))
 }
 
 fn distortion(laid: &Laid<'_>, example: &Side) -> Result<measure::Distortion, EngineError> {
