@@ -15,7 +15,7 @@ use crate::encode::index::{Location, PlanarIndex};
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::TriMesh;
-use crate::register::Registration;
+use crate::register::{Flip, Registration};
 use crate::unfold::holes::is_filling;
 use crate::unfold::{Chart, Uv, signed_area};
 
@@ -63,29 +63,37 @@ pub fn leave_fillings(cross: &mut CrossMap, input: &Chart) -> usize {
 /// Polygons of the example that the map turns over in the domain, beyond those that are turned over there already, in
 /// order. `mesh` is the patch that `example` unfolds. Faces at a pole, where u has no meaning, are left out.
 pub fn folded_faces(registration: &Registration, example: &Chart, mesh: &TriMesh) -> Vec<u32> {
-    let turned = (0..mesh.triangles.len()).filter(|&t| turns_over(registration, example, &mesh.triangles[t]));
+    let vertices = mesh.positions.len().min(example.uv.len());
+    let images: Vec<Uv> = example.uv[..vertices].iter().map(|&x| registration.map(example.topology, x)).collect();
+    let turned = (0..mesh.triangles.len())
+        .filter(|&t| turns_over(registration.flip, example, |v| images[v as usize], &mesh.triangles[t]));
     let mut folded: Vec<u32> = turned.map(|t| mesh.polygon_of[t]).collect();
     folded.sort_unstable();
     folded.dedup();
     folded
 }
 
-/// Whether the map turns a triangle of the example over in the domain that was not turned over before.
-fn turns_over(registration: &Registration, example: &Chart, corners: &[u32; 3]) -> bool {
+/// Whether the map turns a triangle of the example over in the domain that was not turned over before; `image` is where
+/// it takes a vertex.
+fn turns_over(flip: Flip, example: &Chart, image: impl Fn(u32) -> Uv, corners: &[u32; 3]) -> bool {
     if example.poles.iter().any(|p| corners.contains(&p.vertex)) {
         return false;
     }
     let first = example.uv[corners[0] as usize];
-    let before = corners.map(|v| {
+    // Whole periods from a vertex's own place to the one beside the first corner; ψ takes them along.
+    let periods = corners.map(|v| {
         let [u, v] = example.uv[v as usize];
-        let row = if example.topology.is_periodic_v() { (v - first[1]).round() } else { 0.0 };
-        [u - (u - first[0]).round(), v - row]
+        let rows = if example.topology.is_periodic_v() { (v - first[1]).round() } else { 0.0 };
+        [-(u - first[0]).round(), -rows]
     });
-    if signed_area(&before) <= 0.0 {
+    let moved = |at: [Uv; 3], turn: [f64; 2]| {
+        [0, 1, 2].map(|k| [at[k][0] + turn[0] * periods[k][0], at[k][1] + turn[1] * periods[k][1]])
+    };
+    if signed_area(&moved(corners.map(|v| example.uv[v as usize]), [1.0, 1.0])) <= 0.0 {
         return false;
     }
-    let sign = if registration.flip.is_mirror() { -1.0 } else { 1.0 };
-    sign * signed_area(&before.map(|x| registration.map(example.topology, x))) < 0.0
+    let along = |flipped: bool| if flipped { -1.0 } else { 1.0 };
+    along(flip.is_mirror()) * signed_area(&moved(corners.map(image), [along(flip.u), along(flip.v)])) < 0.0
 }
 
 /// (u, v) of a vertex, a pole's v made exact.

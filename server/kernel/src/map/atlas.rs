@@ -152,7 +152,9 @@ impl Atlas {
             let pressed = |k: &usize| corners.iter().map(|&v| compressions[*k][v as usize]).sum::<f64>();
             let sheet = (0..self.sheets.len()).min_by(|a, b| pressed(a).total_cmp(&pressed(b)));
             let Some(sheet) = sheet.and_then(|k| self.sheets.get(k)) else { continue };
-            if turns_over(&sheet.registration, &sheet.example, corners) {
+            let (registration, chart) = (&sheet.registration, &sheet.example);
+            let image = |v: u32| registration.map(chart.topology, chart.uv[v as usize]);
+            if turns_over(registration.flip, chart, image, corners) {
                 folded.push(mesh.polygon_of[t]);
             }
         }

@@ -19,7 +19,8 @@ const ROUNDS_ALONE: usize = 15;
 /// turn every face. Boundary vertices stay. Returns how many polygons still look inward.
 pub fn untangle(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64) -> usize {
     // Most maps are sound: the tree is built only where there is something to mend.
-    if inward(mesh, cross, input, mirror).is_empty() {
+    let mut facing = Facing::new(mesh, cross, input, mirror);
+    if facing.inward().next().is_none() {
         return 0;
     }
     let fixed = mesh.boundary_vertices();
@@ -27,36 +28,36 @@ pub fn untangle(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64
     let neighbours = neighbours(mesh);
     let mut best: Option<(usize, CrossMap)> = None;
     for round in 0..ROUNDS_MAX {
-        let folded = inward(mesh, cross, input, mirror);
+        let folded: Vec<u32> = facing.inward().collect();
         if folded.is_empty() {
             return 0;
         }
         if best.as_ref().is_none_or(|(count, _)| folded.len() < *count) {
             best = Some((folded.len(), cross.clone()));
         }
-        let mut moving = vec![false; mesh.positions.len()];
-        for (t, corners) in mesh.triangles.iter().enumerate() {
-            if folded.binary_search(&mesh.polygon_of[t]).is_ok() {
-                corners.iter().for_each(|&v| moving[v as usize] = true);
-            }
-        }
+        let mut moving: Vec<u32> = folded.iter().flat_map(|&f| facing.corners(mesh, f)).collect();
         if round >= ROUNDS_ALONE {
-            let first = moving.clone();
-            for v in (0..first.len()).filter(|&v| first[v]) {
-                neighbours[v].iter().for_each(|&w| moving[w as usize] = true);
-            }
+            let around: Vec<u32> = moving.iter().flat_map(|&v| neighbours[v as usize].iter().copied()).collect();
+            moving.extend(around);
         }
-        let before = cross.positions.clone();
-        for v in (0..moving.len()).filter(|&v| moving[v] && !fixed[v] && !neighbours[v].is_empty()) {
-            let sum: Vec3 = neighbours[v].iter().map(|&w| before[w as usize]).sum();
-            let closest = bvh.closest(sum / neighbours[v].len() as f64);
+        moving.sort_unstable();
+        moving.dedup();
+        moving.retain(|&v| !fixed[v as usize] && !neighbours[v as usize].is_empty());
+        let mean = |&v: &u32| {
+            let around = &neighbours[v as usize];
+            around.iter().map(|&w| cross.positions[w as usize]).sum::<Vec3>() / around.len() as f64
+        };
+        let targets: Vec<Vec3> = moving.iter().map(mean).collect();
+        for (&v, target) in moving.iter().zip(targets) {
+            let closest = bvh.closest(target);
             if (closest.triangle as usize) < input.mesh.triangles.len() {
-                cross.locations[v] = Location { triangle: closest.triangle, barycentric: closest.barycentric };
-                cross.positions[v] = closest.point;
+                cross.locations[v as usize] = Location { triangle: closest.triangle, barycentric: closest.barycentric };
+                cross.positions[v as usize] = closest.point;
             }
         }
+        facing.moved(mesh, cross, input, &moving);
     }
-    let last = inward(mesh, cross, input, mirror).len();
+    let last = facing.inward().count();
     match best {
         Some((count, state)) if count < last => {
             *cross = state;
@@ -66,16 +67,75 @@ pub fn untangle(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64
     }
 }
 
+/// How far each polygon looks out of the input: kept while vertices move, so that a round costs what it moves.
+struct Facing {
+    mirror: f64,
+    /// The input's normal at each vertex.
+    normals: Vec<Vec3>,
+    /// Twice the area, signed, of each polygon: below 0 it looks inward.
+    values: Vec<f64>,
+    /// Triangles of polygon `f`, in order: `triangles[starts[f]..starts[f + 1]]`.
+    starts: Vec<u32>,
+    triangles: Vec<u32>,
+}
+
+impl Facing {
+    fn new(mesh: &TriMesh, cross: &CrossMap, input: &Chart, mirror: f64) -> Self {
+        let count = mesh.polygon_of.iter().max().map_or(0, |&f| f as usize + 1);
+        let mut starts = vec![0u32; count + 1];
+        mesh.polygon_of.iter().for_each(|&f| starts[f as usize + 1] += 1);
+        (0..count).for_each(|f| starts[f + 1] += starts[f]);
+        let (mut filled, mut triangles) = (starts.clone(), vec![0; mesh.triangles.len()]);
+        for (t, &f) in mesh.polygon_of.iter().enumerate() {
+            triangles[filled[f as usize] as usize] = t as u32;
+            filled[f as usize] += 1;
+        }
+        let normals = cross.locations.iter().map(|&l| normal_at(input, l)).collect();
+        let mut facing = Self { mirror, normals, values: vec![0.0; count], starts, triangles };
+        (0..count as u32).for_each(|f| facing.measure(mesh, cross, f));
+        facing
+    }
+
+    fn of(&self, f: u32) -> &[u32] {
+        &self.triangles[self.starts[f as usize] as usize..self.starts[f as usize + 1] as usize]
+    }
+
+    fn corners<'a>(&'a self, mesh: &'a TriMesh, f: u32) -> impl Iterator<Item = u32> + 'a {
+        self.of(f).iter().flat_map(|&t| mesh.triangles[t as usize])
+    }
+
+    fn measure(&mut self, mesh: &TriMesh, cross: &CrossMap, f: u32) {
+        let of = |&t: &u32| {
+            let corners = mesh.triangles[t as usize];
+            let [a, b, c] = corners.map(|v| cross.positions[v as usize]);
+            let outward: Vec3 = corners.iter().map(|&v| self.normals[v as usize]).sum();
+            self.mirror * (b - a).cross(&(c - a)).dot(&outward)
+        };
+        self.values[f as usize] = self.of(f).iter().map(of).sum();
+    }
+
+    /// Measures the polygons about some vertices that moved.
+    fn moved(&mut self, mesh: &TriMesh, cross: &CrossMap, input: &Chart, vertices: &[u32]) {
+        let mut has_moved = vec![false; self.normals.len()];
+        for &v in vertices {
+            has_moved[v as usize] = true;
+            self.normals[v as usize] = normal_at(input, cross.locations[v as usize]);
+        }
+        for f in 0..self.values.len() as u32 {
+            if self.corners(mesh, f).any(|v| has_moved[v as usize]) {
+                self.measure(mesh, cross, f);
+            }
+        }
+    }
+
+    fn inward(&self) -> impl Iterator<Item = u32> + '_ {
+        (0..self.values.len() as u32).filter(|&f| self.values[f as usize] < 0.0)
+    }
+}
+
 /// Polygons that look into the input, in order.
 pub fn inward(mesh: &TriMesh, cross: &CrossMap, input: &Chart, mirror: f64) -> Vec<u32> {
-    let count = mesh.polygon_of.iter().max().map_or(0, |&f| f as usize + 1);
-    let mut facing = vec![0.0; count];
-    for (t, corners) in mesh.triangles.iter().enumerate() {
-        let [a, b, c] = corners.map(|v| cross.positions[v as usize]);
-        let outward: Vec3 = corners.iter().map(|&v| normal_at(input, cross.locations[v as usize])).sum();
-        facing[mesh.polygon_of[t] as usize] += mirror * (b - a).cross(&(c - a)).dot(&outward);
-    }
-    (0..count as u32).filter(|&f| facing[f as usize] < 0.0).collect()
+    Facing::new(mesh, cross, input, mirror).inward().collect()
 }
 
 /// Normal of the input's triangle at a place.
