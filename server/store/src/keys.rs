@@ -5,7 +5,7 @@ use quadmuse_proto::id::{ExampleId, ID_BYTES_LEN};
 use crate::derived::PartKind;
 
 /// Payload of a chunk, in bytes: with its checksum and key a row stays below 4 KiB.
-pub(crate) const CHUNK_BYTES: usize = 3800;
+pub(crate) const CHUNK_BYTES: usize = 15_000;
 /// Length of a generation, in bytes.
 pub(crate) const GENERATION_BYTES: usize = 16;
 
