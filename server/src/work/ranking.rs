@@ -3,6 +3,8 @@
 //! *Source:* paper §5.2 and Eq. 8; METHOD §6. *Ours, not the paper's:* scores of different levels can't be compared,
 //! so a candidate that is passed over keeps its place below all that went on: its score is lifted with all others that
 //! were passed over, by the same amount, until the best of them is not better than the worst that went on.
+//! A near-duplicate that was passed over for a better one stands behind that one, though not among the best `top`, which
+//! are as many choices: it would rank like it, if it were registered as finely.
 
 use super::catalogue::{LEVEL_COARSEST, Resident};
 use super::engine::Registration;
@@ -76,14 +78,34 @@ fn by_score(a: &Candidate, b: &Candidate) -> Ordering {
 }
 
 /// Puts candidates in order after a level: those that were registered at it (the first `fresh`) before those that were
-/// passed over (the rest, which are in order already).
-pub fn order(candidates: &mut [Candidate], fresh: usize) {
-    let (went_on, passed_over) = candidates.split_at_mut(fresh.min(candidates.len()));
+/// passed over (the rest, which are in order already), near-duplicates behind those they duplicate.
+pub fn order(candidates: &mut Vec<Candidate>, fresh: usize, top: usize) {
+    let mut went_on: Vec<Candidate> = std::mem::take(candidates);
+    let passed_over = went_on.split_off(fresh.min(went_on.len()));
+    let (duplicates, mut passed_over): (Vec<_>, Vec<_>) = passed_over.into_iter().partition(|c| c.similar_to.is_some());
     went_on.sort_by(by_score);
     if let (Some(worst), Some(best)) = (went_on.last(), passed_over.first()) {
         let lift = (worst.score - best.score).max(0.0);
         passed_over.iter_mut().for_each(|candidate| candidate.score += lift);
     }
+    let mut behind: HashMap<Option<(ExampleId, u32)>, Vec<Candidate>> = HashMap::new();
+    for duplicate in duplicates {
+        behind.entry(duplicate.similar_to).or_default().push(duplicate);
+    }
+    let mut waiting: Vec<Candidate> = Vec::new();
+    for (place, candidate) in (1..).zip(went_on.into_iter().chain(passed_over)) {
+        waiting.extend(behind.remove(&Some(candidate.key())).into_iter().flatten());
+        let score = candidate.score;
+        candidates.push(candidate);
+        if place >= top {
+            candidates.extend(waiting.drain(..).map(|duplicate| Candidate { score, ..duplicate }));
+        }
+    }
+    let last = candidates.last().map_or(f64::MAX, |last| last.score);
+    // Where there are fewer than `top`; and of whom nothing stands above.
+    let mut rest: Vec<Candidate> = behind.into_values().flatten().collect();
+    rest.sort_by(by_score);
+    candidates.extend(waiting.into_iter().chain(rest).map(|duplicate| Candidate { score: last, ..duplicate }));
 }
 
 /// Marks which candidates go on: the first `next` that duplicate no better one (`None`: the last level is ranked, and
@@ -103,13 +125,13 @@ pub fn mark(candidates: &mut [Candidate], level: u32, next: Option<usize>) {
 }
 
 /// Puts a candidate that was resumed into its place among those of its level.
-pub fn resume(candidates: &mut Vec<Candidate>, resumed: Candidate) {
+pub fn resume(candidates: &mut Vec<Candidate>, resumed: Candidate, top: usize) {
     candidates.retain(|c| c.key() != resumed.key());
     let level = resumed.registration.level;
     candidates.push(resumed);
     candidates.sort_by_key(|c| c.registration.level != level);
     let fresh = candidates.partition_point(|c| c.registration.level == level);
-    order(candidates, fresh);
+    order(candidates, fresh, top);
 }
 
 /// The first `limit` candidates as they go over the wire.
@@ -179,7 +201,7 @@ mod tests {
             created: String::new(),
             template: None,
         };
-        let facts = SegmentFacts { topology: Topology::Disc, k: 1.0, faces: 0, features: 0 };
+        let facts = SegmentFacts { topology: Topology::Disc, k: 1.0, faces: 0, features: 0, bending: None };
         let registration =
             Registration { level: 32, energy: score, flip: Flip::default(), shift_u: 0.0, inner: Opaque::new(()) };
         Candidate {
@@ -210,7 +232,7 @@ mod tests {
     #[test]
     fn equal_scores_are_ordered_by_content() {
         let mut all = vec![candidate("b", 1.0), candidate("a", 1.0), candidate("c", 0.5)];
-        order(&mut all, 3);
+        order(&mut all, 3, 4);
         assert_eq!(hashes(&all), "cab");
     }
 
@@ -219,7 +241,7 @@ mod tests {
         let mut all = vec![candidate("a", 1.0), candidate("b", 2.0), candidate("c", 2.5), candidate("d", 3.0)];
         all[0].score = 5.0;
         all[1].score = 4.0;
-        order(&mut all, 2);
+        order(&mut all, 2, 4);
         assert_eq!(hashes(&all), "bacd");
         let scores: Vec<f64> = all.iter().map(|c| c.score).collect();
         assert_eq!(scores, [4.0, 5.0, 5.0, 5.5]);
@@ -239,6 +261,24 @@ mod tests {
     }
 
     #[test]
+    fn a_near_duplicate_stands_behind_the_one_it_duplicates_and_not_among_the_best() {
+        let mut all: Vec<Candidate> =
+            [("a", 1.0), ("b", 2.0), ("c", 3.0), ("d", 0.9), ("e", 1.5)].map(|(hash, s)| candidate(hash, s)).into();
+        all[3].similar_to = Some(all[0].key());
+        all[4].similar_to = Some(all[2].key());
+        let ordered = |top| {
+            let mut all = all.clone();
+            order(&mut all, 3, top);
+            assert!(all.is_sorted_by(|a, b| a.score <= b.score));
+            hashes(&all)
+        };
+        assert_eq!([1, 2, 3, 9].map(ordered), ["adbce", "abdce", "abcde", "abcde"]);
+        all.remove(0);
+        order(&mut all, 2, 2);
+        assert_eq!(hashes(&all), "bced");
+    }
+
+    #[test]
     fn a_resumed_candidate_takes_its_place_among_those_that_are_done() {
         let mut all = vec![candidate("a", 1.0), candidate("b", 2.0), candidate("c", 2.5), candidate("d", 3.0)];
         for c in &mut all[..2] {
@@ -249,7 +289,7 @@ mod tests {
         let mut resumed = all[3].clone();
         resumed.registration = Arc::clone(&all[0].registration);
         resumed.score = 1.5;
-        resume(&mut all, resumed);
+        resume(&mut all, resumed, 2);
         assert_eq!(hashes(&all), "adbc");
     }
 }

@@ -230,7 +230,7 @@ impl SegmentSearch<'_> {
         let mut all = fresh;
         all.extend(left);
         all.extend(passed_over);
-        order(&mut all, count);
+        order(&mut all, count, top);
         Ok((all, count))
     }
 

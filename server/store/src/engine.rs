@@ -1,8 +1,8 @@
 //! The embedded database, behind typed calls: the only place of this crate that names it.
 //!
 //! What it does, and what follows. An `insert` is not yet on disk, and its `flush` ends in no real sync, so [`Engine::commit`] syncs the
-//! file through a second descriptor. Values over a quarter of a segment would go to unsynced side files, so segments have their
-//! greatest size and values stay below 4 KiB. It panics where others return errors, so every call is under `catch_unwind`.
+//! file through a second descriptor. Values and nodes over a quarter of a segment would go to unsynced side files, so segments have their
+//! greatest size and values stay below 16 KiB (a leaf has 17 of them at most). It panics where others return errors, so every call is under `catch_unwind`.
 
 use std::fs::{self, File};
 use std::io::ErrorKind;
@@ -283,7 +283,7 @@ impl Engine {
     ) -> Result<Result<Vec<u8>, String>, Failure> {
         let mut bytes = Vec::with_capacity(length.min(1 << 20));
         // Chunks are as long as the release made them that wrote them.
-        for chunk in (0..=u16::MAX).take_while(|_| true) {
+        for chunk in 0..=u16::MAX {
             if bytes.len() >= length {
                 break;
             }
