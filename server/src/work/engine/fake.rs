@@ -160,7 +160,7 @@ impl Engine for FakeEngine {
     }
 
     fn coarse_query(&self, query: &Encoding) -> Result<CoarseQuery, EngineError> {
-        let spectra = Spectrum::new(&flat(query)?).map(|spectrum| (spectrum, 1.0));
+        let spectra = Spectrum::new(&flat(query)?).map(|spectrum| (spectrum, query.facts.shape()));
         Ok(CoarseQuery::from_spectra(quadmuse_kernel::topology::Topology::Disc, spectra.into_iter().collect()))
     }
 
