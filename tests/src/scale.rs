@@ -11,7 +11,7 @@ use query::Timed;
 use std::{
     io,
     path::{Path, PathBuf},
-    process::Command,
+    process::{Command, Stdio},
     time::{Duration, Instant},
 };
 
@@ -74,6 +74,7 @@ pub fn grown(corpora: &Path, count: usize, meshes: &Path) -> Result<PathBuf, Sca
         .arg(&data)
         .arg("--meshes")
         .arg(meshes)
+        .stdout(Stdio::null())
         .status()
         .map_err(|source| ScaleError::Io { doing: "grow a corpus".into(), source })?;
     if status.success() {
