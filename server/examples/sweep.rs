@@ -69,7 +69,7 @@ fn main() {
     let chunks = shelf.chunks().iter();
     let known: Vec<(Row, Facts)> = chunks
         .flat_map(|chunk| (0..LANES).filter_map(|lane| chunk.row(lane)))
-        .map(|(row, resident)| (row.clone(), Facts::of(&row, resident.facts.k)))
+        .map(|(row, resident)| (row.clone(), Facts::of(&row, resident.facts.shape())))
         .collect();
     let before = resident_mib();
     let mut corpus: Vec<Lanes> = Vec::with_capacity(count.div_ceil(LANES));
@@ -107,7 +107,7 @@ fn time(corpus: &[Lanes], query: &CoarseQuery, known: &[(Row, Facts)]) {
     let selected = begun.elapsed().as_secs_f64() * 1e3;
     let exact = places.iter().take(RANKED_MAX).filter_map(|k| {
         let (row, facts) = &known[k % known.len()];
-        query.translation(row, facts.modulus, 3.0)
+        query.translation(row, facts.shape, 3.0)
     });
     let sum: f64 = exact.map(|t| t.score).sum();
     println!(
@@ -121,10 +121,10 @@ fn time(corpus: &[Lanes], query: &CoarseQuery, known: &[(Row, Facts)]) {
 /// How many rows, and how many whole blocks, the bound alone would spare, if the best were known beforehand.
 fn bound(known: &[(Row, Facts)], query: &CoarseQuery) {
     let mut scores: Vec<f64> =
-        known.iter().filter_map(|(row, facts)| Some(query.translation(row, facts.modulus, 3.0)?.score)).collect();
+        known.iter().filter_map(|(row, facts)| Some(query.translation(row, facts.shape, 3.0)?.score)).collect();
     scores.sort_by(f64::total_cmp);
     // The nearest example stands for the query: the bound needs pictures, and a query's are not told.
-    let exact = |(row, facts): &(Row, Facts)| query.translation(row, facts.modulus, 3.0).map_or(f64::MAX, |t| t.score);
+    let exact = |(row, facts): &(Row, Facts)| query.translation(row, facts.shape, 3.0).map_or(f64::MAX, |t| t.score);
     let nearest = known.iter().min_by(|a, b| exact(a).total_cmp(&exact(b))).expect("a row");
     let own = magnitudes(&nearest.0);
     let bounds: Vec<f64> = known
@@ -132,7 +132,7 @@ fn bound(known: &[(Row, Facts)], query: &CoarseQuery) {
         .map(|(row, facts)| {
             let apart: f64 = magnitudes(row).iter().zip(&own).map(|(a, b)| (a - b) * (a - b)).sum();
             let cost = apart / (row.variance + nearest.0.variance);
-            quadmuse_kernel::rank::score(cost, facts.modulus, nearest.1.modulus, 3.0)
+            quadmuse_kernel::rank::score(cost, facts.shape, nearest.1.shape, 3.0)
         })
         .collect();
     for kept in [4, RANKED_MAX.min(known.len()) / 4, RANKED_MAX.min(known.len())] {

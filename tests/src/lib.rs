@@ -6,6 +6,7 @@ pub mod http;
 pub mod judge;
 pub mod real_input;
 pub mod retopo_judged;
+pub mod scale;
 pub mod server;
 pub mod shapes;
 pub mod shared;

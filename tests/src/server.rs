@@ -91,6 +91,11 @@ impl Server {
         ServerError::NotReady { what, log }
     }
 
+    /// Its process.
+    pub fn id(&self) -> u32 {
+        self.process.id()
+    }
+
     /// Its address.
     pub fn address(&self) -> SocketAddr {
         self.address

@@ -9,7 +9,7 @@ use quadmuse_kernel::compose::{self, Segmented, check, part, template};
 use quadmuse_kernel::encode::{Encoding, encode, index::PlanarIndex};
 use quadmuse_kernel::map::{assemble::Winding, cross_map, untangle::untangle};
 use quadmuse_kernel::mesh::{self, Format, Limits, PolyMesh, TriMesh};
-use quadmuse_kernel::rank::score;
+use quadmuse_kernel::rank::{Shape, score};
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
 use quadmuse_kernel::segment::{PartCount, segment};
 use quadmuse_kernel::topology::Patch;
@@ -171,5 +171,6 @@ fn lay(patch: &Patch, examples: &[ExamplePart]) -> (Option<(String, PolyMesh)>, 
 
 fn rated(entry: &Entry, example: &ExamplePart) -> f64 {
     let best = entry.best();
-    score(best.cost(), example.encoding.modulus, best.unfolded.encoding.modulus, RELEVANCE)
+    let shape = |modulus| Shape { modulus, bending: None };
+    score(best.cost(), shape(example.encoding.modulus), shape(best.unfolded.encoding.modulus), RELEVANCE)
 }

@@ -14,8 +14,8 @@ pub use features::Feature;
 /// Pixels a side of the pyramid's levels, coarse to fine. *Source:* paper §5.2.
 pub const LEVEL_SIDES: [usize; 5] = [32, 64, 128, 256, 512];
 
-/// Version of everything below [`Encoding`]: stored encodings of another version are made anew.
-pub const ENCODER_VERSION: u32 = 1;
+/// Version of everything below [`Encoding`], and of what is kept beside it: stored encodings of another version are made anew.
+pub const ENCODER_VERSION: u32 = 2;
 
 /// A square picture over the domain: `values[row · side + column]`, rows along v from 0, columns along u.
 #[derive(Clone, Debug, Default, PartialEq)]

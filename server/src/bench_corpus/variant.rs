@@ -18,6 +18,8 @@ const WAVES: usize = 4;
 const HEIGHT: f64 = 0.012;
 /// Deviation of the logarithm of the modulus.
 const MODULUS_SPREAD: f64 = 0.12;
+/// Deviation of the logarithm of how it bends.
+const BENDING_SPREAD: f64 = 0.06;
 /// Deviation of the noise, of the logarithm of λ.
 const NOISE: f64 = 0.05;
 /// Least factor by which a warp may change areas.
@@ -40,6 +42,7 @@ pub(super) fn variant(source: &Packed, finest: u32, seed: u64) -> Packed {
     let up_to = source.levels.iter().filter(|level| level.0 <= finest).max_by_key(|level| level.0);
     let Some((side, values)) = up_to else { return source.clone() };
     let k = source.facts.k * (MODULUS_SPREAD * random.normal()).exp();
+    let bending = source.facts.bending.map(|b| b * (BENDING_SPREAD * random.normal()).exp() as f32);
     let mut pyramid = vec![warped(&Picture { side: *side as usize, values: values.clone() }, &mut random)];
     while let Some(last) = pyramid.last().filter(|p| p.side > LEVEL_SIDES[0]) {
         let next = last.halved();
@@ -51,7 +54,7 @@ pub(super) fn variant(source: &Packed, finest: u32, seed: u64) -> Packed {
     let coarse = pyramid.into_iter().map(|p| (p.side as u32, p.values));
     let fine = source.levels.iter().filter(|level| level.0 > finest).cloned();
     Packed {
-        facts: SegmentFacts { k, features: found.len() as u32, ..source.facts },
+        facts: SegmentFacts { k, bending, features: found.len() as u32, ..source.facts },
         features: found.iter().map(feature).collect(),
         levels: coarse.chain(fine).collect(),
     }
@@ -135,7 +138,7 @@ mod tests {
             let (u, v) = ((k % 128) as f64 / 128.0 - 0.5, (k / 128) as f64 / 128.0 - 0.4);
             (0.2 + 5.0 * (-(u * u + v * v) * 60.0).exp()) as f32
         };
-        let facts = SegmentFacts { topology: Topology::Disc, k: 0.4, faces: 9, features: 1 };
+        let facts = SegmentFacts { topology: Topology::Disc, k: 0.4, faces: 9, features: 1, bending: Some(3.5) };
         let finest = Picture { side: 128, values: (0..128 * 128).map(bump).collect() };
         let levels = vec![(64, finest.halved().values), (128, finest.values)];
         Packed { facts, features: Vec::new(), levels }

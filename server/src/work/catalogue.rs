@@ -94,7 +94,7 @@ impl Snapshot {
             self.take_out((example.id, segment));
             let shelf = self.shelves.entry(facts.topology).or_default();
             let made = |place| Resident { example: Arc::clone(example), segment, facts, place };
-            let resident = shelf.put(&row, facts.k, made);
+            let resident = shelf.put(&row, facts.shape(), made);
             self.segments.insert((example.id, segment), resident);
         }
     }

@@ -5,6 +5,7 @@
 
 use crate::pool::{Stop, StopReason};
 use quadmuse_kernel::mesh::PolyMesh;
+use quadmuse_kernel::rank::Shape;
 use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::spectra::Row;
 use quadmuse_proto::{
@@ -162,6 +163,15 @@ pub struct SegmentFacts {
     pub faces: u64,
     /// Feature points found.
     pub features: u32,
+    /// How its surface bends, as ∫ mean curvature / √area; `None` of an encoding that was made before this was measured.
+    pub bending: Option<f32>,
+}
+
+impl SegmentFacts {
+    /// What is compared of it beside its picture.
+    pub fn shape(&self) -> Shape {
+        Shape { modulus: self.k, bending: self.bending }
+    }
 }
 
 /// A segment, encoded for ranking. It may hold all levels of its pyramid or only the coarse ones.

@@ -203,11 +203,12 @@ async fn registered(
     for level in &missed {
         candidate = advanced(work, job, Lane::Edit, candidate, Arc::clone(query), Step::Refine, *level).await.1?;
     }
+    let was_done = candidate.state == EntryState::Done;
     // What is finished already is so at no cost.
     let resolution = live.options.resolution;
     candidate = advanced(work, job, Lane::Edit, candidate, Arc::clone(query), Step::Finish, resolution).await.1?;
     // While the query goes on, its own schedule decides what stands in the ranking.
-    if !missed.is_empty() && live.is_final() {
+    if !was_done && live.is_final() {
         let resumed = Candidate { state: EntryState::Done, ..candidate.clone() };
         live.publish_resumed(wanted.segment as usize, resumed);
     }

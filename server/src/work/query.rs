@@ -12,8 +12,8 @@ use super::{Caller, WorkError};
 use crate::pool::{Job, Stop};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::{
-    Begin, CompositionId, End, EndState, Entry, EntryState, LevelTiming, MapId, Progress, Query, QueryId, QuerySegment,
-    QueryState, QueryTimings, Ranking,
+    Begin, CompositionId, End, EndState, Entry, EntryState, LevelTiming, MapId, MeshCounts, Progress, Query, QueryId,
+    QuerySegment, QueryState, QueryTimings, Ranking,
 };
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -54,6 +54,7 @@ pub struct LiveQuery {
     pub compositions: Mutex<BTreeMap<CompositionId, Arc<LiveComposition>>>,
     /// Its computation: dropped with it, which stops what is under way.
     pub job: Job,
+    counts: MeshCounts,
     started: Instant,
     board: watch::Sender<Board>,
 }
@@ -91,7 +92,7 @@ pub struct SegmentRanking {
 impl LiveQuery {
     /// A query that was read and cut. `read_ms` is the time that took; `started` when the upload was there.
     pub fn new(caller: Caller, options: QueryOptions, model: Arc<Model>, job: Job, started: Instant) -> Self {
-        let count = model.segments.len();
+        let (count, counts) = (model.segments.len(), counts_of(&model.mesh));
         let timings = QueryTimings { read_ms: ms_since(started), ..QueryTimings::default() };
         let board = Board {
             state: QueryState::Queued,
@@ -110,6 +111,7 @@ impl LiveQuery {
             maps: Mutex::default(),
             compositions: Mutex::default(),
             job,
+            counts,
             started,
             board: watch::Sender::new(board),
         }
@@ -185,7 +187,7 @@ impl LiveQuery {
         self.board.send_modify(|board| {
             if let Some(old) = board.rankings.get(segment) {
                 let (level, mut candidates) = (old.level, old.candidates.clone());
-                super::ranking::resume(&mut candidates, resumed);
+                super::ranking::resume(&mut candidates, resumed, self.options.top as usize);
                 board.put_ranking(segment, level, candidates);
             }
         });
@@ -252,7 +254,7 @@ impl LiveQuery {
             resolution: self.options.resolution,
             deadline_ms: self.options.deadline.map(|time| time.as_millis() as u64),
             tags: self.options.tags.clone(),
-            counts: counts_of(&self.model.mesh),
+            counts: self.counts,
             repairs: self.repairs(),
             segments,
             progress,

@@ -230,7 +230,7 @@ impl SegmentSearch<'_> {
         let mut all = fresh;
         all.extend(left);
         all.extend(passed_over);
-        order(&mut all, count);
+        order(&mut all, count, top);
         Ok((all, count))
     }
 
@@ -246,7 +246,7 @@ impl SegmentSearch<'_> {
         let options = &self.live.options;
         let count = candidates.len();
         let on = next.map(|next| registered_at(count, options.top as usize, next, options.resolution).min(fresh));
-        mark(&mut candidates, level, on);
+        mark(&mut candidates, level, on, options.top as usize);
         let timing = LevelTiming { segment: self.segment as u32, level, entries: fresh as u64, ms };
         self.live.publish(self.segment, level, candidates, timing);
     }

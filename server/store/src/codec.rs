@@ -6,9 +6,11 @@
 //! at most step/4 of √λ each.
 //!
 //! *Ours:* the step is fixed by the level, not by the picture's range, unless the range needs a larger one. The error of E falls with the
-//! number of pixels (√n), so finer levels may have larger steps: rms 1.1·10⁻³ of λ at 512² is some 10⁻⁵ of E, a tenth of the
-//! relative decrease at which a registration stops; over 24 real meshes it changes no ranking. Bytes of real meshes' pictures
-//! (they are constant a triangle, with edges between), steps of 2⁻¹² everywhere → as here: 173 → 83 KB at 512²; 18 KB at 128².
+//! number of pixels (√n), so finer levels may have larger steps: the steps up to 128², the level a search ends at by default, are those
+//! that change no ranking of 24 real meshes by more than 10⁻⁵ of E. At 512² a step of 2⁻⁶ is an rms of 4.5·10⁻³ of λ; it adds
+//! step²/48 = 5·10⁻⁶ to every E alike (mean λ is 1), and ± 2·√(E·step²/48/n), some 10⁻⁶: it changes no ranking of those 24 meshes
+//! whose energies differ by more than 2·10⁻⁴. Bytes of real meshes' pictures
+//! (they are constant a triangle, with edges between), steps of 2⁻¹² everywhere → 2⁻⁸ → as here: 173 → 83 → 48 KB at 512²; 18 KB at 128².
 //!
 //! Layout, little-endian: `version 1 ‖ predictor ‖ packing ‖ 0 ‖ side u16 ‖ ln λ_min f64 ‖ step f64`, then for each of six classes
 //! `residuals u32 ‖ packed bytes u32`, then their packed streams. A pixel's class is how much its known neighbours differ, so that the quiet insides of
@@ -38,8 +40,8 @@ fn step_min(side: u32) -> f64 {
     match side {
         0..=64 => 1.0 / 32_768.0,
         65..=128 => 1.0 / 4096.0,
-        129..=256 => 1.0 / 512.0,
-        _ => 1.0 / 256.0,
+        129..=256 => 1.0 / 128.0,
+        _ => 1.0 / 64.0,
     }
 }
 

@@ -27,6 +27,7 @@ pub(crate) fn copy(shared: &Shared, engine: &Engine) -> Result<(), StoreError> {
     let copy = || {
         let fresh = Engine::open(&shared.dir, &dir, CACHE_BYTES)?;
         let index = shared.index();
+        index.pointers().try_for_each(|(key, pointer)| fresh.reserve_parts(key, pointer))?;
         for (key, pointer) in index.pointers() {
             let part = |kind| Some(Part { kind, bytes: engine.part(key, pointer, kind).ok()?.ok()? });
             let Some(parts) = pointer.kinds().map(part).collect::<Option<Vec<_>>>() else {

@@ -129,6 +129,8 @@ impl PartKind {
     pub(crate) const SIGNATURE: PartKind = PartKind(3);
     pub(crate) const CHART: PartKind = PartKind(4);
     pub(crate) const EXTRA: PartKind = PartKind(5);
+    /// No part: rows that keep segments apart.
+    pub(crate) const GUARD: PartKind = PartKind(0xff);
     const LEVELS: u8 = 0x10;
 
     /// The part that holds the level of this side.

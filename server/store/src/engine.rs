@@ -1,8 +1,8 @@
 //! The embedded database, behind typed calls: the only place of this crate that names it.
 //!
 //! What it does, and what follows. An `insert` is not yet on disk, and its `flush` ends in no real sync, so [`Engine::commit`] syncs the
-//! file through a second descriptor. Values over a quarter of a segment would go to unsynced side files, so segments have their
-//! greatest size and values stay below 4 KiB. It panics where others return errors, so every call is under `catch_unwind`.
+//! file through a second descriptor. Values and nodes over a quarter of a segment would go to unsynced side files, so segments have their
+//! greatest size and values stay below 16 KiB (a leaf has 17 of them at most). It panics where others return errors, so every call is under `catch_unwind`.
 
 use std::fs::{self, File};
 use std::io::ErrorKind;
@@ -24,6 +24,10 @@ const BLOBS: &str = "blobs";
 const RECORD_SUM: usize = 16;
 /// Rows removed at once when garbage is collected.
 const COLLECT_ROWS: usize = 512;
+
+/// Empty rows behind each segment's: as many as make a leaf split, so that what is written next doesn't write the segment's last
+/// chunks again.
+const GUARD_KEYS: u16 = 17;
 
 /// Threads that read records at an opening, at most.
 const READERS_MAX: usize = 4;
@@ -278,8 +282,12 @@ impl Engine {
         key: impl Fn(u16) -> Vec<u8>,
     ) -> Result<Result<Vec<u8>, String>, Failure> {
         let mut bytes = Vec::with_capacity(length.min(1 << 20));
-        for chunk in 0..length.div_ceil(CHUNK_BYTES) {
-            let key = key(chunk as u16);
+        // Chunks are as long as the release made them that wrote them.
+        for chunk in 0..=u16::MAX {
+            if bytes.len() >= length {
+                break;
+            }
+            let key = key(chunk);
             let Some(value) = guarded(|| tree.get(&key))? else { return Ok(Err(format!("chunk {chunk} missing"))) };
             let Some(payload) = unseal(name, &key, &value) else {
                 return Ok(Err(format!("chunk {chunk} with a checksum that does not match")));
@@ -289,9 +297,34 @@ impl Engine {
         Ok(if bytes.len() == length { Ok(bytes) } else { Err(format!("{} bytes instead of {length}", bytes.len())) })
     }
 
-    /// Writes the parts of a segment under a fresh generation. Nothing names them until [`Engine::put_pointer`].
-    pub(crate) fn put_parts(&self, key: SegmentKey, generation: Generation, parts: &[Part]) -> Result<(), Failure> {
+    /// Makes room for the parts of a segment under a fresh generation: their keys, with empty values.
+    ///
+    /// The database keeps a leaf of its tree as one written node and up to nine changes behind it, and writes the node anew with the
+    /// tenth, or when it is split: chunks that arrive one by one are each written some five times, and what is left
+    /// behind is only reclaimed where it is more than half of a segment. Keys alone cost next to nothing to write again; once they are there the
+    /// leaves have split, to no more keys than there may be changes, and each chunk is written once.
+    pub(crate) fn reserve_parts(&self, key: SegmentKey, pointer: &Pointer) -> Result<(), Failure> {
+        let generation = pointer.generation();
         guarded(|| self.pending.insert(keys::generation(key, generation), &[]))?;
+        let mut parts = pointer.parts.clone();
+        parts.sort_unstable_by_key(|&(kind, _)| kind);
+        let of_part = |(kind, length): (PartKind, u32)| {
+            let chunks = (0..=u16::MAX).take((length as usize).div_ceil(CHUNK_BYTES));
+            chunks.map(move |chunk| keys::part(key, generation, kind, chunk))
+        };
+        // One by one, since a batch is written in no order.
+        let mut all = parts.into_iter().flat_map(of_part);
+        guarded(|| all.try_for_each(|key| self.parts.insert(key, &[]).map(drop)))
+    }
+
+    /// Ends a round of reservations: what is written after it doesn't write the last chunks again.
+    pub(crate) fn reserve_guards(&self, (key, generation): (SegmentKey, Generation)) -> Result<(), Failure> {
+        let mut guards = (0..GUARD_KEYS).map(|chunk| keys::part(key, generation, PartKind::GUARD, chunk));
+        guarded(|| guards.try_for_each(|key| self.parts.insert(key, &[]).map(drop)))
+    }
+
+    /// Writes the parts of a segment, for which there is room. Nothing names them until [`Engine::put_pointer`].
+    pub(crate) fn put_parts(&self, key: SegmentKey, generation: Generation, parts: &[Part]) -> Result<(), Failure> {
         for part in parts {
             let mut batch = sled::Batch::default();
             for (chunk, bytes) in Self::chunks(&part.bytes) {

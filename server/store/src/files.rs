@@ -63,7 +63,9 @@ pub(crate) fn create_dir(dir: &Path) -> Result<(), StoreError> {
         return Ok(());
     }
     fs::create_dir_all(dir).map_err(StoreError::io("create", dir))?;
-    dir.parent().map_or(Ok(()), sync_dir)
+    // The parent of a relative path of one name is written as nothing.
+    let parent = dir.parent().map(|parent| if parent.as_os_str().is_empty() { Path::new(".") } else { parent });
+    parent.map_or(Ok(()), sync_dir)
 }
 
 fn remove(path: &Path) -> Result<(), StoreError> {

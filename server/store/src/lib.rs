@@ -2,7 +2,7 @@
 //!
 //! **Ground state** is what the user supplied: the mesh as uploaded in a content-addressed file (`objects/`), and a small record
 //! (`ground/`). **Derived state** is what can be computed again, the encodings: in an embedded database (`index/`), in chunks of at
-//! most 4 KiB. The database also holds a copy of the records, whose row, written last, is the commit mark.
+//! most 16 KiB. The database also holds a copy of the records, whose row, written last, is the commit mark.
 //!
 //! ```text
 //! schema                     three lines: the schema of the store, read before anything else

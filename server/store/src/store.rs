@@ -258,17 +258,22 @@ impl Store {
         if shared.fault().is_some() {
             return Err(shared.read_only());
         }
-        let mut rows = Vec::with_capacity(new.len());
-        let mut objects: Vec<(ContentHash, Cow<'_, [u8]>)> = Vec::new();
         let mut alike = PackedLevels::default();
-        let mut needed = OVERHEAD_BYTES;
-        for example in new {
-            let (record, labels) = new_record(example)?;
-            let mut packed = |(number, derived)| {
+        let mut pack = |example: &NewExample<'_>| {
+            let packed = |(number, derived)| {
                 let parts = derived::pack_beside(derived, &mut alike)?;
                 Ok((number, Packed::new(example.encoder_version, parts)))
             };
-            let segments = (0u32..).zip(example.derived).map(&mut packed).collect::<Result<Vec<_>, StoreError>>()?;
+            (0u32..).zip(example.derived).map(packed).collect::<Result<Vec<_>, StoreError>>()
+        };
+        let packed = new.iter().map(&mut pack).collect::<Result<Vec<_>, StoreError>>()?;
+        let mut rows = Vec::with_capacity(new.len());
+        let mut objects: Vec<(ContentHash, Cow<'_, [u8]>)> = Vec::new();
+        let mut needed = OVERHEAD_BYTES;
+        // The ids are given when all is packed: those of one commit then follow each other, and so do its rows in the
+        // index, which would otherwise lie among those of another and be written again with them.
+        for (example, segments) in new.iter().zip(packed) {
+            let (record, labels) = new_record(example)?;
             needed += example.mesh.len() as u64 + labels.as_ref().map_or(0, |labels| labels.len() as u64);
             needed += segments.iter().map(|(_, packed)| 2 * packed.pointer.bytes()).sum::<u64>();
             objects.push((record.content_hash, Cow::Borrowed(example.mesh)));

@@ -256,11 +256,13 @@ impl Writer {
         match work {
             Work::Add(rows) => {
                 let mut stage = Staged::default();
+                self.reserve(engine, std::slice::from_ref(&rows))?;
                 let added = self.stage_add(engine, rows, &mut stage)?;
                 Ok((stage, Done::Added(added)))
             }
             Work::AddAll(all) => {
                 let mut stage = Staged::default();
+                self.reserve(engine, &all)?;
                 let added = all.into_iter().map(|rows| self.stage_add(engine, rows, &mut stage));
                 let added = added.collect::<Result<_, _>>()?;
                 Ok((stage, Done::AddedAll(added)))
@@ -270,6 +272,20 @@ impl Writer {
             Work::PutDerived { key, packed } => self.stage_derived(engine, key, packed),
             Work::Compact | Work::Reopen => Ok((Staged::default(), Done::Unit)),
         }
+    }
+
+    /// Makes room for the encodings of the examples that aren't there yet.
+    fn reserve(&self, engine: &Engine, all: &[NewRows]) -> Result<(), Failure> {
+        let is_new = |rows: &&NewRows| self.shared.index().by_identity(rows.record.identity).is_none();
+        let mut last = None;
+        for rows in all.iter().filter(is_new) {
+            for (number, packed) in &rows.segments {
+                let key = (rows.record.id, *number);
+                engine.reserve_parts(key, &packed.pointer)?;
+                last = last.max(Some((key, packed.generation)));
+            }
+        }
+        last.map_or(Ok(()), |last| engine.reserve_guards(last))
     }
 
     fn stage_add(&self, engine: &Engine, rows: NewRows, stage: &mut Staged) -> Result<Added, Stop> {
@@ -352,6 +368,8 @@ impl Writer {
             )?;
             index.pointer(key).cloned()
         };
+        engine.reserve_parts(key, &packed.pointer)?;
+        engine.reserve_guards((key, packed.generation))?;
         engine.put_parts(key, packed.generation, &packed.parts)?;
         engine.put_pointer(key, &packed.pointer, former.as_deref())?;
         let mut after = vec![After::Settle(key, packed.generation)];

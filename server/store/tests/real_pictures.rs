@@ -14,10 +14,14 @@ use sample::{Sample, options};
 
 /// Meshes taken, so that the test stays short.
 const MESHES: usize = 24;
-/// Energies that lie closer together than this, relatively, are a tie: a registration stops at a decrease of ten times as much.
+/// Energies that lie closer together than this, relatively, are a tie up to 128², where a search ends by default: a
+/// registration stops at a decrease of ten times as much.
 const TIE: f64 = 1e-5;
-/// Bytes of a typical segment's pyramid. (120 KiB when this was written; the room is for changes of the encoder.)
-const PYRAMID_BYTES: u64 = 128 * 1024;
+/// The same at 256² and 512², which are kept with a step sixteen times as coarse.
+const TIE_FINE: f64 = 2e-4;
+/// Bytes of a typical segment's pyramid. (86 KiB when this was written; the room is for changes of the encoder. What the database
+/// adds to it is some 17 %.)
+const PYRAMID_BYTES: u64 = 96 * 1024;
 
 fn shared() -> PathBuf {
     let beside = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
@@ -107,7 +111,7 @@ fn real_pictures_are_small_and_rank_as_computed() {
     pyramids.sort_unstable();
     let median = pyramids[pyramids.len() / 2];
     println!("median pyramid {median} bytes; chart {:.1} bytes a vertex", charts as f64 / vertices as f64);
-    for side in [32, 64, 128, 256, 512] {
+    for (side, tie) in [(32, TIE), (64, TIE), (128, TIE), (256, TIE_FINE), (512, TIE_FINE)] {
         let stored: Vec<Level> = corpus.iter().map(|(_, id, _)| store.level(*id, 0, side as u32).unwrap()).collect();
         let mut error: f64 = 0.0;
         for (name, _, query) in &corpus {
@@ -120,7 +124,7 @@ fn real_pictures_are_small_and_rank_as_computed() {
             for pair in order.windows(2) {
                 let (first, second) = (computed[pair[0]], computed[pair[1]]);
                 assert!(
-                    first <= second * (1.0 + TIE) + 1e-9,
+                    first <= second * (1.0 + tie) + 1e-9,
                     "{name} at {side}²: {} before {}",
                     corpus[pair[0]].0,
                     corpus[pair[1]].0

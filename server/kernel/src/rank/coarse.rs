@@ -7,7 +7,7 @@
 //! *Source:* paper §5.2, Eq. 8; METHOD §5, §6. *Ours, not the paper's:* that the coarsest level is ranked by translations
 //! alone, before any feature moves.
 
-use crate::rank::score;
+use crate::rank::{Shape, score};
 use crate::register::entry::MIRROR_MARGIN;
 use crate::register::spectra::{Block, LANES, Narrow, PEAK_ERROR, Row, Spectrum};
 use crate::register::{Flip, Query};
@@ -31,7 +31,7 @@ pub struct CoarseQuery {
 struct Side {
     pole: usize,
     flip_v: bool,
-    modulus: f64,
+    shape: Shape,
     spectrum: Spectrum,
     narrow: Narrow,
 }
@@ -39,8 +39,8 @@ struct Side {
 /// What is known of an example beside its row.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Facts {
-    /// Its modulus.
-    pub modulus: f64,
+    /// Its modulus and how it bends.
+    pub shape: Shape,
     /// Mean of √λ.
     pub mean: f64,
     /// Variance of √λ.
@@ -51,8 +51,8 @@ pub struct Facts {
 
 impl Facts {
     /// Of a row.
-    pub fn of(row: &Row, modulus: f64) -> Self {
-        Self { modulus, mean: f64::from(row.mean), variance: row.variance, symmetric: row.symmetric }
+    pub fn of(row: &Row, shape: Shape) -> Self {
+        Self { shape, mean: f64::from(row.mean), variance: row.variance, symmetric: row.symmetric }
     }
 }
 
@@ -95,26 +95,27 @@ struct Bounded {
 }
 
 impl CoarseQuery {
-    /// Prepares a query, with all poles worth trying.
-    pub fn new(query: &Query) -> Self {
+    /// Prepares a query that bends so, with all poles worth trying.
+    pub fn new(query: &Query, bending: Option<f32>) -> Self {
         let topology = query.encoding().topology;
         let images = query.candidates().iter().filter_map(|c| Some((c.images.first()?, c.encoding.modulus)));
-        let spectra = images.filter_map(|(image, modulus)| Some((Spectrum::new(image)?, modulus)));
+        let shape = |modulus| Shape { modulus, bending };
+        let spectra = images.filter_map(|(image, modulus)| Some((Spectrum::new(image)?, shape(modulus))));
         Self::from_spectra(topology, spectra.collect())
     }
 
-    /// Prepares a query of these spectra and moduli, one for each choice of poles.
-    pub fn from_spectra(topology: Topology, spectra: Vec<(Spectrum, f64)>) -> Self {
+    /// Prepares a query of these spectra and shapes, one for each choice of poles.
+    pub fn from_spectra(topology: Topology, spectra: Vec<(Spectrum, Shape)>) -> Self {
         let flips: &[Flip] = match topology {
             Topology::Disc => &[Flip { u: false, v: false }],
             _ => &[Flip { u: false, v: false }, Flip { u: false, v: true }],
         };
-        let side = |pole: usize, spectrum: &Spectrum, modulus: f64, flip: Flip| {
+        let side = |pole: usize, spectrum: &Spectrum, shape: Shape, flip: Flip| {
             let spectrum = spectrum.turned(flip);
-            Side { pole, flip_v: flip.v, modulus, narrow: spectrum.narrow(), spectrum }
+            Side { pole, flip_v: flip.v, shape, narrow: spectrum.narrow(), spectrum }
         };
         let all = spectra.iter().enumerate();
-        let sides = all.flat_map(|(pole, (s, modulus))| flips.iter().map(move |&flip| side(pole, s, *modulus, flip)));
+        let sides = all.flat_map(|(pole, (s, shape))| flips.iter().map(move |&flip| side(pole, s, *shape, flip)));
         Self { topology, sides: sides.collect(), arch: pulp::Arch::new() }
     }
 
@@ -147,8 +148,8 @@ impl CoarseQuery {
     }
 
     /// The best translation of an example, in f64; `None` for a query without a picture.
-    pub fn translation(&self, row: &Row, modulus: f64, relevance: f64) -> Option<Translation> {
-        let facts = Facts::of(row, modulus);
+    pub fn translation(&self, row: &Row, shape: Shape, relevance: f64) -> Option<Translation> {
+        let facts = Facts::of(row, shape);
         let mut best: Option<(f64, Translation)> = None;
         for side in &self.sides {
             let peaks = row.peaks(&side.spectrum);
@@ -161,7 +162,7 @@ impl CoarseQuery {
                 let cost = cost(energy, variance);
                 let handicapped = cost * handicap(flip);
                 if best.as_ref().is_none_or(|(least, _)| handicapped < *least) {
-                    let score = score(cost, modulus, side.modulus, relevance);
+                    let score = score(cost, shape, side.shape, relevance);
                     let shift = peak.shift;
                     best = Some((handicapped, Translation { score, energy, cost, flip, shift, pole: side.pole }));
                 }
@@ -191,7 +192,7 @@ impl Side {
         let (energy, variance) = self.energy(facts, peak);
         let error = PEAK_ERROR * variance + SLACK * energy;
         let costs = [(energy - error).max(0.0), energy + error].map(|e| cost(e, variance));
-        let factor = score(1.0, facts.modulus, self.modulus, relevance);
+        let factor = score(1.0, facts.shape, self.shape, relevance);
         Bounded { handicapped: costs.map(|c| c * handicap(flip)), score: costs.map(|c| c * factor) }
     }
 }
@@ -226,19 +227,20 @@ mod tests {
 
     struct Segment {
         row: Row,
-        modulus: f64,
+        shape: Shape,
         relevance: f64,
     }
 
     fn segment(picture: &Picture, topology: Topology, k: u64) -> Segment {
         let row = Row::new(&Image::new(picture, Flip::default(), false), topology).expect("of 32²");
-        Segment { row, modulus: 0.2 + 0.05 * (k % 7) as f64, relevance: (k % 6) as f64 }
+        let bending = (k % 4 != 0).then_some(2.0 + (k % 5) as f32);
+        Segment { row, shape: Shape { modulus: 0.2 + 0.05 * (k % 7) as f64, bending }, relevance: (k % 6) as f64 }
     }
 
     /// E′ straight from the definition: every pixel of every shift of every flip against every candidate of the query.
-    fn exhaustive(queries: &[(Image, f64)], topology: Topology, s: &Segment) -> f64 {
+    fn exhaustive(queries: &[(Image, Shape)], topology: Topology, s: &Segment) -> f64 {
         let mut best = (f64::INFINITY, f64::INFINITY);
-        for (query, modulus) in queries {
+        for (query, shape) in queries {
             for &flip in Flip::all(topology) {
                 if flip.is_mirror() && s.row.symmetric {
                     continue;
@@ -249,7 +251,7 @@ mod tests {
                 let cost = energy / (example.variance + query.variance).max(VARIANCE_MIN);
                 let handicapped = if flip.is_mirror() { cost * MIRROR_MARGIN } else { cost };
                 if handicapped < best.0 {
-                    best = (handicapped, score(cost, s.modulus, *modulus, s.relevance));
+                    best = (handicapped, score(cost, s.shape, *shape, s.relevance));
                 }
             }
         }
@@ -262,11 +264,11 @@ mod tests {
             let (mut block, mut facts, mut relevance) = (Block::default(), [None; LANES], [0.0; LANES]);
             for (lane, s) in lanes.iter().enumerate() {
                 block.put(lane, &s.row);
-                (facts[lane], relevance[lane]) = (Some(Facts::of(&s.row, s.modulus)), s.relevance);
+                (facts[lane], relevance[lane]) = (Some(Facts::of(&s.row, s.shape)), s.relevance);
             }
             bounds.extend(query.sweep(&block, &facts, &relevance));
         }
-        let exact = |k: usize| (k, query.translation(&corpus[k].row, corpus[k].modulus, corpus[k].relevance));
+        let exact = |k: usize| (k, query.translation(&corpus[k].row, corpus[k].shape, corpus[k].relevance));
         let could = could_be_kept(&bounds, most).into_iter().map(exact);
         let mut all: Vec<(usize, f64)> = could.map(|(k, t)| (k, t.expect("a picture").score)).collect();
         for &(k, score) in &all {
@@ -280,8 +282,9 @@ mod tests {
 
     fn compare(pictures: &[Picture], topology: Topology) {
         let corpus: Vec<Segment> = (0u64..).zip(pictures).map(|(k, p)| segment(p, topology, k)).collect();
-        let queries: Vec<(Image, f64)> =
-            [(3, 0.3), (1003, 0.42)].map(|(s, m)| (Image::new(&picture(s), Flip::default(), false), m)).into();
+        let shape = |modulus| Shape { modulus, bending: Some(3.5) };
+        let queries: Vec<(Image, Shape)> =
+            [(3, 0.3), (1003, 0.42)].map(|(s, m)| (Image::new(&picture(s), Flip::default(), false), shape(m))).into();
         let spectra = queries.iter().map(|(image, m)| (Spectrum::new(image).expect("of 32²"), *m)).collect();
         let query = CoarseQuery::from_spectra(topology, spectra);
         let mut plain: Vec<f64> = corpus.iter().map(|s| exhaustive(&queries, topology, s)).collect();
@@ -325,7 +328,7 @@ mod tests {
     fn equal_pictures_have_equal_scores_whatever_their_lane() {
         let corpus: Vec<Segment> = (0..40).map(|_| segment(&picture(8), Topology::Disc, 2)).collect();
         let query = Spectrum::new(&Image::new(&picture(2), Flip::default(), false)).expect("of 32²");
-        let query = CoarseQuery::from_spectra(Topology::Disc, vec![(query, 0.4)]);
+        let query = CoarseQuery::from_spectra(Topology::Disc, vec![(query, Shape { modulus: 0.4, bending: None })]);
         let ranked = ranked(&query, &corpus, 10);
         assert!(ranked.iter().all(|r| r.1.to_bits() == ranked[0].1.to_bits()));
         assert_eq!(ranked.iter().map(|r| r.0).collect::<Vec<_>>(), (0..10).collect::<Vec<_>>());

@@ -4,6 +4,7 @@
 //! goes on seeing what was there.
 
 use super::Resident;
+use quadmuse_kernel::rank::Shape;
 use quadmuse_kernel::rank::coarse::Facts;
 use quadmuse_kernel::register::spectra::{Block, LANES, Row};
 use std::sync::Arc;
@@ -62,7 +63,7 @@ impl Shelf {
     }
 
     /// Puts a segment in: `resident` is made once its place is known.
-    pub(super) fn put(&mut self, row: &Row, modulus: f64, resident: impl FnOnce(Place) -> Resident) -> Arc<Resident> {
+    pub(super) fn put(&mut self, row: &Row, shape: Shape, resident: impl FnOnce(Place) -> Resident) -> Arc<Resident> {
         let place = self.free.pop().unwrap_or_else(|| {
             let chunk = self.chunks.len() as u32;
             self.chunks.push(Arc::default());
@@ -72,7 +73,7 @@ impl Shelf {
         let resident = Arc::new(resident(place));
         if let Some((chunk, lane)) = self.at(place) {
             chunk.block.put(lane, row);
-            chunk.facts[lane] = Some(Facts::of(row, modulus));
+            chunk.facts[lane] = Some(Facts::of(row, shape));
             chunk.residents[lane] = Some(Arc::clone(&resident));
         }
         resident

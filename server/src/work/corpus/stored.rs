@@ -183,7 +183,8 @@ fn derived_in(packed: &Packed, counts: MeshCounts) -> DerivedSegment {
         poles: Vec::new(),
         levels: packed.levels.iter().map(level).collect(),
         features: packed.features.iter().map(feature_in).collect(),
-        signature: Vec::new(),
+        // What no translation and no remeshing changes.
+        signature: packed.facts.bending.into_iter().collect(),
         chart: ChartRecord { uv: Vec::new(), extra: pack_counts(counts) },
     }
 }
@@ -329,8 +330,9 @@ impl Corpus for StoredCorpus {
             false => self.store.level(id, segment, level)?,
         };
         let (topology, k) = (topology_out(coarse.topology), coarse.modulus);
+        let bending = coarse.signature.first().copied();
         Ok(Packed {
-            facts: SegmentFacts { topology, k, faces, features: coarse.features.len() as u32 },
+            facts: SegmentFacts { topology, k, faces, features: coarse.features.len() as u32, bending },
             features: coarse.features.iter().map(feature_out).collect(),
             levels: vec![(wanted.side, wanted.lambda)],
         })
@@ -406,7 +408,7 @@ mod tests {
     use super::*;
 
     fn packed(level_value: f32) -> Packed {
-        let facts = SegmentFacts { topology: Topology::Annulus, k: 0.4, faces: 12, features: 1 };
+        let facts = SegmentFacts { topology: Topology::Annulus, k: 0.4, faces: 12, features: 1, bending: Some(3.25) };
         let levels = [32u32, 64].map(|side| (side, vec![level_value; (side * side) as usize])).to_vec();
         Packed { facts, features: vec![feature_out(&Feature { u: 0.25, v: 0.5, lambda: 2.0, level: 64 })], levels }
     }

@@ -127,7 +127,13 @@ impl Engine for FakeEngine {
         assert!(!script.panics.iter().any(|place| place == "encode"), "told to panic");
         let number = script.numbers[segment as usize];
         let panics_refine = script.panics.iter().any(|place| place == "refine");
-        let facts = SegmentFacts { topology: model.segments[segment as usize].topology, k: 1.0, faces: 1, features: 0 };
+        let facts = SegmentFacts {
+            topology: model.segments[segment as usize].topology,
+            k: 1.0,
+            faces: 1,
+            features: 0,
+            bending: None,
+        };
         let encoding =
             Encoding { facts, inner: Opaque::new(FakeEncoding { number, slow: script.slow, panics_refine }) };
         Ok(Encoded { encoding, chart: Opaque::new(()), repairs: Vec::new() })
@@ -154,7 +160,7 @@ impl Engine for FakeEngine {
     }
 
     fn coarse_query(&self, query: &Encoding) -> Result<CoarseQuery, EngineError> {
-        let spectra = Spectrum::new(&flat(query)?).map(|spectrum| (spectrum, 1.0));
+        let spectra = Spectrum::new(&flat(query)?).map(|spectrum| (spectrum, query.facts.shape()));
         Ok(CoarseQuery::from_spectra(quadmuse_kernel::topology::Topology::Disc, spectra.into_iter().collect()))
     }
 

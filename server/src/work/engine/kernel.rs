@@ -16,6 +16,7 @@ use model::{ModelInner, format_of, refused};
 use quadmuse_kernel as kernel;
 use quadmuse_kernel::encode::Feature;
 use quadmuse_kernel::mesh::PolyMesh;
+use quadmuse_kernel::rank::Shape;
 use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::image::Image;
 use quadmuse_kernel::register::spectra::Row;
@@ -88,7 +89,8 @@ impl Engine for KernelEngine {
         let query = Query::new(patch, &UnfoldOptions::default())
             .map_err(|e| EngineError::refused(Refusal::NotEncodable, format!("segment {segment}: {e}")))?;
         let chart = Opaque::new(());
-        let facts = facts(query.encoding(), inner.faces(segment));
+        let bending = kernel::rank::bending::bending(&patch.mesh) as f32;
+        let facts = facts(query.encoding(), inner.faces(segment), bending);
         let repairs = unfolding(segment, &query.chart);
         Ok(Encoded { encoding: Encoding { facts, inner: Opaque::new(Source::Fresh(Arc::new(query))) }, chart, repairs })
     }
@@ -134,7 +136,7 @@ impl Engine for KernelEngine {
     }
 
     fn coarse_query(&self, query: &Encoding) -> Result<CoarseQuery, EngineError> {
-        Ok(CoarseQuery::new(fresh(query)?))
+        Ok(CoarseQuery::new(fresh(query)?, query.facts.bending))
     }
 
     fn coarse(&self, example: &Encoding, query: &Encoding, stop: &Stop) -> Result<Registration, EngineError> {
@@ -178,11 +180,11 @@ impl Engine for KernelEngine {
         registered::checked(entry, stop)
     }
 
-    fn score(&self, registration: &Registration, example: &SegmentFacts, _: &Encoding, relevance: f64) -> f64 {
+    fn score(&self, registration: &Registration, example: &SegmentFacts, query: &Encoding, relevance: f64) -> f64 {
         let best = registration.inner.open::<Registered>().map(|r| r.entry.best().clone());
         best.map_or(f64::MAX, |best| {
-            let query_modulus = best.unfolded.encoding.modulus;
-            kernel::rank::score(best.cost(), example.k, query_modulus, relevance)
+            let shape = Shape { modulus: best.unfolded.encoding.modulus, bending: query.facts.bending };
+            kernel::rank::score(best.cost(), example.shape(), shape, relevance)
         })
     }
 
@@ -251,12 +253,13 @@ fn internal(error: impl std::fmt::Display) -> EngineError {
     EngineError::Internal(error.to_string())
 }
 
-fn facts(encoding: &kernel::encode::Encoding, faces: u64) -> SegmentFacts {
+fn facts(encoding: &kernel::encode::Encoding, faces: u64, bending: f32) -> SegmentFacts {
     SegmentFacts {
         topology: topology_out(encoding.topology),
         k: encoding.modulus,
         faces,
         features: encoding.features.len() as u32,
+        bending: Some(bending),
     }
 }
 

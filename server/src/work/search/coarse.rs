@@ -86,7 +86,7 @@ impl SegmentSearch<'_> {
         let mut candidates = self.work.pool.run(&self.live.job, Lane::Coarse, group).await?;
         self.stopped()?;
         let fresh = candidates.len();
-        order(&mut candidates, fresh);
+        order(&mut candidates, fresh, self.live.options.top as usize);
         Ok((candidates, fresh, ms_since(start)))
     }
 
@@ -136,7 +136,7 @@ impl SegmentSearch<'_> {
                 let places = places.into_iter().take_while(|_| stop.reason().is_none());
                 let one = |place: usize| {
                     let (row, resident) = chunks.get(place / LANES)?.0.row(place % LANES)?;
-                    let translation = query.translation(&row, resident.facts.k, resident.example.relevance)?;
+                    let translation = query.translation(&row, resident.facts.shape(), resident.example.relevance)?;
                     Some(Ranked { row, resident: Arc::clone(resident), translation })
                 };
                 places.filter_map(one).collect()

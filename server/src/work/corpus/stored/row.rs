@@ -1,7 +1,7 @@
 //! A row as bytes: what a start needs of a segment beside the example's record.
 //!
-//! Little-endian: `version 1 u8 ‖ symmetric u8 ‖ features u32 ‖ triangles u64 ‖ quads u64 ‖ scale f32 ‖ mean f32 ‖
-//! variance f64 ‖ codes i16 …`.
+//! Little-endian: `version 2 u8 ‖ symmetric u8 ‖ features u32 ‖ triangles u64 ‖ quads u64 ‖ bending f32 (NaN: unknown) ‖
+//! scale f32 ‖ mean f32 ‖ variance f64 ‖ codes i16 …`.
 
 use super::topology_out;
 use crate::work::corpus::KeptRow;
@@ -9,7 +9,7 @@ use crate::work::engine::SegmentFacts;
 use quadmuse_kernel::register::spectra::{Row, VALUES};
 use quadmuse_store::SegmentSummary;
 
-const VERSION: u8 = 1;
+const VERSION: u8 = 2;
 
 /// A row that was written down.
 pub(super) struct WrittenRow {
@@ -17,6 +17,7 @@ pub(super) struct WrittenRow {
     pub(super) features: u32,
     /// Triangles and quads of the mesh.
     pub(super) counts: (u64, u64),
+    bending: Option<f32>,
     row: Row,
 }
 
@@ -28,6 +29,7 @@ impl WrittenRow {
             k: summary.modulus,
             faces: u64::from(summary.faces),
             features: self.features,
+            bending: self.bending,
         };
         KeptRow { segment: self.segment, facts, row: self.row }
     }
@@ -39,6 +41,7 @@ pub(super) fn write(kept: &KeptRow, (triangles, quads): (u64, u64)) -> Vec<u8> {
     out.extend_from_slice(&kept.facts.features.to_le_bytes());
     out.extend_from_slice(&triangles.to_le_bytes());
     out.extend_from_slice(&quads.to_le_bytes());
+    out.extend_from_slice(&kept.facts.bending.unwrap_or(f32::NAN).to_le_bytes());
     out.extend_from_slice(&row.scale.to_le_bytes());
     out.extend_from_slice(&row.mean.to_le_bytes());
     out.extend_from_slice(&row.variance.to_le_bytes());
@@ -51,6 +54,7 @@ pub(super) fn read(segment: u32, bytes: &[u8]) -> Option<WrittenRow> {
     let (features, rest) = rest.split_first_chunk::<4>()?;
     let (triangles, rest) = rest.split_first_chunk::<8>()?;
     let (quads, rest) = rest.split_first_chunk::<8>()?;
+    let (bending, rest) = rest.split_first_chunk::<4>()?;
     let (scale, rest) = rest.split_first_chunk::<4>()?;
     let (mean, rest) = rest.split_first_chunk::<4>()?;
     let (variance, rest) = rest.split_first_chunk::<8>()?;
@@ -64,6 +68,7 @@ pub(super) fn read(segment: u32, bytes: &[u8]) -> Option<WrittenRow> {
         segment,
         features: u32::from_le_bytes(*features),
         counts: (u64::from_le_bytes(*triangles), u64::from_le_bytes(*quads)),
+        bending: Some(f32::from_le_bytes(*bending)).filter(|bending| bending.is_finite()),
         row: Row { codes, scale, mean, variance, symmetric: symmetric == 1 },
     })
 }
@@ -77,11 +82,11 @@ mod tests {
     fn a_row_comes_back_bit_for_bit() {
         let codes = Box::new(std::array::from_fn(|k| (k as i16).wrapping_mul(77)));
         let row = Row { codes, scale: 1e-3, mean: 0.97, variance: 0.123, symmetric: true };
-        let facts = SegmentFacts { topology: Topology::Annulus, k: 0.4, faces: 12, features: 3 };
+        let facts = SegmentFacts { topology: Topology::Annulus, k: 0.4, faces: 12, features: 3, bending: Some(2.5) };
         let kept = KeptRow { segment: 4, facts, row };
         let bytes = write(&kept, (5, 6));
         let back = read(4, &bytes).expect("a row");
-        assert_eq!((back.counts, back.features), ((5, 6), 3));
+        assert_eq!((back.counts, back.features, back.bending), ((5, 6), 3, Some(2.5)));
         assert_eq!(back.row, kept.row);
         assert!(read(4, &bytes[..bytes.len() - 1]).is_none());
     }

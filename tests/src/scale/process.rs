@@ -1,0 +1,49 @@
+//! What the system tells of a process and of a folder (Linux; 0 where it doesn't).
+
+use std::path::Path;
+
+/// Processor time of all threads so far, in milliseconds.
+pub fn cpu_ms(id: u32) -> f64 {
+    let Ok(threads) = std::fs::read_dir(format!("/proc/{id}/task")) else { return 0.0 };
+    let of_thread = |entry: std::fs::DirEntry| {
+        let text = std::fs::read_to_string(entry.path().join("schedstat")).ok()?;
+        text.split(' ').next()?.parse::<f64>().ok()
+    };
+    threads.flatten().filter_map(of_thread).sum::<f64>() / 1e6
+}
+
+/// Resident memory in bytes: now, and the most there was.
+pub fn resident(id: u32) -> [u64; 2] {
+    let status = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
+    ["VmRSS:", "VmHWM:"].map(|name| {
+        let line = status.lines().find_map(|line| line.strip_prefix(name)).unwrap_or_default();
+        line.trim().trim_end_matches(" kB").parse::<u64>().unwrap_or(0) * 1024
+    })
+}
+
+/// Bytes that a folder takes on the disk, whole blocks counted.
+pub fn disk(folder: &Path) -> u64 {
+    let Ok(entries) = std::fs::read_dir(folder) else { return 0 };
+    let of_entry = |entry: std::fs::DirEntry| match entry.metadata() {
+        Ok(about) if about.is_dir() => disk(&entry.path()),
+        Ok(about) => blocks(&about),
+        Err(_) => 0,
+    };
+    entries.flatten().map(of_entry).sum()
+}
+
+#[cfg(unix)]
+fn blocks(about: &std::fs::Metadata) -> u64 {
+    std::os::unix::fs::MetadataExt::blocks(about) * 512
+}
+
+#[cfg(not(unix))]
+fn blocks(about: &std::fs::Metadata) -> u64 {
+    about.len()
+}
+
+/// The mean number of processes that wanted a processor in the last minute, as the system tells it.
+pub fn load() -> String {
+    let text = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    text.split(' ').next().unwrap_or_default().to_owned()
+}
