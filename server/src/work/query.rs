@@ -12,8 +12,8 @@ use super::{Caller, WorkError};
 use crate::pool::{Job, Stop};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::{
-    Begin, CompositionId, End, EndState, Entry, EntryState, LevelTiming, MapId, Progress, Query, QueryId, QuerySegment,
-    QueryState, QueryTimings, Ranking,
+    Begin, CompositionId, End, EndState, Entry, EntryState, ExampleId, LevelTiming, MapId, Progress, Query, QueryId,
+    QuerySegment, QueryState, QueryTimings, Ranking,
 };
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -34,6 +34,8 @@ pub struct QueryOptions {
     pub deadline: Option<Duration>,
     /// Only examples with all these tags are ranked.
     pub tags: Vec<String>,
+    /// The input is cut as this example is.
+    pub like: Option<ExampleId>,
 }
 
 /// A query.

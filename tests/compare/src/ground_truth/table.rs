@@ -26,7 +26,7 @@ pub fn line(row: &Row) -> String {
         Ok(o) => {
             let e = &o.evidence;
             format!(
-                "{head} {:6.2} {:6.2} {}{} folds {} {:?} | cost {:.3} modulus {:+.3} turned {:.4} angle {:.1} | badness {:.2} {:.2} | {:.2} {:.2} {:.2} s",
+                "{head} {:6.2} {:6.2} {}{} folds {} {:?} | cost {:.3} modulus {:+.3} turned {:.4} angle {:.1} | badness {:.2} | {:.2} {:.2} {:.2} s",
                 o.median_pct,
                 o.p95_pct,
                 if o.mirrored { "mirrored " } else { "" },
@@ -37,8 +37,7 @@ pub fn line(row: &Row) -> String {
                 e.modulus_log,
                 e.turned_share,
                 e.angle_p95_deg,
-                o.badness[0],
-                o.badness[1],
+                o.badness,
                 o.seconds[0],
                 o.seconds[1],
                 o.seconds[2],

@@ -11,6 +11,7 @@ use quadmuse_kernel::map::atlas::Atlas;
 use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, edit, folded_faces, leave_fillings};
 use quadmuse_kernel::measure::{self, Distribution, Evidence};
+use quadmuse_kernel::mesh::Vec3;
 use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::register::entry::{Hypothesis, PROTRUSIONS_MANY};
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt};
@@ -159,6 +160,23 @@ struct Laid<'a> {
     cost: f64,
     constraints: Vec<Constraint>,
     registered: Registered,
+}
+
+/// Where each vertex of the example's segment goes, before any polish.
+pub(super) fn positions(
+    from: &Registration,
+    example: &Side,
+    query: &Side,
+    stop: &Stop,
+) -> Result<Vec<Vec3>, EngineError> {
+    let registered: &Registered = from.inner.open()?;
+    let atlas = registered.atlas(example, query, &|| stop.reason().is_some())?;
+    stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
+    let laid = match atlas {
+        Some(atlas) => by_atlas(atlas, registered, example)?,
+        None => by_chart(registered, example, query)?,
+    };
+    Ok(laid.cross.positions)
 }
 
 /// Maps every vertex of the example's segment.
