@@ -1,5 +1,6 @@
 //! Draws meshes side by side, each from two sides: `mesh_sheet OUT.png [--side PIXELS] [--columns N] [--yaw R] [--bits N]
-//! [--view each|first] FILE[=CAPTION]…`. `--view first` sees all of them as it guesses the first is seen; `--bits` rounds
+//! [--view each|first|axes] FILE[=CAPTION]…`. `--view first` sees all of them as it guesses the first is seen, `axes` as what
+//! stands along +y and looks along +z; `--bits` rounds
 //! colours, for small files. What has triangles only is drawn as a scan, without its edges.
 
 use quadmuse_kernel::mesh::{self, Format, Limits};
@@ -20,7 +21,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let columns: usize = flag("--columns").and_then(|s| s.parse().ok()).unwrap_or(2);
     let yaw: Option<f64> = flag("--yaw").and_then(|s| s.parse().ok());
     let bits: u32 = flag("--bits").and_then(|s| s.parse().ok()).unwrap_or(8);
-    let view_of_first = flag("--view").as_deref() == Some("first");
+    let how = flag("--view").unwrap_or_default();
     let Some((out, files)) = arguments.split_first() else { return Ok(()) };
     let (mut strips, mut first) = (Vec::new(), None);
     for argument in files {
@@ -28,7 +29,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let bytes = std::fs::read(file)?;
         let mesh = mesh::read(&bytes, Format::sniff(&bytes), &Limits::default())?;
         let mut view = match first {
-            Some(view) if view_of_first => view,
+            Some(view) if how == "first" => view,
+            _ if how == "axes" => View::default(),
             _ => View::guess(&mesh),
         };
         first = first.or(Some(view));

@@ -145,9 +145,10 @@ fn the_inside_of_a_surface_is_painted_otherwise_than_its_outside() {
 
 #[test]
 fn rounded_colours_stay_near_and_make_a_smaller_file() {
+    let noise = |x: u32, y: u32| ((37 * x + 11 * y * y) % 7) as u8;
     let mut picture = Picture::filled(64, 64, [0; 3]);
     for y in 0..64 {
-        (0..64).for_each(|x| picture.set(x, y, [(2 * x + y) as u8, (x * y / 32) as u8, (37 * x + 11 * y) as u8]));
+        (0..64).for_each(|x| picture.set(x, y, [120 + noise(x, y), 60 + noise(y, x), 200 + noise(x + y, y)]));
     }
     let rounded = picture.clone().rounded(5);
     let apart = |k: usize| {

@@ -162,7 +162,7 @@ struct Laid<'a> {
     registered: Registered,
 }
 
-/// Where each vertex of the example's segment goes, before any polish.
+/// Where each vertex of the example's segment goes.
 pub(super) fn positions(
     from: &Registration,
     example: &Side,
@@ -172,10 +172,13 @@ pub(super) fn positions(
     let registered: &Registered = from.inner.open()?;
     let atlas = registered.atlas(example, query, &|| stop.reason().is_some())?;
     stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
-    let laid = match atlas {
+    let mut laid = match atlas {
         Some(atlas) => by_atlas(atlas, registered, example)?,
         None => by_chart(registered, example, query)?,
     };
+    let model: &ModelInner = example.model.inner.open()?;
+    let (surface, sign) = (&model.patch(example.segment)?.mesh, if laid.mirrored { -1.0 } else { 1.0 });
+    settle(&registered.settled, surface, &mut laid.cross, laid.input, sign, &laid.constraints);
     Ok(laid.cross.positions)
 }
 
