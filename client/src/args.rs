@@ -189,6 +189,9 @@ pub struct QueryArgs {
     /// Seconds after which the best ranking so far will do
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub deadline: Option<f64>,
+    /// Cut the mesh as this example is cut; `retopo` then lays that example on each segment
+    #[arg(long, value_name = "EXAMPLE", conflicts_with_all = ["segments", "parts"])]
+    pub like: Option<ExampleId>,
     /// How to cut the mesh into segments
     #[command(flatten)]
     pub segments: SegmentsArg,
@@ -354,6 +357,7 @@ mod tests {
             "quadmuse add a.obj --parts 8",
             "quadmuse retopo a.obj -o b.obj --parts auto",
             "quadmuse query a.obj --components refuse",
+            "quadmuse retopo a.obj -o b.obj --like ID",
             "quadmuse constrain ID ID --undo f2 -o out.obj",
             "quadmuse constrain ID ID --set f1:1,2,3=4,5,6 --on-fold resolve -o out.obj",
             "quadmuse list --tag head --topology disc",
@@ -393,6 +397,7 @@ mod tests {
             "quadmuse constrain ID ID --on-fold resolve -o out.obj",
             "quadmuse constrain ID ID --remove f1 --on-fold bend -o out.obj",
             "quadmuse query a.obj --components all",
+            "quadmuse query a.obj --like ID --parts auto",
             "quadmuse compose ID --use ID -o out.obj",
             "quadmuse tag ID hero",
             "quadmuse list --topology klein",

@@ -5,7 +5,7 @@ mod outcome;
 mod ranking;
 
 pub use corpus::{example, examples};
-pub use outcome::{composition, map};
+pub use outcome::{composition, expected_quads, map, verdicts};
 pub use ranking::{ranking, summary};
 
 use crate::{error::printable, ui::Room};

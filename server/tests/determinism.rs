@@ -42,7 +42,7 @@ async fn outcome(data: &Path, threads: usize, add: &[&Sample], input: &Sample) -
         let annotation = Annotation { name: sample.name.clone(), tags: Vec::new(), relevance };
         ingest::add(&work, Caller::default(), upload(&sample.mesh), annotation).await.expect("added");
     }
-    let options = QueryOptions { top: 2, resolution: RESOLUTION, deadline: None, tags: Vec::new() };
+    let options = QueryOptions { top: 2, resolution: RESOLUTION, deadline: None, tags: Vec::new(), like: None };
     let live = search::start(&work, Caller::default(), upload(&input.mesh), options).await.expect("started");
     let board = live.wait_for(|_| false).await;
     assert_eq!(board.state, QueryState::Done);

@@ -1,46 +1,19 @@
-// The page: the corpus, an upload, its ranking as it is refined, and the chosen map.
-"use strict";
+// The page: the corpus, an upload, its ranking as it is refined, and what is chosen of it.
 
-const $ = (id) => document.getElementById(id);
-const make = (tag, text, more = {}) => Object.assign(document.createElement(tag), text === undefined ? {} : { textContent: text }, more);
+import { $, call, json, make, picture, send, sentence, setToken, tell } from "/web/call.js";
+import { say, showComposition, showMap } from "/web/stage.js";
 
-let token = sessionStorage.getItem("token") ?? "";
-let query = null; // the query shown: { id, segment, rankings, stop }
+// Ids of regular layouts, which have no picture.
+const TEMPLATE = /^0+1$/;
+const STATES = { refining: "being refined", locked: "passed over", done: "refined" };
+const ENDS = { done: "Done", cancelled: "Cancelled", failed: "Failed", deadline: "Stopped by its deadline" };
 
-// Every call goes through here: the token, and problems as errors.
-async function call(path, options = {}) {
-  const headers = { accept: "application/json", ...(options.headers ?? {}) };
-  if (token) headers.authorization = `Bearer ${token}`;
-  const response = await fetch(path, { ...options, headers });
-  if (response.status === 401) $("token-label").hidden = false;
-  if (!response.ok) {
-    const problem = await response.json().catch(() => ({}));
-    throw new Error(problem.detail ?? `${response.status} ${response.statusText}`);
-  }
-  return response;
-}
-
-const json = async (path, options) => (await call(path, options)).json();
-
-// Pictures are fetched, not linked: an <img> can't carry a token.
-async function picture(path, alt) {
-  const img = make("img", undefined, { alt, loading: "lazy" });
-  try {
-    const url = URL.createObjectURL(await (await call(path, { headers: { accept: "image/png" } })).blob());
-    img.onload = () => URL.revokeObjectURL(url);
-    img.src = url;
-  } catch { /* a missing picture is no reason to stop */ }
-  return img;
-}
-
-function tell(text, kind = "") {
-  $("message").textContent = text;
-  $("message").className = kind;
-}
+let query = null; // the query shown: { id, segment, segments, rankings, stop, thumbnails, chosen, viewer }
 
 async function showHealth() {
   const ready = await json("/readyz").catch(() => null);
-  $("health").textContent = ready ? `${ready.examples} examples · ${ready.segments} segments` : "not ready";
+  const count = (n, what) => `${n} ${what}${n === 1 ? "" : "s"}`;
+  $("health").textContent = ready ? `${count(ready.examples, "example")} · ${count(ready.segments, "segment")}` : "not ready";
 }
 
 // ---- corpus
@@ -48,15 +21,17 @@ async function showHealth() {
 let next = "";
 
 async function showCorpus(from) {
-  if (!from) $("corpus").replaceChildren();
   const page = await json(`/v1/examples?limit=24${from ? `&cursor=${encodeURIComponent(from)}` : ""}`);
-  if (!from && page.items.length === 0) $("corpus").append(make("p", "Nothing in it yet: add quad meshes.", { className: "soft" }));
+  if (!from) $("corpus").replaceChildren();
+  if (!from && page.items.length === 0) $("corpus").append(make("p", "Nothing in it yet. Choose a quad mesh above and add it to the corpus.", { className: "soft" }));
   for (const example of page.items) {
-    const figure = make("figure", undefined, { title: example.tags.join(", ") });
-    const caption = make("figcaption", `${example.name || example.id} · ${example.counts.faces}`);
-    figure.append(caption);
+    const name = example.name || example.id;
+    const figure = make("figure", undefined, { title: [name, ...example.tags].join(", ") });
+    const caption = make("figcaption");
+    caption.append(make("span", name), make("small", `${example.counts.faces} faces`));
+    figure.append(make("div", undefined, { className: "blank" }), caption);
     $("corpus").append(figure);
-    picture(`/v1/examples/${example.id}/thumbnail.png?size=256`, example.name).then((img) => figure.prepend(img));
+    picture(`/v1/examples/${example.id}/thumbnail.png?size=256`, name).then((img) => figure.firstChild.replaceWith(img));
   }
   next = page.next ?? "";
   $("more").hidden = !next;
@@ -66,56 +41,71 @@ async function showCorpus(from) {
 
 function chosen() {
   const file = $("file").files[0];
-  if (!file) { tell("Choose a file first.", "bad"); return null; }
+  if (!file) { tell("Choose a file first.", "bad"); $("file").focus(); return null; }
   const format = file.name.split(".").pop().toLowerCase();
   const known = ["obj", "ply", "off", "stl", "glb"].includes(format);
-  return { file, parameters: new URLSearchParams(known ? { format } : {}) };
+  const parameters = new URLSearchParams(known ? { format } : {});
+  if ($("parts").value) parameters.set("parts", $("parts").value);
+  if ($("tag").value.trim()) parameters.set("tag", $("tag").value.trim());
+  return { file, parameters };
 }
 
-async function upload(path, { file, parameters }) {
-  return call(`${path}?${parameters}`, { method: "POST", body: file, headers: { "content-type": "application/octet-stream" } });
+// Uploads, with the form at rest meanwhile; `take` gets the answer.
+async function upload(path, { file, parameters }, take) {
+  const buttons = $("query-form").querySelectorAll("button");
+  buttons.forEach((button) => { button.disabled = true; });
+  tell(`Uploading ${file.name}…`);
+  try {
+    await take(await call(`${path}?${parameters}`, { method: "POST", body: file, headers: { "content-type": "application/octet-stream" } }));
+  } catch (error) {
+    tell(error.message, "bad");
+  } finally {
+    buttons.forEach((button) => { button.disabled = false; });
+  }
 }
 
-async function ask(event) {
+function ask(event) {
   event.preventDefault();
   const choice = chosen();
   if (!choice) return;
   choice.parameters.set("top", $("top").value);
   choice.parameters.set("resolution", $("resolution").value);
-  if ($("tag").value) choice.parameters.set("tag", $("tag").value);
-  tell("Uploading…");
-  try {
-    const started = await (await upload("/v1/queries", choice)).json();
+  upload("/v1/queries", choice, async (response) => {
+    const started = await response.json();
     tell("");
+    history.replaceState(null, "", `#${started.id}`);
     show(started);
-  } catch (error) { tell(error.message, "bad"); }
+  });
 }
 
-async function add() {
+function add() {
   const choice = chosen();
   if (!choice) return;
   choice.parameters.set("name", choice.file.name.replace(/\.[^.]*$/, ""));
-  if ($("tag").value) choice.parameters.set("tag", $("tag").value);
-  tell("Uploading…");
-  try {
-    const response = await upload("/v1/examples", choice);
+  upload("/v1/examples", choice, async (response) => {
     const example = await response.json();
-    tell(`${example.name}: ${response.status === 201 ? "added" : "was there already"}, ${example.segments.length} segments.`, "good");
+    const segments = example.segments.length === 1 ? `a ${example.segments[0].topology}` : `${example.segments.length} segments`;
+    tell(`${example.name}: ${response.status === 201 ? "added" : "was there already"} (${segments}, ${example.counts.faces} faces).`, "good");
     showCorpus();
     showHealth();
-  } catch (error) { tell(error.message, "bad"); }
+  });
 }
 
 // ---- ranking
 
 function show(started) {
   query?.stop.abort();
-  query = { id: started.id, segment: 0, rankings: new Map(), stop: new AbortController(), thumbnails: new Map() };
+  query = { id: started.id, segment: 0, segments: started.segments, rankings: new Map(), stop: new AbortController(), thumbnails: new Map(), chosen: new Map() };
   $("result").hidden = false;
   $("entries").replaceChildren();
-  $("map").replaceChildren(make("p", "Choose an entry to lay it on the input.", { className: "soft" }));
-  $("segment").replaceChildren(...started.segments.map((s) => make("option", `${s.segment} (${s.topology})`, { value: s.segment })));
-  $("segment-label").hidden = started.segments.length < 2;
+  $("repairs").replaceChildren(...started.repairs.map((repair) => make("li", sentence(repair))));
+  $("progress").value = 0;
+  $("state").textContent = "Unfolding the mesh…";
+  say("Choose an example to lay its quads on your mesh.");
+  $("segment").replaceChildren(...started.segments.map((s) => make("option", `segment ${s.segment} (${s.topology}, ${s.faces} faces)`, { value: s.segment })));
+  $("segment-row").hidden = started.segments.length < 2;
+  $("result").focus({ preventScroll: true });
+  $("result").scrollIntoView({ behavior: "smooth" });
   follow(query);
 }
 
@@ -143,6 +133,7 @@ async function follow(mine) {
     } catch (error) {
       if (mine.stop.signal.aborted) return;
       tell(error.message, "bad");
+      if (error.code === "not_found") return;
     }
     await new Promise((resolve) => setTimeout(resolve, 1000));
   }
@@ -151,18 +142,18 @@ async function follow(mine) {
 // Takes an event in; true after the last.
 function take(mine, event) {
   if (query !== mine) return true;
-  if (event.event === "begin") $("state").textContent = `against ${event.corpus_size} segments, up to ${event.resolution}²`;
+  if (event.event === "begin") $("state").textContent = `Comparing with ${event.corpus_size} segments of the corpus…`;
   if (event.event === "level") {
     mine.rankings.set(event.segment, event);
     const done = [...mine.rankings.values()].reduce((sum, r) => sum + Math.log2(r.level / 16) / Math.log2(r.resolution / 16), 0);
-    $("progress").value = done / Math.max(1, $("segment").options.length);
+    $("progress").value = done / Math.max(1, mine.segments.length);
     if (event.segment === mine.segment) draw(mine);
   }
-  if (event.event === "error") { tell(event.problem.detail, "bad"); return false; }
+  if (event.event === "error") { tell(sentence(event.problem.detail), "bad"); return false; }
   if (event.event === "end") {
     $("progress").value = 1;
-    $("state").textContent = `${event.state} after ${(event.summary.timings.total_ms / 1000).toFixed(2)} s`;
-    if (event.summary.problem) tell(event.summary.problem.detail, "bad");
+    $("state").textContent = `${ENDS[event.state]} after ${(event.summary.timings.total_ms / 1000).toFixed(1)} s`;
+    if (event.summary.problem) tell(sentence(event.summary.problem.detail), "bad");
     return true;
   }
   return false;
@@ -171,71 +162,74 @@ function take(mine, event) {
 function draw(mine) {
   const ranking = mine.rankings.get(mine.segment);
   if (!ranking) return;
-  $("ranking-title").textContent = `Ranking at ${ranking.level}² (${ranking.corpus_size} segments)`;
+  $("ranking-title").textContent = `Best of ${ranking.corpus_size} examples, compared at ${ranking.level} × ${ranking.level} pixels`;
+  const focused = $("entries").contains(document.activeElement) ? document.activeElement.dataset.key : null;
   $("entries").replaceChildren(...ranking.entries.map((entry) => row(mine, entry)));
+  if (focused) $("entries").querySelector(`[data-key="${focused}"]`)?.focus();
 }
 
+const key = (entry) => `${entry.example}:${entry.example_segment}`;
+
 function row(mine, entry) {
+  const name = entry.name || entry.example;
   const tr = make("tr", undefined, { className: entry.state });
-  const flip = [entry.flip.u ? "u" : "", entry.flip.v ? "v" : ""].join("") || "–";
   const image = make("td");
-  if (!mine.thumbnails.has(entry.example)) mine.thumbnails.set(entry.example, picture(`/v1/examples/${entry.example}/thumbnail.png?size=88`, ""));
-  mine.thumbnails.get(entry.example).then((img) => image.append(img.cloneNode()));
-  const button = make("button", "Map", { type: "button", className: "plain" });
+  if (!TEMPLATE.test(entry.example)) {
+    if (!mine.thumbnails.has(key(entry))) mine.thumbnails.set(key(entry), picture(`/v1/examples/${entry.example}/thumbnail.png?size=88`, ""));
+    mine.thumbnails.get(key(entry)).then((img) => image.append(img));
+  }
+  const marks = [entry.flip.u !== entry.flip.v ? "mirrored" : "", entry.similar_to ? `like no. ${entry.similar_to}` : "", entry.template ? "regular layout" : ""].filter(Boolean);
+  const title = make("td", name, { className: "name", title: name });
+  if (marks.length) title.append(make("small", marks.join(", ")));
+  const button = make("button", "Lay on", { type: "button", className: "plain", ariaLabel: `Lay ${name} on the mesh` });
+  button.dataset.key = key(entry);
   button.onclick = () => lay(mine, entry, button);
   const act = make("td");
   act.append(button);
-  tr.append(
-    make("td", entry.rank, { className: "number" }), image, make("td", entry.name || entry.example),
-    make("td", entry.score.toFixed(4), { className: "number" }), make("td", entry.energy.toFixed(4), { className: "number" }),
-    make("td", flip), make("td", entry.resolution, { className: "number" }), make("td", entry.state), act,
-  );
-  if (mine.mapped === entry.example) tr.classList.add("chosen");
+  tr.append(make("td", entry.rank, { className: "number" }), image, title, make("td", entry.template ? "" : entry.score.toFixed(3), { className: "number" }), make("td", entry.template ? "" : STATES[entry.state] ?? entry.state), act);
+  if (mine.chosen.get(mine.segment)?.key === key(entry)) tr.classList.add("chosen");
   return tr;
 }
 
-// ---- map
+// ---- maps and compositions
 
 async function lay(mine, entry, button) {
+  const name = entry.name || entry.example;
+  const segment = mine.segment;
   button.disabled = true;
-  mine.mapped = entry.example;
-  $("map").replaceChildren(make("p", `Laying ${entry.name} on the input…`, { className: "soft" }));
+  say(`Laying ${name} on the input…`);
   try {
-    const body = JSON.stringify({ segment: mine.segment, example: entry.example, example_segment: entry.example_segment });
-    const map = await json(`/v1/queries/${mine.id}/maps`, { method: "POST", body, headers: { "content-type": "application/json" } });
-    const path = `/v1/queries/${mine.id}/maps/${map.id}`;
-    const parts = [await picture(`${path}/preview.png?size=768`, `${entry.name} on the input`)];
-    parts.push(make("p", `${map.verdict}: ${map.faces} faces, ${map.folds} folded, angles ±${map.distortion.angle.mean.toFixed(1)}°, ${map.timings.total_ms.toFixed(0)} ms`, { className: map.verdict === "poor" ? "bad" : "good" }));
-    parts.push(...map.reasons.map((reason) => make("p", reason, { className: "soft" })));
-    const links = make("p", undefined, { className: "row" });
-    for (const format of ["obj", "ply", "off", "stl", "glb"]) {
-      const link = make("button", `.${format}`, { type: "button", className: "plain" });
-      link.onclick = () => save(`${path}/mesh?format=${format}`, `${entry.name || "map"}.${format}`);
-      links.append(link);
-    }
-    $("map").replaceChildren(...parts, links);
+    const map = await send(`/v1/queries/${mine.id}/maps`, { segment, example: entry.example, example_segment: entry.example_segment });
+    if (query !== mine) return;
+    mine.chosen.set(segment, { key: key(entry), map: map.id });
     draw(mine);
+    await showMap(mine, map, name);
   } catch (error) {
-    $("map").replaceChildren(make("p", error.message, { className: "bad" }));
+    say(error.message, "bad");
   } finally { button.disabled = false; }
 }
 
-async function save(path, name) {
+async function stitch() {
+  const mine = query;
+  $("compose").disabled = true;
+  say("Laying the best example on each part that you have chosen none for, and stitching them. This may take a minute…");
   try {
-    const url = URL.createObjectURL(await (await call(path, { headers: { accept: "*/*" } })).blob());
-    make("a", undefined, { href: url, download: name }).click();
-    setTimeout(() => URL.revokeObjectURL(url), 60_000);
-  } catch (error) { tell(error.message, "bad"); }
+    const parts = [...mine.chosen].map(([segment, { map }]) => ({ segment, map }));
+    const made = await send(`/v1/queries/${mine.id}/compositions`, { parts, density: Number($("density").value) });
+    if (query === mine) await showComposition(mine, made);
+  } catch (error) {
+    say(error.message, "bad");
+  } finally { $("compose").disabled = false; }
 }
 
 // ---- events
 
 $("query-form").onsubmit = ask;
 $("add").onclick = add;
+$("compose").onclick = stitch;
 $("more").onclick = () => showCorpus(next).catch((error) => tell(error.message, "bad"));
 $("segment").onchange = () => { if (query) { query.segment = Number($("segment").value); draw(query); } };
-$("token").value = token;
-$("token").onchange = () => { token = $("token").value; sessionStorage.setItem("token", token); begin(); };
+$("token-form").onsubmit = (event) => { event.preventDefault(); setToken($("token").value); tell(""); begin(); };
 for (const name of ["dragover", "dragleave", "drop"]) {
   $("drop").addEventListener(name, (event) => {
     event.preventDefault();
@@ -244,9 +238,12 @@ for (const name of ["dragover", "dragleave", "drop"]) {
   });
 }
 
-function begin() {
+// The query named behind the `#` of the address is shown again after a reload.
+async function begin() {
   showHealth();
   showCorpus().catch((error) => tell(error.message, "bad"));
+  const id = location.hash.slice(1);
+  if (/^[0-9A-Z]{26}$/.test(id) && query?.id !== id) await json(`/v1/queries/${id}`).then(show, () => history.replaceState(null, "", "/"));
 }
 
 begin();

@@ -41,6 +41,7 @@ impl Api {
         query.extend(args.top.map(|top| ("top", top.to_string())));
         query.extend(args.resolution.map(|resolution| ("resolution", resolution.to_string())));
         query.extend(args.deadline.map(|seconds| ("deadline_ms", format!("{:.0}", (seconds * 1000.0).ceil()))));
+        query.extend(args.like.map(|example| ("like", example.to_string())));
         let request = self.request(Method::POST, &["queries"]).query(&query);
         let request = self.with_mesh(request, &args.file, &args.segments)?;
         self.json(request, "the query that was started").await

@@ -34,6 +34,9 @@ enum FileAnswer<'a> {
     },
 }
 
+/// Repairs of a file that are told when it was added; `show` tells all.
+const REPAIRS_TOLD: usize = 3;
+
 pub(super) async fn add(args: &AddArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
     let upload = ExampleUpload { tags: args.tags.clone(), relevance: args.relevance, segments: args.segments.clone() };
     let bar = ui.bar(args.files.len() as u64, "adding");
@@ -81,8 +84,11 @@ fn tell_added(file: &Path, added: &Added, ui: &mut Ui) -> Result<(), ClientError
         several => format!("{} segments", several.len()),
     };
     ui.text(&format!("{}  {how}: {} ({segments}, {} faces)", example.id, file.display(), example.counts.faces))?;
-    for repair in &example.repairs {
+    for repair in example.repairs.iter().take(REPAIRS_TOLD) {
         ui.note(&format!("{}: {repair}", file.display()));
+    }
+    if let more @ 1.. = example.repairs.len().saturating_sub(REPAIRS_TOLD) {
+        ui.note(&format!("{}: … and {more} more, see `quadmuse show {}`", file.display(), example.id));
     }
     Ok(())
 }

@@ -29,16 +29,32 @@ pub(super) async fn finished(id: QueryId, api: &Api, ui: &mut Ui) -> Result<Quer
     Ok(end.summary)
 }
 
+/// What to lay on a segment.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Choice {
+    /// As it goes over the wire.
+    pub(super) new: NewMap,
+    /// The example's name, or its id where it has none.
+    pub(super) name: String,
+}
+
+impl Choice {
+    fn new(new: NewMap, name: &str) -> Self {
+        let name = if name.is_empty() { new.example.to_string() } else { name.to_owned() };
+        Self { new, name }
+    }
+}
+
 /// What to lay on a segment: the example that is told, or else the best entry of the ranking.
 pub(super) async fn choose(
     query: &Query,
     segment: &QuerySegment,
     told: Option<ExampleRef>,
     api: &Api,
-) -> Result<NewMap, ClientError> {
+) -> Result<Choice, ClientError> {
     let number = segment.segment;
     if let Some(ExampleRef { example, segment: Some(example_segment) }) = told {
-        return Ok(NewMap { segment: number, example, example_segment });
+        return Ok(Choice::new(NewMap { segment: number, example, example_segment }, ""));
     }
     let ranking = api.ranking(query.id, RankingView { segment: number, after: None, wait_ms: 0 }).await?;
     if let Some(new) = best(&ranking, number, told) {
@@ -52,20 +68,21 @@ pub(super) async fn choose(
 }
 
 /// The best entry of the ranking, or the best of the example that is told.
-fn best(ranking: &Ranking, segment: u32, told: Option<ExampleRef>) -> Option<NewMap> {
+fn best(ranking: &Ranking, segment: u32, told: Option<ExampleRef>) -> Option<Choice> {
     let entry = ranking.entries.iter().find(|entry| told.is_none_or(|told| told.example == entry.example))?;
-    Some(NewMap { segment, example: entry.example, example_segment: entry.example_segment })
+    let new = NewMap { segment, example: entry.example, example_segment: entry.example_segment };
+    Some(Choice::new(new, &entry.name))
 }
 
 /// The first segment of the example that has the topology.
-fn fitting(example: &Example, segment: u32, topology: Topology) -> Result<NewMap, ClientError> {
+fn fitting(example: &Example, segment: u32, topology: Topology) -> Result<Choice, ClientError> {
     let found = example.segments.iter().find(|candidate| candidate.topology == topology);
     let Some(found) = found else {
         let article = if topology == Topology::Annulus { "an" } else { "a" };
         let (example, topology) = (example.id.to_string(), topology.to_string());
         return Err(ClientError::TopologyDiffers { example, topology, article });
     };
-    Ok(NewMap { segment, example: example.id, example_segment: found.segment })
+    Ok(Choice::new(NewMap { segment, example: example.id, example_segment: found.segment }, &example.name))
 }
 
 #[cfg(test)]
@@ -77,17 +94,17 @@ mod tests {
     fn the_best_entry_is_taken_unless_an_example_is_told() {
         let ranking = with_entries(3);
         let first = best(&ranking, 0, None).expect("an entry");
-        assert_eq!((first.example, first.example_segment), (ranking.entries[0].example, 0));
+        assert_eq!((first.new.example, first.new.example_segment), (ranking.entries[0].example, 0));
         let told = ExampleRef { example: ranking.entries[2].example, segment: None };
         let third = best(&ranking, 0, Some(told)).expect("an entry");
-        assert_eq!((third.example, third.example_segment), (told.example, 2));
+        assert_eq!((third.new.example, third.new.example_segment), (told.example, 2));
         assert_eq!(best(&with_entries(0), 0, None), None);
     }
 
     #[test]
     fn an_example_below_the_ranking_is_taken_by_its_topology() {
         let annulus = fitting(&head(), 4, Topology::Annulus).expect("it has one");
-        assert_eq!((annulus.segment, annulus.example_segment), (4, 1));
+        assert_eq!((annulus.new.segment, annulus.new.example_segment), (4, 1));
         let error = fitting(&head(), 4, Topology::Sphere).expect_err("it has none");
         assert!(error.to_string().contains("a sphere"), "{error}");
     }

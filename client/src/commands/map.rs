@@ -27,18 +27,18 @@ pub(super) struct Written<'a, T> {
 pub(super) async fn map(args: &MapArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
     args.out.check()?;
     let query = finished(args.query, api, ui).await?;
-    let map = lay(&query, args.segment, args.example, api, ui).await?;
+    let (map, _) = lay(&query, args.segment, args.example, api, ui).await?;
     write_map(&map, &args.out, api, ui).await
 }
 
-/// Lays an example (the best, unless one is told) on a segment.
+/// Lays an example (the best, unless one is told) on a segment; the map, and the example's name.
 pub(super) async fn lay(
     query: &Query,
     segment: u32,
     told: Option<ExampleRef>,
     api: &Api,
     ui: &mut Ui,
-) -> Result<Map, ClientError> {
+) -> Result<(Map, String), ClientError> {
     check_segment(query, Some(segment))?;
     let Some(found) = query.segments.iter().find(|candidate| candidate.segment == segment) else {
         return Err(ClientError::NoSuchSegment {
@@ -47,11 +47,11 @@ pub(super) async fn lay(
             segments: query.segments.len(),
         });
     };
-    let new = choose(query, found, told, api).await?;
+    let choice = choose(query, found, told, api).await?;
     let spinner = ui.spinner("mapping");
-    let map = api.start_map(query.id, &new).await;
+    let map = api.start_map(query.id, &choice.new).await;
     spinner.finish_and_clear();
-    map
+    Ok((map?, choice.name))
 }
 
 /// Downloads the mesh of a map, writes it, and tells how good it is.
@@ -59,7 +59,7 @@ pub(super) async fn write_map(map: &Map, out: &OutFile, api: &Api, ui: &mut Ui) 
     let mesh = api.mesh(map.query, MeshSource::Map(map.id), out.format).await?;
     out.write(&mesh)?;
     let file = out.path.display().to_string();
-    ui.text(&format!("{}\nwritten    {file}", table::map(map)))?;
+    ui.text(&format!("{}\nwritten    {file}: {}, {} faces", table::map(map), map.verdict.as_str(), map.faces))?;
     ui.value(&Written { file, message: map })
 }
 

@@ -50,6 +50,38 @@ pub fn composition(composition: &Composition) -> String {
     lines.join("\n")
 }
 
+/// The quads that a density will give, told before the work. Regular layouts, which the service makes, come on top.
+pub fn expected_quads(maps: &[Map], segments: usize, density: i32) -> String {
+    let now: u64 = maps.iter().map(|map| map.faces).sum();
+    let steps = density.unsigned_abs();
+    let factor = 4u64.saturating_pow(steps);
+    let (then, how) = match density {
+        0 => (now, "as the examples have".to_owned()),
+        1.. => (now.saturating_mul(factor), format!("{factor} for each of the examples' {now}")),
+        _ => (now / factor, format!("one for {factor} of the examples' {now}, where their layouts allow")),
+    };
+    let regular = segments.saturating_sub(maps.len());
+    let more = match regular {
+        0 => String::new(),
+        1 => ", and those of a regular layout".to_owned(),
+        n => format!(", and those of {n} regular layouts"),
+    };
+    format!("density {density}: about {then} quads ({how}){more}")
+}
+
+/// How good the parts of a composition are: `2 good, 1 poor, 3 regular`.
+pub fn verdicts(maps: &[Map], regular: usize) -> String {
+    let of = |verdict: Verdict| maps.iter().filter(|map| map.verdict == verdict).count();
+    let counted = [
+        (of(Verdict::Good), Verdict::Good.as_str()),
+        (of(Verdict::Fair), Verdict::Fair.as_str()),
+        (of(Verdict::Poor), Verdict::Poor.as_str()),
+        (regular, "regular"),
+    ];
+    let said: Vec<String> = counted.iter().filter(|(n, _)| *n > 0).map(|(n, word)| format!("{n} {word}")).collect();
+    format!("parts: {}", said.join(", "))
+}
+
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
@@ -89,5 +121,21 @@ pub(crate) mod tests {
         assert!(text.contains("u (mirror), shifted by 0.250"), "{text}");
         assert!(text.contains("95 % 7.00°"), "{text}");
         assert!(text.contains("1.23 s"), "{text}");
+    }
+
+    #[test]
+    fn the_quads_of_a_density_are_told_before_the_work() {
+        let maps = [a_map(), a_map()];
+        assert_eq!(expected_quads(&maps, 2, 1), "density 1: about 3200 quads (4 for each of the examples' 800)");
+        let coarser = "density -2: about 50 quads (one for 16 of the examples' 800, where their layouts allow), and those of 2 regular layouts";
+        assert_eq!(expected_quads(&maps, 4, -2), coarser);
+        assert!(expected_quads(&[], 1, 1).ends_with("and those of a regular layout"));
+    }
+
+    #[test]
+    fn the_verdicts_of_parts_are_counted() {
+        let good = Map { verdict: Verdict::Good, ..a_map() };
+        assert_eq!(verdicts(&[good.clone(), a_map(), good], 2), "parts: 2 good, 1 fair, 2 regular");
+        assert_eq!(verdicts(&[], 3), "parts: 3 regular");
     }
 }

@@ -247,9 +247,31 @@ async fn retopo_maps_one_segment_and_stitches_several() {
         let line = format!("retopo {} -o {} --use 0={}", mesh.path().display(), out.display(), example_id(3));
         let ran = run(&server.url, &line).await;
         assert_eq!(ran.code(), 0, "{}", ran.notes);
-        assert!(ran.out.contains("written"), "{}", ran.out);
+        let last = ran.out.lines().last().expect("a line");
+        assert!(last.starts_with("written") && last.contains(&out.display().to_string()), "{last}");
+        assert!(last.ends_with(if segments == 1 { "good, 4 faces" } else { "4 quads, parts: 3 good" }), "{last}");
+        let told = (1..=3).filter(|k| ran.notes.contains(&format!("({k} of 3, "))).count();
+        assert_eq!(told, if segments == 1 { 0 } else { 3 }, "{}", ran.notes);
         let lines = server.lines();
         let count = |end: &str| lines.iter().filter(|line| line.starts_with("POST") && line.ends_with(end)).count();
         assert_eq!((count("/maps"), count("/compositions")), (maps, compositions));
     }
+}
+
+#[tokio::test]
+async fn retopo_like_an_example_lays_it_on_every_segment_and_tells_the_quads_before() {
+    let mesh = mesh_file();
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.obj");
+    let server = Fake::start(|asked| service(asked, 3));
+    let flags = format!("--like {} --use 1={}:7 --density 1", example_id(3), example_id(2));
+    let ran = run(&server.url, &format!("retopo {} -o {} {flags}", mesh.path().display(), out.display())).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    assert!(ran.notes.contains("density 1: about"), "{}", ran.notes);
+    let posted: Vec<Asked> = server.asked().into_iter().filter(|asked| asked.line.starts_with("POST")).collect();
+    assert_eq!(posted[0].line, format!("POST /v1/queries?like={}", example_id(3)));
+    let wanted = |k: usize| serde_json::from_slice::<serde_json::Value>(&posted[k].body).expect("JSON");
+    let map = |segment: u32, example: u8, of: u32| serde_json::json!({"segment": segment, "example": example_id(example).to_string(), "example_segment": of});
+    assert_eq!([wanted(1), wanted(2), wanted(3)], [map(0, 3, 0), map(1, 2, 7), map(2, 3, 2)]);
+    assert_eq!(wanted(4)["density"], 1);
 }

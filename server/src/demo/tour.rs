@@ -103,7 +103,8 @@ async fn quadrangulate(
 ) -> Result<Vec<PathBuf>, TourError> {
     let triangles = input.mesh.faces.len();
     say(&format!("── {}: {triangles} triangles, in a pose and size of its own", input.name));
-    let options = QueryOptions { top: 4, resolution: 128, deadline: Some(QUERY_TIME_MAX), tags: Vec::new() };
+    let options =
+        QueryOptions { top: 4, resolution: 128, deadline: Some(QUERY_TIME_MAX), tags: Vec::new(), like: None };
     let live = search::start(work, Caller::default(), upload(&input.mesh)?, options).await?;
     follow(&live).await;
     let board = live.board();

@@ -39,7 +39,11 @@ pub async fn docs(headers: HeaderMap) -> Response {
 pub async fn asset(Path(name): Path<String>, headers: HeaderMap) -> Result<Response, HttpError> {
     let (text, media_type) = match name.as_str() {
         "style.css" => (include_str!("../../web/style.css"), STYLE),
+        "call.js" => (include_str!("../../web/call.js"), SCRIPT),
         "index.js" => (include_str!("../../web/index.js"), SCRIPT),
+        "mesh.js" => (include_str!("../../web/mesh.js"), SCRIPT),
+        "stage.js" => (include_str!("../../web/stage.js"), SCRIPT),
+        "viewer.js" => (include_str!("../../web/viewer.js"), SCRIPT),
         "docs.js" => (include_str!("../../web/docs.js"), SCRIPT),
         "icon.svg" => (include_str!("../../web/icon.svg"), PICTURE),
         _ => return Err(HttpError::NoRoute { path: format!("/web/{name}") }),

@@ -176,7 +176,7 @@ fn judge_refusal(refusal: Refusal) -> (StatusCode, Code) {
         Refusal::Unreadable => (StatusCode::UNPROCESSABLE_ENTITY, Code::MeshUnreadable),
         Refusal::Empty => (StatusCode::UNPROCESSABLE_ENTITY, Code::MeshEmpty),
         Refusal::NotManifold => (StatusCode::UNPROCESSABLE_ENTITY, Code::MeshNotManifold),
-        Refusal::TopologyUnsupported => (StatusCode::UNPROCESSABLE_ENTITY, Code::TopologyUnsupported),
+        Refusal::TopologyUnsupported | Refusal::Unlike => (StatusCode::UNPROCESSABLE_ENTITY, Code::TopologyUnsupported),
         Refusal::NotEncodable => (StatusCode::UNPROCESSABLE_ENTITY, Code::MeshNotEncodable),
         Refusal::TooLarge => (StatusCode::PAYLOAD_TOO_LARGE, Code::MeshTooLarge),
         Refusal::FormatUnknown => (StatusCode::UNSUPPORTED_MEDIA_TYPE, Code::FormatUnknown),
@@ -297,6 +297,7 @@ mod tests {
             Refusal::FormatUnknown,
             Refusal::NotEncodable,
             Refusal::LabelsInvalid,
+            Refusal::Unlike,
         ] {
             assert!(judge_refusal(refusal).0.is_client_error());
         }

@@ -160,7 +160,7 @@ pub async fn mesh(
 /// A shaded picture with the example's quads.
 #[utoipa::path(
     get, path = "/v1/examples/{id}/thumbnail.png", tag = "examples",
-    params(("id" = ExampleId, Path), ("size" = Option<u32>, Query, minimum = 16, maximum = 2048, description = "Side in pixels; default 256")),
+    params(("id" = ExampleId, Path), ("size" = Option<u32>, Query, minimum = 16, maximum = 1024, description = "Side in pixels; default 256")),
     responses((status = 200, description = "A picture", content_type = "image/png", body = Vec<u8>))
 )]
 pub async fn thumbnail(

@@ -102,7 +102,7 @@ pub async fn mesh(
 /// A shaded picture of the mapped mesh.
 #[utoipa::path(
     get, path = "/v1/queries/{id}/maps/{map}/preview.png", tag = "maps",
-    params(("id" = QueryId, Path), ("map" = MapId, Path), ("size" = Option<u32>, Query, minimum = 16, maximum = 2048, description = "Side in pixels; default 256")),
+    params(("id" = QueryId, Path), ("map" = MapId, Path), ("size" = Option<u32>, Query, minimum = 16, maximum = 1024, description = "Side in pixels; default 256")),
     responses((status = 200, description = "A picture", content_type = "image/png", body = Vec<u8>))
 )]
 pub async fn preview(

@@ -14,7 +14,7 @@ use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use quadmuse_proto::query::{RESOLUTION_DEFAULT, TOP_DEFAULT};
-use quadmuse_proto::{Page, Query, QueryId};
+use quadmuse_proto::{ExampleId, Page, Query, QueryId};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -29,6 +29,7 @@ use std::time::Duration;
         ("segments" = Option<quadmuse_proto::Segmentation>, Query, description = "How to cut the mesh"),
         ("components" = Option<quadmuse_proto::Components>, Query, description = "What becomes of small components beside the largest"),
         ("parts" = Option<String>, Query, description = "Segments that automatic segmentation aims at: a number from 1 to 64, or `auto`, one a protrusion; without it a primitive stays whole"),
+        ("like" = Option<ExampleId>, Query, description = "Cut the mesh as this example is cut: segment k where segment k of the example would lie. In place of `segments` and `parts`"),
         ("format" = Option<quadmuse_proto::MeshFormat>, Query, description = "The body's format; else by Content-Type, else recognised"),
         ("Idempotency-Key" = Option<String>, Header, description = "Sent again with the same key, nothing new is made"),
     ),
@@ -55,6 +56,7 @@ pub async fn start(
         resolution: params.get("resolution", "one of 32, 64, 128, 256, 512")?.unwrap_or(RESOLUTION_DEFAULT),
         deadline: params.get("deadline_ms", "from 1 to 3600000")?.map(Duration::from_millis),
         tags: params.all("tag"),
+        like: params.get("like", "the id of an example")?,
     };
     let live = search::start(&app.work, caller, mesh.upload, options).await?;
     claim.made(&live.id);

@@ -146,7 +146,7 @@ impl Bench {
     fn idle_query(&self) -> Arc<LiveQuery> {
         let job = self.work.pool.admit(User(0), 0, None).expect("room");
         let model = self.work.engine.read(b"segment disc 1", None, &Cut::default(), job.stop()).expect("a model");
-        let options = QueryOptions { top: 1, resolution: 32, deadline: None, tags: Vec::new() };
+        let options = QueryOptions { top: 1, resolution: 32, deadline: None, tags: Vec::new(), like: None };
         let live = Arc::new(LiveQuery::new(Caller::default(), options, Arc::new(model), job, Instant::now()));
         self.work.queries.insert(Arc::clone(&live)).expect("room");
         live

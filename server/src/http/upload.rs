@@ -4,7 +4,7 @@ use super::body::{ARRIVAL_TIME_MAX, body_error, limited, whole};
 use super::error::HttpError;
 use super::params::Params;
 use crate::app::App;
-use crate::work::engine::Cut;
+use crate::work::engine::{Cut, EngineError, Refusal};
 use crate::work::ingest::Upload;
 use axum::body::Body;
 use axum::extract::{FromRequest, FromRequestParts, Multipart, Request};
@@ -63,6 +63,10 @@ impl FromRequest<App> for MeshUpload {
         };
         let none = || HttpError::BodyInvalid("expected a part `mesh`, found none".into());
         let bytes = parts.mesh.ok_or_else(none)?;
+        if bytes.is_empty() {
+            let detail = "expected a mesh in the body, found no bytes; send the file's bytes as they are";
+            return Err(HttpError::Work(EngineError::refused(Refusal::Empty, detail).into()));
+        }
         let mut hasher = blake3::Hasher::new();
         hasher.update(query.as_bytes()).update(&[0]).update(&bytes);
         for label in parts.labels.iter().flatten() {

@@ -4,7 +4,7 @@ use super::engine::{Model, Part, Stitching};
 use super::mapping::{self, LiveMap, get};
 use super::query::{LiveQuery, ms_since};
 use super::{REQUEST_TIME_MAX, Work, WorkError};
-use crate::pool::Lane;
+use crate::pool::{Job, Lane};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
 use quadmuse_proto::{Composition, CompositionId, CompositionPart, NewComposition, NewMap, Verdict};
@@ -14,8 +14,19 @@ use std::time::Instant;
 /// Most compositions a query.
 pub const COMPOSITIONS_MAX: usize = 64;
 
+/// Most faces of a composition.
+const FACES_MAX: u64 = 4_000_000;
+
+/// Memory that stitching takes for each face, at most.
+const MEMORY_PER_FACE: u64 = 1500;
+
+/// Memory that the stitched mesh takes for each face, as long as it is held.
+const MEMORY_PER_FACE_HELD: u64 = 200;
+
 /// A composition and its mesh.
 pub struct LiveComposition {
+    /// Its share of the memory.
+    _held: Job,
     /// The composition as it goes over the wire.
     pub summary: Composition,
     /// The mesh.
@@ -55,7 +66,8 @@ pub async fn create(
             }
         }
     }
-    let job = work.pool.admit(live.caller.user, 0, Some(REQUEST_TIME_MAX))?;
+    let faces = faces_at(&parts, wanted.density)?;
+    let job = work.pool.admit(live.caller.user, faces * MEMORY_PER_FACE, Some(REQUEST_TIME_MAX))?;
     let (engine, model) = (Arc::clone(&work.engine), Arc::clone(&live.model));
     let how = Stitching { smoothing: wanted.smoothing, density: wanted.density };
     let one = one_example(&maps).filter(|_| wanted.density == 0);
@@ -70,6 +82,9 @@ pub async fn create(
     };
     let stitched = work.pool.run(&job, Lane::Edit, stitch).await??;
     let counts = super::ingest::counts_of(&stitched.mesh);
+    drop(job);
+    let held = work.pool.admit(live.caller.user, counts.faces * MEMORY_PER_FACE_HELD, None)?;
+    held.rest();
     let summary = Composition {
         id: CompositionId::generate(),
         query: live.id,
@@ -85,9 +100,24 @@ pub async fn create(
         notes: stitched.notes,
         total_ms: ms_since(start),
     };
-    let composition = Arc::new(LiveComposition { summary, mesh: stitched.mesh });
+    let composition = Arc::new(LiveComposition { _held: held, summary, mesh: stitched.mesh });
     live.compositions().insert(composition.summary.id, Arc::clone(&composition));
     Ok(composition)
+}
+
+/// The faces that the mapped parts will have together, about; known before the work.
+fn faces_at(parts: &[Part], density: i32) -> Result<u64, WorkError> {
+    let faces_of = |part: &Part| match part {
+        Part::Mapped(mesh) => mesh.faces.len() as u64,
+        Part::Template(_) => 0,
+    };
+    let faces =
+        parts.iter().map(faces_of).sum::<u64>().saturating_mul(4u64.saturating_pow(density.max(0).unsigned_abs()));
+    if faces > FACES_MAX {
+        let expected = format!("at which all parts together have at most {FACES_MAX} faces");
+        return Err(WorkError::parameter("density", expected, format!("{density}, at which they have {faces}")));
+    }
+    Ok(faces)
 }
 
 /// The map of the best entry of a segment's ranking, made if it is not there yet; `None` where there is no entry or the

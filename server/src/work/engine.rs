@@ -57,6 +57,8 @@ pub enum Refusal {
     NotEncodable,
     /// The labels given with the mesh don't fit it.
     LabelsInvalid,
+    /// The mesh can't be cut as the example named is.
+    Unlike,
     /// A constraint names no point of its surface, or there are too many.
     ConstraintInvalid,
     /// No constraint has this id.
@@ -116,6 +118,13 @@ pub struct Cut {
     pub grain: Grain,
 }
 
+impl Cut {
+    /// Whether the caller said anything of the segments.
+    pub fn is_asked_for(&self) -> bool {
+        self.way != Segmentation::default() || self.labels.is_some() || self.parts.is_some()
+    }
+}
+
 /// Where automatic cuts may run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Grain {
@@ -137,7 +146,8 @@ pub struct Model {
     pub repairs: Vec<String>,
     /// Its segments, numbered from 0.
     pub segments: Vec<ModelSegment>,
-    /// The segment of each face, where [`Cut::parts`] and [`Grain::Faces`] asked for an automatic cut.
+    /// The segment of each face, where [`Cut::parts`] and [`Grain::Faces`] asked for an automatic cut, or it was cut as an
+    /// example is.
     pub labels: Option<Vec<i64>>,
     /// What the engine needs to go on.
     pub inner: Opaque,
@@ -305,11 +315,29 @@ pub trait Engine: Send + Sync + 'static {
     /// An upper estimate of the memory that reading and encoding an upload of `bytes` bytes takes, in bytes.
     fn memory_estimate(&self, bytes: u64) -> u64;
 
+    /// An upper estimate of the memory that `count` segments take beside what their bytes do, in bytes.
+    fn memory_of_segments(&self, count: usize) -> u64 {
+        let _ = count;
+        0
+    }
+
     /// Reads, checks, repairs and cuts a mesh.
     ///
     /// # Errors
     /// [`EngineError::Refused`], [`EngineError::Stopped`].
     fn read(&self, bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, stop: &Stop) -> Result<Model, EngineError>;
+
+    /// A query's model cut as an example is: segment k lies where segment k of the example does. `labels` tell the
+    /// segment of each face.
+    ///
+    /// # Errors
+    /// [`EngineError::Refused`] where either is no primitive when whole, or the parts would not be alike;
+    /// [`EngineError::Stopped`].
+    fn alike(&self, query: &Model, example: &Model, stop: &Stop) -> Result<Model, EngineError> {
+        let _ = (query, example);
+        let refused = EngineError::refused(Refusal::Unlike, "this engine does not cut inputs as examples are");
+        stop.reason().map_or(Err(refused), |reason| Err(reason.into()))
+    }
 
     /// Unfolds and encodes a segment.
     ///

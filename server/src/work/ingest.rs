@@ -13,8 +13,13 @@ use std::sync::Arc;
 /// The relevance of an example added without one.
 pub const RELEVANCE_DEFAULT: f64 = 3.0;
 
-/// Most segments a mesh may be cut into.
-pub const SEGMENTS_MAX: usize = 1024;
+/// Most segments a mesh may be cut into. Each is unfolded, drawn at 512² and ranked, however few its faces are.
+pub const SEGMENTS_MAX: usize = 128;
+
+/// An upper estimate of the memory that an upload takes once it is cut, in bytes.
+pub fn memory_of(work: &Work, bytes: u64, model: &Model) -> u64 {
+    work.engine.memory_estimate(bytes) + work.engine.memory_of_segments(model.segments.len())
+}
 
 /// A mesh as it came in.
 #[derive(Clone, Debug)]
@@ -63,6 +68,9 @@ pub async fn add(
     // A bad mesh is refused soon, however busy the encoders are.
     let upload = Upload { cut: Cut { grain: Grain::Faces, ..upload.cut }, ..upload };
     let model = read(work, &job, Lane::Coarse, &upload).await?;
+    drop(job);
+    let job =
+        work.pool.admit(caller.user, memory_of(work, upload.bytes.len() as u64, &model), Some(REQUEST_TIME_MAX))?;
     let cut = match &model.labels {
         Some(labels) if upload.cut.parts.is_some() => Cut { labels: Some(labels.clone()), ..Cut::default() },
         _ => Cut { parts: None, grain: Grain::Free, ..upload.cut.clone() },

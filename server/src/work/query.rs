@@ -12,7 +12,11 @@ use super::{Caller, WorkError};
 use crate::pool::{Job, Stop};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::{
+<<<<<<< HEAD
     Begin, CompositionId, End, EndState, Entry, EntryState, LevelTiming, MapId, MeshCounts, Progress, Query, QueryId,
+=======
+    Begin, CompositionId, End, EndState, Entry, EntryState, ExampleId, LevelTiming, MapId, Progress, Query, QueryId,
+>>>>>>> face
     QuerySegment, QueryState, QueryTimings, Ranking,
 };
 use std::collections::{BTreeMap, BTreeSet};
@@ -34,6 +38,8 @@ pub struct QueryOptions {
     pub deadline: Option<Duration>,
     /// Only examples with all these tags are ranked.
     pub tags: Vec<String>,
+    /// The input is cut as this example is.
+    pub like: Option<ExampleId>,
 }
 
 /// A query.

@@ -11,7 +11,7 @@
 mod coarse;
 
 use super::catalogue::{LEVEL_COARSEST, Resident};
-use super::engine::{Encoding, Engine, Registration};
+use super::engine::{Cut, Encoding, Engine, Model, Registration};
 use super::ingest::{self, Upload, encode, normal_tags};
 use super::query::{LiveQuery, QueryOptions, ms_since};
 use super::ranking::{Candidate, Depth, levels_up_to, mark, order, registered_at};
@@ -20,7 +20,7 @@ use crate::pool::{Job, Lane, PoolError, Stop, StopReason};
 use coarse::Selection;
 use futures_util::{StreamExt, stream};
 use quadmuse_proto::query::{DEADLINE_MS_MAX, LEVELS, TOP_MAX};
-use quadmuse_proto::{EntryState, LevelTiming, QueryId, QueryState, Topology};
+use quadmuse_proto::{EntryState, ExampleId, LevelTiming, QueryId, QueryState, Segmentation, Topology};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -49,15 +49,16 @@ pub async fn start(
     let started = Instant::now();
     let options = checked(options)?;
     let estimate = work.engine.memory_estimate(upload.bytes.len() as u64);
-    let reading = loop {
-        match work.pool.admit(caller.user, estimate, Some(REQUEST_TIME_MAX)) {
-            Err(PoolError::Overloaded { .. }) if work.queries.make_room() => {}
-            admitted => break admitted?,
-        }
-    };
-    let model = ingest::read(work, &reading, Lane::Coarse, &upload).await?;
+    let reading = admitted(work, caller, estimate, REQUEST_TIME_MAX)?;
+    let model = read(work, &reading, &upload, options.like).await?;
     let time = options.deadline.unwrap_or(QUERY_TIME_MAX).saturating_sub(started.elapsed());
-    let job = reading.renew(Some(time));
+    let job = match ingest::memory_of(work, upload.bytes.len() as u64, &model) {
+        more if more > estimate => {
+            drop(reading);
+            admitted(work, caller, more, time)?
+        }
+        _ => reading.renew(Some(time)),
+    };
     let snapshot = work.catalogue.snapshot();
     let select = |topology| Selection::new(snapshot.shelf(topology), &options.tags);
     let corpus: Vec<Selection> = model.segments.iter().map(|s| select(s.topology)).collect();
@@ -74,6 +75,33 @@ pub async fn start(
     work.queries.insert(Arc::clone(&live))?;
     work.background.spawn(run(Arc::clone(work), Arc::clone(&live), corpus));
     Ok(live)
+}
+
+/// Reads an upload and cuts it: as `like` is, if an example is named.
+async fn read(work: &Arc<Work>, job: &Job, upload: &Upload, like: Option<ExampleId>) -> Result<Arc<Model>, WorkError> {
+    let Some(id) = like else { return ingest::read(work, job, Lane::Coarse, upload).await };
+    if upload.cut.is_asked_for() {
+        let expected = "only without `segments`, `parts` and labels: the example tells how to cut";
+        return Err(WorkError::parameter("like", expected, id));
+    }
+    let example = work.catalogue.example(id)?;
+    let like = ingest::model(work, job, Lane::Coarse, &example).await?;
+    let upload = Upload { cut: Cut { way: Segmentation::Whole, ..upload.cut.clone() }, ..upload.clone() };
+    let whole = ingest::read(work, job, Lane::Coarse, &upload).await?;
+    let engine = Arc::clone(&work.engine);
+    let mut cut = work.pool.run(job, Lane::Coarse, move |stop| engine.alike(&whole, &like, stop)).await??;
+    cut.repairs.push(format!("cut into {} segments as the example {} is", cut.segments.len(), example.name));
+    Ok(Arc::new(cut))
+}
+
+/// A job with so much memory; queries that have ended make room for it.
+fn admitted(work: &Work, caller: Caller, bytes: u64, time: Duration) -> Result<Job, WorkError> {
+    loop {
+        match work.pool.admit(caller.user, bytes, Some(time)) {
+            Err(PoolError::Overloaded { .. }) if work.queries.make_room() => {}
+            admitted => return Ok(admitted?),
+        }
+    }
 }
 
 /// Cancels a query and frees it.

@@ -119,3 +119,29 @@ async fn the_format_is_named_or_recognised() {
     let headers = [("content-type", "image/png")];
     bench.request(Method::POST, "/v1/examples", &headers, MESH).await.problem(415, "format_unknown");
 }
+
+#[tokio::test]
+async fn an_empty_body_is_told_so_whatever_it_is_said_to_be() {
+    let bench = Bench::stocked().await;
+    for path in ["/v1/examples", "/v1/queries", "/v1/examples?format=obj"] {
+        for kind in ["application/octet-stream", "model/ply"] {
+            let answer = bench.request(Method::POST, path, &[("content-type", kind)], Body::empty()).await;
+            let detail = answer.problem(422, "mesh_empty");
+            assert!(detail.contains("no bytes"), "{detail}");
+        }
+    }
+    let empty = post_form(&bench, &[("mesh", "a.obj", "")]).await;
+    empty.problem(422, "mesh_empty");
+}
+
+#[tokio::test]
+async fn a_small_file_of_many_segments_is_refused() {
+    let bench = Bench::stocked().await;
+    let most = crate::work::ingest::SEGMENTS_MAX;
+    let mesh = |count: usize| (0..count).map(|n| format!("segment disc {n}")).collect::<Vec<_>>().join("\n");
+    for path in ["/v1/examples", "/v1/queries"] {
+        let detail = bench.post(path, &mesh(most + 1)).await.problem(400, "parameter_invalid");
+        assert!(detail.contains(&most.to_string()), "{detail}");
+        assert!(bench.post(path, &mesh(most)).await.status.is_success());
+    }
+}

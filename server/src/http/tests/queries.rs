@@ -167,3 +167,26 @@ async fn an_idempotency_key_starts_one_query() {
         .await
         .problem(400, "parameter_invalid");
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_is_removed_by_many_at_once_is_removed_by_one_and_nothing_fails() {
+    let bench = Bench::stocked().await;
+    let path = bench.query("", "segment disc 1\nslow 300").await;
+    let example = bench.add("gone", "segment disc 9").await;
+    let of = format!("/v1/examples/{example}");
+    let there = &bench;
+    let remove = |path: &str| {
+        let path = path.to_owned();
+        async move { there.request(Method::DELETE, &path, &[], Body::empty()).await.status.as_u16() }
+    };
+    let maps = format!("{path}/maps");
+    let work = futures_util::future::join_all((0..4).map(|_| bench.post_json(&maps, json!({"example": example}))));
+    let removals = futures_util::future::join_all((0..8).map(|k| remove(if k % 2 == 0 { &path } else { &of })));
+    let (made, mut removed) = futures_util::future::join(work, removals).await;
+    removed.sort_unstable();
+    assert_eq!(removed, [204, 204, 404, 404, 404, 404, 404, 404]);
+    for answer in made {
+        let status = answer.status.as_u16();
+        assert!([201, 404, 409].contains(&status), "{status}: {}", answer.text());
+    }
+}

@@ -95,3 +95,36 @@ async fn a_head_that_does_not_come_is_not_waited_for() {
     let next = say(address, "GET /healthz HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n").await;
     assert!(all(next).await.starts_with("HTTP/1.1 200 "));
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn broken_requests_are_answered_or_dropped_and_the_next_one_is_served() {
+    let bench = Bench::stocked().await;
+    let (address, _serving) = listening(&bench, 10).await;
+    let post = "POST /v1/examples HTTP/1.1\r\nhost: x\r\nconnection: close\r\n";
+    let many: String = (0..500).map(|n| format!("x-{n}: a\r\n")).collect();
+    let cases = [
+        // A body that ends before its length, or whose chunks are none.
+        (format!("{post}content-length: 1000\r\n\r\nabc"), "400", "body_invalid"),
+        (format!("{post}transfer-encoding: chunked\r\n\r\nZZ\r\nabc\r\n0\r\n\r\n"), "400", "body_invalid"),
+        (format!("{post}content-length: 99999999999\r\n\r\nabc"), "413", "body_too_large"),
+        (format!("{post}content-length: 0\r\n\r\n"), "422", "mesh_empty"),
+        (format!("{post}content-length: abc\r\n\r\n"), "400", ""),
+        (format!("{post}{many}content-length: 0\r\n\r\n"), "431", ""),
+        (format!("GET /{} HTTP/1.1\r\nhost: x\r\n\r\n", "a".repeat(100_000)), "414", ""),
+        ("GET /v1/examples/%ff%fe HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n".into(), "404", "not_found"),
+        ("BREW /v1/examples HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n".into(), "405", "method_not_allowed"),
+        ("\u{16}\u{3}\u{1}\u{2} no http at all\r\n\r\n".into(), "400", ""),
+    ];
+    for (request, status, code) in cases {
+        let mut stream = say(address, &request).await;
+        if request.ends_with("abc") {
+            // What is still to come doesn't.
+            stream.shutdown().await.expect("half closed");
+        }
+        let answer = all(stream).await;
+        let beginning: String = request.chars().take(60).collect();
+        assert!(answer.starts_with(&format!("HTTP/1.1 {status} ")), "{beginning:?}: {answer}");
+        assert!(answer.contains(code), "{beginning:?}: {answer}");
+        assert_eq!(bench.get("/healthz").await.status, StatusCode::OK);
+    }
+}

@@ -138,6 +138,20 @@ async fn pages_load_nothing_from_elsewhere() {
         assert!(!page.text().contains("http://") && !page.text().contains("https://"), "{path}");
         assert!(!page.text().contains(" style=") && !page.text().contains("<script>"), "{path}");
     }
+    // Every script that a page or another script asks for is there, and asks for nothing else.
+    let mut wanted = vec!["/web/index.js".to_owned(), "/web/docs.js".into()];
+    let mut seen = 0;
+    while let Some(path) = wanted.get(seen).cloned() {
+        seen += 1;
+        let script = bench.get(&path).await;
+        assert_eq!((script.status, script.header("content-type")), (StatusCode::OK, "text/javascript; charset=utf-8"));
+        assert!(!script.text().contains("http://") && !script.text().contains("https://"), "{path}");
+        let text = script.text();
+        let imports = text.lines().filter(|line| line.starts_with("import "));
+        let imports = imports.filter_map(|line| line.split('"').nth(1)).map(str::to_owned);
+        wanted.extend(imports.filter(|import| !wanted.contains(import)).collect::<Vec<_>>());
+    }
+    assert_eq!(seen, 6, "{wanted:?}");
     bench.get("/web/secret").await.problem(404, "not_found");
     bench.get("/web/..%2findex.js").await.problem(404, "not_found");
 }

@@ -6,6 +6,7 @@ mod registered;
 mod rejoined;
 mod settled;
 mod stitch;
+mod transfer;
 
 use super::{
     ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Mapped, Model, Opaque, Packed, PackedFeature, Part,
@@ -30,6 +31,9 @@ use std::sync::Arc;
 const MEMORY_PER_BYTE: u64 = 40;
 /// Memory that it takes at least.
 const MEMORY_BASE: u64 = 48 << 20;
+
+/// Memory that each segment but the first takes, however small it is: its pictures at every level.
+const MEMORY_PER_SEGMENT: u64 = 6 << 20;
 
 /// The kernel.
 #[derive(Debug, Default)]
@@ -78,8 +82,16 @@ impl Engine for KernelEngine {
         MEMORY_BASE + bytes.saturating_mul(MEMORY_PER_BYTE)
     }
 
+    fn memory_of_segments(&self, count: usize) -> u64 {
+        MEMORY_PER_SEGMENT.saturating_mul(count.saturating_sub(1) as u64)
+    }
+
     fn read(&self, bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, _: &Stop) -> Result<Model, EngineError> {
         model::read(bytes, format, cut, &self.limits)
+    }
+
+    fn alike(&self, query: &Model, example: &Model, stop: &Stop) -> Result<Model, EngineError> {
+        transfer::alike(self, query, example, stop)
     }
 
     fn encode(&self, model: &Model, segment: u32, stop: &Stop) -> Result<Encoded, EngineError> {

@@ -142,3 +142,19 @@ fn the_inside_of_a_surface_is_painted_otherwise_than_its_outside() {
     let [r, _, b] = middle(&opened);
     assert!(b > r, "cool inside");
 }
+
+#[test]
+fn rounded_colours_stay_near_and_make_a_smaller_file() {
+    let noise = |x: u32, y: u32| ((37 * x + 11 * y * y) % 7) as u8;
+    let mut picture = Picture::filled(64, 64, [0; 3]);
+    for y in 0..64 {
+        (0..64).for_each(|x| picture.set(x, y, [120 + noise(x, y), 60 + noise(y, x), 200 + noise(x + y, y)]));
+    }
+    let rounded = picture.clone().rounded(5);
+    let apart = |k: usize| {
+        (0..64 * 64).map(|i| picture.pixel(i % 64, i / 64)[k].abs_diff(rounded.pixel(i % 64, i / 64)[k])).max()
+    };
+    assert!((0..3).all(|k| apart(k).is_some_and(|d| (1..=4).contains(&d))), "{:?}", (apart(0), apart(1), apart(2)));
+    assert!(rounded.to_png().len() < picture.to_png().len());
+    assert_eq!(picture.clone().rounded(8).to_png(), picture.to_png());
+}

@@ -4,7 +4,6 @@ use super::loaded::Loaded;
 use super::method::Method;
 use quadmuse_kernel::encode::index::PlanarIndex;
 use quadmuse_kernel::map::atlas::Atlas;
-use quadmuse_kernel::map::parted::{self, Whole};
 use quadmuse_kernel::map::polish::{PolishOptions, polish};
 use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, folded_faces};
@@ -38,8 +37,8 @@ pub struct Outcome {
     pub evidence: Evidence,
     /// The verdict.
     pub verdict: Verdict,
-    /// Distortion as one number, of the whole map and of the one in the end.
-    pub badness: [f64; 2],
+    /// Distortion as one number.
+    pub badness: f64,
     /// Seconds for unfolding both, registration, and mapping.
     pub seconds: [f64; 3],
 }
@@ -86,11 +85,7 @@ pub fn lay(pair: &Pair, method: Method) -> Result<Outcome, String> {
     {
         (laid, atlas) = (other, true);
     }
-    let whole = laid.distortion.badness();
-    if method.goes_by_parts() {
-        laid = by_parts(&example, laid, method).ok_or("expected parts that can be cut alike, found none")?;
-    }
-    let badness = [whole, laid.distortion.badness()];
+    let badness = laid.distortion.badness();
     let seconds = [unfolded - begun, registered - unfolded, registered.elapsed()].map(|d| d.as_secs_f64());
     let folds = laid.in_domain.iter().filter(|f| laid.distortion.inward.binary_search(f).is_ok()).count();
     let evidence = Evidence {
@@ -164,18 +159,6 @@ fn by_atlas(example: &Loaded, one: &Query, two: &Query, method: Method) -> Resul
         distortion,
         laid_angle_deg,
     }))
-}
-
-/// The map made anew part by part.
-fn by_parts(example: &Loaded, laid: Laid, method: Method) -> Option<Laid> {
-    let (mesh, input) = (&example.patch.mesh, &laid.input);
-    let whole = Whole { mesh, cross: &laid.cross, input, mirrored: laid.mirrored };
-    let mut cross = parted::by_parts(&whole, method.solver().as_ref(), &|| false)?;
-    let sign = if laid.mirrored { -1.0 } else { 1.0 };
-    let laid_angle_deg = polish_by(method, example, &mut cross, input, sign);
-    untangle(mesh, &mut cross, input, sign);
-    let distortion = measure::distortion(mesh, &cross, input, sign);
-    Some(Laid { cross, distortion, laid_angle_deg, ..laid })
 }
 
 /// Median and 95th percentile of the distances, in % of √area.

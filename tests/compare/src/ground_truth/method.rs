@@ -8,8 +8,6 @@ use quadmuse_kernel::register::{LevenbergMarquardt, PixelDescent, Solver};
 pub enum Method {
     /// Everything.
     Full,
-    /// Everything, made anew part by part, whether that is better or not.
-    Parts,
     /// All but the surface polish.
     NoPolish,
     /// One chart, even where there are protrusions (polished).
@@ -24,14 +22,13 @@ pub enum Method {
 
 impl Method {
     /// All of them, best first.
-    pub const ALL: [Self; 7] =
-        [Self::Full, Self::Parts, Self::NoPolish, Self::NoAtlas, Self::NoPoles, Self::Paper, Self::Translation];
+    pub const ALL: [Self; 6] =
+        [Self::Full, Self::NoPolish, Self::NoAtlas, Self::NoPoles, Self::Paper, Self::Translation];
 
     /// A name for tables and the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Full => "full",
-            Self::Parts => "parts",
             Self::NoPolish => "no-polish",
             Self::NoAtlas => "no-atlas",
             Self::NoPoles => "no-poles",
@@ -43,9 +40,7 @@ impl Method {
     /// What moves the controls.
     pub fn solver(self) -> Box<dyn Solver> {
         match self {
-            Self::Full | Self::Parts | Self::NoPolish | Self::NoAtlas | Self::NoPoles => {
-                Box::new(LevenbergMarquardt::default())
-            }
+            Self::Full | Self::NoPolish | Self::NoAtlas | Self::NoPoles => Box::new(LevenbergMarquardt::default()),
             Self::Paper => Box::new(PixelDescent),
             Self::Translation => Box::new(Rigid),
         }
@@ -53,21 +48,16 @@ impl Method {
 
     /// Whether the poles are sought again for the example.
     pub fn refines_poles(self) -> bool {
-        matches!(self, Self::Full | Self::Parts | Self::NoPolish | Self::NoAtlas)
+        matches!(self, Self::Full | Self::NoPolish | Self::NoAtlas)
     }
 
     /// Whether surfaces with protrusions get a chart a tip.
     pub fn has_atlas(self) -> bool {
-        matches!(self, Self::Full | Self::Parts | Self::NoPolish)
-    }
-
-    /// Whether parts are mapped each on its own.
-    pub fn goes_by_parts(self) -> bool {
-        self == Self::Parts
+        matches!(self, Self::Full | Self::NoPolish)
     }
 
     /// Whether mapped vertices slide along the surface in the end.
     pub fn polishes(self) -> bool {
-        matches!(self, Self::Full | Self::Parts | Self::NoAtlas | Self::NoPoles)
+        matches!(self, Self::Full | Self::NoAtlas | Self::NoPoles)
     }
 }

@@ -26,7 +26,7 @@ pub fn line(row: &Row) -> String {
         Ok(o) => {
             let e = &o.evidence;
             format!(
-                "{head} {:6.2} {:6.2} {}{} folds {} {:?} | cost {:.3} modulus {:+.3} turned {:.4} angle {:.1} laid {:.1} uncovered {:.4} missing {}/{} | badness {:.2} {:.2} | {:.2} {:.2} {:.2} s",
+                "{head} {:6.2} {:6.2} {}{} folds {} {:?} | cost {:.3} modulus {:+.3} turned {:.4} angle {:.1} laid {:.1} uncovered {:.4} missing {}/{} | badness {:.2} | {:.2} {:.2} {:.2} s",
                 o.median_pct,
                 o.p95_pct,
                 if o.mirrored { "mirrored " } else { "" },
@@ -41,8 +41,7 @@ pub fn line(row: &Row) -> String {
                 e.coverage.uncovered_share,
                 e.coverage.missing,
                 e.coverage.features,
-                o.badness[0],
-                o.badness[1],
+                o.badness,
                 o.seconds[0],
                 o.seconds[1],
                 o.seconds[2],

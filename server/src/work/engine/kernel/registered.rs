@@ -12,7 +12,11 @@ use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, edit, folded_faces, leave_fillings};
 use quadmuse_kernel::measure::coverage::{Coverage, coverage, feature_points};
 use quadmuse_kernel::measure::{self, Distribution, Evidence};
+<<<<<<< HEAD
 use quadmuse_kernel::mesh::TriMesh;
+=======
+use quadmuse_kernel::mesh::Vec3;
+>>>>>>> face
 use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::register::entry::{Hypothesis, PROTRUSIONS_MANY};
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt};
@@ -161,6 +165,26 @@ struct Laid<'a> {
     cost: f64,
     constraints: Vec<Constraint>,
     registered: Registered,
+}
+
+/// Where each vertex of the example's segment goes.
+pub(super) fn positions(
+    from: &Registration,
+    example: &Side,
+    query: &Side,
+    stop: &Stop,
+) -> Result<Vec<Vec3>, EngineError> {
+    let registered: &Registered = from.inner.open()?;
+    let atlas = registered.atlas(example, query, &|| stop.reason().is_some())?;
+    stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
+    let mut laid = match atlas {
+        Some(atlas) => by_atlas(atlas, registered, example)?,
+        None => by_chart(registered, example, query)?,
+    };
+    let model: &ModelInner = example.model.inner.open()?;
+    let (surface, sign) = (&model.patch(example.segment)?.mesh, if laid.mirrored { -1.0 } else { 1.0 });
+    settle(&registered.settled, surface, &mut laid.cross, laid.input, sign, &laid.constraints);
+    Ok(laid.cross.positions)
 }
 
 /// Maps every vertex of the example's segment.
