@@ -18,6 +18,7 @@ pub mod rim;
 pub mod seam;
 pub mod site;
 pub mod smooth;
+pub mod square;
 mod stitching;
 pub mod subdivide;
 pub mod surgery;

@@ -10,6 +10,7 @@ use super::resolve::{self, Resolved, resolve};
 use super::rim::{Rim, Way as Turned, even_out};
 use super::site::{Site, Use, on_surface, way};
 use super::smooth::{OPENING_ROUNDS, Plan, Target};
+use super::square;
 use super::subdivide::subdivide;
 use super::{Closeness, Input, Options, Piece, REGULAR_QUADS, Report, Way};
 use crate::mesh::tri::TriMesh;
@@ -26,6 +27,12 @@ const WHOLE_QUADS_MAX: usize = 48_000;
 const REFINED_MAX: usize = 3;
 /// An example with this many times fewer edges on a seam than the example beside it is subdivided.
 const RATIO_MAX: f64 = 1.7;
+
+/// A face of less than this share of the mean area has none, where a mesh is refused for such.
+const FLAT_SHARE: f64 = 1e-4;
+/// Rounds of making quads squarer, and by what factor the distance from the input may grow for it.
+const SQUARE_ROUNDS: u32 = 40;
+const SQUARE_LOSS: f64 = 1.15;
 
 pub(super) struct Stitching<'a> {
     input: Input<'a>,
@@ -265,6 +272,9 @@ impl<'a> Stitching<'a> {
                 net.positions[v as usize] = self.target.onto_surface(net.positions[v as usize]);
             }
         }
+        if check(&net.clone().into_mesh().0, self.shape).is_err() {
+            self.open_flat_faces(&mut net);
+        }
         for rounds in [OPENING_ROUNDS + self.options.smoothing, OPENING_ROUNDS, 4 * OPENING_ROUNDS] {
             plan.run(&mut net, &self.target, rounds);
             let (mesh, _) = net.clone().into_mesh();
@@ -272,7 +282,46 @@ impl<'a> Stitching<'a> {
                 return Some(mesh);
             }
         }
-        None
+        self.open_flat_faces(&mut net);
+        let (mesh, _) = net.into_mesh();
+        check(&mesh, self.shape).is_ok().then_some(mesh)
+    }
+
+    /// Draws the corners of faces without area to the middle of their neighbours, off the input if need be.
+    fn open_flat_faces(&self, net: &mut Net) {
+        let least = FLAT_SHARE * self.surface().total_area() / net.faces().count().max(1) as f64;
+        for _ in 0..OPENING_ROUNDS {
+            let area = |c: &[u32]| match *c {
+                [a, b, c, d] => check::quad_area([a, b, c, d].map(|v| net.positions[v as usize])),
+                _ => f64::INFINITY,
+            };
+            let mut flat: Vec<u32> =
+                net.faces().filter(|(_, c)| area(c) <= least).flat_map(|(_, c)| c.to_vec()).collect();
+            if flat.is_empty() {
+                return;
+            }
+            flat.sort_unstable();
+            flat.dedup();
+            flat.retain(|&v| !net.on_boundary(v));
+            for v in flat {
+                let around = net.neighbours(v);
+                let mean = around.iter().map(|&w| net.positions[w as usize]).sum::<Vec3>() / around.len().max(1) as f64;
+                net.positions[v as usize] = 0.5 * (net.positions[v as usize] + mean);
+            }
+        }
+    }
+
+    /// With sheared quads squarer, unless that takes the result away from the input.
+    fn squared(&self, mesh: PolyMesh, rounds: u32) -> PolyMesh {
+        let mut net = Net::from_mesh(&mesh);
+        let before = square::mean_deviation_deg(&net);
+        square::square_up(&mut net, &self.target, rounds);
+        let deviation = square::mean_deviation_deg(&net);
+        let (squarer, _) = net.into_mesh();
+        let most = (SQUARE_LOSS * self.measured.fit(&mesh).worst()).max(MISS_MAX * self.diagonal);
+        let holds =
+            deviation < before && check(&squarer, self.shape).is_ok() && self.measured.fit(&squarer).worst() <= most;
+        if holds { squarer } else { mesh }
     }
 
     /// What each segment came to.
@@ -294,6 +343,7 @@ impl<'a> Stitching<'a> {
 
     /// Subdivided until it follows the input, if that is asked for.
     fn followed(&self, mut mesh: PolyMesh, report: &mut Report) -> Option<PolyMesh> {
+        mesh = self.squared(mesh, SQUARE_ROUNDS);
         report.fit = self.measured.fit(&mesh);
         while self.options.closeness == Closeness::Followed
             && report.fit.worst() > MISS_MAX * self.diagonal
@@ -309,6 +359,10 @@ impl<'a> Stitching<'a> {
             }
             (mesh, report.fit) = (finer, fit);
             report.refined += 1;
+        }
+        if report.refined > 0 {
+            mesh = self.squared(mesh, SQUARE_ROUNDS / 4);
+            report.fit = self.measured.fit(&mesh);
         }
         Some(mesh)
     }
