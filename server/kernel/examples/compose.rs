@@ -5,7 +5,7 @@
 
 use std::time::Instant;
 
-use quadmuse_kernel::compose::{self, Segmented, check, part, template};
+use quadmuse_kernel::compose::{self, Input, Options, Piece, check, part};
 use quadmuse_kernel::encode::{Encoding, encode, index::PlanarIndex};
 use quadmuse_kernel::map::{assemble::Winding, cross_map, untangle::untangle};
 use quadmuse_kernel::mesh::{self, Format, Limits, PolyMesh, TriMesh};
@@ -19,8 +19,6 @@ use quadmuse_kernel::unfold::{Chart, UnfoldOptions, unfold};
 const SIDE: usize = 64;
 /// Candidates that go on after the coarsest level.
 const FINALISTS: usize = 3;
-/// Quads of a whole input of regular layouts.
-const QUADS: f64 = 4000.0;
 /// Relevance of every example.
 const RELEVANCE: f64 = 3.0;
 
@@ -92,25 +90,11 @@ fn example(file: &str, parts: PartCount) -> Vec<ExamplePart> {
 fn one(file: &str, parts: PartCount, examples: &[ExamplePart], out: &str) -> Result<String, String> {
     let surface = surface(file)?;
     let cut = segment(&surface, parts).map_err(|e| e.to_string())?;
-    let input = Segmented { surface: &cut.mesh, owner: &cut.part_of, count: cut.parts.len() };
+    let input = Input { surface: &cut.mesh, owner: &cut.part_of, count: cut.parts.len() };
     let laid: Vec<(Option<(String, PolyMesh)>, Option<Query>)> =
         cut.parts.iter().map(|patch| lay(patch, examples)).collect();
-    let known: Vec<Option<&PolyMesh>> = laid.iter().map(|l| l.0.as_ref().map(|m| &m.1)).collect();
-    let edges = compose::edges_beside(input, &known);
-    let overall = (cut.mesh.total_area() / QUADS).sqrt();
-    let mut whole = Vec::new();
-    for (s, (mapped, query)) in laid.iter().enumerate() {
-        whole.push(match (mapped, query) {
-            (Some((_, mesh)), _) => mesh.clone(),
-            (None, Some(query)) => {
-                let grid = template::grid_for(&query.chart, edges[s].unwrap_or(overall));
-                template::template(&query.chart, query.index(), grid)
-            }
-            // A part that can't be unfolded: nothing fits, and the input's own triangles are taken.
-            (None, None) => PolyMesh::default(),
-        });
-    }
-    let made = compose::compose(input, &whole, 5).map_err(|e| e.to_string())?;
+    let pieces: Vec<Piece<'_>> = laid.iter().map(piece_of).collect();
+    let made = compose::compose(input, &pieces, Options::default()).map_err(|e| e.to_string())?;
     check::check(&made.mesh, check::Shape::of(&surface)).map_err(|e| e.to_string())?;
     let bytes = mesh::write(&made.mesh, Format::Obj).map_err(|e| e.to_string())?;
     std::fs::write(format!("{out}/{}.obj", stem(file)), bytes).map_err(|e| e.to_string())?;
@@ -135,6 +119,14 @@ fn one(file: &str, parts: PartCount, examples: &[ExamplePart], out: &str) -> Res
         r.resolved.strip_quads,
         r.resolved.doublets,
     ))
+}
+
+fn piece_of(laid: &(Option<(String, PolyMesh)>, Option<Query>)) -> Piece<'_> {
+    match laid {
+        (Some((_, mesh)), _) => Piece::Mapped(mesh),
+        (None, Some(query)) => Piece::Regular(&query.chart, query.index()),
+        (None, None) => Piece::Nothing,
+    }
 }
 
 /// The best example on a part, mapped; and the part, encoded, where it can be.

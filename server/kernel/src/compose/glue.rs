@@ -2,12 +2,12 @@
 //! matched pairs is filled.
 //!
 //! *Source:* paper §6 (merging, hole filling). *Ours, not the paper's:* which vertices are merged is told by the arcs
-//! ([`super::seam`]); a hole is then a row of p edges against one, and is filled by 3 : 1 quads, p odd, or by these and a
-//! triangle, p even.
+//! ([`super::seam`]). Where p edges lie against one, two of them are folded onto each other, so that the two faces beside
+//! them become one; where that can't be, the hole is filled by 3 : 1 quads, p odd, or by these and a triangle, p even.
 
-use super::layout::Layout;
+use super::layout::{Curve, Layout};
 use super::net::Net;
-use super::rim::{Rim, even_out, lay, pair_loops, place_junctions};
+use super::rim::{Rim, lay, pair_loops, place_junctions};
 use super::seam::{Row, match_closed, match_open};
 use crate::mesh::Vec3;
 use crate::mesh::tri::NONE;
@@ -46,35 +46,29 @@ pub enum Misfit {
     },
 }
 
-/// The boundary loops of the parts, laid on the segments' curves: `rims[s][l]` on `layout.curves[s][l]`.
+/// The boundary loops of a part, laid on its segment's curves: one a curve, with vertices chosen for the junctions.
 ///
 /// # Errors
 /// [`Misfit::Loops`], [`Misfit::TooCoarse`].
-pub fn rims(parts: &[Net], layout: &Layout) -> Result<Vec<Vec<Rim>>, Misfit> {
-    let mut all = Vec::with_capacity(parts.len());
-    for (segment, (net, curves)) in parts.iter().zip(&layout.curves).enumerate() {
-        let loops = net.loops().ok_or(Misfit::Loops { segment })?;
-        let curve_of = pair_loops(net, &loops, curves).ok_or(Misfit::Loops { segment })?;
-        let mut of_part: Vec<Option<Rim>> = vec![None; curves.len()];
-        for (ring, &c) in loops.iter().zip(&curve_of) {
-            let mut rim = lay(net, ring, &curves[c]);
-            if !place_junctions(&mut rim, &curves[c]) {
-                return Err(Misfit::TooCoarse { segment });
-            }
-            of_part[c] = Some(rim);
+pub fn rims(net: &Net, curves: &[Curve], segment: usize) -> Result<Vec<Rim>, Misfit> {
+    let loops = net.loops().ok_or(Misfit::Loops { segment })?;
+    let curve_of = pair_loops(net, &loops, curves).ok_or(Misfit::Loops { segment })?;
+    let mut of_part: Vec<Option<Rim>> = vec![None; curves.len()];
+    for (ring, &c) in loops.iter().zip(&curve_of) {
+        let mut rim = lay(net, ring, &curves[c]);
+        if !place_junctions(&mut rim, &curves[c]) {
+            return Err(Misfit::TooCoarse { segment });
         }
-        all.push(of_part.into_iter().flatten().collect());
+        of_part[c] = Some(rim);
     }
-    Ok(all)
+    Ok(of_part.into_iter().flatten().collect())
 }
 
-/// Joins the parts.
+/// Joins the parts; `rims[s][l]` lies on `layout.curves[s][l]`.
 ///
 /// # Errors
-/// [`Misfit`].
-pub fn glue(parts: &[Net], layout: &Layout, junction_points: &[Vec3]) -> Result<Glued, Misfit> {
-    let mut rims = rims(parts, layout)?;
-    even_out(&mut rims, layout);
+/// [`Misfit::TooCoarse`].
+pub fn glue(parts: &[Net], rims: &[Vec<Rim>], layout: &Layout, junction_points: &[Vec3]) -> Result<Glued, Misfit> {
     let mut first = vec![0u32];
     for part in parts {
         first.push(first[first.len() - 1] + part.positions.len() as u32);
@@ -107,6 +101,11 @@ pub fn glue(parts: &[Net], layout: &Layout, junction_points: &[Vec3]) -> Result<
         let found = if is_closed { match_closed(&s, &t, length) } else { match_open(&s, &t) };
         let coarser = if a.len() < b.len() { x[0] } else { y[0] };
         let (_, pairs) = found.ok_or(Misfit::TooCoarse { segment: coarser as usize })?;
+        let pairs = zipped(
+            &pairs,
+            &Sided::new(&parts[x[0] as usize], &a, first[x[0] as usize]),
+            &Sided::new(&parts[y[0] as usize], &b, first[y[0] as usize]),
+        );
         merged += pairs.len() - 1;
         let (n, m) = (a.len(), b.len());
         for &(i, j) in &pairs {
@@ -126,6 +125,59 @@ pub fn glue(parts: &[Net], layout: &Layout, junction_points: &[Vec3]) -> Result<
     glued.1.merged = merged;
     fill_all(&mut glued.1, &holes, &glued.0);
     Ok(glued.1)
+}
+
+/// One side of an arc: its vertices, and the part that they belong to.
+struct Sided<'a> {
+    part: &'a Net,
+    vertices: &'a [u32],
+    first: u32,
+}
+
+impl<'a> Sided<'a> {
+    fn new(part: &'a Net, vertices: &'a [u32], first: u32) -> Self {
+        Self { part, vertices, first }
+    }
+
+    fn vertex(&self, k: usize) -> u32 {
+        self.vertices[k % self.vertices.len()] - self.first
+    }
+
+    /// What it costs to fold two edges of the boundary onto each other over the vertex between them; `None` where that
+    /// would not leave two faces to be made one.
+    fn fold(&self, k: usize) -> Option<usize> {
+        let [a, v, b] = [k - 1, k, k + 1].map(|k| self.vertex(k));
+        let common: Vec<u32> =
+            self.part.neighbours(a).into_iter().filter(|&w| self.part.neighbours(b).contains(&w)).collect();
+        let faces = self.part.at(v).len();
+        (a != b && faces >= 2 && common == [v]).then_some(faces - 2)
+    }
+}
+
+/// Blocks of three or more edges against one, with pairs of edges folded onto each other where that can be done: of two
+/// faces beside them one is left, and two vertices are extraordinary instead of four.
+fn zipped(pairs: &[(usize, usize)], a: &Sided<'_>, b: &Sided<'_>) -> Vec<(usize, usize)> {
+    let mut all = vec![pairs[0]];
+    for w in pairs.windows(2) {
+        let ((i, j), (i1, j1)) = (w[0], w[1]);
+        let mut fold = |side: &Sided<'_>, k: usize, to: usize, pair: &dyn Fn(usize, usize) -> (usize, usize)| {
+            let (early, late) = (side.fold(k + 1), side.fold(to - 1));
+            match (to - k, early, late) {
+                (3, Some(x), y) if y.is_none_or(|y| x <= y) => all.push(pair(k + 2, 0)),
+                (3, _, Some(_)) => all.push(pair(k + 1, 1)),
+                (4, Some(_), _) => all.push(pair(k + 2, 0)),
+                (5, Some(_), Some(_)) => all.extend([pair(k + 2, 0), pair(k + 3, 1)]),
+                _ => {}
+            }
+        };
+        if i1 - i > 2 {
+            fold(a, i, i1, &|i, on| (i, j + on));
+        } else if j1 - j > 2 {
+            fold(b, j, j1, &|j, on| (i + on, j));
+        }
+        all.push((i1, j1));
+    }
+    all
 }
 
 /// Which vertices become one.

@@ -158,6 +158,7 @@ pub fn remove_doublets(net: &mut Net, result: &mut Resolved) {
 /// All of it, on a net of polygons. Polygons or triangles may be left over: the caller checks.
 pub fn resolve(net: &mut Net) -> Resolved {
     let mut result = Resolved::default();
+    remove_doublets(net, &mut result);
     split_large(net);
     result.joined = join_triangles(net);
     cut_between_triangles(net, &mut result);

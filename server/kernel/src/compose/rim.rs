@@ -239,7 +239,7 @@ impl Rim {
 }
 
 /// Moves junctions by a vertex or two where that makes the two sides of the arcs alike. `rims[s][l]` lies on
-/// `layout.curves[s][l]`.
+/// `layout.curves[s][l]`; segments that are yet to be laid out have none.
 pub fn even_out(rims: &mut [Vec<Rim>], layout: &Layout) {
     for _ in 0..ROUNDS {
         let mut changed = 0;
@@ -290,7 +290,9 @@ fn badness(rims: &[Vec<Rim>], layout: &Layout, [s, l, k]: [usize; 3]) -> f64 {
     for run in [k, (k + q - 1) % q] {
         let arc = &layout.arcs[curve.runs[run].arc as usize];
         if let [a, b] = arc.sides[..] {
-            let [x, y] = [a, b].map(|[s, l, r]| rims[s as usize][l as usize].run_edges(r as usize));
+            let edges = |[s, l, r]: [u32; 3]| Some(rims[s as usize].get(l as usize)?.run_edges(r as usize));
+            // A regular layout beside it takes what comes.
+            let (Some(x), Some(y)) = (edges(a), edges(b)) else { continue };
             let difference = x.abs_diff(y);
             sum += COUNT_WEIGHT * difference as f64 + ODD_WEIGHT * (difference % 2) as f64;
         }

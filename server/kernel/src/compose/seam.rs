@@ -1,7 +1,8 @@
 //! Which vertices on the two sides of an arc are merged, so that rows of quads go through where counts allow.
 //!
 //! Both sides are rows of vertices along one curve. A matching is a row of blocks: p edges of one side against one edge
-//! of the other. p = 1 closes; p = 2 leaves a triangle, p = 3 a quad (the usual 3 : 1 transition), larger p a fan of them.
+//! of the other. p = 1 closes; p = 2 leaves a triangle; at p = 3 two edges are folded together, which makes two extraordinary
+//! vertices; larger p several times that.
 //! The cheapest row of blocks is found by dynamic programming, where a block costs the extraordinary vertices that it
 //! makes and a merged pair the square of what it slides along the curve:
 //!
@@ -65,7 +66,7 @@ fn block_cost(p: usize) -> f64 {
     let triangles = (p - 1) % 2;
     // Several 3 : 1 blocks beside each other are better shaped than one of many edges against one.
     let crowding = 1.0 + 0.5 * quads.saturating_sub(1) as f64;
-    4.0 * EXTRAORDINARY_COST * quads as f64 * crowding + triangles as f64 * (2.0 * EXTRAORDINARY_COST + TRIANGLE_COST)
+    2.0 * EXTRAORDINARY_COST * quads as f64 * crowding + triangles as f64 * (2.0 * EXTRAORDINARY_COST + TRIANGLE_COST)
 }
 
 /// Matches two rows that begin together and end together. `None` if one has more than [`BLOCK_MAX`] times the edges.

@@ -12,6 +12,8 @@ use crate::mesh::tri::{NONE, TriMesh};
 
 /// Edges away from what was touched at which smoothing ends.
 const REACH: u32 = 5;
+/// Weight with which the inside of a regular layout is smoothed.
+const INSIDE_WEIGHT: f64 = 0.5;
 /// Rounds in which new faces get their room, whatever smoothing is asked for.
 pub const OPENING_ROUNDS: u32 = 24;
 
@@ -88,6 +90,21 @@ impl Plan {
             let ends = [edges.first(), edges.last()];
             plan.follows.push(if on_border { ends.into_iter().flatten().copied().collect() } else { edges });
             plan.on_border.push(on_border);
+        }
+        plan
+    }
+
+    /// Smooths everything inside, but for the boundary and what is `held`.
+    pub fn inside(net: &Net, held: &[u32]) -> Self {
+        let mut plan = Self { moving: Vec::new(), follows: Vec::new(), on_border: Vec::new() };
+        for v in (0..net.positions.len() as u32).filter(|v| !held.contains(v)) {
+            let fan = net.fan(v).unwrap_or_default();
+            if fan.is_empty() || fan.last() == Some(&Step::Gap) {
+                continue;
+            }
+            plan.moving.push((v, INSIDE_WEIGHT));
+            plan.follows.push(fan.iter().filter_map(|s| if let Step::Edge(w) = s { Some(*w) } else { None }).collect());
+            plan.on_border.push(false);
         }
         plan
     }

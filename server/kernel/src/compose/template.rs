@@ -1,235 +1,335 @@
 //! Regular layouts for the four primitives, in the domain of the input's own chart: what a segment takes that has no
-//! example.
+//! example, or whose example doesn't fit.
 //!
-//! *Annulus, torus:* rows × columns; the chart is conformal, so with R = n·m rows of n columns (m the modulus) the quads
-//! are nearly square. *Disc:* rings of n columns around a square cap of a × b quads, 2(a + b) = n, in place of a pole with
-//! n edges: four vertices of three edges and no other. v is the share of area below, so rings of n quads are n/N wide in
-//! v, N the number of quads: all have the same area. *Sphere:* such a cap at each pole. *Ours, not the paper's.*
+//! Rings of columns stand at even heights ([`levels`]); their number follows the length of the levels, and changes by
+//! strips that make two extraordinary vertices for two columns ([`rings`]). The first and the last ring stand where the
+//! neighbours' vertices do, so that nothing has to be stitched there. *Disc:* the innermost ring of n columns is closed by
+//! a cap of a × b quads, 2(a + b) = n, with a vertex at the pole: four vertices of three edges, and no pole with n edges.
+//! *Sphere:* such a cap at each pole. *Torus:* n columns and n·m rows, m the modulus. *Ours, not the paper's.*
+
+pub mod border;
+pub mod levels;
+pub mod rings;
 
 use super::net::Net;
 use super::smooth::{Plan, Target};
 use crate::encode::index::PlanarIndex;
-use crate::mesh::PolyMesh;
-use crate::mesh::tri::TriMesh;
+use crate::mesh::{PolyMesh, Vec3};
 use crate::topology::Topology;
-use crate::unfold::{Chart, Uv};
+use crate::unfold::Chart;
+use levels::Levels;
+use rings::{Ring, counts, rings_min, strip};
 
-/// Fewest columns.
+/// Fewest columns of a ring that nothing prescribes, and of one that carries a cap.
 const COLUMNS_MIN: usize = 8;
-/// Most columns, and most rows.
+/// Most columns of such a ring, and most rings.
 const COLUMNS_MAX: usize = 400;
-/// Rounds in which a cap rounds its corners off.
-const CAP_ROUNDS: u32 = 20;
-/// A tube whose quads would be larger than this many times the area asked for gets more columns.
-const BULGE_MAX: f64 = 3.0;
+/// The number of columns stays while edges are not longer or shorter than wanted by more than this factor.
+const SLACK: f64 = 1.8;
+/// A cap begins where what is left to the pole is no higher than this share of the level's length (a flat disc has
+/// 1/2π), and in the upper part of the whole.
+const CAP_HEIGHT: f64 = 1.0 / 6.0;
+const CAP_LOWEST: f64 = 0.3;
+/// Share of the way to even spacing that columns go from ring to ring.
+const EVENING: f64 = 0.5;
+/// Rounds of smoothing.
+const ROUNDS: u32 = 12;
 
-/// Rows and columns of a template.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Grid {
-    /// Quads around.
-    pub columns: usize,
-    /// Rings of quads between the caps or boundaries.
-    pub rows: usize,
-    /// Sides of each cap; 0 for annuli and tori.
-    pub cap: [usize; 2],
+/// What a layout is made on.
+#[derive(Clone, Copy, Debug)]
+pub struct Ground<'a> {
+    /// The segment's chart.
+    pub chart: &'a Chart,
+    /// Its index.
+    pub index: &'a PlanarIndex,
+    /// Its level sets.
+    pub levels: &'a Levels,
+    /// Its surface.
+    pub target: &'a Target,
 }
 
-impl Grid {
-    /// Quads in all.
-    pub fn quads(&self, topology: Topology) -> usize {
-        let caps = match topology {
-            Topology::Disc => 1,
-            Topology::Sphere => 2,
-            Topology::Annulus | Topology::Torus => 0,
-        };
-        self.columns * self.rows + caps * self.cap[0] * self.cap[1]
-    }
+/// u of the vertices on the boundaries at v = 0 and v = 1, increasing over one period; `None` where a boundary's are free,
+/// or where there is none.
+pub type Ends = [Option<Vec<f64>>; 2];
+
+/// A layout, with the vertices on the boundaries at v = 0 and v = 1 in the order in which they were asked for.
+#[derive(Clone, Debug, Default)]
+pub struct Regular {
+    /// Quads.
+    pub net: Net,
+    /// Vertices on the boundaries.
+    pub ends: [Vec<u32>; 2],
 }
 
-/// The grid whose edges are about `edge` long.
-pub fn grid_for(chart: &Chart, edge: f64) -> Grid {
-    let mesh = &*chart.mesh;
-    let area = mesh.total_area();
+/// The layout of edges about `edge` long, nothing prescribed.
+pub fn template(chart: &Chart, index: &PlanarIndex, edge: f64) -> PolyMesh {
+    let (levels, target) = (Levels::new(chart), Target::new(&chart.mesh));
+    let ground = Ground { chart, index, levels: &levels, target: &target };
+    regular(ground, edge, [None, None]).net.into_mesh().0
+}
+
+/// The layout of edges about `edge` long between given ends. The ends of an annulus must be of like parity, that of a
+/// disc even, none shorter than 3; else triangles would be needed, and the ends are taken as free.
+pub fn regular(ground: Ground<'_>, edge: f64, ends: Ends) -> Regular {
+    let area = ground.chart.mesh.total_area();
     let edge = if edge > 0.0 && edge.is_finite() { edge } else { area.sqrt() / 16.0 };
-    let wanted = area / (edge * edge);
-    let loops: Vec<f64> = mesh.boundary_loops().iter().map(|ring| ring_length(mesh, ring)).collect();
-    let around = match chart.topology {
-        Topology::Disc => loops.iter().sum::<f64>() / edge,
-        Topology::Annulus => {
-            let mean = loops.iter().sum::<f64>() / loops.len().max(1) as f64 / edge;
-            mean.max((wanted / (BULGE_MAX * chart.modulus.max(1e-3))).sqrt().min(3.0 * mean))
+    if ground.chart.topology == Topology::Torus {
+        return torus(ground, edge);
+    }
+    let build = Builder::new(ground, edge, ends);
+    build.run()
+}
+
+fn place(ground: Ground<'_>, u: f64, v: f64) -> Vec3 {
+    ground.index.locate(ground.chart, [u.rem_euclid(1.0), v.clamp(0.0, 1.0)]).point(ground.chart)
+}
+
+fn torus(ground: Ground<'_>, edge: f64) -> Regular {
+    let modulus = ground.chart.modulus.max(1e-3);
+    let around = (ground.chart.mesh.total_area() / (edge * edge) / modulus).sqrt();
+    let n = 2 * ((around / 2.0).round() as usize).clamp(COLUMNS_MIN / 2, COLUMNS_MAX / 2);
+    let rows = ((n as f64 * modulus).round() as usize).clamp(3, COLUMNS_MAX);
+    let at = |i: usize, j: usize| ((j % rows) * n + i % n) as u32;
+    let cells = (0..rows).flat_map(|j| (0..n).map(move |i| (i, j)));
+    let positions = cells.clone().map(|(i, j)| place(ground, i as f64 / n as f64, j as f64 / rows as f64)).collect();
+    let quads = cells.map(|(i, j)| vec![at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]).collect();
+    Regular { net: Net::new(positions, quads), ends: Default::default() }
+}
+
+struct Builder<'a> {
+    ground: Ground<'a>,
+    ends: Ends,
+    /// Columns of the first and of the last ring, and the heights at which they stand.
+    columns: [usize; 2],
+    heights: [f64; 2],
+    edge: f64,
+    positions: Vec<Vec3>,
+    quads: Vec<Vec<u32>>,
+}
+
+impl<'a> Builder<'a> {
+    fn new(ground: Ground<'a>, edge: f64, ends: Ends) -> Self {
+        let (levels, topology) = (ground.levels, ground.chart.topology);
+        let total = levels.height();
+        let ideal = |height: f64| levels.around(height) / edge;
+        let even = |x: f64| 2 * ((x / 2.0).round() as usize).clamp(COLUMNS_MIN / 2, COLUMNS_MAX / 2);
+        let steps = |from: f64, to: f64| (0..=64).map(move |k| from + (to - from) * f64::from(k) / 64.0);
+        let is_low = |h: f64, left: f64| left <= CAP_HEIGHT * levels.around(h);
+        let top_cap = steps(CAP_LOWEST * total, total).find(|&h| is_low(h, total - h)).unwrap_or(total);
+        let low_cap = steps(0.5 * total - CAP_LOWEST * total, 0.0).find(|&h| is_low(h, h)).unwrap_or(0.0);
+        let heights = match topology {
+            Topology::Disc => [0.0, top_cap.min(0.98 * total)],
+            Topology::Sphere => [low_cap.max(0.02 * total), top_cap.clamp(0.6 * total, 0.98 * total)],
+            Topology::Annulus | Topology::Torus => [0.0, total],
+        };
+        let mut ends = ends;
+        let n = ends.iter().map(|e| e.as_ref().map(Vec::len));
+        let sound = match n.collect::<Vec<_>>()[..] {
+            [Some(n), Some(m)] => n.min(m) >= 3 && n % 2 == m % 2,
+            [Some(n), None] | [None, Some(n)] => n >= 3 && (topology == Topology::Annulus || n % 2 == 0),
+            _ => true,
+        };
+        if !sound || topology == Topology::Sphere {
+            ends = [None, None];
         }
-        Topology::Sphere => 4.0 * (wanted / 6.0).sqrt(),
-        Topology::Torus => (wanted / chart.modulus.max(1e-3)).sqrt(),
-    };
-    let columns = 2 * ((around / 2.0).round() as usize).clamp(COLUMNS_MIN / 2, COLUMNS_MAX / 2);
-    let cap = [columns / 4, columns / 2 - columns / 4];
-    let rows = match chart.topology {
-        Topology::Disc => (wanted - (cap[0] * cap[1]) as f64) / columns as f64,
-        Topology::Sphere => (wanted - (2 * cap[0] * cap[1]) as f64) / columns as f64,
-        Topology::Annulus | Topology::Torus => columns as f64 * chart.modulus,
-    };
-    let least = if chart.topology == Topology::Torus { 3 } else { 1 };
-    let rows = (rows.round().max(0.0) as usize).clamp(least, COLUMNS_MAX);
-    match chart.topology {
-        Topology::Disc | Topology::Sphere => Grid { columns, rows, cap },
-        Topology::Annulus | Topology::Torus => Grid { columns, rows, cap: [0, 0] },
+        let mut columns = [0, 1].map(|k| ends[k].as_ref().map_or(even(ideal(heights[k])), Vec::len));
+        match (&ends, topology) {
+            ([Some(_), None], Topology::Annulus) => columns[1] += (columns[0] + columns[1]) % 2,
+            ([None, Some(_)], Topology::Annulus) => columns[0] += (columns[0] + columns[1]) % 2,
+            (_, Topology::Disc) => {
+                let ratio = columns[0] as f64 / ideal(heights[1]).max(1.0);
+                if ratio < SLACK && ratio > 1.0 / SLACK && columns[0] >= COLUMNS_MIN {
+                    columns[1] = columns[0];
+                }
+            }
+            (_, Topology::Sphere) => columns[1] = columns[0],
+            _ => {}
+        }
+        Self { ground, ends, columns, heights, edge, positions: Vec::new(), quads: Vec::new() }
     }
-}
 
-fn ring_length(mesh: &TriMesh, ring: &[u32]) -> f64 {
-    let p = |v: u32| mesh.positions[v as usize];
-    ring.iter().map(|&h| (p(mesh.head(h)) - p(mesh.tail(h))).norm()).sum()
-}
+    fn run(mut self) -> Regular {
+        let (levels, [n, m], [low, high]) = (self.ground.levels, self.columns, self.heights);
+        let wanted = ((high - low) / self.edge).round() as usize;
+        let rings = wanted.clamp(1, COLUMNS_MAX).max(rings_min(n, m));
+        let height = |r: usize| low + (high - low) * r as f64 / rings as f64;
+        let all = counts(n, m, rings, SLACK, |r| levels.around(height(r)) / self.edge);
+        let mut ring = Ring { columns: (0..n).map(|i| i as f64 / n as f64).collect(), first: 0 };
+        match self.ends[0].take() {
+            Some(given) => ring.columns = given,
+            None => levels.even_out(low, &mut ring.columns, 1.0),
+        }
+        self.stand(&ring, levels.v(low));
+        let bottom: Vec<u32> = (0..n).map(|i| ring.vertex(i)).collect();
+        let first = ring.clone();
+        for (r, &count) in all.iter().enumerate().skip(1) {
+            let start = self.positions.len() as u32;
+            ring = strip(&ring, count, start, r * (count / 3 + 1), &mut self.quads);
+            if r < rings || self.ends[1].is_none() {
+                levels.even_out(height(r), &mut ring.columns, EVENING);
+                self.stand(&ring, levels.v(height(r)));
+            }
+        }
+        let mut top: Vec<u32> = (0..m).map(|i| ring.vertex(i)).collect();
+        if let Some(given) = self.ends[1].take() {
+            let turn = nearest_turn(&ring.columns, &given);
+            let turned = Ring { columns: (0..m).map(|i| given[(i + turn) % m]).collect(), first: ring.first };
+            self.stand(&turned, 1.0);
+            top.rotate_right(turn);
+        }
+        let topology = self.ground.chart.topology;
+        let mut held: Vec<u32> = Vec::new();
+        if topology == Topology::Annulus {
+            held.extend(&top)
+        }
+        if topology != Topology::Sphere {
+            held.extend(&bottom)
+        }
+        if matches!(topology, Topology::Disc | Topology::Sphere) {
+            let total = levels.height();
+            held.push(self.cap(&ring, |rho| levels.v(total - rho * (total - high))));
+        }
+        if topology == Topology::Sphere {
+            // Seen from the bottom pole, u runs clockwise.
+            held.push(self.cap_below(&first, |rho| levels.v(rho * low)));
+        }
+        let mut net = Net::new(self.positions, self.quads);
+        Plan::inside(&net, &held).run(&mut net, self.ground.target, ROUNDS);
+        let ends = match topology {
+            Topology::Disc => [bottom, Vec::new()],
+            Topology::Annulus => [bottom, top],
+            Topology::Sphere | Topology::Torus => [Vec::new(), Vec::new()],
+        };
+        Regular { net, ends }
+    }
 
-/// A layout in the domain: points and quads, counter-clockwise.
-fn layout(topology: Topology, grid: Grid) -> (Vec<Uv>, Vec<Vec<u32>>, Vec<u32>) {
-    let (n, rows) = (grid.columns, grid.rows);
-    let total = grid.quads(topology) as f64;
-    let cap_share = (grid.cap[0] * grid.cap[1]) as f64 / total;
-    let bottom = if topology == Topology::Sphere { cap_share } else { 0.0 };
-    let height = match topology {
-        Topology::Disc | Topology::Sphere => (n * rows) as f64 / total,
-        Topology::Annulus | Topology::Torus => 1.0,
-    };
-    let lines = if topology == Topology::Torus { rows } else { rows + 1 };
-    let mut points: Vec<Uv> = Vec::new();
-    for j in 0..lines {
-        let v = bottom + height * j as f64 / rows as f64;
-        points.extend((0..n).map(|i| [i as f64 / n as f64, v]));
+    /// Puts the vertices of a ring on the surface.
+    fn stand(&mut self, ring: &Ring, v: f64) {
+        self.positions.extend(ring.columns.iter().map(|&u| place(self.ground, u, v)));
     }
-    let at = |i: usize, j: usize| ((j % lines) * n + i % n) as u32;
-    let mut quads: Vec<Vec<u32>> = (0..rows)
-        .flat_map(|j| (0..n).map(move |i| (i, j)))
-        .map(|(i, j)| vec![at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)])
-        .collect();
-    let mut inner = Vec::new();
-    if matches!(topology, Topology::Disc | Topology::Sphere) {
-        let ring: Vec<u32> = (0..n).map(|i| at(i, rows)).collect();
-        inner.extend(cap(&ring, grid.cap, cap_share, &mut points, &mut quads, |u, share| [u, 1.0 - share]));
-    }
-    if topology == Topology::Sphere {
-        // Seen from the bottom pole, u runs clockwise.
-        let ring: Vec<u32> = (0..n).map(|i| at(n - i, 0)).collect();
-        inner.extend(cap(&ring, grid.cap, cap_share, &mut points, &mut quads, |u, share| {
-            [(1.0 - u).rem_euclid(1.0), share]
-        }));
-    }
-    (points, quads, inner)
-}
 
-/// A square cap inside a ring of columns, counter-clockwise; `place` gives the point at an angle inside which a share of
-/// the area lies. Gives the cap's vertices.
-fn cap(
-    ring: &[u32],
-    [a, b]: [usize; 2],
-    share: f64,
-    points: &mut Vec<Uv>,
-    quads: &mut Vec<Vec<u32>>,
-    place: impl Fn(f64, f64) -> Uv,
-) -> Vec<u32> {
-    let n = ring.len();
-    // Places on the ring of a point of the square's border, from its lower left corner, counter-clockwise.
-    let on_ring = |x: usize, y: usize| match (x, y) {
-        (x, 0) => x,
-        (x, y) if x == a => a + y,
-        (x, y) if y == b => a + b + (a - x),
-        (_, y) => 2 * a + b + (b - y),
-    };
-    let mut number = vec![0u32; (a + 1) * (b + 1)];
-    let mut all = Vec::new();
-    for y in 0..=b {
-        for x in 0..=a {
-            let on_border = x == 0 || y == 0 || x == a || y == b;
-            number[y * (a + 1) + x] = if on_border {
-                ring[on_ring(x, y) % n]
-            } else {
-                let (p, q) = (2.0 * x as f64 / a as f64 - 1.0, 2.0 * y as f64 / b as f64 - 1.0);
+    /// A square cap inside a ring; `v` gives the level at a share of the way from the pole to the ring. Gives the vertex at
+    /// the pole.
+    fn cap(&mut self, ring: &Ring, v: impl Fn(f64) -> f64) -> u32 {
+        let n = ring.columns.len();
+        let (a, b) = (n / 4, n / 2 - n / 4);
+        let mut number = vec![0u32; (a + 1) * (b + 1)];
+        for y in 0..=b {
+            for x in 0..=a {
+                let (p, q) = (from_middle(x, a), from_middle(y, b));
                 let rho = p.abs().max(q.abs());
-                let around = border_place(p / rho.max(1e-12), q / rho.max(1e-12), a as f64, b as f64);
-                points.push(place(around / n as f64, share * rho * rho));
-                points.len() as u32 - 1
-            };
-            all.push(number[y * (a + 1) + x]);
+                let around = border_place(p / rho.max(1e-12), q / rho.max(1e-12), a, b);
+                number[y * (a + 1) + x] = if x == 0 || y == 0 || x == a || y == b {
+                    ring.vertex(around.round() as usize)
+                } else {
+                    let (i, t) = (around.floor() as usize, around.fract());
+                    let wrap = |i: usize| ring.columns[i % n] + (i / n) as f64;
+                    self.positions.push(place(self.ground, wrap(i) + t * (wrap(i + 1) - wrap(i)), v(rho)));
+                    self.positions.len() as u32 - 1
+                };
+            }
         }
-    }
-    for y in 0..b {
-        for x in 0..a {
-            let at = |x: usize, y: usize| number[y * (a + 1) + x];
-            quads.push(vec![at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)]);
+        let at = |x: usize, y: usize| number[y * (a + 1) + x];
+        for (x, y) in (0..b).flat_map(|y| (0..a).map(move |x| (x, y))) {
+            self.quads.push(vec![at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)]);
         }
+        at(a.div_ceil(2), b.div_ceil(2))
     }
-    all
+
+    fn cap_below(&mut self, ring: &Ring, v: impl Fn(f64) -> f64) -> u32 {
+        // The same cap, seen from above, and its quads turned over.
+        let start = self.quads.len();
+        let pole = self.cap(ring, v);
+        self.quads[start..].iter_mut().for_each(|q| q.reverse());
+        pole
+    }
+}
+
+/// By how many places the second row is turned against the first where they lie nearest to each other.
+fn nearest_turn(one: &[f64], two: &[f64]) -> usize {
+    let m = one.len();
+    let apart = |turn: &usize| -> f64 {
+        let d = |i: usize| one[i] - two[(i + turn) % m];
+        (0..m).map(|i| (d(i) - d(i).round()).powi(2)).sum()
+    };
+    (0..m).min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap_or(0)
+}
+
+/// Place of line x of 0..=a, from −1 to 1 with 0 at a line.
+fn from_middle(x: usize, a: usize) -> f64 {
+    let middle = a.div_ceil(2);
+    let d = x as f64 - middle as f64;
+    if x <= middle { d / middle.max(1) as f64 } else { d / (a - middle).max(1) as f64 }
 }
 
 /// Length along the border of a square of a × b columns, of a point with max(|p|, |q|) = 1, from the lower left corner.
-fn border_place(p: f64, q: f64, a: f64, b: f64) -> f64 {
-    let (s, t) = ((p + 1.0) / 2.0, (q + 1.0) / 2.0);
+fn border_place(p: f64, q: f64, a: usize, b: usize) -> f64 {
+    // The reverse of `from_middle`, in columns.
+    let along = |p: f64, a: usize| {
+        let middle = a.div_ceil(2) as f64;
+        if p <= 0.0 { middle * (1.0 + p) } else { middle + p * (a as f64 - middle) }
+    };
+    let (s, t, a, b) = (along(p, a), along(q, b), a as f64, b as f64);
     if q <= -1.0 + 1e-9 {
-        a * s
+        s
     } else if p >= 1.0 - 1e-9 {
-        a + b * t
+        a + t
     } else if q >= 1.0 - 1e-9 {
-        a + b + a * (1.0 - s)
+        a + b + (a - s)
     } else {
-        2.0 * a + b + b * (1.0 - t)
+        2.0 * a + b + (b - t)
     }
-}
-
-/// The template of a grid on a chart's surface. `index` is the chart's.
-pub fn template(chart: &Chart, index: &PlanarIndex, grid: Grid) -> PolyMesh {
-    let (points, quads, inner) = layout(chart.topology, grid);
-    let place = |uv: &Uv| index.locate(chart, [uv[0].rem_euclid(1.0), uv[1].clamp(0.0, 1.0)]).point(chart);
-    let mut net = Net::new(points.iter().map(place).collect(), quads);
-    if !inner.is_empty() {
-        let target = Target::new(&chart.mesh);
-        Plan::new(&net, &inner).run(&mut net, &target, CAP_ROUNDS);
-    }
-    net.into_mesh().0
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compose::check::{Shape, check_structure, extraordinary};
+    use crate::compose::check::{Shape, check, extraordinary};
     use crate::topology::{tests::grid, whole};
-    use crate::unfold::{UnfoldOptions, signed_area, unfold};
+    use crate::unfold::{UnfoldOptions, unfold};
+
+    const DISC: Shape = Shape { components: 1, boundary_loops: 1, euler: 1 };
+
+    fn on(mesh: crate::mesh::tri::TriMesh, edge: f64, ends: impl Fn(&Chart) -> Ends) -> (PolyMesh, [usize; 2]) {
+        let chart = unfold(&whole(&mesh).expect("a primitive"), &UnfoldOptions::default()).expect("solvable");
+        let index = PlanarIndex::new(&chart);
+        let (levels, target) = (Levels::new(&chart), Target::new(&chart.mesh));
+        let ground = Ground { chart: &chart, index: &index, levels: &levels, target: &target };
+        let made = regular(ground, edge, ends(&chart));
+        let found = made.ends.iter().map(Vec::len).collect::<Vec<_>>();
+        (made.net.into_mesh().0, [found[0], found[1]])
+    }
+
+    fn columns(n: usize) -> Option<Vec<f64>> {
+        Some((0..n).map(|i| 0.137 + i as f64 / n as f64).collect())
+    }
 
     #[test]
-    fn layouts_are_quads_of_their_topology_with_eight_or_fewer_extraordinary_vertices() {
-        let cases = [
-            (Topology::Disc, Shape { components: 1, boundary_loops: 1, euler: 1 }, 4),
-            (Topology::Annulus, Shape { components: 1, boundary_loops: 2, euler: 0 }, 0),
-            (Topology::Sphere, Shape { components: 1, boundary_loops: 0, euler: 2 }, 8),
-            (Topology::Torus, Shape { components: 1, boundary_loops: 0, euler: 0 }, 0),
-        ];
-        for (topology, shape, irregular) in cases {
-            for columns in [8, 10, 12, 22] {
-                let cap = if irregular > 0 { [columns / 4, columns / 2 - columns / 4] } else { [0, 0] };
-                let grid = Grid { columns, rows: 5, cap };
-                let (points, quads, _) = layout(topology, grid);
-                assert_eq!(quads.len(), grid.quads(topology));
-                for q in &quads {
-                    let x = q.iter().map(|&v| points[v as usize]).collect::<Vec<_>>();
-                    let near = |y: Uv| {
-                        [
-                            y[0] - (y[0] - x[0][0]).round(),
-                            y[1] - if topology == Topology::Torus { (y[1] - x[0][1]).round() } else { 0.0 },
-                        ]
-                    };
-                    let on_rows = x.iter().all(|p| (p[1] - x[0][1]).abs() < 0.5);
-                    let narrow = x.iter().all(|p| (near(*p)[0] - x[0][0]).abs() < 0.2);
-                    assert!(
-                        !(on_rows && narrow) || signed_area(&[x[0], near(x[1]), near(x[2])]) > -1e-9,
-                        "{topology:?} {x:?}"
-                    );
-                }
-                let positions = points.iter().map(|p| crate::mesh::Vec3::new(p[0], p[1], 0.0)).collect();
-                let mesh = Net::new(positions, quads).into_mesh().0;
-                assert_eq!(check_structure(&mesh, shape), Ok(()), "{topology:?}, {columns} columns");
-                assert_eq!(extraordinary(&mesh), irregular);
-            }
+    fn a_disc_takes_any_even_number_of_columns_at_its_boundary() {
+        for n in [4, 6, 8, 10, 22, 64] {
+            let (mesh, found) = on(grid(20, 20, false, false), 0.1, |_| [columns(n), None]);
+            assert_eq!(check(&mesh, DISC), Ok(()), "{n} columns");
+            assert_eq!(found[0], n);
         }
+    }
+
+    #[test]
+    fn an_annulus_takes_any_two_numbers_of_like_parity() {
+        let annulus = Shape { components: 1, boundary_loops: 2, euler: 0 };
+        for (n, m) in [(12, 12), (12, 20), (7, 9), (4, 30), (30, 4)] {
+            let (mesh, found) = on(grid(24, 16, true, false), 0.2, |_| [columns(n), columns(m)]);
+            assert_eq!(check(&mesh, annulus), Ok(()), "{n}, {m}");
+            assert_eq!(found, [n, m]);
+        }
+        let (mesh, _) = on(grid(24, 16, true, false), 0.2, |_| [None, None]);
+        assert_eq!((check(&mesh, annulus), extraordinary(&mesh)), (Ok(()), 0));
+    }
+
+    #[test]
+    fn a_torus_is_regular_throughout() {
+        let (mesh, _) = on(grid(24, 16, true, true), 0.3, |_| [None, None]);
+        let torus = Shape { components: 1, boundary_loops: 0, euler: 0 };
+        assert_eq!((check(&mesh, torus), extraordinary(&mesh)), (Ok(()), 0));
     }
 
     #[test]
@@ -238,9 +338,9 @@ mod tests {
         let patch = whole(&mesh).expect("a disc");
         let chart = unfold(&patch, &UnfoldOptions::default()).expect("solvable");
         let index = PlanarIndex::new(&chart);
-        let grid = grid_for(&chart, 0.1);
-        let made = template(&chart, &index, grid);
-        assert!((grid.quads(Topology::Disc) as f64 - 100.0).abs() < 60.0, "{grid:?}");
+        let made = template(&chart, &index, 0.1);
+        assert!((made.faces.len() as f64 - 100.0).abs() < 100.0, "{}", made.faces.len());
+        assert_eq!((check(&made, DISC), extraordinary(&made)), (Ok(()), 4));
         let net = Net::from_mesh(&made);
         for v in net.loops().expect("one").remove(0) {
             let p = net.positions[v as usize];

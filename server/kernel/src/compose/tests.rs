@@ -1,8 +1,17 @@
 //! Parts made by code, stitched: spheres of discs, tori of annuli, junctions, true boundaries, unlike densities.
 
 use super::*;
+use crate::mesh::Vec3;
 use crate::topology::tests::grid;
+use check::{Shape, check};
 use layout::Curve;
+use smooth::Target;
+
+/// Composes mapped parts, as dense as they are.
+fn laid(input: Input<'_>, parts: &[PolyMesh]) -> Result<Composed, ComposeError> {
+    let pieces: Vec<Piece<'_>> = parts.iter().map(Piece::Mapped).collect();
+    compose(input, &pieces, Options { closeness: Closeness::AsBrought, ..Options::default() })
+}
 
 /// A sphere of triangles: a subdivided octahedron.
 fn sphere(rounds: usize) -> TriMesh {
@@ -79,8 +88,8 @@ fn of_discs(mesh: &TriMesh, owner: &[u32], sizes: &[u32]) -> Composed {
     let target = Target::new(mesh);
     let parts: Vec<PolyMesh> =
         sizes.iter().enumerate().map(|(s, &k)| disc(&found.curves[s][0], k, 0.013 * s as f64, &target)).collect();
-    let input = Segmented { surface: mesh, owner, count: sizes.len() };
-    let made = compose(input, &parts, 5).expect("valid parts");
+    let input = Input { surface: mesh, owner, count: sizes.len() };
+    let made = laid(input, &parts).expect("valid parts");
     assert_eq!(check(&made.mesh, Shape::of(mesh)), Ok(()));
     made
 }
@@ -158,8 +167,8 @@ fn rings_make_a_torus_of_genus_one() {
         for (columns, rows) in [([12, 12, 12], 6), ([12, 14, 9], 4), ([8, 30, 12], 3), ([10, 10, 10], 1)] {
             let ends = |s: usize| cuts.get(s).copied().unwrap_or(48) as f64 / 48.0;
             let parts: Vec<PolyMesh> = (0..cuts.len()).map(|s| ring(columns[s], rows, ends(s), ends(s + 1))).collect();
-            let input = Segmented { surface: &mesh, owner: &owner, count: cuts.len() };
-            let made = compose(input, &parts, 5).expect("valid parts");
+            let input = Input { surface: &mesh, owner: &owner, count: cuts.len() };
+            let made = laid(input, &parts).expect("valid parts");
             assert_eq!(check(&made.mesh, Shape::of(&mesh)), Ok(()));
             let is_even = columns.iter().take(cuts.len()).all(|c| *c == columns[0]);
             if is_even && rows > 1 {
@@ -184,8 +193,8 @@ fn a_part_turned_inside_out_is_turned_back() {
         .iter()
         .map(|f| &f[..])
         .collect();
-    let input = Segmented { surface: &mesh, owner: &owner, count: 2 };
-    let made = compose(input, &parts, 5).expect("valid parts");
+    let input = Input { surface: &mesh, owner: &owner, count: 2 };
+    let made = laid(input, &parts).expect("valid parts");
     assert_eq!((check(&made.mesh, Shape::of(&mesh)), made.report.way), (Ok(()), Way::Direct));
 }
 
@@ -209,27 +218,44 @@ fn triangles_and_polygons_of_the_parts_are_resolved() {
         net.set_face(beside, wide);
     }
     parts[0] = net.into_mesh().0;
-    let input = Segmented { surface: &mesh, owner: &owner, count: 2 };
-    let made = compose(input, &parts, 5).expect("valid parts");
+    let input = Input { surface: &mesh, owner: &owner, count: 2 };
+    let made = laid(input, &parts).expect("valid parts");
     assert_eq!(check(&made.mesh, Shape::of(&mesh)), Ok(()));
     assert!(made.report.way <= Way::PartsSubdivided);
 }
 
 #[test]
-fn parts_of_another_topology_leave_the_inputs_own_mesh() {
-    let mesh = sphere(2);
+fn a_part_of_another_topology_gives_way_to_a_regular_layout_and_the_others_stay() {
+    let mesh = sphere(4);
     let owner = owners(&mesh, |p| u32::from(p.z > 0.0));
-    let wrong = ring(8, 2, 0.0, 0.3);
-    let input = Segmented { surface: &mesh, owner: &owner, count: 2 };
-    let made = compose(input, &[wrong.clone(), wrong], 5).expect("a valid surface");
-    assert_eq!((made.report.way, made.report.unusable), (Way::InputSubdivided, vec![0]));
+    let found = layout::layout(&mesh, &owner, 2);
+    let good = disc(&found.curves[0][0], 6, 0.0, &Target::new(&mesh));
+    let input = Input { surface: &mesh, owner: &owner, count: 2 };
+    let made = laid(input, &[good, ring(8, 2, 0.0, 0.3)]).expect("a valid surface");
+    let report = &made.report;
+    assert_eq!((report.way, &report.replaced[..], &report.own[..]), (Way::PartsReplaced, &[1][..], &[][..]));
     assert_eq!(check(&made.mesh, Shape::of(&mesh)), Ok(()));
+    // The layout ends in the part's own vertices.
+    assert_eq!((report.filled, report.resolved.cuts, report.subdivided[0]), (0, 0, 0));
+    assert!(report.extraordinary_after <= report.extraordinary_before + 8, "{report:?}");
+}
+
+#[test]
+fn nothing_but_regular_layouts_closes_and_follows_the_surface() {
+    let mesh = sphere(4);
+    let eight = owners(&mesh, |p| u32::from(p.x > 0.0) + 2 * u32::from(p.y > 0.0) + 4 * u32::from(p.z > 0.0));
+    let input = Input { surface: &mesh, owner: &eight, count: 8 };
+    let options = Options { edge_scale: 4.0, ..Options::default() };
+    let made = compose(input, &[Piece::Nothing; 8], options).expect("a valid surface");
+    assert_eq!(check(&made.mesh, Shape::of(&mesh)), Ok(()));
+    assert_eq!((made.report.way, made.report.filled), (Way::Direct, 0), "{:?}", made.report);
+    assert!(made.report.fit.worst() < 0.0025, "{:?}", made.report);
 }
 
 #[test]
 fn labels_and_parts_are_counted() {
     let mesh = sphere(1);
-    let input = Segmented { surface: &mesh, owner: &[0; 3], count: 1 };
-    assert!(matches!(compose(input, &[], 0), Err(ComposeError::Parts { expected: 1, found: 0 })));
-    assert!(matches!(compose(input, &[PolyMesh::default()], 0), Err(ComposeError::Owners { .. })));
+    let input = Input { surface: &mesh, owner: &[0; 3], count: 1 };
+    assert!(matches!(laid(input, &[]), Err(ComposeError::Parts { expected: 1, found: 0 })));
+    assert!(matches!(laid(input, &[PolyMesh::default()]), Err(ComposeError::Owners { .. })));
 }

@@ -6,8 +6,9 @@ use super::super::{
 use super::fresh;
 use super::model::ModelInner;
 use crate::pool::Stop;
-use quadmuse_kernel::compose::{self, Segmented, Way, net::Net, subdivide, template};
+use quadmuse_kernel::compose::{self, Closeness, Input, Options, Piece, Report, Way, net::Net, subdivide, template};
 use quadmuse_kernel::mesh::PolyMesh;
+use quadmuse_kernel::register::Query;
 use quadmuse_proto::{Distortion, Flip, Histogram, Verdict};
 use std::sync::Arc;
 
@@ -16,63 +17,93 @@ const FACES_MAX: usize = 4_000_000;
 /// Quads of a template on an input of which nothing else tells a density.
 const TEMPLATE_QUADS: f64 = 4000.0;
 
+/// Mean distance from the input, in % of the diagonal of its bounding box, from which on it is told.
+const MISS_TOLD_PCT: f64 = 0.25;
+
+/// What is brought for a segment.
+enum Brought<'a> {
+    Mesh(PolyMesh),
+    Unfolded(&'a Query),
+}
+
+impl Brought<'_> {
+    fn piece(&self) -> Piece<'_> {
+        match self {
+            Self::Mesh(mesh) => Piece::Mapped(mesh),
+            Self::Unfolded(query) => Piece::Regular(&query.chart, query.index()),
+        }
+    }
+}
+
 /// Stitches one part a segment.
 pub(super) fn compose(query: &Model, parts: &[Part], how: Stitching, stop: &Stop) -> Result<Stitched, EngineError> {
     let inner: &ModelInner = query.inner.open()?;
     let (surface, owner) = inner.segmented();
-    let input = Segmented { surface, owner: &owner, count: parts.len() };
+    let input = Input { surface, owner: &owner, count: parts.len() };
     let mut notes = Vec::new();
-    let mut meshes: Vec<Option<PolyMesh>> = Vec::new();
+    let mut brought: Vec<Brought<'_>> = Vec::new();
     for (segment, part) in parts.iter().enumerate() {
-        meshes.push(match part {
-            Part::Mapped(mesh) => Some(at_density(mesh, segment, how.density, &mut notes)?),
-            Part::Template(_) => None,
-        });
-    }
-    stopped(stop)?;
-    let known: Vec<Option<&PolyMesh>> = meshes.iter().map(Option::as_ref).collect();
-    let edges = compose::edges_beside(input, &known);
-    let overall = (surface.total_area() / TEMPLATE_QUADS).sqrt() * 0.5f64.powi(how.density);
-    let mut whole = Vec::new();
-    for (segment, (mesh, part)) in meshes.into_iter().zip(parts).enumerate() {
-        whole.push(match (mesh, part) {
-            (Some(mesh), _) => mesh,
-            (None, Part::Template(encoded)) => {
-                stopped(stop)?;
+        brought.push(match part {
+            Part::Mapped(mesh) => Brought::Mesh(at_density(mesh, segment, how.density, &mut notes)?),
+            Part::Template(encoded) => {
                 notes.push(format!("segment {segment} is a regular layout"));
-                layout(encoded, edges.get(segment).copied().flatten().unwrap_or(overall))?
+                Brought::Unfolded(fresh(&encoded.encoding)?)
             }
-            (None, Part::Mapped(_)) => return Err(EngineError::Internal("a part without a mesh".into())),
         });
     }
     stopped(stop)?;
-    let made = compose::compose(input, &whole, how.smoothing)
+    let pieces: Vec<Piece<'_>> = brought.iter().map(Brought::piece).collect();
+    let options = Options {
+        smoothing: how.smoothing,
+        edge_scale: 0.5f64.powi(how.density),
+        // Who asks for a coarser layout wants it as coarse as that.
+        closeness: if how.density < 0 { Closeness::AsBrought } else { Closeness::Followed },
+    };
+    let made = compose::compose(input, &pieces, options)
         .map_err(|e| EngineError::refused(Refusal::CompositionInvalid, e.to_string()))?;
-    let report = &made.report;
-    match report.way {
-        Way::Direct => {}
-        Way::PartsSubdivided => {
-            let which: Vec<String> = (0..report.subdivided.len())
-                .filter(|&s| report.subdivided[s] > 0)
-                .map(|s| format!("{s} ({} times)", report.subdivided[s]))
-                .collect();
-            notes.push(format!("to fit their neighbours these segments' parts were subdivided: {}", which.join(", ")));
-        }
-        Way::AllSubdivided => notes.push(format!("everything was subdivided once, to {} quads", made.mesh.faces.len())),
-        Way::InputSubdivided => {
-            let unusable: Vec<String> = report.unusable.iter().map(ToString::to_string).collect();
-            notes.push(format!(
-                "no part was used: the input's own triangles were cut into quads (parts that don't fit: {})",
-                unusable.join(", ")
-            ));
-        }
-    }
+    tell(&made.report, made.mesh.faces.len(), &mut notes);
     Ok(Stitched {
-        extraordinary_vertices: report.extraordinary_after as u64,
-        extraordinary_before: report.extraordinary_before as u64,
+        extraordinary_vertices: made.report.extraordinary_after as u64,
+        extraordinary_before: made.report.extraordinary_before as u64,
         mesh: Arc::new(made.mesh),
         notes,
     })
+}
+
+/// What was done, a sentence each.
+fn tell(report: &Report, quads: usize, notes: &mut Vec<String>) {
+    let list = |of: &[usize]| of.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+    let times = report.subdivided.iter().enumerate().filter(|(_, n)| **n > 0);
+    let which: Vec<String> = times.map(|(s, n)| format!("{s} ({n} times)")).collect();
+    if !which.is_empty() && report.way != Way::InputSubdivided {
+        notes.push(format!(
+            "to fit their neighbours and the surface these segments' parts were subdivided: {}",
+            which.join(", ")
+        ));
+    }
+    if !report.replaced.is_empty() {
+        notes.push(format!(
+            "parts that could not be joined were given up for regular layouts: {}",
+            list(&report.replaced)
+        ));
+    }
+    if !report.own.is_empty() {
+        notes.push(format!("of these segments the input's own triangles were cut into quads: {}", list(&report.own)));
+    }
+    match report.way {
+        Way::AllSubdivided => notes.push("everything was subdivided once to be rid of triangles".into()),
+        Way::InputSubdivided => notes.push("no part was used: the input's own triangles were cut into quads".into()),
+        Way::Direct | Way::PartsSubdivided | Way::PartsReplaced => {}
+    }
+    if report.refined > 0 {
+        notes.push(format!("to follow the input everything was subdivided {} times, to {quads} quads", report.refined));
+    }
+    let miss = 100.0 * report.fit.worst();
+    if miss > MISS_TOLD_PCT {
+        notes.push(format!(
+            "the result misses the input by {miss:.2} % of its diagonal on average; ask for a higher density"
+        ));
+    }
 }
 
 fn stopped(stop: &Stop) -> Result<(), EngineError> {
@@ -108,7 +139,7 @@ fn at_density(mesh: &PolyMesh, segment: usize, density: i32, notes: &mut Vec<Str
 /// A regular layout on an unfolded segment.
 fn layout(encoded: &Encoded, edge: f64) -> Result<PolyMesh, EngineError> {
     let query = fresh(&encoded.encoding)?;
-    Ok(template::template(&query.chart, query.index(), template::grid_for(&query.chart, edge)))
+    Ok(template::template(&query.chart, query.index(), edge))
 }
 
 /// A regular layout in place of a mapped example.

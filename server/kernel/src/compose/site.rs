@@ -1,0 +1,236 @@
+//! What stands on a segment: a mapped example, a regular layout, or the segment's own triangles cut into quads; and what
+//! takes its place where it doesn't fit its neighbours.
+//!
+//! An example is subdivided first, then a regular layout is taken, at first as dense as the neighbours, then finer, at
+//! last the segment's own triangles. The other segments keep what they have. *Ours, not the paper's.*
+
+use super::layout::Curve;
+use super::net::Net;
+use super::plan::{Places, Wish};
+use super::rim::{self, Rim};
+use super::smooth::Target;
+use super::subdivide::subdivide;
+use super::template::border::{Border, End};
+use super::template::levels::Levels;
+use super::template::{Ground, regular};
+use super::{Input, Piece};
+use crate::encode::index::PlanarIndex;
+use crate::mesh::tri::TriMesh;
+use crate::topology::{submesh, whole};
+use crate::unfold::{Chart, UnfoldOptions, unfold};
+use std::borrow::Cow;
+
+/// Times an example, and the segment's own mesh, may be subdivided to fit.
+const SUBDIVISIONS_MAX: usize = 2;
+/// Times a regular layout may become finer, by how much each time, and edges on an arc more.
+const FINER_MAX: usize = 2;
+const FINER: f64 = 0.7;
+const EDGES_MORE: usize = 3;
+/// Edges of a regular layout on an arc, at least.
+const EDGES_MIN: usize = 2;
+
+/// What stands on a segment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Use {
+    /// A mapped example.
+    Part,
+    /// A regular layout.
+    Regular,
+    /// The segment's own triangles, cut into quads.
+    Own,
+}
+
+/// A segment's chart, and what is made of it once.
+#[derive(Debug)]
+struct Charted<'a> {
+    chart: Cow<'a, Chart>,
+    index: Cow<'a, PlanarIndex>,
+    levels: Levels,
+    target: Target,
+    border: Border,
+}
+
+/// A segment with what stands on it.
+#[derive(Debug)]
+pub struct Site<'a> {
+    /// Which kind it is.
+    pub stands: Use,
+    /// Times it was subdivided, or made finer, since it is of this kind.
+    pub times: usize,
+    /// Times the example was subdivided.
+    pub subdivided: usize,
+    /// The part, where it is no regular layout.
+    pub net: Net,
+    /// What a regular layout is to have.
+    pub wish: Wish,
+    piece: Piece<'a>,
+    triangles: Vec<u32>,
+    charted: Option<Charted<'a>>,
+}
+
+impl<'a> Site<'a> {
+    /// A segment with what was brought for it; `net` is a mapped example turned as the segment.
+    pub fn new(input: Input<'_>, segment: usize, piece: Piece<'a>, net: Net, edge: f64) -> Self {
+        let triangles =
+            (0..input.owner.len() as u32).filter(|&t| input.owner[t as usize] as usize == segment).collect();
+        let wish = Wish { edge, edges_min: EDGES_MIN };
+        let stands = match piece {
+            Piece::Mapped(_) => Use::Part,
+            Piece::Regular(..) | Piece::Nothing => Use::Regular,
+        };
+        let mut site = Self { stands, times: 0, subdivided: 0, net, wish, piece, triangles, charted: None };
+        if stands == Use::Regular && !site.chart(input.surface) {
+            site.take_own(input.surface);
+        }
+        site
+    }
+
+    /// Its surface alone.
+    pub fn surface(&self, whole: &TriMesh) -> TriMesh {
+        submesh(whole, &self.triangles).0
+    }
+
+    /// Takes what comes next; false if there is nothing.
+    pub fn give_way(&mut self, surface: &TriMesh, target: &Target) -> bool {
+        let can_again = match self.stands {
+            Use::Part | Use::Own => self.times < SUBDIVISIONS_MAX,
+            Use::Regular => self.times < FINER_MAX,
+        };
+        if can_again {
+            self.refine(target);
+            return true;
+        }
+        self.give_up(surface)
+    }
+
+    /// Gives the example up at once: its boundary loops are not the segment's.
+    pub fn give_up(&mut self, surface: &TriMesh) -> bool {
+        let stands = self.stands;
+        match stands {
+            Use::Own => return false,
+            Use::Part if self.chart(surface) => (self.stands, self.times) = (Use::Regular, 0),
+            Use::Part | Use::Regular => self.take_own(surface),
+        }
+        true
+    }
+
+    /// Subdivided, or a finer layout.
+    pub fn refine(&mut self, target: &Target) {
+        self.times += 1;
+        match self.stands {
+            Use::Regular => {
+                self.wish = Wish { edge: self.wish.edge * FINER, edges_min: self.wish.edges_min + EDGES_MORE };
+            }
+            Use::Part | Use::Own => {
+                self.subdivided += usize::from(self.stands == Use::Part);
+                self.net = on_surface(subdivide(&self.net), self.net.positions.len(), target);
+            }
+        }
+    }
+
+    fn take_own(&mut self, whole: &TriMesh) {
+        let part = self.surface(whole);
+        let faces = part.triangles.iter().map(|t| t.to_vec()).collect();
+        self.net = subdivide(&Net::new(part.positions, faces));
+        (self.stands, self.times) = (Use::Own, 0);
+    }
+
+    /// Sees to it that there is a chart; false if the segment can't be unfolded.
+    fn chart(&mut self, surface: &TriMesh) -> bool {
+        if self.charted.is_some() {
+            return true;
+        }
+        let (chart, index) = match self.piece {
+            Piece::Regular(chart, index) => (Cow::Borrowed(chart), Cow::Borrowed(index)),
+            Piece::Mapped(_) | Piece::Nothing => {
+                let Ok(patch) = whole(&self.surface(surface)) else { return false };
+                let Ok(chart) = unfold(&patch, &UnfoldOptions::default()) else { return false };
+                let index = PlanarIndex::new(&chart);
+                (Cow::Owned(chart), Cow::Owned(index))
+            }
+        };
+        let (levels, target) = (Levels::new(&chart), Target::new(&chart.mesh));
+        let border = Border::new(&chart);
+        self.charted = Some(Charted { chart, index, levels, target, border });
+        true
+    }
+
+    /// The regular layout whose boundary vertices stand at given places, with its boundary laid on the curves; `None`
+    /// where the chart's boundary is not the segment's.
+    pub fn lay_out(&self, curves: &[Curve], places: &[Vec<Places>]) -> Option<(Net, Vec<Rim>)> {
+        let charted = self.charted.as_ref()?;
+        let ground =
+            Ground { chart: &charted.chart, index: &charted.index, levels: &charted.levels, target: &charted.target };
+        let mut rims: Vec<Rim> = Vec::new();
+        let mut loop_at: [Option<usize>; 2] = [None, None];
+        let mut ends: [Option<Vec<f64>>; 2] = [None, None];
+        for (l, (curve, runs)) in curves.iter().zip(places).enumerate() {
+            let rim = rim_of(curve, runs);
+            let points: Vec<_> = rim.at.iter().map(|&s| curve.point(s)).collect();
+            let (mut u, end) = charted.border.unwound(&points)?;
+            let k = usize::from(end == End::Top);
+            if end == End::Top {
+                // There u runs against the curve.
+                u.iter_mut().for_each(|u| *u = -*u);
+                u.reverse();
+            }
+            if ends[k].replace(u).is_some() {
+                return None;
+            }
+            loop_at[k] = Some(l);
+            rims.push(rim);
+        }
+        let mut made = regular(ground, self.wish.edge, ends);
+        for k in 0..2 {
+            let Some(l) = loop_at[k] else { continue };
+            let mut ring = std::mem::take(&mut made.ends[k]);
+            if k == 1 {
+                ring.reverse();
+            }
+            if ring.len() != rims[l].at.len() {
+                return None;
+            }
+            for (&v, &s) in ring.iter().zip(&rims[l].at) {
+                made.net.positions[v as usize] = curves[l].point(s);
+            }
+            rims[l].vertices = ring;
+        }
+        let is_whole = made.net.loops().is_some_and(|loops| loops.len() == curves.len());
+        is_whole.then_some((made.net, rims))
+    }
+
+    /// The part's boundary on its segment's curves.
+    pub fn way(&self, curves: &[Curve]) -> Option<rim::Way> {
+        way(&self.net, curves)
+    }
+}
+
+/// Which way a part's faces are turned.
+pub fn way(net: &Net, curves: &[Curve]) -> Option<rim::Way> {
+    let loops = net.loops()?;
+    let curve_of = rim::pair_loops(net, &loops, curves)?;
+    Some(rim::way(net, loops.first()?, curves.get(*curve_of.first()?)?))
+}
+
+/// A boundary loop of vertices at given places, yet without their numbers.
+fn rim_of(curve: &Curve, runs: &[Places]) -> Rim {
+    let mut rim = Rim { vertices: Vec::new(), at: Vec::new(), starts: Vec::new() };
+    for (run, places) in curve.runs.iter().zip(runs) {
+        let is_closed = run.junction == u32::MAX;
+        if !is_closed {
+            rim.starts.push(rim.at.len());
+        }
+        let count = places.len() - usize::from(!is_closed && !places.is_empty());
+        rim.at.extend(places[..count].iter().map(|s| run.start + s));
+    }
+    rim
+}
+
+/// A subdivided net with its new vertices, those from `old` on, on the input.
+pub fn on_surface(mut fine: Net, old: usize, target: &Target) -> Net {
+    for v in old..fine.positions.len() {
+        let p = fine.positions[v];
+        fine.positions[v] = target.onto_surface(p);
+    }
+    fine
+}

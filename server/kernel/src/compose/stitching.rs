@@ -1,0 +1,407 @@
+//! The stitching of what stands on the segments, again and again until it holds.
+
+use super::check::{self, Shape, check, extraordinary};
+use super::fit::Measured;
+use super::glue::{Glued, Misfit, glue, rims};
+use super::layout::{Arc, Layout, layout};
+use super::net::Net;
+use super::plan::{Side, plan};
+use super::resolve::{self, Resolved, resolve};
+use super::rim::{Rim, Way as Turned, even_out};
+use super::site::{Site, Use, on_surface, way};
+use super::smooth::{OPENING_ROUNDS, Plan, Target};
+use super::square;
+use super::subdivide::subdivide;
+use super::{Closeness, Input, Options, Piece, REGULAR_QUADS, Report, Way};
+use crate::mesh::tri::TriMesh;
+use crate::mesh::{PolyMesh, Vec3};
+
+/// Edges of a regular layout lie within this factor of those of a whole of [`REGULAR_QUADS`].
+const EDGE_RANGE: [f64; 2] = [0.6, 1.3];
+/// Mean distance from which on a part or a result is subdivided, as a share of the diagonal of the input.
+const MISS_MAX: f64 = 0.0019;
+/// Most quads that a part, and the whole, is subdivided to for that.
+const PART_QUADS_MAX: usize = 12_000;
+const WHOLE_QUADS_MAX: usize = 48_000;
+/// Times the whole is subdivided at most.
+const REFINED_MAX: usize = 3;
+/// An example with this many times fewer edges on a seam than the example beside it is subdivided.
+const RATIO_MAX: f64 = 1.7;
+
+/// A face of less than this share of the mean area has none, where a mesh is refused for such.
+const FLAT_SHARE: f64 = 1e-4;
+/// Rounds of making quads squarer, and by what factor the distance from the input may grow for it.
+const SQUARE_ROUNDS: u32 = 40;
+const SQUARE_LOSS: f64 = 1.15;
+
+pub(super) struct Stitching<'a> {
+    input: Input<'a>,
+    options: Options,
+    layout: Layout,
+    shape: Shape,
+    target: Target,
+    measured: Measured,
+    diagonal: f64,
+}
+
+impl<'a> Stitching<'a> {
+    pub(super) fn new(input: Input<'a>, options: Options) -> Self {
+        Self {
+            layout: layout(input.surface, input.owner, input.count),
+            shape: Shape::of(input.surface),
+            target: Target::new(input.surface),
+            measured: Measured::new(input.surface),
+            diagonal: check::diagonal(&input.surface.positions),
+            input,
+            options,
+        }
+    }
+
+    pub(super) fn surface(&self) -> &'a TriMesh {
+        self.input.surface
+    }
+
+    /// Stitches; what doesn't fit gives way, segment by segment, until everything does. `None` if nothing is left to try.
+    pub(super) fn run(&self, pieces: &[Piece<'_>], report: &mut Report) -> Option<PolyMesh> {
+        let mut sites = self.sites(pieces);
+        self.refine_coarse_parts(&mut sites);
+        let mesh = loop {
+            let culprits = match self.attempt(&mut sites, report) {
+                Ok(net) => break net,
+                Err(Misfit::Loops { segment }) => {
+                    if !sites[segment].give_up(self.surface()) {
+                        return None;
+                    }
+                    continue;
+                }
+                Err(Misfit::TooCoarse { segment }) => vec![segment],
+                Err(Misfit::Pinched { segments }) => segments,
+            };
+            let next = self.first_to_give_way(&sites, &culprits)?;
+            if !sites[next].give_way(self.surface(), &self.target) {
+                return None;
+            }
+        };
+        self.tell(pieces, &sites, report);
+        self.followed(mesh, report)
+    }
+
+    fn sites<'p>(&self, pieces: &[Piece<'p>]) -> Vec<Site<'p>> {
+        let nets: Vec<Net> = pieces
+            .iter()
+            .enumerate()
+            .map(|(s, piece)| match piece {
+                Piece::Mapped(mesh) => self.prepared(s, mesh),
+                Piece::Regular(..) | Piece::Nothing => Net::default(),
+            })
+            .collect();
+        let edges = self.edges_beside(&nets);
+        let sites = pieces.iter().zip(nets).zip(edges).enumerate();
+        sites.map(|(s, ((piece, net), edge))| Site::new(self.input, s, *piece, net, edge)).collect()
+    }
+
+    /// A part as a net, its faces turned as the segment's.
+    fn prepared(&self, segment: usize, part: &PolyMesh) -> Net {
+        let mut net = Net::from_mesh(part);
+        if way(&net, &self.layout.curves[segment]) == Some(Turned::Against) {
+            let faces: Vec<(u32, Vec<u32>)> =
+                net.faces().map(|(f, c)| (f, c.iter().rev().copied().collect())).collect();
+            faces.into_iter().for_each(|(f, c)| net.set_face(f, c));
+        }
+        net
+    }
+
+    /// For each segment the length of the edges of a regular layout: the mean of those on the boundaries of the parts
+    /// beside it, within bounds.
+    fn edges_beside(&self, nets: &[Net]) -> Vec<f64> {
+        let overall = (self.surface().total_area() / REGULAR_QUADS).sqrt() * self.options.edge_scale;
+        let border: Vec<Option<f64>> = nets.iter().map(border_edge).collect();
+        (0..nets.len() as u32)
+            .map(|segment| {
+                let other = |arc: &Arc| match arc.sides[..] {
+                    [[a, ..], [b, ..]] if a == segment => border[b as usize],
+                    [[a, ..], [b, ..]] if b == segment => border[a as usize],
+                    _ => None,
+                };
+                let beside: Vec<f64> = self.layout.arcs.iter().filter_map(other).collect();
+                let mean = beside.iter().sum::<f64>() / beside.len() as f64;
+                if beside.is_empty() { overall } else { mean.clamp(EDGE_RANGE[0] * overall, EDGE_RANGE[1] * overall) }
+            })
+            .collect()
+    }
+
+    /// Subdivides examples that miss their segment, and those much coarser than the examples beside them.
+    fn refine_coarse_parts(&self, sites: &mut [Site<'_>]) {
+        let may = |site: &Site<'_>| {
+            site.stands == Use::Part && site.times < 2 && 4 * site.net.faces().count() <= PART_QUADS_MAX
+        };
+        if self.options.closeness == Closeness::Followed {
+            for site in sites.iter_mut() {
+                while may(site) && self.misses(site) {
+                    site.refine(&self.target);
+                }
+            }
+        }
+        while let Some(s) = self.coarsest_beside_finer(sites, &may) {
+            sites[s].refine(&self.target);
+        }
+    }
+
+    fn misses(&self, site: &Site<'_>) -> bool {
+        let (mesh, _) = site.net.clone().into_mesh();
+        Measured::new(&site.surface(self.surface())).fit(&mesh).worst() > MISS_MAX * self.diagonal
+    }
+
+    /// The example that has the fewest edges for those of the example on the other side of a seam, if it is too few.
+    fn coarsest_beside_finer(&self, sites: &[Site<'_>], may: &dyn Fn(&Site<'_>) -> bool) -> Option<usize> {
+        let found = self.given_rims(sites).ok()?;
+        let edges = |&[s, l, r]: &[u32; 3]| found[s as usize].get(l as usize).map(|rim| rim.run_edges(r as usize));
+        let mut worst: Option<(f64, usize)> = None;
+        for arc in &self.layout.arcs {
+            let [x, y] = &arc.sides[..] else { continue };
+            let (Some(n), Some(m)) = (edges(x), edges(y)) else { continue };
+            let (ratio, coarse) = if n < m { (m as f64 / n as f64, x[0]) } else { (n as f64 / m as f64, y[0]) };
+            let is_worse = worst.is_none_or(|w| ratio > w.0) && n.max(m) > 3;
+            if ratio > RATIO_MAX && is_worse && may(&sites[coarse as usize]) {
+                worst = Some((ratio, coarse as usize));
+            }
+        }
+        worst.map(|w| w.1)
+    }
+
+    /// Of the parts that are involved where the result is pinched, the one with the longest edges for its kind.
+    fn first_to_give_way(&self, sites: &[Site<'_>], culprits: &[usize]) -> Option<usize> {
+        let last = |s: usize| sites[s].stands == Use::Own && sites[s].times >= 2;
+        culprits.iter().copied().filter(|&s| !last(s)).max_by(|&a, &b| {
+            let edge = |s: usize| match sites[s].stands {
+                Use::Regular => sites[s].wish.edge,
+                Use::Part | Use::Own => border_edge(&sites[s].net).unwrap_or(0.0),
+            };
+            sites[b]
+                .stands
+                .cmp(&sites[a].stands)
+                .then(sites[b].times.cmp(&sites[a].times))
+                .then(edge(a).total_cmp(&edge(b)))
+        })
+    }
+
+    /// The boundaries of what is no regular layout, on the segments' curves.
+    fn given_rims(&self, sites: &[Site<'_>]) -> Result<Vec<Vec<Rim>>, Misfit> {
+        let mut all = Vec::with_capacity(sites.len());
+        for (segment, site) in sites.iter().enumerate() {
+            all.push(match site.stands {
+                Use::Regular => Vec::new(),
+                Use::Part | Use::Own => rims(&site.net, &self.layout.curves[segment], segment)?,
+            });
+        }
+        even_out(&mut all, &self.layout);
+        Ok(all)
+    }
+
+    fn attempt(&self, sites: &mut [Site<'_>], report: &mut Report) -> Result<PolyMesh, Misfit> {
+        let mut all = self.given_rims(sites)?;
+        let sides: Vec<Side<'_>> = sites
+            .iter()
+            .zip(&all)
+            .map(|(site, rims)| if site.stands == Use::Regular { Side::Free(site.wish) } else { Side::Given(rims) })
+            .collect();
+        let places = plan(&self.layout, &sides);
+        let mut nets: Vec<Net> = Vec::with_capacity(sites.len());
+        for (segment, site) in sites.iter().enumerate() {
+            if site.stands != Use::Regular {
+                nets.push(site.net.clone());
+                continue;
+            }
+            let laid = site.lay_out(&self.layout.curves[segment], &places[segment]);
+            let (net, rims) = laid.ok_or(Misfit::Loops { segment })?;
+            nets.push(net);
+            all[segment] = rims;
+        }
+        report.extraordinary_before = nets.iter().map(|net| extraordinary(&net.clone().into_mesh().0)).sum();
+        self.stitched(&nets, &all, report)
+    }
+
+    fn stitched(&self, nets: &[Net], rims: &[Vec<Rim>], report: &mut Report) -> Result<PolyMesh, Misfit> {
+        let points: Vec<Vec3> = self.layout.junctions.iter().map(|&v| self.surface().positions[v as usize]).collect();
+        let glued = glue(nets, rims, &self.layout, &points)?;
+        (report.merged, report.filled) = (glued.merged, glued.filled);
+        let pinched = || Misfit::Pinched { segments: (0..nets.len()).collect() };
+        let faces: Vec<usize> = nets.iter().map(|net| net.faces().count()).collect();
+        let culprits = culprits(&glued.net, &faces);
+        if !culprits.is_empty() {
+            return Err(Misfit::Pinched { segments: culprits });
+        }
+        if !is_sound(&glued.net) {
+            return Err(pinched());
+        }
+        if let Some((mesh, resolved)) = self.by_surgery(glued.clone()) {
+            report.resolved = resolved;
+            return Ok(mesh);
+        }
+        let mesh = self.all_subdivided(&glued).ok_or_else(pinched)?;
+        (report.way, report.resolved) = (Way::AllSubdivided, Resolved::default());
+        Ok(mesh)
+    }
+
+    fn by_surgery(&self, mut glued: Glued) -> Option<(PolyMesh, Resolved)> {
+        let resolved = resolve(&mut glued.net);
+        glued.seam.extend(&resolved.touched);
+        Some((self.finished(glued.net, &glued.seam)?, resolved))
+    }
+
+    fn all_subdivided(&self, glued: &Glued) -> Option<PolyMesh> {
+        let old = glued.net.positions.len() as u32;
+        let mut fine = on_surface(subdivide(&glued.net), glued.net.positions.len(), &self.target);
+        let mut resolved = Resolved::default();
+        resolve::remove_doublets(&mut fine, &mut resolved);
+        let mut touched = glued.seam.clone();
+        touched.extend(resolved.touched);
+        // New vertices beside seams belong to them.
+        let beside: Vec<u32> = glued.seam.iter().flat_map(|&v| fine.neighbours(v)).filter(|&v| v >= old).collect();
+        touched.extend(beside);
+        self.finished(fine, &touched)
+    }
+
+    /// Smoothed and checked.
+    fn finished(&self, mut net: Net, touched: &[u32]) -> Option<PolyMesh> {
+        let (mesh, _) = net.clone().into_mesh();
+        check::check_structure(&mesh, self.shape).ok()?;
+        let plan = Plan::new(&net, touched);
+        for &v in touched {
+            if !net.at(v).is_empty() && !net.on_boundary(v) {
+                net.positions[v as usize] = self.target.onto_surface(net.positions[v as usize]);
+            }
+        }
+        if check(&net.clone().into_mesh().0, self.shape).is_err() {
+            self.open_flat_faces(&mut net);
+        }
+        for rounds in [OPENING_ROUNDS + self.options.smoothing, OPENING_ROUNDS, 4 * OPENING_ROUNDS] {
+            plan.run(&mut net, &self.target, rounds);
+            let (mesh, _) = net.clone().into_mesh();
+            if check(&mesh, self.shape).is_ok() {
+                return Some(mesh);
+            }
+        }
+        self.open_flat_faces(&mut net);
+        let (mesh, _) = net.into_mesh();
+        check(&mesh, self.shape).is_ok().then_some(mesh)
+    }
+
+    /// Draws the corners of faces without area to the middle of their neighbours, off the input if need be.
+    fn open_flat_faces(&self, net: &mut Net) {
+        let least = FLAT_SHARE * self.surface().total_area() / net.faces().count().max(1) as f64;
+        for _ in 0..OPENING_ROUNDS {
+            let area = |c: &[u32]| match *c {
+                [a, b, c, d] => check::quad_area([a, b, c, d].map(|v| net.positions[v as usize])),
+                _ => f64::INFINITY,
+            };
+            let mut flat: Vec<u32> =
+                net.faces().filter(|(_, c)| area(c) <= least).flat_map(|(_, c)| c.to_vec()).collect();
+            if flat.is_empty() {
+                return;
+            }
+            flat.sort_unstable();
+            flat.dedup();
+            flat.retain(|&v| !net.on_boundary(v));
+            for v in flat {
+                let around = net.neighbours(v);
+                let mean = around.iter().map(|&w| net.positions[w as usize]).sum::<Vec3>() / around.len().max(1) as f64;
+                net.positions[v as usize] = 0.5 * (net.positions[v as usize] + mean);
+            }
+        }
+    }
+
+    /// With sheared quads squarer, unless that takes the result away from the input.
+    fn squared(&self, mesh: PolyMesh, rounds: u32) -> PolyMesh {
+        let mut net = Net::from_mesh(&mesh);
+        let before = square::mean_deviation_deg(&net);
+        square::square_up(&mut net, &self.target, rounds);
+        let deviation = square::mean_deviation_deg(&net);
+        let (squarer, _) = net.into_mesh();
+        let most = (SQUARE_LOSS * self.measured.fit(&mesh).worst()).max(MISS_MAX * self.diagonal);
+        let holds =
+            deviation < before && check(&squarer, self.shape).is_ok() && self.measured.fit(&squarer).worst() <= most;
+        if holds { squarer } else { mesh }
+    }
+
+    /// What each segment came to.
+    fn tell(&self, pieces: &[Piece<'_>], sites: &[Site<'_>], report: &mut Report) {
+        report.subdivided = sites.iter().map(|site| site.subdivided).collect();
+        for (s, (site, piece)) in sites.iter().zip(pieces).enumerate() {
+            match (site.stands, piece) {
+                (Use::Regular, Piece::Mapped(_)) => report.replaced.push(s),
+                (Use::Own, _) => report.own.push(s),
+                _ => {}
+            }
+        }
+        if !(report.replaced.is_empty() && report.own.is_empty()) {
+            report.way = report.way.max(Way::PartsReplaced);
+        } else if report.subdivided.iter().any(|&n| n > 0) {
+            report.way = report.way.max(Way::PartsSubdivided);
+        }
+    }
+
+    /// Subdivided until it follows the input, if that is asked for.
+    fn followed(&self, mut mesh: PolyMesh, report: &mut Report) -> Option<PolyMesh> {
+        mesh = self.squared(mesh, SQUARE_ROUNDS);
+        report.fit = self.measured.fit(&mesh);
+        while self.options.closeness == Closeness::Followed
+            && report.fit.worst() > MISS_MAX * self.diagonal
+            && report.refined < REFINED_MAX
+            && 4 * mesh.faces.len() <= WHOLE_QUADS_MAX
+        {
+            let net = Net::from_mesh(&mesh);
+            let fine = on_surface(subdivide(&net), net.positions.len(), &self.target);
+            let (finer, _) = fine.into_mesh();
+            let fit = self.measured.fit(&finer);
+            if check(&finer, self.shape).is_err() || fit.worst() > 0.8 * report.fit.worst() {
+                break;
+            }
+            (mesh, report.fit) = (finer, fit);
+            report.refined += 1;
+        }
+        if report.refined > 0 {
+            mesh = self.squared(mesh, SQUARE_ROUNDS / 4);
+            report.fit = self.measured.fit(&mesh);
+        }
+        Some(mesh)
+    }
+}
+
+/// Mean length of a part's boundary edges; `None` where it has none.
+fn border_edge(net: &Net) -> Option<f64> {
+    let p = |v: u32| net.positions[v as usize];
+    let lengths: Vec<f64> = net
+        .loops()?
+        .iter()
+        .flat_map(|ring| (0..ring.len()).map(|k| (p(ring[(k + 1) % ring.len()]) - p(ring[k])).norm()))
+        .collect();
+    (!lengths.is_empty()).then(|| lengths.iter().sum::<f64>() / lengths.len() as f64)
+}
+
+/// The parts with a face at a vertex whose faces form no fan; the net's faces are those of the parts in their order, then
+/// what fills holes.
+fn culprits(net: &Net, faces: &[usize]) -> Vec<usize> {
+    let mut ends = Vec::new();
+    for n in faces {
+        ends.push(ends.last().copied().unwrap_or(0) + n);
+    }
+    let bad = (0..net.positions.len() as u32).filter(|&v| net.fan(v).is_none());
+    let mut found: Vec<usize> = bad
+        .flat_map(|v| net.at(v).to_vec())
+        .map(|f| ends.partition_point(|&end| end <= f as usize))
+        .filter(|&s| s < faces.len())
+        .collect();
+    found.sort_unstable();
+    found.dedup();
+    found
+}
+
+/// Whether the faces have distinct corners, share edges two by two, and form one fan at each vertex.
+fn is_sound(net: &Net) -> bool {
+    let distinct = |c: &[u32]| c.iter().enumerate().all(|(k, v)| !c[..k].contains(v));
+    let (mesh, _) = net.clone().into_mesh();
+    net.faces().all(|(_, c)| distinct(c))
+        && check::edges_are_sound(&mesh)
+        && (0..net.positions.len() as u32).all(|v| net.fan(v).is_some())
+}
