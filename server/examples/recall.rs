@@ -45,7 +45,7 @@ fn exhaustive(work: &Work, live: &LiveQuery, resident: &Resident, stop: &Stop) -
 
 async fn one(work: &Arc<Work>, input: &str) {
     let upload = Upload { bytes: std::fs::read(input).expect("an input").into(), format: None, cut: Cut::default() };
-    let options = QueryOptions { top: TOP, resolution: RESOLUTION, deadline: None, tags: Vec::new() };
+    let options = QueryOptions { top: TOP, resolution: RESOLUTION, deadline: None, tags: Vec::new(), like: None };
     let live = search::start(work, Caller::default(), upload, options).await.expect("a query");
     let board = live.wait_for(|_| false).await;
     assert_eq!(board.state, QueryState::Done);

@@ -12,12 +12,8 @@ use super::{Caller, WorkError};
 use crate::pool::{Job, Stop};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::{
-<<<<<<< HEAD
-    Begin, CompositionId, End, EndState, Entry, EntryState, LevelTiming, MapId, MeshCounts, Progress, Query, QueryId,
-=======
-    Begin, CompositionId, End, EndState, Entry, EntryState, ExampleId, LevelTiming, MapId, Progress, Query, QueryId,
->>>>>>> face
-    QuerySegment, QueryState, QueryTimings, Ranking,
+    Begin, CompositionId, End, EndState, Entry, EntryState, ExampleId, LevelTiming, MapId, MeshCounts, Progress, Query,
+    QueryId, QuerySegment, QueryState, QueryTimings, Ranking,
 };
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};

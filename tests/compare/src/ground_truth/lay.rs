@@ -45,8 +45,6 @@ pub struct Outcome {
 
 struct Laid {
     cross: CrossMap,
-    /// The chart on whose mesh the vertices lie.
-    input: Arc<Chart>,
     mirrored: bool,
     cost: f64,
     in_domain: Vec<u32>,
@@ -136,7 +134,7 @@ fn by_chart(example: &Loaded, one: &Query, two: &Query, entry: &Entry, method: M
     untangle(&example.patch.mesh, &mut cross, &input, sign);
     let distortion = measure::distortion(&example.patch.mesh, &cross, &input, sign);
     let in_domain = folded_faces(&best.registration, &one.chart, &example.patch.mesh);
-    Ok(Laid { cross, input, mirrored, cost: best.cost(), in_domain, distortion, laid_angle_deg })
+    Ok(Laid { cross, mirrored, cost: best.cost(), in_domain, distortion, laid_angle_deg })
 }
 
 fn by_atlas(example: &Loaded, one: &Query, two: &Query, method: Method) -> Result<Option<Laid>, String> {
@@ -150,15 +148,7 @@ fn by_atlas(example: &Loaded, one: &Query, two: &Query, method: Method) -> Resul
     untangle(&example.patch.mesh, &mut cross, &input, sign);
     let distortion = measure::distortion(&example.patch.mesh, &cross, &input, sign);
     let in_domain = atlas.folded_faces(&example.patch.mesh);
-    Ok(Some(Laid {
-        cross,
-        input,
-        mirrored: atlas.mirrored,
-        cost: atlas.mean_cost(),
-        in_domain,
-        distortion,
-        laid_angle_deg,
-    }))
+    Ok(Some(Laid { cross, mirrored: atlas.mirrored, cost: atlas.mean_cost(), in_domain, distortion, laid_angle_deg }))
 }
 
 /// Median and 95th percentile of the distances, in % of √area.

@@ -12,12 +12,8 @@ use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, edit, folded_faces, leave_fillings};
 use quadmuse_kernel::measure::coverage::{Coverage, coverage, feature_points};
 use quadmuse_kernel::measure::{self, Distribution, Evidence};
-<<<<<<< HEAD
-use quadmuse_kernel::mesh::TriMesh;
-=======
-use quadmuse_kernel::mesh::Vec3;
->>>>>>> face
 use quadmuse_kernel::mesh::bvh::Bvh;
+use quadmuse_kernel::mesh::{TriMesh, Vec3};
 use quadmuse_kernel::register::entry::{Hypothesis, PROTRUSIONS_MANY};
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt};
 use quadmuse_kernel::unfold::Chart;
