@@ -73,7 +73,7 @@ mod tests {
     fn sphere(radius: f64, rings: u32) -> TriMesh {
         let at = |k: u32| {
             let angle = PI * f64::from(k) / f64::from(rings);
-            (radius * angle.sin().abs() * f64::from(u8::from(k % rings != 0)), -radius * angle.cos())
+            (radius * angle.sin().abs() * f64::from(u8::from(!k.is_multiple_of(rings))), -radius * angle.cos())
         };
         turned(&(0..=rings).map(at).collect::<Vec<_>>(), 2 * rings)
     }
