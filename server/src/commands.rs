@@ -82,7 +82,7 @@ pub fn run(cli: Cli) -> Result<(), CommandError> {
         Some(Command::Backup { store, file }) => backup(&store, &file),
         Some(Command::Restore { store, file }) => restore(&store, &file),
         Some(Command::BenchCorpus(args)) => bench_corpus(&args),
-        Some(Command::Token { store, action }) => token(&store, action),
+        Some(Command::Token { data, action }) => token(data, action),
     }
 }
 
@@ -221,8 +221,8 @@ fn restore(store: &StoreArgs, file: &Path) -> Result<(), CommandError> {
     Ok(())
 }
 
-fn token(store: &StoreArgs, action: TokenAction) -> Result<(), CommandError> {
-    let dir = store.dir();
+fn token(data: Option<PathBuf>, action: TokenAction) -> Result<(), CommandError> {
+    let dir = StoreArgs { data: data.ok_or(ConfigError::NoData)? }.dir();
     std::fs::create_dir_all(&dir).map_err(|source| CommandError::File {
         doing: "create",
         path: dir.clone(),

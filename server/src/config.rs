@@ -68,9 +68,9 @@ pub enum Command {
     BenchCorpus(crate::bench_corpus::BenchCorpusArgs),
     /// Create, list and revoke access tokens.
     Token {
-        /// The store.
-        #[command(flatten)]
-        store: StoreArgs,
+        /// Directory of the store; before or behind the verb.
+        #[arg(long, env = "QUADMUSE_DATA", global = true)]
+        data: Option<PathBuf>,
         /// What to do.
         #[command(subcommand)]
         action: TokenAction,
@@ -297,6 +297,28 @@ mod tests {
         let path = file.path().to_str().expect("a plain path");
         let error = Config::resolve(parse(&["--config", path])).expect_err("a typo");
         assert!(error.to_string().contains("dta"), "{error}");
+    }
+
+    #[test]
+    fn every_verb_of_the_interface_is_read() {
+        for line in [
+            "serve --data d --listen 127.0.0.1:0 --threads 2 --memory-limit 1 --upload-limit 1",
+            "demo --out o --keep",
+            "migrate --data d --dry-run",
+            "check --data d",
+            "backup --data d file",
+            "restore --data d file",
+            "token create --data d --role contributor --name me",
+            "token --data d create",
+            "token list --data d",
+            "token revoke 01ARZ3NDEKTSV4RRFFQ69G5FAV --data d",
+        ] {
+            let words = std::iter::once("quadmuse-server").chain(line.split(' '));
+            let read = Cli::try_parse_from(words).unwrap_or_else(|e| panic!("{line}: {e}"));
+            if let Some(Command::Token { data, .. }) = read.command {
+                assert_eq!(data, Some("d".into()), "{line}");
+            }
+        }
     }
 
     #[test]

@@ -14,7 +14,6 @@ use quadmuse_kernel::register::entry::{Hypothesis, PROTRUSIONS_MANY};
 use quadmuse_kernel::register::{Entry, Query, Solver};
 use quadmuse_kernel::unfold::{Chart, UnfoldOptions};
 use quadmuse_tests::real_input::pairs::Pair;
-use std::sync::Arc;
 use std::time::Instant;
 
 /// Level to which everything is registered.
@@ -142,11 +141,11 @@ fn by_atlas(example: &Loaded, one: &Query, two: &Query, method: Method) -> Resul
         return Ok(None);
     };
     let mut cross = atlas.cross_map(&[]).map_err(|e| e.to_string())?;
-    let input = Arc::clone(atlas.input().ok_or("expected an atlas with charts")?);
+    let input = atlas.input().ok_or("expected an atlas with charts")?;
     let sign = if atlas.mirrored { -1.0 } else { 1.0 };
-    let laid_angle_deg = polish_by(method, example, &mut cross, &input, sign);
-    untangle(&example.patch.mesh, &mut cross, &input, sign);
-    let distortion = measure::distortion(&example.patch.mesh, &cross, &input, sign);
+    let laid_angle_deg = polish_by(method, example, &mut cross, input, sign);
+    untangle(&example.patch.mesh, &mut cross, input, sign);
+    let distortion = measure::distortion(&example.patch.mesh, &cross, input, sign);
     let in_domain = atlas.folded_faces(&example.patch.mesh);
     Ok(Some(Laid { cross, mirrored: atlas.mirrored, cost: atlas.mean_cost(), in_domain, distortion, laid_angle_deg }))
 }
