@@ -25,6 +25,8 @@ const PART_QUADS_MAX: usize = 12_000;
 const WHOLE_QUADS_MAX: usize = 48_000;
 /// Times the whole is subdivided at most.
 const REFINED_MAX: usize = 3;
+/// Share of the distance that may be left for it to be worth while.
+const REFINED_GAIN: f64 = 0.95;
 /// An example with this many times fewer edges on a seam than the example beside it is subdivided.
 const RATIO_MAX: f64 = 1.7;
 
@@ -354,7 +356,7 @@ impl<'a> Stitching<'a> {
             let fine = on_surface(subdivide(&net), net.positions.len(), &self.target);
             let (finer, _) = fine.into_mesh();
             let fit = self.measured.fit(&finer);
-            if check(&finer, self.shape).is_err() || fit.worst() > 0.8 * report.fit.worst() {
+            if check(&finer, self.shape).is_err() || fit.worst() > REFINED_GAIN * report.fit.worst() {
                 break;
             }
             (mesh, report.fit) = (finer, fit);
