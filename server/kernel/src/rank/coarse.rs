@@ -233,7 +233,7 @@ mod tests {
 
     fn segment(picture: &Picture, topology: Topology, k: u64) -> Segment {
         let row = Row::new(&Image::new(picture, Flip::default(), false), topology).expect("of 32²");
-        let bending = (k % 4 != 0).then_some(2.0 + (k % 5) as f32);
+        let bending = (!k.is_multiple_of(4)).then_some(2.0 + (k % 5) as f32);
         Segment { row, shape: Shape { modulus: 0.2 + 0.05 * (k % 7) as f64, bending }, relevance: (k % 6) as f64 }
     }
 
