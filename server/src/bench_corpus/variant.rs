@@ -42,7 +42,6 @@ pub(super) fn variant(source: &Packed, finest: u32, seed: u64) -> Packed {
     let up_to = source.levels.iter().filter(|level| level.0 <= finest).max_by_key(|level| level.0);
     let Some((side, values)) = up_to else { return source.clone() };
     let k = source.facts.k * (MODULUS_SPREAD * random.normal()).exp();
-    let bending = source.facts.bending.map(|b| b * (BENDING_SPREAD * random.normal()).exp() as f32);
     let mut pyramid = vec![warped(&Picture { side: *side as usize, values: values.clone() }, &mut random)];
     while let Some(last) = pyramid.last().filter(|p| p.side > LEVEL_SIDES[0]) {
         let next = last.halved();
@@ -50,6 +49,8 @@ pub(super) fn variant(source: &Packed, finest: u32, seed: u64) -> Packed {
     }
     pyramid.reverse();
     let found = features::extract(&pyramid, topology_in(source.facts.topology));
+    // Drawn last, so that pictures and moduli of a seed are those they always were.
+    let bending = source.facts.bending.map(|b| b * (BENDING_SPREAD * random.normal()).exp() as f32);
     let feature = |f: &features::Feature| PackedFeature { uv: f.uv, lambda: f.lambda, side: f.side as u32 };
     let coarse = pyramid.into_iter().map(|p| (p.side as u32, p.values));
     let fine = source.levels.iter().filter(|level| level.0 > finest).cloned();

@@ -24,12 +24,12 @@ struct Options {
     corpora: PathBuf,
     sizes: Vec<usize>,
     times: usize,
-    sweep: Option<()>,
+    sweep: bool,
 }
 
 fn options() -> Result<Options, String> {
     let mut options =
-        Options { corpora: PathBuf::new(), sizes: vec![45, 1000, 10_000, 100_000], times: 3, sweep: None };
+        Options { corpora: PathBuf::new(), sizes: vec![45, 1000, 10_000, 100_000], times: 3, sweep: false };
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
         let mut value = || words.next().ok_or(format!("expected a value after {word}"));
@@ -41,7 +41,7 @@ fn options() -> Result<Options, String> {
                 options.sizes = sizes.map_err(|_| "expected numbers with commas after --sizes".to_owned())?;
             }
             "--times" => options.times = value()?.parse().map_err(|_| "expected a number after --times".to_owned())?,
-            "--sweep" => options.sweep = Some(()),
+            "--sweep" => options.sweep = true,
             other => return Err(format!("expected --corpora, --sizes, --times or --sweep, found `{other}`")),
         }
     }
@@ -79,7 +79,7 @@ fn run(options: &Options, shared: &Path) -> Result<(), ScaleError> {
     }
     println!("{}", scale::table(&measured));
     println!("\nload at the end {}", process::load());
-    if let (Some(()), Some(data)) = (options.sweep, largest) {
+    if let Some(data) = largest.filter(|_| options.sweep) {
         let status = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
             .current_dir(walls::tree::root())
             .args(["run", "--release", "--quiet", "-p", "quadmuse-server", "--example", "sweep", "--"])

@@ -10,9 +10,12 @@ use std::{
 
 /// Pause between two looks at a query.
 const PAUSE: Duration = Duration::from_millis(5);
-/// A server that computes less than [`IDLE_MS`] in such a time is idle.
-const IDLE_WINDOW: Duration = Duration::from_millis(20);
-const IDLE_MS: f64 = 1.0;
+/// Pause between two looks at a server's processor time.
+const LOOK: Duration = Duration::from_millis(2);
+/// A server that hasn't computed for so long is idle; on a busy machine a thread may wait for a processor meanwhile.
+const IDLE: Duration = Duration::from_millis(200);
+/// Processor time in milliseconds that is none: what the clock of the system itself adds.
+const IDLE_MS: f64 = 0.05;
 /// Longest wait for a query, or for a server to be idle.
 const TIME_MAX: Duration = Duration::from_secs(120);
 
@@ -104,14 +107,15 @@ pub fn cancelled(server: &Server, input: &[u8]) -> Result<Duration, ScaleError> 
     }
     let deleted = Instant::now();
     http::ask(server.address(), &format!("DELETE /v1/queries/{id}"), &[], &[]).map_err(failed("delete a query"))?;
-    let (mut from, mut cpu) = (deleted.elapsed(), process::cpu_ms(server.id()));
+    let (mut last, mut cpu) = (deleted.elapsed(), process::cpu_ms(server.id()));
     while deleted.elapsed() < TIME_MAX {
-        std::thread::sleep(IDLE_WINDOW);
+        std::thread::sleep(LOOK);
         let now = process::cpu_ms(server.id());
-        if now - cpu < IDLE_MS {
-            return Ok(from);
+        if now - cpu > IDLE_MS {
+            (last, cpu) = (deleted.elapsed(), now);
+        } else if deleted.elapsed() > last + IDLE {
+            return Ok(last);
         }
-        (from, cpu) = (deleted.elapsed(), now);
     }
     Err(ScaleError::Answer { expected: "a server that is idle", found: format!("that it computes after {TIME_MAX:?}") })
 }

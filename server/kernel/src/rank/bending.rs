@@ -45,7 +45,7 @@ mod tests {
     use crate::mesh::Vec3;
     use std::f64::consts::PI;
 
-    /// A surface of revolution about z with these (radius, height), the first and last radius 0.
+    /// A surface of revolution about z with these (radius, height); the first and the last are points on it.
     fn turned(profile: &[(f64, f64)], around: u32) -> TriMesh {
         let rings = profile.len() as u32 - 2;
         let mut positions = vec![Vec3::new(0.0, 0.0, profile[0].1)];
@@ -73,7 +73,7 @@ mod tests {
     fn sphere(radius: f64, rings: u32) -> TriMesh {
         let at = |k: u32| {
             let angle = PI * f64::from(k) / f64::from(rings);
-            (radius * angle.sin().abs() * f64::from(u8::from(!k.is_multiple_of(rings))), -radius * angle.cos())
+            (radius * angle.sin(), -radius * angle.cos())
         };
         turned(&(0..=rings).map(at).collect::<Vec<_>>(), 2 * rings)
     }

@@ -133,13 +133,14 @@ impl CoarseQuery {
             let Some(facts) = facts else { continue };
             hypotheses.clear();
             for (side, peaks) in self.sides.iter().zip(&peaks) {
+                let factor = score(1.0, facts.shape, side.shape, *relevance);
                 for flip_u in [false, true] {
                     let flip = Flip { u: flip_u, v: side.flip_v };
                     if flip.is_mirror() && facts.symmetric {
                         continue;
                     }
                     let peak = f64::from(peaks[usize::from(flip_u)][lane]);
-                    hypotheses.push(side.bounded(facts, peak, flip, *relevance));
+                    hypotheses.push(side.bounded(facts, peak, flip, factor));
                 }
             }
             *bound = combined(&hypotheses);
@@ -188,11 +189,11 @@ impl Side {
         ((gap * gap + variance - 2.0 * peak).max(0.0), variance)
     }
 
-    fn bounded(&self, facts: &Facts, peak: f64, flip: Flip, relevance: f64) -> Bounded {
+    /// `factor` is what E′ has beside the cost.
+    fn bounded(&self, facts: &Facts, peak: f64, flip: Flip, factor: f64) -> Bounded {
         let (energy, variance) = self.energy(facts, peak);
         let error = PEAK_ERROR * variance + SLACK * energy;
         let costs = [(energy - error).max(0.0), energy + error].map(|e| cost(e, variance));
-        let factor = score(1.0, facts.shape, self.shape, relevance);
         Bounded { handicapped: costs.map(|c| c * handicap(flip)), score: costs.map(|c| c * factor) }
     }
 }
