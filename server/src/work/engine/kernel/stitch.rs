@@ -22,7 +22,7 @@ const MISS_TOLD_PCT: f64 = 0.25;
 
 /// What is brought for a segment.
 enum Brought<'a> {
-    Mesh(PolyMesh),
+    Mesh(Box<PolyMesh>),
     Unfolded(&'a Query),
 }
 
@@ -44,7 +44,7 @@ pub(super) fn compose(query: &Model, parts: &[Part], how: Stitching, stop: &Stop
     let mut brought: Vec<Brought<'_>> = Vec::new();
     for (segment, part) in parts.iter().enumerate() {
         brought.push(match part {
-            Part::Mapped(mesh) => Brought::Mesh(at_density(mesh, segment, how.density, &mut notes)?),
+            Part::Mapped(mesh) => Brought::Mesh(Box::new(at_density(mesh, segment, how.density, &mut notes)?)),
             Part::Template(encoded) => {
                 notes.push(format!("segment {segment} is a regular layout"));
                 Brought::Unfolded(fresh(&encoded.encoding)?)
