@@ -11,8 +11,8 @@ pub mod coarse;
 pub const RELEVANCE_MAX: f64 = 5.0;
 /// Weight of the moduli's difference.
 const MODULUS_WEIGHT: f64 = 4.0;
-/// Weight of the difference in bending: chosen on half of the labelled identities, of 0, ¼, ½, 1, 2, 4, 8; the other half says the
-/// same, and neither changes by more than .005 of MAP between 1 and 4 (tests/records).
+/// Weight of the difference in bending: of 0, ¼, ½, 1, 2, 4, 8 on the labelled meshes, where 1 to 8 are much the same on either half of
+/// the identities (tests/records).
 const BENDING_WEIGHT: f64 = 2.0;
 /// Less bending than this, a tenth of a sphere's, is none: a surface that bends inward as much as outward.
 const BENDING_MIN: f64 = 0.354;
