@@ -94,7 +94,7 @@ fn one(file: &str, parts: PartCount, examples: &[ExamplePart], out: &str) -> Res
     let laid: Vec<(Option<(String, PolyMesh)>, Option<Query>)> =
         cut.parts.iter().map(|patch| lay(patch, examples)).collect();
     let pieces: Vec<Piece<'_>> = laid.iter().map(piece_of).collect();
-    let made = compose::compose(input, &pieces, Options::default()).map_err(|e| e.to_string())?;
+    let made = compose::compose(input, &pieces, Options::default(), &|| false).map_err(|e| e.to_string())?;
     check::check(&made.mesh, check::Shape::of(&surface)).map_err(|e| e.to_string())?;
     let bytes = mesh::write(&made.mesh, Format::Obj).map_err(|e| e.to_string())?;
     std::fs::write(format!("{out}/{}.obj", stem(file)), bytes).map_err(|e| e.to_string())?;

@@ -158,16 +158,24 @@ pub enum ComposeError {
         /// Labels.
         found: usize,
     },
+    /// The caller asked to stop.
+    #[error("stitching was stopped")]
+    Stopped,
     /// Even the input's own triangles make no such mesh.
     #[error("the surface can't be made of quads: {0}")]
     Surface(#[from] Broken),
 }
 
-/// Stitches what is brought for the segments, and checks the result.
+/// Stitches what is brought for the segments, and checks the result. `stop` is asked before each try.
 ///
 /// # Errors
-/// [`ComposeError`]; none for one piece a segment of a valid surface.
-pub fn compose(input: Input<'_>, pieces: &[Piece<'_>], options: Options) -> Result<Composed, ComposeError> {
+/// [`ComposeError`]; none but [`ComposeError::Stopped`] for one piece a segment of a valid surface.
+pub fn compose(
+    input: Input<'_>,
+    pieces: &[Piece<'_>],
+    options: Options,
+    stop: &dyn Fn() -> bool,
+) -> Result<Composed, ComposeError> {
     if pieces.len() != input.count {
         return Err(ComposeError::Parts { expected: input.count, found: pieces.len() });
     }
@@ -188,8 +196,9 @@ pub fn compose(input: Input<'_>, pieces: &[Piece<'_>], options: Options) -> Resu
         refined: 0,
         fit: Fit::default(),
     };
-    let mesh = match stitching.run(pieces, &mut report) {
+    let mesh = match stitching.run(pieces, &mut report, stop) {
         Some(mesh) => mesh,
+        None if stop() => return Err(ComposeError::Stopped),
         None => by_input(&stitching, &mut report)?,
     };
     let diagonal = check::diagonal(&input.surface.positions).max(f64::MIN_POSITIVE);

@@ -63,11 +63,15 @@ impl<'a> Stitching<'a> {
         self.input.surface
     }
 
-    /// Stitches; what doesn't fit gives way, segment by segment, until everything does. `None` if nothing is left to try.
-    pub(super) fn run(&self, pieces: &[Piece<'_>], report: &mut Report) -> Option<PolyMesh> {
+    /// Stitches; what doesn't fit gives way, segment by segment, until everything does. `None` if nothing is left to try,
+    /// or the caller asked to stop.
+    pub(super) fn run(&self, pieces: &[Piece<'_>], report: &mut Report, stop: &dyn Fn() -> bool) -> Option<PolyMesh> {
         let mut sites = self.sites(pieces);
         self.refine_coarse_parts(&mut sites);
         let mesh = loop {
+            if stop() {
+                return None;
+            }
             let culprits = match self.attempt(&mut sites, report) {
                 Ok(net) => break net,
                 Err(Misfit::Loops { segment }) => {

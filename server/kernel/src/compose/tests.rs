@@ -10,7 +10,7 @@ use smooth::Target;
 /// Composes mapped parts, as dense as they are.
 fn laid(input: Input<'_>, parts: &[PolyMesh]) -> Result<Composed, ComposeError> {
     let pieces: Vec<Piece<'_>> = parts.iter().map(Piece::Mapped).collect();
-    compose(input, &pieces, Options { closeness: Closeness::AsBrought, ..Options::default() })
+    compose(input, &pieces, Options { closeness: Closeness::AsBrought, ..Options::default() }, &|| false)
 }
 
 /// A sphere of triangles: a subdivided octahedron.
@@ -246,7 +246,7 @@ fn nothing_but_regular_layouts_closes_and_follows_the_surface() {
     let eight = owners(&mesh, |p| u32::from(p.x > 0.0) + 2 * u32::from(p.y > 0.0) + 4 * u32::from(p.z > 0.0));
     let input = Input { surface: &mesh, owner: &eight, count: 8 };
     let options = Options { edge_scale: 4.0, ..Options::default() };
-    let made = compose(input, &[Piece::Nothing; 8], options).expect("a valid surface");
+    let made = compose(input, &[Piece::Nothing; 8], options, &|| false).expect("a valid surface");
     assert_eq!(check(&made.mesh, Shape::of(&mesh)), Ok(()));
     assert_eq!((made.report.way, made.report.filled), (Way::Direct, 0), "{:?}", made.report);
     assert!(made.report.fit.worst() < 0.0025, "{:?}", made.report);
@@ -258,4 +258,13 @@ fn labels_and_parts_are_counted() {
     let input = Input { surface: &mesh, owner: &[0; 3], count: 1 };
     assert!(matches!(laid(input, &[]), Err(ComposeError::Parts { expected: 1, found: 0 })));
     assert!(matches!(laid(input, &[PolyMesh::default()]), Err(ComposeError::Owners { .. })));
+}
+
+#[test]
+fn a_caller_that_asks_to_stop_gets_no_mesh() {
+    let mesh = sphere(2);
+    let halves = owners(&mesh, |p| u32::from(p.x > 0.0));
+    let input = Input { surface: &mesh, owner: &halves, count: 2 };
+    let stopped = compose(input, &[Piece::Nothing; 2], Options::default(), &|| true);
+    assert!(matches!(stopped, Err(ComposeError::Stopped)));
 }

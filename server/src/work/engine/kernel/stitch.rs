@@ -59,8 +59,9 @@ pub(super) fn compose(query: &Model, parts: &[Part], how: Stitching, stop: &Stop
         // Who asks for a coarser layout wants it as coarse as that.
         closeness: if how.density < 0 { Closeness::AsBrought } else { Closeness::Followed },
     };
-    let made = compose::compose(input, &pieces, options)
-        .map_err(|e| EngineError::refused(Refusal::CompositionInvalid, e.to_string()))?;
+    let made = compose::compose(input, &pieces, options, &|| stop.reason().is_some());
+    stopped(stop)?;
+    let made = made.map_err(|e| EngineError::refused(Refusal::CompositionInvalid, e.to_string()))?;
     tell(&made.report, made.mesh.faces.len(), &mut notes);
     Ok(Stitched {
         extraordinary_vertices: made.report.extraordinary_after as u64,
