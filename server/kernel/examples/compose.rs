@@ -3,6 +3,7 @@
 //! `compose OUT_DIR [--examples A.obj,B.obj,…] [--parts auto|N] FILE…`: one line a file, and OUT_DIR/NAME.obj to be judged
 //! from outside. Ends with 1 if a mesh could not be composed.
 
+use std::sync::OnceLock;
 use std::time::Instant;
 
 use quadmuse_kernel::compose::{self, Input, Options, Piece, check, part};
@@ -155,7 +156,7 @@ fn lay(patch: &Patch, examples: &[ExamplePart]) -> (Option<(String, PolyMesh)>, 
         let mut cross = cross_map(registration, &e.chart, &input, &PlanarIndex::new(&input));
         let (mirror, winding) =
             if registration.flip.is_mirror() { (-1.0, Winding::Reversed) } else { (1.0, Winding::Kept) };
-        untangle(&e.patch.mesh, &mut cross, &input, mirror);
+        untangle(&e.patch.mesh, &mut cross, &input, mirror, &OnceLock::new());
         Some((e.name.clone(), part::polygons(&e.patch.mesh, &cross.positions, winding)))
     });
     (mapped, Some(query))

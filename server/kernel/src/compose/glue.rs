@@ -149,8 +149,7 @@ impl<'a> Sided<'a> {
         let [a, v, b] = [k - 1, k, k + 1].map(|k| self.vertex(k));
         let common: Vec<u32> =
             self.part.neighbours(a).into_iter().filter(|&w| self.part.neighbours(b).contains(&w)).collect();
-        let faces = self.part.at(v).len();
-        (a != b && faces >= 2 && common == [v]).then_some(faces - 2)
+        self.part.at(v).len().checked_sub(2).filter(|_| a != b && common == [v])
     }
 }
 

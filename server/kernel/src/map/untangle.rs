@@ -3,6 +3,8 @@
 //! Where charts disagree their mean may fold. The vertices of a folded face, and then of its surroundings, move to the
 //! mean of their neighbours and back onto the surface, until no face looks inward or the rounds are spent. *Ours.*
 
+use std::sync::OnceLock;
+
 use super::CrossMap;
 use crate::encode::index::Location;
 use crate::mesh::Vec3;
@@ -16,15 +18,15 @@ const ROUNDS_MAX: usize = 60;
 const ROUNDS_ALONE: usize = 15;
 
 /// Untangles a map of `mesh` (the example's patch) onto the mesh of `input`. `mirror` is −1 for mirrored maps, which
-/// turn every face. Boundary vertices stay. Returns how many polygons still look inward.
-pub fn untangle(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64) -> usize {
-    // Most maps are sound: the tree is built only where there is something to mend.
+/// turn every face. Boundary vertices stay. `tree` is that of the input's mesh, made where it is needed and is not there yet.
+/// Returns how many polygons still look inward.
+pub fn untangle(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64, tree: &OnceLock<Bvh>) -> usize {
     let mut facing = Facing::new(mesh, cross, input, mirror);
     if facing.inward().next().is_none() {
         return 0;
     }
     let fixed = mesh.boundary_vertices();
-    let bvh = Bvh::new(&input.mesh);
+    let bvh = tree.get_or_init(|| Bvh::new(&input.mesh));
     let neighbours = neighbours(mesh);
     let mut best: Option<(usize, CrossMap)> = None;
     for round in 0..ROUNDS_MAX {
@@ -177,6 +179,6 @@ mod tests {
         positions[13 * 6 + 6] += Vec3::new(0.2, 0.03, 0.0);
         let mut cross = CrossMap { locations: positions.iter().map(|p| place(*p)).collect(), positions };
         assert!(!inward(&mesh, &cross, &chart, 1.0).is_empty());
-        assert_eq!(untangle(&mesh, &mut cross, &chart, 1.0), 0);
+        assert_eq!(untangle(&mesh, &mut cross, &chart, 1.0, &OnceLock::new()), 0);
     }
 }

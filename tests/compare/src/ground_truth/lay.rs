@@ -14,6 +14,7 @@ use quadmuse_kernel::register::entry::{Hypothesis, PROTRUSIONS_MANY};
 use quadmuse_kernel::register::{Entry, Query, Solver};
 use quadmuse_kernel::unfold::{Chart, UnfoldOptions};
 use quadmuse_tests::real_input::pairs::Pair;
+use std::sync::OnceLock;
 use std::time::Instant;
 
 /// Level to which everything is registered.
@@ -130,7 +131,7 @@ fn by_chart(example: &Loaded, one: &Query, two: &Query, entry: &Entry, method: M
     let mirrored = best.registration.flip.is_mirror();
     let sign = if mirrored { -1.0 } else { 1.0 };
     let laid_angle_deg = polish_by(method, example, &mut cross, &input, sign);
-    untangle(&example.patch.mesh, &mut cross, &input, sign);
+    untangle(&example.patch.mesh, &mut cross, &input, sign, &OnceLock::new());
     let distortion = measure::distortion(&example.patch.mesh, &cross, &input, sign);
     let in_domain = folded_faces(&best.registration, &one.chart, &example.patch.mesh);
     Ok(Laid { cross, mirrored, cost: best.cost(), in_domain, distortion, laid_angle_deg })
@@ -144,7 +145,7 @@ fn by_atlas(example: &Loaded, one: &Query, two: &Query, method: Method) -> Resul
     let input = atlas.input().ok_or("expected an atlas with charts")?;
     let sign = if atlas.mirrored { -1.0 } else { 1.0 };
     let laid_angle_deg = polish_by(method, example, &mut cross, input, sign);
-    untangle(&example.patch.mesh, &mut cross, input, sign);
+    untangle(&example.patch.mesh, &mut cross, input, sign, &OnceLock::new());
     let distortion = measure::distortion(&example.patch.mesh, &cross, input, sign);
     let in_domain = atlas.folded_faces(&example.patch.mesh);
     Ok(Some(Laid { cross, mirrored: atlas.mirrored, cost: atlas.mean_cost(), in_domain, distortion, laid_angle_deg }))

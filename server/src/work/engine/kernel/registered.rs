@@ -270,7 +270,7 @@ fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Res
     let mirror = if registration.flip.is_mirror() { -1.0 } else { 1.0 };
     let mut cross = cross_map(registration, &source.chart, &input.chart, &input.index);
     let mesh = &model.patch(example.segment)?.mesh;
-    untangle(mesh, &mut cross, &input.chart, mirror);
+    untangle(mesh, &mut cross, &input.chart, mirror, &input.bvh);
     leave_fillings(&mut cross, &input.chart);
     Ok(Laid {
         cross,
@@ -294,7 +294,7 @@ fn by_atlas<'a>(atlas: &'a Atlas, registered: &Registered, example_side: &Side) 
     };
     let model: &ModelInner = example_side.model.inner.open()?;
     let mirror = if atlas.mirrored { -1.0 } else { 1.0 };
-    untangle(&model.patch(example_side.segment)?.mesh, &mut cross, input, mirror);
+    untangle(&model.patch(example_side.segment)?.mesh, &mut cross, input, mirror, &OnceLock::new());
     leave_fillings(&mut cross, input);
     let at_vertex = |chart: &Chart, v: u32| Location {
         point: chart.mesh.positions[v as usize].into(),

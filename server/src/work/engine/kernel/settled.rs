@@ -40,7 +40,7 @@ pub(super) fn settle(
     if callers.is_empty() && kept.get().is_none() {
         let before = cross.positions.clone();
         polish(mesh, cross, input, mirror, &PolishOptions::default());
-        untangle(mesh, cross, input, mirror);
+        untangle(mesh, cross, input, mirror, &OnceLock::new());
         let _ = kept.set(Settled { before, after: cross.clone() });
         return;
     }
