@@ -30,6 +30,10 @@ const REFINED_GAIN: f64 = 0.95;
 /// An example with this many times fewer edges on a seam than the example beside it is subdivided.
 const RATIO_MAX: f64 = 1.7;
 
+/// Tries in which one segment at a time gives way; afterwards all that are in the way give up at once. Each costs a stitching
+/// of the whole, and a rag of dozens of segments would take hundreds.
+const ATTEMPTS_MAX: usize = 24;
+
 /// A face of less than this share of the mean area has none, where a mesh is refused for such.
 const FLAT_SHARE: f64 = 1e-4;
 /// Rounds of making quads squarer, and by what factor the distance from the input may grow for it.
@@ -68,10 +72,12 @@ impl<'a> Stitching<'a> {
     pub(super) fn run(&self, pieces: &[Piece<'_>], report: &mut Report, stop: &dyn Fn() -> bool) -> Option<PolyMesh> {
         let mut sites = self.sites(pieces);
         self.refine_coarse_parts(&mut sites);
+        let mut attempts = 0;
         let mesh = loop {
             if stop() {
                 return None;
             }
+            attempts += 1;
             let culprits = match self.attempt(&mut sites, report) {
                 Ok(net) => break net,
                 Err(Misfit::Loops { segment }) => {
@@ -83,6 +89,13 @@ impl<'a> Stitching<'a> {
                 Err(Misfit::TooCoarse { segment }) => vec![segment],
                 Err(Misfit::Pinched { segments }) => segments,
             };
+            if attempts > ATTEMPTS_MAX {
+                let given_up = culprits.iter().map(|&s| sites[s].give_up(self.surface()));
+                if given_up.fold(0, |count, gave| count + usize::from(gave)) == 0 {
+                    return None;
+                }
+                continue;
+            }
             let next = self.first_to_give_way(&sites, &culprits)?;
             if !sites[next].give_way(self.surface(), &self.target) {
                 return None;

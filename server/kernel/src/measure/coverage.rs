@@ -44,7 +44,8 @@ pub fn coverage(example: &TriMesh, cross: &CrossMap, input: &TriMesh, features: 
     let near = (NEAR_EDGES * usual_edge(&mapped)).max(NEAR_MIN * input.total_area().sqrt());
     let mut masses = vec![0.0; input.positions.len()];
     for (t, corners) in input.triangles.iter().enumerate() {
-        corners.iter().for_each(|&v| masses[v as usize] += input.area(t) / 3.0);
+        let third = input.area(t) / 3.0;
+        corners.iter().for_each(|&v| masses[v as usize] += third);
     }
     let step = input.positions.len().div_ceil(SAMPLES_MAX).max(1);
     let (mut far, mut all) = (0.0, 0.0);
@@ -80,9 +81,10 @@ fn usual_edge(mesh: &TriMesh) -> f64 {
 fn growth(before: &TriMesh, after: &TriMesh) -> Vec<f64> {
     let mut areas = vec![[0.0f64; 2]; before.positions.len()];
     for (t, corners) in before.triangles.iter().enumerate() {
+        let [a, b] = [before.area(t), after.area(t)];
         for &v in corners {
-            areas[v as usize][0] += before.area(t);
-            areas[v as usize][1] += after.area(t);
+            areas[v as usize][0] += a;
+            areas[v as usize][1] += b;
         }
     }
     areas.iter().map(|[a, b]| (b.max(1e-300) / a.max(1e-300)).log2()).collect()
