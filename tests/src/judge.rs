@@ -99,12 +99,21 @@ pub struct Judge {
 
 impl Judge {
     /// The judge in the shared folder; `None` if it is missing, or Python with what it needs is.
-    pub fn find(shared: &Path) -> Option<Self> {
+    fn find(shared: &Path) -> Option<Self> {
         let python = std::env::var("QUADMUSE_PYTHON").unwrap_or_else(|_| "python3".into());
         let script = shared.join("eval/judge.py");
         let has_needed = Command::new(&python).args(["-c", "import numpy, scipy"]).output();
         let judge = Self { python, script };
         (judge.script.is_file() && has_needed.is_ok_and(|output| output.status.success())).then_some(judge)
+    }
+
+    /// The judge; says on standard error that `what` is left out if there is none.
+    pub fn find_or_say(shared: &Path, what: &str) -> Option<Self> {
+        let found = Self::find(shared);
+        if found.is_none() {
+            eprintln!("no judge: {what} needs a Python with numpy and scipy (QUADMUSE_PYTHON); left out");
+        }
+        found
     }
 
     /// Judges a mapped mesh against the truth.

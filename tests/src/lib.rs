@@ -10,4 +10,5 @@ pub mod scale;
 pub mod server;
 pub mod shapes;
 pub mod shared;
+pub mod tool;
 pub mod walls;

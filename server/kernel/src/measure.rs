@@ -73,26 +73,33 @@ pub fn burden(mesh: &TriMesh, example: &Chart, query: &Query, hypothesis: &Hypot
 /// every face.
 pub fn distortion(example: &TriMesh, cross: &CrossMap, input: &Chart, mirror: f64) -> Distortion {
     let (area_1, area_2) = (example.total_area(), input.mesh.total_area());
-    let (mut angles, mut areas) = (Vec::new(), Vec::new());
     let mut polygons = example.polygon_of.clone();
     polygons.sort_unstable();
     polygons.dedup();
-    for (t, corners) in example.triangles.iter().enumerate() {
-        let before = corners.map(|v| example.positions[v as usize]);
-        let after = corners.map(|v| cross.positions[v as usize]);
-        if let Some([s1, s2]) = singular_values(before, after) {
-            let weight = example.area(t);
-            let angle = if s1 > 0.0 { 90.0 - 2.0 * (s2 / s1).atan().to_degrees() } else { 90.0 };
-            angles.push((angle, weight));
-            areas.push(((s1 * s2 * area_1 / area_2).max(1e-12).log2(), weight));
-        }
-    }
+    let area = |([s1, s2], weight): ([f64; 2], f64)| ((s1 * s2 * area_1 / area_2).max(1e-12).log2(), weight);
     Distortion {
-        angle_deg: distribution(angles, 0.0, 60.0),
-        area_log2: distribution(areas, -3.0, 3.0),
+        angle_deg: angle_distortion(example, cross),
+        area_log2: distribution(stretches(example, cross).map(area).collect(), -3.0, 3.0),
         inward: inward(example, cross, input, mirror),
         faces: polygons.len(),
     }
+}
+
+/// [`Distortion::angle_deg`] alone.
+pub fn angle_distortion(example: &TriMesh, cross: &CrossMap) -> Distribution {
+    let angle = |([s1, s2], weight): ([f64; 2], f64)| {
+        (if s1 > 0.0 { 90.0 - 2.0 * (s2 / s1).atan().to_degrees() } else { 90.0 }, weight)
+    };
+    distribution(stretches(example, cross).map(angle).collect(), 0.0, 60.0)
+}
+
+/// The singular values of the map of each triangle that has an area, and that area.
+fn stretches(example: &TriMesh, cross: &CrossMap) -> impl Iterator<Item = ([f64; 2], f64)> {
+    example.triangles.iter().enumerate().filter_map(|(t, corners)| {
+        let before = corners.map(|v| example.positions[v as usize]);
+        let after = corners.map(|v| cross.positions[v as usize]);
+        Some((singular_values(before, after)?, example.area(t)))
+    })
 }
 
 /// Singular values (greater first) of the linear map between two triangles; `None` for a triangle without area.

@@ -11,7 +11,8 @@ use quadmuse_tests::{
         pairs::{self, Pair},
     },
     server::Server,
-    shared::{self, column, csv},
+    shared::{column, csv},
+    tool,
 };
 use std::{collections::BTreeMap, path::Path, process::ExitCode};
 
@@ -28,18 +29,11 @@ struct Judged {
 }
 
 fn main() -> ExitCode {
-    let Some(shared) = shared::folder_or_say("the ranking's precision") else { return ExitCode::SUCCESS };
     let resolution = std::env::args().skip_while(|word| word != "--resolution").nth(1).unwrap_or_else(|| "128".into());
-    match run(&shared, &resolution) {
-        Ok(judged) => {
-            println!("{}", table(&judged));
-            ExitCode::SUCCESS
-        }
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    tool::run(Ok(resolution), "the ranking's precision", |resolution, shared| {
+        println!("{}", table(&run(shared, resolution)?));
+        Ok::<_, RunError>(ExitCode::SUCCESS)
+    })
 }
 
 fn run(shared: &Path, resolution: &str) -> Result<Vec<Judged>, RunError> {

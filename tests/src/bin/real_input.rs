@@ -7,7 +7,7 @@ use quadmuse_tests::{
     judge::Judge,
     real_input::{Extent, RunError, claims, corpus, pairs, record, scans, table},
     server::Server,
-    shared,
+    tool,
 };
 use std::{
     path::{Path, PathBuf},
@@ -37,32 +37,17 @@ fn options() -> Result<Options, String> {
 }
 
 fn main() -> ExitCode {
-    let options = match options() {
-        Ok(options) => options,
-        Err(message) => {
-            eprintln!("error: {message}");
-            return ExitCode::from(2);
-        }
-    };
-    let Some(shared) = shared::folder_or_say("the run on real meshes") else { return ExitCode::SUCCESS };
-    let Some(judge) = Judge::find(&shared) else {
-        eprintln!("no judge: the run on real meshes needs a Python with numpy and scipy (QUADMUSE_PYTHON); left out");
-        return ExitCode::SUCCESS;
-    };
-    match run(&options, &shared, &judge) {
-        Ok(broken) if broken.is_empty() => {
+    const WHAT: &str = "the run on real meshes";
+    tool::run(options(), WHAT, |options, shared| {
+        let Some(judge) = Judge::find_or_say(shared, WHAT) else { return Ok(ExitCode::SUCCESS) };
+        let broken = run(options, shared, &judge)?;
+        if broken.is_empty() {
             println!("every claim holds");
-            ExitCode::SUCCESS
+            return Ok(ExitCode::SUCCESS);
         }
-        Ok(broken) => {
-            println!("{} claims don't hold:\n- {}", broken.len(), broken.join("\n- "));
-            ExitCode::FAILURE
-        }
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+        println!("{} claims don't hold:\n- {}", broken.len(), broken.join("\n- "));
+        Ok::<_, RunError>(ExitCode::FAILURE)
+    })
 }
 
 /// Runs everything, prints the tables; answers with the claims that don't hold.

@@ -14,7 +14,7 @@ use quadmuse_tests::{
         table::{notes, table},
     },
     server::Server,
-    shared,
+    tool,
 };
 use std::{
     collections::BTreeMap,
@@ -47,29 +47,16 @@ fn options() -> Result<Options, String> {
 }
 
 fn main() -> ExitCode {
-    let options = match options() {
-        Ok(options) => options,
-        Err(message) => {
-            eprintln!("error: {message}");
-            return ExitCode::from(2);
+    const WHAT: &str = "judged retopo";
+    tool::run(options(), WHAT, |options, shared| {
+        let Some(judge) = Judge::find_or_say(shared, WHAT) else { return Ok(ExitCode::SUCCESS) };
+        let unsound = run(options, shared, &judge)?;
+        if unsound == 0 {
+            return Ok(ExitCode::SUCCESS);
         }
-    };
-    let Some(shared) = shared::folder_or_say("judged retopo") else { return ExitCode::SUCCESS };
-    let Some(judge) = Judge::find(&shared) else {
-        eprintln!("no judge: judged retopo needs a Python with numpy and scipy (QUADMUSE_PYTHON); left out");
-        return ExitCode::SUCCESS;
-    };
-    match run(&options, &shared, &judge) {
-        Ok(0) => ExitCode::SUCCESS,
-        Ok(unsound) => {
-            println!("{unsound} results are not sound");
-            ExitCode::FAILURE
-        }
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+        println!("{unsound} results are not sound");
+        Ok::<_, RunError>(ExitCode::FAILURE)
+    })
 }
 
 /// Runs everything, prints the table; answers with how many results are not sound.

@@ -7,7 +7,7 @@
 use quadmuse_tests::{
     real_input::record,
     scale::{self, ScaleError, process},
-    shared, walls,
+    tool, walls,
 };
 use std::{
     path::{Path, PathBuf},
@@ -49,21 +49,7 @@ fn options() -> Result<Options, String> {
 }
 
 fn main() -> ExitCode {
-    let options = match options() {
-        Ok(options) => options,
-        Err(message) => {
-            eprintln!("error: {message}");
-            return ExitCode::from(2);
-        }
-    };
-    let Some(shared) = shared::folder_or_say("search at scale") else { return ExitCode::SUCCESS };
-    match run(&options, &shared) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    tool::run(options(), "search at scale", |options, shared| run(options, shared).map(|()| ExitCode::SUCCESS))
 }
 
 fn run(options: &Options, shared: &Path) -> Result<(), ScaleError> {

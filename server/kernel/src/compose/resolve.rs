@@ -57,19 +57,18 @@ pub(super) fn split_polygon(net: &mut Net, f: u32) -> bool {
     true
 }
 
+/// By how much each angle of a quad differs from 90°, in degrees; `None` where an edge has no length.
+pub fn deviations_deg(p: [Vec3; 4]) -> [Option<f64>; 4] {
+    [0, 1, 2, 3].map(|k| {
+        let (e, f) = (p[(k + 3) % 4] - p[k], p[(k + 1) % 4] - p[k]);
+        let product = e.norm() * f.norm();
+        (product > 0.0).then(|| ((e.dot(&f) / product).clamp(-1.0, 1.0).acos().to_degrees() - 90.0).abs())
+    })
+}
+
 /// The largest deviation of a quad's angles from 90°, in degrees; 180 where an edge has no length.
 pub fn worst_deviation_deg(p: [Vec3; 4]) -> f64 {
-    (0..4)
-        .map(|k| {
-            let (e, f) = (p[(k + 3) % 4] - p[k], p[(k + 1) % 4] - p[k]);
-            let product = e.norm() * f.norm();
-            if product > 0.0 {
-                ((e.dot(&f) / product).clamp(-1.0, 1.0).acos().to_degrees() - 90.0).abs()
-            } else {
-                180.0
-            }
-        })
-        .fold(0.0, f64::max)
+    deviations_deg(p).into_iter().map(|d| d.unwrap_or(180.0)).fold(0.0, f64::max)
 }
 
 /// Joins triangles that share an edge, those first that make the best quads. Returns how many pairs.

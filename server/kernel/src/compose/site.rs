@@ -198,11 +198,6 @@ impl<'a> Site<'a> {
         let is_whole = made.net.loops().is_some_and(|loops| loops.len() == curves.len());
         is_whole.then_some((made.net, rims))
     }
-
-    /// The part's boundary on its segment's curves.
-    pub fn way(&self, curves: &[Curve]) -> Option<rim::Way> {
-        way(&self.net, curves)
-    }
 }
 
 /// Which way a part's faces are turned.

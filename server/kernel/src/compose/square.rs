@@ -7,6 +7,7 @@
 //! *Ours, not the paper's.*
 
 use super::net::Net;
+use super::resolve::deviations_deg;
 use super::smooth::Target;
 use crate::mesh::Vec3;
 
@@ -19,14 +20,9 @@ const MEAN_SHARE: f64 = 0.15;
 /// Rounds after which the weights are taken anew.
 const ROUNDS_PER_WEIGHT: u32 = 8;
 
-/// Mean deviation of a quad's angles from 90°, in degrees.
-pub fn deviation_deg(p: [Vec3; 4]) -> f64 {
-    let corner = |k: usize| {
-        let (e, f) = (p[(k + 3) % 4] - p[k], p[(k + 1) % 4] - p[k]);
-        let product = e.norm() * f.norm();
-        if product > 0.0 { ((e.dot(&f) / product).clamp(-1.0, 1.0).acos().to_degrees() - 90.0).abs() } else { 90.0 }
-    };
-    (0..4).map(corner).sum::<f64>() / 4.0
+/// Mean deviation of a quad's angles from 90°, in degrees; an angle at an edge without length counts 90.
+fn deviation_deg(p: [Vec3; 4]) -> f64 {
+    deviations_deg(p).into_iter().map(|d| d.unwrap_or(90.0)).sum::<f64>() / 4.0
 }
 
 fn corners(net: &Net, face: &[u32]) -> Option<[Vec3; 4]> {

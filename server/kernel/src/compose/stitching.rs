@@ -1,7 +1,7 @@
 //! The stitching of what stands on the segments, again and again until it holds.
 
 use super::check::{self, Shape, check, extraordinary};
-use super::fit::Measured;
+use super::fit::{Fit, Measured};
 use super::glue::{Glued, Misfit, glue, rims};
 use super::layout::{Arc, Layout, layout};
 use super::net::Net;
@@ -90,8 +90,7 @@ impl<'a> Stitching<'a> {
                 Err(Misfit::Pinched { segments }) => segments,
             };
             if attempts > ATTEMPTS_MAX {
-                let given_up = culprits.iter().map(|&s| sites[s].give_up(self.surface()));
-                if given_up.fold(0, |count, gave| count + usize::from(gave)) == 0 {
+                if culprits.iter().filter(|&&s| sites[s].give_up(self.surface())).count() == 0 {
                     return None;
                 }
                 continue;
@@ -102,7 +101,7 @@ impl<'a> Stitching<'a> {
             }
         };
         self.tell(pieces, &sites, report);
-        self.followed(mesh, report)
+        Some(self.followed(mesh, report))
     }
 
     fn sites<'p>(&self, pieces: &[Piece<'p>]) -> Vec<Site<'p>> {
@@ -330,17 +329,21 @@ impl<'a> Stitching<'a> {
         }
     }
 
-    /// With sheared quads squarer, unless that takes the result away from the input.
-    fn squared(&self, mesh: PolyMesh, rounds: u32) -> PolyMesh {
+    /// With sheared quads squarer, unless that takes the result away from the input; `fit` is the mesh's, and what is
+    /// returned beside the result is the result's.
+    fn squared(&self, mesh: PolyMesh, fit: Fit, rounds: u32) -> (PolyMesh, Fit) {
         let mut net = Net::from_mesh(&mesh);
         let before = square::mean_deviation_deg(&net);
         square::square_up(&mut net, &self.target, rounds);
         let deviation = square::mean_deviation_deg(&net);
         let (squarer, _) = net.into_mesh();
-        let most = (SQUARE_LOSS * self.measured.fit(&mesh).worst()).max(MISS_MAX * self.diagonal);
-        let holds =
-            deviation < before && check(&squarer, self.shape).is_ok() && self.measured.fit(&squarer).worst() <= most;
-        if holds { squarer } else { mesh }
+        let is_better = deviation < before && check(&squarer, self.shape).is_ok();
+        if !is_better {
+            return (mesh, fit);
+        }
+        let after = self.measured.fit(&squarer);
+        let most = (SQUARE_LOSS * fit.worst()).max(MISS_MAX * self.diagonal);
+        if after.worst() <= most { (squarer, after) } else { (mesh, fit) }
     }
 
     /// What each segment came to.
@@ -361,9 +364,9 @@ impl<'a> Stitching<'a> {
     }
 
     /// Subdivided until it follows the input, if that is asked for.
-    fn followed(&self, mut mesh: PolyMesh, report: &mut Report) -> Option<PolyMesh> {
-        mesh = self.squared(mesh, SQUARE_ROUNDS);
-        report.fit = self.measured.fit(&mesh);
+    fn followed(&self, mut mesh: PolyMesh, report: &mut Report) -> PolyMesh {
+        let fit = self.measured.fit(&mesh);
+        (mesh, report.fit) = self.squared(mesh, fit, SQUARE_ROUNDS);
         while self.options.closeness == Closeness::Followed
             && report.fit.worst() > MISS_MAX * self.diagonal
             && report.refined < REFINED_MAX
@@ -380,10 +383,9 @@ impl<'a> Stitching<'a> {
             report.refined += 1;
         }
         if report.refined > 0 {
-            mesh = self.squared(mesh, SQUARE_ROUNDS / 4);
-            report.fit = self.measured.fit(&mesh);
+            (mesh, report.fit) = self.squared(mesh, report.fit, SQUARE_ROUNDS / 4);
         }
-        Some(mesh)
+        mesh
     }
 }
 

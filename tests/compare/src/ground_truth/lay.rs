@@ -161,7 +161,7 @@ fn errors(mapped: &[Vec3], truth: &[Vec3], area: f64) -> [f64; 2] {
 
 /// The 95th percentile of the angle distortion before the polish.
 fn polish_by(method: Method, example: &Loaded, cross: &mut CrossMap, input: &Chart, sign: f64) -> f64 {
-    let laid = measure::distortion(&example.patch.mesh, cross, input, sign).angle_deg.p95;
+    let laid = measure::angle_distortion(&example.patch.mesh, cross).p95;
     if method.polishes() {
         polish(&example.patch.mesh, cross, input, sign, &PolishOptions::default());
     }

@@ -29,6 +29,18 @@ impl ModelInner {
             .ok_or_else(|| EngineError::Internal(format!("segment {segment} of {count}")))
     }
 
+    /// The segments as they are told.
+    pub(super) fn segments(&self) -> Vec<ModelSegment> {
+        let segment =
+            |p: &Patch| ModelSegment { topology: topology_out(p.topology), faces: count_polygons(&self.segmented, p) };
+        self.segmented.parts.iter().map(segment).collect()
+    }
+
+    /// The segment of each face of the upload, as it is told.
+    pub(super) fn labels(&self, faces: usize) -> Vec<i64> {
+        self.part_of_faces(faces).into_iter().map(i64::from).collect()
+    }
+
     /// The segment of each face of the upload; 0 for faces that preparing dropped.
     pub(super) fn part_of_faces(&self, faces: usize) -> Vec<u32> {
         let mut part_of = vec![0; faces];
@@ -64,9 +76,6 @@ pub(super) fn read(bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, limits: 
     let segmented = cut_up(&mesh, &prepared, cut)?;
     let asked = cut.parts.is_some() && cut.grain == Grain::Faces;
     let inner = ModelInner { prepared, segmented };
-    let segment =
-        |p: &Patch| ModelSegment { topology: topology_out(p.topology), faces: count_polygons(&inner.segmented, p) };
-    let labels = asked.then(|| inner.part_of_faces(mesh.faces.len()).into_iter().map(i64::from).collect());
     Ok(Model {
         format: wanted.map_or(MeshFormat::Obj, format_back),
         repairs: inner
@@ -76,8 +85,8 @@ pub(super) fn read(bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, limits: 
             .map(ToString::to_string)
             .chain(inner.segmented.parts.iter().flat_map(mended))
             .collect(),
-        segments: inner.segmented.parts.iter().map(segment).collect(),
-        labels,
+        segments: inner.segments(),
+        labels: asked.then(|| inner.labels(mesh.faces.len())),
         mesh: Arc::new(mesh),
         inner: Opaque::new(inner),
     })

@@ -172,6 +172,18 @@ pub(super) fn positions(
 ) -> Result<Vec<Vec3>, EngineError> {
     let registered: &Registered = from.inner.open()?;
     let atlas = registered.atlas(example, query, &|| stop.reason().is_some())?;
+    Ok(lay(atlas, registered, example, query, stop)?.0.cross.positions)
+}
+
+/// Lays the example by the atlas, if there is one, and lets it settle. The number is the 95th percentile of the angle
+/// distortion before that, in degrees.
+fn lay<'a>(
+    atlas: Option<&'a Atlas>,
+    registered: &'a Registered,
+    example: &Side,
+    query: &Side,
+    stop: &Stop,
+) -> Result<(Laid<'a>, f64), EngineError> {
     stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
     let mut laid = match atlas {
         Some(atlas) => by_atlas(atlas, registered, example)?,
@@ -179,8 +191,9 @@ pub(super) fn positions(
     };
     let model: &ModelInner = example.model.inner.open()?;
     let (surface, sign) = (&model.patch(example.segment)?.mesh, if laid.mirrored { -1.0 } else { 1.0 });
+    let angle_p95_deg = measure::angle_distortion(surface, &laid.cross).p95;
     settle(&registered.settled, surface, &mut laid.cross, laid.input, sign, &laid.constraints);
-    Ok(laid.cross.positions)
+    Ok((laid, angle_p95_deg))
 }
 
 /// Maps every vertex of the example's segment.
@@ -190,17 +203,9 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     let unburdened = registered.unburdened(example, query, &stopped)?;
     let registered = unburdened.as_ref().unwrap_or(registered);
     let atlas = registered.atlas(example, query, &stopped)?;
-    stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
-    let mut laid = match atlas {
-        Some(atlas) => by_atlas(atlas, registered, example)?,
-        None => by_chart(registered, example, query)?,
-    };
-    let model: &ModelInner = example.model.inner.open()?;
-    let sign = if laid.mirrored { -1.0 } else { 1.0 };
-    let surface = &model.patch(example.segment)?.mesh;
-    let laid_angle_p95_deg = distortion(&laid, example)?.angle_deg.p95;
-    settle(&registered.settled, surface, &mut laid.cross, laid.input, sign, &laid.constraints);
+    let (mut laid, laid_angle_p95_deg) = lay(atlas, registered, example, query, stop)?;
     leave_fillings(&mut laid.cross, laid.input);
+    let model: &ModelInner = example.model.inner.open()?;
     let patch = model.patch(example.segment)?;
     let chart = &fresh(&example.encoded.encoding)?.chart;
     let (surface, positions) = (&model.segmented.mesh, &laid.cross.positions);

@@ -1,8 +1,8 @@
 //! An input cut as an example is cut: the example is laid on it whole, and its parts go where the map takes them.
 
-use super::super::{Engine, EngineError, Model, ModelSegment, Opaque, Refusal, Side};
+use super::super::{Engine, EngineError, Model, Opaque, Refusal, Side};
 use super::model::ModelInner;
-use super::{KernelEngine, registered, topology_out};
+use super::{KernelEngine, registered};
 use crate::pool::Stop;
 use quadmuse_kernel::map::parted;
 use quadmuse_kernel::segment::Segmented;
@@ -40,15 +40,9 @@ pub(super) fn alike(engine: &KernelEngine, query: &Model, example: &Model, stop:
         EngineError::refused(Refusal::Unlike, detail)
     })?;
     let inner = ModelInner { prepared: on.prepared.clone(), segmented };
-    let count = inner.segmented.parts.len() as u32;
-    let segment = |k: u32| ModelSegment {
-        topology: topology_out(inner.segmented.parts[k as usize].topology),
-        faces: inner.faces(k),
-    };
-    let labels = inner.part_of_faces(query.mesh.faces.len()).into_iter().map(i64::from).collect();
     Ok(Model {
-        segments: (0..count).map(segment).collect(),
-        labels: Some(labels),
+        segments: inner.segments(),
+        labels: Some(inner.labels(query.mesh.faces.len())),
         inner: Opaque::new(inner),
         ..query.clone()
     })
@@ -61,9 +55,7 @@ fn whole(model: &Model, inner: &ModelInner, what: &str) -> Result<Model, EngineE
         EngineError::refused(Refusal::Unlike, detail)
     })?;
     let inner = ModelInner { prepared: inner.prepared.clone(), segmented };
-    let topology = topology_out(inner.patch(0)?.topology);
-    let segments = vec![ModelSegment { topology, faces: inner.faces(0) }];
-    Ok(Model { segments, labels: None, inner: Opaque::new(inner), ..model.clone() })
+    Ok(Model { segments: inner.segments(), labels: None, inner: Opaque::new(inner), ..model.clone() })
 }
 
 fn side(engine: &KernelEngine, model: Model, stop: &Stop) -> Result<Side, EngineError> {
