@@ -14,6 +14,7 @@ use quadmuse_kernel::measure::coverage::{Coverage, coverage, feature_points};
 use quadmuse_kernel::measure::{self, Distribution, Evidence};
 use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::mesh::{TriMesh, Vec3};
+use quadmuse_kernel::numerics::side_by_side;
 use quadmuse_kernel::register::entry::{Hypothesis, PROTRUSIONS_MANY};
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt};
 use quadmuse_kernel::unfold::Chart;
@@ -210,13 +211,21 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     let chart = &fresh(&example.encoded.encoding)?.chart;
     let (surface, positions) = (&model.segmented.mesh, &laid.cross.positions);
     let winding = if laid.mirrored { Winding::Reversed } else { Winding::Kept };
-    let mesh = assemble(&example.model.mesh, surface, &model.prepared.vertex_of, patch, positions, winding);
-    let part = quadmuse_kernel::compose::part::polygons(&patch.mesh, positions, winding);
-    let distortion = distortion(&laid, example)?;
-    let in_domain = match atlas {
-        Some(atlas) => atlas.folded_faces(&patch.mesh),
-        None => folded_faces(registered.registration(), chart, &patch.mesh),
+    let made = || {
+        let mesh = assemble(&example.model.mesh, surface, &model.prepared.vertex_of, patch, positions, winding);
+        let part = quadmuse_kernel::compose::part::polygons(&patch.mesh, positions, winding);
+        (mesh, part, distortion(&laid, example))
     };
+    let looked_at = || {
+        let in_domain = match atlas {
+            Some(atlas) => atlas.folded_faces(&patch.mesh),
+            None => folded_faces(registered.registration(), chart, &patch.mesh),
+        };
+        (in_domain, covered(&patch.mesh, &laid.cross, query))
+    };
+    // Half of what an edit costs each.
+    let ((mesh, part, distortion), (in_domain, coverage)) = side_by_side(made, looked_at);
+    let (distortion, coverage) = (distortion?, coverage?);
     // A face over a crease may look inward without a fold: the domain tells them apart.
     let folds = in_domain.iter().filter(|f| distortion.inward.binary_search(f).is_ok()).count();
     let evidence = Evidence {
@@ -225,7 +234,7 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
         turned_share: distortion.inward.len() as f64 / distortion.faces.max(1) as f64,
         angle_p95_deg: distortion.angle_deg.p95,
         laid_angle_p95_deg,
-        coverage: covered(&patch.mesh, &laid.cross, query)?,
+        coverage,
     };
     let (word, reasons) = measure::verdict(&evidence);
     let flip = if atlas.is_some() { Flip { u: laid.mirrored, v: false } } else { from.flip };
