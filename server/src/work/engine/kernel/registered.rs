@@ -214,17 +214,15 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     let made = || {
         let mesh = assemble(&example.model.mesh, surface, &model.prepared.vertex_of, patch, positions, winding);
         let part = quadmuse_kernel::compose::part::polygons(&patch.mesh, positions, winding);
-        (mesh, part, distortion(&laid, example))
-    };
-    let looked_at = || {
         let in_domain = match atlas {
             Some(atlas) => atlas.folded_faces(&patch.mesh),
             None => folded_faces(registered.registration(), chart, &patch.mesh),
         };
-        (in_domain, covered(&patch.mesh, &laid.cross, query))
+        (mesh, part, in_domain, distortion(&laid, example))
     };
-    // Half of what an edit costs each.
-    let ((mesh, part, distortion), (in_domain, coverage)) = side_by_side(made, looked_at);
+    // Both take as long, together half of an edit.
+    let ((mesh, part, in_domain, distortion), coverage) =
+        side_by_side(made, || covered(&patch.mesh, &laid.cross, query));
     let (distortion, coverage) = (distortion?, coverage?);
     // A face over a crease may look inward without a fold: the domain tells them apart.
     let folds = in_domain.iter().filter(|f| distortion.inward.binary_search(f).is_ok()).count();
