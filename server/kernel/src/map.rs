@@ -7,6 +7,7 @@ pub mod atlas;
 pub mod edit;
 pub mod parted;
 pub mod polish;
+pub mod reembed;
 pub mod rejoin;
 pub mod untangle;
 pub mod walk;

@@ -15,11 +15,11 @@ use std::sync::Arc;
 use matching::{Matcher, Which, tip_controls};
 
 use super::edit::{self, EditError};
+use super::reembed::Ground;
 use super::{CrossMap, turns_over, vertex_uv};
 use crate::encode::index::{Location, PlanarIndex};
 use crate::encode::{Encoding, encode_to};
 use crate::mesh::Vec3;
-use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::{NONE, TriMesh};
 use crate::register::entry::PROTRUSIONS_MANY;
 use crate::register::{Flip, Level, Query, Registration, Solver, coarse_flip, query_images};
@@ -47,6 +47,8 @@ struct Side {
 struct Sheet {
     example: Arc<Chart>,
     input: Arc<Chart>,
+    /// The planar index of `input`.
+    index: PlanarIndex,
     registration: Registration,
 }
 
@@ -112,31 +114,14 @@ impl Atlas {
             return Ok(CrossMap { locations: Vec::new(), positions: Vec::new() });
         };
         let (n, input) = (first.example.patch_vertices, &first.input);
-        let mut sums = vec![(Vec3::zeros(), 0.0f64); n];
-        for sheet in &self.sheets {
-            let index = PlanarIndex::new(&sheet.input);
-            let registration = sheet.constrained(constraints)?;
-            let compression = compression(&sheet.example);
-            for (v, sum) in sums.iter_mut().enumerate() {
-                let uv = registration.map(sheet.example.topology, vertex_uv(&sheet.example, v));
-                let place = index.locate(&sheet.input, uv);
-                let weight = compression[v].powf(-BLEND_POWER);
-                sum.0 += place.point(&sheet.input) * weight;
-                sum.1 += weight;
-            }
-        }
+        let laid: Result<Vec<Laid>, EditError> = self.sheets.iter().map(|s| Laid::new(s, constraints, n)).collect();
+        let laid = laid?;
         let on_boundary = first.example.mesh.boundary_vertices();
-        let (bvh, rim) = (Bvh::new(&input.mesh), Rim::new(&input.mesh));
-        let locations: Vec<Location> = sums
-            .iter()
-            .enumerate()
-            .map(|(v, (sum, weight))| {
-                let target = sum / weight.max(1e-300);
-                if on_boundary[v] {
-                    return rim.closest(&input.mesh, target);
-                }
-                let closest = bvh.closest(target);
-                Location { triangle: closest.triangle, barycentric: closest.barycentric }
+        let rim = Rim::new(&input.mesh);
+        let locations: Vec<Location> = (0..n)
+            .map(|v| {
+                let place = blended(&laid, v);
+                if on_boundary[v] { rim.closest(&input.mesh, place.point(input)) } else { place }
             })
             .collect();
         let positions = locations.iter().map(|l| l.point(input)).collect();
@@ -163,6 +148,11 @@ impl Atlas {
         folded
     }
 
+    /// The input's charts, for [`settle`](super::reembed::settle).
+    pub fn grounds(&self) -> Vec<Ground<'_>> {
+        self.sheets.iter().map(|s| Ground { chart: &s.input, index: &s.index }).collect()
+    }
+
     /// Mean of the charts' E / variance.
     pub fn mean_cost(&self) -> f64 {
         let cost = |s: &Sheet| s.registration.energy / s.registration.variance.max(1e-300);
@@ -178,6 +168,50 @@ impl Atlas {
     pub fn input(&self) -> Option<&Arc<Chart>> {
         self.sheets.first().map(|s| &s.input)
     }
+}
+
+/// Where one sheet sends the example's vertices.
+struct Laid<'a> {
+    input: &'a Chart,
+    index: &'a PlanarIndex,
+    images: Vec<Uv>,
+    places: Vec<Location>,
+    /// What the sheet has to say at each vertex.
+    weights: Vec<f64>,
+}
+
+impl<'a> Laid<'a> {
+    /// The first `n` vertices.
+    fn new(sheet: &'a Sheet, constraints: &[(Location, Location)], n: usize) -> Result<Self, EditError> {
+        let index = &sheet.index;
+        let registration = sheet.constrained(constraints)?;
+        let image = |v: usize| registration.map(sheet.example.topology, vertex_uv(&sheet.example, v));
+        let images: Vec<Uv> = (0..n).map(image).collect();
+        let places = images.iter().map(|&uv| index.locate(&sheet.input, uv)).collect();
+        let weights = compression(&sheet.example)[..n].iter().map(|c| c.powf(-BLEND_POWER)).collect();
+        Ok(Self { input: &sheet.input, index, images, places, weights })
+    }
+}
+
+/// The mean of the places to which the sheets send vertex `v`, taken on the surface: in the equal-area picture about the
+/// end of the chart that has most say, r = √(1 − v), so that no place between two fingers is ever passed.
+fn blended(laid: &[Laid], v: usize) -> Location {
+    let strongest = laid.iter().reduce(|a, b| if b.weights[v] > a.weights[v] { b } else { a });
+    let Some(chart) = strongest else { return Location { triangle: 0, barycentric: [1.0, 0.0, 0.0] } };
+    let is_top = chart.images[v][1] >= 0.5 || chart.input.topology == Topology::Disc;
+    let (mut sum, mut all) = ([0.0; 2], 0.0);
+    for sheet in laid {
+        let [u, height] = if std::ptr::eq(sheet, chart) { chart.images[v] } else { sheet.places[v].uv(chart.input) };
+        let r = (if is_top { 1.0 - height } else { height }).max(0.0).sqrt();
+        let (sin, cos) = (std::f64::consts::TAU * u).sin_cos();
+        sum[0] += sheet.weights[v] * r * cos;
+        sum[1] += sheet.weights[v] * r * sin;
+        all += sheet.weights[v];
+    }
+    let [x, y] = sum.map(|s| s / all.max(1e-300));
+    let area = (x * x + y * y).min(1.0);
+    let u = (y.atan2(x) / std::f64::consts::TAU).rem_euclid(1.0);
+    chart.index.locate(chart.input, [u, if is_top { 1.0 - area } else { area }])
 }
 
 fn side_at(query: &Query, poles: &[u32]) -> Result<Side, UnfoldError> {
@@ -218,7 +252,8 @@ impl Sheet {
             }
         }
         let identity = || Registration::from_controls(flip, vec![[0.5, 0.5]], vec![[0.5, 0.5]]);
-        Self { example: one.chart, input: two.chart, registration: registration.unwrap_or_else(identity) }
+        let index = PlanarIndex::new(&two.chart);
+        Self { example: one.chart, input: two.chart, index, registration: registration.unwrap_or_else(identity) }
     }
 }
 

@@ -4,7 +4,7 @@ use super::loaded::Loaded;
 use super::method::Method;
 use quadmuse_kernel::encode::index::PlanarIndex;
 use quadmuse_kernel::map::atlas::Atlas;
-use quadmuse_kernel::map::polish::{PolishOptions, polish};
+use quadmuse_kernel::map::reembed::{Ground, settle};
 use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, folded_faces};
 use quadmuse_kernel::measure::coverage::{coverage, feature_points};
@@ -12,7 +12,7 @@ use quadmuse_kernel::measure::{self, BURDENED_DEG, Distortion, Evidence, Verdict
 use quadmuse_kernel::mesh::Vec3;
 use quadmuse_kernel::register::entry::{Hypothesis, PROTRUSIONS_MANY};
 use quadmuse_kernel::register::{Entry, Query, Solver};
-use quadmuse_kernel::unfold::{Chart, UnfoldOptions};
+use quadmuse_kernel::unfold::UnfoldOptions;
 use quadmuse_tests::real_input::pairs::Pair;
 use std::sync::OnceLock;
 use std::time::Instant;
@@ -127,11 +127,11 @@ fn unburden(example: &Loaded, one: &Query, two: &Query, entry: &mut Entry, metho
 fn by_chart(example: &Loaded, one: &Query, two: &Query, entry: &Entry, method: Method) -> Result<Laid, String> {
     let best = entry.best();
     let input = two.chart_for(&best.unfolded.poles).map_err(|e| e.to_string())?;
-    let mut cross = cross_map(&best.registration, &one.chart, &input, &PlanarIndex::new(&input));
+    let index = PlanarIndex::new(&input);
+    let mut cross = cross_map(&best.registration, &one.chart, &input, &index);
     let mirrored = best.registration.flip.is_mirror();
     let sign = if mirrored { -1.0 } else { 1.0 };
-    let laid_angle_deg = polish_by(method, example, &mut cross, &input, sign);
-    untangle(&example.patch.mesh, &mut cross, &input, sign, &OnceLock::new());
+    let laid_angle_deg = settled(method, example, &mut cross, &[Ground { chart: &input, index: &index }], sign);
     let distortion = measure::distortion(&example.patch.mesh, &cross, &input, sign);
     let in_domain = folded_faces(&best.registration, &one.chart, &example.patch.mesh);
     Ok(Laid { cross, mirrored, cost: best.cost(), in_domain, distortion, laid_angle_deg })
@@ -144,8 +144,7 @@ fn by_atlas(example: &Loaded, one: &Query, two: &Query, method: Method) -> Resul
     let mut cross = atlas.cross_map(&[]).map_err(|e| e.to_string())?;
     let input = atlas.input().ok_or("expected an atlas with charts")?;
     let sign = if atlas.mirrored { -1.0 } else { 1.0 };
-    let laid_angle_deg = polish_by(method, example, &mut cross, input, sign);
-    untangle(&example.patch.mesh, &mut cross, input, sign, &OnceLock::new());
+    let laid_angle_deg = settled(method, example, &mut cross, &atlas.grounds(), sign);
     let distortion = measure::distortion(&example.patch.mesh, &cross, input, sign);
     let in_domain = atlas.folded_faces(&example.patch.mesh);
     Ok(Some(Laid { cross, mirrored: atlas.mirrored, cost: atlas.mean_cost(), in_domain, distortion, laid_angle_deg }))
@@ -159,11 +158,13 @@ fn errors(mapped: &[Vec3], truth: &[Vec3], area: f64) -> [f64; 2] {
     [at(50), at(95)]
 }
 
-/// The 95th percentile of the angle distortion before the polish.
-fn polish_by(method: Method, example: &Loaded, cross: &mut CrossMap, input: &Chart, sign: f64) -> f64 {
+/// Lets the map come to rest, as the service does. The 95th percentile of the angle distortion before that.
+fn settled(method: Method, example: &Loaded, cross: &mut CrossMap, grounds: &[Ground], sign: f64) -> f64 {
     let laid = measure::angle_distortion(&example.patch.mesh, cross).p95;
     if method.polishes() {
-        polish(&example.patch.mesh, cross, input, sign, &PolishOptions::default());
+        settle(&example.patch.mesh, cross, grounds, sign);
+    } else if let Some(ground) = grounds.first() {
+        untangle(&example.patch.mesh, cross, ground.chart, sign, &OnceLock::new());
     }
     laid
 }

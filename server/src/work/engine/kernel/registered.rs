@@ -8,6 +8,7 @@ use crate::pool::Stop;
 use quadmuse_kernel::encode::index::{Location as Place, PlanarIndex};
 use quadmuse_kernel::map::assemble::{Winding, assemble};
 use quadmuse_kernel::map::atlas::Atlas;
+use quadmuse_kernel::map::reembed::Ground;
 use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, edit, folded_faces, leave_fillings};
 use quadmuse_kernel::measure::coverage::{Coverage, coverage, feature_points};
@@ -193,7 +194,11 @@ fn lay<'a>(
     let model: &ModelInner = example.model.inner.open()?;
     let (surface, sign) = (&model.patch(example.segment)?.mesh, if laid.mirrored { -1.0 } else { 1.0 });
     let angle_p95_deg = measure::angle_distortion(surface, &laid.cross).p95;
-    settle(&registered.settled, surface, &mut laid.cross, laid.input, sign, &laid.constraints);
+    let grounds = match atlas {
+        Some(atlas) => atlas.grounds(),
+        None => vec![Ground { chart: laid.input, index: &registered.surface(query)?.index }],
+    };
+    settle(&registered.settled, surface, &mut laid.cross, &grounds, sign, &laid.constraints);
     Ok((laid, angle_p95_deg))
 }
 

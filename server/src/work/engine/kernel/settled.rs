@@ -5,8 +5,7 @@
 //! hold exactly.
 
 use quadmuse_kernel::map::CrossMap;
-use quadmuse_kernel::map::polish::{PolishOptions, polish};
-use quadmuse_kernel::map::untangle::untangle;
+use quadmuse_kernel::map::reembed::{self, Ground};
 use quadmuse_kernel::map::walk::walk;
 use quadmuse_kernel::mesh::{TriMesh, Vec3};
 use quadmuse_kernel::unfold::Chart;
@@ -23,12 +22,13 @@ pub(super) struct Settled {
     after: CrossMap,
 }
 
-/// Polishes `cross`, the map of `mesh`, or moves it as the first map was moved. `mirror` is −1 for mirrored maps.
+/// Lets `cross`, the map of `mesh` onto the charts of `grounds`, come to rest, or moves it as the first map was moved.
+/// `mirror` is −1 for mirrored maps.
 pub(super) fn settle(
     kept: &OnceLock<Settled>,
     mesh: &TriMesh,
     cross: &mut CrossMap,
-    input: &Chart,
+    grounds: &[Ground],
     mirror: f64,
     constraints: &[Constraint],
 ) {
@@ -39,13 +39,13 @@ pub(super) fn settle(
         .collect();
     if callers.is_empty() && kept.get().is_none() {
         let before = cross.positions.clone();
-        polish(mesh, cross, input, mirror, &PolishOptions::default());
-        untangle(mesh, cross, input, mirror, &OnceLock::new());
+        reembed::settle(mesh, cross, grounds, mirror);
         let _ = kept.set(Settled { before, after: cross.clone() });
         return;
     }
-    if let Some(settled) = kept.get().filter(|s| s.before.len() == cross.positions.len()) {
-        follow(settled, cross, input, &callers);
+    let settled = kept.get().filter(|s| s.before.len() == cross.positions.len());
+    if let (Some(settled), Some(ground)) = (settled, grounds.first()) {
+        follow(settled, cross, ground.chart, &callers);
     }
 }
 
