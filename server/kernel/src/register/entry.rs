@@ -224,7 +224,7 @@ impl Entry {
             if stop() {
                 return Ok(());
             }
-            rival.unfolded = query.unfolded_for(&rival.unfolded.poles)?;
+            rival.unfolded = query.unfolded_to(&rival.unfolded.poles, side)?;
             rival.registration =
                 pole_search::register(&rival.unfolded, example, rival.registration.flip, side, solver, stop)
                     .unwrap_or_else(|| rival.registration.clone());
@@ -257,7 +257,7 @@ impl Entry {
         if stop() || found.unfolded.poles == start.unfolded.poles {
             return Ok(());
         }
-        found.unfolded = query.unfolded_for(&found.unfolded.poles)?;
+        found.unfolded = query.unfolded_to(&found.unfolded.poles, side)?;
         let flip = found.registration.flip;
         if let Some(registration) = pole_search::register(&found.unfolded, example, flip, side, solver, stop) {
             found.registration = registration;

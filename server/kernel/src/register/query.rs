@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::image::Image;
 use super::query_images;
+use super::trial::Trials;
 use crate::encode::index::PlanarIndex;
 use crate::encode::{Encoding, encode, encode_to};
 use crate::topology::Patch;
@@ -78,6 +79,7 @@ pub struct Query {
     /// From which the unfoldings for other poles follow; `None` where poles are fixed.
     conformal: Option<Conformal>,
     candidates: OnceLock<Vec<Arc<Unfolded>>>,
+    trials: OnceLock<Trials>,
     tried: Kept<Option<Arc<Unfolded>>>,
     solved: Kept<Result<Arc<Unfolded>, UnfoldError>>,
 }
@@ -104,6 +106,7 @@ impl Query {
             protrusions: OnceLock::new(),
             conformal,
             candidates: OnceLock::new(),
+            trials: OnceLock::new(),
             tried: Kept::default(),
             solved: Kept::default(),
         })
@@ -146,7 +149,14 @@ impl Query {
 
     /// A quick unfolding for other poles, to the search's level; `None` where poles are fixed.
     pub fn try_poles(&self, poles: &[u32]) -> Option<Unfolded> {
-        Some(Unfolded::new(poles, encode_to(&self.quick_chart(poles)?, SEARCH_SIDE)))
+        let conformal = self.conformal.as_ref()?;
+        let encoding = if conformal.is_precise_at(poles) {
+            let trials = self.trials.get_or_init(|| Trials::new(conformal.mesh()));
+            trials.encoding(conformal, poles, SEARCH_SIDE)
+        } else {
+            encode_to(&self.unfolder.chart(poles).ok()?, SEARCH_SIDE)
+        };
+        Some(Unfolded::new(poles, encoding))
     }
 
     /// The same as [`Self::try_poles`], kept for the next who tries them: the best examples' searches begin at the same
@@ -171,6 +181,17 @@ impl Query {
             return Ok(Arc::clone(&self.chart));
         }
         Ok(Arc::new(self.unfolder.chart(poles)?))
+    }
+
+    /// The exact unfolding for some poles, to a level.
+    ///
+    /// # Errors
+    /// [`UnfoldError`].
+    pub fn unfolded_to(&self, poles: &[u32], finest: usize) -> Result<Arc<Unfolded>, UnfoldError> {
+        if self.best.poles == poles {
+            return Ok(Arc::clone(&self.best));
+        }
+        Ok(Arc::new(Unfolded::new(poles, encode_to(&self.unfolder.chart(poles)?, finest))))
     }
 
     /// The exact unfolding to all levels for some poles; for rival poles, which many examples take, it is kept.
