@@ -50,7 +50,7 @@ impl Grid {
     }
 
     /// Numbers a field.
-    pub fn len(self) -> usize {
+    pub fn size(self) -> usize {
         ((self.rows + 2) * self.stride() + 2).next_multiple_of(LANES)
     }
 
@@ -188,7 +188,7 @@ impl Nodes {
     /// ψ(x) − x at each node for controls that go to `q`.
     #[inline(always)]
     pub fn displacements(&self, q: &[Uv]) -> Displacements {
-        let mut all = Displacements([vec![0.0; self.grid.len()], vec![0.0; self.grid.len()]]);
+        let mut all = Displacements([vec![0.0; self.grid.size()], vec![0.0; self.grid.size()]]);
         for (influences, fixed, place) in self.chunks() {
             self.place(&self.evaluate(influences, fixed, q), place, &mut all);
         }
@@ -199,7 +199,7 @@ impl Nodes {
     /// ∂ψ_u and ∂ψ_v by each unknown (q₁u, q₁v, q₂u, …) at each node: two fields an unknown.
     #[inline(always)]
     pub fn derivatives(&self, q: &[Uv]) -> Vec<f32> {
-        let (length, aspect) = (self.grid.len(), self.domain.aspect);
+        let (length, aspect) = (self.grid.size(), self.domain.aspect);
         let mut fields = vec![0.0f32; 4 * self.p.len() * length];
         for (influences, fixed, [column, row]) in self.chunks() {
             let At { turn: e, spin, .. } = self.evaluate(influences, fixed, q);
@@ -374,7 +374,7 @@ pub(super) mod tests {
             for side in [32, 128] {
                 let nodes = Nodes::new(domain, side, &P);
                 let (moved, derived) = (nodes.displacements(&Q), nodes.derivatives(&Q));
-                let (grid, unit, length) = (nodes.grid, nodes.unit(), nodes.grid.len());
+                let (grid, unit, length) = (nodes.grid, nodes.unit(), nodes.grid.size());
                 for row in 0..grid.rows {
                     for column in 0..grid.columns {
                         let x = [column as f64 * unit, row as f64 * unit];
@@ -397,7 +397,7 @@ pub(super) mod tests {
     #[test]
     fn rows_repeat_their_other_end_and_only_that() {
         let grid = Grid { columns: 16, rows: 17 };
-        let mut field = vec![0.0f32; grid.len()];
+        let mut field = vec![0.0f32; grid.size()];
         field[grid.at(0, 3)] = 1.0;
         field[grid.at(15, 3)] = 2.0;
         grid.close(&mut field);

@@ -56,7 +56,7 @@ impl Wide for NormalAt<'_> {
         let stencil = Stencil::new(nodes, pixels);
         let scale = 1.0 / (nodes.side * nodes.side) as f64;
         // A field of u and one of v an unknown.
-        let both = 2 * grid.len();
+        let both = 2 * grid.size();
         let of = |unknown: usize| &fields[unknown * both..(unknown + 1) * both];
         let mut products = vec![0.0f32; BATCH * both];
         let mut matrix = vec![0.0; unknowns * unknowns];
@@ -94,7 +94,7 @@ impl Stencil {
     #[inline(always)]
     fn new(nodes: &Nodes, pixels: &Pixels) -> Self {
         let (grid, step) = (nodes.grid, nodes.step);
-        let length = grid.len();
+        let length = grid.size();
         let mut stencil =
             Self { grid, blocks: vec![0.0; 3 * DIRECTIONS.len() * length], rights: vec![0.0; 2 * length] };
         let weights = weights(step);
@@ -119,7 +119,7 @@ impl Stencil {
 
     #[inline(always)]
     fn scatter(&mut self, cell: &Cell, column: usize, row: usize) {
-        let (grid, length) = (self.grid, self.grid.len());
+        let (grid, length) = (self.grid, self.grid.size());
         let right = (column + 1) % grid.columns;
         let nodes = [grid.at(column, row), grid.at(right, row), grid.at(column, row + 1), grid.at(right, row + 1)];
         for (k, [a, b]) in PAIRS.into_iter().enumerate() {
@@ -140,7 +140,7 @@ impl Stencil {
     /// H times a field of u and one of v.
     #[inline(always)]
     fn multiply(&self, field: &[f32], product: &mut [f32]) {
-        let (length, stride) = (self.grid.len(), self.grid.stride());
+        let (length, stride) = (self.grid.size(), self.grid.stride());
         let lines = self.grid.lines();
         let (first, count) = (lines.start, lines.len());
         let (field_u, field_v) = field.split_at(length);
