@@ -92,7 +92,7 @@ struct Source {
 /// What was made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Made {
-    /// Encodings that were varied.
+    /// Encodings that were varied; none where there were segments enough.
     pub sources: usize,
     /// Segments there were.
     pub before: usize,
@@ -112,6 +112,9 @@ pub fn run(
     let begun = Instant::now();
     let (corpus, report) = StoredCorpus::open(&args.data, &OpenOptions::default())?;
     let before = report.examples;
+    if before >= args.count {
+        return Ok(Made { sources: 0, before, after: before });
+    }
     let sources = sources(args, engine)?;
     let late = || args.time.is_some_and(|limit| begun.elapsed() > Duration::from_secs(limit));
     let threads = std::thread::available_parallelism().map_or(1, usize::from) + WAITING_THREADS;
@@ -229,6 +232,7 @@ mod tests {
         assert_eq!(grow(one.path(), 5), Made { sources: 1, before: 0, after: 5 });
         grow(two.path(), 2);
         assert_eq!(grow(two.path(), 5), Made { sources: 1, before: 2, after: 5 });
+        assert_eq!(grow(two.path(), 4), Made { sources: 0, before: 5, after: 5 });
         let listed = |data: &Path| {
             let (corpus, _) = StoredCorpus::open(data, &OpenOptions::default()).expect("a store");
             let level = |id| corpus.encoding(id, 0, 64).expect("an encoding");

@@ -17,8 +17,8 @@ use std::sync::Arc;
 
 /// Examples of the corpus: enough that some are passed over at each level.
 const EXAMPLES: usize = 7;
-/// The finest level, in pixels a side.
-const RESOLUTION: u32 = 64;
+/// The finest level, in pixels a side: a query's default, so that every step of one is taken.
+const RESOLUTION: u32 = 128;
 
 /// What must not change: name, score, energy and state of each entry, and the vertices of the best map.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -71,14 +71,19 @@ pub fn encode(chart: &Chart) -> Encoding {
 
 /// Encodes a chart with `finest` (a side of [`LEVEL_SIDES`]) as its finest level.
 pub fn encode_to(chart: &Chart, finest: usize) -> Encoding {
-    let mut pyramid = vec![raster::conformal_factor(chart, finest)];
+    from_finest(raster::conformal_factor(chart, finest), chart.topology, chart.modulus)
+}
+
+/// The encoding of a surface whose finest level is `picture` (a side of [`LEVEL_SIDES`]).
+pub fn from_finest(picture: Picture, topology: Topology, modulus: f64) -> Encoding {
+    let mut pyramid = vec![picture];
     while let Some(last) = pyramid.last().filter(|p| p.side > LEVEL_SIDES[0]) {
         let next = last.halved();
         pyramid.push(next);
     }
     pyramid.reverse();
-    let features = features::extract(&pyramid, chart.topology);
-    Encoding { topology: chart.topology, modulus: chart.modulus, pyramid, features }
+    let features = features::extract(&pyramid, topology);
+    Encoding { topology, modulus, pyramid, features }
 }
 
 #[cfg(test)]

@@ -5,24 +5,34 @@
 
 pub mod entry;
 pub mod evaluate;
+pub mod folds;
 pub mod image;
+pub mod likeness;
 pub mod mls;
+pub mod nodes;
+pub mod normal;
 pub mod pole_search;
 pub mod problem;
 pub mod query;
 pub mod solve;
 pub mod spectra;
+pub mod trial;
+
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use crate::encode::features::{Feature, distance_on};
-use crate::encode::{Encoding, LEVEL_SIDES};
+use crate::encode::{Encoding, LEVEL_SIDES, Picture};
 use crate::numerics::wide::{Wide, wide};
 use crate::topology::Topology;
 use crate::unfold::Uv;
 pub use entry::Entry;
-use evaluate::{displacements, psi};
+use evaluate::psi;
+use folds::is_translation;
+pub use folds::{FOLD_SIDE_MAX, fold_cells};
 use image::Image;
 use mls::Domain;
-use problem::{Problem, folded};
+use nodes::Nodes;
+use problem::Problem;
 pub use query::Query;
 pub use solve::{LevenbergMarquardt, PixelDescent, Solver, Termination};
 
@@ -92,24 +102,65 @@ pub const ASPECT: f64 = 1.2;
 pub struct Level<'a> {
     /// The example.
     pub example: &'a Encoding,
-    /// √λ₁ at this level for each flip of [`Flip::all`].
-    flipped: Vec<Image>,
+    /// λ₁ at this level.
+    picture: &'a Picture,
+    /// What follows from the example alone.
+    ready: Arc<Ready>,
     /// √λ₂ at this level.
     query: &'a Image,
 }
+
+/// What a level of an example gives for any query: its pictures, and the nodes of ψ̂ for the controls asked for so far.
+#[derive(Debug)]
+struct Ready {
+    /// √λ₁ for each flip of [`Flip::all`], when it is asked for.
+    flipped: Vec<OnceLock<Image>>,
+    nodes: Mutex<Vec<Arc<Nodes>>>,
+}
+
+/// Sets of nodes that a level keeps: one before and one after new controls, for each flip.
+const NODES_KEPT: usize = 8;
 
 impl<'a> Level<'a> {
     /// Prepares an example's level against the query's image of the same side; `None` where the example lacks it.
     pub fn new(example: &'a Encoding, query: &'a Image) -> Option<Self> {
         let picture = example.level(query.side)?;
-        let periodic = example.topology.is_periodic_v();
-        let flipped = Flip::all(example.topology).iter().map(|&f| Image::new(picture, f, periodic)).collect();
-        Some(Self { example, flipped, query })
+        let flipped = Flip::all(example.topology).iter().map(|_| OnceLock::new()).collect();
+        Some(Self { example, picture, ready: Arc::new(Ready { flipped, nodes: Mutex::default() }), query })
+    }
+
+    /// The same level of the example against another image; `None` where that has another side.
+    pub fn against<'b>(&self, query: &'b Image) -> Option<Level<'b>>
+    where
+        'a: 'b,
+    {
+        let ready = Arc::clone(&self.ready);
+        (query.side == self.query.side).then_some(Level { example: self.example, picture: self.picture, ready, query })
     }
 
     fn image(&self, flip: Flip) -> &Image {
         let k = Flip::all(self.example.topology).iter().position(|&f| f == flip).unwrap_or(0);
-        &self.flipped[k]
+        let periodic = self.example.topology.is_periodic_v();
+        self.ready.flipped[k].get_or_init(|| Image::new(self.picture, flip, periodic))
+    }
+
+    /// The nodes for controls at `p`, made once.
+    fn nodes(&self, p: &[Uv]) -> Arc<Nodes> {
+        let find = |kept: &[Arc<Nodes>]| kept.iter().find(|nodes| nodes.p == p).cloned();
+        let kept = || self.ready.nodes.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = find(&kept()) {
+            return found;
+        }
+        let made = Arc::new(Nodes::new(self.domain(), self.query.side, p));
+        let mut kept = kept();
+        if kept.len() < NODES_KEPT {
+            kept.push(Arc::clone(&made));
+        }
+        made
+    }
+
+    fn problem(&self, flip: Flip, p: &[Uv]) -> Problem<'_> {
+        Problem::new(self.nodes(p), self.image(flip), self.query)
     }
 
     /// Least E over all translations / (var √λ₁ + var √λ₂).
@@ -230,7 +281,7 @@ impl Registration {
         let pixel = 1.0 / level.query.side as f64;
         let shifted =
             |d: Uv| -> Vec<Uv> { self.q.iter().map(|q| [q[0] + d[0] * pixel, q[1] + d[1] * pixel]).collect() };
-        let problem = Problem::new(level.domain(), level.image(self.flip), level.query, &self.p);
+        let problem = level.problem(self.flip, &self.p);
         let rows: &[f64] = if level.domain().topology.is_periodic_v() { &[0.0, -1.0, 1.0] } else { &[0.0] };
         let trials = rows.iter().flat_map(|&row| [0.0, -1.0, 1.0].map(|d| [d, row]));
         let best = trials.map(|d| (problem.energy(&shifted(d)), d)).min_by(|a, b| a.0.total_cmp(&b.0));
@@ -240,20 +291,20 @@ impl Registration {
     /// Registers at `level` from where the controls are: new controls, solver, fold repair.
     pub fn solve_level(&mut self, level: &Level, solver: &dyn Solver, stop: &dyn Fn() -> bool) {
         let side = level.query.side;
-        self.adopt(level, side);
-        self.repair(level);
-        let image = level.image(self.flip);
-        let p = self.p.clone();
-        let problem = Problem::new(level.domain(), image, level.query, &p);
-        let (energy, _) = solver.solve(&problem, &mut self.q, stop);
+        let finer = side.min(FOLD_SIDE_MAX) > self.side.min(FOLD_SIDE_MAX);
+        // What was free of folds still is where only a translation came in between.
+        if (self.adopt(level, side) > 0 || finer) && !is_translation(&self.p, &self.q) {
+            self.repair(level);
+        }
+        let (energy, _) = solver.solve(&level.problem(self.flip, &self.p), &mut self.q, stop);
         self.energy = energy;
         self.side = side;
-        self.variance = image.variance + level.query.variance;
+        self.variance = level.image(self.flip).variance + level.query.variance;
         self.repair(level);
     }
 
-    /// Features of this level become controls where the map already sends them.
-    fn adopt(&mut self, level: &Level, side: usize) {
+    /// Features of this level become controls where the map already sends them; how many did.
+    fn adopt(&mut self, level: &Level, side: usize) -> usize {
         let domain = level.domain();
         let fresh = |f: &&Feature| f.side <= side && f.side > self.side;
         let spacing = CONTROL_SPACING_PX / side as f64;
@@ -261,8 +312,9 @@ impl Registration {
         let added: Vec<Uv> =
             level.example.features.iter().filter(fresh).map(|f| self.flip.apply(f.uv)).filter(far).collect();
         let to: Vec<Uv> = added.iter().map(|&x| psi(domain, &self.p, &self.q, x)).collect();
-        self.p.extend(added);
+        self.p.extend(&added);
         self.q.extend(to);
+        added.len()
     }
 
     /// Undoes folds: the control nearest a fold moves half way to where the others predict it, at last all the way.
@@ -293,15 +345,6 @@ impl Registration {
             self.folds = 0;
         }
     }
-}
-
-/// Cells a side at which folds are looked for.
-pub const FOLD_SIDE_MAX: usize = 64;
-
-/// Cells that the map turns over, at `side` cells a side.
-pub fn fold_cells(domain: Domain, p: &[Uv], q: &[Uv], side: usize) -> Vec<Uv> {
-    let unit = 1.0 / side as f64;
-    folded(side, unit, &displacements(domain, p, q, [side, side + 1], unit)).collect()
 }
 
 /// The side of the level after `side`, if there is one.

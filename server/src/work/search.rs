@@ -163,7 +163,11 @@ async fn rank_all(work: &Arc<Work>, live: &Arc<LiveQuery>, corpus: Vec<Selection
         let next = LEVELS.into_iter().find(|next| *next > level && *next <= resolution);
         for search in &mut searches {
             let start = Instant::now();
-            let (candidates, fresh) = search.each(Step::Refine, level).await?;
+            let registered = match level {
+                LEVEL_COARSEST => tokio::join!(search.each(Step::Refine, level), search.ready()).0,
+                _ => search.each(Step::Refine, level).await,
+            };
+            let (candidates, fresh) = registered?;
             search.publish(level, next, (candidates, fresh, ms_since(start)));
         }
     }
@@ -210,6 +214,12 @@ struct SegmentSearch<'a> {
 impl SegmentSearch<'_> {
     fn window(&self) -> usize {
         WINDOW_PER_THREAD * self.work.pool.threads()
+    }
+
+    /// Makes what finishing needs beside the first registrations. Where that fails, finishing does it itself.
+    async fn ready(&self) {
+        let (engine, query) = (Arc::clone(&self.work.engine), Arc::clone(&self.query));
+        let _ = self.work.pool.run(&self.live.job, Lane::Fine, move |_| engine.ready(&query)).await;
     }
 
     /// Takes a step with the best of the newest ranking; the rest stay as they are.

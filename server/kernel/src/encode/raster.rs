@@ -13,23 +13,42 @@ const PERIODS: usize = 3;
 /// Below this area (in pixels) a triangle is a point for the picture.
 const POINT_AREA_PX: f64 = 1e-7;
 
+/// Where a triangle of the surface lies in the domain.
+#[derive(Clone, Copy, Debug)]
+pub enum Shape {
+    /// Its corners.
+    Triangle([Uv; 3]),
+    /// With a pole as a corner it is the quad between its opposite edge and the pole's line.
+    Pole([Uv; 4]),
+}
+
 /// The conformal factor of a chart at `side` × `side` pixels.
 pub fn conformal_factor(chart: &Chart, side: usize) -> Picture {
-    let total = chart.mesh.total_area();
-    let mut canvas = Canvas::new(side, chart.topology);
-    for (t, triangle) in chart.mesh.triangles.iter().enumerate() {
-        let share = chart.mesh.area(t) / total * (side * side) as f64;
+    let areas: Vec<f64> = (0..chart.mesh.triangles.len()).map(|t| chart.mesh.area(t)).collect();
+    let total: f64 = areas.iter().sum();
+    let shapes = chart.mesh.triangles.iter().zip(&chart.corners).map(|(triangle, c)| {
         let pole = (0..3).find_map(|k| {
             chart.poles.iter().find(|p| p.vertex == triangle[k]).map(|p| (k, if p.at_top { 1.0 } else { 0.0 }))
         });
-        let c = &chart.corners[t];
         match pole {
-            // A pole's triangle is the quad between its opposite edge and the pole's line.
             Some((k, end)) => {
                 let (a, b) = (c[(k + 1) % 3], c[(k + 2) % 3]);
-                canvas.spread(&[a, b, [b[0], end], [a[0], end]], share);
+                Shape::Pole([a, b, [b[0], end], [a[0], end]])
             }
-            None => canvas.spread(c, share),
+            None => Shape::Triangle(*c),
+        }
+    });
+    picture(chart.topology, side, shapes.zip(areas.iter().map(|area| area / total)))
+}
+
+/// The picture of shapes that have certain shares of the surface's area, at `side` × `side` pixels.
+pub fn picture(topology: Topology, side: usize, shapes: impl Iterator<Item = (Shape, f64)>) -> Picture {
+    let mut canvas = Canvas::new(side, topology);
+    let pixels = (side * side) as f64;
+    for (shape, share) in shapes {
+        match shape {
+            Shape::Triangle(corners) => canvas.spread(&corners, share * pixels),
+            Shape::Pole(corners) => canvas.spread(&corners, share * pixels),
         }
     }
     canvas.finish()
@@ -39,8 +58,9 @@ pub fn conformal_factor(chart: &Chart, side: usize) -> Picture {
 struct Canvas {
     side: usize,
     width: usize,
-    /// Highest v a corner may have: above 1 tori begin anew.
+    /// Highest v a corner may have, and the rows below it: above 1 tori begin anew.
     v_max: f64,
+    height: usize,
     differences: Vec<f64>,
     points: Vec<f64>,
 }
@@ -48,28 +68,33 @@ struct Canvas {
 impl Canvas {
     fn new(side: usize, topology: Topology) -> Self {
         let width = PERIODS * side + 2;
-        let v_max = if topology.is_periodic_v() { PERIODS as f64 } else { 1.0 };
-        Self { side, width, v_max, differences: vec![0.0; side * width], points: vec![0.0; side * side] }
+        let periods = if topology.is_periodic_v() { PERIODS } else { 1 };
+        let (v_max, height) = (periods as f64, periods * side);
+        Self { side, width, v_max, height, differences: vec![0.0; side * width], points: vec![0.0; side * side] }
     }
 
-    /// Spreads `share` (in pixels) over a convex polygon of the domain.
-    fn spread(&mut self, polygon: &[Uv], share: f64) {
+    /// Spreads `share` (in pixels) over a convex polygon of the domain. What lies in one pixel is all that pixel's.
+    fn spread<const N: usize>(&mut self, polygon: &[Uv; N], share: f64) {
         let scale = self.side as f64;
         let (last_x, last_y) = ((PERIODS * self.side) as f64, self.v_max * scale);
-        let px = |p: Uv| [(p[0] * scale).clamp(0.0, last_x), (p[1] * scale).clamp(0.0, last_y)];
-        let n = polygon.len();
+        let px = polygon.map(|p| [(p[0] * scale).clamp(0.0, last_x), (p[1] * scale).clamp(0.0, last_y)]);
+        let cell = px.map(|p| [p[0] as usize, p[1] as usize]);
+        if cell.iter().all(|other| *other == cell[0]) && cell[0][1] < self.height {
+            self.points[cell[0][1] % self.side * self.side + cell[0][0] % self.side] += share;
+            return;
+        }
         let cross = |k: usize| {
-            let (p, q, r) = (px(polygon[0]), px(polygon[k]), px(polygon[(k + 1) % n]));
+            let (p, q, r) = (px[0], px[k], px[k + 1]);
             (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
         };
-        let area = 0.5 * (1..n - 1).map(cross).sum::<f64>();
+        let area = 0.5 * (1..N - 1).map(cross).sum::<f64>();
         if area.abs() < POINT_AREA_PX {
             self.point(polygon, share);
             return;
         }
         let density = share / area;
-        for k in 0..n {
-            self.edge(px(polygon[k]), px(polygon[(k + 1) % n]), density);
+        for k in 0..N {
+            self.edge(px[k], px[(k + 1) % N], density);
         }
     }
 
@@ -91,7 +116,7 @@ impl Canvas {
         // An edge that goes up has the inside on its left: it takes away what lies to its right.
         let (sign, low, high) = if from[1] < to[1] { (-density, from, to) } else { (density, to, from) };
         let slope = (high[0] - low[0]) / (high[1] - low[1]);
-        let rows = low[1] as usize..(high[1].ceil() as usize).min((self.v_max * self.side as f64) as usize);
+        let rows = low[1] as usize..(high[1].ceil() as usize).min(self.height);
         let mut x = low[0];
         for row in rows {
             let top = ((row + 1) as f64).min(high[1]);

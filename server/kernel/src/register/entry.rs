@@ -87,9 +87,10 @@ impl Entry {
         if example.topology != query.encoding().topology {
             return None;
         }
-        let levels: Option<Vec<Level>> =
-            query.candidates().iter().map(|unfolded| Level::new(example, unfolded.images.first()?)).collect();
-        let levels = levels?;
+        let images = query.candidates().iter().map(|unfolded| unfolded.images.first());
+        let images: Vec<&Image> = images.collect::<Option<_>>()?;
+        let first = Level::new(example, images.first()?)?;
+        let levels: Vec<Level> = images.into_iter().map(|image| first.against(image)).collect::<Option<_>>()?;
         // Moving features can only make it more so.
         let mirrored = if is_symmetric(example, |level, flip| level.translation_cost(flip)) {
             Mirrored::Never
@@ -182,8 +183,13 @@ impl Entry {
             if hypothesis.unfolded.image(side).is_none() {
                 hypothesis.unfolded = query.unfolded_for(&hypothesis.unfolded.poles)?;
             }
-            let Some(image) = hypothesis.unfolded.image(side) else { continue };
-            let Some(level) = Level::new(example, image) else { continue };
+        }
+        let with_it = self.hypotheses.iter().map(|h| &h.unfolded).find(|unfolded| unfolded.image(side).is_some());
+        let with_it = with_it.cloned();
+        let image = with_it.as_ref().and_then(|unfolded| unfolded.image(side));
+        let Some(shared) = image.and_then(|image| Level::new(example, image)) else { return Ok(()) };
+        for hypothesis in &mut self.hypotheses {
+            let Some(level) = hypothesis.unfolded.image(side).and_then(|image| shared.against(image)) else { continue };
             hypothesis.registration.advance(&level, solver, stop);
         }
         self.prune(KEPT_MAX);
@@ -218,7 +224,7 @@ impl Entry {
             if stop() {
                 return Ok(());
             }
-            rival.unfolded = query.unfolded_for(&rival.unfolded.poles)?;
+            rival.unfolded = query.unfolded_to(&rival.unfolded.poles, side)?;
             rival.registration =
                 pole_search::register(&rival.unfolded, example, rival.registration.flip, side, solver, stop)
                     .unwrap_or_else(|| rival.registration.clone());
@@ -251,7 +257,7 @@ impl Entry {
         if stop() || found.unfolded.poles == start.unfolded.poles {
             return Ok(());
         }
-        found.unfolded = query.unfolded_for(&found.unfolded.poles)?;
+        found.unfolded = query.unfolded_to(&found.unfolded.poles, side)?;
         let flip = found.registration.flip;
         if let Some(registration) = pole_search::register(&found.unfolded, example, flip, side, solver, stop) {
             found.registration = registration;

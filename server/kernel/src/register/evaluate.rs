@@ -46,6 +46,80 @@ pub fn displacements(domain: Domain, p: &[Uv], q: &[Uv], [columns, rows]: [usize
     wide(Grid { domain, p, q, columns, rows, unit })
 }
 
+/// ψ(x) − x in f32 at the nodes of row `row` of a grid of `side` nodes a row: what looking for folds starts with. Only
+/// what is inlined into a [`Wide`] computation has wide vectors.
+#[inline(always)]
+pub(super) fn roughly_moved(domain: Domain, p: &[Uv], q: &[Uv], side: usize, row: usize) -> Vec<[f32; 2]> {
+    let mut all = Vec::with_capacity(side + 1);
+    for from in (0..side).step_by(LANES) {
+        let mut u = [0.0f32; LANES];
+        for k in 0..LANES {
+            u[k] = (from + k) as f32 / side as f32;
+        }
+        let sums = Rough::of(domain, p, q, &u, row as f32 / side as f32);
+        for k in 0..LANES.min(side - from) {
+            all.push([sums.0[0][k], sums.0[1][k]]);
+        }
+    }
+    all
+}
+
+/// Displacements at points side by side.
+struct Rough([[f32; LANES]; 2]);
+
+impl Rough {
+    #[inline(always)]
+    fn of(domain: Domain, p: &[Uv], q: &[Uv], u: &[f32; LANES], v: f32) -> Self {
+        let (aspect, last) = (domain.aspect as f32, u[LANES - 1]);
+        let mut sums = [[0.0f32; LANES]; 7];
+        for (p, q) in p.iter().zip(q) {
+            for [sign, offset] in orbit_v(domain.topology) {
+                let dv = (sign * p[1] + offset) as f32 - v;
+                let fade_v = 1.0 - dv * dv;
+                if fade_v <= 0.0 {
+                    continue;
+                }
+                let to_v = (sign * q[1] + offset) as f32 - v;
+                let home = -p[0].floor();
+                for period in [home - 1.0, home, home + 1.0] {
+                    let (from, to) = ((p[0] + period) as f32, (q[0] + period) as f32);
+                    if from - last >= 1.0 || u[0] - from >= 1.0 {
+                        continue;
+                    }
+                    for k in 0..LANES {
+                        let du = from - u[k];
+                        let fade = (1.0 - du * du).max(0.0) * fade_v;
+                        let (d, to_u) = (aspect * du, aspect * (to - u[k]));
+                        let w = fade * fade / (d * d + dv * dv + TINY as f32);
+                        let (wd, wv) = (w * d, w * dv);
+                        sums[0][k] += w;
+                        sums[1][k] += wd;
+                        sums[2][k] += wv;
+                        sums[3][k] += w * to_u;
+                        sums[4][k] += w * to_v;
+                        sums[5][k] += wd * to_u + wv * to_v;
+                        sums[6][k] += wd * to_v - wv * to_u;
+                    }
+                }
+            }
+        }
+        let mut moved = [[0.0f32; LANES]; 2];
+        for k in 0..LANES {
+            let over = if sums[0][k] > 0.0 { 1.0 / sums[0][k] } else { 0.0 };
+            let [d0, d1, q0, q1] = [1, 2, 3, 4].map(|c| sums[c][k]);
+            let (mean, star) = ([d0 * over, d1 * over], [q0 * over, q1 * over]);
+            let m = [sums[5][k] - (mean[0] * q0 + mean[1] * q1), sums[6][k] - (mean[0] * q1 - mean[1] * q0)];
+            let size = (m[0] * m[0] + m[1] * m[1]).sqrt();
+            let turns = size > ROTATION_MIN as f32;
+            let over = 1.0 / if turns { size } else { 1.0 };
+            let e = if turns { [m[0] * over, m[1] * over] } else { [1.0, 0.0] };
+            moved[0][k] = (star[0] - (mean[0] * e[0] - mean[1] * e[1])) / aspect;
+            moved[1][k] = star[1] - (mean[0] * e[1] + mean[1] * e[0]);
+        }
+        Self(moved)
+    }
+}
+
 struct Grid<'a> {
     domain: Domain,
     p: &'a [Uv],
@@ -97,6 +171,9 @@ impl Sums {
                 let home = -p[0].floor();
                 for period in [home - 1.0, home, home + 1.0] {
                     let (from, to) = (p[0] + period, q[0] + period);
+                    if from - u[LANES - 1] >= 1.0 || u[0] - from >= 1.0 {
+                        continue;
+                    }
                     for k in 0..LANES {
                         let du = from - u[k];
                         let fade = (1.0 - du * du).max(0.0) * fade_v;

@@ -9,6 +9,8 @@ use crate::unfold::Uv;
 pub struct Image {
     /// Pixels a side.
     pub side: usize,
+    /// Row by row, with a pixel before and after each that repeats its other end, and a row before and after all that
+    /// repeats the other end too where v is periodic, else the row beside it: no sample asks where it is.
     values: Vec<f64>,
     /// Variance of the values.
     pub variance: f64,
@@ -28,13 +30,19 @@ impl Image {
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
         let variance = values.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / n;
-        Self { side, values, variance, periodic_v }
+        Self { side, values: framed(&values, side, periodic_v), variance, periodic_v }
+    }
+
+    /// From one row to the next.
+    #[inline(always)]
+    fn stride(&self) -> usize {
+        self.side + 2
     }
 
     /// The value of pixel (column, row).
     #[inline(always)]
     pub fn pixel(&self, x: usize, y: usize) -> f64 {
-        self.values[y * self.side + x]
+        self.values[(y + 1) * self.stride() + x + 1]
     }
 
     /// Whether the last row borders on the first.
@@ -44,7 +52,7 @@ impl Image {
 
     /// A row of values.
     pub fn row(&self, y: usize) -> &[f64] {
-        &self.values[y * self.side..(y + 1) * self.side]
+        &self.values[(y + 1) * self.stride() + 1..][..self.side]
     }
 
     /// Centre of pixel (column, row).
@@ -55,32 +63,58 @@ impl Image {
     /// Bilinear value and its gradient (per unit of u and v) at a point; periodic in u, clamped in v.
     #[inline(always)]
     pub fn sample(&self, at: Uv) -> (f64, [f64; 2]) {
-        let n = self.side as isize;
-        let scale = self.side as f64;
-        let wrapped = |t: f64| t - t.floor();
-        let v = if self.periodic_v { wrapped(at[1]) } else { at[1] };
-        let (x, y) = (wrapped(at[0]) * scale - 0.5, v * scale - 0.5);
-        let (x0, y0) = (x.floor(), y.floor());
-        let (fx, fy) = (x - x0, y - y0);
-        // From −1 to n: one comparison in place of a division.
-        let around = |c: isize| {
-            (if c < 0 {
-                c + n
-            } else if c >= n {
-                c - n
-            } else {
-                c
-            }) as usize
-        };
-        let row = |r: isize| if self.periodic_v { around(r) } else { r.clamp(0, n - 1) as usize };
-        let (c0, c1) = (around(x0 as isize), around(x0 as isize + 1));
-        let (r0, r1) = (row(y0 as isize), row((y0 as isize).saturating_add(1)));
-        let (a, b) = (self.pixel(c0, r0), self.pixel(c1, r0));
-        let (c, d) = (self.pixel(c0, r1), self.pixel(c1, r1));
-        let (low, high) = (a + fx * (b - a), c + fx * (d - c));
-        let du = (1.0 - fy) * (b - a) + fy * (d - c);
-        (low + fy * (high - low), [du * scale, (high - low) * scale])
+        let ([value], [du], [dv]) = self.samples([[at[0]], [at[1]]]);
+        (value, [du, dv])
     }
+
+    /// The same at points side by side: values, and gradients by u and by v.
+    #[inline(always)]
+    pub fn samples<const N: usize>(&self, [u, v]: [[f64; N]; 2]) -> ([f64; N], [f64; N], [f64; N]) {
+        let scale = self.side as f64;
+        let (mut fx, mut fy, mut corner) = ([0.0; N], [0.0; N], [0usize; N]);
+        for k in 0..N {
+            let (x, y) =
+                ((u[k] - u[k].floor()) * scale - 0.5, if self.periodic_v { v[k] - v[k].floor() } else { v[k] });
+            // Beyond the frame nothing changes any more.
+            let y = (y * scale - 0.5).max(-1.0).min(scale - 0.5);
+            let (x0, y0) = (x.floor(), y.floor());
+            (fx[k], fy[k]) = (x - x0, y - y0);
+            // At most some 2¹⁸, which f64 and i32 hold; NaN becomes 0.
+            corner[k] = ((y0 + 1.0) * (scale + 2.0) + (x0 + 1.0)) as i32 as usize;
+        }
+        let mut four = [[0.0; N]; 4];
+        for k in 0..N {
+            let at = corner[k].min(self.values.len() - self.stride() - 2);
+            let near = &self.values[at..at + self.stride() + 2];
+            let (above, below) = (&near[..2], &near[self.stride()..]);
+            (four[0][k], four[1][k], four[2][k], four[3][k]) = (above[0], above[1], below[0], below[1]);
+        }
+        let (mut value, mut du, mut dv) = ([0.0; N], [0.0; N], [0.0; N]);
+        for k in 0..N {
+            let [a, b, c, d] = [four[0][k], four[1][k], four[2][k], four[3][k]];
+            let (low, high) = (a + fx[k] * (b - a), c + fx[k] * (d - c));
+            value[k] = low + fy[k] * (high - low);
+            du[k] = ((1.0 - fy[k]) * (b - a) + fy[k] * (d - c)) * scale;
+            dv[k] = (high - low) * scale;
+        }
+        (value, du, dv)
+    }
+}
+
+/// Rows with a frame around them, see [`Image`].
+fn framed(values: &[f64], side: usize, periodic_v: bool) -> Vec<f64> {
+    if side == 0 {
+        return vec![0.0; 4];
+    }
+    let mut framed = Vec::with_capacity((side + 2) * (side + 2));
+    let (before, after) = if periodic_v { (side - 1, 0) } else { (0, side - 1) };
+    for y in std::iter::once(before).chain(0..side).chain(std::iter::once(after)) {
+        let row = &values[y * side..(y + 1) * side];
+        framed.push(row[side - 1]);
+        framed.extend_from_slice(row);
+        framed.push(row[0]);
+    }
+    framed
 }
 
 #[cfg(test)]
@@ -104,6 +138,27 @@ mod tests {
         let du = (image.sample([at[0] + h, at[1]]).0 - image.sample([at[0] - h, at[1]]).0) / (2.0 * h);
         let dv = (image.sample([at[0], at[1] + h]).0 - image.sample([at[0], at[1] - h]).0) / (2.0 * h);
         assert!((g[0] - du).abs() < 1e-6 && (g[1] - dv).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_sample_is_the_mean_of_the_four_pixels_about_it_also_on_the_seam_and_beyond_the_ends() {
+        for periodic in [false, true] {
+            let image = Image::new(&wave(32), Flip::default(), periodic);
+            let pixel = |x: i32, y: i32| {
+                let y = if periodic { y.rem_euclid(32) } else { y.clamp(0, 31) };
+                image.pixel(x.rem_euclid(32) as usize, y as usize)
+            };
+            for k in 0..300 {
+                let (x, y) = (f64::from(k) * 0.37 - 40.0, f64::from(k) * 0.291 - 20.0);
+                let (x0, y0, fx, fy) = (x.floor() as i32, y.floor() as i32, x - x.floor(), y - y.floor());
+                let low = (1.0 - fx) * pixel(x0, y0) + fx * pixel(x0 + 1, y0);
+                let high = (1.0 - fx) * pixel(x0, y0 + 1) + fx * pixel(x0 + 1, y0 + 1);
+                let (value, gradient) = image.sample([(x + 0.5) / 32.0, (y + 0.5) / 32.0]);
+                assert!((value - ((1.0 - fy) * low + fy * high)).abs() < 1e-12, "{x} {y}");
+                assert!((gradient[1] - 32.0 * (high - low)).abs() < 1e-10, "{x} {y}");
+            }
+            assert!(image.sample([f64::NAN, f64::INFINITY]).0.is_nan());
+        }
     }
 
     #[test]

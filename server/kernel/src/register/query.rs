@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::image::Image;
 use super::query_images;
+use super::trial::Trials;
 use crate::encode::index::PlanarIndex;
 use crate::encode::{Encoding, encode, encode_to};
 use crate::topology::Patch;
@@ -39,6 +40,30 @@ impl Unfolded {
     }
 }
 
+/// What was made for some poles, so that it is made once; what doesn't fit is made anew.
+#[derive(Debug)]
+struct Kept<T>(Mutex<BTreeMap<Vec<u32>, Arc<OnceLock<T>>>>);
+
+impl<T> Default for Kept<T> {
+    fn default() -> Self {
+        Self(Mutex::default())
+    }
+}
+
+impl<T: Clone> Kept<T> {
+    fn get_or(&self, poles: &[u32], most: usize, make: impl FnOnce() -> T) -> T {
+        let slot = {
+            let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+            let has_room = kept.len() < most || kept.contains_key(poles);
+            has_room.then(|| Arc::clone(kept.entry(poles.to_vec()).or_default()))
+        };
+        match slot {
+            Some(slot) => slot.get_or_init(make).clone(),
+            None => make(),
+        }
+    }
+}
+
 /// A query segment: its factored surface, and its unfoldings for the poles to try.
 #[derive(Debug)]
 pub struct Query {
@@ -54,7 +79,9 @@ pub struct Query {
     /// From which the unfoldings for other poles follow; `None` where poles are fixed.
     conformal: Option<Conformal>,
     candidates: OnceLock<Vec<Arc<Unfolded>>>,
-    tried: Mutex<BTreeMap<Vec<u32>, Arc<OnceLock<Option<Arc<Unfolded>>>>>>,
+    trials: OnceLock<Trials>,
+    tried: Kept<Option<Arc<Unfolded>>>,
+    solved: Kept<Result<Arc<Unfolded>, UnfoldError>>,
 }
 
 impl Query {
@@ -79,7 +106,9 @@ impl Query {
             protrusions: OnceLock::new(),
             conformal,
             candidates: OnceLock::new(),
-            tried: Mutex::default(),
+            trials: OnceLock::new(),
+            tried: Kept::default(),
+            solved: Kept::default(),
         })
     }
 
@@ -120,22 +149,20 @@ impl Query {
 
     /// A quick unfolding for other poles, to the search's level; `None` where poles are fixed.
     pub fn try_poles(&self, poles: &[u32]) -> Option<Unfolded> {
-        Some(Unfolded::new(poles, encode_to(&self.quick_chart(poles)?, SEARCH_SIDE)))
+        let conformal = self.conformal.as_ref()?;
+        let encoding = if conformal.is_precise_at(poles) {
+            let trials = self.trials.get_or_init(|| Trials::new(conformal.mesh()));
+            trials.encoding(conformal, poles, SEARCH_SIDE)
+        } else {
+            encode_to(&self.unfolder.chart(poles).ok()?, SEARCH_SIDE)
+        };
+        Some(Unfolded::new(poles, encoding))
     }
 
     /// The same as [`Self::try_poles`], kept for the next who tries them: the best examples' searches begin at the same
     /// poles.
     pub fn tried(&self, poles: &[u32]) -> Option<Arc<Unfolded>> {
-        let slot = {
-            let mut tried = self.tried.lock().unwrap_or_else(PoisonError::into_inner);
-            if tried.len() >= TRIED_MAX && !tried.contains_key(poles) {
-                None
-            } else {
-                Some(Arc::clone(tried.entry(poles.to_vec()).or_default()))
-            }
-        };
-        let make = || self.try_poles(poles).map(Arc::new);
-        slot.map_or_else(make, |slot| slot.get_or_init(make).clone())
+        self.tried.get_or(poles, TRIED_MAX, || self.try_poles(poles).map(Arc::new))
     }
 
     /// A chart for other poles: by a Möbius transformation where that is precise, else solved for; `None` where poles
@@ -156,7 +183,18 @@ impl Query {
         Ok(Arc::new(self.unfolder.chart(poles)?))
     }
 
-    /// The exact unfolding to all levels for some poles.
+    /// The exact unfolding for some poles, to a level.
+    ///
+    /// # Errors
+    /// [`UnfoldError`].
+    pub fn unfolded_to(&self, poles: &[u32], finest: usize) -> Result<Arc<Unfolded>, UnfoldError> {
+        if self.best.poles == poles {
+            return Ok(Arc::clone(&self.best));
+        }
+        Ok(Arc::new(Unfolded::new(poles, encode_to(&self.unfolder.chart(poles)?, finest))))
+    }
+
+    /// The exact unfolding to all levels for some poles; for rival poles, which many examples take, it is kept.
     ///
     /// # Errors
     /// [`UnfoldError`].
@@ -164,6 +202,8 @@ impl Query {
         if self.best.poles == poles {
             return Ok(Arc::clone(&self.best));
         }
-        Ok(Arc::new(Unfolded::new(poles, encode(&self.unfolder.chart(poles)?))))
+        let make = || Ok(Arc::new(Unfolded::new(poles, encode(&self.unfolder.chart(poles)?))));
+        let most = if self.pole_sets.iter().any(|rivals| rivals == poles) { self.pole_sets.len() } else { 0 };
+        self.solved.get_or(poles, most, make)
     }
 }

@@ -3,7 +3,7 @@
 //! Two solvers behind one trait: Levenberg–Marquardt on the analytic Jacobian, and the paper's pixel descent, kept as
 //! the reference. *Source:* paper §5.2 (descent); METHOD §5 (Levenberg–Marquardt, its constants).
 
-use super::problem::Problem;
+use super::problem::{Pixels, Problem};
 use crate::encode::features::distance;
 use crate::numerics::dense::solve_spd;
 use crate::topology::Topology;
@@ -53,42 +53,45 @@ impl Default for LevenbergMarquardt {
 
 impl Solver for LevenbergMarquardt {
     fn solve(&self, problem: &Problem, q: &mut Vec<Uv>, stop: &dyn Fn() -> bool) -> (f64, Termination) {
-        let alpha = self.prior * problem.example.variance / problem.p.len() as f64;
+        let alpha = self.prior * problem.example.variance / problem.p().len() as f64;
         let step_px = if problem.example.side <= 32 { STEP_MAX_COARSE_PX } else { STEP_MAX_PX };
         let step_max = step_px / problem.example.side as f64;
         let mut damping = DAMPING;
-        let mut normal = problem.normal(q);
-        let mut total = normal.energy + prior_energy(alpha, problem.p, q);
+        let mut pixels = problem.pixels(q);
+        let mut normal = problem.normal(q, &pixels);
+        let mut total = pixels.energy + prior_energy(alpha, problem.p(), q);
         let mut iterations = 0;
         while iterations < ITERATIONS_MAX {
             if stop() {
-                return (normal.energy, Termination::Stopped);
+                return (pixels.energy, Termination::Stopped);
             }
             iterations += 1;
-            let Some(step) = damped_step(&normal.matrix, &normal.gradient, alpha, damping, problem.p, q) else {
+            let Some(step) = damped_step(&normal.matrix, &normal.gradient, alpha, damping, problem.p(), q) else {
                 damping *= DAMPING_FACTOR;
                 continue;
             };
-            let trial = stepped(problem.domain.topology, q, &step, step_max);
-            let energy = problem.unfolded_energy(&trial).unwrap_or(f64::INFINITY);
-            let trial_total = energy + prior_energy(alpha, problem.p, &trial);
-            if trial_total < total {
+            let trial = stepped(problem.nodes.domain.topology, q, &step, step_max);
+            let seen = problem.unfolded_pixels(&trial);
+            let totals = |seen: Pixels| (seen.energy + prior_energy(alpha, problem.p(), &trial), seen);
+            let better = seen.map(totals).filter(|(trial_total, _)| *trial_total < total);
+            if let Some((trial_total, seen)) = better {
                 let decrease = (total - trial_total) / total.max(1e-300);
-                *q = trial;
-                total = trial_total;
+                (*q, total, pixels) = (trial, trial_total, seen);
                 damping /= DAMPING_FACTOR;
-                normal = problem.normal(q);
                 if decrease < DECREASE_MIN {
-                    return (normal.energy, Termination::Converged);
+                    return (pixels.energy, Termination::Converged);
+                }
+                if iterations < ITERATIONS_MAX {
+                    normal = problem.normal(q, &pixels);
                 }
             } else {
                 damping *= DAMPING_FACTOR;
                 if damping > DAMPING_MAX {
-                    return (normal.energy, Termination::Converged);
+                    return (pixels.energy, Termination::Converged);
                 }
             }
         }
-        (normal.energy, Termination::IterationLimit)
+        (pixels.energy, Termination::IterationLimit)
     }
 }
 
@@ -147,14 +150,14 @@ pub struct PixelDescent;
 impl Solver for PixelDescent {
     fn solve(&self, problem: &Problem, q: &mut Vec<Uv>, stop: &dyn Fn() -> bool) -> (f64, Termination) {
         let pixel = 1.0 / problem.example.side as f64;
-        let (low, high) = v_range(problem.domain.topology);
+        let (low, high) = v_range(problem.nodes.domain.topology);
         let mut locked = vec![false; q.len()];
         let mut energy = problem.energy(q);
         for _ in 0..ITERATIONS_MAX {
             if stop() {
                 return (energy, Termination::Stopped);
             }
-            let gradient = problem.normal(q).gradient;
+            let gradient = problem.normal(q, &problem.pixels(q)).gradient;
             let mut trial = q.clone();
             for (i, to) in trial.iter_mut().enumerate().filter(|(i, _)| !locked[*i]) {
                 let g = [gradient[2 * i], gradient[2 * i + 1]];
@@ -191,7 +194,7 @@ fn roll_back_folds(problem: &Problem, q: &[Uv], trial: &mut [Uv], locked: &mut [
         let folds = problem.folded_cells(trial);
         let Some(fold) = folds.first() else { return };
         let free = (0..q.len()).filter(|&i| !locked[i]);
-        let Some(i) = free.min_by(|&a, &b| distance(problem.p[a], *fold).total_cmp(&distance(problem.p[b], *fold)))
+        let Some(i) = free.min_by(|&a, &b| distance(problem.p()[a], *fold).total_cmp(&distance(problem.p()[b], *fold)))
         else {
             return;
         };

@@ -40,12 +40,17 @@ const QUARTERS: usize = 4;
 const NORM: f64 = 1.0 / (SIDE * SIDE * SIDE) as f64;
 
 /// Where the coefficient of (frequency, row) stands: first all of frequency 0, then of n/2, then pairs (re, im).
-fn place(frequency: usize, row: usize) -> usize {
+pub(super) fn place(frequency: usize, row: usize) -> usize {
     match frequency {
         0 => row,
         f if f == SIDE / 2 => SIDE + row,
         f => 2 * SIDE * f + 2 * row,
     }
+}
+
+/// w_f/n³.
+pub(super) fn weight(frequency: usize) -> f64 {
+    NORM * if (1..=COMPLEX).contains(&frequency) { 2.0 } else { 1.0 }
 }
 
 /// cos and sin of 2πk/n.
@@ -247,7 +252,7 @@ fn best_shift(ends: &[f64; 2], products: &Products, offset: usize) -> Peak {
 /// A query's coarsest picture.
 #[derive(Clone, Debug)]
 pub struct Spectrum {
-    values: Box<[f64; VALUES]>,
+    pub(super) values: Box<[f64; VALUES]>,
     /// Mean of √λ.
     pub mean: f64,
     /// Its variance.

@@ -88,6 +88,25 @@ impl Conformal {
         self.topology != Topology::Disc || poles.iter().all(|&p| self.gap[p as usize] > GAP_MIN)
     }
 
+    /// The mesh.
+    pub fn mesh(&self) -> &Arc<TriMesh> {
+        &self.mesh
+    }
+
+    /// What it is: a disc or a sphere.
+    pub fn topology(&self) -> Topology {
+        self.topology
+    }
+
+    /// u, in periods, and the depth −log |w′| of each vertex in the chart for other poles.
+    pub fn coordinates(&self, poles: &[u32]) -> (Vec<f64>, Vec<f64>) {
+        let (u, depth) = match (self.topology, poles) {
+            (Topology::Sphere, &[south, north, ..]) => self.sphere(south as usize, north as usize),
+            _ => self.disc(poles.first().map_or(0, |&p| p as usize)),
+        };
+        (u, self.cap_poles(depth, poles))
+    }
+
     /// u, in periods, of some vertices in the chart for other poles.
     pub fn angles(&self, poles: &[u32], at: &[u32]) -> Vec<f64> {
         let (a, b) = (poles.first().copied().unwrap_or(0) as usize, poles.last().copied().unwrap_or(0) as usize);
@@ -100,11 +119,7 @@ impl Conformal {
 
     /// The chart for other poles. Its report is empty: nothing was solved.
     pub fn chart(&self, poles: &[u32]) -> Chart {
-        let (u, depth) = match (self.topology, poles) {
-            (Topology::Sphere, &[south, north, ..]) => self.sphere(south as usize, north as usize),
-            _ => self.disc(poles.first().map_or(0, |&p| p as usize)),
-        };
-        let finite = self.cap_poles(depth, poles);
+        let (u, finite) = self.coordinates(poles);
         let fraction = AreaFraction::rough(&self.mesh, &finite);
         let v: Vec<f64> = finite.iter().map(|&d| fraction.at(d)).collect();
         let tau = std::f64::consts::TAU;

@@ -151,6 +151,10 @@ impl Engine for KernelEngine {
         Ok(CoarseQuery::new(fresh(query)?, query.facts.bending))
     }
 
+    fn ready(&self, query: &Encoding) {
+        let _ = fresh(query).map(|query| query.protrusions().len());
+    }
+
     fn coarse(&self, example: &Encoding, query: &Encoding, stop: &Stop) -> Result<Registration, EngineError> {
         let source: &Source = example.inner.open()?;
         let stopped = || stop.reason().is_some();

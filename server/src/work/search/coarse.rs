@@ -13,6 +13,7 @@ use crate::work::query::ms_since;
 use crate::work::ranking::{Candidate, Depth, RANKED_MAX, REGISTERED_MAX, order};
 use futures_util::{StreamExt, stream};
 use quadmuse_kernel::rank::coarse::{Bounds, CoarseQuery, Translation, could_be_kept};
+use quadmuse_kernel::register::likeness::Likeness;
 use quadmuse_kernel::register::spectra::{LANES, Row, SIDE};
 use quadmuse_proto::{EntryState, ExampleId, Flip};
 use std::sync::Arc;
@@ -169,15 +170,15 @@ fn sweep(chunk: &Chunk, mask: u16, query: &CoarseQuery) -> [Bounds; LANES] {
 fn grouped(ranked: &[Ranked], stop: &Stop) -> Vec<Option<(ExampleId, u32)>> {
     let mut similar = vec![None; ranked.len()];
     let mut choices: Vec<usize> = Vec::new();
-    for k in 0..ranked.len().min(REGISTERED_MAX) {
+    let all: Vec<Likeness> = ranked.iter().take(REGISTERED_MAX).map(|r| Likeness::new(&r.row)).collect();
+    for k in 0..all.len() {
         if stop.reason().is_some() {
             break;
         }
-        let own = ranked[k].row.spectrum();
         let is_like = |&&other: &&usize| {
             let (a, b) = (&ranked[k], &ranked[other]);
             let ratio = (a.resident.facts.k / b.resident.facts.k).ln().abs();
-            (ratio < SIMILAR_MODULUS_LOG || ratio.is_nan()) && b.row.unmirrored_cost(&own) <= SIMILAR_COST
+            (ratio < SIMILAR_MODULUS_LOG || ratio.is_nan()) && all[k].matches(&b.row, &all[other], SIMILAR_COST)
         };
         match choices.iter().find(is_like) {
             Some(&other) => similar[k] = Some((ranked[other].resident.example.id, ranked[other].resident.segment)),
