@@ -1,6 +1,6 @@
 //! The stitching of what stands on the segments, again and again until it holds.
 
-use super::check::{self, Shape, check, extraordinary};
+use super::check::{self, Broken, Shape, check, extraordinary};
 use super::fit::Measured;
 use super::glue::{Glued, Misfit, glue, rims};
 use super::layout::{Arc, Layout, layout};
@@ -256,22 +256,29 @@ impl<'a> Stitching<'a> {
             return Err(pinched());
         }
         let free = free_faces(&glued, &faces, stands);
-        if let Some((mesh, resolved)) = self.by_surgery(glued.clone(), free) {
-            report.resolved = resolved;
-            return Ok(mesh);
+        match self.by_surgery(glued.clone(), free) {
+            Ok((mesh, resolved)) => {
+                report.resolved = resolved;
+                return Ok(mesh);
+            }
+            // Subdividing all does not open what lies flat within one segment, as long as that can give way.
+            Err(Unfinished::Flat { segments }) if segments.iter().any(|&s| stands.get(s) != Some(&Use::Own)) => {
+                return Err(Misfit::Pinched { segments });
+            }
+            Err(_) => {}
         }
         let mesh = self.all_subdivided(&glued).ok_or_else(pinched)?;
         (report.way, report.resolved) = (Way::AllSubdivided, Resolved::default());
         Ok(mesh)
     }
 
-    fn by_surgery(&self, mut glued: Glued, free: Vec<bool>) -> Option<(PolyMesh, Resolved)> {
+    fn by_surgery(&self, mut glued: Glued, free: Vec<bool>) -> Result<(PolyMesh, Resolved), Unfinished> {
         let resolved = resolve(&mut glued.net);
         glued.seam.extend(&resolved.touched);
         let mut tidy = Tidy { net: glued.net.clone(), free, target: &self.target, touched: glued.seam.clone() };
-        let tidied = if tidy.run() > 0 { self.finished(tidy.net, &tidy.touched) } else { None };
-        let mesh = tidied.or_else(|| self.finished(glued.net, &glued.seam))?;
-        Some((mesh, resolved))
+        let tidied = if tidy.run() > 0 { self.finished(tidy.net, &tidy.touched).ok() } else { None };
+        let mesh = tidied.map_or_else(|| self.finished(glued.net, &glued.seam), Ok)?;
+        Ok((mesh, resolved))
     }
 
     fn all_subdivided(&self, glued: &Glued) -> Option<PolyMesh> {
@@ -284,13 +291,13 @@ impl<'a> Stitching<'a> {
         // New vertices beside seams belong to them.
         let beside: Vec<u32> = glued.seam.iter().flat_map(|&v| fine.neighbours(v)).filter(|&v| v >= old).collect();
         touched.extend(beside);
-        self.finished(fine, &touched)
+        self.finished(fine, &touched).ok()
     }
 
     /// Smoothed and checked.
-    fn finished(&self, mut net: Net, touched: &[u32]) -> Option<PolyMesh> {
+    fn finished(&self, mut net: Net, touched: &[u32]) -> Result<PolyMesh, Unfinished> {
         let (mesh, _) = net.clone().into_mesh();
-        check::check_structure(&mesh, self.shape).ok()?;
+        check::check_structure(&mesh, self.shape).map_err(|_| Unfinished::Structure)?;
         let plan = Plan::new(&net, touched);
         for &v in touched {
             if !net.at(v).is_empty() && !net.on_boundary(v) {
@@ -304,12 +311,27 @@ impl<'a> Stitching<'a> {
             plan.run(&mut net, &self.target, rounds);
             let (mesh, _) = net.clone().into_mesh();
             if check(&mesh, self.shape).is_ok() {
-                return Some(mesh);
+                return Ok(mesh);
             }
         }
         self.open_flat_faces(&mut net);
         let (mesh, _) = net.into_mesh();
-        check(&mesh, self.shape).is_ok().then_some(mesh)
+        match check(&mesh, self.shape) {
+            Ok(()) => Ok(mesh),
+            Err(Broken::NoArea(_)) => Err(Unfinished::Flat { segments: self.segments_of_flat_faces(&mesh) }),
+            Err(_) => Err(Unfinished::Structure),
+        }
+    }
+
+    /// The segments on which faces without area lie.
+    fn segments_of_flat_faces(&self, mesh: &PolyMesh) -> Vec<usize> {
+        let flat = check::flat_faces(mesh).into_iter().map(|f| mesh.faces.face(f));
+        let middle = |c: &[u32]| c.iter().map(|&v| mesh.positions[v as usize]).sum::<Vec3>() / c.len().max(1) as f64;
+        let segment = |c: &[u32]| self.input.owner.get(self.target.triangle(middle(c)) as usize).map(|&s| s as usize);
+        let mut segments: Vec<usize> = flat.filter_map(segment).collect();
+        segments.sort_unstable();
+        segments.dedup();
+        segments
     }
 
     /// Draws the corners of faces without area to the middle of their neighbours, off the input if need be.
@@ -360,6 +382,14 @@ fn allowed(sites: &[Site<'_>]) -> f64 {
         [site] if site.stands == Use::Part => KEPT_MISS_MAX,
         _ => MISS_MAX,
     }
+}
+
+/// Why stitched parts were not finished.
+enum Unfinished {
+    /// They are no such mesh.
+    Structure,
+    /// Faces have no area, whatever is smoothed, on these segments.
+    Flat { segments: Vec<usize> },
 }
 
 /// Mean length of a part's boundary edges; `None` where it has none.

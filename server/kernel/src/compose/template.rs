@@ -5,7 +5,8 @@
 //! strips that make two extraordinary vertices for two columns ([`rings`]). The first and the last ring stand where the
 //! neighbours' vertices do, so that nothing has to be stitched there. *Disc:* the innermost ring of n columns is closed by
 //! a cap of a × b quads, 2(a + b) = n, with a vertex at the pole: four vertices of three edges, and no pole with n edges.
-//! *Sphere:* such a cap at each pole. *Torus:* n columns and n·m rows, m the modulus. *Ours, not the paper's.*
+//! *Sphere:* such a cap at each pole. *Torus:* n columns and n·m rows, m the modulus. Where it has better angles, a disc or
+//! an annulus becomes a rectangle instead ([`rectangle`]). *Ours, not the paper's.*
 
 pub mod border;
 pub mod frame;

@@ -21,6 +21,9 @@ const TURNS: usize = 10;
 const SHORT_SIDES: [f64; 3] = [0.5, 0.35, 0.2];
 /// How far outside a triangle a point still counts as in it.
 const OUTSIDE: f64 = 1e-7;
+/// Area of the smallest quad, as a share of the mean, up to which a layout is none: behind a narrow place a harmonic map
+/// crowds its columns beyond what can be told apart.
+const SMALLEST_SHARE: f64 = 1e-5;
 /// Degrees that a whole surface passed over counts for.
 const PASSED_DEG: f64 = 120.0;
 
@@ -100,11 +103,29 @@ pub struct Laid {
     pub badness: f64,
 }
 
+fn areas(net: &Net) -> impl Iterator<Item = f64> {
+    let area = |c: &[u32]| <[u32; 4]>::try_from(c).map_or(0.0, |c| quad_area(c.map(|v| net.positions[v as usize])));
+    net.faces().map(move |(_, c)| area(c))
+}
+
 /// How bad a layout of a surface of so much area is: see [`Laid::badness`].
 pub fn badness(net: &Net, area: f64) -> f64 {
-    let quad = |c: &[u32]| <[u32; 4]>::try_from(c).map_or(0.0, |c| quad_area(c.map(|v| net.positions[v as usize])));
-    let covered: f64 = net.faces().map(|(_, c)| quad(c)).sum();
+    let covered: f64 = areas(net).sum();
     mean_deviation_deg(net) + PASSED_DEG * (1.0 - covered / area.max(f64::MIN_POSITIVE)).max(0.0)
+}
+
+/// The smallest quad's area as a share of the mean.
+fn smallest_share(net: &Net) -> f64 {
+    let (sum, count, least) =
+        areas(net).fold((0.0, 0.0, f64::INFINITY), |(sum, count, least), a| (sum + a, count + 1.0, a.min(least)));
+    if sum > 0.0 { least * count / sum } else { 0.0 }
+}
+
+/// A frame and how bad the layout on it is.
+#[derive(Clone, Copy, Debug)]
+struct Tried {
+    badness: f64,
+    frame: Frame,
 }
 
 /// The best of the frames tried.
@@ -115,7 +136,7 @@ struct Search<'a> {
     /// Factor with the outer boundary given alone.
     outer_given: Option<&'a Factored>,
     seen: Vec<Frame>,
-    best: Option<(f64, Frame, Net)>,
+    best: Option<(f64, Net)>,
 }
 
 impl Harmonics {
@@ -175,7 +196,7 @@ impl Harmonics {
         let outer_given = self.one_given.get(outer);
         let mut search = Search { harmonics: self, chart, rings, outer_given, seen: Vec::new(), best: None };
         search.run();
-        let (badness, _, net) = search.best?;
+        let (badness, net) = search.best?;
         let ends = if outer == 1 {
             [(n..n + m).rev().collect(), (0..n).rev().collect()]
         } else {
@@ -198,31 +219,35 @@ impl Harmonics {
 }
 
 impl Search<'_> {
+    /// For each share the best of all turns, and from there on what is better beside it: the one best start may lead nowhere.
     fn run(&mut self) {
         let m = self.rings[0].points.len() / 2;
         for share in SHORT_SIDES {
             let a = ((share * m as f64).round() as usize).max(1);
-            for turn in 0..TURNS {
-                self.try_outer(Corners::new(turn * m / TURNS, a, m));
-            }
-        }
-        let mut step = (m / TURNS).max(1);
-        while step > 0 {
-            let Some(&(_, frame, _)) = self.best.as_ref() else { return };
-            let moved = frame.outer.moved(step).into_iter().fold(false, |any, c| self.try_outer(c) || any);
-            let holes = frame.hole.map_or(Vec::new(), |hole| hole.moved(frame.outer));
-            let shifted = holes
-                .into_iter()
-                .fold(false, |any, hole| self.try_out(Frame { outer: frame.outer, hole: Some(hole) }) || any);
-            if !moved && !shifted {
-                step /= 2;
+            let starts: Vec<Tried> =
+                (0..TURNS).filter_map(|turn| self.try_outer(Corners::new(turn * m / TURNS, a, m))).collect();
+            if let Some(start) = starts.into_iter().min_by(|a, b| a.badness.total_cmp(&b.badness)) {
+                self.climb(start, (m / TURNS).max(1));
             }
         }
     }
 
-    /// Tries a rectangle, with the hole where it falls.
-    fn try_outer(&mut self, outer: Option<Corners>) -> bool {
-        let Some(outer) = outer else { return false };
+    fn climb(&mut self, mut now: Tried, mut step: usize) {
+        while step > 0 {
+            let Frame { outer, hole } = now.frame;
+            let mut beside: Vec<Tried> = outer.moved(step).into_iter().filter_map(|c| self.try_outer(c)).collect();
+            let holes = hole.map_or(Vec::new(), |hole| hole.moved(outer));
+            beside.extend(holes.into_iter().filter_map(|hole| self.try_out(Frame { outer, hole: Some(hole) })));
+            match beside.into_iter().min_by(|a, b| a.badness.total_cmp(&b.badness)) {
+                Some(better) if better.badness < now.badness => now = better,
+                _ => step /= 2,
+            }
+        }
+    }
+
+    /// Tries a rectangle, with the hole where it falls; `None` if it has been tried, or does not fit.
+    fn try_outer(&mut self, outer: Option<Corners>) -> Option<Tried> {
+        let outer = outer?;
         let Some(inverse) = self.outer_given else { return self.try_out(Frame { outer, hole: None }) };
         let mut given = [vec![0.0; self.harmonics.on_rim.len()], vec![0.0; self.harmonics.on_rim.len()]];
         let mut fixed = vec![false; self.harmonics.on_rim.len()];
@@ -234,24 +259,21 @@ impl Search<'_> {
         let [x, y] = given.map(|given| self.harmonics.extended(given, |v| fixed[v], inverse));
         let fallen: Vec<(f64, [f64; 2])> =
             self.rings[1].places.iter().map(|&(v, t)| (t, [x[v as usize], y[v as usize]])).collect();
-        match Hole::nearest(outer, self.rings[1].points.len(), &fallen) {
-            Some(hole) => self.try_out(Frame { outer, hole: Some(hole) }),
-            None => false,
-        }
+        let hole = Hole::nearest(outer, self.rings[1].points.len(), &fallen)?;
+        self.try_out(Frame { outer, hole: Some(hole) })
     }
 
-    fn try_out(&mut self, frame: Frame) -> bool {
+    fn try_out(&mut self, frame: Frame) -> Option<Tried> {
         if self.seen.contains(&frame) {
-            return false;
+            return None;
         }
         self.seen.push(frame);
-        let Some(net) = self.laid(frame) else { return false };
-        let found = badness(&net, self.harmonics.area);
-        let is_better = self.best.as_ref().is_none_or(|b| found < b.0);
-        if is_better {
-            self.best = Some((found, frame, net));
+        let net = self.laid(frame).filter(|net| smallest_share(net) > SMALLEST_SHARE)?;
+        let badness = badness(&net, self.harmonics.area);
+        if self.best.as_ref().is_none_or(|b| badness < b.0) {
+            self.best = Some((badness, net));
         }
-        is_better
+        Some(Tried { badness, frame })
     }
 
     /// The net on a frame; `None` where a vertex lies in no triangle.
