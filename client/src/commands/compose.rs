@@ -17,6 +17,9 @@ use quadmuse_proto::{
     Composition, CompositionPart, Map, NewComposition, Query, Verdict, composition::SMOOTHING_DEFAULT,
 };
 
+/// A map of at most so many faces may pass the input by far; the service is asked to subdivide it where it does.
+const COARSE_FACES_MAX: u64 = 500;
+
 pub(super) async fn compose(args: &ComposeCommand, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
     args.compose.out.check()?;
     let query = finished(args.query, api, ui).await?;
@@ -36,6 +39,18 @@ pub(super) async fn retopo(args: &RetopoArgs, api: &Api, ui: &mut Ui) -> Result<
     }
     let told = told(0, &args.compose).or(args.query.like.map(|example| ExampleRef { example, segment: Some(0) }));
     let (map, _) = lay(&query, 0, told, api, ui).await?;
+    if map.faces <= COARSE_FACES_MAX {
+        let new = NewComposition {
+            parts: vec![CompositionPart { segment: 0, map: map.id }],
+            smoothing: args.compose.smoothing.unwrap_or(SMOOTHING_DEFAULT),
+            density: 0,
+        };
+        let composition = api.start_composition(query.id, &new).await?;
+        // As many quads as the example: it follows the input as it is, and stays whole.
+        if composition.quads > map.faces {
+            return write_composition(&composition, &[map], &args.compose, api, ui).await;
+        }
+    }
     write_map(&map, &args.compose.out, api, ui).await
 }
 

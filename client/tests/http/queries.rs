@@ -242,7 +242,8 @@ async fn retopo_maps_one_segment_and_stitches_several() {
     let mesh = mesh_file();
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out.obj");
-    for (segments, maps, compositions) in [(1, 1, 0), (3, 3, 1)] {
+    // A map of so few faces is asked about once, and written as it is where the service leaves it so.
+    for (segments, maps, compositions) in [(1, 1, 1), (3, 3, 1)] {
         let server = Fake::start(move |asked| service(asked, segments));
         let line = format!("retopo {} -o {} --use 0={}", mesh.path().display(), out.display(), example_id(3));
         let ran = run(&server.url, &line).await;
@@ -256,6 +257,23 @@ async fn retopo_maps_one_segment_and_stitches_several() {
         let count = |end: &str| lines.iter().filter(|line| line.starts_with("POST") && line.ends_with(end)).count();
         assert_eq!((count("/maps"), count("/compositions")), (maps, compositions));
     }
+}
+
+#[tokio::test]
+async fn retopo_takes_the_subdivided_mesh_where_a_coarse_map_misses_the_input() {
+    let mesh = mesh_file();
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.obj");
+    let server = Fake::start(|asked| match asked.line.as_str() {
+        line if line.starts_with("POST") && line.ends_with("/compositions") => {
+            Reply::json(201, &Composition { quads: 16, ..composition() })
+        }
+        _ => service(asked, 1),
+    });
+    let ran = run(&server.url, &format!("retopo {} -o {}", mesh.path().display(), out.display())).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    let last = ran.out.lines().last().expect("a line");
+    assert!(last.ends_with("16 quads, parts: 1 good"), "{last}");
 }
 
 #[tokio::test]

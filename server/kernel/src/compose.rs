@@ -8,11 +8,13 @@
 
 pub mod check;
 pub mod fit;
+mod following;
 pub mod glue;
 pub mod layout;
 pub mod net;
 pub mod part;
 pub mod plan;
+pub mod reach;
 pub mod resolve;
 pub mod rim;
 pub mod seam;
@@ -23,6 +25,7 @@ mod stitching;
 pub mod subdivide;
 pub mod surgery;
 pub mod template;
+pub mod tidy;
 
 #[cfg(test)]
 mod tests;

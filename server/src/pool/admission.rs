@@ -23,7 +23,7 @@ struct Memory {
 #[derive(Debug)]
 pub struct Admitted {
     memory: Arc<Memory>,
-    bytes: u64,
+    bytes: AtomicU64,
     place: Mutex<Option<OwnedSemaphorePermit>>,
 }
 
@@ -54,7 +54,7 @@ impl Admission {
             return Err(PoolError::Overloaded { found, retry_after: Duration::from_secs(5) });
         }
         let memory = Arc::clone(&self.memory);
-        Ok(Admitted { memory, bytes, place: Mutex::new(Some(place)) })
+        Ok(Admitted { memory, bytes: AtomicU64::new(bytes), place: Mutex::new(Some(place)) })
     }
 }
 
@@ -63,11 +63,23 @@ impl Admitted {
     pub(super) fn release_place(&self) {
         drop(super::lock(&self.place).take());
     }
+
+    /// Takes another share of the memory in place of its own. More than is left is taken too: what a job has made lies in
+    /// the memory already, and refusing it would lose the work; the next job waits until there is room again.
+    pub(super) fn take(&self, bytes: u64) {
+        let before = self.bytes.swap(bytes, Ordering::AcqRel);
+        // Never below what others hold: what is given back was taken before.
+        if bytes >= before {
+            self.memory.used.fetch_add(bytes - before, Ordering::AcqRel);
+        } else {
+            self.memory.used.fetch_sub(before - bytes, Ordering::AcqRel);
+        }
+    }
 }
 
 impl Drop for Admitted {
     fn drop(&mut self) {
-        self.memory.used.fetch_sub(self.bytes, Ordering::AcqRel);
+        self.memory.used.fetch_sub(*self.bytes.get_mut(), Ordering::AcqRel);
     }
 }
 
@@ -84,6 +96,20 @@ mod tests {
         drop(first);
         assert!(admission.admit(60).is_ok());
         assert_eq!(admission.admit(101).err(), Some(PoolError::TooLarge { estimate: 101, limit: 100 }));
+    }
+
+    #[test]
+    fn a_job_keeps_what_it_made_and_gives_back_the_rest() {
+        let admission = Admission::new(100, 10);
+        let job = admission.admit(60).expect("room");
+        let other = admission.admit(30).expect("room");
+        job.take(10);
+        assert!(matches!(admission.admit(61), Err(PoolError::Overloaded { .. })));
+        drop(admission.admit(60).expect("room again"));
+        job.take(90);
+        assert!(matches!(admission.admit(0), Err(PoolError::Overloaded { .. })), "overdrawn: the next one waits");
+        drop((job, other));
+        assert!(admission.admit(100).is_ok());
     }
 
     #[test]

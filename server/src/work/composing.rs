@@ -17,6 +17,9 @@ pub const COMPOSITIONS_MAX: usize = 64;
 /// Most faces of a composition.
 const FACES_MAX: u64 = 4_000_000;
 
+/// Faces that a composition is taken to have at least: regular layouts, and subdividing to follow the input, make some.
+const FACES_LEAST: u64 = 16_000;
+
 /// Memory that stitching takes for each face, at most.
 const MEMORY_PER_FACE: u64 = 1500;
 
@@ -67,7 +70,8 @@ pub async fn create(
         }
     }
     let faces = faces_at(&parts, wanted.density)?;
-    let job = work.pool.admit(live.caller.user, faces * MEMORY_PER_FACE, Some(REQUEST_TIME_MAX))?;
+    let needed = faces.max(FACES_LEAST) * MEMORY_PER_FACE;
+    let job = work.pool.admit(live.caller.user, needed, Some(REQUEST_TIME_MAX))?;
     let (engine, model) = (Arc::clone(&work.engine), Arc::clone(&live.model));
     let how = Stitching { smoothing: wanted.smoothing, density: wanted.density };
     let one = one_example(&maps).filter(|_| wanted.density == 0);
@@ -82,9 +86,7 @@ pub async fn create(
     };
     let stitched = work.pool.run(&job, Lane::Edit, stitch).await??;
     let counts = super::ingest::counts_of(&stitched.mesh);
-    drop(job);
-    let held = work.pool.admit(live.caller.user, counts.faces * MEMORY_PER_FACE_HELD, None)?;
-    held.rest();
+    let held = job.kept(counts.faces * MEMORY_PER_FACE_HELD);
     let summary = Composition {
         id: CompositionId::generate(),
         query: live.id,

@@ -196,9 +196,16 @@ pub fn check(mesh: &PolyMesh, expected: Shape) -> Result<(), Broken> {
     if let Some(v) = mesh.positions.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
         return Err(Broken::NotFinite(v as u32));
     }
+    let flat = flat_faces(mesh);
+    flat.first().map_or(Ok(()), |&f| Err(Broken::NoArea(f)))
+}
+
+/// The quads of a mesh that have no area.
+pub fn flat_faces(mesh: &PolyMesh) -> Vec<usize> {
     let least = AREA_MIN * diagonal(&mesh.positions).powi(2);
-    let flat = |c: &[u32]| quad_area([0, 1, 2, 3].map(|k| mesh.positions[c[k] as usize])) <= least;
-    mesh.faces.iter().position(flat).map_or(Ok(()), |f| Err(Broken::NoArea(f)))
+    let area = |c: &[u32]| <[u32; 4]>::try_from(c).map(|c| quad_area(c.map(|v| mesh.positions[v as usize])));
+    let faces = mesh.faces.iter().enumerate();
+    faces.filter(|(_, c)| area(c).is_ok_and(|area| area <= least)).map(|(f, _)| f).collect()
 }
 
 /// Length of the area vector of a quad.

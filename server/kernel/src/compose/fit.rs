@@ -41,6 +41,11 @@ impl Measured {
         Self { points: samples(surface), bvh: Bvh::new(surface) }
     }
 
+    /// Points of it, spread evenly by area.
+    pub fn points(&self) -> &[Vec3] {
+        &self.points
+    }
+
     /// How a mesh of polygons fits it.
     pub fn fit(&self, mesh: &PolyMesh) -> Fit {
         let fans = mesh.faces.iter().flat_map(|c| (2..c.len()).map(move |k| [c[0], c[k - 1], c[k]]));

@@ -12,6 +12,7 @@ use super::smooth::Target;
 use super::subdivide::subdivide;
 use super::template::border::{Border, End};
 use super::template::levels::Levels;
+use super::template::rectangle::Harmonics;
 use super::template::{Ground, regular};
 use super::{Input, Piece};
 use crate::encode::index::PlanarIndex;
@@ -19,6 +20,7 @@ use crate::mesh::tri::TriMesh;
 use crate::topology::{submesh, whole};
 use crate::unfold::{Chart, UnfoldOptions, unfold};
 use std::borrow::Cow;
+use std::sync::OnceLock;
 
 /// Times an example, and the segment's own mesh, may be subdivided to fit.
 const SUBDIVISIONS_MAX: usize = 2;
@@ -48,6 +50,13 @@ struct Charted<'a> {
     levels: Levels,
     target: Target,
     border: Border,
+    harmonics: OnceLock<Option<Harmonics>>,
+}
+
+impl Charted<'_> {
+    fn harmonics(&self) -> Option<&Harmonics> {
+        self.harmonics.get_or_init(|| Harmonics::new(&self.chart)).as_ref()
+    }
 }
 
 /// A segment with what stands on it.
@@ -66,6 +75,15 @@ pub struct Site<'a> {
     piece: Piece<'a>,
     triangles: Vec<u32>,
     charted: Option<Charted<'a>>,
+    laid: Option<Laid>,
+}
+
+/// A regular layout, with what it was made for: most stay as they are when another segment gives way.
+#[derive(Debug)]
+struct Laid {
+    wish: Wish,
+    places: Vec<Vec<Places>>,
+    made: Option<(Net, Vec<Rim>)>,
 }
 
 impl<'a> Site<'a> {
@@ -78,7 +96,7 @@ impl<'a> Site<'a> {
             Piece::Mapped(_) => Use::Part,
             Piece::Regular(..) | Piece::Nothing => Use::Regular,
         };
-        let mut site = Self { stands, times: 0, subdivided: 0, net, wish, piece, triangles, charted: None };
+        let mut site = Self { stands, times: 0, subdivided: 0, net, wish, piece, triangles, charted: None, laid: None };
         if stands == Use::Regular && !site.chart(input.surface) {
             site.take_own(input.surface);
         }
@@ -151,16 +169,32 @@ impl<'a> Site<'a> {
         };
         let (levels, target) = (Levels::new(&chart), Target::new(&chart.mesh));
         let border = Border::new(&chart);
-        self.charted = Some(Charted { chart, index, levels, target, border });
+        let harmonics = OnceLock::new();
+        self.charted = Some(Charted { chart, index, levels, target, border, harmonics });
         true
     }
 
     /// The regular layout whose boundary vertices stand at given places, with its boundary laid on the curves; `None`
     /// where the chart's boundary is not the segment's.
-    pub fn lay_out(&self, curves: &[Curve], places: &[Vec<Places>]) -> Option<(Net, Vec<Rim>)> {
+    pub fn lay_out(&mut self, curves: &[Curve], places: &[Vec<Places>]) -> Option<(Net, Vec<Rim>)> {
+        let known = self.laid.as_ref().filter(|laid| laid.wish == self.wish && laid.places == places);
+        if let Some(laid) = known {
+            return laid.made.clone();
+        }
+        let made = self.laid_anew(curves, places);
+        self.laid = Some(Laid { wish: self.wish, places: places.to_vec(), made: made.clone() });
+        made
+    }
+
+    fn laid_anew(&self, curves: &[Curve], places: &[Vec<Places>]) -> Option<(Net, Vec<Rim>)> {
         let charted = self.charted.as_ref()?;
-        let ground =
-            Ground { chart: &charted.chart, index: &charted.index, levels: &charted.levels, target: &charted.target };
+        let ground = Ground {
+            chart: &charted.chart,
+            index: &charted.index,
+            levels: &charted.levels,
+            target: &charted.target,
+            harmonics: charted.harmonics(),
+        };
         let mut rims: Vec<Rim> = Vec::new();
         let mut loop_at: [Option<usize>; 2] = [None, None];
         let mut ends: [Option<Vec<f64>>; 2] = [None, None];

@@ -17,6 +17,8 @@ const GOES_DEG: f64 = 35.0;
 /// Part of the way that is gone a round, and the share of the neighbours' mean in it.
 const STEP: f64 = 0.6;
 const MEAN_SHARE: f64 = 0.15;
+/// Share of its last move that a vertex goes again before it is asked: a shear that runs through many quads is gone sooner.
+const MOMENTUM: f64 = 0.8;
 /// Rounds after which the weights are taken anew.
 const ROUNDS_PER_WEIGHT: u32 = 8;
 
@@ -41,32 +43,39 @@ pub fn mean_deviation_deg(net: &Net) -> f64 {
 
 /// Goes `rounds` rounds; vertices on the true boundary stay.
 pub fn square_up(net: &mut Net, target: &Target, rounds: u32) {
-    let mut moving: Vec<(u32, f64)> = Vec::new();
+    let mut moving: Vec<Moving> = Vec::new();
     for round in 0..rounds {
         if round % ROUNDS_PER_WEIGHT == 0 {
             moving = weights(net);
         }
+        let before: Vec<Vec3> = moving.iter().map(|m| net.positions[m.vertex as usize]).collect();
+        moving.iter().for_each(|m| net.positions[m.vertex as usize] += m.last * MOMENTUM);
         let asked = asked_for(net);
-        let mut moved = Vec::with_capacity(moving.len());
-        for &(v, weight) in &moving {
-            let (sum, count) = asked[v as usize];
-            if count == 0.0 {
-                continue;
-            }
-            let around = net.neighbours(v);
-            let mean = around.iter().map(|&w| net.positions[w as usize]).sum::<Vec3>() / around.len().max(1) as f64;
-            let to = sum / count * (1.0 - MEAN_SHARE) + mean * MEAN_SHARE;
-            let here = net.positions[v as usize];
-            moved.push((v, target.onto_surface(here + (to - here) * (STEP * weight))));
+        for (m, old) in moving.iter_mut().zip(&before) {
+            let (sum, count) = asked[m.vertex as usize];
+            let here = net.positions[m.vertex as usize];
+            let beside = &m.beside;
+            let mean = beside.iter().map(|&w| net.positions[w as usize]).sum::<Vec3>() / beside.len().max(1) as f64;
+            let to = if count > 0.0 { sum / count * (1.0 - MEAN_SHARE) + mean * MEAN_SHARE } else { here };
+            m.to = target.onto_surface(here + (to - here) * (STEP * m.weight));
+            m.last = m.to - old;
         }
-        for (v, p) in moved {
-            net.positions[v as usize] = p;
-        }
+        moving.iter().for_each(|m| net.positions[m.vertex as usize] = m.to);
     }
 }
 
+/// A vertex that may move.
+struct Moving {
+    vertex: u32,
+    weight: f64,
+    beside: Vec<u32>,
+    /// Where it goes in this round, and by how much it went in the last.
+    to: Vec3,
+    last: Vec3,
+}
+
 /// The vertices that may move, with their weights.
-fn weights(net: &Net) -> Vec<(u32, f64)> {
+fn weights(net: &Net) -> Vec<Moving> {
     let mut sums = vec![(0.0, 0.0); net.positions.len()];
     for (_, face) in net.faces() {
         let Some(p) = corners(net, face) else { continue };
@@ -79,7 +88,14 @@ fn weights(net: &Net) -> Vec<(u32, f64)> {
     let weight =
         |(sum, count): (f64, f64)| ((sum / f64::max(count, 1.0) - STAYS_DEG) / (GOES_DEG - STAYS_DEG)).clamp(0.0, 1.0);
     let all = (0..net.positions.len() as u32).map(|v| (v, weight(sums[v as usize])));
-    all.filter(|&(v, w)| w > 0.0 && !net.on_boundary(v)).collect()
+    let moving = |(vertex, weight): (u32, f64)| Moving {
+        vertex,
+        weight,
+        beside: net.neighbours(vertex),
+        to: Vec3::zeros(),
+        last: Vec3::zeros(),
+    };
+    all.filter(|&(v, w)| w > 0.0 && !net.on_boundary(v)).map(moving).collect()
 }
 
 /// For each vertex the sum of what its quads ask for, and how many they are.

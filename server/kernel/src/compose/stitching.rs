@@ -1,7 +1,7 @@
 //! The stitching of what stands on the segments, again and again until it holds.
 
-use super::check::{self, Shape, check, extraordinary};
-use super::fit::{Fit, Measured};
+use super::check::{self, Broken, Shape, check, extraordinary};
+use super::fit::Measured;
 use super::glue::{Glued, Misfit, glue, rims};
 use super::layout::{Arc, Layout, layout};
 use super::net::Net;
@@ -10,8 +10,8 @@ use super::resolve::{self, Resolved, resolve};
 use super::rim::{Rim, Way as Turned, even_out};
 use super::site::{Site, Use, on_surface, way};
 use super::smooth::{OPENING_ROUNDS, Plan, Target};
-use super::square;
 use super::subdivide::subdivide;
+use super::tidy::Tidy;
 use super::{Closeness, Input, Options, Piece, REGULAR_QUADS, Report, Way};
 use crate::mesh::tri::TriMesh;
 use crate::mesh::{PolyMesh, Vec3};
@@ -19,14 +19,11 @@ use crate::mesh::{PolyMesh, Vec3};
 /// Edges of a regular layout lie within this factor of those of a whole of [`REGULAR_QUADS`].
 const EDGE_RANGE: [f64; 2] = [0.6, 1.3];
 /// Mean distance from which on a part or a result is subdivided, as a share of the diagonal of the input.
-const MISS_MAX: f64 = 0.0019;
-/// Most quads that a part, and the whole, is subdivided to for that.
+pub(super) const MISS_MAX: f64 = 0.0019;
+/// The same where one example covers the whole input alone: its own vertices and faces are worth more.
+const KEPT_MISS_MAX: f64 = 0.005;
+/// Most quads that a part is subdivided to for that.
 const PART_QUADS_MAX: usize = 12_000;
-const WHOLE_QUADS_MAX: usize = 48_000;
-/// Times the whole is subdivided at most.
-const REFINED_MAX: usize = 3;
-/// Share of the distance that may be left for it to be worth while.
-const REFINED_GAIN: f64 = 0.95;
 /// An example with this many times fewer edges on a seam than the example beside it is subdivided.
 const RATIO_MAX: f64 = 1.7;
 
@@ -36,18 +33,15 @@ const ATTEMPTS_MAX: usize = 24;
 
 /// A face of less than this share of the mean area has none, where a mesh is refused for such.
 const FLAT_SHARE: f64 = 1e-4;
-/// Rounds of making quads squarer, and by what factor the distance from the input may grow for it.
-const SQUARE_ROUNDS: u32 = 40;
-const SQUARE_LOSS: f64 = 1.15;
 
 pub(super) struct Stitching<'a> {
     input: Input<'a>,
-    options: Options,
+    pub(super) options: Options,
     layout: Layout,
-    shape: Shape,
-    target: Target,
-    measured: Measured,
-    diagonal: f64,
+    pub(super) shape: Shape,
+    pub(super) target: Target,
+    pub(super) measured: Measured,
+    pub(super) diagonal: f64,
 }
 
 impl<'a> Stitching<'a> {
@@ -101,7 +95,7 @@ impl<'a> Stitching<'a> {
             }
         };
         self.tell(pieces, &sites, report);
-        Some(self.followed(mesh, report))
+        Some(self.followed(mesh, allowed(&sites), report))
     }
 
     fn sites<'p>(&self, pieces: &[Piece<'p>]) -> Vec<Site<'p>> {
@@ -153,9 +147,10 @@ impl<'a> Stitching<'a> {
         let may = |site: &Site<'_>| {
             site.stands == Use::Part && site.times < 2 && 4 * site.net.faces().count() <= PART_QUADS_MAX
         };
+        let most = allowed(sites);
         if self.options.closeness == Closeness::Followed {
             for site in sites.iter_mut() {
-                while may(site) && self.misses(site) {
+                while may(site) && self.misses(site, most) {
                     site.refine(&self.target);
                 }
             }
@@ -165,9 +160,10 @@ impl<'a> Stitching<'a> {
         }
     }
 
-    fn misses(&self, site: &Site<'_>) -> bool {
+    /// Whether what stands on a segment misses it by more than `allowed`, a share of the diagonal of the input.
+    fn misses(&self, site: &Site<'_>, allowed: f64) -> bool {
         let (mesh, _) = site.net.clone().into_mesh();
-        Measured::new(&site.surface(self.surface())).fit(&mesh).worst() > MISS_MAX * self.diagonal
+        Measured::new(&site.surface(self.surface())).fit(&mesh).worst() > allowed * self.diagonal
     }
 
     /// The example that has the fewest edges for those of the example on the other side of a seam, if it is too few.
@@ -225,7 +221,7 @@ impl<'a> Stitching<'a> {
             .collect();
         let places = plan(&self.layout, &sides);
         let mut nets: Vec<Net> = Vec::with_capacity(sites.len());
-        for (segment, site) in sites.iter().enumerate() {
+        for (segment, site) in sites.iter_mut().enumerate() {
             if site.stands != Use::Regular {
                 nets.push(site.net.clone());
                 continue;
@@ -236,10 +232,17 @@ impl<'a> Stitching<'a> {
             all[segment] = rims;
         }
         report.extraordinary_before = nets.iter().map(|net| extraordinary(&net.clone().into_mesh().0)).sum();
-        self.stitched(&nets, &all, report)
+        let stands: Vec<Use> = sites.iter().map(|site| site.stands).collect();
+        self.stitched(&nets, &stands, &all, report)
     }
 
-    fn stitched(&self, nets: &[Net], rims: &[Vec<Rim>], report: &mut Report) -> Result<PolyMesh, Misfit> {
+    fn stitched(
+        &self,
+        nets: &[Net],
+        stands: &[Use],
+        rims: &[Vec<Rim>],
+        report: &mut Report,
+    ) -> Result<PolyMesh, Misfit> {
         let points: Vec<Vec3> = self.layout.junctions.iter().map(|&v| self.surface().positions[v as usize]).collect();
         let glued = glue(nets, rims, &self.layout, &points)?;
         (report.merged, report.filled) = (glued.merged, glued.filled);
@@ -252,19 +255,30 @@ impl<'a> Stitching<'a> {
         if !is_sound(&glued.net) {
             return Err(pinched());
         }
-        if let Some((mesh, resolved)) = self.by_surgery(glued.clone()) {
-            report.resolved = resolved;
-            return Ok(mesh);
+        let free = free_faces(&glued, &faces, stands);
+        match self.by_surgery(glued.clone(), free) {
+            Ok((mesh, resolved)) => {
+                report.resolved = resolved;
+                return Ok(mesh);
+            }
+            // Subdividing all does not open what lies flat within one segment, as long as that can give way.
+            Err(Unfinished::Flat { segments }) if segments.iter().any(|&s| stands.get(s) != Some(&Use::Own)) => {
+                return Err(Misfit::Pinched { segments });
+            }
+            Err(_) => {}
         }
         let mesh = self.all_subdivided(&glued).ok_or_else(pinched)?;
         (report.way, report.resolved) = (Way::AllSubdivided, Resolved::default());
         Ok(mesh)
     }
 
-    fn by_surgery(&self, mut glued: Glued) -> Option<(PolyMesh, Resolved)> {
+    fn by_surgery(&self, mut glued: Glued, free: Vec<bool>) -> Result<(PolyMesh, Resolved), Unfinished> {
         let resolved = resolve(&mut glued.net);
         glued.seam.extend(&resolved.touched);
-        Some((self.finished(glued.net, &glued.seam)?, resolved))
+        let mut tidy = Tidy { net: glued.net.clone(), free, target: &self.target, touched: glued.seam.clone() };
+        let tidied = if tidy.run() > 0 { self.finished(tidy.net, &tidy.touched).ok() } else { None };
+        let mesh = tidied.map_or_else(|| self.finished(glued.net, &glued.seam), Ok)?;
+        Ok((mesh, resolved))
     }
 
     fn all_subdivided(&self, glued: &Glued) -> Option<PolyMesh> {
@@ -277,13 +291,13 @@ impl<'a> Stitching<'a> {
         // New vertices beside seams belong to them.
         let beside: Vec<u32> = glued.seam.iter().flat_map(|&v| fine.neighbours(v)).filter(|&v| v >= old).collect();
         touched.extend(beside);
-        self.finished(fine, &touched)
+        self.finished(fine, &touched).ok()
     }
 
     /// Smoothed and checked.
-    fn finished(&self, mut net: Net, touched: &[u32]) -> Option<PolyMesh> {
+    fn finished(&self, mut net: Net, touched: &[u32]) -> Result<PolyMesh, Unfinished> {
         let (mesh, _) = net.clone().into_mesh();
-        check::check_structure(&mesh, self.shape).ok()?;
+        check::check_structure(&mesh, self.shape).map_err(|_| Unfinished::Structure)?;
         let plan = Plan::new(&net, touched);
         for &v in touched {
             if !net.at(v).is_empty() && !net.on_boundary(v) {
@@ -297,16 +311,31 @@ impl<'a> Stitching<'a> {
             plan.run(&mut net, &self.target, rounds);
             let (mesh, _) = net.clone().into_mesh();
             if check(&mesh, self.shape).is_ok() {
-                return Some(mesh);
+                return Ok(mesh);
             }
         }
         self.open_flat_faces(&mut net);
         let (mesh, _) = net.into_mesh();
-        check(&mesh, self.shape).is_ok().then_some(mesh)
+        match check(&mesh, self.shape) {
+            Ok(()) => Ok(mesh),
+            Err(Broken::NoArea(_)) => Err(Unfinished::Flat { segments: self.segments_of_flat_faces(&mesh) }),
+            Err(_) => Err(Unfinished::Structure),
+        }
+    }
+
+    /// The segments on which faces without area lie.
+    fn segments_of_flat_faces(&self, mesh: &PolyMesh) -> Vec<usize> {
+        let flat = check::flat_faces(mesh).into_iter().map(|f| mesh.faces.face(f));
+        let middle = |c: &[u32]| c.iter().map(|&v| mesh.positions[v as usize]).sum::<Vec3>() / c.len().max(1) as f64;
+        let segment = |c: &[u32]| self.input.owner.get(self.target.triangle(middle(c)) as usize).map(|&s| s as usize);
+        let mut segments: Vec<usize> = flat.filter_map(segment).collect();
+        segments.sort_unstable();
+        segments.dedup();
+        segments
     }
 
     /// Draws the corners of faces without area to the middle of their neighbours, off the input if need be.
-    fn open_flat_faces(&self, net: &mut Net) {
+    pub(super) fn open_flat_faces(&self, net: &mut Net) {
         let least = FLAT_SHARE * self.surface().total_area() / net.faces().count().max(1) as f64;
         for _ in 0..OPENING_ROUNDS {
             let area = |c: &[u32]| match *c {
@@ -329,23 +358,6 @@ impl<'a> Stitching<'a> {
         }
     }
 
-    /// With sheared quads squarer, unless that takes the result away from the input; `fit` is the mesh's, and what is
-    /// returned beside the result is the result's.
-    fn squared(&self, mesh: PolyMesh, fit: Fit, rounds: u32) -> (PolyMesh, Fit) {
-        let mut net = Net::from_mesh(&mesh);
-        let before = square::mean_deviation_deg(&net);
-        square::square_up(&mut net, &self.target, rounds);
-        let deviation = square::mean_deviation_deg(&net);
-        let (squarer, _) = net.into_mesh();
-        let is_better = deviation < before && check(&squarer, self.shape).is_ok();
-        if !is_better {
-            return (mesh, fit);
-        }
-        let after = self.measured.fit(&squarer);
-        let most = (SQUARE_LOSS * fit.worst()).max(MISS_MAX * self.diagonal);
-        if after.worst() <= most { (squarer, after) } else { (mesh, fit) }
-    }
-
     /// What each segment came to.
     fn tell(&self, pieces: &[Piece<'_>], sites: &[Site<'_>], report: &mut Report) {
         report.subdivided = sites.iter().map(|site| site.subdivided).collect();
@@ -362,31 +374,22 @@ impl<'a> Stitching<'a> {
             report.way = report.way.max(Way::PartsSubdivided);
         }
     }
+}
 
-    /// Subdivided until it follows the input, if that is asked for.
-    fn followed(&self, mut mesh: PolyMesh, report: &mut Report) -> PolyMesh {
-        let fit = self.measured.fit(&mesh);
-        (mesh, report.fit) = self.squared(mesh, fit, SQUARE_ROUNDS);
-        while self.options.closeness == Closeness::Followed
-            && report.fit.worst() > MISS_MAX * self.diagonal
-            && report.refined < REFINED_MAX
-            && 4 * mesh.faces.len() <= WHOLE_QUADS_MAX
-        {
-            let net = Net::from_mesh(&mesh);
-            let fine = on_surface(subdivide(&net), net.positions.len(), &self.target);
-            let (finer, _) = fine.into_mesh();
-            let fit = self.measured.fit(&finer);
-            if check(&finer, self.shape).is_err() || fit.worst() > REFINED_GAIN * report.fit.worst() {
-                break;
-            }
-            (mesh, report.fit) = (finer, fit);
-            report.refined += 1;
-        }
-        if report.refined > 0 {
-            (mesh, report.fit) = self.squared(mesh, report.fit, SQUARE_ROUNDS / 4);
-        }
-        mesh
+/// By how much what stands on the segments may miss the input, as a share of its diagonal.
+fn allowed(sites: &[Site<'_>]) -> f64 {
+    match sites {
+        [site] if site.stands == Use::Part => KEPT_MISS_MAX,
+        _ => MISS_MAX,
     }
+}
+
+/// Why stitched parts were not finished.
+enum Unfinished {
+    /// They are no such mesh.
+    Structure,
+    /// Faces have no area, whatever is smoothed, on these segments.
+    Flat { segments: Vec<usize> },
 }
 
 /// Mean length of a part's boundary edges; `None` where it has none.
@@ -416,6 +419,15 @@ fn culprits(net: &Net, faces: &[usize]) -> Vec<usize> {
     found.sort_unstable();
     found.dedup();
     found
+}
+
+/// For each face of glued parts whether it may be changed: it belongs to no mapped example, or has a corner on a seam.
+fn free_faces(glued: &Glued, faces: &[usize], stands: &[Use]) -> Vec<bool> {
+    let mut on_seam = vec![false; glued.net.positions.len()];
+    glued.seam.iter().for_each(|&v| on_seam[v as usize] = true);
+    let of_part = faces.iter().zip(stands).flat_map(|(&count, &use_)| std::iter::repeat_n(use_, count));
+    let has_seam = |f: usize| glued.net.face(f as u32).iter().any(|&v| on_seam[v as usize]);
+    of_part.enumerate().map(|(f, stands)| stands != Use::Part || has_seam(f)).collect()
 }
 
 /// Whether the faces have distinct corners, share edges two by two, and form one fan at each vertex.

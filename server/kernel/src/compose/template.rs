@@ -5,10 +5,13 @@
 //! strips that make two extraordinary vertices for two columns ([`rings`]). The first and the last ring stand where the
 //! neighbours' vertices do, so that nothing has to be stitched there. *Disc:* the innermost ring of n columns is closed by
 //! a cap of a × b quads, 2(a + b) = n, with a vertex at the pole: four vertices of three edges, and no pole with n edges.
-//! *Sphere:* such a cap at each pole. *Torus:* n columns and n·m rows, m the modulus. *Ours, not the paper's.*
+//! *Sphere:* such a cap at each pole. *Torus:* n columns and n·m rows, m the modulus. Where it has better angles, a disc or
+//! an annulus becomes a rectangle instead ([`rectangle`]). *Ours, not the paper's.*
 
 pub mod border;
+pub mod frame;
 pub mod levels;
+pub mod rectangle;
 pub mod rings;
 
 use super::net::Net;
@@ -18,6 +21,7 @@ use crate::mesh::{PolyMesh, Vec3};
 use crate::topology::Topology;
 use crate::unfold::Chart;
 use levels::Levels;
+use rectangle::{Harmonics, Laid, badness};
 use rings::{Ring, counts, rings_min, strip};
 
 /// Fewest columns of a ring that nothing prescribes, and of one that carries a cap.
@@ -34,7 +38,6 @@ const CAP_LOWEST: f64 = 0.3;
 const EVENING: f64 = 0.5;
 /// Rounds of smoothing.
 const ROUNDS: u32 = 12;
-
 /// What a layout is made on.
 #[derive(Clone, Copy, Debug)]
 pub struct Ground<'a> {
@@ -46,6 +49,8 @@ pub struct Ground<'a> {
     pub levels: &'a Levels,
     /// Its surface.
     pub target: &'a Target,
+    /// Its harmonic maps onto rectangles, where it may be laid out as one.
+    pub harmonics: Option<&'a Harmonics>,
 }
 
 /// u of the vertices on the boundaries at v = 0 and v = 1, increasing over one period; `None` where a boundary's are free,
@@ -64,7 +69,7 @@ pub struct Regular {
 /// The layout of edges about `edge` long, nothing prescribed.
 pub fn template(chart: &Chart, index: &PlanarIndex, edge: f64) -> PolyMesh {
     let (levels, target) = (Levels::new(chart), Target::new(&chart.mesh));
-    let ground = Ground { chart, index, levels: &levels, target: &target };
+    let ground = Ground { chart, index, levels: &levels, target: &target, harmonics: None };
     regular(ground, edge, [None, None]).net.into_mesh().0
 }
 
@@ -76,8 +81,22 @@ pub fn regular(ground: Ground<'_>, edge: f64, ends: Ends) -> Regular {
     if ground.chart.topology == Topology::Torus {
         return torus(ground, edge);
     }
-    let build = Builder::new(ground, edge, ends);
-    build.run()
+    let oblong = rectangle(ground, &ends);
+    let rings = Builder::new(ground, edge, ends).run();
+    match oblong {
+        Some(laid) if laid.badness < badness(&rings.net, area) => Regular { net: laid.net, ends: laid.ends },
+        _ => rings,
+    }
+}
+
+/// A disc as a rectangle, an annulus as one with a hole, if the surface is prepared for that and all ends are given.
+fn rectangle(ground: Ground<'_>, ends: &Ends) -> Option<Laid> {
+    let harmonics = ground.harmonics?;
+    let columns: Vec<Vec<f64>> = ends.iter().flatten().cloned().collect();
+    let at = |v: f64| move |&u: &f64| place(ground, u, v);
+    let points: Vec<Vec<Vec3>> =
+        columns.iter().zip([0.0, 1.0]).map(|(columns, v)| columns.iter().map(at(v)).collect()).collect();
+    harmonics.best(ground.chart, &columns, &points)
 }
 
 fn place(ground: Ground<'_>, u: f64, v: f64) -> Vec3 {
@@ -294,7 +313,7 @@ mod tests {
         let chart = unfold(&whole(&mesh).expect("a primitive"), &UnfoldOptions::default()).expect("solvable");
         let index = PlanarIndex::new(&chart);
         let (levels, target) = (Levels::new(&chart), Target::new(&chart.mesh));
-        let ground = Ground { chart: &chart, index: &index, levels: &levels, target: &target };
+        let ground = Ground { chart: &chart, index: &index, levels: &levels, target: &target, harmonics: None };
         let made = regular(ground, edge, ends(&chart));
         let found = made.ends.iter().map(Vec::len).collect::<Vec<_>>();
         (made.net.into_mesh().0, [found[0], found[1]])

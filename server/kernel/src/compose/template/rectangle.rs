@@ -1,0 +1,366 @@
+//! A disc as a rectangle of quads, its four corners on the boundary; an annulus as a rectangle with a rectangular hole.
+//!
+//! x and y are harmonic on the surface, Δx = Δy = 0, and on the boundary what the vertices say that stand there: from corner
+//! to corner they have whole numbers along a side of [0, a] × [0, b], and what lies between two of them is spaced evenly. With weights that are not negative the map of a disc is one-to-one (Radó, Kneser, Choquet), and vertex (i, j) stands
+//! where (x, y) = (i, j). There is no extraordinary vertex inside, and the layout follows an elongated segment, where rings
+//! about a pole or a hole are sheared. Which of the boundary's vertices become corners is tried out, one factorisation for
+//! all tries; the hole is put first where it falls when its boundary is free. *Ours, not the paper's.*
+
+use super::super::check::quad_area;
+use super::super::net::Net;
+use super::super::square::mean_deviation_deg;
+use super::frame::{Corners, Frame, Hole, place};
+use crate::mesh::Vec3;
+use crate::numerics::Factored;
+use crate::topology::Topology;
+use crate::unfold::Chart;
+use crate::unfold::laplacian::Laplacian;
+
+/// Places of the first corner that are tried, for each of the shares of the half boundary that the shorter side may take.
+const TURNS: usize = 10;
+const SHORT_SIDES: [f64; 3] = [0.5, 0.35, 0.2];
+/// How far outside a triangle a point still counts as in it.
+const OUTSIDE: f64 = 1e-7;
+/// Area of the smallest quad, as a share of the mean, up to which a layout is none: behind a narrow place a harmonic map
+/// crowds its columns beyond what can be told apart.
+const SMALLEST_SHARE: f64 = 1e-5;
+/// Degrees that a whole surface passed over counts for.
+const PASSED_DEG: f64 = 120.0;
+
+/// A segment prepared for harmonic maps onto rectangles.
+#[derive(Debug)]
+pub struct Harmonics {
+    laplacian: Laplacian,
+    /// With all boundaries given; and for annuli with one of them, by end.
+    inverse: Factored,
+    one_given: Vec<Factored>,
+    rims: Vec<Rim>,
+    on_rim: Vec<bool>,
+    area: f64,
+}
+
+/// The boundary at an end: its vertices with u, increasing over one period, and the length up to each and in all.
+#[derive(Clone, Debug)]
+struct Rim {
+    vertices: Vec<u32>,
+    u: Vec<f64>,
+    along: Vec<f64>,
+}
+
+impl Rim {
+    fn new(chart: &Chart, mut vertices: Vec<u32>, end: usize) -> Option<Self> {
+        // At v = 1 u runs against the boundary.
+        if end == 1 {
+            vertices.reverse();
+        }
+        let mut u: Vec<f64> = Vec::with_capacity(vertices.len());
+        for &v in &vertices {
+            let here = chart.uv.get(v as usize)?[0];
+            let before = u.last().copied().unwrap_or(here);
+            let step = (here - before).rem_euclid(1.0);
+            // A step back by rounding is none.
+            u.push(before + if step > 0.9 { 0.0 } else { step });
+        }
+        let p = |k: usize| chart.mesh.positions[vertices[k % vertices.len()] as usize];
+        let mut along = vec![0.0];
+        (0..vertices.len()).for_each(|k| along.push(along[k] + (p(k + 1) - p(k)).norm()));
+        Some(Self { vertices, u, along })
+    }
+
+    fn whole(&self) -> f64 {
+        self.along.last().copied().unwrap_or(0.0).max(f64::MIN_POSITIVE)
+    }
+
+    /// The length up to a u; a period more is a turn more.
+    fn length(&self, u: f64) -> f64 {
+        let (n, first) = (self.u.len(), self.u[0]);
+        let turns = (u - first).floor();
+        let x = u - turns;
+        let k = self.u.partition_point(|&c| c <= x).clamp(1, n) - 1;
+        let next = if k + 1 < n { self.u[k + 1] } else { first + 1.0 };
+        let step = next - self.u[k];
+        let t = if step > 0.0 { ((x - self.u[k]) / step).clamp(0.0, 1.0) } else { 0.0 };
+        self.along[k] + t * (self.along[k + 1] - self.along[k]) + turns * self.whole()
+    }
+}
+
+/// The vertices of one boundary: counter-clockwise in the plane, for a hole too.
+#[derive(Clone, Debug)]
+struct Ring {
+    /// Vertex of the surface, and its place among the columns.
+    places: Vec<(u32, f64)>,
+    points: Vec<Vec3>,
+}
+
+/// A rectangle laid on a segment.
+#[derive(Clone, Debug)]
+pub struct Laid {
+    /// Its quads.
+    pub net: Net,
+    /// The vertices of each end, in the order of its columns.
+    pub ends: [Vec<u32>; 2],
+    /// Its mean deviation from right angles in degrees, and more for what it passes over.
+    pub badness: f64,
+}
+
+fn areas(net: &Net) -> impl Iterator<Item = f64> {
+    let area = |c: &[u32]| <[u32; 4]>::try_from(c).map_or(0.0, |c| quad_area(c.map(|v| net.positions[v as usize])));
+    net.faces().map(move |(_, c)| area(c))
+}
+
+/// How bad a layout of a surface of so much area is: see [`Laid::badness`].
+pub fn badness(net: &Net, area: f64) -> f64 {
+    let covered: f64 = areas(net).sum();
+    mean_deviation_deg(net) + PASSED_DEG * (1.0 - covered / area.max(f64::MIN_POSITIVE)).max(0.0)
+}
+
+/// The smallest quad's area as a share of the mean.
+fn smallest_share(net: &Net) -> f64 {
+    let (sum, count, least) =
+        areas(net).fold((0.0, 0.0, f64::INFINITY), |(sum, count, least), a| (sum + a, count + 1.0, a.min(least)));
+    if sum > 0.0 { least * count / sum } else { 0.0 }
+}
+
+/// A frame and how bad the layout on it is.
+#[derive(Clone, Copy, Debug)]
+struct Tried {
+    badness: f64,
+    frame: Frame,
+}
+
+/// The best of the frames tried.
+struct Search<'a> {
+    harmonics: &'a Harmonics,
+    chart: &'a Chart,
+    rings: Vec<Ring>,
+    /// Factor with the outer boundary given alone.
+    outer_given: Option<&'a Factored>,
+    seen: Vec<Frame>,
+    best: Option<(f64, Net)>,
+}
+
+impl Harmonics {
+    /// Of a disc's or an annulus' chart; `None` for others, and where the Laplacian can't be factored.
+    pub fn new(chart: &Chart) -> Option<Self> {
+        let mesh = &*chart.mesh;
+        let ends = match chart.topology {
+            Topology::Disc => 1,
+            Topology::Annulus => 2,
+            Topology::Sphere | Topology::Torus => return None,
+        };
+        let mut rims: Vec<Option<Rim>> = vec![None; ends];
+        for ring in mesh.boundary_loops() {
+            let vertices: Vec<u32> = ring.iter().map(|&h| mesh.tail(h)).collect();
+            let v = vertices.iter().filter_map(|&v| chart.uv.get(v as usize)).map(|uv| uv[1]);
+            let end = usize::from(v.sum::<f64>() > 0.5 * vertices.len() as f64);
+            *rims.get_mut(end)? = Rim::new(chart, vertices, end);
+        }
+        let rims: Vec<Rim> = rims.into_iter().collect::<Option<_>>()?;
+        let on_rim = mesh.boundary_vertices();
+        let laplacian = Laplacian::new(mesh).ok()?;
+        let factor = |fixed: &[bool]| laplacian.factor(fixed, 0.0, |_| false).ok();
+        let inverse = factor(&on_rim)?;
+        let of = |rim: &Rim| {
+            let mut fixed = vec![false; on_rim.len()];
+            rim.vertices.iter().for_each(|&v| fixed[v as usize] = true);
+            factor(&fixed)
+        };
+        let one_given = if ends == 2 { rims.iter().map(of).collect::<Option<_>>()? } else { Vec::new() };
+        Some(Self { laplacian, inverse, one_given, rims, on_rim, area: mesh.total_area() })
+    }
+
+    /// The best layout whose boundary vertices stand at `columns` (for each end u, increasing over one period), which lie
+    /// at `points`: an even number at each end, of an annulus those of one end fewer by 8 at least.
+    pub fn best(&self, chart: &Chart, columns: &[Vec<f64>], points: &[Vec<Vec3>]) -> Option<Laid> {
+        let sound = |(c, p): (&Vec<f64>, &Vec<Vec3>)| c.len() >= 4 && c.len().is_multiple_of(2) && c.len() == p.len();
+        if columns.len() != self.rims.len() || !columns.iter().zip(points).all(sound) {
+            return None;
+        }
+        // Seen from the end with more columns the other is the hole; seen from the top, u runs against.
+        let outer = usize::from(columns.len() == 2 && columns[1].len() > columns[0].len());
+        let ring = |end: usize| {
+            let n = columns[end].len();
+            let turned = |t: f64| if outer == 1 { (n as f64 - 1.0 - t).rem_euclid(n as f64) } else { t };
+            let rim = &self.rims[end];
+            let lengths: Vec<f64> = columns[end].iter().map(|&u| rim.length(u)).collect();
+            let at = |k: usize| turned(place(&lengths, rim.along[k], rim.whole()));
+            let places = rim.vertices.iter().enumerate().map(|(k, &v)| (v, at(k))).collect();
+            let mut points = points[end].clone();
+            if outer == 1 {
+                points.reverse();
+            }
+            Ring { places, points }
+        };
+        let rings: Vec<Ring> = if columns.len() == 1 { vec![ring(0)] } else { vec![ring(outer), ring(1 - outer)] };
+        let (n, m) = (rings[0].points.len() as u32, rings.get(1).map_or(0, |r| r.points.len()) as u32);
+        let outer_given = self.one_given.get(outer);
+        let mut search = Search { harmonics: self, chart, rings, outer_given, seen: Vec::new(), best: None };
+        search.run();
+        let (badness, net) = search.best?;
+        let ends = if outer == 1 {
+            [(n..n + m).rev().collect(), (0..n).rev().collect()]
+        } else {
+            [(0..n).collect(), (n..n + m).collect()]
+        };
+        Some(Laid { net, ends, badness })
+    }
+
+    /// The harmonic function with given values on some boundaries, by their factor.
+    fn extended(&self, given: Vec<f64>, fixed: impl Fn(usize) -> bool, inverse: &Factored) -> Vec<f64> {
+        let mut inside: Vec<f64> = self.laplacian.apply(&given).into_iter().map(|y| -y).collect();
+        for (v, x) in inside.iter_mut().enumerate() {
+            if fixed(v) {
+                *x = 0.0;
+            }
+        }
+        inverse.solve(&mut inside);
+        given.iter().zip(&inside).map(|(g, x)| g + x).collect()
+    }
+}
+
+impl Search<'_> {
+    /// For each share the best of all turns, and from there on what is better beside it: the one best start may lead nowhere.
+    fn run(&mut self) {
+        let m = self.rings[0].points.len() / 2;
+        for share in SHORT_SIDES {
+            let a = ((share * m as f64).round() as usize).max(1);
+            let starts: Vec<Tried> =
+                (0..TURNS).filter_map(|turn| self.try_outer(Corners::new(turn * m / TURNS, a, m))).collect();
+            if let Some(start) = starts.into_iter().min_by(|a, b| a.badness.total_cmp(&b.badness)) {
+                self.climb(start, (m / TURNS).max(1));
+            }
+        }
+    }
+
+    fn climb(&mut self, mut now: Tried, mut step: usize) {
+        while step > 0 {
+            let Frame { outer, hole } = now.frame;
+            let mut beside: Vec<Tried> = outer.moved(step).into_iter().filter_map(|c| self.try_outer(c)).collect();
+            let holes = hole.map_or(Vec::new(), |hole| hole.moved(outer));
+            beside.extend(holes.into_iter().filter_map(|hole| self.try_out(Frame { outer, hole: Some(hole) })));
+            match beside.into_iter().min_by(|a, b| a.badness.total_cmp(&b.badness)) {
+                Some(better) if better.badness < now.badness => now = better,
+                _ => step /= 2,
+            }
+        }
+    }
+
+    /// Tries a rectangle, with the hole where it falls; `None` if it has been tried, or does not fit.
+    fn try_outer(&mut self, outer: Option<Corners>) -> Option<Tried> {
+        let outer = outer?;
+        let Some(inverse) = self.outer_given else { return self.try_out(Frame { outer, hole: None }) };
+        let mut given = [vec![0.0; self.harmonics.on_rim.len()], vec![0.0; self.harmonics.on_rim.len()]];
+        let mut fixed = vec![false; self.harmonics.on_rim.len()];
+        for &(v, t) in &self.rings[0].places {
+            let p = outer.at(t);
+            (0..2).for_each(|k| given[k][v as usize] = p[k]);
+            fixed[v as usize] = true;
+        }
+        let [x, y] = given.map(|given| self.harmonics.extended(given, |v| fixed[v], inverse));
+        let fallen: Vec<(f64, [f64; 2])> =
+            self.rings[1].places.iter().map(|&(v, t)| (t, [x[v as usize], y[v as usize]])).collect();
+        let hole = Hole::nearest(outer, self.rings[1].points.len(), &fallen)?;
+        self.try_out(Frame { outer, hole: Some(hole) })
+    }
+
+    fn try_out(&mut self, frame: Frame) -> Option<Tried> {
+        if self.seen.contains(&frame) {
+            return None;
+        }
+        self.seen.push(frame);
+        let net = self.laid(frame).filter(|net| smallest_share(net) > SMALLEST_SHARE)?;
+        let badness = badness(&net, self.harmonics.area);
+        if self.best.as_ref().is_none_or(|b| badness < b.0) {
+            self.best = Some((badness, net));
+        }
+        Some(Tried { badness, frame })
+    }
+
+    /// The net on a frame; `None` where a vertex lies in no triangle.
+    fn laid(&self, frame: Frame) -> Option<Net> {
+        let harmonics = self.harmonics;
+        let mut given = [vec![0.0; harmonics.on_rim.len()], vec![0.0; harmonics.on_rim.len()]];
+        for (k, ring) in self.rings.iter().enumerate() {
+            for &(v, t) in &ring.places {
+                let p = frame.at(k, t)?;
+                (0..2).for_each(|k| given[k][v as usize] = p[k]);
+            }
+        }
+        let [x, y] = given.map(|given| harmonics.extended(given, |v| harmonics.on_rim[v], &harmonics.inverse));
+        let grid = frame.grid();
+        let boundary: usize = self.rings.iter().map(|ring| ring.points.len()).sum();
+        let mut stands: Vec<Option<Vec3>> =
+            self.rings.iter().flat_map(|ring| ring.points.iter().copied().map(Some)).collect();
+        stands.resize(grid.vertices, None);
+        let (a, b) = (frame.outer.a, frame.outer.b);
+        for t in &self.chart.mesh.triangles {
+            let p = t.map(|v| [x[v as usize], y[v as usize]]);
+            let range = |k: usize, most: usize| {
+                let low = p.iter().map(|q| q[k]).fold(f64::INFINITY, f64::min) - OUTSIDE;
+                let high = p.iter().map(|q| q[k]).fold(f64::NEG_INFINITY, f64::max) + OUTSIDE;
+                low.ceil().max(1.0) as usize..high.floor().clamp(0.0, most as f64 - 1.0) as usize + 1
+            };
+            for j in range(1, b) {
+                for i in range(0, a) {
+                    let number = grid.number(i, j) as usize;
+                    if number < boundary || number >= grid.vertices || stands[number].is_some() {
+                        continue;
+                    }
+                    let Some(w) = weights(&p, [i as f64, j as f64]) else { continue };
+                    stands[number] = Some((0..3).map(|k| w[k] * self.chart.mesh.positions[t[k] as usize]).sum());
+                }
+            }
+        }
+        Some(Net::new(stands.into_iter().collect::<Option<Vec<Vec3>>>()?, grid.quads()))
+    }
+}
+
+/// Barycentric weights of a point in a triangle that it lies in.
+fn weights(p: &[[f64; 2]; 3], q: [f64; 2]) -> Option<[f64; 3]> {
+    let cross = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    let area = cross(p[0], p[1], p[2]);
+    if area == 0.0 || !area.is_finite() {
+        return None;
+    }
+    let w = [cross(q, p[1], p[2]) / area, cross(p[0], q, p[2]) / area, cross(p[0], p[1], q) / area];
+    w.iter().all(|x| *x >= -OUTSIDE).then_some(w)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compose::check::{Shape, check, extraordinary};
+    use crate::compose::template::border::Border;
+    use crate::topology::{tests::grid, whole};
+    use crate::unfold::{UnfoldOptions, unfold};
+
+    #[test]
+    fn an_oblong_becomes_a_grid_of_right_angles_with_its_corners_as_corners() {
+        let mut mesh = grid(30, 10, false, false);
+        mesh.positions.iter_mut().for_each(|p| p.x *= 3.0);
+        let chart = unfold(&whole(&mesh).expect("a disc"), &UnfoldOptions::default()).expect("solvable");
+        let harmonics = Harmonics::new(&chart).expect("a disc");
+        // 24 steps along the long sides, 8 along the short ones, from the middle of the first.
+        let around = |s: f64| match s.rem_euclid(8.0) {
+            s if s < 3.0 => Vec3::new(s, 0.0, 0.0),
+            s if s < 4.0 => Vec3::new(3.0, s - 3.0, 0.0),
+            s if s < 7.0 => Vec3::new(7.0 - s, 1.0, 0.0),
+            s => Vec3::new(0.0, 8.0 - s, 0.0),
+        };
+        let points: Vec<Vec3> = (0..32).map(|k| around(1.5 + 0.25 * f64::from(k))).collect();
+        let (columns, _) = Border::new(&chart).unwound(&points).expect("a boundary");
+        let laid = harmonics.best(&chart, &[columns], std::slice::from_ref(&points)).expect("laid");
+        assert_eq!(laid.ends, [(0..32).collect::<Vec<u32>>(), Vec::new()]);
+        let net = laid.net;
+        assert!(mean_deviation_deg(&net) < 3.0, "{}", mean_deviation_deg(&net));
+        assert_eq!(net.faces().count(), 48);
+        let made = net.into_mesh().0;
+        let disc = Shape { components: 1, boundary_loops: 1, euler: 1 };
+        assert_eq!((check(&made, disc), extraordinary(&made)), (Ok(()), 0));
+        assert_eq!(made.positions[..32], points[..]);
+        for c in made.faces.iter() {
+            let p = |k: usize| made.positions[c[k] as usize];
+            assert!((p(2) - p(0)).cross(&(p(3) - p(1))).z > 0.0, "all quads look the same way");
+        }
+    }
+}
