@@ -79,7 +79,7 @@ impl Answer {
 
 impl Bench {
     fn new() -> Self {
-        Self::with(Admission::new(1 << 20, 32))
+        Self::with(Admission::new(64 << 20, 32))
     }
 
     fn with(admission: Admission) -> Self {
