@@ -5,10 +5,13 @@ use quadmuse_kernel::encode::raster::conformal_factor;
 use quadmuse_kernel::mesh::{TriMesh, Vec3};
 use quadmuse_kernel::register::Flip;
 use quadmuse_kernel::register::image::Image;
-use quadmuse_kernel::register::mls::{Domain, MlsTerms};
+use quadmuse_kernel::register::mls::Domain;
+use quadmuse_kernel::register::nodes::Nodes;
+use quadmuse_kernel::register::problem::Problem;
 use quadmuse_kernel::topology::{Topology, whole};
 use quadmuse_kernel::unfold::{Chart, UnfoldOptions, unfold};
 use std::hint::black_box;
+use std::sync::Arc;
 
 /// A wavy sheet of 2 · 60² triangles, unfolded.
 fn sheet() -> Chart {
@@ -32,15 +35,11 @@ fn hot_raster(chart: &Chart) {
     black_box(conformal_factor(chart, 512));
 }
 
-/// ψ and its Jacobian at the nodes of a 128² level with 20 controls.
+/// The normal equations of a 128² level with 20 controls: what every pixel shows, and ψ's Jacobian at the nodes.
 #[inline(never)]
-fn hot_mls(p: &[[f64; 2]], q: &[[f64; 2]]) {
-    let domain = Domain { topology: Topology::Disc, aspect: 1.0 };
-    let mut gradient = vec![[0.0; 4]; p.len()];
-    for k in 0..32 * 33 {
-        let x = [f64::from(k % 32) / 32.0, f64::from(k / 32) / 32.0];
-        black_box(MlsTerms::new(domain, p, x).with_gradient(domain, q, &mut gradient));
-    }
+fn hot_equations(problem: &Problem, q: &[[f64; 2]]) {
+    let pixels = problem.pixels(q);
+    black_box(problem.normal(q, &pixels));
 }
 
 /// √λ and its gradient at each pixel of a 512² level.
@@ -52,17 +51,23 @@ fn hot_sampling(image: &Image) {
     }
 }
 
+fn image(side: usize) -> Image {
+    let values = (0..side * side).map(|k| (k % 7) as f32).collect();
+    Image::new(&Picture { side, values }, Flip::default(), false)
+}
+
 fn main() {
     let wanted = std::env::args().nth(1).unwrap_or_default();
     let p: Vec<[f64; 2]> = (0..20).map(|k| [f64::from(k * 7 % 20) / 20.0, f64::from(k) / 20.0]).collect();
     let q: Vec<[f64; 2]> = p.iter().map(|p| [p[0] + 0.1, 0.9 * p[1] + 0.05]).collect();
     match wanted.as_str() {
         "raster" => hot_raster(&sheet()),
-        "mls" => hot_mls(&p, &q),
-        "sampling" => {
-            let values = (0..512 * 512).map(|k| (k % 7) as f32).collect();
-            hot_sampling(&Image::new(&Picture { side: 512, values }, Flip::default(), false));
+        "equations" => {
+            let domain = Domain { topology: Topology::Disc, aspect: 1.0 };
+            let (nodes, image) = (Arc::new(Nodes::new(domain, 128, &p)), image(128));
+            hot_equations(&Problem::new(nodes, &image, &image), &q);
         }
+        "sampling" => hot_sampling(&image(512)),
         _ => {}
     }
 }

@@ -13,6 +13,8 @@ pub use features::Feature;
 
 /// Pixels a side of the pyramid's levels, coarse to fine. *Source:* paper §5.2.
 pub const LEVEL_SIDES: [usize; 5] = [32, 64, 128, 256, 512];
+/// The last of them.
+pub const SIDE_FINEST: usize = LEVEL_SIDES[LEVEL_SIDES.len() - 1];
 
 /// Version of everything below [`Encoding`], and of what is kept beside it: stored encodings of another version are made anew.
 pub const ENCODER_VERSION: u32 = 2;
@@ -66,7 +68,7 @@ impl Encoding {
 
 /// Encodes a chart.
 pub fn encode(chart: &Chart) -> Encoding {
-    encode_to(chart, LEVEL_SIDES[LEVEL_SIDES.len() - 1])
+    encode_to(chart, SIDE_FINEST)
 }
 
 /// Encodes a chart with `finest` (a side of [`LEVEL_SIDES`]) as its finest level.

@@ -20,7 +20,7 @@ use std::sync::Arc;
 use crate::mesh::tri::TriMesh;
 use crate::numerics::SolveError;
 use crate::topology::{Patch, Topology};
-use area_fraction::AreaFraction;
+use area_fraction::{AreaFraction, MODULUS_SHARES};
 use harmonic::{Harmonic, Solver};
 use laplacian::Laplacian;
 use moebius::Conformal;
@@ -241,8 +241,10 @@ impl Unfolder {
             Topology::Disc | Topology::Sphere => harmonic.v.iter().map(|&x| fraction.at(x)).collect(),
         };
         let modulus = match self.solver.topology {
-            Topology::Disc => fraction.level(0.9) / harmonic.energy,
-            Topology::Sphere => (fraction.level(0.9) - fraction.level(0.1)) / harmonic.energy,
+            Topology::Disc => fraction.level(MODULUS_SHARES[1]) / harmonic.energy,
+            Topology::Sphere => {
+                (fraction.level(MODULUS_SHARES[1]) - fraction.level(MODULUS_SHARES[0])) / harmonic.energy
+            }
             Topology::Annulus | Topology::Torus => 1.0 / harmonic.energy,
         };
         self.assemble(&solution.poles, harmonic, u, s, &v, modulus)

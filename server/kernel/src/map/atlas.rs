@@ -15,7 +15,7 @@ use std::sync::Arc;
 use matching::{Matcher, Which, tip_controls};
 
 use super::edit::{self, EditError};
-use super::reembed::Ground;
+use super::reembed::{Ground, Picture};
 use super::{CrossMap, turns_over, vertex_uv};
 use crate::encode::index::{Location, PlanarIndex};
 use crate::encode::{Encoding, encode_to};
@@ -193,25 +193,21 @@ impl<'a> Laid<'a> {
     }
 }
 
-/// The mean of the places to which the sheets send vertex `v`, taken on the surface: in the equal-area picture about the
-/// end of the chart that has most say, r = √(1 − v), so that no place between two fingers is ever passed.
+/// The mean of the places to which the sheets send vertex `v`, taken on the surface: in the [`Picture`] about the nearer
+/// end of the chart that has most say, so that no place between two fingers is ever passed.
 fn blended(laid: &[Laid], v: usize) -> Location {
     let strongest = laid.iter().reduce(|a, b| if b.weights[v] > a.weights[v] { b } else { a });
     let Some(chart) = strongest else { return Location { triangle: 0, barycentric: [1.0, 0.0, 0.0] } };
-    let is_top = chart.images[v][1] >= 0.5 || chart.input.topology == Topology::Disc;
+    let picture = Picture::about(chart.input, chart.images[v][1]);
     let (mut sum, mut all) = ([0.0; 2], 0.0);
     for sheet in laid {
-        let [u, height] = if std::ptr::eq(sheet, chart) { chart.images[v] } else { sheet.places[v].uv(chart.input) };
-        let r = (if is_top { 1.0 - height } else { height }).max(0.0).sqrt();
-        let (sin, cos) = (std::f64::consts::TAU * u).sin_cos();
-        sum[0] += sheet.weights[v] * r * cos;
-        sum[1] += sheet.weights[v] * r * sin;
+        let uv = if std::ptr::eq(sheet, chart) { chart.images[v] } else { sheet.places[v].uv(chart.input) };
+        let [x, y] = picture.flat(uv);
+        sum[0] += sheet.weights[v] * x;
+        sum[1] += sheet.weights[v] * y;
         all += sheet.weights[v];
     }
-    let [x, y] = sum.map(|s| s / all.max(1e-300));
-    let area = (x * x + y * y).min(1.0);
-    let u = (y.atan2(x) / std::f64::consts::TAU).rem_euclid(1.0);
-    chart.index.locate(chart.input, [u, if is_top { 1.0 - area } else { area }])
+    chart.index.locate(chart.input, picture.uv(sum.map(|s| s / all.max(1e-300))))
 }
 
 fn side_at(query: &Query, poles: &[u32]) -> Result<Side, UnfoldError> {

@@ -68,22 +68,22 @@ fn reembed(mesh: &TriMesh, cross: &mut CrossMap, grounds: &[Ground], mirror: f64
         if turned.is_empty() {
             break;
         }
-        let before = cross.clone();
         let mut regions = regions(mesh, &turned, rings);
         regions.retain(|r| r.triangles.len() as f64 <= REGION_MAX * mesh.triangles.len() as f64);
+        if regions.is_empty() {
+            continue;
+        }
+        let before = cross.clone();
         for region in &regions {
             region.lay(mesh, cross, grounds);
         }
         let after = inward(mesh, cross, first.chart, mirror);
-        for region in &regions {
-            if region.count(mesh, &after) >= region.count(mesh, &turned) {
-                for &v in &region.inner {
-                    cross.locations[v as usize] = before.locations[v as usize];
-                    cross.positions[v as usize] = before.positions[v as usize];
-                }
-            }
+        regions.retain(|region| region.count(mesh, &after) >= region.count(mesh, &turned));
+        for &v in regions.iter().flat_map(|no_better| &no_better.inner) {
+            cross.locations[v as usize] = before.locations[v as usize];
+            cross.positions[v as usize] = before.positions[v as usize];
         }
-        turned = inward(mesh, cross, first.chart, mirror);
+        turned = if regions.is_empty() { after } else { inward(mesh, cross, first.chart, mirror) };
     }
     turned.len()
 }
@@ -185,7 +185,7 @@ impl Region {
     fn picture(&self, cross: &CrossMap, chart: &Chart) -> Picture {
         let height = |v: &u32| cross.locations[*v as usize].uv(chart)[1];
         let mean = self.inner.iter().map(height).sum::<f64>() / self.inner.len().max(1) as f64;
-        Picture { about_top: chart.topology == Topology::Disc || mean >= 0.5 }
+        Picture::about(chart, mean)
     }
 
     /// Mean value weights of the neighbours of each inner vertex.
@@ -218,18 +218,23 @@ fn half_tangent(p: Vec3, q: Vec3) -> f64 {
 }
 
 /// The equal-area picture about one end of a chart: r² is the share of the area nearer to that end.
-struct Picture {
+pub(super) struct Picture {
     about_top: bool,
 }
 
 impl Picture {
-    fn flat(&self, [u, v]: Uv) -> [f64; 2] {
+    /// About the end of a disc's or sphere's chart that is nearer to `v`; discs have but one.
+    pub(super) fn about(chart: &Chart, v: f64) -> Self {
+        Self { about_top: chart.topology == Topology::Disc || v >= 0.5 }
+    }
+
+    pub(super) fn flat(&self, [u, v]: Uv) -> [f64; 2] {
         let r = (if self.about_top { 1.0 - v } else { v }).max(0.0).sqrt();
         let (sin, cos) = (TAU * u).sin_cos();
         [r * cos, r * sin]
     }
 
-    fn uv(&self, [x, y]: [f64; 2]) -> Uv {
+    pub(super) fn uv(&self, [x, y]: [f64; 2]) -> Uv {
         let area = (x * x + y * y).min(1.0);
         [(y.atan2(x) / TAU).rem_euclid(1.0), if self.about_top { 1.0 - area } else { area }]
     }

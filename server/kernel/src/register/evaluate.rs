@@ -10,7 +10,6 @@
 //! the plain twin that this is tested against.
 
 use super::mls::{Domain, ROTATION_MIN, TINY, for_each_image, length, orbit_v};
-use crate::numerics::wide::{Wide, wide};
 use crate::unfold::Uv;
 
 /// Points of a row that are evaluated side by side.
@@ -40,14 +39,8 @@ pub fn psi(domain: Domain, p: &[Uv], q: &[Uv], x: Uv) -> Uv {
     [x[0] + (star[0] + r[0]) / domain.aspect, x[1] + star[1] + r[1]]
 }
 
-/// ψ(x) − x at the nodes of a grid over the domain: `columns` a row, from u = 0, `rows` of them, from v = 0, `unit`
-/// between them. What [`psi`] gives, many nodes side by side: what looking for folds evaluates.
-pub fn displacements(domain: Domain, p: &[Uv], q: &[Uv], [columns, rows]: [usize; 2], unit: f64) -> Vec<Uv> {
-    wide(Grid { domain, p, q, columns, rows, unit })
-}
-
 /// ψ(x) − x in f32 at the nodes of row `row` of a grid of `side` nodes a row: what looking for folds starts with. Only
-/// what is inlined into a [`Wide`] computation has wide vectors.
+/// what is inlined into a [`Wide`](crate::numerics::wide::Wide) computation has wide vectors.
 #[inline(always)]
 pub(super) fn roughly_moved(domain: Domain, p: &[Uv], q: &[Uv], side: usize, row: usize) -> Vec<[f32; 2]> {
     let mut all = Vec::with_capacity(side + 1);
@@ -64,7 +57,7 @@ pub(super) fn roughly_moved(domain: Domain, p: &[Uv], q: &[Uv], side: usize, row
     all
 }
 
-/// Displacements at points side by side.
+/// Displacements at points side by side, from W, D, Q and C there.
 struct Rough([[f32; LANES]; 2]);
 
 impl Rough {
@@ -80,6 +73,7 @@ impl Rough {
                     continue;
                 }
                 let to_v = (sign * q[1] + offset) as f32 - v;
+                // 0 ≤ u < 1: of the images one period apart these may be near.
                 let home = -p[0].floor();
                 for period in [home - 1.0, home, home + 1.0] {
                     let (from, to) = ((p[0] + period) as f32, (q[0] + period) as f32);
@@ -120,95 +114,6 @@ impl Rough {
     }
 }
 
-struct Grid<'a> {
-    domain: Domain,
-    p: &'a [Uv],
-    q: &'a [Uv],
-    columns: usize,
-    rows: usize,
-    unit: f64,
-}
-
-impl Wide for Grid<'_> {
-    type Output = Vec<Uv>;
-
-    #[inline(always)]
-    fn run(self) -> Vec<Uv> {
-        let Self { domain, p, q, columns, rows, unit } = self;
-        let mut all = Vec::with_capacity(columns * rows);
-        for row in 0..rows {
-            for from in (0..columns).step_by(LANES) {
-                let mut u = [0.0; LANES];
-                for k in 0..LANES {
-                    u[k] = (from + k) as f64 * unit;
-                }
-                let sums = Sums::of(domain, p, q, &u, row as f64 * unit);
-                for k in 0..LANES.min(columns - from) {
-                    all.push(sums.displacement(domain, k));
-                }
-            }
-        }
-        all
-    }
-}
-
-/// W, D, Q and C at points side by side.
-struct Sums([[f64; LANES]; 7]);
-
-impl Sums {
-    #[inline(always)]
-    fn of(domain: Domain, p: &[Uv], q: &[Uv], u: &[f64; LANES], v: f64) -> Self {
-        let mut sums = [[0.0; LANES]; 7];
-        for (p, q) in p.iter().zip(q) {
-            for [sign, offset] in orbit_v(domain.topology) {
-                let dv = sign * p[1] + offset - v;
-                let fade_v = 1.0 - dv * dv;
-                if fade_v <= 0.0 {
-                    continue;
-                }
-                let to_v = sign * q[1] + offset - v;
-                // 0 ≤ u < 1: of the images one period apart these may be near.
-                let home = -p[0].floor();
-                for period in [home - 1.0, home, home + 1.0] {
-                    let (from, to) = (p[0] + period, q[0] + period);
-                    if from - u[LANES - 1] >= 1.0 || u[0] - from >= 1.0 {
-                        continue;
-                    }
-                    for k in 0..LANES {
-                        let du = from - u[k];
-                        let fade = (1.0 - du * du).max(0.0) * fade_v;
-                        let (d, to_u) = (domain.aspect * du, domain.aspect * (to - u[k]));
-                        let w = fade * fade / (d * d + dv * dv + TINY);
-                        sums[0][k] += w;
-                        sums[1][k] += w * d;
-                        sums[2][k] += w * dv;
-                        sums[3][k] += w * to_u;
-                        sums[4][k] += w * to_v;
-                        sums[5][k] += w * (d * to_u + dv * to_v);
-                        sums[6][k] += w * (d * to_v - dv * to_u);
-                    }
-                }
-            }
-        }
-        Self(sums)
-    }
-
-    #[inline(always)]
-    fn displacement(&self, domain: Domain, k: usize) -> Uv {
-        let s = &self.0;
-        let [w, d0, d1, q0, q1, c0, c1] = [s[0][k], s[1][k], s[2][k], s[3][k], s[4][k], s[5][k], s[6][k]];
-        if w <= 0.0 {
-            return [0.0; 2];
-        }
-        let (mean, star) = ([d0 / w, d1 / w], [q0 / w, q1 / w]);
-        let m = [c0 - (mean[0] * q0 + mean[1] * q1), c1 - (mean[0] * q1 - mean[1] * q0)];
-        let size = length(m);
-        let e = if size > ROTATION_MIN { [m[0] / size, m[1] / size] } else { [1.0, 0.0] };
-        let r = [-(mean[0] * e[0] - mean[1] * e[1]), -(mean[0] * e[1] + mean[1] * e[0])];
-        [(star[0] + r[0]) / domain.aspect, star[1] + r[1]]
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -226,12 +131,13 @@ mod tests {
                 let (fast, plain) = (psi(domain, &p, &q, x), mls::psi(domain, &p, &q, x));
                 assert!((fast[0] - plain[0]).abs() < 1e-11 && (fast[1] - plain[1]).abs() < 1e-11, "{fast:?} {plain:?}");
             }
-            let grid = displacements(domain, &p, &q, [20, 21], 0.05);
-            for (k, moved) in grid.iter().enumerate() {
-                let x = [(k % 20) as f64 * 0.05, (k / 20) as f64 * 0.05];
-                let plain = mls::psi(domain, &p, &q, x);
-                let apart = [x[0] + moved[0] - plain[0], x[1] + moved[1] - plain[1]];
-                assert!(apart.iter().all(|a| a.abs() < 1e-11), "{x:?}: {apart:?}");
+            for row in 0..=20 {
+                for (k, moved) in roughly_moved(domain, &p, &q, 20, row).into_iter().enumerate() {
+                    let x = [k as f64 * 0.05, row as f64 * 0.05];
+                    let plain = mls::psi(domain, &p, &q, x);
+                    let apart = [0, 1].map(|c| x[c] + f64::from(moved[c]) - plain[c]);
+                    assert!(apart.iter().all(|a| a.abs() < 1e-5), "{x:?}: {apart:?}");
+                }
             }
             for (p_i, q_i) in p.iter().zip(&q) {
                 let y = psi(domain, &p, &q, *p_i);

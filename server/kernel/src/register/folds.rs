@@ -32,7 +32,30 @@ pub fn fold_cells(domain: Domain, p: &[Uv], q: &[Uv], side: usize) -> Vec<Uv> {
         is_turned([at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)])
     };
     let suspects = wide(Suspects { domain, p, q, side }).into_iter();
-    suspects.filter(|&cell| near(cell)).map(|[i, j]| [(i as f64 + 0.5) * unit, (j as f64 + 0.5) * unit]).collect()
+    suspects.filter(|&cell| near(cell)).map(|cell| centre(cell, unit)).collect()
+}
+
+/// Centres of the cells of a grid that the map turns over: it has `columns` nodes a row and so many `rows`, `unit` between
+/// nodes, which are moved by `displacement(column, row)`.
+#[inline(always)]
+pub fn folded(
+    columns: usize,
+    rows: usize,
+    unit: f64,
+    displacement: impl Fn(usize, usize) -> Uv,
+) -> impl Iterator<Item = Uv> {
+    let at = move |i: usize, j: usize| {
+        let d = displacement(if i == columns { 0 } else { i }, j);
+        [i as f64 * unit + d[0], j as f64 * unit + d[1]]
+    };
+    let is_folded = move |i: usize, j: usize| is_turned([at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]);
+    let cells = (0..rows.saturating_sub(1)).flat_map(move |j| (0..columns).map(move |i| (i, j)));
+    cells.filter(move |&(i, j)| is_folded(i, j)).map(move |(i, j)| centre([i, j], unit))
+}
+
+#[inline(always)]
+fn centre([i, j]: [usize; 2], unit: f64) -> Uv {
+    [(i as f64 + 0.5) * unit, (j as f64 + 0.5) * unit]
 }
 
 /// Whether either triangle of a cell with these corners, counter-clockwise, is turned over.
@@ -97,20 +120,17 @@ fn cross(a: [f32; 2], b: [f32; 2]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::register::evaluate::displacements;
     use crate::topology::Topology;
 
     /// Straight from the definition, every cell in f64.
     fn plain(domain: Domain, p: &[Uv], q: &[Uv], side: usize) -> Vec<Uv> {
         let unit = 1.0 / side as f64;
-        let moved = displacements(domain, p, q, [side, side + 1], unit);
-        let at = |i: usize, j: usize| {
-            let d = moved[j * side + i % side];
-            [i as f64 * unit + d[0], j as f64 * unit + d[1]]
+        let moved = |i: usize, j: usize| {
+            let x = [i as f64 * unit, j as f64 * unit];
+            let y = psi(domain, p, q, x);
+            [y[0] - x[0], y[1] - x[1]]
         };
-        let cells = (0..side).flat_map(|j| (0..side).map(move |i| [i, j]));
-        let folded = cells.filter(|&[i, j]| is_turned([at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]));
-        folded.map(|[i, j]| [(i as f64 + 0.5) * unit, (j as f64 + 0.5) * unit]).collect()
+        folded(side, side + 1, unit, moved).collect()
     }
 
     #[test]

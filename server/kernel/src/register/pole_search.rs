@@ -5,8 +5,6 @@
 //! Möbius transformation instead of a solve.
 //! *Source:* METHOD §2 ("pole refinement"); *ours, not the paper's.*
 
-use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap};
 use std::sync::Arc;
 
 use super::entry::Hypothesis;
@@ -15,7 +13,7 @@ use super::{Flip, Level, Registration, Solver, coarse_flip};
 use crate::encode::Encoding;
 use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
-use crate::unfold::path::for_each_spoke;
+use crate::unfold::path::within;
 
 /// Radii of the search, in √area. *Source:* METHOD §2.
 const RADII: [f64; 3] = [0.12, 0.06, 0.03];
@@ -199,32 +197,10 @@ impl<'a> Surroundings<'a> {
         Self { mesh, outgoing: mesh.outgoing(), on_boundary: mesh.boundary_vertices() }
     }
 
-    /// Vertices no further than `radius` from `centre` along edges, by number, with their distances.
-    fn within(&self, centre: u32, radius: f64) -> BTreeMap<u32, f64> {
-        let mut settled = BTreeMap::new();
-        // Positive finite floats order like their bits, so the heap needs no float wrapper.
-        let mut heap = BinaryHeap::from([Reverse((0u64, centre))]);
-        while let Some(Reverse((key, v))) = heap.pop() {
-            let d = f64::from_bits(key);
-            if d > radius {
-                break;
-            }
-            if settled.contains_key(&v) {
-                continue;
-            }
-            settled.insert(v, d);
-            for_each_spoke(self.mesh, self.outgoing[v as usize], |_, w| {
-                let step = (self.mesh.positions[w as usize] - self.mesh.positions[v as usize]).norm();
-                heap.push(Reverse(((d + step).to_bits(), w)));
-            });
-        }
-        settled
-    }
-
     /// Interior vertices at about `radius` from `centre` along edges, one in each of six directions where there is one.
     fn around(&self, centre: u32, radius: f64) -> Vec<u32> {
         let Self { mesh, on_boundary, .. } = self;
-        let reached = self.within(centre, FARTHEST * radius);
+        let reached = within(mesh, &self.outgoing, centre, FARTHEST * radius);
         let is_near = |&(v, d): &(u32, f64)| d / radius >= NEAREST && !on_boundary[v as usize];
         let candidates: Vec<(u32, f64)> = reached.into_iter().filter(is_near).collect();
         let Some(&(first, _)) = candidates.first() else { return Vec::new() };

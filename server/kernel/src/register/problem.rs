@@ -5,6 +5,7 @@
 
 use std::sync::Arc;
 
+use super::folds::folded;
 use super::image::Image;
 use super::nodes::{Displacements, Nodes};
 use super::normal::{Normal, normal};
@@ -164,27 +165,4 @@ impl Wide for Look<'_> {
         }
         Some(self.problem.look(&displacements))
     }
-}
-
-/// Centres of the cells of a grid over the domain of which a triangle is turned over: the grid has `columns` nodes a row,
-/// one row more, and `unit` between nodes, which are moved by `displacement(column, row)`. Both triangles of each cell are
-/// tested, the seam's cells included. *Source:* METHOD §5 ("folds").
-#[inline(always)]
-pub fn folded(
-    columns: usize,
-    rows: usize,
-    unit: f64,
-    displacement: impl Fn(usize, usize) -> Uv,
-) -> impl Iterator<Item = Uv> {
-    let at = move |i: usize, j: usize| {
-        let d = displacement(if i == columns { 0 } else { i }, j);
-        [i as f64 * unit + d[0], j as f64 * unit + d[1]]
-    };
-    let turned = |a: Uv, b: Uv, c: Uv| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) <= 0.0;
-    let is_folded = move |i: usize, j: usize| {
-        let (a, b, c, d) = (at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
-        turned(a, b, c) | turned(a, c, d)
-    };
-    let cells = (0..rows.saturating_sub(1)).flat_map(move |j| (0..columns).map(move |i| (i, j)));
-    cells.filter(move |&(i, j)| is_folded(i, j)).map(move |(i, j)| [(i as f64 + 0.5) * unit, (j as f64 + 0.5) * unit])
 }

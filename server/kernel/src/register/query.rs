@@ -7,7 +7,7 @@ use super::image::Image;
 use super::query_images;
 use super::trial::Trials;
 use crate::encode::index::PlanarIndex;
-use crate::encode::{Encoding, encode, encode_to};
+use crate::encode::{Encoding, SIDE_FINEST, encode, encode_to};
 use crate::topology::Patch;
 use crate::unfold::moebius::Conformal;
 use crate::unfold::{Chart, UnfoldError, UnfoldOptions, Unfolder, solve_mesh};
@@ -199,11 +199,7 @@ impl Query {
     /// # Errors
     /// [`UnfoldError`].
     pub fn unfolded_for(&self, poles: &[u32]) -> Result<Arc<Unfolded>, UnfoldError> {
-        if self.best.poles == poles {
-            return Ok(Arc::clone(&self.best));
-        }
-        let make = || Ok(Arc::new(Unfolded::new(poles, encode(&self.unfolder.chart(poles)?))));
         let most = if self.pole_sets.iter().any(|rivals| rivals == poles) { self.pole_sets.len() } else { 0 };
-        self.solved.get_or(poles, most, make)
+        self.solved.get_or(poles, most, || self.unfolded_to(poles, SIDE_FINEST))
     }
 }

@@ -15,10 +15,8 @@ use crate::encode::raster::{Shape, picture};
 use crate::encode::{Encoding, from_finest};
 use crate::mesh::tri::TriMesh;
 use crate::topology::Topology;
+use crate::unfold::area_fraction::MODULUS_SHARES;
 use crate::unfold::moebius::Conformal;
-
-/// Share of the area below which the modulus looks (spheres: and above the rest). *Source:* METHOD §2.
-const MODULUS_SHARE: f64 = 0.9;
 
 /// What all trials of a query have in common.
 #[derive(Debug)]
@@ -62,7 +60,7 @@ impl Trials {
         order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let least = order.first().map_or(0.0, |first| first.0);
         let mut v = vec![0.0; depth.len()];
-        let (mut below, mut levels) = (0.0, [(1.0 - MODULUS_SHARE, None), (MODULUS_SHARE, None)]);
+        let (mut below, mut levels) = (0.0, MODULUS_SHARES.map(|share| (share, None)));
         for &(d, vertex) in &order {
             let share = self.of_vertex[vertex as usize];
             let own = if d > least { below + 0.5 * share } else { 0.0 };

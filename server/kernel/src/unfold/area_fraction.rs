@@ -6,6 +6,9 @@
 
 use crate::mesh::tri::TriMesh;
 
+/// Shares of the area between which a sphere's modulus looks, and below the second of which a disc's does. *Source:* METHOD §2.
+pub const MODULUS_SHARES: [f64; 2] = [0.1, 0.9];
+
 /// Levels at which the area is tabulated.
 const LEVELS_MAX: usize = 4096;
 /// The same for charts of poles that are only tried, which are looked at in pictures of 64².

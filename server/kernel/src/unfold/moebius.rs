@@ -7,7 +7,7 @@
 
 use std::sync::Arc;
 
-use super::area_fraction::AreaFraction;
+use super::area_fraction::{AreaFraction, MODULUS_SHARES};
 use super::harmonic::Harmonic;
 use super::{Chart, Pole, UnfoldReport, corner_uvs};
 use crate::mesh::tri::TriMesh;
@@ -124,8 +124,8 @@ impl Conformal {
         let v: Vec<f64> = finite.iter().map(|&d| fraction.at(d)).collect();
         let tau = std::f64::consts::TAU;
         let modulus = match self.topology {
-            Topology::Sphere => (fraction.level(0.9) - fraction.level(0.1)) / tau,
-            _ => fraction.level(0.9) / tau,
+            Topology::Sphere => (fraction.level(MODULUS_SHARES[1]) - fraction.level(MODULUS_SHARES[0])) / tau,
+            _ => fraction.level(MODULUS_SHARES[1]) / tau,
         };
         let corners = (0..self.mesh.triangles.len())
             .map(|t| {

@@ -1,7 +1,7 @@
 //! Shortest edge paths, and the integer jumps across them that give u its period.
 
 use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::{BTreeMap, BinaryHeap};
 
 use crate::mesh::tri::{NONE, TriMesh, prev};
 
@@ -32,6 +32,28 @@ pub fn distances(mesh: &TriMesh, sources: &[u32]) -> (Vec<f64>, Vec<u32>) {
         });
     }
     (distance, reached_by)
+}
+
+/// Vertices no further than `radius` from `centre` along edges, by number, with their distances: a part of what
+/// [`distances`] finds, at the cost of that part. `outgoing` is [`TriMesh::outgoing`].
+pub fn within(mesh: &TriMesh, outgoing: &[u32], centre: u32, radius: f64) -> BTreeMap<u32, f64> {
+    let mut settled = BTreeMap::new();
+    let mut heap = BinaryHeap::from([Reverse((0u64, centre))]);
+    while let Some(Reverse((key, v))) = heap.pop() {
+        let d = f64::from_bits(key);
+        if d > radius {
+            break;
+        }
+        if settled.contains_key(&v) {
+            continue;
+        }
+        settled.insert(v, d);
+        for_each_spoke(mesh, outgoing[v as usize], |_, w| {
+            let step = (mesh.positions[w as usize] - mesh.positions[v as usize]).norm();
+            heap.push(Reverse(((d + step).to_bits(), w)));
+        });
+    }
+    settled
 }
 
 /// Calls `visit(halfedge, neighbour)` for each edge at the tail of `start`, counter-clockwise. The last boundary edge
@@ -104,6 +126,16 @@ pub fn jumps(mesh: &TriMesh, path: &[u32], skip: &[u32]) -> Vec<i32> {
 mod tests {
     use super::*;
     use crate::topology::tests::grid;
+
+    #[test]
+    fn what_lies_within_a_radius_is_what_is_no_further() {
+        let mesh = grid(9, 7, false, false);
+        let (all, _) = distances(&mesh, &[31]);
+        let near = within(&mesh, &mesh.outgoing(), 31, 0.4);
+        let expected = (0..all.len() as u32).filter(|&v| all[v as usize] <= 0.4).map(|v| (v, all[v as usize]));
+        assert!(near.len() > 5 && near.len() < all.len());
+        assert_eq!(near, expected.collect());
+    }
 
     #[test]
     fn jumps_close_around_every_triangle_but_wind_once_around_an_annulus() {
