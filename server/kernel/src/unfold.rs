@@ -24,7 +24,7 @@ use area_fraction::{AreaFraction, MODULUS_SHARES};
 use harmonic::{Harmonic, Solver};
 use laplacian::Laplacian;
 use moebius::Conformal;
-use pole::Smoother;
+use pole::{Breadth, Smoother};
 
 /// A point of the domain: u (period 1), v in 0–1 (tori: period 1 too).
 pub type Uv = [f64; 2];
@@ -172,9 +172,9 @@ impl Unfolder {
     ///
     /// # Errors
     /// [`UnfoldError::Solve`].
-    pub fn protrusions(&self, poles: &[u32]) -> Result<Vec<u32>, UnfoldError> {
+    pub fn protrusions(&self, poles: &[u32], breadth: Breadth) -> Result<Vec<u32>, UnfoldError> {
         match self.solver.topology {
-            Topology::Disc | Topology::Sphere => Ok(pole::protrusions(&self.solver, poles)?),
+            Topology::Disc | Topology::Sphere => Ok(pole::protrusions(&self.solver, poles, breadth)?),
             Topology::Annulus | Topology::Torus => Ok(Vec::new()),
         }
     }

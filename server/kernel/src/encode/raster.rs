@@ -24,6 +24,11 @@ pub enum Shape {
 
 /// The conformal factor of a chart at `side` × `side` pixels.
 pub fn conformal_factor(chart: &Chart, side: usize) -> Picture {
+    picture(chart.topology, side, shapes(chart))
+}
+
+/// Where each triangle of a chart lies in the domain, and its share of the surface's area.
+pub fn shapes(chart: &Chart) -> impl Iterator<Item = (Shape, f64)> + '_ {
     let areas: Vec<f64> = (0..chart.mesh.triangles.len()).map(|t| chart.mesh.area(t)).collect();
     let total: f64 = areas.iter().sum();
     let shapes = chart.mesh.triangles.iter().zip(&chart.corners).map(|(triangle, c)| {
@@ -38,7 +43,7 @@ pub fn conformal_factor(chart: &Chart, side: usize) -> Picture {
             None => Shape::Triangle(*c),
         }
     });
-    picture(chart.topology, side, shapes.zip(areas.iter().map(|area| area / total)))
+    shapes.zip(areas.into_iter().map(move |area| area / total))
 }
 
 /// The picture of shapes that have certain shares of the surface's area, at `side` × `side` pixels.

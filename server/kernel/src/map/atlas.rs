@@ -8,22 +8,27 @@
 //! Funkhouser, *Blended Intrinsic Maps* (2011). *Ours:* poles at matched tips, area-fraction coordinates.
 
 mod assignment;
+mod cap;
 mod matching;
 
+use std::ops::Range;
 use std::sync::Arc;
 
-use matching::{Matcher, Which, tip_controls};
+use cap::Course;
+use matching::{Match, Matcher, Which, tip_controls};
 
-use super::edit::{self, EditError};
+use super::edit::EditError;
 use super::reembed::{Ground, Picture};
 use super::{CrossMap, turns_over, vertex_uv};
 use crate::encode::index::{Location, PlanarIndex};
 use crate::encode::{Encoding, encode_to};
 use crate::mesh::Vec3;
 use crate::mesh::tri::{NONE, TriMesh};
+use crate::numerics::side_by_side;
 use crate::register::entry::PROTRUSIONS_MANY;
 use crate::register::{Flip, Level, Query, Registration, Solver, coarse_flip, query_images};
 use crate::topology::Topology;
+use crate::unfold::pole::Breadth;
 use crate::unfold::{Chart, UnfoldError, Uv};
 
 /// Level to which charts are registered.
@@ -32,6 +37,8 @@ const CHART_SIDE: usize = 128;
 const TIPS_MIN: usize = PROTRUSIONS_MANY;
 /// A match that costs more is none.
 const MATCH_COST_MAX: f64 = 1.5;
+/// A match of more tips is taken if it costs no more than this factor of one of fewer.
+const FINER_WITHIN: f64 = 1.02;
 /// How fast a chart's say falls with its compression.
 const BLEND_POWER: f64 = 2.0;
 
@@ -49,7 +56,7 @@ struct Sheet {
     input: Arc<Chart>,
     /// The planar index of `input`.
     index: PlanarIndex,
-    registration: Registration,
+    course: Course,
 }
 
 /// A map made of several charts.
@@ -74,32 +81,49 @@ impl Atlas {
         example: &Query,
         query: &Query,
         solver: &dyn Solver,
-        stop: &dyn Fn() -> bool,
+        stop: &(dyn Fn() -> bool + Sync),
     ) -> Result<Option<Self>, UnfoldError> {
         let topology = example.encoding().topology;
-        let tips = (example.protrusions(), query.protrusions());
         let wanted = matches!(topology, Topology::Disc | Topology::Sphere) && topology == query.encoding().topology;
-        if !wanted || tips.0.len() < TIPS_MIN || tips.1.len() < TIPS_MIN {
+        let few = |breadth: Breadth| [example, query].iter().any(|side| side.tips(breadth).len() < TIPS_MIN);
+        if !wanted || few(Breadth::Limbs) {
             return Ok(None);
         }
-        let matcher = Matcher::new(example, query, solver, stop);
-        let Some(found) = matcher.best() else { return Ok(None) };
-        if found.assignment.pairs.len() < TIPS_MIN || found.cost > MATCH_COST_MAX {
-            return Ok(None);
+        let by = |breadth: Breadth| {
+            let matcher = Matcher::new(example, query, breadth, solver, stop);
+            let found = matcher.best()?;
+            (found.assignment.pairs.len() >= TIPS_MIN && found.cost <= MATCH_COST_MAX).then_some((matcher, found))
+        };
+        let mut best = by(Breadth::Limbs);
+        let more = [example, query].iter().any(|side| side.tips(Breadth::Fingers) != side.tips(Breadth::Limbs));
+        if more && !few(Breadth::Fingers) {
+            let cost = |found: &Option<(Matcher, Match)>| found.as_ref().map_or(f64::INFINITY, |(_, found)| found.cost);
+            let finer = by(Breadth::Fingers);
+            let pairs =
+                |found: &Option<(Matcher, Match)>| found.as_ref().map_or(0, |(_, found)| found.assignment.pairs.len());
+            if pairs(&finer) > pairs(&best) && cost(&finer) < FINER_WITHIN * cost(&best) {
+                best = finer;
+            }
         }
+        let Some((matcher, found)) = best else { return Ok(None) };
         let matches = matcher.vertices(&found.assignment.pairs);
         let flip = found.flip;
-        let mut sheets = Vec::new();
-        for k in 0..matches.len() {
-            if stop() {
-                return Ok(None);
-            }
-            let (one, two) = (
-                matcher.poles_at(&found.assignment.pairs, k, Which::Example),
-                matcher.poles_at(&found.assignment.pairs, k, Which::Query),
-            );
-            let (one, two) = (side_at(example, &one)?, side_at(query, &two)?);
-            sheets.push(Sheet::new(one, two, &matches, flip, solver, stop));
+        let poles_at =
+            |k: usize| [Which::Example, Which::Query].map(|which| matcher.poles_at(&found.assignment.pairs, k, which));
+        let poles: Vec<[Vec<u32>; 2]> = (0..matches.len()).map(poles_at).collect();
+        let sheet = |k: usize| {
+            let (one, two) = (side_at(example, &poles[k][0])?, side_at(query, &poles[k][1])?);
+            Ok(Sheet::new(one, two, &matches, flip, solver, stop))
+        };
+        let some = |range: Range<usize>| -> Result<Vec<Sheet>, UnfoldError> {
+            range.take_while(|_| !stop()).map(sheet).collect()
+        };
+        let (half, all) = (matches.len() / 2, matches.len());
+        let (first, second) = side_by_side(|| some(0..half), || some(half..all));
+        let mut sheets = first?;
+        sheets.extend(second?);
+        if stop() {
+            return Ok(None);
         }
         Ok(Some(Self { sheets, matches, mirrored: found.flip.is_mirror(), cost: found.cost }))
     }
@@ -137,9 +161,9 @@ impl Atlas {
             let pressed = |k: &usize| corners.iter().map(|&v| compressions[*k][v as usize]).sum::<f64>();
             let sheet = (0..self.sheets.len()).min_by(|a, b| pressed(a).total_cmp(&pressed(b)));
             let Some(sheet) = sheet.and_then(|k| self.sheets.get(k)) else { continue };
-            let (registration, chart) = (&sheet.registration, &sheet.example);
-            let image = |v: u32| registration.map(chart.topology, chart.uv[v as usize]);
-            if turns_over(registration.flip, chart, image, corners) {
+            let (course, chart) = (&sheet.course, &sheet.example);
+            let image = |v: u32| course.map(chart.topology, chart.uv[v as usize]);
+            if turns_over(course.registration.flip, chart, image, corners) {
                 folded.push(mesh.polygon_of[t]);
             }
         }
@@ -155,7 +179,7 @@ impl Atlas {
 
     /// Mean of the charts' E / variance.
     pub fn mean_cost(&self) -> f64 {
-        let cost = |s: &Sheet| s.registration.energy / s.registration.variance.max(1e-300);
+        let cost = |s: &Sheet| s.course.registration.energy / s.course.registration.variance.max(1e-300);
         self.sheets.iter().map(cost).sum::<f64>() / self.sheets.len().max(1) as f64
     }
 
@@ -184,8 +208,8 @@ impl<'a> Laid<'a> {
     /// The first `n` vertices.
     fn new(sheet: &'a Sheet, constraints: &[(Location, Location)], n: usize) -> Result<Self, EditError> {
         let index = &sheet.index;
-        let registration = sheet.constrained(constraints)?;
-        let image = |v: usize| registration.map(sheet.example.topology, vertex_uv(&sheet.example, v));
+        let course = sheet.constrained(constraints)?;
+        let image = |v: usize| course.map(sheet.example.topology, vertex_uv(&sheet.example, v));
         let images: Vec<Uv> = (0..n).map(image).collect();
         let places = images.iter().map(|&uv| index.locate(&sheet.input, uv)).collect();
         let weights = compression(&sheet.example)[..n].iter().map(|c| c.powf(-BLEND_POWER)).collect();
@@ -230,6 +254,7 @@ impl Sheet {
         stop: &dyn Fn() -> bool,
     ) -> Self {
         let mut pairs = tip_controls(matches, flip, &one, &two);
+        let others = pairs.clone();
         unwrap_shifts(&mut pairs);
         let images = query_images(&two.encoding, CHART_SIDE);
         let mut registration = match pairs.is_empty() {
@@ -249,23 +274,24 @@ impl Sheet {
         }
         let identity = || Registration::from_controls(flip, vec![[0.5, 0.5]], vec![[0.5, 0.5]]);
         let index = PlanarIndex::new(&two.chart);
-        Self { example: one.chart, input: two.chart, index, registration: registration.unwrap_or_else(identity) }
+        let registration = registration.unwrap_or_else(identity);
+        let course = Course::new(registration, [&one.chart, &two.chart], &others, solver, stop);
+        Self { example: one.chart, input: two.chart, index, course }
     }
 }
 
 impl Sheet {
-    /// The registration with further constraints; refused where they fold it.
-    fn constrained(&self, constraints: &[(Location, Location)]) -> Result<Registration, EditError> {
-        let mut registration = self.registration.clone();
+    /// The map with further constraints; refused where they fold it.
+    fn constrained(&self, constraints: &[(Location, Location)]) -> Result<Course, EditError> {
+        let mut course = self.course.clone();
         let topology = self.example.topology;
         for (on_example, on_input) in constraints {
-            let (p, q) = (on_example.uv(&self.example), on_input.uv(&self.input));
-            edit::set(&mut registration, topology, None, p, q)?;
+            course.constrain(topology, on_example.uv(&self.example), on_input.uv(&self.input))?;
         }
         if !constraints.is_empty() {
-            edit::check_folds(&registration, topology)?;
+            course.check_folds(topology)?;
         }
-        Ok(registration)
+        Ok(course)
     }
 }
 

@@ -10,6 +10,7 @@ use crate::encode::index::PlanarIndex;
 use crate::encode::{Encoding, SIDE_FINEST, encode, encode_to};
 use crate::topology::Patch;
 use crate::unfold::moebius::Conformal;
+use crate::unfold::pole::Breadth;
 use crate::unfold::{Chart, UnfoldError, UnfoldOptions, Unfolder, solve_mesh};
 
 /// Unfoldings for poles that were tried which are kept, some 100 KiB each.
@@ -75,7 +76,8 @@ pub struct Query {
     pub chart: Arc<Chart>,
     best: Arc<Unfolded>,
     index: OnceLock<PlanarIndex>,
-    protrusions: OnceLock<Vec<u32>>,
+    limbs: OnceLock<Vec<u32>>,
+    fingers: OnceLock<Vec<u32>>,
     /// From which the unfoldings for other poles follow; `None` where poles are fixed.
     conformal: Option<Conformal>,
     candidates: OnceLock<Vec<Arc<Unfolded>>>,
@@ -103,7 +105,8 @@ impl Query {
             chart: Arc::new(chart),
             best,
             index: OnceLock::new(),
-            protrusions: OnceLock::new(),
+            limbs: OnceLock::new(),
+            fingers: OnceLock::new(),
             conformal,
             candidates: OnceLock::new(),
             trials: OnceLock::new(),
@@ -139,7 +142,16 @@ impl Query {
 
     /// Tips of the surface's protrusions, most prominent first.
     pub fn protrusions(&self) -> &[u32] {
-        self.protrusions.get_or_init(|| self.unfolder.protrusions(&self.best.poles).unwrap_or_default())
+        self.tips(Breadth::Limbs)
+    }
+
+    /// The same, of protrusions of some breadth.
+    pub fn tips(&self, breadth: Breadth) -> &[u32] {
+        let kept = match breadth {
+            Breadth::Limbs => &self.limbs,
+            Breadth::Fingers => &self.fingers,
+        };
+        kept.get_or_init(|| self.unfolder.protrusions(&self.best.poles, breadth).unwrap_or_default())
     }
 
     /// The query's encoding with its best pole.

@@ -33,7 +33,7 @@ pub enum Termination {
 }
 
 /// A minimiser of the registration energy.
-pub trait Solver {
+pub trait Solver: Sync {
     /// Moves `q` to lower E; polls `stop` once an iteration. Returns E and why it stopped.
     fn solve(&self, problem: &Problem, q: &mut Vec<Uv>, stop: &dyn Fn() -> bool) -> (f64, Termination);
 }

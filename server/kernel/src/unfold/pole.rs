@@ -16,8 +16,9 @@ use crate::topology::Topology;
 
 /// Smoothing time in units of the area: features smaller than 15 % of √area do not move the pole.
 const SMOOTHING: f64 = 0.15 * 0.15;
-/// Smoothing time for tips: a finger is some 7 % of √area wide.
-const TIP_SMOOTHING: f64 = 0.04 * 0.04;
+/// Smoothing times for tips: a hand's finger or an animal's leg is some 7 % of √area wide, a whole body's finger 2 %.
+const LIMB_SMOOTHING: f64 = 0.04 * 0.04;
+const FINGER_SMOOTHING: f64 = 0.025 * 0.025;
 /// Rise of log √(A₃/A₂) that makes a tip: a tube half as long as its circumference.
 const PROMINENCE: f64 = 1.5;
 /// Tips kept at most.
@@ -28,6 +29,16 @@ const CANDIDATES_MAX: usize = 3;
 const RIVAL_RADIUS: f64 = 0.75;
 /// Sweeps towards the intrinsic diameter of a closed surface.
 const DIAMETER_SWEEPS: usize = 4;
+
+/// How broad the protrusions are whose tips are sought. Finer smoothing finds more of them, but not as surely: the top
+/// of a head moves to an ear.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Breadth {
+    /// Legs, and the fingers of a hand.
+    Limbs,
+    /// The fingers of a body too.
+    Fingers,
+}
 
 /// Poles of a disc, best first.
 pub fn disc_candidates(solver: &Solver, smoother: &Smoother) -> Vec<u32> {
@@ -49,10 +60,14 @@ pub fn disc_candidates(solver: &Solver, smoother: &Smoother) -> Vec<u32> {
 ///
 /// # Errors
 /// [`SolveError`] when a system cannot be factored.
-pub fn protrusions(solver: &Solver, poles: &[u32]) -> Result<Vec<u32>, SolveError> {
+pub fn protrusions(solver: &Solver, poles: &[u32], breadth: Breadth) -> Result<Vec<u32>, SolveError> {
+    let time = match breadth {
+        Breadth::Limbs => LIMB_SMOOTHING,
+        Breadth::Fingers => FINGER_SMOOTHING,
+    };
     let harmonic = solver.v(poles);
     let raw = log_scale(solver, &harmonic, poles);
-    let smooth = Smoother::new(&solver.laplacian, TIP_SMOOTHING)?.smooth(&solver.laplacian, &raw);
+    let smooth = Smoother::new(&solver.laplacian, time)?.smooth(&solver.laplacian, &raw);
     let mut tips = prominent_maxima(&solver.mesh, &smooth, PROMINENCE);
     tips.retain(|&v| !solver.on_boundary[v as usize]);
     tips.truncate(TIPS_MAX);

@@ -16,6 +16,7 @@ use crate::register::solve::Rigid;
 use crate::register::{Flip, Level, Query, Registration, Solver, query_images};
 use crate::topology::Topology;
 use crate::unfold::Uv;
+use crate::unfold::pole::Breadth;
 
 /// Level at which matches are compared.
 const MATCH_SIDE: usize = 32;
@@ -52,6 +53,7 @@ pub(super) enum Which {
 pub(super) struct Matcher<'a> {
     example: &'a Query,
     query: &'a Query,
+    breadth: Breadth,
     solver: &'a dyn Solver,
     stop: &'a dyn Fn() -> bool,
     /// Distances between tips along each surface, in √area; of discs the boundary comes last.
@@ -66,17 +68,20 @@ impl<'a> Matcher<'a> {
     pub(super) fn new(
         example: &'a Query,
         query: &'a Query,
+        breadth: Breadth,
         solver: &'a dyn Solver,
         stop: &'a dyn Fn() -> bool,
     ) -> Self {
+        let sides = [example, query];
         Self {
             example,
             query,
+            breadth,
             solver,
             stop,
-            between: [distances_between(example), distances_between(query)],
-            tips: [example, query].map(|side| side.protrusions().len()),
-            angles: [angles_between(example), angles_between(query)],
+            between: sides.map(|side| distances_between(side, side.tips(breadth))),
+            tips: sides.map(|side| side.tips(breadth).len()),
+            angles: sides.map(|side| angles_between(side, side.tips(breadth))),
         }
     }
 
@@ -219,8 +224,8 @@ impl<'a> Matcher<'a> {
 
     fn tip(&self, which: Which, k: usize) -> u32 {
         match which {
-            Which::Example => self.example.protrusions()[k],
-            Which::Query => self.query.protrusions()[k],
+            Which::Example => self.example.tips(self.breadth)[k],
+            Which::Query => self.query.tips(self.breadth)[k],
         }
     }
 
@@ -257,7 +262,7 @@ impl<'a> Matcher<'a> {
 
     /// Matched tips as vertices of the two meshes.
     pub(super) fn vertices(&self, pairs: &[(usize, usize)]) -> Vec<(u32, u32)> {
-        let (one, two) = (self.example.protrusions(), self.query.protrusions());
+        let (one, two) = (self.example.tips(self.breadth), self.query.tips(self.breadth));
         pairs.iter().map(|&(a, b)| (one[a], two[b])).collect()
     }
 }
@@ -279,8 +284,7 @@ pub(super) fn tip_controls(matches: &[(u32, u32)], flip: Flip, one: &Side, two: 
         .collect()
 }
 
-fn angles_between(side: &Query) -> Vec<f64> {
-    let tips = side.protrusions();
+fn angles_between(side: &Query, tips: &[u32]) -> Vec<f64> {
     let disc = side.encoding().topology == Topology::Disc;
     let mut all = Vec::with_capacity(tips.len().pow(3));
     for &p in tips {
@@ -292,11 +296,10 @@ fn angles_between(side: &Query) -> Vec<f64> {
     all
 }
 
-fn distances_between(side: &Query) -> Vec<Vec<f64>> {
+fn distances_between(side: &Query, tips: &[u32]) -> Vec<Vec<f64>> {
     let mesh = side.unfolder().mesh();
     let marcher = Marcher::new(mesh);
     let scale = mesh.total_area().sqrt();
-    let tips = side.protrusions();
     let mut rows: Vec<Vec<f64>> = Vec::new();
     for &tip in tips {
         let d = marcher.distances(&[tip]);

@@ -76,7 +76,7 @@ impl Registered {
         &self,
         example: &Side,
         query: &Side,
-        stop: &dyn Fn() -> bool,
+        stop: &(dyn Fn() -> bool + Sync),
     ) -> Result<Option<&Atlas>, EngineError> {
         if self.atlas.get().is_none() {
             let (one, two) = (fresh(&example.encoded.encoding)?, fresh(&query.encoded.encoding)?);
