@@ -5,6 +5,7 @@ use super::fit::Measured;
 use super::glue::{Glued, Misfit, glue, rims};
 use super::layout::{Arc, Layout, layout};
 use super::net::Net;
+use super::open::open_flat;
 use super::plan::{Side, plan};
 use super::resolve::{self, Resolved, resolve};
 use super::rim::{Rim, Way as Turned, even_out};
@@ -34,6 +35,15 @@ const ATTEMPTS_MAX: usize = 24;
 /// A face of less than this share of the mean area has none, where a mesh is refused for such.
 const FLAT_SHARE: f64 = 1e-4;
 
+/// What lengths are measured by.
+#[derive(Clone, Copy, Debug)]
+pub struct Scale {
+    /// Area of the whole input.
+    pub area: f64,
+    /// Diagonal of its bounding box.
+    pub diagonal: f64,
+}
+
 pub(super) struct Stitching<'a> {
     input: Input<'a>,
     pub(super) options: Options,
@@ -41,20 +51,25 @@ pub(super) struct Stitching<'a> {
     pub(super) shape: Shape,
     pub(super) target: Target,
     pub(super) measured: Measured,
-    pub(super) diagonal: f64,
+    pub(super) scale: Scale,
 }
 
 impl<'a> Stitching<'a> {
-    pub(super) fn new(input: Input<'a>, options: Options) -> Self {
+    /// For an input that is measured by a scale: its own, or that of what it is a component of.
+    pub(super) fn new(input: Input<'a>, options: Options, scale: Scale) -> Self {
         Self {
             layout: layout(input.surface, input.owner, input.count),
             shape: Shape::of(input.surface),
             target: Target::new(input.surface),
             measured: Measured::new(input.surface),
-            diagonal: check::diagonal(&input.surface.positions),
+            scale,
             input,
             options,
         }
+    }
+
+    pub(super) fn segments(&self) -> usize {
+        self.input.count
     }
 
     pub(super) fn surface(&self) -> &'a TriMesh {
@@ -126,7 +141,7 @@ impl<'a> Stitching<'a> {
     /// For each segment the length of the edges of a regular layout: the mean of those on the boundaries of the parts
     /// beside it, within bounds.
     fn edges_beside(&self, nets: &[Net]) -> Vec<f64> {
-        let overall = (self.surface().total_area() / REGULAR_QUADS).sqrt() * self.options.edge_scale;
+        let overall = (self.scale.area / REGULAR_QUADS).sqrt() * self.options.edge_scale;
         let border: Vec<Option<f64>> = nets.iter().map(border_edge).collect();
         (0..nets.len() as u32)
             .map(|segment| {
@@ -163,7 +178,7 @@ impl<'a> Stitching<'a> {
     /// Whether what stands on a segment misses it by more than `allowed`, a share of the diagonal of the input.
     fn misses(&self, site: &Site<'_>, allowed: f64) -> bool {
         let (mesh, _) = site.net.clone().into_mesh();
-        Measured::new(&site.surface(self.surface())).fit(&mesh).worst() > allowed * self.diagonal
+        Measured::new(&site.surface(self.surface())).fit(&mesh).worst() > allowed * self.scale.diagonal
     }
 
     /// The example that has the fewest edges for those of the example on the other side of a seam, if it is too few.
@@ -275,7 +290,7 @@ impl<'a> Stitching<'a> {
     fn by_surgery(&self, mut glued: Glued, free: Vec<bool>) -> Result<(PolyMesh, Resolved), Unfinished> {
         let resolved = resolve(&mut glued.net);
         glued.seam.extend(&resolved.touched);
-        let mut tidy = Tidy { net: glued.net.clone(), free, target: &self.target, touched: glued.seam.clone() };
+        let mut tidy = Tidy::new(glued.net.clone(), free, &self.target, glued.seam.clone());
         let tidied = if tidy.run() > 0 { self.finished(tidy.net, &tidy.touched).ok() } else { None };
         let mesh = tidied.map_or_else(|| self.finished(glued.net, &glued.seam), Ok)?;
         Ok((mesh, resolved))
@@ -298,7 +313,8 @@ impl<'a> Stitching<'a> {
     fn finished(&self, mut net: Net, touched: &[u32]) -> Result<PolyMesh, Unfinished> {
         let (mesh, _) = net.clone().into_mesh();
         check::check_structure(&mesh, self.shape).map_err(|_| Unfinished::Structure)?;
-        let plan = Plan::new(&net, touched);
+        let laid = net.positions.clone();
+        let mut plan = Plan::new(&net, touched);
         for &v in touched {
             if !net.at(v).is_empty() && !net.on_boundary(v) {
                 net.positions[v as usize] = self.target.onto_surface(net.positions[v as usize]);
@@ -307,12 +323,23 @@ impl<'a> Stitching<'a> {
         if check(&net.clone().into_mesh().0, self.shape).is_err() {
             self.open_flat_faces(&mut net);
         }
-        for rounds in [OPENING_ROUNDS + self.options.smoothing, OPENING_ROUNDS, 4 * OPENING_ROUNDS] {
-            plan.run(&mut net, &self.target, rounds);
-            let (mesh, _) = net.clone().into_mesh();
-            if check(&mesh, self.shape).is_ok() {
-                return Ok(mesh);
+        let rounds = OPENING_ROUNDS + self.options.smoothing;
+        plan.run(&mut net, &self.target, rounds);
+        let (mesh, _) = net.clone().into_mesh();
+        if check(&mesh, self.shape).is_ok() {
+            return Ok(mesh);
+        }
+        // Smoothed, vertices on a jagged border run together in its corners: there they stay as they were laid.
+        plan.hold_border();
+        for (v, &p) in laid.iter().enumerate() {
+            if net.on_boundary(v as u32) {
+                net.positions[v] = p;
             }
+        }
+        plan.run(&mut net, &self.target, rounds);
+        let (mesh, _) = net.clone().into_mesh();
+        if check(&mesh, self.shape).is_ok() {
+            return Ok(mesh);
         }
         self.open_flat_faces(&mut net);
         let (mesh, _) = net.into_mesh();
@@ -334,28 +361,9 @@ impl<'a> Stitching<'a> {
         segments
     }
 
-    /// Draws the corners of faces without area to the middle of their neighbours, off the input if need be.
+    /// Opens faces without area, off the input if need be.
     pub(super) fn open_flat_faces(&self, net: &mut Net) {
-        let least = FLAT_SHARE * self.surface().total_area() / net.faces().count().max(1) as f64;
-        for _ in 0..OPENING_ROUNDS {
-            let area = |c: &[u32]| match *c {
-                [a, b, c, d] => check::quad_area([a, b, c, d].map(|v| net.positions[v as usize])),
-                _ => f64::INFINITY,
-            };
-            let mut flat: Vec<u32> =
-                net.faces().filter(|(_, c)| area(c) <= least).flat_map(|(_, c)| c.to_vec()).collect();
-            if flat.is_empty() {
-                return;
-            }
-            flat.sort_unstable();
-            flat.dedup();
-            flat.retain(|&v| !net.on_boundary(v));
-            for v in flat {
-                let around = net.neighbours(v);
-                let mean = around.iter().map(|&w| net.positions[w as usize]).sum::<Vec3>() / around.len().max(1) as f64;
-                net.positions[v as usize] = 0.5 * (net.positions[v as usize] + mean);
-            }
-        }
+        open_flat(net, FLAT_SHARE * self.surface().total_area() / net.faces().count().max(1) as f64);
     }
 
     /// What each segment came to.

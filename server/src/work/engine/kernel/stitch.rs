@@ -88,7 +88,7 @@ fn tell(report: &Report, quads: usize, notes: &mut Vec<String>) {
             list(&report.replaced)
         ));
     }
-    if !report.own.is_empty() {
+    if !report.own.is_empty() && report.way != Way::InputSubdivided {
         notes.push(format!("of these segments the input's own triangles were cut into quads: {}", list(&report.own)));
     }
     match report.way {
