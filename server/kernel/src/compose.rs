@@ -11,6 +11,7 @@ pub mod check;
 pub mod fit;
 mod following;
 pub mod glue;
+pub mod ground;
 pub mod layout;
 pub mod net;
 pub mod open;
@@ -50,7 +51,7 @@ const REGULAR_QUADS: f64 = 4000.0;
 pub struct Input<'a> {
     /// The surface.
     pub surface: &'a TriMesh,
-    /// Segment of each triangle.
+    /// Segment of each triangle; a triangle of none of them is left out.
     pub owner: &'a [u32],
     /// Number of segments.
     pub count: usize,
@@ -59,8 +60,11 @@ pub struct Input<'a> {
 /// What is brought for a segment.
 #[derive(Clone, Copy, Debug)]
 pub enum Piece<'a> {
-    /// A mapped example.
+    /// A mapped example, subdivided where it misses the input if that is asked for.
     Mapped(&'a PolyMesh),
+    /// A mapped example that was chosen for its layout: it is subdivided only where it can't be joined otherwise, and so
+    /// is the whole.
+    Kept(&'a PolyMesh),
     /// Its chart, for a regular layout.
     Regular(&'a Chart, &'a PlanarIndex),
     /// Nothing: a regular layout, or where it can't be unfolded its own triangles.
@@ -188,7 +192,7 @@ pub fn compose(
     if input.owner.len() != input.surface.triangles.len() {
         return Err(ComposeError::Owners { expected: input.surface.triangles.len(), found: input.owner.len() });
     }
-    let scale = apart::scale(input.surface);
+    let scale = apart::scale(&apart::owned(input));
     let mut made = Vec::new();
     for component in apart::apart(input) {
         let of_it: Vec<Piece<'_>> = component.segments.iter().map(|&s| pieces[s]).collect();
@@ -196,7 +200,7 @@ pub fn compose(
     }
     let (mesh, mut report) = apart::together(made, pieces.len());
     report.extraordinary_after = extraordinary(&mesh);
-    let fit = Measured::new(input.surface).fit(&mesh);
+    let fit = Measured::new(&apart::owned(input)).fit(&mesh);
     report.fit = Fit { out: fit.out / scale.diagonal, back: fit.back / scale.diagonal };
     Ok(Composed { mesh, report })
 }

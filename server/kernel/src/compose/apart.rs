@@ -6,6 +6,7 @@ use super::{Composed, Input, Report, Way, check};
 use crate::mesh::PolyMesh;
 use crate::mesh::tri::TriMesh;
 use crate::topology::{components, submesh};
+use std::borrow::Cow;
 
 /// Some components of an input, with the segments on them.
 #[derive(Clone, Debug)]
@@ -26,7 +27,7 @@ impl Component {
 }
 
 /// The components of an input, in the order of their lowest triangles; those on which one segment lies together stay
-/// together. Segments without a triangle belong to none.
+/// together. Triangles of no segment belong to none, nor do segments without a triangle.
 pub fn apart(input: Input<'_>) -> Vec<Component> {
     let (component_of, count) = components(input.surface);
     // Which components are one, by the segments that they share.
@@ -46,10 +47,22 @@ pub fn apart(input: Input<'_>) -> Vec<Component> {
     }
     let mut triangles: Vec<Vec<u32>> = vec![Vec::new(); count];
     for (t, &c) in component_of.iter().enumerate() {
-        triangles[find(&root, c as usize)].push(t as u32);
+        if (input.owner[t] as usize) < input.count {
+            triangles[find(&root, c as usize)].push(t as u32);
+        }
     }
     triangles.retain(|list| !list.is_empty());
     triangles.iter().map(|list| component(input, list)).collect()
+}
+
+/// The triangles that belong to segments.
+pub fn owned(input: Input<'_>) -> Cow<'_, TriMesh> {
+    let is_owned = |t: &u32| (input.owner[*t as usize] as usize) < input.count;
+    let triangles: Vec<u32> = (0..input.owner.len() as u32).filter(is_owned).collect();
+    if triangles.len() == input.owner.len() {
+        return Cow::Borrowed(input.surface);
+    }
+    Cow::Owned(submesh(input.surface, &triangles).0)
 }
 
 fn component(input: Input<'_>, triangles: &[u32]) -> Component {

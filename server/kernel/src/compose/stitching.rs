@@ -118,7 +118,7 @@ impl<'a> Stitching<'a> {
             .iter()
             .enumerate()
             .map(|(s, piece)| match piece {
-                Piece::Mapped(mesh) => self.prepared(s, mesh),
+                Piece::Mapped(mesh) | Piece::Kept(mesh) => self.prepared(s, mesh),
                 Piece::Regular(..) | Piece::Nothing => Net::default(),
             })
             .collect();
@@ -157,28 +157,49 @@ impl<'a> Stitching<'a> {
             .collect()
     }
 
-    /// Subdivides examples that miss their segment, and those much coarser than the examples beside them.
+    /// Subdivides examples until together they follow their segments, and those much coarser than the examples beside them.
     fn refine_coarse_parts(&self, sites: &mut [Site<'_>]) {
         let may = |site: &Site<'_>| {
-            site.stands == Use::Part && site.times < 2 && 4 * site.net.faces().count() <= PART_QUADS_MAX
+            site.stands == Use::Part
+                && !site.is_kept()
+                && site.times < 2
+                && 4 * site.net.faces().count() <= PART_QUADS_MAX
         };
-        let most = allowed(sites);
         if self.options.closeness == Closeness::Followed {
-            for site in sites.iter_mut() {
-                while may(site) && self.misses(site, most) {
-                    site.refine(&self.target);
-                }
-            }
+            self.refine_where_it_helps(sites, &may);
         }
         while let Some(s) = self.coarsest_beside_finer(sites, &may) {
             sites[s].refine(&self.target);
         }
     }
 
-    /// Whether what stands on a segment misses it by more than `allowed`, a share of the diagonal of the input.
-    fn misses(&self, site: &Site<'_>, allowed: f64) -> bool {
-        let (mesh, _) = site.net.clone().into_mesh();
-        Measured::new(&site.surface(self.surface())).fit(&mesh).worst() > allowed * self.scale.diagonal
+    /// While examples miss their segments by more than is allowed on average over the area, that is subdivided next whose
+    /// faces miss most: Σ A_s m_s > m Σ A_s, and A_s m_s/F_s is the largest.
+    fn refine_where_it_helps(&self, sites: &mut [Site<'_>], may: &dyn Fn(&Site<'_>) -> bool) {
+        let most = if matches!(sites, [_]) { KEPT_MISS_MAX } else { MISS_MAX } * self.scale.diagonal;
+        let grounds: Vec<Option<(Measured, f64)>> = sites
+            .iter()
+            .map(|site| {
+                let is_asked = site.stands == Use::Part && !site.is_kept();
+                let surface = is_asked.then(|| site.surface(self.surface()))?;
+                Some((Measured::new(&surface), surface.total_area()))
+            })
+            .collect();
+        let missed = |site: &Site<'_>, ground: &Option<(Measured, f64)>| {
+            let (measured, area) = ground.as_ref()?;
+            Some(area * measured.fit(&site.net.clone().into_mesh().0).worst())
+        };
+        let area: f64 = grounds.iter().flatten().map(|ground| ground.1).sum();
+        let mut misses: Vec<Option<f64>> = sites.iter().zip(&grounds).map(|(site, g)| missed(site, g)).collect();
+        while misses.iter().flatten().sum::<f64>() > most * area {
+            let worth = |s: usize| {
+                let of_it = misses[s].filter(|_| may(&sites[s]))?;
+                Some((of_it / sites[s].net.faces().count().max(1) as f64, s))
+            };
+            let Some((_, next)) = (0..sites.len()).filter_map(worth).max_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+            sites[next].refine(&self.target);
+            misses[next] = missed(&sites[next], &grounds[next]);
+        }
     }
 
     /// The example that has the fewest edges for those of the example on the other side of a seam, if it is too few.
@@ -371,7 +392,7 @@ impl<'a> Stitching<'a> {
         report.subdivided = sites.iter().map(|site| site.subdivided).collect();
         for (s, (site, piece)) in sites.iter().zip(pieces).enumerate() {
             match (site.stands, piece) {
-                (Use::Regular, Piece::Mapped(_)) => report.replaced.push(s),
+                (Use::Regular, Piece::Mapped(_) | Piece::Kept(_)) => report.replaced.push(s),
                 (Use::Own, _) => report.own.push(s),
                 _ => {}
             }
@@ -387,6 +408,7 @@ impl<'a> Stitching<'a> {
 /// By how much what stands on the segments may miss the input, as a share of its diagonal.
 fn allowed(sites: &[Site<'_>]) -> f64 {
     match sites {
+        _ if sites.iter().any(Site::is_kept) => f64::INFINITY,
         [site] if site.stands == Use::Part => KEPT_MISS_MAX,
         _ => MISS_MAX,
     }
