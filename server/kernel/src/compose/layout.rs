@@ -152,17 +152,22 @@ impl Curve {
         (best.0, best.1.sqrt())
     }
 
-    /// The point at a length from the start.
-    pub fn point(&self, s: f64) -> Vec3 {
+    /// The edge at a length from the start, and which share of it lies before; `None` for a curve without points.
+    pub fn place(&self, s: f64) -> Option<(usize, f64)> {
         let n = self.points.len();
         if n == 0 {
-            return Vec3::zeros();
+            return None;
         }
         let s = if self.length() > 0.0 { s.rem_euclid(self.length()) } else { 0.0 };
         let k = self.along.partition_point(|&x| x <= s).clamp(1, n) - 1;
         let step = self.along[k + 1] - self.along[k];
-        let t = if step > 0.0 { (s - self.along[k]) / step } else { 0.0 };
-        self.points[k] + (self.points[(k + 1) % n] - self.points[k]) * t
+        Some((k, if step > 0.0 { (s - self.along[k]) / step } else { 0.0 }))
+    }
+
+    /// The point at a length from the start.
+    pub fn point(&self, s: f64) -> Vec3 {
+        let Some((k, t)) = self.place(s) else { return Vec3::zeros() };
+        self.points[k] + (self.points[(k + 1) % self.points.len()] - self.points[k]) * t
     }
 }
 

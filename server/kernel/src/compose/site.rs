@@ -205,8 +205,7 @@ impl<'a> Site<'a> {
         let mut ends: [Option<Vec<f64>>; 2] = [None, None];
         for (l, (curve, runs)) in curves.iter().zip(places).enumerate() {
             let rim = rim_of(curve, runs);
-            let points: Vec<_> = rim.at.iter().map(|&s| curve.point(s)).collect();
-            let (mut u, end) = charted.border.unwound(&points)?;
+            let (mut u, end) = charted.border.unwound(curve, &rim.at)?;
             let k = usize::from(end == End::Top);
             if end == End::Top {
                 // There u runs against the curve.

@@ -34,6 +34,8 @@ const ATTEMPTS_MAX: usize = 24;
 
 /// A face of less than this share of the mean area has none, where a mesh is refused for such.
 const FLAT_SHARE: f64 = 1e-4;
+/// Faces are opened to this many times the area up to which they have none.
+const HELD_AREAS: f64 = 4.0;
 
 /// What lengths are measured by.
 #[derive(Clone, Copy, Debug)]
@@ -384,7 +386,8 @@ impl<'a> Stitching<'a> {
 
     /// Opens faces without area, off the input if need be.
     pub(super) fn open_flat_faces(&self, net: &mut Net) {
-        open_flat(net, FLAT_SHARE * self.surface().total_area() / net.faces().count().max(1) as f64);
+        let least = FLAT_SHARE * self.surface().total_area() / net.faces().count().max(1) as f64;
+        open_flat(net, least, HELD_AREAS * check::no_area(self.scale.diagonal));
     }
 
     /// What each segment came to.
