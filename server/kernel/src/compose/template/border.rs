@@ -38,7 +38,7 @@ impl Border {
                 along.push(along[along.len() - 1] + (q - p).norm());
             }
             let points = ring.iter().map(|&h| ends(h)[0]).collect();
-            (Curve { points, along, runs: Vec::new() }, ring.into_iter().map(uvs).collect())
+            (Curve { points, along, runs: Vec::new(), smoothed: Vec::new() }, ring.into_iter().map(uvs).collect())
         };
         let loops = mesh.boundary_loops().into_iter().map(curve).collect();
         Self { bvh, edges: all.iter().map(|&h| (ends(h), uvs(h))).collect(), loops }
