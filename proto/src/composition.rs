@@ -30,6 +30,11 @@ pub struct NewComposition {
     /// would give too many faces is refused, and the refusal tells their number.
     #[serde(default)]
     pub density: i32,
+    /// Segments whose parts keep their density, as parts chosen by hand for their layout should: these are subdivided only
+    /// where they can't be joined otherwise, and `density` beyond that is asked for in steps. Where none is kept, parts that
+    /// miss the input are subdivided until the result follows it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub keep: Vec<u32>,
 }
 
 /// The largest step of `density`, to either side.

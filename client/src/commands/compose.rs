@@ -44,6 +44,7 @@ pub(super) async fn retopo(args: &RetopoArgs, api: &Api, ui: &mut Ui) -> Result<
             parts: vec![CompositionPart { segment: 0, map: map.id }],
             smoothing: args.compose.smoothing.unwrap_or(SMOOTHING_DEFAULT),
             density: 0,
+            keep: Vec::new(),
         };
         let composition = api.start_composition(query.id, &new).await?;
         // As many quads as the example: it follows the input as it is, and stays whole.
@@ -108,6 +109,8 @@ async fn stitch(query: &Query, args: &ComposeArgs, api: &Api, ui: &mut Ui) -> Re
         parts,
         smoothing: args.smoothing.unwrap_or(SMOOTHING_DEFAULT),
         density: args.density.unwrap_or_default(),
+        // Who chose a part wants its layout.
+        keep: args.uses.iter().map(|part| part.segment).collect(),
     };
     let spinner = ui.spinner("stitching");
     let composition = api.start_composition(query.id, &new).await;

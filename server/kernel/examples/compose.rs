@@ -6,13 +6,13 @@
 use std::sync::OnceLock;
 use std::time::Instant;
 
-use quadmuse_kernel::compose::{self, Input, Options, Piece, check, part};
+use quadmuse_kernel::compose::{self, Options, Piece, apart, check, ground::Ground, part};
 use quadmuse_kernel::encode::{Encoding, encode, index::PlanarIndex};
 use quadmuse_kernel::map::{assemble::Winding, cross_map, untangle::untangle};
 use quadmuse_kernel::mesh::{self, Format, Limits, PolyMesh, TriMesh};
 use quadmuse_kernel::rank::{Shape, score};
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
-use quadmuse_kernel::segment::{PartCount, segment};
+use quadmuse_kernel::segment::{PartCount, Segmented, segment};
 use quadmuse_kernel::topology::Patch;
 use quadmuse_kernel::unfold::{Chart, UnfoldOptions, unfold};
 
@@ -48,9 +48,9 @@ fn main() -> std::io::Result<()> {
     let Some((out, files)) = arguments.split_first() else { return Ok(()) };
     std::fs::create_dir_all(out)?;
     println!(
-        "| mesh | triangles | parts | of examples | quads | extraordinary before | after | way | merged | filled | cuts | strip quads | doublets | s |"
+        "| mesh | triangles | parts | of examples | quads | extraordinary before | after | way | merged | filled | cuts | strip quads | doublets | out / back % | s |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     let mut failures = 0;
     for file in files {
         let start = Instant::now();
@@ -90,13 +90,15 @@ fn example(file: &str, parts: PartCount) -> Vec<ExamplePart> {
 
 fn one(file: &str, parts: PartCount, examples: &[ExamplePart], out: &str) -> Result<String, String> {
     let surface = surface(file)?;
-    let cut = segment(&surface, parts).map_err(|e| e.to_string())?;
-    let input = Input { surface: &cut.mesh, owner: &cut.part_of, count: cut.parts.len() };
+    let mended = Segmented::mended(&surface).filter(|_| parts == PartCount::AsNeeded);
+    let cut = mended.map_or_else(|| segment(&surface, parts), Ok).map_err(|e| e.to_string())?;
+    let ground = Ground::of(&cut);
+    let input = ground.input();
     let laid: Vec<(Option<(String, PolyMesh)>, Option<Query>)> =
         cut.parts.iter().map(|patch| lay(patch, examples)).collect();
     let pieces: Vec<Piece<'_>> = laid.iter().map(piece_of).collect();
     let made = compose::compose(input, &pieces, Options::default(), &|| false).map_err(|e| e.to_string())?;
-    check::check(&made.mesh, check::Shape::of(&surface)).map_err(|e| e.to_string())?;
+    check::check(&made.mesh, check::Shape::of(&apart::owned(input))).map_err(|e| e.to_string())?;
     let bytes = mesh::write(&made.mesh, Format::Obj).map_err(|e| e.to_string())?;
     std::fs::write(format!("{out}/{}.obj", stem(file)), bytes).map_err(|e| e.to_string())?;
     let r = &made.report;
@@ -105,7 +107,7 @@ fn one(file: &str, parts: PartCount, examples: &[ExamplePart], out: &str) -> Res
     used.sort_unstable();
     used.dedup();
     Ok(format!(
-        "| {} | {} | {} | {count} {} | {} | {} | {} | {:?} | {} | {} | {} | {} | {} |",
+        "| {} | {} | {} | {count} {} | {} | {} | {} | {:?} | {} | {} | {} | {} | {} | {:.3} / {:.3} |",
         stem(file),
         surface.triangles.len(),
         cut.parts.len(),
@@ -119,6 +121,8 @@ fn one(file: &str, parts: PartCount, examples: &[ExamplePart], out: &str) -> Res
         r.resolved.cuts,
         r.resolved.strip_quads,
         r.resolved.doublets,
+        100.0 * r.fit.out,
+        100.0 * r.fit.back,
     ))
 }
 

@@ -6,12 +6,15 @@
 //! the others stay; and a result that misses the input is subdivided ([`fit`]). Success is certain: at the very end stand
 //! the input's own triangles.
 
+pub mod apart;
 pub mod check;
 pub mod fit;
 mod following;
 pub mod glue;
+pub mod ground;
 pub mod layout;
 pub mod net;
+pub mod open;
 pub mod part;
 pub mod plan;
 pub mod reach;
@@ -35,10 +38,10 @@ use crate::mesh::PolyMesh;
 use crate::mesh::tri::TriMesh;
 use crate::unfold::Chart;
 use check::{Broken, check_structure, extraordinary};
-use fit::Fit;
+use fit::{Fit, Measured};
 use net::Net;
 use resolve::Resolved;
-use stitching::Stitching;
+use stitching::{Scale, Stitching};
 
 /// Quads of a whole input of regular layouts, if nothing else is asked for.
 const REGULAR_QUADS: f64 = 4000.0;
@@ -48,7 +51,7 @@ const REGULAR_QUADS: f64 = 4000.0;
 pub struct Input<'a> {
     /// The surface.
     pub surface: &'a TriMesh,
-    /// Segment of each triangle.
+    /// Segment of each triangle; a triangle of none of them is left out.
     pub owner: &'a [u32],
     /// Number of segments.
     pub count: usize,
@@ -57,8 +60,11 @@ pub struct Input<'a> {
 /// What is brought for a segment.
 #[derive(Clone, Copy, Debug)]
 pub enum Piece<'a> {
-    /// A mapped example.
+    /// A mapped example, subdivided where it misses the input if that is asked for.
     Mapped(&'a PolyMesh),
+    /// A mapped example that was chosen for its layout: it is subdivided only where it can't be joined otherwise, and so
+    /// is the whole.
+    Kept(&'a PolyMesh),
     /// Its chart, for a regular layout.
     Regular(&'a Chart, &'a PlanarIndex),
     /// Nothing: a regular layout, or where it can't be unfolded its own triangles.
@@ -92,9 +98,10 @@ impl Default for Options {
 }
 
 /// How a composition came about, at its worst.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Way {
     /// The parts as they are.
+    #[default]
     Direct,
     /// Some parts subdivided once or more before stitching.
     PartsSubdivided,
@@ -107,7 +114,7 @@ pub enum Way {
 }
 
 /// What a composition did.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Report {
     /// How it came about.
     pub way: Way,
@@ -185,35 +192,43 @@ pub fn compose(
     if input.owner.len() != input.surface.triangles.len() {
         return Err(ComposeError::Owners { expected: input.surface.triangles.len(), found: input.owner.len() });
     }
-    let stitching = Stitching::new(input, options);
-    let mut report = Report {
-        way: Way::Direct,
-        extraordinary_before: 0,
-        extraordinary_after: 0,
-        merged: 0,
-        filled: 0,
-        resolved: Resolved::default(),
-        subdivided: vec![0; pieces.len()],
-        replaced: Vec::new(),
-        own: Vec::new(),
-        refined: 0,
-        fit: Fit::default(),
-    };
+    let scale = apart::scale(&apart::owned(input));
+    let mut made = Vec::new();
+    for component in apart::apart(input) {
+        let of_it: Vec<Piece<'_>> = component.segments.iter().map(|&s| pieces[s]).collect();
+        made.push((component.segments.clone(), composed(component.input(), &of_it, options, scale, stop)?));
+    }
+    let (mesh, mut report) = apart::together(made, pieces.len());
+    report.extraordinary_after = extraordinary(&mesh);
+    let fit = Measured::new(&apart::owned(input)).fit(&mesh);
+    report.fit = Fit { out: fit.out / scale.diagonal, back: fit.back / scale.diagonal };
+    Ok(Composed { mesh, report })
+}
+
+/// One component of an input.
+fn composed(
+    input: Input<'_>,
+    pieces: &[Piece<'_>],
+    options: Options,
+    scale: Scale,
+    stop: &dyn Fn() -> bool,
+) -> Result<Composed, ComposeError> {
+    let stitching = Stitching::new(input, options, scale);
+    let mut report = Report { subdivided: vec![0; pieces.len()], ..Report::default() };
     let mesh = match stitching.run(pieces, &mut report, stop) {
         Some(mesh) => mesh,
         None if stop() => return Err(ComposeError::Stopped),
         None => by_input(&stitching, &mut report)?,
     };
-    let diagonal = check::diagonal(&input.surface.positions).max(f64::MIN_POSITIVE);
-    report.extraordinary_after = extraordinary(&mesh);
-    report.fit = Fit { out: report.fit.out / diagonal, back: report.fit.back / diagonal };
     Ok(Composed { mesh, report })
 }
 
 /// The input's own triangles, cut into three quads each.
 fn by_input(stitching: &Stitching<'_>, report: &mut Report) -> Result<PolyMesh, ComposeError> {
     let surface = stitching.surface();
-    report.way = Way::InputSubdivided;
+    *report = Report { way: Way::InputSubdivided, ..Report::default() };
+    report.own = (0..stitching.segments()).collect();
+    report.subdivided = vec![0; stitching.segments()];
     let faces = surface.triangles.iter().map(|t| t.to_vec()).collect();
     let net = subdivide::subdivide(&Net::new(surface.positions.clone(), faces));
     let (mesh, _) = net.into_mesh();

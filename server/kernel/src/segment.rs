@@ -9,6 +9,7 @@
 mod centrality;
 mod cut;
 mod distance;
+mod mended;
 mod merge;
 mod necks;
 mod parts;
@@ -228,6 +229,12 @@ impl Segmented {
     pub fn primitive(surface: &TriMesh, policy: topology::Components) -> Result<Self, TopologyError> {
         let part = topology::primitive(surface, policy)?;
         Ok(Self::uncut(surface, vec![part]))
+    }
+
+    /// One part a piece of a scan that fell into several, each a primitive once its small holes are filled, crumbs left
+    /// out; `None` for any other surface.
+    pub fn mended(surface: &TriMesh) -> Option<Self> {
+        mended::pieces(surface)
     }
 
     /// One part a label, in order of label; `labels` holds one a polygon, so every cut runs along polygon edges.

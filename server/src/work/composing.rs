@@ -61,7 +61,8 @@ pub async fn create(
         match part {
             Some((map, mesh)) => {
                 summaries.push(CompositionPart { segment, map });
-                parts.push(Part::Mapped(mesh));
+                let is_kept = wanted.keep.contains(&segment);
+                parts.push(if is_kept { Part::Kept(mesh) } else { Part::Mapped(mesh) });
             }
             None => {
                 templates.push(segment);
@@ -110,7 +111,7 @@ pub async fn create(
 /// The faces that the mapped parts will have together, about; known before the work.
 fn faces_at(parts: &[Part], density: i32) -> Result<u64, WorkError> {
     let faces_of = |part: &Part| match part {
-        Part::Mapped(mesh) => mesh.faces.len() as u64,
+        Part::Mapped(mesh) | Part::Kept(mesh) => mesh.faces.len() as u64,
         Part::Template(_) => 0,
     };
     let faces =
@@ -176,6 +177,9 @@ fn maps_of(live: &LiveQuery, wanted: &NewComposition) -> Result<Vec<Option<Arc<L
         return Err(WorkError::parameter("density", format!("from -{DENSITY_MAX} to {DENSITY_MAX}"), wanted.density));
     }
     let mut maps: Vec<Option<Arc<LiveMap>>> = vec![None; live.model.segments.len()];
+    if let Some(&segment) = wanted.keep.iter().find(|&&segment| segment as usize >= maps.len()) {
+        return Err(WorkError::NoSuchSegment { of: "the query", count: maps.len(), segment });
+    }
     for part in &wanted.parts {
         let map = get(live, part.map)?;
         if map.segment != part.segment {

@@ -259,6 +259,8 @@ pub struct Mapped {
 pub enum Part {
     /// A mapped example: [`Mapped::part`].
     Mapped(Arc<PolyMesh>),
+    /// The same, to be subdivided no further than joining it needs.
+    Kept(Arc<PolyMesh>),
     /// A regular layout at the density of its neighbours, on this unfolded segment.
     Template(Arc<Encoded>),
 }

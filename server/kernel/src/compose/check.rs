@@ -202,10 +202,15 @@ pub fn check(mesh: &PolyMesh, expected: Shape) -> Result<(), Broken> {
 
 /// The quads of a mesh that have no area.
 pub fn flat_faces(mesh: &PolyMesh) -> Vec<usize> {
-    let least = AREA_MIN * diagonal(&mesh.positions).powi(2);
+    let least = no_area(diagonal(&mesh.positions));
     let area = |c: &[u32]| <[u32; 4]>::try_from(c).map(|c| quad_area(c.map(|v| mesh.positions[v as usize])));
     let faces = mesh.faces.iter().enumerate();
     faces.filter(|(_, c)| area(c).is_ok_and(|area| area <= least)).map(|(f, _)| f).collect()
+}
+
+/// The area up to which a face of a mesh of so long a diagonal has none.
+pub fn no_area(diagonal: f64) -> f64 {
+    AREA_MIN * diagonal.powi(2)
 }
 
 /// Length of the area vector of a quad.

@@ -39,7 +39,7 @@ impl Stitching<'_> {
             return (mesh, fit);
         }
         let after = self.measured.fit(&squarer);
-        let most = (SQUARE_LOSS * fit.worst()).max(MISS_MAX * self.diagonal);
+        let most = (SQUARE_LOSS * fit.worst()).max(MISS_MAX * self.scale.diagonal);
         if after.worst() <= most { (squarer, after) } else { (mesh, fit) }
     }
 
@@ -48,8 +48,8 @@ impl Stitching<'_> {
     pub(super) fn followed(&self, mesh: PolyMesh, allowed: f64, report: &mut Report) -> PolyMesh {
         let fit = self.measured.fit(&mesh);
         let (mut mesh, mut fit) = self.squared(mesh, fit, SQUARE_ROUNDS);
-        let most = MISS_MAX * self.diagonal;
-        let is_followed = self.options.closeness == Closeness::Followed && fit.worst() > allowed * self.diagonal;
+        let most = MISS_MAX * self.scale.diagonal;
+        let is_followed = self.options.closeness == Closeness::Followed && fit.worst() > allowed * self.scale.diagonal;
         if self.options.closeness == Closeness::Followed
             && let Some(drawn) = self.drawn(&mesh, fit)
         {
@@ -86,7 +86,7 @@ impl Stitching<'_> {
     /// Drawn out to what it passes over; `None` where that does not bring it nearer to the input.
     fn drawn(&self, mesh: &PolyMesh, fit: Fit) -> Option<(PolyMesh, Fit)> {
         let mut net = Net::from_mesh(mesh);
-        if draw_out(&mut net, self.measured.points(), &self.target, PASSED_MAX * self.diagonal) == 0 {
+        if draw_out(&mut net, self.measured.points(), &self.target, PASSED_MAX * self.scale.diagonal) == 0 {
             return None;
         }
         let (drawn, fit) = self.judged(net.into_mesh().0, DRAWN_GAIN * fit.worst())?;

@@ -10,6 +10,12 @@ use crate::mesh::tri::{NONE, TriMesh};
 use crate::topology::submesh;
 use std::collections::BTreeMap;
 
+/// A curve is smoothed over this share of its length to each side, with so many samples.
+const SMOOTHED_SHARE: f64 = 0.015;
+const SMOOTHED_SAMPLES: usize = 8;
+/// It is jagged if that leaves less than this share of its length.
+const JAGGED: f64 = 0.75;
+
 /// A part of a boundary loop that is one arc.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Run {
@@ -32,6 +38,8 @@ pub struct Curve {
     pub along: Vec<f64>,
     /// The arcs it consists of, in order.
     pub runs: Vec<Run>,
+    /// Length of the curve without its jags up to each point, and the whole last; empty where there are none.
+    pub smoothed: Vec<f64>,
 }
 
 /// A place where an arc occurs: segment, loop, run.
@@ -127,10 +135,58 @@ fn curve(surface: &TriMesh, mut vertices: Vec<u32>, junctions: &[u32]) -> (Curve
             *key = (*key).min((a.min(b), a.max(b)));
         }
     }
-    (Curve { points, along, runs }, keys)
+    (Curve { points, along, runs, smoothed: Vec::new() }.without_jags(), keys)
 }
 
 impl Curve {
+    /// With its lengths smoothed, if it is jagged: each point goes to the mean of the curve around it.
+    fn without_jags(mut self) -> Self {
+        let reach = SMOOTHED_SHARE * self.length();
+        let mean = |&s: &f64| {
+            let around = (0..=2 * SMOOTHED_SAMPLES).map(|k| k as f64 / SMOOTHED_SAMPLES as f64 - 1.0);
+            around.map(|x| self.point(s + reach * x)).sum::<Vec3>() / (2 * SMOOTHED_SAMPLES + 1) as f64
+        };
+        let means: Vec<Vec3> = self.along.iter().map(mean).collect();
+        let mut smoothed = vec![0.0];
+        for pair in means.windows(2) {
+            smoothed.push(smoothed[smoothed.len() - 1] + (pair[1] - pair[0]).norm());
+        }
+        if smoothed.last().is_some_and(|whole| *whole < JAGGED * self.length()) {
+            self.smoothed = smoothed;
+        }
+        self
+    }
+
+    /// The length of a part of it without its jags.
+    pub fn smooth_length(&self, run: &Run) -> f64 {
+        self.smooth_at(run.start + run.length) - self.smooth_at(run.start)
+    }
+
+    /// The places that part a run into `n` alike, by its length without jags: from its start on, both ends included.
+    pub fn even_places(&self, run: &Run, n: usize) -> Vec<f64> {
+        let (first, whole) = (self.smooth_at(run.start), self.smooth_length(run));
+        if self.smoothed.is_empty() || whole <= 0.0 {
+            return (0..=n).map(|k| run.length * k as f64 / n as f64).collect();
+        }
+        let inside = |k: usize| self.place_of_smooth(first + whole * k as f64 / n as f64) - run.start;
+        let mut places = vec![0.0];
+        places.extend((1..n).map(|k| inside(k).clamp(0.0, run.length)));
+        places.push(run.length);
+        places
+    }
+
+    /// The length without jags up to a length, at most the whole.
+    fn smooth_at(&self, s: f64) -> f64 {
+        if self.smoothed.len() != self.along.len() {
+            return s;
+        }
+        interpolated(&self.along, &self.smoothed, s)
+    }
+
+    fn place_of_smooth(&self, x: f64) -> f64 {
+        interpolated(&self.smoothed, &self.along, x)
+    }
+
     /// Its whole length.
     pub fn length(&self) -> f64 {
         self.along.last().copied().unwrap_or(0.0)
@@ -152,18 +208,34 @@ impl Curve {
         (best.0, best.1.sqrt())
     }
 
-    /// The point at a length from the start.
-    pub fn point(&self, s: f64) -> Vec3 {
+    /// The edge at a length from the start, and which share of it lies before; `None` for a curve without points.
+    pub fn place(&self, s: f64) -> Option<(usize, f64)> {
         let n = self.points.len();
         if n == 0 {
-            return Vec3::zeros();
+            return None;
         }
         let s = if self.length() > 0.0 { s.rem_euclid(self.length()) } else { 0.0 };
         let k = self.along.partition_point(|&x| x <= s).clamp(1, n) - 1;
         let step = self.along[k + 1] - self.along[k];
-        let t = if step > 0.0 { (s - self.along[k]) / step } else { 0.0 };
-        self.points[k] + (self.points[(k + 1) % n] - self.points[k]) * t
+        Some((k, if step > 0.0 { (s - self.along[k]) / step } else { 0.0 }))
     }
+
+    /// The point at a length from the start.
+    pub fn point(&self, s: f64) -> Vec3 {
+        let Some((k, t)) = self.place(s) else { return Vec3::zeros() };
+        self.points[k] + (self.points[(k + 1) % self.points.len()] - self.points[k]) * t
+    }
+}
+
+/// What `to` is where `from`, which increases, is x.
+fn interpolated(from: &[f64], to: &[f64], x: f64) -> f64 {
+    if from.len() < 2 {
+        return x;
+    }
+    let k = from.partition_point(|&y| y <= x).clamp(1, from.len() - 1) - 1;
+    let step = from[k + 1] - from[k];
+    let t = if step > 0.0 { ((x - from[k]) / step).clamp(0.0, 1.0) } else { 0.0 };
+    to[k] + (to[k + 1] - to[k]) * t
 }
 
 #[cfg(test)]
@@ -214,5 +286,24 @@ mod tests {
             let (t, d) = curve.nearest(curve.point(s));
             assert!((t - s).abs() < 1e-12 && d < 1e-12, "{s} {t}");
         }
+    }
+    #[test]
+    fn jags_take_no_places_of_their_own() {
+        // A square of side 1; its lower side, the first quarter of the points, has teeth of height 0.04 and width 0.01.
+        let lower = (0..200).map(|k| Vec3::new(f64::from(k) / 200.0, 0.04 * f64::from(k % 2), 0.0));
+        let rest = (0..150).map(|k| {
+            let t = f64::from(k % 50) / 50.0;
+            [Vec3::new(1.0, t, 0.0), Vec3::new(1.0 - t, 1.0, 0.0), Vec3::new(0.0, 1.0 - t, 0.0)][k as usize / 50]
+        });
+        let points: Vec<Vec3> = lower.chain(rest).collect();
+        let mut along = vec![0.0];
+        (0..350).for_each(|k| along.push(along[k] + (points[(k + 1) % 350] - points[k]).norm()));
+        let plain = Curve { points, along, runs: Vec::new(), smoothed: Vec::new() };
+        let whole = Run { arc: 0, start: 0.0, length: plain.length(), junction: NONE };
+        let lower = |curve: &Curve| curve.even_places(&whole, 100).iter().filter(|&&s| curve.point(s).y < 0.05).count();
+        assert!(lower(&plain) > 65, "{}", lower(&plain));
+        let smooth = plain.without_jags();
+        assert!((20..45).contains(&lower(&smooth)), "{}", lower(&smooth));
+        assert!(smooth.smooth_length(&whole) < 5.0);
     }
 }

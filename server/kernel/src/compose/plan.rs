@@ -71,6 +71,12 @@ impl Planner<'_> {
         self.layout.curves[s as usize][l as usize].runs[r as usize].length
     }
 
+    /// The length that tells how many vertices stand on a free arc: on the true boundary that without its jags.
+    fn planned_length(&self, arc: &Arc, at: Occurrence) -> f64 {
+        let curve = &self.layout.curves[at[0] as usize][at[1] as usize];
+        if arc.sides.len() == 1 { curve.smooth_length(&curve.runs[at[2] as usize]) } else { self.length(at) }
+    }
+
     fn is_closed(&self, [s, l, _]: Occurrence) -> bool {
         self.layout.curves[s as usize][l as usize].runs.first().is_none_or(|r| r.junction == u32::MAX)
     }
@@ -102,7 +108,7 @@ impl Planner<'_> {
         let least = wishes.iter().map(|w| w.edges_min).max().unwrap_or(1).max(if closed { 4 } else { 1 });
         if self.is_free(arc) {
             let edge = wishes.iter().map(|w| w.edge).fold(f64::INFINITY, f64::min);
-            let n = ((self.length(first) / edge).round() as usize).clamp(least, EDGES_MAX);
+            let n = ((self.planned_length(arc, first) / edge).round() as usize).clamp(least, EDGES_MAX);
             return [n, n];
         }
         let given = arc.sides.iter().find_map(|&s| self.given(s)).unwrap_or(least);
@@ -200,6 +206,12 @@ impl Planner<'_> {
         let a = self.arc(at);
         let arc = &self.layout.arcs[a];
         let k = arc.sides.iter().position(|side| *side == at).unwrap_or(0);
+        if arc.sides.len() == 1 {
+            let curve = &self.layout.curves[at[0] as usize][at[1] as usize];
+            let mut places = curve.even_places(&curve.runs[at[2] as usize], self.counts[a][k]);
+            places.truncate(self.counts[a][k] + usize::from(!self.is_closed(at)));
+            return places;
+        }
         let (n, length, closed) = (self.counts[a][k], self.length(at), self.is_closed(at));
         let other = arc.sides.iter().find(|side| **side != at);
         let known = other.and_then(|&[s, l, r]| match self.sides[s as usize] {

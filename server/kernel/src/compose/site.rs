@@ -93,7 +93,7 @@ impl<'a> Site<'a> {
             (0..input.owner.len() as u32).filter(|&t| input.owner[t as usize] as usize == segment).collect();
         let wish = Wish { edge, edges_min: EDGES_MIN };
         let stands = match piece {
-            Piece::Mapped(_) => Use::Part,
+            Piece::Mapped(_) | Piece::Kept(_) => Use::Part,
             Piece::Regular(..) | Piece::Nothing => Use::Regular,
         };
         let mut site = Self { stands, times: 0, subdivided: 0, net, wish, piece, triangles, charted: None, laid: None };
@@ -101,6 +101,11 @@ impl<'a> Site<'a> {
             site.take_own(input.surface);
         }
         site
+    }
+
+    /// Whether an example stands on it that is to keep its density.
+    pub fn is_kept(&self) -> bool {
+        self.stands == Use::Part && matches!(self.piece, Piece::Kept(_))
     }
 
     /// Its surface alone.
@@ -160,7 +165,7 @@ impl<'a> Site<'a> {
         }
         let (chart, index) = match self.piece {
             Piece::Regular(chart, index) => (Cow::Borrowed(chart), Cow::Borrowed(index)),
-            Piece::Mapped(_) | Piece::Nothing => {
+            Piece::Mapped(_) | Piece::Kept(_) | Piece::Nothing => {
                 let Ok(patch) = whole(&self.surface(surface)) else { return false };
                 let Ok(chart) = unfold(&patch, &UnfoldOptions::default()) else { return false };
                 let index = PlanarIndex::new(&chart);
@@ -200,8 +205,7 @@ impl<'a> Site<'a> {
         let mut ends: [Option<Vec<f64>>; 2] = [None, None];
         for (l, (curve, runs)) in curves.iter().zip(places).enumerate() {
             let rim = rim_of(curve, runs);
-            let points: Vec<_> = rim.at.iter().map(|&s| curve.point(s)).collect();
-            let (mut u, end) = charted.border.unwound(&points)?;
+            let (mut u, end) = charted.border.unwound(curve, &rim.at)?;
             let k = usize::from(end == End::Top);
             if end == End::Top {
                 // There u runs against the curve.

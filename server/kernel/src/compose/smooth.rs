@@ -109,6 +109,13 @@ impl Plan {
         plan
     }
 
+    /// From now on vertices on the true boundary stay.
+    pub fn hold_border(&mut self) {
+        for (follows, _) in self.follows.iter_mut().zip(&self.on_border).filter(|(_, on_border)| **on_border) {
+            follows.clear();
+        }
+    }
+
     /// Goes `rounds` rounds.
     pub fn run(&self, net: &mut Net, target: &Target, rounds: u32) {
         for _ in 0..rounds {

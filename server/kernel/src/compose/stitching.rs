@@ -5,6 +5,7 @@ use super::fit::Measured;
 use super::glue::{Glued, Misfit, glue, rims};
 use super::layout::{Arc, Layout, layout};
 use super::net::Net;
+use super::open::open_flat;
 use super::plan::{Side, plan};
 use super::resolve::{self, Resolved, resolve};
 use super::rim::{Rim, Way as Turned, even_out};
@@ -33,6 +34,17 @@ const ATTEMPTS_MAX: usize = 24;
 
 /// A face of less than this share of the mean area has none, where a mesh is refused for such.
 const FLAT_SHARE: f64 = 1e-4;
+/// Faces are opened to this many times the area up to which they have none.
+const HELD_AREAS: f64 = 4.0;
+
+/// What lengths are measured by.
+#[derive(Clone, Copy, Debug)]
+pub struct Scale {
+    /// Area of the whole input.
+    pub area: f64,
+    /// Diagonal of its bounding box.
+    pub diagonal: f64,
+}
 
 pub(super) struct Stitching<'a> {
     input: Input<'a>,
@@ -41,20 +53,25 @@ pub(super) struct Stitching<'a> {
     pub(super) shape: Shape,
     pub(super) target: Target,
     pub(super) measured: Measured,
-    pub(super) diagonal: f64,
+    pub(super) scale: Scale,
 }
 
 impl<'a> Stitching<'a> {
-    pub(super) fn new(input: Input<'a>, options: Options) -> Self {
+    /// For an input that is measured by a scale: its own, or that of what it is a component of.
+    pub(super) fn new(input: Input<'a>, options: Options, scale: Scale) -> Self {
         Self {
             layout: layout(input.surface, input.owner, input.count),
             shape: Shape::of(input.surface),
             target: Target::new(input.surface),
             measured: Measured::new(input.surface),
-            diagonal: check::diagonal(&input.surface.positions),
+            scale,
             input,
             options,
         }
+    }
+
+    pub(super) fn segments(&self) -> usize {
+        self.input.count
     }
 
     pub(super) fn surface(&self) -> &'a TriMesh {
@@ -103,7 +120,7 @@ impl<'a> Stitching<'a> {
             .iter()
             .enumerate()
             .map(|(s, piece)| match piece {
-                Piece::Mapped(mesh) => self.prepared(s, mesh),
+                Piece::Mapped(mesh) | Piece::Kept(mesh) => self.prepared(s, mesh),
                 Piece::Regular(..) | Piece::Nothing => Net::default(),
             })
             .collect();
@@ -126,7 +143,7 @@ impl<'a> Stitching<'a> {
     /// For each segment the length of the edges of a regular layout: the mean of those on the boundaries of the parts
     /// beside it, within bounds.
     fn edges_beside(&self, nets: &[Net]) -> Vec<f64> {
-        let overall = (self.surface().total_area() / REGULAR_QUADS).sqrt() * self.options.edge_scale;
+        let overall = (self.scale.area / REGULAR_QUADS).sqrt() * self.options.edge_scale;
         let border: Vec<Option<f64>> = nets.iter().map(border_edge).collect();
         (0..nets.len() as u32)
             .map(|segment| {
@@ -142,28 +159,49 @@ impl<'a> Stitching<'a> {
             .collect()
     }
 
-    /// Subdivides examples that miss their segment, and those much coarser than the examples beside them.
+    /// Subdivides examples until together they follow their segments, and those much coarser than the examples beside them.
     fn refine_coarse_parts(&self, sites: &mut [Site<'_>]) {
         let may = |site: &Site<'_>| {
-            site.stands == Use::Part && site.times < 2 && 4 * site.net.faces().count() <= PART_QUADS_MAX
+            site.stands == Use::Part
+                && !site.is_kept()
+                && site.times < 2
+                && 4 * site.net.faces().count() <= PART_QUADS_MAX
         };
-        let most = allowed(sites);
         if self.options.closeness == Closeness::Followed {
-            for site in sites.iter_mut() {
-                while may(site) && self.misses(site, most) {
-                    site.refine(&self.target);
-                }
-            }
+            self.refine_where_it_helps(sites, &may);
         }
         while let Some(s) = self.coarsest_beside_finer(sites, &may) {
             sites[s].refine(&self.target);
         }
     }
 
-    /// Whether what stands on a segment misses it by more than `allowed`, a share of the diagonal of the input.
-    fn misses(&self, site: &Site<'_>, allowed: f64) -> bool {
-        let (mesh, _) = site.net.clone().into_mesh();
-        Measured::new(&site.surface(self.surface())).fit(&mesh).worst() > allowed * self.diagonal
+    /// While examples miss their segments by more than is allowed on average over the area, that is subdivided next whose
+    /// faces miss most: Σ A_s m_s > m Σ A_s, and A_s m_s/F_s is the largest.
+    fn refine_where_it_helps(&self, sites: &mut [Site<'_>], may: &dyn Fn(&Site<'_>) -> bool) {
+        let most = if matches!(sites, [_]) { KEPT_MISS_MAX } else { MISS_MAX } * self.scale.diagonal;
+        let grounds: Vec<Option<(Measured, f64)>> = sites
+            .iter()
+            .map(|site| {
+                let is_asked = site.stands == Use::Part && !site.is_kept();
+                let surface = is_asked.then(|| site.surface(self.surface()))?;
+                Some((Measured::new(&surface), surface.total_area()))
+            })
+            .collect();
+        let missed = |site: &Site<'_>, ground: &Option<(Measured, f64)>| {
+            let (measured, area) = ground.as_ref()?;
+            Some(area * measured.fit(&site.net.clone().into_mesh().0).worst())
+        };
+        let area: f64 = grounds.iter().flatten().map(|ground| ground.1).sum();
+        let mut misses: Vec<Option<f64>> = sites.iter().zip(&grounds).map(|(site, g)| missed(site, g)).collect();
+        while misses.iter().flatten().sum::<f64>() > most * area {
+            let worth = |s: usize| {
+                let of_it = misses[s].filter(|_| may(&sites[s]))?;
+                Some((of_it / sites[s].net.faces().count().max(1) as f64, s))
+            };
+            let Some((_, next)) = (0..sites.len()).filter_map(worth).max_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+            sites[next].refine(&self.target);
+            misses[next] = missed(&sites[next], &grounds[next]);
+        }
     }
 
     /// The example that has the fewest edges for those of the example on the other side of a seam, if it is too few.
@@ -275,7 +313,7 @@ impl<'a> Stitching<'a> {
     fn by_surgery(&self, mut glued: Glued, free: Vec<bool>) -> Result<(PolyMesh, Resolved), Unfinished> {
         let resolved = resolve(&mut glued.net);
         glued.seam.extend(&resolved.touched);
-        let mut tidy = Tidy { net: glued.net.clone(), free, target: &self.target, touched: glued.seam.clone() };
+        let mut tidy = Tidy::new(glued.net.clone(), free, &self.target, glued.seam.clone());
         let tidied = if tidy.run() > 0 { self.finished(tidy.net, &tidy.touched).ok() } else { None };
         let mesh = tidied.map_or_else(|| self.finished(glued.net, &glued.seam), Ok)?;
         Ok((mesh, resolved))
@@ -298,7 +336,8 @@ impl<'a> Stitching<'a> {
     fn finished(&self, mut net: Net, touched: &[u32]) -> Result<PolyMesh, Unfinished> {
         let (mesh, _) = net.clone().into_mesh();
         check::check_structure(&mesh, self.shape).map_err(|_| Unfinished::Structure)?;
-        let plan = Plan::new(&net, touched);
+        let laid = net.positions.clone();
+        let mut plan = Plan::new(&net, touched);
         for &v in touched {
             if !net.at(v).is_empty() && !net.on_boundary(v) {
                 net.positions[v as usize] = self.target.onto_surface(net.positions[v as usize]);
@@ -307,12 +346,23 @@ impl<'a> Stitching<'a> {
         if check(&net.clone().into_mesh().0, self.shape).is_err() {
             self.open_flat_faces(&mut net);
         }
-        for rounds in [OPENING_ROUNDS + self.options.smoothing, OPENING_ROUNDS, 4 * OPENING_ROUNDS] {
-            plan.run(&mut net, &self.target, rounds);
-            let (mesh, _) = net.clone().into_mesh();
-            if check(&mesh, self.shape).is_ok() {
-                return Ok(mesh);
+        let rounds = OPENING_ROUNDS + self.options.smoothing;
+        plan.run(&mut net, &self.target, rounds);
+        let (mesh, _) = net.clone().into_mesh();
+        if check(&mesh, self.shape).is_ok() {
+            return Ok(mesh);
+        }
+        // Smoothed, vertices on a jagged border run together in its corners: there they stay as they were laid.
+        plan.hold_border();
+        for (v, &p) in laid.iter().enumerate() {
+            if net.on_boundary(v as u32) {
+                net.positions[v] = p;
             }
+        }
+        plan.run(&mut net, &self.target, rounds);
+        let (mesh, _) = net.clone().into_mesh();
+        if check(&mesh, self.shape).is_ok() {
+            return Ok(mesh);
         }
         self.open_flat_faces(&mut net);
         let (mesh, _) = net.into_mesh();
@@ -334,28 +384,10 @@ impl<'a> Stitching<'a> {
         segments
     }
 
-    /// Draws the corners of faces without area to the middle of their neighbours, off the input if need be.
+    /// Opens faces without area, off the input if need be.
     pub(super) fn open_flat_faces(&self, net: &mut Net) {
         let least = FLAT_SHARE * self.surface().total_area() / net.faces().count().max(1) as f64;
-        for _ in 0..OPENING_ROUNDS {
-            let area = |c: &[u32]| match *c {
-                [a, b, c, d] => check::quad_area([a, b, c, d].map(|v| net.positions[v as usize])),
-                _ => f64::INFINITY,
-            };
-            let mut flat: Vec<u32> =
-                net.faces().filter(|(_, c)| area(c) <= least).flat_map(|(_, c)| c.to_vec()).collect();
-            if flat.is_empty() {
-                return;
-            }
-            flat.sort_unstable();
-            flat.dedup();
-            flat.retain(|&v| !net.on_boundary(v));
-            for v in flat {
-                let around = net.neighbours(v);
-                let mean = around.iter().map(|&w| net.positions[w as usize]).sum::<Vec3>() / around.len().max(1) as f64;
-                net.positions[v as usize] = 0.5 * (net.positions[v as usize] + mean);
-            }
-        }
+        open_flat(net, least, HELD_AREAS * check::no_area(self.scale.diagonal));
     }
 
     /// What each segment came to.
@@ -363,7 +395,7 @@ impl<'a> Stitching<'a> {
         report.subdivided = sites.iter().map(|site| site.subdivided).collect();
         for (s, (site, piece)) in sites.iter().zip(pieces).enumerate() {
             match (site.stands, piece) {
-                (Use::Regular, Piece::Mapped(_)) => report.replaced.push(s),
+                (Use::Regular, Piece::Mapped(_) | Piece::Kept(_)) => report.replaced.push(s),
                 (Use::Own, _) => report.own.push(s),
                 _ => {}
             }
@@ -379,6 +411,7 @@ impl<'a> Stitching<'a> {
 /// By how much what stands on the segments may miss the input, as a share of its diagonal.
 fn allowed(sites: &[Site<'_>]) -> f64 {
     match sites {
+        _ if sites.iter().any(Site::is_kept) => f64::INFINITY,
         [site] if site.stands == Use::Part => KEPT_MISS_MAX,
         _ => MISS_MAX,
     }

@@ -253,6 +253,25 @@ fn nothing_but_regular_layouts_closes_and_follows_the_surface() {
 }
 
 #[test]
+fn a_coarse_part_is_subdivided_to_follow_the_surface_unless_its_layout_was_chosen() {
+    let mesh = sphere(4);
+    let owner = owners(&mesh, |p| u32::from(p.z > 0.0));
+    let found = layout::layout(&mesh, &owner, 2);
+    let target = Target::new(&mesh);
+    let [low, high] = [0, 1].map(|s| disc(&found.curves[s][0], 4, 0.0, &target));
+    let input = Input { surface: &mesh, owner: &owner, count: 2 };
+    let with = |pieces: [Piece<'_>; 2]| compose(input, &pieces, Options::default(), &|| false).expect("valid parts");
+    let followed = with([Piece::Mapped(&low), Piece::Mapped(&high)]);
+    assert!(followed.report.subdivided.iter().all(|&n| n > 0) && followed.report.fit.worst() < 0.0025);
+    let kept = with([Piece::Kept(&low), Piece::Kept(&high)]);
+    assert_eq!((kept.mesh.faces.len(), &kept.report.subdivided[..], kept.report.refined), (32, &[0, 0][..], 0));
+    assert!(kept.report.fit.worst() > 0.0025, "it says so: {:?}", kept.report.fit);
+    let one = with([Piece::Kept(&low), Piece::Mapped(&high)]);
+    assert_eq!((one.report.subdivided[0], one.report.refined), (0, 0));
+    assert!(one.report.subdivided[1] > 0, "{:?}", one.report);
+}
+
+#[test]
 fn labels_and_parts_are_counted() {
     let mesh = sphere(1);
     let input = Input { surface: &mesh, owner: &[0; 3], count: 1 };

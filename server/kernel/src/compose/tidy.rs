@@ -29,15 +29,34 @@ const GAINS: [i64; 2] = [4, 1];
 pub struct Tidy<'a> {
     /// The net, of quads only.
     pub net: Net,
-    /// Whether a face is free; one that is beyond the end is.
-    pub free: Vec<bool>,
-    /// The input.
-    pub target: &'a Target,
     /// Vertices that were changed.
     pub touched: Vec<u32>,
+    free: Vec<bool>,
+    target: &'a Target,
+    /// What is asked of every vertex in every round, kept up to date: its edges, and whether it lies on a boundary.
+    stars: Vec<Star>,
 }
 
-impl Tidy<'_> {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Star {
+    edges: i64,
+    is_border: bool,
+}
+
+impl Star {
+    fn of(net: &Net, v: u32) -> Self {
+        Self { edges: net.neighbours(v).len() as i64, is_border: net.on_boundary(v) }
+    }
+}
+
+impl<'a> Tidy<'a> {
+    /// A net of quads on the input; `free` tells whether a face may be changed (one that is beyond its end may), `touched`
+    /// is what was changed before.
+    pub fn new(net: Net, free: Vec<bool>, target: &'a Target, touched: Vec<u32>) -> Self {
+        let stars = (0..net.positions.len() as u32).map(|v| Star::of(&net, v)).collect();
+        Self { net, touched, free, target, stars }
+    }
+
     /// Makes changes until none helps; gives how many were made.
     pub fn run(&mut self) -> usize {
         let mut changes = 0;
@@ -79,14 +98,27 @@ impl Tidy<'_> {
 
     /// What a vertex adds to the sum if it had so many edges more.
     fn cost(&self, v: u32, more: i64) -> i64 {
-        let d = self.net.neighbours(v).len() as i64 + more;
-        match self.net.on_boundary(v) {
+        let star = self.stars[v as usize];
+        let d = star.edges + more;
+        match star.is_border {
             false if d < 3 => NEVER,
             false => (d - 4) * (d - 4),
             // A corner of the boundary has two.
             true if d < 2 => NEVER,
             true => (d - 3).max(0).pow(2),
         }
+    }
+
+    fn is_border(&self, v: u32) -> bool {
+        self.stars[v as usize].is_border
+    }
+
+    /// Notes a change at some vertices: of no others the edges are more or fewer.
+    fn changed(&mut self, vertices: &[u32]) {
+        for &v in vertices {
+            self.stars[v as usize] = Star::of(&self.net, v);
+        }
+        self.touched.extend(vertices);
     }
 
     fn worst_at(&self, faces: &[u32]) -> f64 {
@@ -130,7 +162,7 @@ impl Tidy<'_> {
             }
             self.net.set_face(f, faces[0].to_vec());
             self.net.set_face(g, faces[1].to_vec());
-            self.touched.extend([u, v, x, y]);
+            self.changed(&[u, v, x, y]);
             return true;
         }
         false
@@ -138,20 +170,23 @@ impl Tidy<'_> {
 
     /// Closes a face over one of its diagonals, if that gains enough.
     fn close(&mut self, f: u32, least: i64) -> bool {
-        if !self.is_free(f) || self.net.face(f).iter().any(|&v| self.net.on_boundary(v)) {
+        if !self.is_free(f) || self.net.face(f).iter().any(|&v| self.is_border(v)) {
             return false;
         }
         let c = [0, 1, 2, 3].map(|k| self.net.face(f)[k]);
         for [a, b, c, d] in [c, [c[1], c[2], c[3], c[0]]] {
-            let merged = self.net.neighbours(a).len() as i64 + self.net.neighbours(c).len() as i64 - 2;
+            let merged = self.stars[a as usize].edges + self.stars[c as usize].edges - 2;
             let gain = [a, b, c, d].iter().map(|&v| self.cost(v, 0)).sum::<i64>()
                 - (merged - 4) * (merged - 4)
                 - self.cost(b, -1)
                 - self.cost(d, -1);
+            if gain < least || !self.all_free(a) || !self.all_free(c) {
+                continue;
+            }
             let around = self.net.neighbours(c);
             let common: Vec<u32> = self.net.neighbours(a).into_iter().filter(|v| around.contains(v)).collect();
             let is_simple = common.len() == 2 && common.contains(&b) && common.contains(&d) && !self.net.joined(a, c);
-            if gain < least || !is_simple || !self.all_free(a) || !self.all_free(c) {
+            if !is_simple {
                 continue;
             }
             let middle = 0.5 * (self.net.positions[a as usize] + self.net.positions[c as usize]);
@@ -177,7 +212,7 @@ impl Tidy<'_> {
                 self.net.set_face(g, corners);
             }
             self.net.positions[a as usize] = to;
-            self.touched.extend([a, b, d]);
+            self.changed(&[a, b, c, d]);
             return true;
         }
         false
@@ -185,7 +220,7 @@ impl Tidy<'_> {
 
     /// Opens a vertex of many edges to a quad, if that gains enough.
     fn open(&mut self, v: u32, least: i64) -> bool {
-        if self.net.at(v).len() < OPENED_MIN || self.net.on_boundary(v) || !self.all_free(v) {
+        if self.net.at(v).len() < OPENED_MIN || self.is_border(v) || !self.all_free(v) {
             return false;
         }
         let Some(fan) = self.net.fan(v) else { return false };
@@ -231,7 +266,8 @@ impl Tidy<'_> {
         }
         // The copy's faces leave x → copy and copy → y without a face on their right.
         self.net.add_face(vec![v, x, copy, y]);
-        self.touched.extend([v, copy, x, y]);
+        self.stars.push(Star::of(&self.net, copy));
+        self.changed(&[v, copy, x, y]);
         true
     }
 }
@@ -252,8 +288,10 @@ mod tests {
     }
 
     fn tidied(net: Net, free: Vec<bool>, target: &Target) -> (Net, usize) {
-        let mut tidy = Tidy { net, free, target, touched: Vec::new() };
+        let mut tidy = Tidy::new(net, free, target, Vec::new());
         let changes = tidy.run();
+        let anew: Vec<Star> = (0..tidy.net.positions.len() as u32).map(|v| Star::of(&tidy.net, v)).collect();
+        assert_eq!(tidy.stars, anew);
         (tidy.net, changes)
     }
 
@@ -275,29 +313,31 @@ mod tests {
     #[test]
     fn a_quad_too_many_is_closed_and_one_too_few_is_opened() {
         let (net, target) = flat();
-        let mut tidy = Tidy { net, free: Vec::new(), target: &target, touched: Vec::new() };
+        let mut net = net;
         // Open the middle by hand: two vertices of three edges, two of five.
         let [x, v, y] = [39, 40, 41];
-        let copy = tidy.net.add_vertex(tidy.net.positions[v as usize] + Vec3::new(0.0, 0.03, 0.0));
-        tidy.net.positions[v as usize].y -= 0.03;
+        let copy = net.add_vertex(net.positions[v as usize] + Vec3::new(0.0, 0.03, 0.0));
+        net.positions[v as usize].y -= 0.03;
         for f in [35, 36] {
-            let corners = tidy.net.face(f).iter().map(|&w| if w == v { copy } else { w }).collect();
-            tidy.net.set_face(f, corners);
+            let corners = net.face(f).iter().map(|&w| if w == v { copy } else { w }).collect();
+            net.set_face(f, corners);
         }
-        tidy.net.add_face(vec![x, v, y, copy]);
-        assert_eq!(extraordinary(&tidy.net.clone().into_mesh().0), 4);
-        assert_eq!(tidy.run(), 1);
-        let mesh = tidy.net.clone().into_mesh().0;
+        net.add_face(vec![x, v, y, copy]);
+        assert_eq!(extraordinary(&net.clone().into_mesh().0), 4);
+        let (mut net, changes) = tidied(net, Vec::new(), &target);
+        assert_eq!(changes, 1);
+        let mesh = net.clone().into_mesh().0;
         assert_eq!((extraordinary(&mesh), check(&mesh, DISC)), (0, Ok(())));
         // A quad closed over its diagonal at 30 and 40: one vertex of six edges, two of three.
-        tidy.net.remove_face(27);
-        for f in tidy.net.at(40).to_vec() {
-            let corners = tidy.net.face(f).iter().map(|&w| if w == 40 { 30 } else { w }).collect();
-            tidy.net.set_face(f, corners);
+        net.remove_face(27);
+        for f in net.at(40).to_vec() {
+            let corners = net.face(f).iter().map(|&w| if w == 40 { 30 } else { w }).collect();
+            net.set_face(f, corners);
         }
-        assert_eq!(extraordinary(&tidy.net.clone().into_mesh().0), 3);
-        assert_eq!(tidy.run(), 1);
-        let mesh = tidy.net.into_mesh().0;
+        assert_eq!(extraordinary(&net.clone().into_mesh().0), 3);
+        let (net, changes) = tidied(net, Vec::new(), &target);
+        assert_eq!(changes, 1);
+        let mesh = net.into_mesh().0;
         assert_eq!((extraordinary(&mesh), check(&mesh, DISC)), (0, Ok(())));
     }
 }

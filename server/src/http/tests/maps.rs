@@ -106,6 +106,7 @@ async fn maps_are_composed() {
     let filled = bench.post_json(&compositions, json!({})).await.json();
     assert_eq!(filled["parts"].as_array().map(Vec::len), Some(2));
     bench.post_json(&compositions, json!({"density": 9})).await.problem(400, "parameter_invalid");
+    bench.post_json(&compositions, json!({"keep": [9]})).await.problem(404, "not_found");
     bench.post_json(&compositions, json!({"parts": parts, "smoothing": 1000})).await.problem(400, "parameter_invalid");
     let twice = json!({"parts": [parts[0], parts[0]]});
     bench.post_json(&compositions, twice).await.problem(400, "parameter_invalid");

@@ -330,6 +330,7 @@ fn weights(p: &[[f64; 2]; 3], q: [f64; 2]) -> Option<[f64; 3]> {
 mod tests {
     use super::*;
     use crate::compose::check::{Shape, check, extraordinary};
+    use crate::compose::layout::layout;
     use crate::compose::template::border::Border;
     use crate::topology::{tests::grid, whole};
     use crate::unfold::{UnfoldOptions, unfold};
@@ -348,7 +349,10 @@ mod tests {
             s => Vec3::new(0.0, 8.0 - s, 0.0),
         };
         let points: Vec<Vec3> = (0..32).map(|k| around(1.5 + 0.25 * f64::from(k))).collect();
-        let (columns, _) = Border::new(&chart).unwound(&points).expect("a boundary");
+        let found = layout(&mesh, &vec![0; mesh.triangles.len()], 1);
+        let curve = &found.curves[0][0];
+        let at: Vec<f64> = points.iter().map(|&p| curve.nearest(p).0).collect();
+        let (columns, _) = Border::new(&chart).unwound(curve, &at).expect("a boundary");
         let laid = harmonics.best(&chart, &[columns], std::slice::from_ref(&points)).expect("laid");
         assert_eq!(laid.ends, [(0..32).collect::<Vec<u32>>(), Vec::new()]);
         let net = laid.net;

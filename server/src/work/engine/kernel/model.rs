@@ -2,9 +2,8 @@
 
 use super::super::{Cut, EngineError, Grain, Model, ModelSegment, Opaque, Refusal};
 use super::topology_out;
-use quadmuse_kernel::mesh::{
-    self, FaceLabels, Format, Limits, MeshError, MeshErrorKind, NONE, PolyMesh, Prepared, TriMesh,
-};
+use quadmuse_kernel::compose::ground::Ground;
+use quadmuse_kernel::mesh::{self, FaceLabels, Format, Limits, MeshError, MeshErrorKind, NONE, PolyMesh, Prepared};
 use quadmuse_kernel::segment::{PartCount, Segmented, segment};
 use quadmuse_kernel::topology::{self, Patch, TopologyError};
 use quadmuse_proto::{Components, MeshFormat, Segmentation, segment::Parts};
@@ -52,14 +51,9 @@ impl ModelInner {
         part_of
     }
 
-    /// The surface that the segments cut up, and which of them each of its triangles belongs to.
-    pub(super) fn segmented(&self) -> (&TriMesh, Vec<u32>) {
-        let surface = &self.segmented.mesh;
-        let mut owner = vec![NONE; surface.triangles.len()];
-        for (segment, patch) in self.segmented.parts.iter().enumerate() {
-            patch.triangle_of.iter().for_each(|&t| owner[t as usize] = segment as u32);
-        }
-        (surface, owner)
+    /// The surface that the segments cut up, as it is composed.
+    pub(super) fn ground(&self) -> Ground<'_> {
+        Ground::of(&self.segmented)
     }
 
     /// Polygons of a segment.
@@ -126,7 +120,13 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, 
             if count == PartCount::AsNeeded {
                 let groups = || group_labels(mesh).and_then(|labels| Segmented::by_labels(surface, &labels).ok());
                 let repaired = || Segmented::primitive(surface, policy).ok();
-                if let Some(whole) = Segmented::whole(surface).ok().or_else(groups).or_else(repaired) {
+                // A scan falls into pieces; an example is as its artist made it.
+                let pieces = || match (cut.components, cut.grain) {
+                    (Components::Largest, Grain::Free) => Segmented::mended(surface),
+                    (Components::Refuse, _) | (_, Grain::Faces) => None,
+                };
+                let as_it_is = Segmented::whole(surface).ok().or_else(groups);
+                if let Some(whole) = as_it_is.or_else(repaired).or_else(pieces) {
                     return Ok(whole);
                 }
             }

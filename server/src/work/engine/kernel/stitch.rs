@@ -6,7 +6,7 @@ use super::super::{
 use super::fresh;
 use super::model::ModelInner;
 use crate::pool::Stop;
-use quadmuse_kernel::compose::{self, Closeness, Input, Options, Piece, Report, Way, net::Net, subdivide, template};
+use quadmuse_kernel::compose::{self, Closeness, Options, Piece, Report, Way, net::Net, subdivide, template};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_kernel::register::Query;
 use quadmuse_proto::{Distortion, Flip, Histogram, Verdict};
@@ -23,6 +23,7 @@ const MISS_TOLD_PCT: f64 = 0.25;
 /// What is brought for a segment.
 enum Brought<'a> {
     Mesh(Box<PolyMesh>),
+    Kept(Box<PolyMesh>),
     Unfolded(&'a Query),
 }
 
@@ -30,6 +31,7 @@ impl Brought<'_> {
     fn piece(&self) -> Piece<'_> {
         match self {
             Self::Mesh(mesh) => Piece::Mapped(mesh),
+            Self::Kept(mesh) => Piece::Kept(mesh),
             Self::Unfolded(query) => Piece::Regular(&query.chart, query.index()),
         }
     }
@@ -38,13 +40,13 @@ impl Brought<'_> {
 /// Stitches one part a segment.
 pub(super) fn compose(query: &Model, parts: &[Part], how: Stitching, stop: &Stop) -> Result<Stitched, EngineError> {
     let inner: &ModelInner = query.inner.open()?;
-    let (surface, owner) = inner.segmented();
-    let input = Input { surface, owner: &owner, count: parts.len() };
+    let ground = inner.ground();
     let mut notes = Vec::new();
     let mut brought: Vec<Brought<'_>> = Vec::new();
     for (segment, part) in parts.iter().enumerate() {
         brought.push(match part {
             Part::Mapped(mesh) => Brought::Mesh(Box::new(at_density(mesh, segment, how.density, &mut notes)?)),
+            Part::Kept(mesh) => Brought::Kept(Box::new(at_density(mesh, segment, how.density, &mut notes)?)),
             Part::Template(encoded) => {
                 notes.push(format!("segment {segment} is a regular layout"));
                 Brought::Unfolded(fresh(&encoded.encoding)?)
@@ -59,7 +61,7 @@ pub(super) fn compose(query: &Model, parts: &[Part], how: Stitching, stop: &Stop
         // Who asks for a coarser layout wants it as coarse as that.
         closeness: if how.density < 0 { Closeness::AsBrought } else { Closeness::Followed },
     };
-    let made = compose::compose(input, &pieces, options, &|| stop.reason().is_some());
+    let made = compose::compose(ground.input(), &pieces, options, &|| stop.reason().is_some());
     stopped(stop)?;
     let made = made.map_err(|e| EngineError::refused(Refusal::CompositionInvalid, e.to_string()))?;
     tell(&made.report, made.mesh.faces.len(), &mut notes);
@@ -88,7 +90,7 @@ fn tell(report: &Report, quads: usize, notes: &mut Vec<String>) {
             list(&report.replaced)
         ));
     }
-    if !report.own.is_empty() {
+    if !report.own.is_empty() && report.way != Way::InputSubdivided {
         notes.push(format!("of these segments the input's own triangles were cut into quads: {}", list(&report.own)));
     }
     match report.way {
@@ -147,7 +149,7 @@ fn layout(encoded: &Encoded, edge: f64) -> Result<PolyMesh, EngineError> {
 pub(super) fn template(query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
     stopped(stop)?;
     let inner: &ModelInner = query.model.inner.open()?;
-    let edge = (inner.segmented().0.total_area() / TEMPLATE_QUADS).sqrt();
+    let edge = (inner.segmented.mesh.total_area() / TEMPLATE_QUADS).sqrt();
     let mesh = Arc::new(layout(&query.encoded, edge)?);
     let none = || Histogram { edges: vec![0.0, 1.0], counts: vec![0], ..Histogram::default() };
     Ok(Mapped {
