@@ -1,5 +1,6 @@
 //! Lays an example on an input by one of the methods, and measures how far off it is.
 
+use super::case::Case;
 use super::loaded::Loaded;
 use super::method::Method;
 use quadmuse_kernel::encode::index::PlanarIndex;
@@ -13,7 +14,6 @@ use quadmuse_kernel::mesh::Vec3;
 use quadmuse_kernel::register::entry::{Hypothesis, PROTRUSIONS_MANY};
 use quadmuse_kernel::register::{Entry, Query, Solver};
 use quadmuse_kernel::unfold::UnfoldOptions;
-use quadmuse_tests::real_input::pairs::Pair;
 use std::sync::OnceLock;
 use std::time::Instant;
 
@@ -53,15 +53,13 @@ struct Laid {
     laid_angle_deg: f64,
 }
 
-/// Maps a pair by a method.
+/// Maps a case by a method.
 ///
 /// # Errors
 /// What failed; a sentence.
-pub fn lay(pair: &Pair, method: Method) -> Result<Outcome, String> {
-    let (example, input) = (Loaded::read(&pair.example)?, Loaded::read(&pair.input)?);
-    let bytes = std::fs::read(&pair.truth).map_err(|e| format!("{}: {e}", pair.truth.display()))?;
-    let truth = quadmuse_kernel::mesh::read(&bytes, None, &Default::default()).map_err(|e| e.to_string())?;
-    let truth = example.in_order_of(&truth.positions);
+pub fn lay(case: &Case, method: Method) -> Result<Outcome, String> {
+    let Case { example, input, truth } = case;
+    let truth = example.in_order_of(truth);
     let begun = Instant::now();
     let options = UnfoldOptions::default();
     let one = Query::new(&example.patch, &options).map_err(|e| e.to_string())?;
@@ -70,15 +68,15 @@ pub fn lay(pair: &Pair, method: Method) -> Result<Outcome, String> {
     let solver = method.solver();
     let mut entry = registered(&one, &two, method, solver.as_ref())?;
     let registered = Instant::now();
-    let mut laid = by_chart(&example, &one, &two, &entry, method)?;
+    let mut laid = by_chart(example, &one, &two, &entry, method)?;
     let burdened = laid.laid_angle_deg > BURDENED_DEG;
     if method.refines_poles() && two.protrusions().len() < PROTRUSIONS_MANY && burdened {
-        unburden(&example, &one, &two, &mut entry, method)?;
-        laid = by_chart(&example, &one, &two, &entry, method)?;
+        unburden(example, &one, &two, &mut entry, method)?;
+        laid = by_chart(example, &one, &two, &entry, method)?;
     }
     let mut atlas = false;
     if method.has_atlas()
-        && let Some(other) = by_atlas(&example, &one, &two, method)?
+        && let Some(other) = by_atlas(example, &one, &two, method)?
         && other.distortion.badness() < laid.distortion.badness()
     {
         (laid, atlas) = (other, true);
