@@ -7,4 +7,5 @@ pub mod derived;
 pub mod lay;
 pub mod loaded;
 pub mod method;
+pub mod sharp;
 pub mod table;

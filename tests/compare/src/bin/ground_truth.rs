@@ -1,5 +1,5 @@
 //! Maps every pair with a known truth by every method, and prints how far off each map is; those cut from the pairs
-//! (feet, annuli, closed heads, other heads) too.
+//! (feet, annuli, closed heads, other heads), and shapes with sharp edges on their own surface, too.
 //!
 //! `ground_truth [--kind KIND]… [--method METHOD]… [--name PART]`
 
@@ -59,7 +59,7 @@ fn run(wanted: &Wanted) -> Result<(), String> {
     let is_wanted = |source: &Source| {
         (wanted.kinds.is_empty() || wanted.kinds.contains(&source.kind)) && source.name.contains(&wanted.name)
     };
-    let mut all = sources(&pairs::pairs(&shared, Extent::All).map_err(|e| e.to_string())?);
+    let mut all = sources(&shared, &pairs::pairs(&shared, Extent::All).map_err(|e| e.to_string())?);
     all.retain(is_wanted);
     let jobs: Vec<(&Source, Method)> = all.iter().flat_map(|s| wanted.methods.iter().map(move |&m| (s, m))).collect();
     let (next, rows) = (AtomicUsize::new(0), Mutex::new(Vec::new()));

@@ -5,6 +5,7 @@
 
 use super::case::{Case, poly};
 use super::cut::{capped, cut};
+use super::sharp::{Shape, itself, made};
 use quadmuse_kernel::mesh::{PolyMesh, Vec3};
 use quadmuse_kernel::unfold::path::distances;
 use quadmuse_tests::real_input::pairs::Pair;
@@ -17,29 +18,47 @@ const ANKLE_SHARE: f64 = 0.075;
 /// How many pairs of other heads there are.
 const OTHERS: usize = 6;
 
+/// Artists' meshes with sharp edges.
+const SHARP: [&str; 14] = [
+    "chess_knight_1.obj",
+    "chess_pawn_top.obj",
+    "mh_fedora.obj",
+    "mh_shoe01.obj",
+    "mh_skirt.obj",
+    "mh_casualsuit06_a.obj",
+    "osd_helmet.obj",
+    "osd_pawn.obj",
+    "osd_rook.obj",
+    "osd_toroidal_tet.obj",
+    "shaderball_core.obj",
+    "sword_quaddom.obj",
+    "utah_teapot_1.obj",
+    "utah_teapot_2.obj",
+];
+
 /// A case that can be read.
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// The pair's kind, or `other`, `annulus`, `closed`, `foot`.
+    /// The pair's kind, or `other`, `annulus`, `closed`, `foot`, `sharp`.
     pub kind: String,
     /// A name for people.
     pub name: String,
-    pair: Pair,
     how: How,
 }
 
 #[derive(Clone, Debug)]
 enum How {
-    AsItIs,
+    AsItIs(Pair),
     /// The example of another pair of the set.
-    Example(PathBuf),
-    WithoutCrown,
-    NeckClosed,
+    Example(Pair, PathBuf),
+    WithoutCrown(Pair),
+    NeckClosed(Pair),
     /// The foot at negative or positive x of a body that stands upright.
-    Foot {
-        standing: PathBuf,
-        side: f64,
-    },
+    Foot(Pair, PathBuf, f64),
+    /// A file on its own surface.
+    Itself(PathBuf),
+    /// A shape made by code on itself.
+    Made(Shape),
 }
 
 impl Source {
@@ -48,46 +67,49 @@ impl Source {
     /// # Errors
     /// A sentence.
     pub fn read(&self) -> Result<Case, String> {
-        let case = |example: Option<&Path>| Case::read(&self.pair, example);
         match &self.how {
-            How::AsItIs => case(None),
-            How::Example(example) => case(Some(example)),
-            How::NeckClosed => capped(&case(None)?),
-            How::WithoutCrown => {
-                let case = case(None)?;
+            How::AsItIs(pair) => Case::read(pair, None),
+            How::Example(pair, example) => Case::read(pair, Some(example)),
+            How::NeckClosed(pair) => capped(&Case::read(pair, None)?),
+            How::WithoutCrown(pair) => {
+                let case = Case::read(pair, None)?;
                 let kept: Vec<bool> = crown(&case)?.into_iter().map(|gone| !gone).collect();
                 cut(&case, &kept)
             }
-            How::Foot { standing, side } => cut(&case(None)?, &foot(&poly(standing)?, *side)),
+            How::Foot(pair, standing, side) => cut(&Case::read(pair, None)?, &foot(&poly(standing)?, *side)),
+            How::Itself(path) => itself(path),
+            How::Made(shape) => made(*shape),
         }
     }
 }
 
-/// All cases: the pairs, and what is made of them.
-pub fn sources(pairs: &[Pair]) -> Vec<Source> {
-    let source = |kind: &str, name: String, pair: &Pair, how: How| Source {
-        kind: kind.to_owned(),
-        name,
-        pair: pair.clone(),
-        how,
-    };
-    let mut all: Vec<Source> = pairs.iter().map(|p| source(&p.kind, p.name(), p, How::AsItIs)).collect();
+/// All cases: the pairs, what is made of them, and what has sharp edges, on its own surface.
+pub fn sources(shared: &Path, pairs: &[Pair]) -> Vec<Source> {
+    let source = |kind: &str, name: String, how: How| Source { kind: kind.to_owned(), name, how };
+    let mut all: Vec<Source> = pairs.iter().map(|p| source(&p.kind, p.name(), How::AsItIs(p.clone()))).collect();
     let heads: Vec<&Pair> = pairs.iter().filter(|p| p.kind == "head").collect();
     all.extend(others(&heads).map(|(example, p)| {
         let name = format!("{}__{}", stem(&example.example), shape(p));
-        source("other", name, p, How::Example(example.example.clone()))
+        source("other", name, How::Example(p.clone(), example.example.clone()))
     }));
-    all.extend(heads.iter().map(|p| source("annulus", p.name(), p, How::WithoutCrown)));
-    all.extend(heads.iter().map(|p| source("closed", p.name(), p, How::NeckClosed)));
+    all.extend(heads.iter().map(|p| source("annulus", p.name(), How::WithoutCrown((*p).clone()))));
+    all.extend(heads.iter().map(|p| source("closed", p.name(), How::NeckClosed((*p).clone()))));
     let bodies: Vec<&Pair> = pairs.iter().filter(|p| matches!(p.kind.as_str(), "body" | "pose")).collect();
     if let Some(standing) = bodies.iter().find(|p| p.kind == "body").map(|p| p.example.clone()) {
         let feet = |p: &&Pair| {
+            let pair = (*p).clone();
             [("right", -1.0), ("left", 1.0)].map(|(word, side)| {
-                source("foot", format!("{word} {}", p.name()), p, How::Foot { standing: standing.clone(), side })
+                let how = How::Foot(pair.clone(), standing.clone(), side);
+                source("foot", format!("{word} {}", p.name()), how)
             })
         };
         all.extend(bodies.iter().flat_map(feet));
     }
+    all.extend(Shape::ALL.map(|shape| source("sharp", format!("{shape:?}").to_lowercase(), How::Made(shape))));
+    all.extend(SHARP.map(|name| {
+        let path = shared.join("meshes/quads").join(name);
+        source("sharp", stem(&path), How::Itself(path))
+    }));
     all
 }
 
