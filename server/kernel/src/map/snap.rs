@@ -19,6 +19,7 @@ use crate::mesh::poly::Crease;
 use crate::mesh::tri::TriMesh;
 use crate::topology::Patch;
 use crate::unfold::Chart;
+use lines::Lines;
 
 /// What is snapped.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -77,13 +78,14 @@ pub fn snap(
     let mut snapped = Snapped::default();
     if matches!(what, Snap::Corners | Snap::All) {
         let matched = corners::targets(mesh, cross, input);
-        let (done, refused) = moved(mesh, cross, input, mirror, matched.targets);
+        let (done, refused) = moved(mesh, cross, input, mirror, matched.targets, |_| ());
         snapped.corners = matched.corners.iter().filter(|v| done.contains_key(v)).count();
         snapped.refused += refused;
     }
     if matches!(what, Snap::Creases | Snap::All) {
-        let targets = creases::targets(mesh, given, cross, input);
-        let (done, refused) = moved(mesh, cross, input, mirror, targets);
+        let own = Lines::of(mesh, given);
+        let targets = creases::targets(mesh, &own, cross, input);
+        let (done, refused) = moved(mesh, cross, input, mirror, targets, |left| creases::in_rows(&own, left));
         snapped.creased = done.len();
         snapped.refused += refused;
     }
@@ -91,8 +93,15 @@ pub fn snap(
 }
 
 /// Moves vertices to their targets, and what is around along with them. Targets near faces that would turn over are
-/// given up. Returns those that were reached, and how many were given up.
-fn moved(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64, mut targets: Targets) -> (Targets, usize) {
+/// given up, and so are those that `prune` leaves out then. Returns those that were reached, and how many were given up.
+fn moved(
+    mesh: &TriMesh,
+    cross: &mut CrossMap,
+    input: &Chart,
+    mirror: f64,
+    mut targets: Targets,
+    prune: impl Fn(&mut Targets),
+) -> (Targets, usize) {
     let wanted = targets.len();
     if wanted == 0 {
         return (targets, 0);
@@ -110,6 +119,7 @@ fn moved(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64, mut t
         }
         let near = spread::near(mesh, &turned, rings);
         targets.retain(|&v, _| !near[v as usize]);
+        prune(&mut targets);
         if targets.is_empty() {
             break;
         }

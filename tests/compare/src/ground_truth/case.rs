@@ -24,8 +24,9 @@ impl Case {
     pub fn read(pair: &Pair, example: Option<&Path>) -> Result<Self, String> {
         let example = Loaded::read(example.unwrap_or(&pair.example))?;
         let truth = poly(&pair.truth)?;
-        if truth.faces != example.poly.faces {
-            return Err(format!("{}: expected the faces of the example", pair.truth.display()));
+        let [expected, found] = [&example.poly, &truth].map(|m| (m.positions.len(), m.faces.len()));
+        if expected != found {
+            return Err(format!("{}: expected {expected:?} vertices and faces, found {found:?}", pair.truth.display()));
         }
         Ok(Self { example, input: Loaded::read(&pair.input)?, truth: truth.positions })
     }

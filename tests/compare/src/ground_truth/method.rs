@@ -9,9 +9,9 @@ use quadmuse_kernel::register::{LevenbergMarquardt, PixelDescent, Solver};
 pub enum Method {
     /// Everything.
     Full,
-    /// Everything, and corners of the boundary and sharp edges snapped to the input's.
-    Snap,
-    /// All but the surface polish.
+    /// Without corners of the boundary and sharp edges snapped to the input's.
+    NoSnap,
+    /// All but the surface polish and the snapping.
     NoPolish,
     /// One chart, even where there are protrusions (polished).
     NoAtlas,
@@ -26,13 +26,13 @@ pub enum Method {
 impl Method {
     /// All of them, best first.
     pub const ALL: [Self; 7] =
-        [Self::Full, Self::Snap, Self::NoPolish, Self::NoAtlas, Self::NoPoles, Self::Paper, Self::Translation];
+        [Self::Full, Self::NoSnap, Self::NoPolish, Self::NoAtlas, Self::NoPoles, Self::Paper, Self::Translation];
 
     /// A name for tables and the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Full => "full",
-            Self::Snap => "snap",
+            Self::NoSnap => "no-snap",
             Self::NoPolish => "no-polish",
             Self::NoAtlas => "no-atlas",
             Self::NoPoles => "no-poles",
@@ -44,7 +44,7 @@ impl Method {
     /// What moves the controls.
     pub fn solver(self) -> Box<dyn Solver> {
         match self {
-            Self::Full | Self::Snap | Self::NoPolish | Self::NoAtlas | Self::NoPoles => {
+            Self::Full | Self::NoSnap | Self::NoPolish | Self::NoAtlas | Self::NoPoles => {
                 Box::new(LevenbergMarquardt::default())
             }
             Self::Paper => Box::new(PixelDescent),
@@ -54,21 +54,21 @@ impl Method {
 
     /// Whether the poles are sought again for the example.
     pub fn refines_poles(self) -> bool {
-        matches!(self, Self::Full | Self::Snap | Self::NoPolish | Self::NoAtlas)
+        matches!(self, Self::Full | Self::NoSnap | Self::NoPolish | Self::NoAtlas)
     }
 
     /// Whether surfaces with protrusions get a chart a tip.
     pub fn has_atlas(self) -> bool {
-        matches!(self, Self::Full | Self::Snap | Self::NoPolish)
+        matches!(self, Self::Full | Self::NoSnap | Self::NoPolish)
     }
 
     /// Whether mapped vertices slide along the surface in the end.
     pub fn polishes(self) -> bool {
-        matches!(self, Self::Full | Self::Snap | Self::NoAtlas | Self::NoPoles)
+        matches!(self, Self::Full | Self::NoSnap | Self::NoAtlas | Self::NoPoles)
     }
 
     /// What is snapped to the input's lines.
     pub fn snaps(self) -> Snap {
-        if self == Self::Snap { Snap::All } else { Snap::Off }
+        if self == Self::Full { Snap::All } else { Snap::Off }
     }
 }

@@ -32,6 +32,10 @@ pub struct Lines {
     pub edges: Vec<u32>,
     /// Vertices on the lines, with their neighbours along them.
     pub neighbours: BTreeMap<u32, Vec<u32>>,
+    /// By how much the surface bends at each edge, in degrees: positive along a ridge, negative along a valley.
+    pub bends: Vec<f64>,
+    /// The same at each vertex: the mean of its edges.
+    pub bend_at: BTreeMap<u32, f64>,
     /// Vertices where lines meet, end or turn.
     pub corners: BTreeSet<u32>,
 }
@@ -88,9 +92,16 @@ impl Lines {
             }
         }
         lines.edges.sort_unstable();
-        for &h in &lines.edges {
+        lines.bends = lines.edges.iter().map(|&h| signed_bend(mesh, h)).collect();
+        for (&h, &bend) in lines.edges.iter().zip(&lines.bends) {
+            for v in [mesh.tail(h), mesh.head(h)] {
+                *lines.bend_at.entry(v).or_insert(0.0) += bend;
+            }
             lines.neighbours.entry(mesh.tail(h)).or_default().push(mesh.head(h));
             lines.neighbours.entry(mesh.head(h)).or_default().push(mesh.tail(h));
+        }
+        for (v, bend) in &mut lines.bend_at {
+            *bend /= lines.neighbours.get(v).map_or(1.0, |around| around.len() as f64);
         }
         lines.corners =
             lines.neighbours.iter().filter(|(v, around)| is_corner(mesh, **v, around)).map(|(v, _)| *v).collect();
@@ -118,6 +129,16 @@ fn normal(mesh: &TriMesh, t: usize) -> Vec3 {
 /// Angle between two directions, in degrees; 0 where one has no length.
 pub(super) fn bend(a: Vec3, b: Vec3) -> f64 {
     a.cross(&b).norm().atan2(a.dot(&b)).to_degrees()
+}
+
+/// Angle between the triangles at an edge, positive along a ridge.
+fn signed_bend(mesh: &TriMesh, h: u32) -> f64 {
+    let g = mesh.twin(h);
+    if g == NONE {
+        return 0.0;
+    }
+    let (left, right) = (normal(mesh, h as usize / 3), normal(mesh, g as usize / 3));
+    bend(left, right).copysign(left.cross(&right).dot(&edge(mesh, h)))
 }
 
 /// Angle between the mean normals of an edge's sides.
@@ -164,6 +185,8 @@ pub(super) mod tests {
         let mesh = folded(20, 0.0);
         let lines = Lines::of(&mesh, &[]);
         assert_eq!((lines.edges.len(), lines.corners.len()), (20, 2));
+        // The right half stands up: seen from above it is a valley.
+        assert!(lines.bend_at.values().all(|bend| (bend + 90.0).abs() < 1e-9), "{:?}", lines.bend_at);
         assert!(lines.neighbours.keys().all(|&v| (mesh.positions[v as usize].x - 0.5).abs() < 1e-12));
     }
 

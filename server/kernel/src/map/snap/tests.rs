@@ -82,7 +82,7 @@ fn what_would_turn_a_face_over_is_left_as_it_is() {
     let before = cross.clone();
     // A vertex in the middle of the sheet, sent far away over its neighbours.
     let far = cross.locations[17 * 8 + 2];
-    let (done, refused) = moved(&mesh, &mut cross, &chart, 1.0, Targets::from([(17 * 8 + 13, far)]));
+    let (done, refused) = moved(&mesh, &mut cross, &chart, 1.0, Targets::from([(17 * 8 + 13, far)]), |_| ());
     assert!(done.is_empty() && refused == 1);
     assert_eq!(cross, before);
 }
