@@ -269,3 +269,20 @@ pub fn sphere_poles(solver: &Solver) -> [u32; 2] {
     }
     ends
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::topology::tests::grid;
+    use std::sync::Arc;
+
+    #[test]
+    fn a_triangle_between_three_boundary_vertices_is_not_infinitely_large() {
+        // Two corners of a grid are such triangles: v is 0 on them.
+        let (solver, ()) =
+            Solver::beside(Arc::new(grid(12, 12, false, false)), Topology::Disc, |_| ()).expect("solvable");
+        let middle = 13 * 6 + 6;
+        let scale = log_scale(&solver, &solver.v(&[middle]), &[middle]);
+        assert!(scale.iter().all(|x| x.abs() < 20.0), "{scale:?}");
+    }
+}
