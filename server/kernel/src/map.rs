@@ -9,6 +9,7 @@ pub mod parted;
 pub mod polish;
 pub mod reembed;
 pub mod rejoin;
+pub mod snap;
 pub mod untangle;
 pub mod walk;
 

@@ -1,6 +1,7 @@
 //! Unfolding: a primitive surface to the unit square, u periodic, v from boundary to pole.
 //!
-//! *Source:* paper §4.2. *Ours:* see the parts: [`harmonic`], [`pole`], [`area_fraction`], [`intrinsic`], [`torus`].
+//! *Source:* paper §4.2. *Ours:* see the parts: [`harmonic`], [`pole`], [`area_fraction`], [`intrinsic`], [`rim`],
+//! [`relax`], [`torus`].
 
 pub mod area_fraction;
 pub mod harmonic;
@@ -13,6 +14,8 @@ pub mod moebius;
 pub mod path;
 pub mod pole;
 pub mod refine;
+pub mod relax;
+pub mod rim;
 pub mod torus;
 
 use std::sync::Arc;
@@ -252,10 +255,11 @@ impl Unfolder {
 
     fn assemble(&self, poles: &[u32], harmonic: &Harmonic, u: &[f64], s: &[i32], v: &[f64], modulus: f64) -> Chart {
         let mesh = &self.solver.mesh;
+        let (u, v) = relax::relaxed(&relax::Plane { mesh, jumps: s, poles }, u, v);
         let corners: Vec<[Uv; 3]> = (0..mesh.triangles.len())
-            .map(|t| corner_uvs(mesh.triangles[t], u, &s[3 * t..3 * t + 3], v, poles))
+            .map(|t| corner_uvs(mesh.triangles[t], &u, &s[3 * t..3 * t + 3], &v, poles))
             .collect();
-        let uv = u.iter().zip(v).map(|(&u, &v)| [u.rem_euclid(1.0), v]).collect();
+        let uv = u.iter().zip(&v).map(|(&u, &v)| [u.rem_euclid(1.0), v]).collect();
         let poles: Vec<Pole> = match self.solver.topology {
             Topology::Disc => poles.iter().map(|&vertex| Pole { vertex, at_top: true }).collect(),
             _ => poles.iter().enumerate().map(|(k, &vertex)| Pole { vertex, at_top: k == 1 }).collect(),

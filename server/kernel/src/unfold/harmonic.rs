@@ -3,7 +3,7 @@
 //! Δv = 0 with v = 0 on the boundary and v = 1 at the pole. For every pole P, v = G·e_P / G(P, P), G the inverse of
 //! the Dirichlet Laplacian: one factorisation serves all poles. u is the harmonic conjugate, ∇u = R∇v / P with
 //! P = ∫|∇v|², so its period is 1; it is found by least squares, minimising Σ_T A_T |∇u − R∇v/P|² with integer jumps
-//! across one path instead of a geometric cut.
+//! across one path instead of a geometric cut. On the boundary u is the flux of v ([`rim`]).
 //! *Source:* paper §4.2 (Eqs. 1, 2). *Ours, not the paper's:* u as the conjugate needs neither Eq. 3 nor a cut
 //! (METHOD §2).
 
@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use super::laplacian::{Laplacian, opposite};
 use super::path::{distances, jumps, trace};
+use super::rim;
 use crate::mesh::tri::TriMesh;
 use crate::numerics::{Factored, SolveError, side_by_side};
 use crate::topology::Topology;
@@ -179,15 +180,23 @@ impl Solver {
                 held[t.head(h as u32) as usize] = false;
             }
         }
-        let orphans: Vec<u32> = (0..n as u32).filter(|&v| held[v as usize] && !poles.contains(&v)).collect();
-        let ground = ground.filter(|&g| !held[g as usize]).or_else(|| (0..n as u32).find(|&v| !held[v as usize]));
-        if let Some(g) = ground {
-            held[g as usize] = true;
+        let rim = rim::flux(&self.laplacian, &harmonic.v, carried).unwrap_or_default();
+        let mut given = vec![0.0; n];
+        let mut orphans: Vec<u32> = (0..n as u32).filter(|&v| held[v as usize] && !poles.contains(&v)).collect();
+        if rim.is_empty() {
+            let ground = ground.filter(|&g| !held[g as usize]).or_else(|| (0..n as u32).find(|&v| !held[v as usize]));
+            held.iter_mut().enumerate().for_each(|(v, held)| *held |= Some(v as u32) == ground);
+        } else {
+            orphans.retain(|&v| !self.on_boundary[v as usize]);
+            let first = rim.iter().find(|(v, _)| Some(*v) == ground).map_or(0.0, |(_, u)| *u);
+            for &(v, u) in &rim {
+                (held[v as usize], given[v as usize]) = (true, u - first);
+            }
         }
         let mut right = vec![0.0; n];
         for h in 0..tails.len() as u32 {
             let (a, b) = (tails[h as usize] as usize, t.head(h) as usize);
-            let flow = weights[h as usize] * f64::from(carried[h as usize]);
+            let flow = weights[h as usize] * (f64::from(carried[h as usize]) + given[a] - given[b]);
             right[a] -= flow;
             right[b] += flow;
         }
@@ -201,8 +210,23 @@ impl Solver {
         (0..n).filter(|&v| held[v]).for_each(|v| right[v] = 0.0);
         let factor = self.laplacian.factor(&held, 0.0, is_pole_face)?;
         factor.solve(&mut right);
+        right.iter_mut().zip(&given).for_each(|(u, given)| *u += given);
+        if self.topology == Topology::Annulus && !rim.is_empty() {
+            self.settle_loops(harmonic, carried, &mut right);
+        }
         self.adopt(&orphans, poles, carried, &mut right);
         Ok(right)
+    }
+
+    /// Turns an annulus's second loop against its first until ∫∇u · ∇v = 0: u + tv is as harmonic as u.
+    fn settle_loops(&self, harmonic: &Harmonic, carried: &[i32], u: &mut [f64]) {
+        let t = &self.laplacian.triangulation;
+        let product = |(h, w): (usize, &f64)| {
+            let (a, b) = (t.tails[h] as usize, t.head(h as u32) as usize);
+            w * (u[b] - u[a] - f64::from(carried[h])) * (harmonic.v[b] - harmonic.v[a])
+        };
+        let turn = -self.laplacian.half_weights.iter().enumerate().map(product).sum::<f64>() / harmonic.energy;
+        u.iter_mut().zip(&harmonic.v).for_each(|(u, v)| *u += turn * v);
     }
 
     /// Vertices whose faces all touch a pole take the mean of their neighbours' u.

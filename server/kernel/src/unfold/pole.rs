@@ -21,6 +21,9 @@ const LIMB_SMOOTHING: f64 = 0.04 * 0.04;
 const FINGER_SMOOTHING: f64 = 0.025 * 0.025;
 /// Rise of log √(A₃/A₂) that makes a tip: a tube half as long as its circumference.
 const PROMINENCE: f64 = 1.5;
+/// 1 − |w|² below which log √(A₃/A₂) and log (1 − |w|²) are added before the smoothing: behind the necks of a ragged
+/// boundary each of them grows without bounds, and only their sum does not.
+const GAP_MIN: f64 = 0.03;
 /// Tips kept at most.
 const TIPS_MAX: usize = 16;
 /// Poles offered at most: the best and its rivals (two ears are a real tie).
@@ -48,8 +51,8 @@ pub fn disc_candidates(solver: &Solver, smoother: &Smoother) -> Vec<u32> {
     let smooth = smoother.smooth(&solver.laplacian, &raw);
     let tau = std::f64::consts::TAU;
     let log_radius = |v: usize| {
-        let inside = if v as u32 == first { 1.0 } else { -(-2.0 * tau * harmonic.v[v] / harmonic.energy).exp_m1() };
-        if solver.on_boundary[v] { f64::NEG_INFINITY } else { smooth[v] + inside.max(1e-300).ln() }
+        let inside = if v as u32 == first { 1.0 } else { gap(tau * harmonic.v[v] / harmonic.energy) };
+        if solver.on_boundary[v] { f64::NEG_INFINITY } else { smooth[v] + inside.max(GAP_MIN).ln() }
     };
     let radius: Vec<f64> = (0..raw.len()).map(log_radius).collect();
     local_maxima(solver, &radius)
@@ -129,7 +132,8 @@ fn torsion_centre(solver: &Solver) -> u32 {
 }
 
 /// log √(A₃/A₂) at each vertex: how much larger its faces are on the surface than on the unit disc (or, closed
-/// surfaces, on the unit sphere). log w is conformal with |∇ log w| = 2π|∇v|/P, so that v alone tells both areas.
+/// surfaces, on the unit sphere). log w is conformal with |∇ log w| = 2π|∇v|/P, so that v alone tells both areas. Where
+/// 1 − |w|² is below [`GAP_MIN`], √(A₃/A₂) is taken down as far as that is.
 fn log_scale(solver: &Solver, harmonic: &Harmonic, poles: &[u32]) -> Vec<f64> {
     let t = &solver.laplacian.triangulation;
     let closed = solver.topology == Topology::Sphere;
@@ -147,17 +151,41 @@ fn log_scale(solver: &Solver, harmonic: &Harmonic, poles: &[u32]) -> Vec<f64> {
                 0.5 * radius(corners[(k + 1) % 3]) * radius(corners[(k + 2) % 3]) * turn.sin().abs()
             }
             None => {
-                let stretch = rate * at_depth(corners.map(depth).iter().sum::<f64>() / 3.0, closed);
+                let middle = corners.map(depth).iter().sum::<f64>() / 3.0;
+                let near_rim = if closed { 1.0 } else { (GAP_MIN / gap(middle).max(f64::MIN_POSITIVE)).max(1.0) };
+                let stretch = rate * at_depth(middle, closed) * near_rim;
                 stretch * stretch * solver.laplacian.energy_within(f, &harmonic.v)
             }
         };
-        let area = t.area(f);
-        for v in corners {
-            areas[v as usize][0] += area;
-            areas[v as usize][1] += flat;
+        // A triangle between three boundary vertices (flips make such) tells nothing: v is 0 on it.
+        if flat > 0.0 {
+            let area = t.area(f);
+            for v in corners {
+                areas[v as usize][0] += area;
+                areas[v as usize][1] += flat;
+            }
         }
     }
-    areas.iter().map(|[a3, a2]| 0.5 * (a3.max(1e-300).ln() - a2.max(1e-300).ln())).collect()
+    let scale = |[a3, a2]: &[f64; 2]| (*a2 > 0.0).then(|| 0.5 * (a3.ln() - a2.ln()));
+    filled_in(solver, areas.iter().map(scale).collect())
+}
+
+/// The values, each that is missing replaced by the mean of its neighbours', or of all.
+fn filled_in(solver: &Solver, values: Vec<Option<f64>>) -> Vec<f64> {
+    let t = &solver.laplacian.triangulation;
+    let mut around = vec![[0.0f64; 2]; values.len()];
+    for h in 0..t.tails.len() {
+        let (a, b) = (t.tails[h] as usize, t.head(h as u32) as usize);
+        for (from, to) in [(a, b), (b, a)] {
+            if let (Some(x), None) = (values[from], values[to]) {
+                around[to] = [around[to][0] + x, around[to][1] + 1.0];
+            }
+        }
+    }
+    let (sum, count) = values.iter().flatten().fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
+    let mean = |[sum, count]: [f64; 2]| (count > 0.0).then(|| sum / count);
+    let overall = mean([sum, count]).unwrap_or(0.0);
+    values.iter().zip(around).map(|(x, around)| x.or(mean(around)).unwrap_or(overall)).collect()
 }
 
 /// Angle of a corner of the intrinsic triangulation, in radians.
@@ -172,6 +200,11 @@ fn angles_at<'a>(solver: &Solver, poles: &'a [u32]) -> impl Fn(u32) -> f64 + 'a 
     let about = |p: u32| (0..tails.len()).filter(|&c| tails[c] == p).map(|c| angle(solver, c)).sum::<f64>();
     let sums: Vec<f64> = poles.iter().map(|&p| about(p)).collect();
     move |p| poles.iter().position(|&q| q == p).map_or(1.0, |k| sums[k])
+}
+
+/// 1 − |w|² at a depth.
+fn gap(depth: f64) -> f64 {
+    -(-2.0 * depth).exp_m1()
 }
 
 /// Length on the disc (sphere) a length of log w, at depth −log |w|.
@@ -250,4 +283,21 @@ pub fn sphere_poles(solver: &Solver) -> [u32; 2] {
         ends = [ends[1], next];
     }
     ends
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::topology::tests::grid;
+    use std::sync::Arc;
+
+    #[test]
+    fn a_triangle_between_three_boundary_vertices_is_not_infinitely_large() {
+        // Two corners of a grid are such triangles: v is 0 on them.
+        let (solver, ()) =
+            Solver::beside(Arc::new(grid(12, 12, false, false)), Topology::Disc, |_| ()).expect("solvable");
+        let middle = 13 * 6 + 6;
+        let scale = log_scale(&solver, &solver.v(&[middle]), &[middle]);
+        assert!(scale.iter().all(|x| x.abs() < 20.0), "{scale:?}");
+    }
 }

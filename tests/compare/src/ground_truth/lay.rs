@@ -1,10 +1,13 @@
 //! Lays an example on an input by one of the methods, and measures how far off it is.
 
+use super::case::Case;
 use super::loaded::Loaded;
 use super::method::Method;
 use quadmuse_kernel::encode::index::PlanarIndex;
 use quadmuse_kernel::map::atlas::Atlas;
 use quadmuse_kernel::map::reembed::{Ground, settle};
+use quadmuse_kernel::map::snap::lines::Lines;
+use quadmuse_kernel::map::snap::{Snapped, creases_on, snap};
 use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, folded_faces};
 use quadmuse_kernel::measure::coverage::{coverage, feature_points};
@@ -12,8 +15,7 @@ use quadmuse_kernel::measure::{self, BURDENED_DEG, Distortion, Evidence, Verdict
 use quadmuse_kernel::mesh::Vec3;
 use quadmuse_kernel::register::entry::{Hypothesis, PROTRUSIONS_MANY};
 use quadmuse_kernel::register::{Entry, Query, Solver};
-use quadmuse_kernel::unfold::UnfoldOptions;
-use quadmuse_tests::real_input::pairs::Pair;
+use quadmuse_kernel::unfold::{Chart, UnfoldOptions};
 use std::sync::OnceLock;
 use std::time::Instant;
 
@@ -39,6 +41,10 @@ pub struct Outcome {
     pub verdict: Verdict,
     /// Distortion as one number.
     pub badness: f64,
+    /// What was snapped.
+    pub snapped: Snapped,
+    /// Mean distance of the example's sharp edges from the input's, in % of √area; `None` where one has none.
+    pub edges_off_pct: Option<f64>,
     /// Seconds for unfolding both, registration, and mapping.
     pub seconds: [f64; 3],
 }
@@ -51,17 +57,16 @@ struct Laid {
     distortion: Distortion,
     /// 95th percentile of the angle distortion before the polish.
     laid_angle_deg: f64,
+    snapped: Snapped,
 }
 
-/// Maps a pair by a method.
+/// Maps a case by a method.
 ///
 /// # Errors
 /// What failed; a sentence.
-pub fn lay(pair: &Pair, method: Method) -> Result<Outcome, String> {
-    let (example, input) = (Loaded::read(&pair.example)?, Loaded::read(&pair.input)?);
-    let bytes = std::fs::read(&pair.truth).map_err(|e| format!("{}: {e}", pair.truth.display()))?;
-    let truth = quadmuse_kernel::mesh::read(&bytes, None, &Default::default()).map_err(|e| e.to_string())?;
-    let truth = example.in_order_of(&truth.positions);
+pub fn lay(case: &Case, method: Method) -> Result<Outcome, String> {
+    let Case { example, input, truth } = case;
+    let truth = example.in_order_of(truth);
     let begun = Instant::now();
     let options = UnfoldOptions::default();
     let one = Query::new(&example.patch, &options).map_err(|e| e.to_string())?;
@@ -70,15 +75,15 @@ pub fn lay(pair: &Pair, method: Method) -> Result<Outcome, String> {
     let solver = method.solver();
     let mut entry = registered(&one, &two, method, solver.as_ref())?;
     let registered = Instant::now();
-    let mut laid = by_chart(&example, &one, &two, &entry, method)?;
+    let mut laid = by_chart(example, &one, &two, &entry, method)?;
     let burdened = laid.laid_angle_deg > BURDENED_DEG;
     if method.refines_poles() && two.protrusions().len() < PROTRUSIONS_MANY && burdened {
-        unburden(&example, &one, &two, &mut entry, method)?;
-        laid = by_chart(&example, &one, &two, &entry, method)?;
+        unburden(example, &one, &two, &mut entry, method)?;
+        laid = by_chart(example, &one, &two, &entry, method)?;
     }
     let mut atlas = false;
     if method.has_atlas()
-        && let Some(other) = by_atlas(&example, &one, &two, method)?
+        && let Some(other) = by_atlas(example, &one, &two, method)?
         && other.distortion.badness() < laid.distortion.badness()
     {
         (laid, atlas) = (other, true);
@@ -101,7 +106,21 @@ pub fn lay(pair: &Pair, method: Method) -> Result<Outcome, String> {
     };
     let (verdict, _) = measure::verdict(&evidence);
     let [median_pct, p95_pct] = errors(&laid.cross.positions, &truth, input.patch.mesh.total_area());
-    Ok(Outcome { median_pct, p95_pct, mirrored: laid.mirrored, atlas, folds, evidence, verdict, badness, seconds })
+    let edges_off_pct = edges_off(example, &laid.cross, input);
+    let (mirrored, snapped) = (laid.mirrored, laid.snapped);
+    Ok(Outcome {
+        median_pct,
+        p95_pct,
+        mirrored,
+        atlas,
+        folds,
+        evidence,
+        verdict,
+        badness,
+        snapped,
+        edges_off_pct,
+        seconds,
+    })
 }
 
 fn registered(one: &Query, two: &Query, method: Method, solver: &dyn Solver) -> Result<Entry, String> {
@@ -132,9 +151,10 @@ fn by_chart(example: &Loaded, one: &Query, two: &Query, entry: &Entry, method: M
     let mirrored = best.registration.flip.is_mirror();
     let sign = if mirrored { -1.0 } else { 1.0 };
     let laid_angle_deg = settled(method, example, &mut cross, &[Ground { chart: &input, index: &index }], sign);
+    let snapped = snapped(method, example, &mut cross, &input, sign);
     let distortion = measure::distortion(&example.patch.mesh, &cross, &input, sign);
     let in_domain = folded_faces(&best.registration, &one.chart, &example.patch.mesh);
-    Ok(Laid { cross, mirrored, cost: best.cost(), in_domain, distortion, laid_angle_deg })
+    Ok(Laid { cross, mirrored, cost: best.cost(), in_domain, distortion, laid_angle_deg, snapped })
 }
 
 fn by_atlas(example: &Loaded, one: &Query, two: &Query, method: Method) -> Result<Option<Laid>, String> {
@@ -145,9 +165,42 @@ fn by_atlas(example: &Loaded, one: &Query, two: &Query, method: Method) -> Resul
     let input = atlas.input().ok_or("expected an atlas with charts")?;
     let sign = if atlas.mirrored { -1.0 } else { 1.0 };
     let laid_angle_deg = settled(method, example, &mut cross, &atlas.grounds(), sign);
+    let snapped = snapped(method, example, &mut cross, input, sign);
     let distortion = measure::distortion(&example.patch.mesh, &cross, input, sign);
     let in_domain = atlas.folded_faces(&example.patch.mesh);
-    Ok(Some(Laid { cross, mirrored: atlas.mirrored, cost: atlas.mean_cost(), in_domain, distortion, laid_angle_deg }))
+    Ok(Some(Laid {
+        cross,
+        mirrored: atlas.mirrored,
+        cost: atlas.mean_cost(),
+        in_domain,
+        distortion,
+        laid_angle_deg,
+        snapped,
+    }))
+}
+
+fn snapped(method: Method, example: &Loaded, cross: &mut CrossMap, input: &Chart, sign: f64) -> Snapped {
+    let given = creases_on(&example.poly.attributes.creases, &example.prepared.vertex_of, &example.patch);
+    snap(&example.patch.mesh, &given, cross, input, sign, method.snaps())
+}
+
+/// Mean distance of the vertices on the example's sharp edges from the nearest sharp edge of the input, in % of √area.
+fn edges_off(example: &Loaded, cross: &CrossMap, input: &Loaded) -> Option<f64> {
+    let (own, mesh) = (Lines::of(&example.patch.mesh, &[]), &input.patch.mesh);
+    let there = Lines::of(mesh, &[]);
+    let ends = |h: &u32| [mesh.tail(*h), mesh.head(*h)].map(|v| mesh.positions[v as usize]);
+    let segments: Vec<[Vec3; 2]> = there.edges.iter().map(ends).collect();
+    let away = |x: &Vec3, [a, b]: &[Vec3; 2]| {
+        let share = ((x - a).dot(&(b - a)) / (b - a).norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        (a.lerp(b, share) - x).norm()
+    };
+    let nearest = |v: &u32| {
+        let x = &cross.positions[*v as usize];
+        segments.iter().map(|s| away(x, s)).fold(f64::INFINITY, f64::min)
+    };
+    let all: Vec<f64> = own.neighbours.keys().map(nearest).collect();
+    let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
+    (!all.is_empty() && mean.is_finite()).then(|| 100.0 * mean / mesh.total_area().sqrt())
 }
 
 /// Median and 95th percentile of the distances, in % of √area.

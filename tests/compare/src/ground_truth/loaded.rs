@@ -1,7 +1,7 @@
 //! The meshes of a pair.
 
 use quadmuse_kernel::mesh::{self, Limits, NONE, PolyMesh, Prepared, Vec3};
-use quadmuse_kernel::topology::{Patch, whole};
+use quadmuse_kernel::topology::{Components, Patch, primitive, whole};
 use std::path::Path;
 
 /// A mesh with its surface.
@@ -26,6 +26,16 @@ impl Loaded {
         let poly = mesh::read(&bytes, None, &Limits::default()).map_err(|e| said(&e))?;
         let prepared = mesh::prepare(&poly).map_err(|e| said(&e))?;
         let patch = whole(&prepared.mesh).map_err(|e| said(&e))?;
+        Ok(Self { poly, prepared, patch })
+    }
+
+    /// A mesh that was cut from another; crumbs of the cut are left out.
+    ///
+    /// # Errors
+    /// What is wrong with it; a sentence.
+    pub fn cut(poly: PolyMesh) -> Result<Self, String> {
+        let prepared = mesh::prepare(&poly).map_err(|e| e.to_string())?;
+        let patch = primitive(&prepared.mesh, Components::Crumbs).map_err(|e| e.to_string())?;
         Ok(Self { poly, prepared, patch })
     }
 

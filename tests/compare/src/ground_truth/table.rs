@@ -26,7 +26,7 @@ pub fn line(row: &Row) -> String {
         Ok(o) => {
             let e = &o.evidence;
             format!(
-                "{head} {:6.2} {:6.2} {}{} folds {} {:?} | cost {:.3} modulus {:+.3} turned {:.4} angle {:.1} laid {:.1} uncovered {:.4} missing {}/{} | badness {:.2} | {:.2} {:.2} {:.2} s",
+                "{head} {:6.2} {:6.2} {}{} folds {} {:?} | cost {:.3} modulus {:+.3} turned {:.4} angle {:.1} laid {:.1} uncovered {:.4} missing {}/{} | badness {:.2} | snapped {}+{} refused {} edges off {} | {:.2} {:.2} {:.2} s",
                 o.median_pct,
                 o.p95_pct,
                 if o.mirrored { "mirrored " } else { "" },
@@ -42,6 +42,10 @@ pub fn line(row: &Row) -> String {
                 e.coverage.missing,
                 e.coverage.features,
                 o.badness,
+                o.snapped.corners,
+                o.snapped.creased,
+                o.snapped.refused,
+                o.edges_off_pct.map_or_else(|| "–".to_owned(), |x| format!("{x:.3}")),
                 o.seconds[0],
                 o.seconds[1],
                 o.seconds[2],

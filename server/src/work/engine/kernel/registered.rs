@@ -2,13 +2,14 @@
 
 use super::super::{EngineError, Mapped, Opaque, Refusal, Registration, Side};
 use super::model::ModelInner;
-use super::settled::{Settled, settle};
+use super::settled::{Laying, Settled, settle};
 use super::{fresh, internal};
 use crate::pool::Stop;
 use quadmuse_kernel::encode::index::{Location as Place, PlanarIndex};
 use quadmuse_kernel::map::assemble::{Winding, assemble};
 use quadmuse_kernel::map::atlas::Atlas;
 use quadmuse_kernel::map::reembed::Ground;
+use quadmuse_kernel::map::snap::{Snap, creases_on};
 use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, edit, folded_faces, leave_fillings};
 use quadmuse_kernel::measure::coverage::{Coverage, coverage, feature_points};
@@ -192,13 +193,18 @@ fn lay<'a>(
         None => by_chart(registered, example, query)?,
     };
     let model: &ModelInner = example.model.inner.open()?;
-    let (surface, sign) = (&model.patch(example.segment)?.mesh, if laid.mirrored { -1.0 } else { 1.0 });
-    let angle_p95_deg = measure::angle_distortion(surface, &laid.cross).p95;
+    let (patch, sign) = (model.patch(example.segment)?, if laid.mirrored { -1.0 } else { 1.0 });
+    let angle_p95_deg = measure::angle_distortion(&patch.mesh, &laid.cross).p95;
     let grounds = match atlas {
         Some(atlas) => atlas.grounds(),
         None => vec![Ground { chart: laid.input, index: &registered.surface(query)?.index }],
     };
-    settle(&registered.settled, surface, &mut laid.cross, &grounds, sign, &laid.constraints);
+    let creases = creases_on(&example.model.mesh.attributes.creases, &model.prepared.vertex_of, patch);
+    // Corners of a segment's boundary are where segments meet, and belong to the composition.
+    let other: &ModelInner = query.model.inner.open()?;
+    let whole = model.segmented.parts.len() == 1 && other.segmented.parts.len() == 1;
+    let laying = Laying { mesh: &patch.mesh, creases, snap: if whole { Snap::All } else { Snap::Creases } };
+    settle(&registered.settled, &laying, &mut laid.cross, &grounds, sign, &laid.constraints);
     Ok((laid, angle_p95_deg))
 }
 

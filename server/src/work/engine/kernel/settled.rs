@@ -1,4 +1,4 @@
-//! The surface polish of a first map, and what edits keep of it.
+//! The surface polish of a first map, its snapping to the input's lines, and what edits keep of it.
 //!
 //! Polishing costs more than an edit may. So the first map is polished, and an edited one, which is a closed form,
 //! takes over by how much each vertex was moved then; near the caller's own constraints nothing is moved, so that they
@@ -6,6 +6,7 @@
 
 use quadmuse_kernel::map::CrossMap;
 use quadmuse_kernel::map::reembed::{self, Ground};
+use quadmuse_kernel::map::snap::{Snap, snap};
 use quadmuse_kernel::map::walk::walk;
 use quadmuse_kernel::mesh::{TriMesh, Vec3};
 use quadmuse_kernel::unfold::Chart;
@@ -22,11 +23,21 @@ pub(super) struct Settled {
     after: CrossMap,
 }
 
-/// Lets `cross`, the map of `mesh` onto the charts of `grounds`, come to rest, or moves it as the first map was moved.
+/// The example's side of what settles.
+pub(super) struct Laying<'a> {
+    /// Its patch's mesh.
+    pub(super) mesh: &'a TriMesh,
+    /// The creases that its file gives, as vertices of the mesh.
+    pub(super) creases: Vec<[u32; 2]>,
+    /// What is snapped.
+    pub(super) snap: Snap,
+}
+
+/// Lets `cross`, the map of a surface onto the charts of `grounds`, come to rest, or moves it as the first map was moved.
 /// `mirror` is −1 for mirrored maps.
 pub(super) fn settle(
     kept: &OnceLock<Settled>,
-    mesh: &TriMesh,
+    laying: &Laying,
     cross: &mut CrossMap,
     grounds: &[Ground],
     mirror: f64,
@@ -39,7 +50,10 @@ pub(super) fn settle(
         .collect();
     if callers.is_empty() && kept.get().is_none() {
         let before = cross.positions.clone();
-        reembed::settle(mesh, cross, grounds, mirror);
+        reembed::settle(laying.mesh, cross, grounds, mirror);
+        if let Some(ground) = grounds.first() {
+            snap(laying.mesh, &laying.creases, cross, ground.chart, mirror, laying.snap);
+        }
         let _ = kept.set(Settled { before, after: cross.clone() });
         return;
     }
