@@ -129,7 +129,7 @@ fn finely(surface: &TriMesh) -> Result<Refined, TopologyError> {
 
 /// A label for each triangle: its part.
 fn labels(mesh: &TriMesh, count: PartCount) -> Vec<u32> {
-    let components = region::connected(mesh, &vec![0; mesh.triangles.len()]);
+    let components = topology::pieces(mesh);
     let regions: Vec<Region> = components.into_iter().map(|c| Region::new(mesh, c)).collect();
     let wanted = match count {
         PartCount::About(n) => Some(shares_of(n, &regions)),
@@ -397,6 +397,17 @@ mod tests {
         let cut = segment(&slab, PartCount::AsNeeded).expect("cut");
         assert!(cut.parts.iter().all(|part| topology::classify(&part.mesh) == Ok(part.topology)));
         assert!(cut.parts.iter().all(|part| matches!(part.topology, Topology::Disc | Topology::Annulus)));
+    }
+
+    #[test]
+    fn a_triangle_soup_is_told_apart_at_once() {
+        let count = 40_000;
+        let (one, at) = ([Vec3::zeros(), Vec3::x(), Vec3::y()], |k: u32| Vec3::new(0.0, 0.0, f64::from(k)));
+        let positions = (0..count).flat_map(|k| one.map(|p| p + at(k))).collect();
+        let triangles = (0..count).map(|k| [0, 1, 2].map(|v| 3 * k + v)).collect();
+        let soup = TriMesh::from_triangles(positions, triangles).expect("manifold");
+        assert!(Segmented::mended(&soup).is_none());
+        assert_eq!(segment(&soup, PartCount::AsNeeded).expect("cut").parts.len(), count as usize);
     }
 
     #[test]

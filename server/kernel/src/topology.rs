@@ -10,6 +10,9 @@ use std::fmt;
 use crate::mesh::tri::{NONE, TriMesh, pair_halfedges};
 pub use primitive::{Components, primitive};
 
+/// Below one triangle for so many vertices of the mesh, its triangles are looked at alone and not the mesh.
+const SUBMESH_SMALL: usize = 16;
+
 /// A surface that one chart can hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Topology {
@@ -114,30 +117,64 @@ pub struct Patch {
     pub left_out: usize,
 }
 
-/// Component number of each triangle (numbered by lowest triangle), and how many there are. Triangles that share an
-/// edge are connected.
-pub fn components(mesh: &TriMesh) -> (Vec<u32>, usize) {
-    let mut component = vec![NONE; mesh.triangles.len()];
-    let mut count = 0;
-    let mut stack = Vec::new();
+/// The connected sets of triangles of one label each, in order of their lowest triangle; each in order. Triangles that
+/// share an edge are connected. `label_of` holds one label a triangle.
+pub fn connected<L: PartialEq>(mesh: &TriMesh, label_of: &[L]) -> Vec<Vec<u32>> {
+    let mut seen = vec![false; mesh.triangles.len()];
+    let mut sets = Vec::new();
     for seed in 0..mesh.triangles.len() as u32 {
-        if component[seed as usize] != NONE {
+        if std::mem::replace(&mut seen[seed as usize], true) {
             continue;
         }
-        component[seed as usize] = count;
-        stack.push(seed);
-        while let Some(t) = stack.pop() {
+        let (mut set, mut next) = (vec![seed], 0);
+        while let Some(&t) = set.get(next) {
+            next += 1;
             for k in 0..3 {
                 let g = mesh.twin(3 * t + k);
-                if g != NONE && component[g as usize / 3] == NONE {
-                    component[g as usize / 3] = count;
-                    stack.push(g / 3);
+                if g == NONE || seen[g as usize / 3] || label_of[g as usize / 3] != label_of[seed as usize] {
+                    continue;
                 }
+                seen[g as usize / 3] = true;
+                set.push(g / 3);
             }
         }
-        count += 1;
+        set.sort_unstable();
+        sets.push(set);
     }
-    (component, count as usize)
+    sets
+}
+
+/// The components as sets of triangles; see [`connected`].
+pub fn pieces(mesh: &TriMesh) -> Vec<Vec<u32>> {
+    connected(mesh, &vec![(); mesh.triangles.len()])
+}
+
+/// A number for each of so many triangles: that of the set that holds it.
+pub fn numbers(sets: &[Vec<u32>], triangles: usize) -> Vec<u32> {
+    let mut of = vec![0; triangles];
+    for (k, set) in sets.iter().enumerate() {
+        set.iter().for_each(|&t| of[t as usize] = k as u32);
+    }
+    of
+}
+
+/// Component number of each triangle (numbered by lowest triangle), and how many there are.
+pub fn components(mesh: &TriMesh) -> (Vec<u32>, usize) {
+    let sets = pieces(mesh);
+    (numbers(&sets, mesh.triangles.len()), sets.len())
+}
+
+/// Marks the triangles that share a vertex with one that is marked, so many times over.
+pub fn widen(mesh: &TriMesh, marked: &mut [bool], rings: usize) {
+    let mut touched = vec![false; mesh.positions.len()];
+    for _ in 0..rings {
+        for (corners, _) in mesh.triangles.iter().zip(marked.iter()).filter(|(_, marked)| **marked) {
+            corners.iter().for_each(|&v| touched[v as usize] = true);
+        }
+        for (corners, marked) in mesh.triangles.iter().zip(marked.iter_mut()) {
+            *marked |= corners.iter().any(|&v| touched[v as usize]);
+        }
+    }
 }
 
 /// Invariants of a connected mesh without isolated vertices.
@@ -217,15 +254,7 @@ pub fn by_labels(mesh: &TriMesh, labels: &[i64]) -> Result<Vec<Patch>, TopologyE
 /// The mesh of some triangles, vertices renumbered in order; a vertex at which they meet only in a point is split.
 /// Returns the parent vertex of each vertex beside it.
 pub fn submesh(mesh: &TriMesh, triangles: &[u32]) -> (TriMesh, Vec<u32>) {
-    let mut number = vec![NONE; mesh.positions.len()];
-    triangles.iter().for_each(|&t| mesh.triangles[t as usize].iter().for_each(|&v| number[v as usize] = 0));
-    let mut vertex_of = Vec::new();
-    for (v, n) in number.iter_mut().enumerate().filter(|(_, n)| **n != NONE) {
-        *n = vertex_of.len() as u32;
-        vertex_of.push(v as u32);
-    }
-    let corners: Vec<[u32; 3]> =
-        triangles.iter().map(|&t| mesh.triangles[t as usize].map(|v| number[v as usize])).collect();
+    let (mut vertex_of, corners) = renumbered(mesh, triangles);
     let twins = pair_halfedges(&corners).unwrap_or_else(|_| vec![NONE; 3 * corners.len()]);
     let phantom = triangles.iter().flat_map(|&t| (0..3).map(move |k| mesh.phantom[3 * t as usize + k])).collect();
     let polygon_of = triangles.iter().map(|&t| mesh.polygon_of[t as usize]).collect();
@@ -235,6 +264,29 @@ pub fn submesh(mesh: &TriMesh, triangles: &[u32]) -> (TriMesh, Vec<u32>) {
         vertex_of.push(vertex_of[copied as usize]);
     }
     (part, vertex_of)
+}
+
+/// The vertices of some triangles, in order, and the triangles' corners as numbers among these. For a few triangles the
+/// cost grows with them and not with the mesh: a mesh can have a component a triangle.
+fn renumbered(mesh: &TriMesh, triangles: &[u32]) -> (Vec<u32>, Vec<[u32; 3]>) {
+    let corners = || triangles.iter().map(|&t| mesh.triangles[t as usize]);
+    if triangles.len() < mesh.positions.len() / SUBMESH_SMALL {
+        let mut vertex_of: Vec<u32> = corners().flatten().collect();
+        vertex_of.sort_unstable();
+        vertex_of.dedup();
+        let number = |v: u32| vertex_of.partition_point(|&other| other < v) as u32;
+        let corners = corners().map(|c| c.map(number)).collect();
+        return (vertex_of, corners);
+    }
+    let mut number = vec![NONE; mesh.positions.len()];
+    corners().flatten().for_each(|v| number[v as usize] = 0);
+    let mut vertex_of = Vec::new();
+    for (v, n) in number.iter_mut().enumerate().filter(|(_, n)| **n != NONE) {
+        *n = vertex_of.len() as u32;
+        vertex_of.push(v as u32);
+    }
+    let corners = corners().map(|c| c.map(|v| number[v as usize])).collect();
+    (vertex_of, corners)
 }
 
 /// Gives each fan of faces around a vertex its own vertex; returns the vertex that each new one copies.
@@ -335,5 +387,34 @@ pub(crate) mod tests {
         let labels: Vec<i64> = (0..mesh.triangles.len() as i64).map(|t| (t / 32) % 2).collect();
         let error = by_labels(&mesh, &labels).expect_err("label 0 is in two pieces");
         assert!(error.to_string().contains("segment 0"), "{error}");
+    }
+
+    #[test]
+    fn a_submesh_of_few_triangles_is_made_as_one_of_many() {
+        let mesh = grid(40, 40, true, true);
+        let few = [1_640, 7, 8, 9];
+        let many: Vec<u32> = few.into_iter().chain(2_000..3_000).collect();
+        for set in [&few[..], &many[..]] {
+            let (part, vertex_of) = submesh(&mesh, set);
+            for (corners, &t) in part.triangles.iter().zip(set) {
+                assert_eq!(corners.map(|v| vertex_of[v as usize]), mesh.triangles[t as usize]);
+            }
+            let positions: Vec<Vec3> = vertex_of.iter().map(|&v| mesh.positions[v as usize]).collect();
+            assert_eq!(part.positions, positions);
+        }
+    }
+
+    #[test]
+    fn rings_widen_over_vertices() {
+        let mesh = grid(20, 20, false, false);
+        let mut marked = vec![false; mesh.triangles.len()];
+        marked[2 * (10 * 20 + 10)] = true;
+        widen(&mesh, &mut marked, 2);
+        let sets = connected(&mesh, &marked);
+        let inside: Vec<&Vec<u32>> = sets.iter().filter(|set| marked[set[0] as usize]).collect();
+        // Two rings about one triangle of a square: five squares by five without two of the corners' triangles each.
+        assert_eq!(inside.len(), 1);
+        assert_eq!(inside[0].len(), marked.iter().filter(|m| **m).count());
+        assert!(inside[0].len() > 30 && inside[0].len() < 50, "{}", inside[0].len());
     }
 }

@@ -4,7 +4,7 @@
 //! faster, CRATES §3.3).
 
 use crate::mesh::Vec3;
-use crate::mesh::tri::NONE;
+use crate::mesh::tri::{NONE, next};
 use crate::unfold::{Chart, Uv};
 
 /// A place on the surface.
@@ -17,6 +17,13 @@ pub struct Location {
 }
 
 impl Location {
+    /// The place at a share of halfedge `h`, 0 at its tail and 1 at its head.
+    pub fn on_edge(h: u32, share: f64) -> Self {
+        let mut barycentric = [0.0; 3];
+        (barycentric[h as usize % 3], barycentric[next(h) as usize % 3]) = (1.0 - share, share);
+        Self { triangle: h / 3, barycentric }
+    }
+
     /// The point in space.
     pub fn point(&self, chart: &Chart) -> Vec3 {
         let corners = chart.mesh.triangles[self.triangle as usize];

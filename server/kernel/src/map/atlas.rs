@@ -83,29 +83,7 @@ impl Atlas {
         solver: &dyn Solver,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Result<Option<Self>, UnfoldError> {
-        let topology = example.encoding().topology;
-        let wanted = matches!(topology, Topology::Disc | Topology::Sphere) && topology == query.encoding().topology;
-        let few = |breadth: Breadth| [example, query].iter().any(|side| side.tips(breadth).len() < TIPS_MIN);
-        if !wanted || few(Breadth::Limbs) {
-            return Ok(None);
-        }
-        let by = |breadth: Breadth| {
-            let matcher = Matcher::new(example, query, breadth, solver, stop);
-            let found = matcher.best()?;
-            (found.assignment.pairs.len() >= TIPS_MIN && found.cost <= MATCH_COST_MAX).then_some((matcher, found))
-        };
-        let mut best = by(Breadth::Limbs);
-        let more = [example, query].iter().any(|side| side.tips(Breadth::Fingers) != side.tips(Breadth::Limbs));
-        if more && !few(Breadth::Fingers) {
-            let cost = |found: &Option<(Matcher, Match)>| found.as_ref().map_or(f64::INFINITY, |(_, found)| found.cost);
-            let finer = by(Breadth::Fingers);
-            let pairs =
-                |found: &Option<(Matcher, Match)>| found.as_ref().map_or(0, |(_, found)| found.assignment.pairs.len());
-            if pairs(&finer) > pairs(&best) && cost(&finer) < FINER_WITHIN * cost(&best) {
-                best = finer;
-            }
-        }
-        let Some((matcher, found)) = best else { return Ok(None) };
+        let Some((matcher, found)) = matched(example, query, solver, stop) else { return Ok(None) };
         let matches = matcher.vertices(&found.assignment.pairs);
         let flip = found.flip;
         let poles_at =
@@ -191,6 +169,42 @@ impl Atlas {
     /// The chart on whose mesh [`Self::cross_map`] places vertices.
     pub fn input(&self) -> Option<&Arc<Chart>> {
         self.sheets.first().map(|s| &s.input)
+    }
+}
+
+/// The best match of the tips of two discs or spheres: of their limbs, or of their fingers too where that matches more
+/// of them about as well.
+fn matched<'a>(
+    example: &'a Query,
+    query: &'a Query,
+    solver: &'a dyn Solver,
+    stop: &'a (dyn Fn() -> bool + Sync),
+) -> Option<(Matcher<'a>, Match)> {
+    let sides = [example, query];
+    let topology = example.encoding().topology;
+    if !matches!(topology, Topology::Disc | Topology::Sphere) || topology != query.encoding().topology {
+        return None;
+    }
+    let few = |breadth: Breadth| sides.iter().any(|side| side.tips(breadth).len() < TIPS_MIN);
+    let by = |breadth: Breadth| {
+        let matcher = Matcher::new(example, query, breadth, solver, stop);
+        let found = matcher.best()?;
+        (found.assignment.pairs.len() >= TIPS_MIN && found.cost <= MATCH_COST_MAX).then_some((matcher, found))
+    };
+    if few(Breadth::Limbs) {
+        return None;
+    }
+    let limbs = by(Breadth::Limbs);
+    let are_more = sides.iter().any(|side| side.tips(Breadth::Fingers) != side.tips(Breadth::Limbs));
+    if !are_more || few(Breadth::Fingers) {
+        return limbs;
+    }
+    let fingers = by(Breadth::Fingers);
+    let pairs = |(_, found): &(Matcher, Match)| found.assignment.pairs.len();
+    match (&limbs, &fingers) {
+        (Some(a), Some(b)) if pairs(b) <= pairs(a) || b.1.cost >= FINER_WITHIN * a.1.cost => limbs,
+        (Some(_), None) => limbs,
+        (_, _) => fingers,
     }
 }
 
@@ -340,15 +354,10 @@ impl Rim {
     fn closest(&self, mesh: &TriMesh, target: Vec3) -> Location {
         let mut best = (f64::INFINITY, Location { triangle: 0, barycentric: [1.0, 0.0, 0.0] });
         for &h in &self.halfedges {
-            let (a, b) = (mesh.positions[mesh.tail(h) as usize], mesh.positions[mesh.head(h) as usize]);
-            let along = b - a;
-            let f = ((target - a).dot(&along) / along.norm_squared().max(1e-300)).clamp(0.0, 1.0);
-            let d = (a + along * f - target).norm_squared();
-            if d < best.0 {
-                let mut barycentric = [0.0; 3];
-                barycentric[h as usize % 3] = 1.0 - f;
-                barycentric[(h as usize + 1) % 3] = f;
-                best = (d, Location { triangle: h / 3, barycentric });
+            let share = mesh.nearest_share(h, target);
+            let away = (mesh.point_on(h, share) - target).norm_squared();
+            if away < best.0 {
+                best = (away, Location::on_edge(h, share));
             }
         }
         best.1

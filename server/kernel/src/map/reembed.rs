@@ -14,9 +14,9 @@ use super::CrossMap;
 use super::polish::{PolishOptions, polish};
 use super::untangle::{inward, untangle};
 use crate::encode::index::PlanarIndex;
-use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
-use crate::topology::Topology;
+use crate::topology::{self, Topology};
+use crate::unfold::relax::half_tangent;
 use crate::unfold::{Chart, Uv, signed_area};
 
 /// Times at most that a map is polished, and then what still looks inward laid anew.
@@ -97,43 +97,19 @@ struct Region {
 
 fn regions(mesh: &TriMesh, turned: &[u32], rings: usize) -> Vec<Region> {
     let mut inside: Vec<bool> = mesh.polygon_of.iter().map(|f| turned.binary_search(f).is_ok()).collect();
-    let mut touched = vec![false; mesh.positions.len()];
-    for _ in 0..rings {
-        for (corners, _) in mesh.triangles.iter().zip(&inside).filter(|(_, inside)| **inside) {
-            corners.iter().for_each(|&v| touched[v as usize] = true);
-        }
-        for (t, corners) in mesh.triangles.iter().enumerate() {
-            inside[t] |= corners.iter().any(|&v| touched[v as usize]);
-        }
-    }
+    topology::widen(mesh, &mut inside, rings);
     let mut fixed = mesh.boundary_vertices();
     for (t, corners) in mesh.triangles.iter().enumerate() {
         corners.iter().for_each(|&v| fixed[v as usize] |= !inside[t]);
     }
-    let mut seen = vec![false; mesh.triangles.len()];
-    let mut regions = Vec::new();
-    for start in 0..mesh.triangles.len() {
-        if !inside[start] || std::mem::replace(&mut seen[start], true) {
-            continue;
-        }
-        let mut triangles = vec![start as u32];
-        let mut next = 0;
-        while let Some(&t) = triangles.get(next) {
-            next += 1;
-            for k in 0..3 {
-                let across = (mesh.twin(3 * t + k) / 3) as usize;
-                if across < seen.len() && inside[across] && !std::mem::replace(&mut seen[across], true) {
-                    triangles.push(across as u32);
-                }
-            }
-        }
+    let region = |triangles: Vec<u32>| {
         let corners = triangles.iter().flat_map(|&t| mesh.triangles[t as usize]);
         let mut inner: Vec<u32> = corners.filter(|&v| !fixed[v as usize]).collect();
         inner.sort_unstable();
         inner.dedup();
-        regions.push(Region { triangles, inner });
-    }
-    regions
+        Region { triangles, inner }
+    };
+    topology::connected(mesh, &inside).into_iter().filter(|set| inside[set[0] as usize]).map(region).collect()
 }
 
 impl Region {
@@ -211,12 +187,6 @@ impl Region {
     }
 }
 
-/// tan(α/2) of the angle between two directions; in bounds, so that slivers do not rule.
-fn half_tangent(p: Vec3, q: Vec3) -> f64 {
-    let (dot, cross) = (p.dot(&q), p.cross(&q).norm());
-    (cross / (dot + (dot * dot + cross * cross).sqrt()).max(1e-300)).clamp(0.01, 100.0)
-}
-
 /// The equal-area picture about one end of a chart: r² is the share of the area nearer to that end.
 pub(super) struct Picture {
     about_top: bool,
@@ -244,6 +214,7 @@ impl Picture {
 mod tests {
     use super::*;
     use crate::encode::index::Location;
+    use crate::mesh::Vec3;
     use crate::mesh::bvh::Bvh;
     use crate::topology::{tests::grid, whole};
     use crate::unfold::{UnfoldOptions, unfold};

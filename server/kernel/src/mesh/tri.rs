@@ -106,6 +106,17 @@ impl TriMesh {
         self.twins[h as usize]
     }
 
+    /// The share of halfedge `h`, 0 at its tail and 1 at its head, at which it is nearest to a point.
+    pub fn nearest_share(&self, h: u32, to: Vec3) -> f64 {
+        let [a, b] = [self.tail(h), self.head(h)].map(|v| self.positions[v as usize]);
+        ((to - a).dot(&(b - a)) / (b - a).norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
+    }
+
+    /// The point at a share of halfedge `h`.
+    pub fn point_on(&self, h: u32, share: f64) -> Vec3 {
+        self.positions[self.tail(h) as usize].lerp(&self.positions[self.head(h) as usize], share)
+    }
+
     /// Area of triangle `t`.
     pub fn area(&self, t: usize) -> f64 {
         let [a, b, c] = self.triangles[t].map(|v| self.positions[v as usize]);

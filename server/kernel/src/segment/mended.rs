@@ -5,7 +5,6 @@
 //! however small, and stays. *Ours, not the paper's.*
 
 use super::Segmented;
-use super::region::connected;
 use crate::mesh::tri::TriMesh;
 use crate::topology::{self, Components, Patch};
 
@@ -17,7 +16,7 @@ const CRUMBS_SHARE: f64 = 0.1;
 /// One part a piece, the largest first; `None` where a piece is no primitive even when its small holes are filled, or
 /// nothing has to be filled: such a surface is to be cut as it is.
 pub(super) fn pieces(surface: &TriMesh) -> Option<Segmented> {
-    let mut sets: Vec<(f64, Vec<u32>)> = connected(surface, &vec![0; surface.triangles.len()])
+    let mut sets: Vec<(f64, Vec<u32>)> = topology::pieces(surface)
         .into_iter()
         .map(|set| (set.iter().map(|&t| surface.area(t as usize)).sum(), set))
         .collect();
@@ -29,6 +28,9 @@ pub(super) fn pieces(surface: &TriMesh) -> Option<Segmented> {
         if area < CRUMB_SHARE * total && !mesh.boundary_loops().is_empty() {
             left_out += 1;
             crumbs += area;
+            if crumbs > CRUMBS_SHARE * total {
+                return None;
+            }
             continue;
         }
         let patch = topology::primitive(&mesh, Components::Refuse).ok()?;
@@ -38,7 +40,7 @@ pub(super) fn pieces(surface: &TriMesh) -> Option<Segmented> {
             ..patch
         });
     }
-    if crumbs > CRUMBS_SHARE * total || parts.iter().all(|part| part.holes.is_empty()) {
+    if parts.iter().all(|part| part.holes.is_empty()) {
         return None;
     }
     parts.first_mut()?.left_out = left_out;

@@ -1,6 +1,5 @@
 //! Merging parts: crumbs that no one asked for, and parts beyond the number asked for.
 
-use super::region::numbers;
 use crate::mesh::tri::{NONE, TriMesh};
 use crate::topology::{self, Topology};
 use std::collections::BTreeMap;
@@ -33,8 +32,8 @@ pub(super) fn merge(mesh: &TriMesh, parts: Vec<Vec<u32>>, area_min: f64, count_m
 /// Gives every piece of a label that is not its largest to the label with which it has the longest border.
 pub(super) fn absorb_crumbs(mesh: &TriMesh, label_of: &mut [u32]) {
     for _ in 0..CRUMB_ROUNDS {
-        let sets = super::region::connected(mesh, label_of);
-        let set_of = numbers(&sets, label_of.len());
+        let sets = topology::connected(mesh, label_of);
+        let set_of = topology::numbers(&sets, label_of.len());
         let mut largest: BTreeMap<u32, usize> = BTreeMap::new();
         for (k, set) in sets.iter().enumerate() {
             let best = largest.entry(label_of[set[0] as usize]).or_insert(k);
@@ -68,7 +67,7 @@ struct Merger<'a> {
 
 impl<'a> Merger<'a> {
     fn new(mesh: &'a TriMesh, parts: Vec<Vec<u32>>) -> Self {
-        let part_of = numbers(&parts, mesh.triangles.len());
+        let part_of = topology::numbers(&parts, mesh.triangles.len());
         let area = |p: &Vec<u32>| p.iter().map(|&t| mesh.area(t as usize)).sum();
         Self { mesh, part_of, areas: parts.iter().map(area).collect(), parts }
     }

@@ -2,9 +2,10 @@
 
 use super::merge::{absorb_crumbs, merge};
 use super::necks::{Necks, Prominence};
-use super::region::{Region, numbers};
+use super::region::Region;
 use super::split::{decompose, halve};
 use crate::mesh::tri::TriMesh;
+use crate::topology;
 
 /// Protrusions that are cut off where no number of parts is asked for.
 const NECKS_MAX: usize = 24;
@@ -29,7 +30,7 @@ pub(super) fn parts(mesh: &TriMesh, count: Count) -> Vec<u32> {
         }
         Count::Wanted(n) => wanted(mesh, &Necks::of(mesh, Prominence::STUBS), n.max(1)),
     };
-    numbers(&sets, mesh.triangles.len())
+    topology::numbers(&sets, mesh.triangles.len())
 }
 
 /// Cuts at the first `necks_count` necks and makes primitives of what is left.
@@ -41,7 +42,7 @@ fn cut_at(mesh: &TriMesh, necks: &Necks, necks_count: usize, count_max: usize) -
     };
     let mut label_of: Vec<u32> = mesh.triangles.iter().map(majority).collect();
     absorb_crumbs(mesh, &mut label_of);
-    let regions = super::region::connected(mesh, &label_of);
+    let regions = topology::connected(mesh, &label_of);
     let primitives: Vec<Vec<u32>> = regions.into_iter().flat_map(|r| decompose(mesh, r)).collect();
     merge(mesh, primitives, AREA_MIN, count_max)
 }

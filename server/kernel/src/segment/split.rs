@@ -7,7 +7,7 @@
 //! *Source:* Erickson and Whittlesey (2005), shortest homology basis by tree and cotree.
 
 use super::distance::spread;
-use super::region::{Region, connected};
+use super::region::Region;
 use super::tour;
 use crate::mesh::geodesic::Marcher;
 use crate::mesh::tri::{NONE, TriMesh, next, prev};
@@ -37,7 +37,7 @@ pub(super) fn decompose(surface: &TriMesh, triangles: Vec<u32>) -> Vec<Vec<u32>>
         let (_, components) = topology::components(&region.mesh);
         let groups = match components {
             1 => split(&region),
-            _ => connected(&region.mesh, &vec![0; region.mesh.triangles.len()])
+            _ => topology::pieces(&region.mesh)
                 .into_iter()
                 .map(|g| g.iter().map(|&t| region.triangle_of[t as usize]).collect())
                 .collect(),

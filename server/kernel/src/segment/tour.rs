@@ -8,7 +8,6 @@ use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashSet};
 
 use super::distance::neighbours;
-use super::region::connected;
 use crate::mesh::geodesic::Marcher;
 use crate::mesh::tri::{NONE, TriMesh};
 use crate::topology::{self, Topology};
@@ -162,8 +161,7 @@ fn flood(mesh: &TriMesh, walls: &HashSet<[u32; 2]>) -> Vec<u32> {
             open.twins[h as usize] = NONE;
         }
     }
-    let sets = connected(&open, &vec![0; open.triangles.len()]);
-    super::region::numbers(&sets, open.triangles.len())
+    topology::components(&open).0
 }
 
 #[cfg(test)]

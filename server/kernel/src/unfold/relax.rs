@@ -9,6 +9,7 @@
 use super::{corner_uvs, signed_area};
 use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
+use crate::topology;
 
 /// Rings about turned triangles that are laid anew with them, each number tried on what the one before left.
 const RINGS: [usize; 4] = [1, 2, 4, 8];
@@ -58,7 +59,7 @@ struct Places {
 
 impl Plane<'_> {
     fn is_turned(&self, t: u32, at: &Places) -> bool {
-        let jumps = self.jumps.get(3 * t as usize..3 * t as usize + 3).unwrap_or(&[0; 3]);
+        let jumps = &self.jumps[3 * t as usize..3 * t as usize + 3];
         let corners = self.mesh.triangles[t as usize];
         signed_area(&corner_uvs(corners, &at.u, jumps, &at.v, self.poles)) < 0.0
     }
@@ -73,7 +74,7 @@ impl Plane<'_> {
     }
 }
 
-/// A connected part of the mesh about turned triangles.
+/// A connected part of the mesh about turned triangles, in order.
 struct Region {
     triangles: Vec<u32>,
 }
@@ -81,35 +82,9 @@ struct Region {
 fn regions(mesh: &TriMesh, turned: &[u32], rings: usize) -> Vec<Region> {
     let mut inside = vec![false; mesh.triangles.len()];
     turned.iter().for_each(|&t| inside[t as usize] = true);
-    let mut touched = vec![false; mesh.positions.len()];
-    for _ in 0..rings {
-        for (corners, _) in mesh.triangles.iter().zip(&inside).filter(|(_, inside)| **inside) {
-            corners.iter().for_each(|&v| touched[v as usize] = true);
-        }
-        for (t, corners) in mesh.triangles.iter().enumerate() {
-            inside[t] |= corners.iter().any(|&v| touched[v as usize]);
-        }
-    }
-    let mut regions = Vec::new();
-    for &start in turned {
-        if !std::mem::replace(&mut inside[start as usize], false) {
-            continue;
-        }
-        let mut triangles = vec![start];
-        let mut next = 0;
-        while let Some(&t) = triangles.get(next) {
-            next += 1;
-            for k in 0..3 {
-                let across = mesh.twin(3 * t + k) / 3;
-                if inside.get(across as usize) == Some(&true) {
-                    inside[across as usize] = false;
-                    triangles.push(across);
-                }
-            }
-        }
-        regions.push(Region { triangles });
-    }
-    regions
+    topology::widen(mesh, &mut inside, rings);
+    let sets = topology::connected(mesh, &inside).into_iter().filter(|set| inside[set[0] as usize]);
+    sets.map(|triangles| Region { triangles }).collect()
 }
 
 impl Region {
@@ -146,15 +121,14 @@ impl Region {
     /// The vertices that may move, in order, each with its neighbours. All their triangles belong to the region.
     fn neighbours(&self, plane: &Plane, fixed: &[bool]) -> Vec<(u32, Vec<Neighbour>)> {
         let mesh = plane.mesh;
-        let mut own = self.triangles.clone();
-        own.sort_unstable();
+        let own = &self.triangles;
         let is_own = |h: u32| own.binary_search(&(h / 3)).is_ok();
         let mut vertices: Vec<u32> = own.iter().flat_map(|&t| mesh.triangles[t as usize]).collect();
         vertices.sort_unstable();
         vertices.dedup();
         let mut around: Vec<(u32, Vec<Neighbour>)> = vertices.iter().map(|&v| (v, Vec::new())).collect();
         let mut stays: Vec<bool> = vertices.iter().map(|&v| fixed[v as usize]).collect();
-        for &t in &own {
+        for &t in own {
             let corners = mesh.triangles[t as usize];
             for k in 0..3u32 {
                 let h = 3 * t + k;
@@ -184,7 +158,7 @@ struct Neighbour {
 }
 
 /// tan(α/2) of the angle between two directions; in bounds, so that slivers do not rule.
-fn half_tangent(p: Vec3, q: Vec3) -> f64 {
+pub fn half_tangent(p: Vec3, q: Vec3) -> f64 {
     let (dot, cross) = (p.dot(&q), p.cross(&q).norm());
     (cross / (dot + dot.hypot(cross)).max(f64::MIN_POSITIVE)).clamp(0.01, 100.0)
 }

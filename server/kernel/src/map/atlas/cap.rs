@@ -7,8 +7,9 @@
 //! w = 1 − (1 − v)/a
 //! ```
 //!
-//! whose mean λ is 1 too where v is a share of the area (triangles that were laid anew apart). A small cap is laid on one of area a·s by every turn and some
-//! scales s, and then caps twice as high start from what the smaller one found. *Ours, not the paper's.*
+//! whose mean λ is 1 too where v is a share of the area (triangles that were laid anew apart). A small cap is laid on
+//! one of area a·s by every turn and some scales s, and then caps twice as high start from what the smaller one found.
+//! *Ours, not the paper's.*
 
 use std::f64::consts::TAU;
 
@@ -26,9 +27,10 @@ const SIDE: usize = 128;
 const TRIAL_SIDE: usize = 64;
 /// How many caps there are, each twice as high as the one before.
 const CAPS: i32 = 4;
-/// The last reaches so far towards the nearest other tip, and no further than this share of the area.
-const REACH: f64 = 0.8;
+/// A cap's room is the area up to the nearest other tip, and no more than this share of the whole.
 const SHARE_MAX: f64 = 0.4;
+/// The last cap takes so much of the room.
+const REACH: f64 = 0.8;
 /// Less room than this, as a share of the area, is none.
 const ROOM_MIN: f64 = 1e-6;
 /// Area of the input's cap in that of the example's: of the first cap, and of each further one in that of the one before.

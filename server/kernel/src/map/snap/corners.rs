@@ -49,11 +49,11 @@ pub fn targets(mesh: &TriMesh, cross: &CrossMap, input: &Chart) -> Matched {
         for (k, &h) in own.halfedges.iter().enumerate() {
             let shift = shift_at(at[k], &pairs, ring.length);
             if shift != 0.0 {
-                matched.targets.insert(mesh.tail(h), ring.place(at[k] + shift));
+                matched.targets.insert(mesh.tail(h), ring.location(at[k] + shift));
             }
         }
         matched.corners.extend(pairs.iter().map(|p| mesh.tail(own.halfedges[p.own])));
-        matched.targets.extend(pairs.iter().map(|p| (mesh.tail(own.halfedges[p.own]), ring.place(p.to))));
+        matched.targets.extend(pairs.iter().map(|p| (mesh.tail(own.halfedges[p.own]), ring.location(p.to))));
     }
     matched
 }
@@ -89,32 +89,33 @@ fn rings(mesh: &TriMesh) -> Vec<Ring> {
 impl Ring {
     /// The point at an arc length.
     fn at(&self, mesh: &TriMesh, s: f64) -> Vec3 {
-        let place = self.place(s);
-        let corners = mesh.triangles[place.triangle as usize];
-        (0..3).map(|k| place.barycentric[k] * mesh.positions[corners[k] as usize]).sum()
+        let (h, share) = self.place(s);
+        mesh.point_on(h, share)
     }
 
-    /// The place at an arc length.
-    fn place(&self, s: f64) -> Location {
+    /// The halfedge at an arc length, and the share of it.
+    fn place(&self, s: f64) -> (u32, f64) {
         let s = s.rem_euclid(self.length);
         let k = self.starts.partition_point(|start| *start <= s).saturating_sub(1);
         let end = self.starts.get(k + 1).copied().unwrap_or(self.length);
         let share = ((s - self.starts[k]) / (end - self.starts[k]).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        let h = self.halfedges[k];
-        let mut barycentric = [0.0; 3];
-        (barycentric[h as usize % 3], barycentric[(h as usize + 1) % 3]) = (1.0 - share, share);
-        Location { triangle: h / 3, barycentric }
+        (self.halfedges[k], share)
+    }
+
+    fn location(&self, s: f64) -> Location {
+        let (h, share) = self.place(s);
+        Location::on_edge(h, share)
     }
 
     /// The arc length of the loop's point nearest to `x`.
     fn along(&self, mesh: &TriMesh, x: Vec3) -> f64 {
         let mut best = (f64::INFINITY, 0.0);
         for (&h, start) in self.halfedges.iter().zip(&self.starts) {
-            let [a, b] = [mesh.tail(h), mesh.head(h)].map(|v| mesh.positions[v as usize]);
-            let share = ((x - a).dot(&(b - a)) / (b - a).norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-            let away = (a.lerp(&b, share) - x).norm_squared();
+            let share = mesh.nearest_share(h, x);
+            let away = (mesh.point_on(h, share) - x).norm_squared();
             if away < best.0 {
-                best = (away, start + share * (b - a).norm());
+                let length = (mesh.positions[mesh.head(h) as usize] - mesh.positions[mesh.tail(h) as usize]).norm();
+                best = (away, start + share * length);
             }
         }
         best.1

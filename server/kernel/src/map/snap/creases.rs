@@ -100,9 +100,7 @@ fn corner_targets(own: &Lines, there: &Lines, cross: &CrossMap, input: &Chart) -
     let halfedge = |c: u32| there.edges.iter().find(|&&h| input.mesh.tail(h) == c || input.mesh.head(h) == c).copied();
     let place = |(c, (_, v)): (u32, (f64, u32))| {
         let h = halfedge(c)?;
-        let mut barycentric = [0.0; 3];
-        barycentric[if input.mesh.tail(h) == c { h as usize % 3 } else { (h as usize + 1) % 3 }] = 1.0;
-        Some((v, Location { triangle: h / 3, barycentric }))
+        Some((v, Location::on_edge(h, if input.mesh.tail(h) == c { 0.0 } else { 1.0 })))
     };
     best.into_iter().filter_map(place).collect()
 }
@@ -159,13 +157,11 @@ impl<'a> Segments<'a> {
     /// The nearest point of an edge, and how far it is; infinitely far if the edge runs another way.
     fn onto(&self, h: u32, x: Vec3, direction: Vec3) -> (f64, Location) {
         let [a, b] = [self.mesh.tail(h), self.mesh.head(h)].map(|v| self.mesh.positions[v as usize]);
-        let along = ((x - a).dot(&(b - a)) / (b - a).norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        let mut barycentric = [0.0; 3];
-        (barycentric[h as usize % 3], barycentric[(h as usize + 1) % 3]) = (1.0 - along, along);
+        let share = self.mesh.nearest_share(h, x);
         let angle = bend(b - a, direction);
         let fits = angle.min(180.0 - angle) <= DIRECTION_DEG;
-        let away = if fits { (a.lerp(&b, along) - x).norm() } else { f64::INFINITY };
-        (away, Location { triangle: h / 3, barycentric })
+        let away = if fits { (self.mesh.point_on(h, share) - x).norm() } else { f64::INFINITY };
+        (away, Location::on_edge(h, share))
     }
 }
 

@@ -5,7 +5,7 @@
 //! side. 0 beyond. Then each vertex walks its d along the surface.
 
 use super::{CrossMap, Targets};
-use crate::encode::index::Location;
+use crate::map::untangle::normal_at;
 use crate::map::walk::walk;
 use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
@@ -35,8 +35,8 @@ pub fn spread(mesh: &TriMesh, cross: &CrossMap, input: &Chart, targets: &Targets
     let around = neighbours(mesh, &free);
     for _ in 0..SWEEPS {
         for (&v, around) in free.iter().zip(&around) {
-            let to = normal(input, cross.locations[v as usize]);
-            let carried = |&w: &u32| turned(moves[w as usize], normal(input, cross.locations[w as usize]), to);
+            let to = normal_at(input, cross.locations[v as usize]);
+            let carried = |&w: &u32| turned(moves[w as usize], normal_at(input, cross.locations[w as usize]), to);
             moves[v as usize] = around.iter().map(carried).sum::<Vec3>() / around.len().max(1) as f64;
         }
     }
@@ -90,11 +90,6 @@ fn neighbours(mesh: &TriMesh, vertices: &[u32]) -> Vec<Vec<u32>> {
         list.dedup();
     }
     around
-}
-
-fn normal(input: &Chart, place: Location) -> Vec3 {
-    let [a, b, c] = input.mesh.triangles[place.triangle as usize].map(|v| input.mesh.positions[v as usize]);
-    (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vec3::zeros)
 }
 
 /// `d` turned by the least rotation that takes unit vector `from` to `to`.
