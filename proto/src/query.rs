@@ -109,6 +109,9 @@ pub struct QuerySegment {
     pub topology: Topology,
     /// Faces of the input that belong to it.
     pub faces: u64,
+    /// Small holes in it that are counted as filled; left out where there are none.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub holes: u32,
     /// Its modulus, once it is encoded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub k: Option<f64>,
@@ -120,6 +123,10 @@ pub struct QuerySegment {
     pub level: Option<u32>,
     /// Corpus segments of its topology that it is ranked against.
     pub corpus_size: u64,
+}
+
+fn is_zero(count: &u32) -> bool {
+    *count == 0
 }
 
 /// How far a query has come.

@@ -40,11 +40,27 @@ pub struct User(pub u64);
 /// Why a quantum gave no result, or a job was not admitted.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PoolError {
-    /// Too many jobs, or too much memory in use.
-    #[error("expected room for another job, found {found}; try again in {} s", retry_after.as_secs())]
+    /// Too many jobs.
+    #[error("expected room for another job, found {waiting} jobs waiting already; try again in {} s", retry_after.as_secs())]
     Overloaded {
-        /// What is short.
-        found: String,
+        /// So many jobs wait or run.
+        waiting: usize,
+        /// When to come back.
+        retry_after: Duration,
+    },
+    /// Too much memory is in use.
+    #[error(
+        "expected room for another job, found {used} of {limit} bytes of memory in use and {needed} needed; \
+         try again in {} s",
+        retry_after.as_secs()
+    )]
+    MemoryFull {
+        /// In use, in bytes.
+        used: u64,
+        /// What may be in use, in bytes.
+        limit: u64,
+        /// What the job needs, in bytes.
+        needed: u64,
         /// When to come back.
         retry_after: Duration,
     },
@@ -151,7 +167,7 @@ impl Pool {
     /// Admits a job of `user` with an estimated need of memory, to end within `time` if one is given.
     ///
     /// # Errors
-    /// [`PoolError::Overloaded`] and [`PoolError::TooLarge`].
+    /// [`PoolError::Overloaded`], [`PoolError::MemoryFull`] and [`PoolError::TooLarge`].
     pub fn admit(&self, user: User, memory_bytes: u64, time: Option<Duration>) -> Result<Job, PoolError> {
         let admitted = Arc::new(self.admission.admit(memory_bytes)?);
         Ok(Job { stop: Stop::new(time), user, admitted })

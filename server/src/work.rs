@@ -21,7 +21,7 @@ pub mod search;
 
 pub use error::WorkError;
 
-use crate::pool::{Pool, User};
+use crate::pool::{Job, Pool, PoolError, User};
 use catalogue::Catalogue;
 use corpus::Corpus;
 use engine::Engine;
@@ -88,6 +88,20 @@ impl Work {
     pub fn keep_rows(&self) {
         if let Err(error) = self.catalogue.keep() {
             tracing::warn!(%error, "rows not written: the next start takes longer");
+        }
+    }
+
+    /// Admits a job of `user` with an estimated need of memory, to end within `time`. Queries that have ended make room
+    /// for it, those first that were not asked for the longest.
+    ///
+    /// # Errors
+    /// [`PoolError::Overloaded`], [`PoolError::MemoryFull`] and [`PoolError::TooLarge`].
+    pub fn admit(&self, user: User, memory_bytes: u64, time: Duration) -> Result<Job, PoolError> {
+        loop {
+            match self.pool.admit(user, memory_bytes, Some(time)) {
+                Err(PoolError::MemoryFull { .. }) if self.queries.make_room() => {}
+                admitted => return admitted,
+            }
         }
     }
 

@@ -67,6 +67,22 @@ pub(super) async fn choose(
     }
 }
 
+/// The first few entries of the ranking that are no near-duplicates of one above and no regular layouts.
+pub(super) async fn promising(
+    query: &Query,
+    segment: u32,
+    count: usize,
+    api: &Api,
+) -> Result<Vec<ExampleRef>, ClientError> {
+    let ranking = api.ranking(query.id, RankingView { segment, after: None, wait_ms: 0 }).await?;
+    Ok(differing(&ranking, count))
+}
+
+fn differing(ranking: &Ranking, count: usize) -> Vec<ExampleRef> {
+    let own = ranking.entries.iter().filter(|entry| entry.similar_to.is_none() && entry.template.is_none());
+    own.take(count).map(|e| ExampleRef { example: e.example, segment: Some(e.example_segment) }).collect()
+}
+
 /// The best entry of the ranking, or the best of the example that is told.
 fn best(ranking: &Ranking, segment: u32, told: Option<ExampleRef>) -> Option<Choice> {
     let entry = ranking.entries.iter().find(|entry| told.is_none_or(|told| told.example == entry.example))?;

@@ -1,7 +1,7 @@
 //! `map` and `constrain`: lays an example on the input, and writes the mesh.
 
 use super::{
-    choose::{choose, finished},
+    choose::{choose, finished, promising},
     rank::check_segment,
 };
 use crate::{
@@ -13,7 +13,7 @@ use crate::{
     table,
     ui::Ui,
 };
-use quadmuse_proto::{ConstraintEdit, Map, Query};
+use quadmuse_proto::{ConstraintEdit, Map, Query, Verdict};
 use serde::Serialize;
 
 /// What programs get: the message, and the file that was written.
@@ -52,6 +52,33 @@ pub(super) async fn lay(
     let map = api.start_map(query.id, &choice.new).await;
     spinner.finish_and_clear();
     Ok((map?, choice.name))
+}
+
+/// Most of the first entries of a ranking that are laid where nobody chose one.
+const TRIES: usize = 3;
+/// In a query of more segments only the first entry is.
+const SEGMENTS_TRIED_MAX: usize = 24;
+
+/// Lays on a segment the first of the ranking's few best examples whose map is not poor, or else the best; the map, and
+/// the example's name.
+pub(super) async fn lay_best(
+    query: &Query,
+    segment: u32,
+    api: &Api,
+    ui: &mut Ui,
+) -> Result<(Map, String), ClientError> {
+    let best = lay(query, segment, None, api, ui).await?;
+    let tries = if query.segments.len() > SEGMENTS_TRIED_MAX { 1 } else { TRIES };
+    if best.0.verdict != Verdict::Poor || tries == 1 {
+        return Ok(best);
+    }
+    for other in promising(query, segment, tries, api).await?.into_iter().skip(1) {
+        let found = lay(query, segment, Some(other), api, ui).await?;
+        if found.0.verdict != Verdict::Poor {
+            return Ok(found);
+        }
+    }
+    Ok(best)
 }
 
 /// Downloads the mesh of a map, writes it, and tells how good it is.

@@ -205,6 +205,7 @@ pub(crate) mod tests {
             segment,
             topology: Topology::Annulus,
             faces: 100,
+            holes: 0,
             k: None,
             features: None,
             level: None,

@@ -44,6 +44,7 @@ pub(crate) fn query(state: QueryState, segments: u32) -> Query {
         segment,
         topology: Topology::Disc,
         faces: 100,
+        holes: 0,
         k: Some(0.5),
         features: Some(4),
         level: None,

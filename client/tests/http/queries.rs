@@ -6,7 +6,11 @@ use crate::{
     run,
 };
 use quadmuse_proto::{
-    Begin, Code, Composition, CompositionId, CompositionPart, End, EndState, Event, Problem, QueryState,
+    Begin, Code, Composition, CompositionId, CompositionPart, End, EndState, Event, Map, Problem, QueryState, Verdict,
+};
+use std::sync::{
+    Arc,
+    atomic::{AtomicU32, Ordering},
 };
 
 /// A service whose ranking is refined with every poll, until it is done at revision 3.
@@ -274,6 +278,52 @@ async fn retopo_takes_the_subdivided_mesh_where_a_coarse_map_misses_the_input() 
     assert_eq!(ran.code(), 0, "{}", ran.notes);
     let last = ran.out.lines().last().expect("a line");
     assert!(last.ends_with("16 quads, parts: 1 good"), "{last}");
+}
+
+#[tokio::test]
+async fn retopo_cuts_what_no_example_fits_as_a_whole() {
+    let mesh = mesh_file();
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.obj");
+    let poor = Map { verdict: Verdict::Poor, ..map() };
+    let segments = Arc::new(AtomicU32::new(1));
+    let server = Fake::start(move |asked| {
+        if asked.line.starts_with("POST") && asked.line.contains("parts=auto") {
+            segments.store(3, Ordering::Relaxed);
+        }
+        match asked.line.ends_with("/maps") {
+            true => Reply::json(201, &poor),
+            false => service(asked, segments.load(Ordering::Relaxed)),
+        }
+    });
+    let ran = run(&server.url, &format!("retopo {} -o {}", mesh.path().display(), out.display())).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    assert!(ran.notes.contains("fits poorly as a whole; cutting the mesh into parts"), "{}", ran.notes);
+    let posted: Vec<Asked> = server.asked().into_iter().filter(|asked| asked.line.starts_with("POST")).collect();
+    assert_eq!(posted.iter().filter(|asked| asked.line.starts_with("POST /v1/queries?")).count(), 1);
+    let last = posted.last().expect("a composition");
+    assert!(last.line.ends_with("/compositions"), "{}", last.line);
+    let composed: serde_json::Value = serde_json::from_slice(&last.body).expect("JSON");
+    assert_eq!(composed["parts"], serde_json::json!([]), "poor maps that nobody chose are not stitched");
+    assert!(ran.out.contains("4 quads"), "{}", ran.out);
+}
+
+#[tokio::test]
+async fn retopo_leaves_whole_what_was_asked_for_whole() {
+    let mesh = mesh_file();
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.obj");
+    for flags in ["--segments whole".to_owned(), "--parts 1".into(), format!("--use 0={}", example_id(3))] {
+        let poor = Map { verdict: Verdict::Poor, ..map() };
+        let server = Fake::start(move |asked| match asked.line.ends_with("/maps") {
+            true => Reply::json(201, &poor),
+            false => service(asked, 1),
+        });
+        let ran = run(&server.url, &format!("retopo {} -o {} {flags}", mesh.path().display(), out.display())).await;
+        assert_eq!(ran.code(), 0, "{}", ran.notes);
+        let last = ran.out.lines().last().expect("a line");
+        assert!(last.ends_with("poor, 4 faces"), "{flags}: {last}");
+    }
 }
 
 #[tokio::test]

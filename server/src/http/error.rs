@@ -202,7 +202,9 @@ fn judge_corpus(error: &CorpusError) -> (StatusCode, Code) {
 
 fn judge_pool(error: &PoolError) -> (StatusCode, Code) {
     match error {
-        PoolError::Overloaded { .. } => (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded),
+        PoolError::Overloaded { .. } | PoolError::MemoryFull { .. } => {
+            (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded)
+        }
         PoolError::TooLarge { .. } => (StatusCode::PAYLOAD_TOO_LARGE, Code::MeshTooLarge),
         PoolError::Stopped(reason) => judge_stop(*reason),
         PoolError::Panicked { .. } => (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal),
@@ -220,9 +222,9 @@ fn judge_stop(reason: StopReason) -> (StatusCode, Code) {
 /// Seconds after which to come back, for errors that pass.
 fn retry_after(error: &HttpError, status: StatusCode) -> Option<u64> {
     match error {
-        HttpError::Work(WorkError::Pool(PoolError::Overloaded { retry_after, .. })) => {
-            Some(retry_after.as_secs().max(1))
-        }
+        HttpError::Work(WorkError::Pool(
+            PoolError::Overloaded { retry_after, .. } | PoolError::MemoryFull { retry_after, .. },
+        )) => Some(retry_after.as_secs().max(1)),
         _ if status == StatusCode::SERVICE_UNAVAILABLE => Some(RETRY_AFTER_S),
         _ => None,
     }

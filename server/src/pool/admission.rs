@@ -37,21 +37,20 @@ impl Admission {
     /// Admits a job with an estimated need of memory.
     ///
     /// # Errors
-    /// [`PoolError::TooLarge`] when it could never be admitted, [`PoolError::Overloaded`] when it can't be now.
+    /// [`PoolError::TooLarge`] when it could never be admitted; [`PoolError::Overloaded`] and [`PoolError::MemoryFull`]
+    /// when it can't be now.
     pub fn admit(&self, bytes: u64) -> Result<Admitted, PoolError> {
         let limit = self.memory.limit;
         if bytes > limit {
             return Err(PoolError::TooLarge { estimate: bytes, limit });
         }
-        let place = Arc::clone(&self.places).try_acquire_owned().map_err(|_| PoolError::Overloaded {
-            found: format!("{} jobs waiting already", self.places_all),
-            retry_after: Duration::from_secs(2),
-        })?;
+        let place = Arc::clone(&self.places)
+            .try_acquire_owned()
+            .map_err(|_| PoolError::Overloaded { waiting: self.places_all, retry_after: Duration::from_secs(2) })?;
         let fits = |used: u64| used.checked_add(bytes).filter(|sum| *sum <= limit);
         let taken = self.memory.used.fetch_update(Ordering::AcqRel, Ordering::Acquire, fits);
         if let Err(used) = taken {
-            let found = format!("{used} of {limit} bytes of memory in use and {bytes} needed");
-            return Err(PoolError::Overloaded { found, retry_after: Duration::from_secs(5) });
+            return Err(PoolError::MemoryFull { used, limit, needed: bytes, retry_after: Duration::from_secs(5) });
         }
         let memory = Arc::clone(&self.memory);
         Ok(Admitted { memory, bytes: AtomicU64::new(bytes), place: Mutex::new(Some(place)) })
@@ -91,7 +90,7 @@ mod tests {
     fn memory_is_given_back_and_never_overdrawn() {
         let admission = Admission::new(100, 10);
         let first = admission.admit(60).expect("room");
-        assert!(matches!(admission.admit(41), Err(PoolError::Overloaded { .. })));
+        assert!(matches!(admission.admit(41), Err(PoolError::MemoryFull { .. })));
         let _second = admission.admit(40).expect("just enough");
         drop(first);
         assert!(admission.admit(60).is_ok());
@@ -104,10 +103,10 @@ mod tests {
         let job = admission.admit(60).expect("room");
         let other = admission.admit(30).expect("room");
         job.take(10);
-        assert!(matches!(admission.admit(61), Err(PoolError::Overloaded { .. })));
+        assert!(matches!(admission.admit(61), Err(PoolError::MemoryFull { .. })));
         drop(admission.admit(60).expect("room again"));
         job.take(90);
-        assert!(matches!(admission.admit(0), Err(PoolError::Overloaded { .. })), "overdrawn: the next one waits");
+        assert!(matches!(admission.admit(0), Err(PoolError::MemoryFull { .. })), "overdrawn: the next one waits");
         drop((job, other));
         assert!(admission.admit(100).is_ok());
     }

@@ -3,11 +3,12 @@
 use super::engine::{Model, Part, Stitching};
 use super::mapping::{self, LiveMap, get};
 use super::query::{LiveQuery, ms_since};
+use super::ranking::Candidate;
 use super::{REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
-use quadmuse_proto::{Composition, CompositionId, CompositionPart, NewComposition, NewMap, Verdict};
+use quadmuse_proto::{Composition, CompositionId, CompositionPart, ExampleId, NewComposition, NewMap, Verdict};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -19,6 +20,10 @@ const FACES_MAX: u64 = 4_000_000;
 
 /// Faces that a composition is taken to have at least: regular layouts, and subdividing to follow the input, make some.
 const FACES_LEAST: u64 = 16_000;
+
+/// Entries of a ranking that are tried for a segment that is not named; in a query of many segments only the first is.
+const TRIES: usize = 3;
+const SEGMENTS_TRIED_MAX: usize = 24;
 
 /// Memory that stitching takes for each face, at most.
 const MEMORY_PER_FACE: u64 = 1500;
@@ -72,7 +77,7 @@ pub async fn create(
     }
     let faces = faces_at(&parts, wanted.density)?;
     let needed = faces.max(FACES_LEAST) * MEMORY_PER_FACE;
-    let job = work.pool.admit(live.caller.user, needed, Some(REQUEST_TIME_MAX))?;
+    let job = work.admit(live.caller.user, needed, REQUEST_TIME_MAX)?;
     let (engine, model) = (Arc::clone(&work.engine), Arc::clone(&live.model));
     let how = Stitching { smoothing: wanted.smoothing, density: wanted.density };
     let one = one_example(&maps).filter(|_| wanted.density == 0);
@@ -123,26 +128,31 @@ fn faces_at(parts: &[Part], density: i32) -> Result<u64, WorkError> {
     Ok(faces)
 }
 
-/// The map of the best entry of a segment's ranking, made if it is not there yet; `None` where there is no entry or the
-/// map is poor.
+/// The first map that is not poor of the few best entries of a segment's ranking, each made if it is not there yet; `None`
+/// where there is none.
 async fn best_map(work: &Arc<Work>, live: &Arc<LiveQuery>, segment: u32) -> Result<Option<Arc<LiveMap>>, WorkError> {
     // Only a ranking that will not change any more tells the best.
     live.wait_for(|_| false).await;
-    let board = live.board();
-    let best = board.rankings.get(segment as usize).and_then(|ranking| ranking.candidates.first()).cloned();
-    let Some(best) = best else { return Ok(None) };
-    let (example, example_segment) = (best.resident.example.id, best.resident.segment);
-    let is_best = |map: &&Arc<LiveMap>| {
-        let summary = &map.newest().summary;
-        (summary.segment, summary.example, summary.example_segment) == (segment, example, example_segment)
-    };
-    let there = live.maps().values().find(is_best).cloned();
-    let map = match there {
-        Some(map) => map,
-        None => mapping::create(work, live, NewMap { segment, example, example_segment }).await?,
-    };
-    let is_poor = map.newest().mapped.verdict == Verdict::Poor;
-    Ok((!is_poor).then_some(map))
+    let tries = if live.model.segments.len() > SEGMENTS_TRIED_MAX { 1 } else { TRIES };
+    let best: Vec<(ExampleId, u32)> = live.board().rankings.get(segment as usize).map_or(Vec::new(), |ranking| {
+        let differing = ranking.candidates.iter().filter(|candidate| candidate.similar_to.is_none());
+        differing.take(tries).map(Candidate::key).collect()
+    });
+    for (example, example_segment) in best {
+        let is_this = |map: &&Arc<LiveMap>| {
+            let summary = &map.newest().summary;
+            (summary.segment, summary.example, summary.example_segment) == (segment, example, example_segment)
+        };
+        let there = live.maps().values().find(is_this).cloned();
+        let map = match there {
+            Some(map) => map,
+            None => mapping::create(work, live, NewMap { segment, example, example_segment }).await?,
+        };
+        if map.newest().mapped.verdict != Verdict::Poor {
+            return Ok(Some(map));
+        }
+    }
+    Ok(None)
 }
 
 /// A composition of a query.

@@ -160,6 +160,8 @@ pub struct ModelSegment {
     pub topology: Topology,
     /// Polygons that belong to it.
     pub faces: u64,
+    /// Small holes in it that are counted as filled.
+    pub holes: u32,
 }
 
 /// What is known of an encoded segment.

@@ -64,13 +64,12 @@ pub async fn add(
         return Ok((there, Put::There));
     }
     let estimate = work.engine.memory_estimate(upload.bytes.len() as u64);
-    let job = work.pool.admit(caller.user, estimate, Some(REQUEST_TIME_MAX))?;
+    let job = work.admit(caller.user, estimate, REQUEST_TIME_MAX)?;
     // A bad mesh is refused soon, however busy the encoders are.
     let upload = Upload { cut: Cut { grain: Grain::Faces, ..upload.cut }, ..upload };
     let model = read(work, &job, Lane::Coarse, &upload).await?;
     drop(job);
-    let job =
-        work.pool.admit(caller.user, memory_of(work, upload.bytes.len() as u64, &model), Some(REQUEST_TIME_MAX))?;
+    let job = work.admit(caller.user, memory_of(work, upload.bytes.len() as u64, &model), REQUEST_TIME_MAX)?;
     let cut = match &model.labels {
         Some(labels) if upload.cut.parts.is_some() => Cut { labels: Some(labels.clone()), ..Cut::default() },
         _ => Cut { parts: None, grain: Grain::Free, ..upload.cut.clone() },
@@ -190,7 +189,7 @@ pub async fn mesh(work: &Arc<Work>, caller: Caller, id: ExampleId, format: MeshF
         return Ok(bytes);
     }
     let estimate = work.engine.memory_estimate(bytes.len() as u64);
-    let job = work.pool.admit(caller.user, estimate, Some(REQUEST_TIME_MAX))?;
+    let job = work.admit(caller.user, estimate, REQUEST_TIME_MAX)?;
     let model = model(work, &job, Lane::Edit, &example).await?;
     write(work, &job, &model.mesh, format).await
 }
@@ -225,7 +224,7 @@ pub async fn mesh_file(
     mesh: &Arc<PolyMesh>,
     format: MeshFormat,
 ) -> Result<Bytes, WorkError> {
-    let job = work.pool.admit(user, 0, Some(REQUEST_TIME_MAX))?;
+    let job = work.admit(user, 0, REQUEST_TIME_MAX)?;
     write(work, &job, mesh, format).await
 }
 

@@ -78,7 +78,7 @@ pub async fn create(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: NewMap) -> 
     }
     let query = live.encoded(wanted.segment).await?;
     let estimate = work.engine.memory_estimate(example.bytes);
-    let job = work.pool.admit(live.caller.user, estimate, Some(REQUEST_TIME_MAX))?;
+    let job = work.admit(live.caller.user, estimate, REQUEST_TIME_MAX)?;
     let encoding = Arc::new(query.encoding.clone());
     let candidate = registered(work, &job, live, &wanted, &encoding).await?;
     let register_ms = ms_since(start);
@@ -101,7 +101,7 @@ async fn create_template(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: &NewMa
         return Err(WorkError::NoSuchSegment { of, count, segment });
     }
     let encoded = live.encoded(wanted.segment).await?;
-    let job = work.pool.admit(live.caller.user, 0, Some(REQUEST_TIME_MAX))?;
+    let job = work.admit(live.caller.user, 0, REQUEST_TIME_MAX)?;
     let side = Side { model: Arc::clone(&live.model), segment: wanted.segment, encoded };
     let (engine, query) = (Arc::clone(&work.engine), side.clone());
     let mapped = work.pool.run(&job, Lane::Edit, move |stop| engine.template(&query, stop)).await??;
@@ -154,7 +154,7 @@ pub async fn constrain(
         let found = before.mapped.constraints.len() + added;
         return Err(WorkError::parameter("set", format!("to leave at most {CONSTRAINTS_MAX} constraints"), found));
     }
-    let job = work.pool.admit(live.caller.user, 0, Some(REQUEST_TIME_MAX))?;
+    let job = work.admit(live.caller.user, 0, REQUEST_TIME_MAX)?;
     let Some(one) = map.example.clone() else {
         let detail =
             "expected the map of an example, found a regular layout, which has no constraints; choose an example";

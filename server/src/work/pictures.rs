@@ -64,7 +64,7 @@ pub async fn thumbnail(work: &Arc<Work>, caller: Caller, id: ExampleId, size: u3
     if let Some(drawn) = work.thumbnails.get(id, size) {
         return Ok(drawn);
     }
-    let job = work.pool.admit(caller.user, work.engine.memory_estimate(example.bytes), Some(REQUEST_TIME_MAX))?;
+    let job = work.admit(caller.user, work.engine.memory_estimate(example.bytes), REQUEST_TIME_MAX)?;
     // Behind what people wait for: a page asks for many at once.
     let model = ingest::model(work, &job, Lane::Fine, &example).await?;
     let draw = move |_: &_| render(&model.mesh, &View::guess(&model.mesh), size).to_png();
@@ -79,7 +79,7 @@ pub async fn thumbnail(work: &Arc<Work>, caller: Caller, id: ExampleId, size: u3
 /// The size, refusals of the pool.
 pub async fn preview(work: &Arc<Work>, user: User, mesh: &Arc<PolyMesh>, size: u32) -> Result<Bytes, WorkError> {
     let size = checked(size)?;
-    let job = work.pool.admit(user, 0, Some(REQUEST_TIME_MAX))?;
+    let job = work.admit(user, 0, REQUEST_TIME_MAX)?;
     let mesh = Arc::clone(mesh);
     let draw = move |_: &_| render(&mesh, &View::guess(&mesh), size).to_png();
     Ok(work.pool.run(&job, Lane::Edit, draw).await?.into())
@@ -104,7 +104,7 @@ pub async fn encoding(
     if segment as usize >= count {
         return Err(WorkError::NoSuchSegment { of, count, segment });
     }
-    let job = work.pool.admit(caller.user, 0, Some(REQUEST_TIME_MAX))?;
+    let job = work.admit(caller.user, 0, REQUEST_TIME_MAX)?;
     let this = Arc::clone(work);
     let draw = move |_: &_| -> Result<Bytes, WorkError> {
         let packed = this.corpus.encoding(id, segment, level)?;

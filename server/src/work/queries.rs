@@ -9,12 +9,25 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// Most queries under way at once.
 pub const UNDER_WAY_MAX: usize = 512;
 
-/// Most queries held; when one more comes, the oldest that has ended makes room.
+/// Most queries held; when one more comes, one that has ended makes room.
 pub const HELD_MAX: usize = 1024;
 
 /// The queries held.
 #[derive(Default)]
-pub struct Queries(Mutex<BTreeMap<QueryId, Arc<LiveQuery>>>);
+pub struct Queries(Mutex<Held>);
+
+#[derive(Default)]
+struct Held {
+    queries: BTreeMap<QueryId, Slot>,
+    /// Counts the times that any query was asked for.
+    clock: u64,
+}
+
+struct Slot {
+    query: Arc<LiveQuery>,
+    /// The clock when it was last asked for.
+    used: u64,
+}
 
 impl Queries {
     /// None yet.
@@ -22,7 +35,7 @@ impl Queries {
         Self::default()
     }
 
-    fn lock(&self) -> MutexGuard<'_, BTreeMap<QueryId, Arc<LiveQuery>>> {
+    fn lock(&self) -> MutexGuard<'_, Held> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -32,13 +45,14 @@ impl Queries {
     /// [`WorkError::QueriesFull`].
     pub fn insert(&self, query: Arc<LiveQuery>) -> Result<(), WorkError> {
         let mut held = self.lock();
-        if held.values().filter(|query| !query.is_final()).count() >= UNDER_WAY_MAX {
+        if held.queries.values().filter(|slot| !slot.query.is_final()).count() >= UNDER_WAY_MAX {
             return Err(WorkError::QueriesFull { limit: UNDER_WAY_MAX });
         }
-        if held.len() >= HELD_MAX {
-            remove_oldest_ended(&mut held);
+        if held.queries.len() >= HELD_MAX {
+            held.let_one_go();
         }
-        held.insert(query.id, query);
+        let used = held.tick();
+        held.queries.insert(query.id, Slot { query, used });
         Ok(())
     }
 
@@ -47,7 +61,11 @@ impl Queries {
     /// # Errors
     /// [`WorkError::NoSuchQuery`].
     pub fn get(&self, id: QueryId) -> Result<Arc<LiveQuery>, WorkError> {
-        self.lock().get(&id).cloned().ok_or(WorkError::NoSuchQuery(id))
+        let mut held = self.lock();
+        let now = held.tick();
+        let slot = held.queries.get_mut(&id).ok_or(WorkError::NoSuchQuery(id))?;
+        slot.used = now;
+        Ok(Arc::clone(&slot.query))
     }
 
     /// Takes a query out.
@@ -55,17 +73,18 @@ impl Queries {
     /// # Errors
     /// [`WorkError::NoSuchQuery`].
     pub fn remove(&self, id: QueryId) -> Result<Arc<LiveQuery>, WorkError> {
-        self.lock().remove(&id).ok_or(WorkError::NoSuchQuery(id))
+        self.lock().queries.remove(&id).map(|slot| slot.query).ok_or(WorkError::NoSuchQuery(id))
     }
 
-    /// Lets the oldest query go that has ended, for its memory; `false` if there is none.
+    /// Of the queries that have ended and that no request is at work on, lets the one go that was not asked for the
+    /// longest, for its memory; `false` if there is none.
     pub fn make_room(&self) -> bool {
-        remove_oldest_ended(&mut self.lock())
+        self.lock().let_one_go()
     }
 
     /// Number of queries held.
     pub fn len(&self) -> usize {
-        self.lock().len()
+        self.lock().queries.len()
     }
 
     /// Whether none is held.
@@ -75,11 +94,20 @@ impl Queries {
 
     /// All queries held.
     pub fn all(&self) -> Vec<Arc<LiveQuery>> {
-        self.lock().values().cloned().collect()
+        self.lock().queries.values().map(|slot| Arc::clone(&slot.query)).collect()
     }
 }
 
-fn remove_oldest_ended(held: &mut BTreeMap<QueryId, Arc<LiveQuery>>) -> bool {
-    let oldest = held.iter().find(|(_, query)| query.is_final()).map(|(id, _)| *id);
-    oldest.is_some_and(|id| held.remove(&id).is_some())
+impl Held {
+    fn tick(&mut self) -> u64 {
+        self.clock += 1;
+        self.clock
+    }
+
+    fn let_one_go(&mut self) -> bool {
+        let is_at_rest = |slot: &Slot| slot.query.is_final() && Arc::strong_count(&slot.query) == 1;
+        let at_rest = self.queries.iter().filter(|(_, slot)| is_at_rest(slot));
+        let oldest = at_rest.min_by_key(|(_, slot)| slot.used).map(|(id, _)| *id);
+        oldest.is_some_and(|id| self.queries.remove(&id).is_some())
+    }
 }

@@ -281,6 +281,7 @@ impl LiveQuery {
             segment: segment as u32,
             topology: known.topology,
             faces: known.faces,
+            holes: known.holes,
             k: facts.map(|facts| facts.k),
             features: facts.map(|facts| facts.features),
             level: (ranking.level > 0).then_some(ranking.level),

@@ -49,13 +49,13 @@ pub async fn start(
     let started = Instant::now();
     let options = checked(options)?;
     let estimate = work.engine.memory_estimate(upload.bytes.len() as u64);
-    let reading = admitted(work, caller, estimate, REQUEST_TIME_MAX)?;
+    let reading = work.admit(caller.user, estimate, REQUEST_TIME_MAX)?;
     let model = read(work, &reading, &upload, options.like).await?;
     let time = options.deadline.unwrap_or(QUERY_TIME_MAX).saturating_sub(started.elapsed());
     let job = match ingest::memory_of(work, upload.bytes.len() as u64, &model) {
         more if more > estimate => {
             drop(reading);
-            admitted(work, caller, more, time)?
+            work.admit(caller.user, more, time)?
         }
         _ => reading.renew(Some(time)),
     };
@@ -92,16 +92,6 @@ async fn read(work: &Arc<Work>, job: &Job, upload: &Upload, like: Option<Example
     let mut cut = work.pool.run(job, Lane::Coarse, move |stop| engine.alike(&whole, &like, stop)).await??;
     cut.repairs.push(format!("cut into {} segments as the example {} is", cut.segments.len(), example.name));
     Ok(Arc::new(cut))
-}
-
-/// A job with so much memory; queries that have ended make room for it.
-fn admitted(work: &Work, caller: Caller, bytes: u64, time: Duration) -> Result<Job, WorkError> {
-    loop {
-        match work.pool.admit(caller.user, bytes, Some(time)) {
-            Err(PoolError::Overloaded { .. }) if work.queries.make_room() => {}
-            admitted => return Ok(admitted?),
-        }
-    }
 }
 
 /// Cancels a query and frees it.

@@ -114,3 +114,24 @@ async fn maps_are_composed() {
     bench.post_json(&compositions, crossed).await.problem(400, "parameter_invalid");
     bench.get(&format!("{compositions}/01ARZ3NDEKTSV4RRFFQ69G5FAV")).await.problem(404, "not_found");
 }
+
+#[tokio::test]
+async fn ended_queries_make_room_for_a_map_the_longest_unused_first() {
+    // The fake engine asks for 1,000 bytes and those of the file; an ended query keeps that.
+    let bench = Bench::with(Admission::new(4000, 32));
+    let example = bench.add("a", "segment disc 1").await;
+    let mut queries = Vec::new();
+    for _ in 0..3 {
+        let path = bench.query("", "segment disc 1").await;
+        bench.ended(&path).await;
+        queries.push(path);
+    }
+    let wanted = json!({"segment": 0, "example": example, "example_segment": 0});
+    let answer = bench.post_json(&format!("{}/maps", queries[0]), wanted).await;
+    assert_eq!(answer.status, StatusCode::CREATED, "{}", answer.text());
+    let mut there = Vec::new();
+    for path in &queries {
+        there.push(bench.get(path).await.status == StatusCode::OK);
+    }
+    assert_eq!(there, [true, false, true]);
+}

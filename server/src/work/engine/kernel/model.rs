@@ -30,8 +30,11 @@ impl ModelInner {
 
     /// The segments as they are told.
     pub(super) fn segments(&self) -> Vec<ModelSegment> {
-        let segment =
-            |p: &Patch| ModelSegment { topology: topology_out(p.topology), faces: count_polygons(&self.segmented, p) };
+        let segment = |p: &Patch| ModelSegment {
+            topology: topology_out(p.topology),
+            faces: count_polygons(&self.segmented, p),
+            holes: p.holes.len() as u32,
+        };
         self.segmented.parts.iter().map(segment).collect()
     }
 
