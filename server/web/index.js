@@ -78,6 +78,12 @@ function ask(event) {
   });
 }
 
+// The same file again, cut into parts.
+function askInParts() {
+  $("parts").value = "auto";
+  $("query-form").requestSubmit();
+}
+
 function add() {
   const choice = chosen();
   if (!choice) return;
@@ -95,7 +101,7 @@ function add() {
 
 function show(started) {
   query?.stop.abort();
-  query = { id: started.id, segment: 0, segments: started.segments, rankings: new Map(), stop: new AbortController(), thumbnails: new Map(), chosen: new Map() };
+  query = { id: started.id, segment: 0, segments: started.segments, rankings: new Map(), stop: new AbortController(), thumbnails: new Map(), chosen: new Map(), cut: askInParts };
   $("result").hidden = false;
   $("entries").replaceChildren();
   $("repairs").replaceChildren(...started.repairs.map((repair) => make("li", sentence(repair))));
@@ -215,7 +221,9 @@ async function stitch() {
   say("Laying the best example on each part that you have chosen none for, and stitching them. This may take a minute…");
   try {
     const parts = [...mine.chosen].map(([segment, { map }]) => ({ segment, map }));
-    const made = await send(`/v1/queries/${mine.id}/compositions`, { parts, density: Number($("density").value) });
+    // Who chose a part wants its layout.
+    const keep = parts.map((part) => part.segment);
+    const made = await send(`/v1/queries/${mine.id}/compositions`, { parts, keep, density: Number($("density").value) });
     if (query === mine) await showComposition(mine, made);
   } catch (error) {
     say(error.message, "bad");

@@ -70,6 +70,13 @@ export async function showMap(query, map, name) {
     reasons.append(...map.reasons.map((reason) => make("li", reason)));
     lines.push(reasons);
   }
+  if (map.verdict === "poor" && query.segments.length === 1) {
+    const cut = make("p", "Where no example fits as a whole, some may fit its parts: ", { className: "soft" });
+    const button = make("button", "Cut it into limbs, head and torso", { type: "button", className: "plain" });
+    button.onclick = query.cut;
+    cut.append(button);
+    lines.push(cut);
+  }
   const trouble = make("p", "", { className: "bad", role: "alert" });
   const edit = async (change) => {
     trouble.textContent = "";
