@@ -69,13 +69,17 @@ async fn in_parts(whole: &Query, best: &str, args: &RetopoArgs, api: &Api, ui: &
         ui.note(&format!(
             "the best example, {best}, fits poorly, and there are {holes} holes; a regular layout takes its place"
         ));
-        return stitch(whole, &args.compose, api, ui).await;
+        return compose_maps(whole, Vec::new(), &args.compose, api, ui).await;
     }
     ui.note(&format!("the best example, {best}, fits poorly as a whole; cutting the mesh into parts"));
     let mut again = args.query.clone();
     again.segments.parts = Some(Parts::Auto);
     let query = ranked(&again, api, ui).await?;
-    stitch(&query, &args.compose, api, ui).await
+    if query.segments.len() > 1 {
+        return stitch(&query, &args.compose, api, ui).await;
+    }
+    ui.note("nothing sticks out of it; a regular layout takes its place");
+    compose_maps(whole, Vec::new(), &args.compose, api, ui).await
 }
 
 /// Writes a map; subdivided, where it is coarse and passes the input by far.
@@ -117,7 +121,7 @@ async fn stitch(query: &Query, args: &ComposeArgs, api: &Api, ui: &mut Ui) -> Re
     for part in &args.uses {
         check_segment(query, Some(part.segment))?;
     }
-    let (mut parts, mut maps) = (Vec::new(), Vec::new());
+    let mut maps = Vec::new();
     let count = query.segments.len();
     let bar = ui.bar(count as u64, "mapping");
     for (done, segment) in query.segments.iter().enumerate() {
@@ -132,7 +136,6 @@ async fn stitch(query: &Query, args: &ComposeArgs, api: &Api, ui: &mut Ui) -> Re
                 format!("the best example, {name}, fits poorly; a regular layout takes its place")
             }
             Ok((map, name)) => {
-                parts.push(CompositionPart { segment: number, map: map.id });
                 let said = format!("{name}, {} faces, {}", map.faces, map.verdict.as_str());
                 maps.push(map);
                 said
@@ -147,11 +150,22 @@ async fn stitch(query: &Query, args: &ComposeArgs, api: &Api, ui: &mut Ui) -> Re
         bar.inc(1);
     }
     bar.finish_and_clear();
+    compose_maps(query, maps, args, api, ui).await
+}
+
+/// Stitches maps, with regular layouts on the other segments, and writes the mesh.
+async fn compose_maps(
+    query: &Query,
+    maps: Vec<Map>,
+    args: &ComposeArgs,
+    api: &Api,
+    ui: &mut Ui,
+) -> Result<(), ClientError> {
     if let Some(density) = args.density {
-        ui.note(&table::expected_quads(&maps, count, density));
+        ui.note(&table::expected_quads(&maps, query.segments.len(), density));
     }
     let new = NewComposition {
-        parts,
+        parts: maps.iter().map(|map| CompositionPart { segment: map.segment, map: map.id }).collect(),
         smoothing: args.smoothing.unwrap_or(SMOOTHING_DEFAULT),
         density: args.density.unwrap_or_default(),
         // Who chose a part wants its layout.
