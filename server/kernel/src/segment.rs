@@ -12,6 +12,7 @@ mod distance;
 mod mended;
 mod merge;
 mod necks;
+mod order;
 mod parts;
 mod refined;
 mod region;
@@ -87,24 +88,46 @@ pub fn segment(surface: &TriMesh, count: PartCount) -> Result<Segmented, Topolog
 }
 
 /// Cuts a surface where a label on it changes: `label_at` gives the label of a point of the surface. Parts are in order
-/// of label, pieces beside the largest of a label go to its neighbours, and borders are smoothed.
+/// of label, pieces beside the largest of a label go to its neighbours, and borders are smoothed as strongly as leaves
+/// every part a primitive and is accepted by `accept`.
 ///
 /// # Errors
-/// [`TopologyError::Empty`]; [`TopologyError::Segment`] naming the first part that is no primitive.
-pub fn segment_by(surface: &TriMesh, label_at: &dyn Fn(Vec3) -> u32) -> Result<Segmented, TopologyError> {
+/// [`TopologyError::Empty`]; [`TopologyError::Segment`] naming the first part that is no primitive; what `accept` says of
+/// the borders as they are where it accepts none.
+pub fn segment_by<E: From<TopologyError>>(
+    surface: &TriMesh,
+    label_at: &dyn Fn(Vec3) -> u32,
+    accept: &dyn Fn(&Segmented) -> Result<(), E>,
+) -> Result<Segmented, E> {
     let refined = finely(surface)?;
     let mesh = &refined.mesh;
     let middle = |t: &[u32; 3]| t.iter().map(|&v| mesh.positions[v as usize]).sum::<Vec3>() / 3.0;
     let mut labels: Vec<u32> = mesh.triangles.iter().map(|t| label_at(middle(t))).collect();
     merge::absorb_crumbs(mesh, &mut labels);
-    let (refined, labels) = smoothly_cut(refined, labels);
-    for (segment, set) in members(&labels).iter().enumerate() {
+    for strength in STRENGTHS {
+        let (cut, labels) = cut::cut(&refined, &smooth::smooth(mesh, &labels, strength));
+        if all_primitives(&cut, &labels).is_ok() {
+            let made = Segmented::assemble(surface, cut, &labels, Order::Labels);
+            if accept(&made).is_ok() {
+                return Ok(made);
+            }
+        }
+    }
+    all_primitives(&refined, &labels)?;
+    let made = Segmented::assemble(surface, refined, &labels, Order::Labels);
+    accept(&made)?;
+    Ok(made)
+}
+
+/// An error that names the first label whose triangles are no primitive.
+fn all_primitives(refined: &Refined, labels: &[u32]) -> Result<(), TopologyError> {
+    for (segment, set) in members(labels).iter().enumerate() {
         if let Err(source) = topology::classify(&topology::submesh(&refined.mesh, set).0) {
             let label = set.first().map_or(0, |&t| i64::from(labels[t as usize]));
             return Err(TopologyError::Segment { segment, label, source: Box::new(source) });
         }
     }
-    Ok(Segmented::assemble(surface, refined, &labels, Order::Labels))
+    Ok(())
 }
 
 /// The order of parts.
@@ -172,9 +195,7 @@ fn smoothly_cut(refined: Refined, labels: Vec<u32>) -> (Refined, Vec<u32>) {
     for strength in STRENGTHS {
         let shares = smooth::smooth(&refined.mesh, &labels, strength);
         let (cut, cut_labels) = cut::cut(&refined, &shares);
-        let sets = members(&cut_labels);
-        let fits = |set: &Vec<u32>| topology::classify(&topology::submesh(&cut.mesh, set).0).is_ok();
-        if sets.iter().all(fits) {
+        if all_primitives(&cut, &cut_labels).is_ok() {
             return (cut, cut_labels);
         }
     }
@@ -412,13 +433,32 @@ mod tests {
 
     #[test]
     fn labels_on_points_become_parts_in_their_order() {
+        let any = |_: &Segmented| Ok::<(), TopologyError>(());
         let ring = grid(24, 20, true, false);
-        let cut = segment_by(&ring, &|x| u32::from(x.z < 1.0)).expect("two rings");
+        let cut = segment_by(&ring, &|x| u32::from(x.z < 1.0), &any).expect("two rings");
         assert_eq!(cut.parts.iter().map(|p| p.topology).collect::<Vec<_>>(), [Topology::Annulus; 2]);
         let share = cut.parts[1].mesh.total_area() / ring.total_area();
         assert!((share - 1.0 / 3.0).abs() < 0.02, "{share}");
-        let error = segment_by(&grid(24, 16, true, true), &|x| u32::from(x.x > 0.0 && x.y > 0.0 && x.z > 0.9));
+        let error = segment_by(&grid(24, 16, true, true), &|x| u32::from(x.x > 0.0 && x.y > 0.0 && x.z > 0.9), &any);
         assert!(matches!(error, Err(TopologyError::Segment { segment: 0, .. })), "a torus with a hole is named");
+    }
+
+    #[test]
+    fn borders_are_smoothed_less_where_smooth_ones_are_not_accepted() {
+        let ring = grid(48, 40, true, false);
+        // A narrow tooth, which smoothing takes away.
+        let tooth = |x: Vec3| x.y.abs() < 0.15 && x.x > 0.0 && x.z < 2.0;
+        let label = |x: Vec3| u32::from(x.z < 1.0 || tooth(x));
+        let reach = |cut: &Segmented| {
+            let part = &cut.parts[1].mesh;
+            part.positions.iter().map(|p| p.z).fold(0.0, f64::max)
+        };
+        let smooth = segment_by(&ring, &label, &|_| Ok::<(), TopologyError>(())).expect("two rings");
+        let reaching = |cut: &Segmented| if reach(cut) > 1.9 { Ok(()) } else { Err(TopologyError::Empty) };
+        let less = segment_by(&ring, &label, &reaching).expect("two rings with the tooth");
+        assert!(reach(&smooth) < 1.87 && reach(&less) > 1.9, "{} {}", reach(&smooth), reach(&less));
+        let never = |_: &Segmented| Err(TopologyError::Empty);
+        assert!(matches!(segment_by(&ring, &label, &never), Err(TopologyError::Empty)));
     }
 
     #[test]

@@ -62,7 +62,11 @@ pub fn alike(
         let there = if nearest == NONE { None } else { whole.triangle_of.get(nearest as usize) };
         there.and_then(|&t| example.part_of.get(t as usize)).copied().unwrap_or(0)
     };
-    let cut = segment_by(input, &label_at)?;
+    segment_by(input, &label_at, &|cut| is_alike(example, cut))
+}
+
+/// Whether part k of one is the same primitive as part k of the other, and borders on the same parts.
+fn is_alike(example: &Segmented, cut: &Segmented) -> Result<(), UnlikeError> {
     let (expected, found) = (example.parts.len(), cut.parts.len());
     if found != expected {
         return Err(UnlikeError::Count { expected, found });
@@ -76,7 +80,7 @@ pub fn alike(
             return Err(UnlikeError::Neighbours { part });
         }
     }
-    Ok(cut)
+    Ok(())
 }
 
 #[cfg(test)]

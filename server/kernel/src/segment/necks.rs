@@ -1,8 +1,9 @@
 //! Necks: where a protrusion is cut off.
 //!
 //! A tip stands out when it is high for its girth. It is cut off at the level set that is short for the area that it
-//! bounds, the minimum of girth / area^0.8 along its stretch of the merge tree; and once more wherever the girth has a
-//! pronounced minimum (wrists, ankles).
+//! bounds, where girth / area^0.8 is least along its stretch of the merge tree: at the mean of the levels there, weighed by
+//! how near they are to the least, since of two places about as good a trifle would choose one; and once more wherever
+//! the girth has a pronounced minimum (wrists, ankles).
 
 use super::centrality::centrality;
 use super::distance::neighbours;
@@ -23,21 +24,40 @@ pub(super) struct Prominence {
     slenderness_min: f64,
     /// How far below its upper end a stretch between saddles is cut, in girths.
     stretch_min: f64,
+    /// Least share of the area.
+    area_min: f64,
 }
 
 impl Prominence {
     /// Limbs, fingers, ears: what one chart would squeeze.
-    pub(super) const LIMBS: Self = Self { height_min: 0.035, slenderness_min: 0.30, stretch_min: 0.25 };
+    pub(super) const LIMBS: Self =
+        Self { height_min: 0.035, slenderness_min: 0.30, stretch_min: 0.25, area_min: AREA_MIN };
     /// Stubs as well, for a number of parts that is asked for.
-    pub(super) const STUBS: Self = Self { height_min: 0.025, slenderness_min: 0.12, stretch_min: 0.15 };
+    pub(super) const STUBS: Self =
+        Self { height_min: 0.025, slenderness_min: 0.12, stretch_min: 0.15, area_min: AREA_MIN };
+
+    /// So many times as much asked of a protrusion.
+    fn times(self, factor: f64) -> Self {
+        Self {
+            height_min: factor * self.height_min,
+            slenderness_min: factor * self.slenderness_min,
+            area_min: factor * self.area_min,
+            ..self
+        }
+    }
 }
 
 /// Cuts keep this far from the saddle below, in √area, or a quarter of the stretch where that is less.
 const MARGIN: f64 = 0.02;
 /// Power of the area in what a neck minimises: with 1/2, a cone would be cut anywhere; with more, at its root.
 const AREA_POWER: f64 = 0.8;
+/// How much worse than the best, as a share, a level is that counts 1/e.
+const TEMPERATURE: f64 = 0.05;
 /// How much wider the surface is on both sides of a narrow place.
 const NARROW: f64 = 1.3;
+/// What is asked of a protrusion is this many times [`Prominence`], wherever between the two the surface's own
+/// protrusions leave the widest gap: a finger is not one while its neighbours, a little shorter, are none.
+const ASKED: [f64; 2] = [0.65, 1.0];
 /// Rounds in which tips are dropped.
 const ROUNDS_MAX: usize = 64;
 
@@ -66,18 +86,14 @@ impl Necks {
     pub(super) fn of(mesh: &TriMesh, least: Prominence) -> Self {
         let f = centrality(mesh);
         let (neighbours, scale) = (neighbours(mesh), Scale::of(&f));
-        let mut dropped = vec![false; f.len()];
-        for round in 0.. {
-            let tree = Tree::new(&f, &neighbours, &dropped, PERSISTENCE_MIN);
-            let profiles = tree.profiles(mesh, &f, &scale);
-            let weak = weak_tips(&tree, &profiles, &scale, least);
-            if weak.is_empty() || round == ROUNDS_MAX {
-                let found = necks(&tree, &profiles, &scale, least);
-                return Self { f, tree, found };
-            }
-            weak.into_iter().for_each(|tip| dropped[tip as usize] = true);
-        }
-        Self { tree: Tree::new(&f, &neighbours, &dropped, PERSISTENCE_MIN), f, found: Vec::new() }
+        let surface = Surface { mesh, f: &f, neighbours: &neighbours, scale: &scale };
+        let (tree, profiles) = surface.standing_out(least.times(ASKED[0]));
+        let strength = |a| strength(&tree, &profiles[a as usize], &scale, least, a);
+        let strengths = (0..tree.arcs.len() as u32).filter(|&a| tree.is_live(a) && is_leaf(&tree, a)).map(strength);
+        let least = least.times(widest_gap(strengths.collect(), ASKED));
+        let (tree, profiles) = surface.standing_out(least);
+        let found = necks(&tree, &profiles, &scale, least);
+        Self { f, tree, found }
     }
 
     /// For each vertex 1 + the number of the innermost of the first `count` cuts that it lies beyond; 0 for none.
@@ -104,6 +120,53 @@ impl Necks {
     }
 }
 
+/// A surface with its function.
+struct Surface<'a> {
+    mesh: &'a TriMesh,
+    f: &'a [f64],
+    neighbours: &'a [Vec<u32>],
+    scale: &'a Scale,
+}
+
+impl Surface<'_> {
+    /// The tree of the tips that stand out, and what is measured of its arcs.
+    fn standing_out(&self, least: Prominence) -> (Tree, Vec<Profile>) {
+        let mut dropped = vec![false; self.f.len()];
+        let mut round = 0;
+        loop {
+            let tree = Tree::new(self.f, self.neighbours, &dropped, PERSISTENCE_MIN);
+            let profiles = tree.profiles(self.mesh, self.f, self.scale);
+            let weak = weak_tips(&tree, &profiles, self.scale, least);
+            if weak.is_empty() || round == ROUNDS_MAX {
+                return (tree, profiles);
+            }
+            weak.into_iter().for_each(|tip| dropped[tip as usize] = true);
+            round += 1;
+        }
+    }
+}
+
+/// How many times over a tip's arc is what is asked, where it is so most.
+fn strength(tree: &Tree, profile: &Profile, scale: &Scale, asked: Prominence, a: u32) -> f64 {
+    let at = |j: usize| {
+        let height = tree.arcs[a as usize].high - scale.level(j);
+        let (girth, area) = (profile.girth[j], profile.area[j]);
+        let times =
+            (height / asked.height_min).min(height / (asked.slenderness_min * girth)).min(area / asked.area_min);
+        if girth > 0.0 && area <= 1.0 - AREA_MIN { times } else { 0.0 }
+    };
+    levels_of(tree, scale, a).map(at).fold(0.0, f64::max)
+}
+
+/// The middle of the widest gap that values leave within a range, by their ratio.
+fn widest_gap(mut values: Vec<f64>, [low, high]: [f64; 2]) -> f64 {
+    values.retain(|x| (low..=high).contains(x));
+    values.extend([low, high]);
+    values.sort_by(f64::total_cmp);
+    let gaps = values.windows(2).map(|w| (w[1] / w[0], (w[0] * w[1]).sqrt()));
+    gaps.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(high, |gap| gap.1)
+}
+
 /// The levels at which an arc may be cut, lowest first.
 fn levels_of(tree: &Tree, scale: &Scale, a: u32) -> std::ops::Range<usize> {
     let arc = &tree.arcs[a as usize];
@@ -125,7 +188,7 @@ fn is_enough(tree: &Tree, profile: &Profile, scale: &Scale, least: Prominence, a
     girth > 0.0
         && height >= least.height_min
         && height >= slender * girth
-        && (AREA_MIN..=1.0 - AREA_MIN).contains(&area)
+        && (least.area_min..=1.0 - AREA_MIN).contains(&area)
 }
 
 /// Tips that do not stand out; of those that meet at a saddle only the lowest.
@@ -153,12 +216,9 @@ fn necks(tree: &Tree, profiles: &[Profile], scale: &Scale, least: Prominence) ->
         let profile = &profiles[a as usize];
         let levels: Vec<usize> =
             levels_of(tree, scale, a).filter(|&j| is_enough(tree, profile, scale, least, a, j)).collect();
-        let tightness = |j: usize| profile.girth[j] / profile.area[j].min(1.0 - profile.area[j]).powf(AREA_POWER);
-        let Some(best) = levels.iter().copied().min_by(|&i, &j| tightness(i).total_cmp(&tightness(j))) else {
-            continue;
-        };
-        let top = top_of(tree, a);
-        found.push(Neck { arc: a, level: scale.level(best), worth: top - scale.level(best) });
+        let Some(level) = neck_level(profile, scale, &levels) else { continue };
+        found.push(Neck { arc: a, level, worth: top_of(tree, a) - level });
+        let best = scale.below(level);
         for j in narrow_places(profile, &levels, best) {
             let height = tree.arcs[a as usize].high - scale.level(j);
             found.push(Neck { arc: a, level: scale.level(j), worth: 0.5 * height });
@@ -166,6 +226,15 @@ fn necks(tree: &Tree, profiles: &[Profile], scale: &Scale, least: Prominence) ->
     }
     found.sort_by(|x, y| y.worth.total_cmp(&x.worth).then(x.arc.cmp(&y.arc)).then(x.level.total_cmp(&y.level)));
     found
+}
+
+/// The mean of the levels, weighed by how tight the surface is there.
+fn neck_level(profile: &Profile, scale: &Scale, levels: &[usize]) -> Option<f64> {
+    let tightness = |j: &usize| profile.girth[*j] / profile.area[*j].min(1.0 - profile.area[*j]).powf(AREA_POWER);
+    let least = levels.iter().map(tightness).min_by(f64::total_cmp)?;
+    let weight = |j: &usize| (-(tightness(j) / least - 1.0) / TEMPERATURE).exp();
+    let sum: f64 = levels.iter().map(weight).sum();
+    Some(levels.iter().map(|j| weight(j) * scale.level(*j)).sum::<f64>() / sum)
 }
 
 /// Height of the highest tip above an arc.
@@ -195,4 +264,33 @@ fn narrow_places(profile: &Profile, levels: &[usize], best: usize) -> Vec<usize>
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_widest_gap_is_told_by_ratios_and_within_the_range() {
+        assert_eq!(widest_gap(vec![], [0.5, 2.0]), 1.0);
+        let gap = widest_gap(vec![0.1, 0.55, 0.6, 0.9, 0.95, 1.1, 9.0], [0.5, 1.2]);
+        assert!((gap - (0.6f64 * 0.9).sqrt()).abs() < 1e-12, "{gap}");
+    }
+
+    #[test]
+    fn between_two_places_about_as_tight_the_neck_does_not_jump() {
+        // A long tube whose girth has two minima, the one or the other a trifle tighter.
+        let level = |trifle: f64| {
+            let scale = Scale::of(&[0.0, 1.0]);
+            let dip = |x: f64, at: f64| 0.3 * (-((x - at) / 0.06).powi(2)).exp();
+            let girth = |j: usize| {
+                let x = scale.level(j);
+                1.0 - (1.0 + trifle) * dip(x, 0.4) - (1.0 - trifle) * dip(x, 0.6)
+            };
+            let profile = Profile { girth: (0..LEVELS).map(girth).collect(), area: vec![0.3; LEVELS] };
+            neck_level(&profile, &scale, &(50..300).collect::<Vec<usize>>()).expect("levels")
+        };
+        assert!((level(0.01) - level(-0.01)).abs() < 0.05, "{} {}", level(0.01), level(-0.01));
+        assert!((level(0.3) - 0.4).abs() < 0.02, "{}", level(0.3));
+    }
 }

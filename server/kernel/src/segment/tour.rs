@@ -1,20 +1,21 @@
 //! A surface of genus 0 with several boundary loops, cut into two discs.
 //!
 //! A closed tour visits every boundary loop once, by arcs that do not cross; the surface falls into the disc on its left
-//! and the disc on its right. The order of the loops is a short tour by their distances (insertion, then exchange of
-//! pairs); each arc is a shortest path that keeps off the loops and the arcs before it.
+//! and the disc on its right. The order of the loops is that of [`super::order`]; each arc is a shortest path that keeps off
+//! the loops and the arcs before it. The shortest arc comes first, so that it does not matter which loop is the first.
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashSet};
 
 use super::distance::neighbours;
+use super::order::order;
 use crate::mesh::geodesic::Marcher;
 use crate::mesh::tri::{NONE, TriMesh};
 use crate::topology::{self, Topology};
 
 /// Beyond so many loops the surface is better halved first.
 const LOOPS_MAX: usize = 40;
-/// Arcs leave a loop this part of its vertices away from where the arc before arrived, where that can be.
+/// Arcs leave a loop this part of its length away from where the arc before arrived, where that can be.
 const APART: f64 = 0.2;
 
 /// For each triangle the side of the tour on which it lies; `None` if no tour was found.
@@ -32,9 +33,11 @@ pub(super) fn halves(mesh: &TriMesh) -> Option<Vec<u32>> {
             loops.iter().map(|to| to.iter().map(|&v| d[v as usize]).fold(f64::INFINITY, f64::min)).collect()
         })
         .collect();
-    let order = order(&between);
+    let along: Vec<Vec<f64>> = loops.iter().map(|ring| along(mesh, ring)).collect();
+    let girths: Vec<f64> = along.iter().map(|a| a.last().copied().unwrap_or(0.0)).collect();
+    let tour = Tour { order: order(&between, &girths), loops, along, between };
     [APART, 0.0].into_iter().find_map(|apart| {
-        let walls = arcs(mesh, &loops, &order, apart)?;
+        let walls = tour.arcs(mesh, apart)?;
         let sides = flood(mesh, &walls);
         let disc = |side: u32| {
             let triangles: Vec<u32> = (0..sides.len() as u32).filter(|&t| sides[t as usize] == side).collect();
@@ -45,68 +48,74 @@ pub(super) fn halves(mesh: &TriMesh) -> Option<Vec<u32>> {
     })
 }
 
-/// A short closed tour.
-fn order(between: &[Vec<f64>]) -> Vec<usize> {
-    let n = between.len();
-    let mut tour = vec![0];
-    while tour.len() < n {
-        // The loop that is nearest to the tour is inserted where it costs least.
-        let nearest = |k: &usize| tour.iter().map(|&t| between[t][*k]).fold(f64::INFINITY, f64::min);
-        let rest = (0..n).filter(|k| !tour.contains(k));
-        let Some(new) = rest.min_by(|a, b| nearest(a).total_cmp(&nearest(b))) else { break };
-        let cost = |at: usize| {
-            let (a, b) = (tour[at], tour[(at + 1) % tour.len()]);
-            between[a][new] + between[new][b] - between[a][b]
-        };
-        let at = (0..tour.len()).min_by(|&a, &b| cost(a).total_cmp(&cost(b))).unwrap_or(0);
-        tour.insert(at + 1, new);
-    }
-    let mut better = true;
-    while std::mem::take(&mut better) {
-        for i in 0..n.saturating_sub(1) {
-            for j in i + 2..n {
-                let (a, b, c, d) = (tour[i], tour[i + 1], tour[j], tour[(j + 1) % n]);
-                let gain = between[a][b] + between[c][d] - between[a][c] - between[b][d];
-                if a != d && gain > 1e-9 * between[a][b] {
-                    tour[i + 1..=j].reverse();
-                    better = true;
-                }
-            }
-        }
-    }
-    tour
+/// The loops in the order of their tour.
+struct Tour {
+    loops: Vec<Vec<u32>>,
+    /// Length of each loop up to each of its vertices, and in all.
+    along: Vec<Vec<f64>>,
+    /// Distances between the loops.
+    between: Vec<Vec<f64>>,
+    order: Vec<usize>,
 }
 
-/// The edges of the tour's arcs, lower vertex first.
-fn arcs(mesh: &TriMesh, loops: &[Vec<u32>], order: &[usize], apart: f64) -> Option<HashSet<[u32; 2]>> {
-    let neighbours = neighbours(mesh);
-    let mut loop_of = vec![NONE; mesh.positions.len()];
-    for (k, ring) in loops.iter().enumerate() {
-        ring.iter().for_each(|&v| loop_of[v as usize] = k as u32);
+impl Tour {
+    /// The edges of the arcs, lower vertex first.
+    fn arcs(&self, mesh: &TriMesh, apart: f64) -> Option<HashSet<[u32; 2]>> {
+        let neighbours = neighbours(mesh);
+        let mut loop_of = vec![NONE; mesh.positions.len()];
+        for (k, ring) in self.loops.iter().enumerate() {
+            ring.iter().for_each(|&v| loop_of[v as usize] = k as u32);
+        }
+        let mut used = vec![false; mesh.positions.len()];
+        let mut touched: Vec<Vec<usize>> = vec![Vec::new(); self.loops.len()];
+        let mut walls = HashSet::new();
+        for [from, to] in self.shortest_first() {
+            let open = [from, to].map(|of| self.open(of, &touched[of], apart));
+            let path = path(mesh, &neighbours, &loop_of, &used, &open[0], &open[1])?;
+            for pair in path.windows(2) {
+                walls.insert([pair[0].min(pair[1]), pair[0].max(pair[1])]);
+            }
+            path.iter().for_each(|&v| used[v as usize] = true);
+            for (of, v) in [(from, path.first()), (to, path.last())] {
+                touched[of].extend(self.loops[of].iter().position(|x| Some(x) == v));
+            }
+        }
+        Some(walls)
     }
-    let mut used = vec![false; mesh.positions.len()];
-    let mut touched: Vec<Option<usize>> = vec![None; loops.len()];
-    let mut walls = HashSet::new();
-    for k in 0..order.len() {
-        let (from, to) = (order[k], order[(k + 1) % order.len()]);
-        let open = |of: usize| -> Vec<u32> {
-            let ring = &loops[of];
-            let away = |at: usize, used: usize| {
-                let d = at.abs_diff(used);
-                d.min(ring.len() - d) as f64 > apart * ring.len() as f64
-            };
-            (0..ring.len()).filter(|&at| touched[of].is_none_or(|used| away(at, used))).map(|at| ring[at]).collect()
+
+    /// The loops that each arc joins.
+    fn shortest_first(&self) -> Vec<[usize; 2]> {
+        let n = self.order.len();
+        let mut arcs: Vec<[usize; 2]> = (0..n).map(|k| [self.order[k], self.order[(k + 1) % n]]).collect();
+        let length = |&[a, b]: &[usize; 2]| self.between[a][b];
+        arcs.sort_by(|x, y| length(x).total_cmp(&length(y)));
+        arcs
+    }
+
+    /// The vertices of a loop that are far enough from where arcs touch it.
+    fn open(&self, of: usize, touched: &[usize], apart: f64) -> Vec<u32> {
+        let (ring, along) = (&self.loops[of], &self.along[of]);
+        let total = along.last().copied().unwrap_or(0.0);
+        let away = |at: usize| {
+            touched.iter().all(|&other| {
+                let d = (along[at] - along[other]).abs();
+                d.min(total - d) > apart * total
+            })
         };
-        let path = path(mesh, &neighbours, &loop_of, &used, &open(from), &open(to))?;
-        for pair in path.windows(2) {
-            walls.insert([pair[0].min(pair[1]), pair[0].max(pair[1])]);
-        }
-        path.iter().for_each(|&v| used[v as usize] = true);
-        for (of, v) in [(from, path.first()), (to, path.last())] {
-            touched[of] = loops[of].iter().position(|x| Some(x) == v);
-        }
+        (0..ring.len()).filter(|&at| away(at)).map(|at| ring[at]).collect()
     }
-    Some(walls)
+}
+
+/// Length of a loop up to each of its vertices, and in all.
+fn along(mesh: &TriMesh, ring: &[u32]) -> Vec<f64> {
+    let mut sum = 0.0;
+    let mut along = vec![0.0];
+    for (k, &v) in ring.iter().enumerate() {
+        let next = ring[(k + 1) % ring.len()];
+        sum += (mesh.positions[next as usize] - mesh.positions[v as usize]).norm();
+        along.push(sum);
+    }
+    along
 }
 
 /// The shortest path from one set to another that meets no loop and no used vertex on its way.

@@ -123,6 +123,21 @@ pub fn lay(case: &Case, method: Method) -> Result<Outcome, String> {
     })
 }
 
+/// Where the vertices of the example's surface go on the input, as where the service cuts an input as an example is.
+///
+/// # Errors
+/// What failed; a sentence.
+pub fn positions(example: &Loaded, input: &Loaded) -> Result<Vec<Vec3>, String> {
+    let (method, options) = (Method::NoSnap, UnfoldOptions::default());
+    let one = Query::new(&example.patch, &options).map_err(|e| e.to_string())?;
+    let two = Query::new(&input.patch, &options).map_err(|e| e.to_string())?;
+    let entry = registered(&one, &two, method, method.solver().as_ref())?;
+    let single = by_chart(example, &one, &two, &entry, method)?;
+    let many = by_atlas(example, &one, &two, method)?;
+    let better = many.filter(|m| m.distortion.badness() < single.distortion.badness());
+    Ok(better.unwrap_or(single).cross.positions)
+}
+
 fn registered(one: &Query, two: &Query, method: Method, solver: &dyn Solver) -> Result<Entry, String> {
     let never = || false;
     let unlike = || "expected two surfaces of the same topology".to_owned();

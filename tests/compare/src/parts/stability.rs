@@ -26,6 +26,42 @@ pub fn overlap(surface: &TriMesh, one: &[u32], two: &[u32]) -> f64 {
     sum / surface.total_area()
 }
 
+/// Of one part in two forms: shares of the surface's area.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PartOverlap {
+    /// Its area in the first.
+    pub area: f64,
+    /// Its area in the second.
+    pub other: f64,
+    /// What belongs to it in both.
+    pub shared: f64,
+}
+
+impl PartOverlap {
+    /// What is shared, of the larger of the two.
+    pub fn overlap(&self) -> f64 {
+        self.shared / self.area.max(self.other).max(f64::MIN_POSITIVE)
+    }
+}
+
+/// For each part of the first labels, how much of it the same part of the second covers.
+pub fn parts_overlap(surface: &TriMesh, one: &[u32], two: &[u32]) -> Vec<PartOverlap> {
+    let count = one.iter().max().map_or(0, |l| *l as usize + 1);
+    let mut parts = vec![PartOverlap::default(); count];
+    let total = surface.total_area();
+    for (t, (&a, &b)) in one.iter().zip(two).enumerate() {
+        let area = surface.area(t) / total;
+        parts[a as usize].area += area;
+        if let Some(part) = parts.get_mut(b as usize) {
+            part.other += area;
+        }
+        if a == b {
+            parts[a as usize].shared += area;
+        }
+    }
+    parts
+}
+
 /// The part of each triangle of `surface`, told by the nearest point of a cut surface in the same place.
 pub fn transferred(surface: &TriMesh, cut: &Segmented) -> Vec<u32> {
     let bvh = Bvh::new(&cut.mesh);
@@ -60,5 +96,15 @@ mod tests {
         let square = TriMesh::from_triangles(positions.to_vec(), vec![[0, 1, 2], [0, 2, 3]]).expect("a square");
         assert!((overlap(&square, &[0, 1], &[5, 3]) - 1.0).abs() < 1e-12);
         assert!((overlap(&square, &[0, 1], &[2, 2]) - 0.5).abs() < 1e-12);
+    }
+    #[test]
+    fn a_part_is_compared_with_the_part_of_the_same_name() {
+        let positions = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| Vec3::new(x, y, 0.0));
+        let square = TriMesh::from_triangles(positions.to_vec(), vec![[0, 1, 2], [0, 2, 3]]).expect("a square");
+        let overlaps =
+            |two: &[u32]| parts_overlap(&square, &[0, 1], two).iter().map(|p| p.overlap()).collect::<Vec<_>>();
+        assert_eq!(overlaps(&[0, 1]), [1.0, 1.0]);
+        assert_eq!(overlaps(&[0, 0]), [0.5, 0.0]);
+        assert_eq!(overlaps(&[1, 0]), [0.0, 0.0]);
     }
 }
