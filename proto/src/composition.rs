@@ -9,6 +9,9 @@ pub const SMOOTHING_MAX: u32 = 100;
 /// The `smoothing` when the caller names none.
 pub const SMOOTHING_DEFAULT: u32 = 5;
 
+/// The note of a composition that is the one map itself, with all that the example brings: it follows the input as it is.
+pub const AS_MAPPED: &str = "the map follows the input as it is";
+
 fn smoothing_default() -> u32 {
     SMOOTHING_DEFAULT
 }

@@ -14,11 +14,11 @@ use crate::{
     ui::Ui,
 };
 use quadmuse_proto::{
-    Composition, CompositionPart, Map, NewComposition, Query, Verdict, composition::SMOOTHING_DEFAULT, segment::Parts,
+    Composition, CompositionPart, Map, NewComposition, Query, Verdict,
+    composition::{AS_MAPPED, SMOOTHING_DEFAULT},
+    segment::Parts,
 };
 
-/// A map of at most so many faces may pass the input by far; the service is asked to subdivide it where it does.
-const COARSE_FACES_MAX: u64 = 500;
 /// A mesh with more small holes is a scan full of gaps, and is not cut where nobody asked for it.
 const HOLES_CUT_MAX: u32 = 8;
 
@@ -34,20 +34,20 @@ pub(super) async fn retopo(args: &RetopoArgs, api: &Api, ui: &mut Ui) -> Result<
     if query.segments.len() > 1 || args.compose.density.is_some() {
         return stitch(&query, &like_all(&query, args), api, ui).await;
     }
-    // One segment needs no stitching: the example's own vertex order, faces, UVs and groups are kept.
     for part in &args.compose.uses {
         check_segment(&query, Some(part.segment))?;
     }
     let told = told(0, &args.compose).or(args.query.like.map(|example| ExampleRef { example, segment: Some(0) }));
-    let laid = match told {
-        Some(_) => lay(&query, 0, told, api, ui).await,
-        None => lay_best(&query, 0, api, ui).await,
-    };
-    let is_free = told.is_none() && args.query.segments.segments.is_none() && args.query.segments.parts.is_none();
-    match laid {
-        Ok((map, name)) if is_free && map.verdict == Verdict::Poor => in_parts(&query, &name, args, api, ui).await,
-        Ok((map, _)) => followed(&query, map, &args.compose, api, ui).await,
-        Err(error @ ClientError::NothingRanked { .. }) if is_free => {
+    if told.is_some() {
+        // Who chose an example wants it as it is.
+        let (map, _) = lay(&query, 0, told, api, ui).await?;
+        return write_map(&map, &args.compose.out, api, ui).await;
+    }
+    let is_free = args.query.segments.segments.is_none() && args.query.segments.parts.is_none();
+    match lay_best(&query, 0, api, ui).await {
+        Ok((map, name)) if is_free && map.verdict == Verdict::Poor => in_parts(&query, map, &name, args, api, ui).await,
+        Ok((map, _)) => settled(&query, map, &args.compose, api, ui).await,
+        Err(error @ ClientError::NothingRanked { .. }) => {
             ui.note(&error.message());
             stitch(&query, &args.compose, api, ui).await
         }
@@ -63,41 +63,52 @@ async fn ranked(args: &QueryArgs, api: &Api, ui: &mut Ui) -> Result<Query, Clien
 
 /// What no example fits as a whole is cut into its protrusions, each with an example that fits or a regular layout. A scan
 /// full of holes is not: cuts would run from hole to hole.
-async fn in_parts(whole: &Query, best: &str, args: &RetopoArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
+async fn in_parts(
+    whole: &Query,
+    best: Map,
+    name: &str,
+    args: &RetopoArgs,
+    api: &Api,
+    ui: &mut Ui,
+) -> Result<(), ClientError> {
     let holes = whole.segments.first().map_or(0, |segment| segment.holes);
     if holes > HOLES_CUT_MAX {
-        ui.note(&format!(
-            "the best example, {best}, fits poorly, and there are {holes} holes; a regular layout takes its place"
-        ));
-        return compose_maps(whole, Vec::new(), &args.compose, api, ui).await;
+        ui.note(&format!("the best example, {name}, fits poorly, and with {holes} holes the mesh is not cut"));
+        return settled(whole, best, &args.compose, api, ui).await;
     }
-    ui.note(&format!("the best example, {best}, fits poorly as a whole; cutting the mesh into parts"));
+    ui.note(&format!("the best example, {name}, fits poorly as a whole; cutting the mesh into parts"));
     let mut again = args.query.clone();
     again.segments.parts = Some(Parts::Auto);
     let query = ranked(&again, api, ui).await?;
-    if query.segments.len() > 1 {
-        return stitch(&query, &args.compose, api, ui).await;
+    match query.segments.len() {
+        0 | 1 => settled(whole, best, &args.compose, api, ui).await,
+        _ => stitch(&query, &args.compose, api, ui).await,
     }
-    ui.note("nothing sticks out of it; a regular layout takes its place");
-    compose_maps(whole, Vec::new(), &args.compose, api, ui).await
 }
 
-/// Writes a map; subdivided, where it is coarse and passes the input by far.
-async fn followed(query: &Query, map: Map, args: &ComposeArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
-    if map.faces <= COARSE_FACES_MAX {
-        let new = NewComposition {
-            parts: vec![CompositionPart { segment: 0, map: map.id }],
-            smoothing: args.smoothing.unwrap_or(SMOOTHING_DEFAULT),
-            density: 0,
-            keep: Vec::new(),
-        };
-        let composition = api.start_composition(query.id, &new).await?;
-        // As many quads as the example: it follows the input as it is, and stays whole.
-        if composition.quads > map.faces {
-            return write_composition(&composition, &[map], args, api, ui).await;
-        }
+/// Writes what the service makes of the best map of a single segment: the map itself, with the example's own vertex order,
+/// faces, UVs and groups, where it follows the input; else what is composed of it, or of a regular layout.
+async fn settled(query: &Query, map: Map, args: &ComposeArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
+    let named = if map.verdict == Verdict::Poor { &[][..] } else { std::slice::from_ref(&map) };
+    let spinner = ui.spinner("stitching");
+    let composition = api.start_composition(query.id, &new_composition(named, args)).await;
+    spinner.finish_and_clear();
+    let composition = composition?;
+    if composition.notes.iter().any(|note| note == AS_MAPPED) {
+        return write_map(&map, &args.out, api, ui).await;
     }
-    write_map(&map, &args.out, api, ui).await
+    let maps = if composition.parts.is_empty() { Vec::new() } else { vec![map] };
+    write_composition(&composition, &maps, args, api, ui).await
+}
+
+fn new_composition(maps: &[Map], args: &ComposeArgs) -> NewComposition {
+    NewComposition {
+        parts: maps.iter().map(|map| CompositionPart { segment: map.segment, map: map.id }).collect(),
+        smoothing: args.smoothing.unwrap_or(SMOOTHING_DEFAULT),
+        density: args.density.unwrap_or_default(),
+        // Who chose a part wants its layout.
+        keep: args.uses.iter().map(|part| part.segment).collect(),
+    }
 }
 
 /// What was cut as an example is takes that example, segment by segment, where nothing else is told.
@@ -150,29 +161,11 @@ async fn stitch(query: &Query, args: &ComposeArgs, api: &Api, ui: &mut Ui) -> Re
         bar.inc(1);
     }
     bar.finish_and_clear();
-    compose_maps(query, maps, args, api, ui).await
-}
-
-/// Stitches maps, with regular layouts on the other segments, and writes the mesh.
-async fn compose_maps(
-    query: &Query,
-    maps: Vec<Map>,
-    args: &ComposeArgs,
-    api: &Api,
-    ui: &mut Ui,
-) -> Result<(), ClientError> {
     if let Some(density) = args.density {
-        ui.note(&table::expected_quads(&maps, query.segments.len(), density));
+        ui.note(&table::expected_quads(&maps, count, density));
     }
-    let new = NewComposition {
-        parts: maps.iter().map(|map| CompositionPart { segment: map.segment, map: map.id }).collect(),
-        smoothing: args.smoothing.unwrap_or(SMOOTHING_DEFAULT),
-        density: args.density.unwrap_or_default(),
-        // Who chose a part wants its layout.
-        keep: args.uses.iter().map(|part| part.segment).collect(),
-    };
     let spinner = ui.spinner("stitching");
-    let composition = api.start_composition(query.id, &new).await;
+    let composition = api.start_composition(query.id, &new_composition(&maps, args)).await;
     spinner.finish_and_clear();
     write_composition(&composition?, &maps, args, api, ui).await
 }

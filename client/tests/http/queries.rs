@@ -7,6 +7,7 @@ use crate::{
 };
 use quadmuse_proto::{
     Begin, Code, Composition, CompositionId, CompositionPart, End, EndState, Event, Map, Problem, QueryState, Verdict,
+    composition::AS_MAPPED,
 };
 use std::sync::{
     Arc,
@@ -246,8 +247,8 @@ async fn retopo_maps_one_segment_and_stitches_several() {
     let mesh = mesh_file();
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out.obj");
-    // A map of so few faces is asked about once, and written as it is where the service leaves it so.
-    for (segments, maps, compositions) in [(1, 1, 1), (3, 3, 1)] {
+    // A single map that was chosen by hand is written as it is.
+    for (segments, maps, compositions) in [(1, 1, 0), (3, 3, 1)] {
         let server = Fake::start(move |asked| service(asked, segments));
         let line = format!("retopo {} -o {} --use 0={}", mesh.path().display(), out.display(), example_id(3));
         let ran = run(&server.url, &line).await;
@@ -264,20 +265,22 @@ async fn retopo_maps_one_segment_and_stitches_several() {
 }
 
 #[tokio::test]
-async fn retopo_takes_the_subdivided_mesh_where_a_coarse_map_misses_the_input() {
+async fn retopo_leaves_it_to_the_service_whether_a_single_map_is_composed() {
     let mesh = mesh_file();
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out.obj");
-    let server = Fake::start(|asked| match asked.line.as_str() {
-        line if line.starts_with("POST") && line.ends_with("/compositions") => {
-            Reply::json(201, &Composition { quads: 16, ..composition() })
-        }
-        _ => service(asked, 1),
-    });
-    let ran = run(&server.url, &format!("retopo {} -o {}", mesh.path().display(), out.display())).await;
-    assert_eq!(ran.code(), 0, "{}", ran.notes);
-    let last = ran.out.lines().last().expect("a line");
-    assert!(last.ends_with("16 quads, parts: 1 good"), "{last}");
+    for (notes, ending) in [(vec![], "16 quads, parts: 1 good"), (vec![AS_MAPPED.to_owned()], "good, 4 faces")] {
+        let server = Fake::start(move |asked| match asked.line.as_str() {
+            line if line.starts_with("POST") && line.ends_with("/compositions") => {
+                Reply::json(201, &Composition { quads: 16, notes: notes.clone(), ..composition() })
+            }
+            _ => service(asked, 1),
+        });
+        let ran = run(&server.url, &format!("retopo {} -o {}", mesh.path().display(), out.display())).await;
+        assert_eq!(ran.code(), 0, "{}", ran.notes);
+        let last = ran.out.lines().last().expect("a line");
+        assert!(last.ends_with(ending), "{last}");
+    }
 }
 
 #[tokio::test]
@@ -309,11 +312,16 @@ async fn retopo_cuts_what_no_example_fits_as_a_whole() {
 }
 
 #[tokio::test]
-async fn retopo_leaves_whole_what_was_asked_for_whole() {
+async fn retopo_cuts_nothing_that_was_asked_for_whole_and_keeps_a_chosen_example() {
     let mesh = mesh_file();
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out.obj");
-    for flags in ["--segments whole".to_owned(), "--parts 1".into(), format!("--use 0={}", example_id(3))] {
+    let chosen = format!("--use 0={}", example_id(3));
+    for (flags, end) in [
+        ("--segments whole", "4 quads, parts: 1 poor"),
+        ("--parts 1", "4 quads, parts: 1 poor"),
+        (&chosen, "poor, 4 faces"),
+    ] {
         let poor = Map { verdict: Verdict::Poor, ..map() };
         let server = Fake::start(move |asked| match asked.line.ends_with("/maps") {
             true => Reply::json(201, &poor),
@@ -322,7 +330,13 @@ async fn retopo_leaves_whole_what_was_asked_for_whole() {
         let ran = run(&server.url, &format!("retopo {} -o {} {flags}", mesh.path().display(), out.display())).await;
         assert_eq!(ran.code(), 0, "{}", ran.notes);
         let last = ran.out.lines().last().expect("a line");
-        assert!(last.ends_with("poor, 4 faces"), "{flags}: {last}");
+        assert!(last.ends_with(end), "{flags}: {last}");
+        let uploads = server
+            .lines()
+            .iter()
+            .filter(|line| line.starts_with("POST /v1/queries?") || line.ends_with("/v1/queries"))
+            .count();
+        assert_eq!(uploads, 1, "{flags}");
     }
 }
 

@@ -8,6 +8,7 @@
 
 pub mod apart;
 pub mod check;
+mod density;
 pub mod fit;
 mod following;
 pub mod glue;
@@ -25,6 +26,7 @@ pub mod site;
 pub mod smooth;
 pub mod square;
 mod stitching;
+pub mod straddle;
 pub mod subdivide;
 pub mod surgery;
 pub mod template;
@@ -130,8 +132,12 @@ pub struct Report {
     pub resolved: Resolved,
     /// How often each part was subdivided.
     pub subdivided: Vec<usize>,
-    /// Segments whose part was given up for a regular layout.
+    /// Segments whose part was given up for a regular layout, since it could not be joined.
     pub replaced: Vec<usize>,
+    /// Segments whose part was given up for a regular layout, since it is far denser than everything else.
+    pub too_dense: Vec<usize>,
+    /// Segments whose part was given up for a regular layout, since it passes the surface by far.
+    pub missing: Vec<usize>,
     /// Segments of which the own triangles were cut into quads.
     pub own: Vec<usize>,
     /// Times the whole was subdivided to follow the input.
@@ -203,6 +209,14 @@ pub fn compose(
     let fit = Measured::new(&apart::owned(input)).fit(&mesh);
     report.fit = Fit { out: fit.out / scale.diagonal, back: fit.back / scale.diagonal };
     Ok(Composed { mesh, report })
+}
+
+/// Whether a mesh is what a composition of an input would have to be: quads only, of the input's topology, and on average
+/// nowhere farther from it, nor it from the mesh, than a share `most` of its diagonal.
+pub fn follows(input: Input<'_>, mesh: &PolyMesh, most: f64) -> bool {
+    let owned = apart::owned(input);
+    let diagonal = apart::scale(&owned).diagonal;
+    check::check(mesh, check::Shape::of(&owned)).is_ok() && Measured::new(&owned).fit(mesh).worst() <= most * diagonal
 }
 
 /// One component of an input.

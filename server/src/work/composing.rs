@@ -55,26 +55,7 @@ pub async fn create(
     if live.compositions().len() >= COMPOSITIONS_MAX {
         return Err(WorkError::TooMany { of: "compositions", limit: COMPOSITIONS_MAX });
     }
-    let (mut parts, mut summaries, mut templates, mut maps) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    for (segment, named) in (0u32..).zip(named) {
-        let map = match named {
-            Some(map) => Some(map),
-            None => best_map(work, live, segment).await?,
-        };
-        maps.push(map.clone());
-        let part = map.map(|map| (map.id, Arc::clone(&map.newest().mapped.part)));
-        match part {
-            Some((map, mesh)) => {
-                summaries.push(CompositionPart { segment, map });
-                let is_kept = wanted.keep.contains(&segment);
-                parts.push(if is_kept { Part::Kept(mesh) } else { Part::Mapped(mesh) });
-            }
-            None => {
-                templates.push(segment);
-                parts.push(Part::Template(live.encoded(segment).await?));
-            }
-        }
-    }
+    let Gathered { parts, mut summaries, mut templates, mut poor, maps } = gathered(work, live, &wanted, named).await?;
     let faces = faces_at(&parts, wanted.density)?;
     let needed = faces.max(FACES_LEAST) * MEMORY_PER_FACE;
     let job = work.admit(live.caller.user, needed, REQUEST_TIME_MAX)?;
@@ -91,6 +72,11 @@ pub async fn create(
         engine.compose(&model, &parts, how, stop)
     };
     let stitched = work.pool.run(&job, Lane::Edit, stitch).await??;
+    if stitched.is_poor_kept {
+        summaries.append(&mut poor);
+    }
+    templates.extend(poor.iter().map(|part| part.segment));
+    templates.sort_unstable();
     let counts = super::ingest::counts_of(&stitched.mesh);
     let held = job.kept(counts.faces * MEMORY_PER_FACE_HELD);
     let summary = Composition {
@@ -113,10 +99,60 @@ pub async fn create(
     Ok(composition)
 }
 
+/// What a composition is made of.
+#[derive(Default)]
+struct Gathered {
+    parts: Vec<Part>,
+    summaries: Vec<CompositionPart>,
+    /// Segments without an example.
+    templates: Vec<u32>,
+    /// Maps that nobody chose and that are poor.
+    poor: Vec<CompositionPart>,
+    /// The map of each segment that has one that is not poor, or was chosen.
+    maps: Vec<Option<Arc<LiveMap>>>,
+}
+
+/// One part a segment: what is named, else the best map, else a regular layout.
+async fn gathered(
+    work: &Arc<Work>,
+    live: &Arc<LiveQuery>,
+    wanted: &NewComposition,
+    named: Vec<Option<Arc<LiveMap>>>,
+) -> Result<Gathered, WorkError> {
+    let mut all = Gathered::default();
+    for (segment, named) in (0u32..).zip(named) {
+        let is_named = named.is_some();
+        let map = match named {
+            Some(map) => Some(map),
+            None => best_map(work, live, segment).await?,
+        };
+        let Some(map) = map else {
+            all.maps.push(None);
+            all.templates.push(segment);
+            all.parts.push(Part::Template(live.encoded(segment).await?));
+            continue;
+        };
+        let taken = CompositionPart { segment, map: map.id };
+        let newest = map.newest();
+        let (part, whole) = (Arc::clone(&newest.mapped.part), Arc::clone(&newest.mapped.mesh));
+        if !is_named && newest.mapped.verdict == Verdict::Poor {
+            all.poor.push(taken);
+            all.maps.push(None);
+            all.parts.push(Part::Poor { part, whole, instead: live.encoded(segment).await? });
+            continue;
+        }
+        all.summaries.push(taken);
+        let is_kept = wanted.keep.contains(&segment);
+        all.parts.push(if is_kept { Part::Kept(part) } else { Part::Mapped { part, whole } });
+        all.maps.push(Some(map));
+    }
+    Ok(all)
+}
+
 /// The faces that the mapped parts will have together, about; known before the work.
 fn faces_at(parts: &[Part], density: i32) -> Result<u64, WorkError> {
     let faces_of = |part: &Part| match part {
-        Part::Mapped(mesh) | Part::Kept(mesh) => mesh.faces.len() as u64,
+        Part::Mapped { part, .. } | Part::Poor { part, .. } | Part::Kept(part) => part.faces.len() as u64,
         Part::Template(_) => 0,
     };
     let faces =
@@ -128,17 +164,18 @@ fn faces_at(parts: &[Part], density: i32) -> Result<u64, WorkError> {
     Ok(faces)
 }
 
-/// The first map that is not poor of the few best entries of a segment's ranking, each made if it is not there yet; `None`
-/// where there is none.
+/// The first map that is not poor of the few best entries of a segment's ranking, or else the first of all, each made if it
+/// is not there yet; `None` where there is no entry.
 async fn best_map(work: &Arc<Work>, live: &Arc<LiveQuery>, segment: u32) -> Result<Option<Arc<LiveMap>>, WorkError> {
     // Only a ranking that will not change any more tells the best.
     live.wait_for(|_| false).await;
     let tries = if live.model.segments.len() > SEGMENTS_TRIED_MAX { 1 } else { TRIES };
-    let best: Vec<(ExampleId, u32)> = live.board().rankings.get(segment as usize).map_or(Vec::new(), |ranking| {
+    let entries: Vec<(ExampleId, u32)> = live.board().rankings.get(segment as usize).map_or(Vec::new(), |ranking| {
         let differing = ranking.candidates.iter().filter(|candidate| candidate.similar_to.is_none());
         differing.take(tries).map(Candidate::key).collect()
     });
-    for (example, example_segment) in best {
+    let mut best = None;
+    for (example, example_segment) in entries {
         let is_this = |map: &&Arc<LiveMap>| {
             let summary = &map.newest().summary;
             (summary.segment, summary.example, summary.example_segment) == (segment, example, example_segment)
@@ -151,8 +188,9 @@ async fn best_map(work: &Arc<Work>, live: &Arc<LiveQuery>, segment: u32) -> Resu
         if map.newest().mapped.verdict != Verdict::Poor {
             return Ok(Some(map));
         }
+        best.get_or_insert(map);
     }
-    Ok(None)
+    Ok(best)
 }
 
 /// A composition of a query.

@@ -259,10 +259,25 @@ pub struct Mapped {
 /// What a segment takes in a composition.
 #[derive(Clone, Debug)]
 pub enum Part {
-    /// A mapped example: [`Mapped::part`].
-    Mapped(Arc<PolyMesh>),
-    /// The same, to be subdivided no further than joining it needs.
+    /// A mapped example.
+    Mapped {
+        /// [`Mapped::part`].
+        part: Arc<PolyMesh>,
+        /// [`Mapped::mesh`]: where it is the only part and follows the input, it is the composition.
+        whole: Arc<PolyMesh>,
+    },
+    /// [`Mapped::part`], to be subdivided no further than joining it needs.
     Kept(Arc<PolyMesh>),
+    /// A mapped example that nobody chose and that is poor: a regular layout takes its place, unless it is the only part and
+    /// follows the input better.
+    Poor {
+        /// [`Mapped::part`].
+        part: Arc<PolyMesh>,
+        /// [`Mapped::mesh`].
+        whole: Arc<PolyMesh>,
+        /// The segment.
+        instead: Arc<Encoded>,
+    },
     /// A regular layout at the density of its neighbours, on this unfolded segment.
     Template(Arc<Encoded>),
 }
@@ -281,6 +296,8 @@ pub struct Stitching {
 pub struct Stitched {
     /// The mesh.
     pub mesh: Arc<PolyMesh>,
+    /// Whether a [`Part::Poor`] was taken all the same.
+    pub is_poor_kept: bool,
     /// Inner vertices with another number of edges than four.
     pub extraordinary_vertices: u64,
     /// Those that the parts had inside before.

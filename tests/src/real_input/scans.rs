@@ -78,6 +78,11 @@ fn one(client: &Client, judge: &Judge, scan: &Path, out: &Path) -> Result<Outcom
     let words = ["--json".as_ref(), "retopo".as_ref(), scan.as_os_str(), "-o".as_ref(), mesh.as_os_str()];
     let map = client.run(words)?.ok()?.last_value();
     let seconds = begun.elapsed().as_secs_f64();
+    if map["parts"].is_array() {
+        // No map follows the scan: what was stitched in its place has no example to name.
+        let (verdict, example) = ("composed".to_owned(), "–".to_owned());
+        return Ok(Outcome { soundness: judge.soundness(&mesh, scan)?, verdict, example, folds: 0, seconds });
+    }
     let example = client.run(["--json", "show", &text_in(&map, "example")?])?.ok()?.last_value();
     Ok(Outcome {
         soundness: judge.soundness(&mesh, scan)?,

@@ -103,9 +103,13 @@ pub fn together(made: Vec<(Vec<usize>, Composed)>, segments: usize) -> (PolyMesh
         all.refined = all.refined.max(report.refined);
         of.iter().zip(&report.subdivided).for_each(|(&s, &n)| all.subdivided[s] = n);
         all.replaced.extend(report.replaced.iter().map(|&s| of[s]));
+        all.too_dense.extend(report.too_dense.iter().map(|&s| of[s]));
+        all.missing.extend(report.missing.iter().map(|&s| of[s]));
         all.own.extend(report.own.iter().map(|&s| of[s]));
     }
     all.replaced.sort_unstable();
+    all.too_dense.sort_unstable();
+    all.missing.sort_unstable();
     all.own.sort_unstable();
     (mesh, all)
 }

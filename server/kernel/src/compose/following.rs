@@ -8,6 +8,7 @@ use super::reach::draw_out;
 use super::site::on_surface;
 use super::square;
 use super::stitching::{MISS_MAX, Stitching};
+use super::straddle::{Held, straddle};
 use super::subdivide::subdivide;
 use super::{Closeness, Report};
 use crate::mesh::PolyMesh;
@@ -24,6 +25,8 @@ const SQUARE_LOSS: f64 = 1.15;
 const PASSED_MAX: f64 = 0.006;
 /// Share of the mean distance from the input that may be left for drawing out to be worth while.
 const DRAWN_GAIN: f64 = 0.97;
+/// The same for faces on both sides.
+const STRADDLED_GAIN: f64 = 0.98;
 
 impl Stitching<'_> {
     /// With sheared quads squarer, unless that takes the result away from the input; `fit` is the mesh's, and what is
@@ -55,6 +58,7 @@ impl Stitching<'_> {
         {
             (mesh, fit) = drawn;
         }
+        (mesh, fit) = self.straddled(mesh, fit);
         while is_followed
             && fit.worst() > most
             && report.refined < REFINED_MAX
@@ -66,9 +70,11 @@ impl Stitching<'_> {
             if let Some(drawn) = self.drawn(&mesh, fit) {
                 (mesh, fit) = drawn;
             }
+            (mesh, fit) = self.straddled(mesh, fit);
         }
         if report.refined > 0 {
             (mesh, fit) = self.squared(mesh, fit, SQUARE_ROUNDS / 4);
+            (mesh, fit) = self.straddled(mesh, fit);
         }
         report.fit = fit;
         mesh
@@ -77,10 +83,20 @@ impl Stitching<'_> {
     /// Subdivided once; `None` where that does not bring it nearer to the input.
     fn finer(&self, mesh: &PolyMesh, fit: Fit) -> Option<(PolyMesh, Fit)> {
         let net = Net::from_mesh(mesh);
-        let mut fine = on_surface(subdivide(&net), net.positions.len(), &self.target);
+        let mut fine = on_surface(subdivide(&net), 0, &self.target);
         // What is put on the input may be folded flat there.
         self.open_flat_faces(&mut fine);
         self.judged(fine.into_mesh().0, REFINED_GAIN * fit.worst())
+    }
+
+    /// With its faces on both sides of the input, if that brings it nearer.
+    fn straddled(&self, mesh: PolyMesh, fit: Fit) -> (PolyMesh, Fit) {
+        if self.options.closeness != Closeness::Followed {
+            return (mesh, fit);
+        }
+        let mut net = Net::from_mesh(&mesh);
+        straddle(&mut net, self.measured.points(), &self.target, Held::Boundary);
+        self.judged(net.into_mesh().0, STRADDLED_GAIN * fit.worst()).unwrap_or((mesh, fit))
     }
 
     /// Drawn out to what it passes over; `None` where that does not bring it nearer to the input.

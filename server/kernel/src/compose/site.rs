@@ -42,6 +42,17 @@ pub enum Use {
     Own,
 }
 
+/// Why what was brought for a segment does not stand on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Why {
+    /// It could not be joined to its neighbours.
+    NotJoined,
+    /// It is far denser than everything else.
+    TooDense,
+    /// It passes its segment by far.
+    Missing,
+}
+
 /// A segment's chart, and what is made of it once.
 #[derive(Debug)]
 struct Charted<'a> {
@@ -68,6 +79,8 @@ pub struct Site<'a> {
     pub times: usize,
     /// Times the example was subdivided.
     pub subdivided: usize,
+    /// Why what was brought was given up.
+    pub given_up: Option<Why>,
     /// The part, where it is no regular layout.
     pub net: Net,
     /// What a regular layout is to have.
@@ -96,7 +109,18 @@ impl<'a> Site<'a> {
             Piece::Mapped(_) | Piece::Kept(_) => Use::Part,
             Piece::Regular(..) | Piece::Nothing => Use::Regular,
         };
-        let mut site = Self { stands, times: 0, subdivided: 0, net, wish, piece, triangles, charted: None, laid: None };
+        let mut site = Self {
+            stands,
+            times: 0,
+            subdivided: 0,
+            given_up: None,
+            net,
+            wish,
+            piece,
+            triangles,
+            charted: None,
+            laid: None,
+        };
         if stands == Use::Regular && !site.chart(input.surface) {
             site.take_own(input.surface);
         }
@@ -123,12 +147,15 @@ impl<'a> Site<'a> {
             self.refine(target);
             return true;
         }
-        self.give_up(surface)
+        self.give_up(surface, Why::NotJoined)
     }
 
-    /// Gives the example up at once: its boundary loops are not the segment's.
-    pub fn give_up(&mut self, surface: &TriMesh) -> bool {
+    /// Gives up at once what stands on it, for a reason.
+    pub fn give_up(&mut self, surface: &TriMesh, why: Why) -> bool {
         let stands = self.stands;
+        if stands == Use::Part {
+            self.given_up = Some(why);
+        }
         match stands {
             Use::Own => return false,
             Use::Part if self.chart(surface) => (self.stands, self.times) = (Use::Regular, 0),

@@ -3,31 +3,27 @@
 use super::check::{self, Broken, Shape, check, extraordinary};
 use super::fit::Measured;
 use super::glue::{Glued, Misfit, glue, rims};
-use super::layout::{Arc, Layout, layout};
+use super::layout::{Layout, layout};
 use super::net::Net;
 use super::open::open_flat;
 use super::plan::{Side, plan};
 use super::resolve::{self, Resolved, resolve};
 use super::rim::{Rim, Way as Turned, even_out};
-use super::site::{Site, Use, on_surface, way};
+use super::site::{Site, Use, Why, on_surface, way};
 use super::smooth::{OPENING_ROUNDS, Plan, Target};
 use super::subdivide::subdivide;
 use super::tidy::Tidy;
-use super::{Closeness, Input, Options, Piece, REGULAR_QUADS, Report, Way};
+use super::{Input, Options, Piece, REGULAR_QUADS, Report, Way};
 use crate::mesh::tri::TriMesh;
 use crate::mesh::{PolyMesh, Vec3};
 
-/// Edges of a regular layout lie within this factor of those of a whole of [`REGULAR_QUADS`].
-const EDGE_RANGE: [f64; 2] = [0.6, 1.3];
 /// Mean distance from which on a part or a result is subdivided, as a share of the diagonal of the input.
 pub(super) const MISS_MAX: f64 = 0.0019;
 /// The same where one example covers the whole input alone: its own vertices and faces are worth more.
-const KEPT_MISS_MAX: f64 = 0.005;
-/// Most quads that a part is subdivided to for that.
-const PART_QUADS_MAX: usize = 12_000;
-/// An example with this many times fewer edges on a seam than the example beside it is subdivided.
-const RATIO_MAX: f64 = 1.7;
+pub(super) const KEPT_MISS_MAX: f64 = 0.005;
 
+/// Times that what stands on a segment is made finer before it is given up.
+const TIMES_MAX: usize = 2;
 /// Tries in which one segment at a time gives way; afterwards all that are in the way give up at once. Each costs a stitching
 /// of the whole, and a rag of dozens of segments would take hundreds.
 const ATTEMPTS_MAX: usize = 24;
@@ -49,7 +45,7 @@ pub struct Scale {
 pub(super) struct Stitching<'a> {
     input: Input<'a>,
     pub(super) options: Options,
-    layout: Layout,
+    pub(super) layout: Layout,
     pub(super) shape: Shape,
     pub(super) target: Target,
     pub(super) measured: Measured,
@@ -82,7 +78,7 @@ impl<'a> Stitching<'a> {
     /// or the caller asked to stop.
     pub(super) fn run(&self, pieces: &[Piece<'_>], report: &mut Report, stop: &dyn Fn() -> bool) -> Option<PolyMesh> {
         let mut sites = self.sites(pieces);
-        self.refine_coarse_parts(&mut sites);
+        self.settle_density(&mut sites);
         let mut attempts = 0;
         let mesh = loop {
             if stop() {
@@ -92,7 +88,7 @@ impl<'a> Stitching<'a> {
             let culprits = match self.attempt(&mut sites, report) {
                 Ok(net) => break net,
                 Err(Misfit::Loops { segment }) => {
-                    if !sites[segment].give_up(self.surface()) {
+                    if !sites[segment].give_up(self.surface(), Why::NotJoined) {
                         return None;
                     }
                     continue;
@@ -101,7 +97,7 @@ impl<'a> Stitching<'a> {
                 Err(Misfit::Pinched { segments }) => segments,
             };
             if attempts > ATTEMPTS_MAX {
-                if culprits.iter().filter(|&&s| sites[s].give_up(self.surface())).count() == 0 {
+                if culprits.iter().filter(|&&s| sites[s].give_up(self.surface(), Why::NotJoined)).count() == 0 {
                     return None;
                 }
                 continue;
@@ -124,9 +120,9 @@ impl<'a> Stitching<'a> {
                 Piece::Regular(..) | Piece::Nothing => Net::default(),
             })
             .collect();
-        let edges = self.edges_beside(&nets);
-        let sites = pieces.iter().zip(nets).zip(edges).enumerate();
-        sites.map(|(s, ((piece, net), edge))| Site::new(self.input, s, *piece, net, edge)).collect()
+        let edge = (self.scale.area / REGULAR_QUADS).sqrt() * self.options.edge_scale;
+        let sites = pieces.iter().zip(nets).enumerate();
+        sites.map(|(s, (piece, net))| Site::new(self.input, s, *piece, net, edge)).collect()
     }
 
     /// A part as a net, its faces turned as the segment's.
@@ -140,105 +136,22 @@ impl<'a> Stitching<'a> {
         net
     }
 
-    /// For each segment the length of the edges of a regular layout: the mean of those on the boundaries of the parts
-    /// beside it, within bounds.
-    fn edges_beside(&self, nets: &[Net]) -> Vec<f64> {
-        let overall = (self.scale.area / REGULAR_QUADS).sqrt() * self.options.edge_scale;
-        let border: Vec<Option<f64>> = nets.iter().map(border_edge).collect();
-        (0..nets.len() as u32)
-            .map(|segment| {
-                let other = |arc: &Arc| match arc.sides[..] {
-                    [[a, ..], [b, ..]] if a == segment => border[b as usize],
-                    [[a, ..], [b, ..]] if b == segment => border[a as usize],
-                    _ => None,
-                };
-                let beside: Vec<f64> = self.layout.arcs.iter().filter_map(other).collect();
-                let mean = beside.iter().sum::<f64>() / beside.len() as f64;
-                if beside.is_empty() { overall } else { mean.clamp(EDGE_RANGE[0] * overall, EDGE_RANGE[1] * overall) }
-            })
-            .collect()
-    }
-
-    /// Subdivides examples until together they follow their segments, and those much coarser than the examples beside them.
-    fn refine_coarse_parts(&self, sites: &mut [Site<'_>]) {
-        let may = |site: &Site<'_>| {
-            site.stands == Use::Part
-                && !site.is_kept()
-                && site.times < 2
-                && 4 * site.net.faces().count() <= PART_QUADS_MAX
-        };
-        if self.options.closeness == Closeness::Followed {
-            self.refine_where_it_helps(sites, &may);
-        }
-        while let Some(s) = self.coarsest_beside_finer(sites, &may) {
-            sites[s].refine(&self.target);
-        }
-    }
-
-    /// While examples miss their segments by more than is allowed on average over the area, that is subdivided next whose
-    /// faces miss most: Σ A_s m_s > m Σ A_s, and A_s m_s/F_s is the largest.
-    fn refine_where_it_helps(&self, sites: &mut [Site<'_>], may: &dyn Fn(&Site<'_>) -> bool) {
-        let most = if matches!(sites, [_]) { KEPT_MISS_MAX } else { MISS_MAX } * self.scale.diagonal;
-        let grounds: Vec<Option<(Measured, f64)>> = sites
-            .iter()
-            .map(|site| {
-                let is_asked = site.stands == Use::Part && !site.is_kept();
-                let surface = is_asked.then(|| site.surface(self.surface()))?;
-                Some((Measured::new(&surface), surface.total_area()))
-            })
-            .collect();
-        let missed = |site: &Site<'_>, ground: &Option<(Measured, f64)>| {
-            let (measured, area) = ground.as_ref()?;
-            Some(area * measured.fit(&site.net.clone().into_mesh().0).worst())
-        };
-        let area: f64 = grounds.iter().flatten().map(|ground| ground.1).sum();
-        let mut misses: Vec<Option<f64>> = sites.iter().zip(&grounds).map(|(site, g)| missed(site, g)).collect();
-        while misses.iter().flatten().sum::<f64>() > most * area {
-            let worth = |s: usize| {
-                let of_it = misses[s].filter(|_| may(&sites[s]))?;
-                Some((of_it / sites[s].net.faces().count().max(1) as f64, s))
-            };
-            let Some((_, next)) = (0..sites.len()).filter_map(worth).max_by(|a, b| a.0.total_cmp(&b.0)) else { break };
-            sites[next].refine(&self.target);
-            misses[next] = missed(&sites[next], &grounds[next]);
-        }
-    }
-
-    /// The example that has the fewest edges for those of the example on the other side of a seam, if it is too few.
-    fn coarsest_beside_finer(&self, sites: &[Site<'_>], may: &dyn Fn(&Site<'_>) -> bool) -> Option<usize> {
-        let found = self.given_rims(sites).ok()?;
-        let edges = |&[s, l, r]: &[u32; 3]| found[s as usize].get(l as usize).map(|rim| rim.run_edges(r as usize));
-        let mut worst: Option<(f64, usize)> = None;
-        for arc in &self.layout.arcs {
-            let [x, y] = &arc.sides[..] else { continue };
-            let (Some(n), Some(m)) = (edges(x), edges(y)) else { continue };
-            let (ratio, coarse) = if n < m { (m as f64 / n as f64, x[0]) } else { (n as f64 / m as f64, y[0]) };
-            let is_worse = worst.is_none_or(|w| ratio > w.0) && n.max(m) > 3;
-            if ratio > RATIO_MAX && is_worse && may(&sites[coarse as usize]) {
-                worst = Some((ratio, coarse as usize));
-            }
-        }
-        worst.map(|w| w.1)
-    }
-
-    /// Of the parts that are involved where the result is pinched, the one with the longest edges for its kind.
+    /// Of what is involved where the result is pinched, that with the longest edges of all that can be made finer; if none
+    /// can, of all.
     fn first_to_give_way(&self, sites: &[Site<'_>], culprits: &[usize]) -> Option<usize> {
-        let last = |s: usize| sites[s].stands == Use::Own && sites[s].times >= 2;
+        let last = |s: usize| sites[s].stands == Use::Own && sites[s].times >= TIMES_MAX;
         culprits.iter().copied().filter(|&s| !last(s)).max_by(|&a, &b| {
             let edge = |s: usize| match sites[s].stands {
                 Use::Regular => sites[s].wish.edge,
                 Use::Part | Use::Own => border_edge(&sites[s].net).unwrap_or(0.0),
             };
-            sites[b]
-                .stands
-                .cmp(&sites[a].stands)
-                .then(sites[b].times.cmp(&sites[a].times))
-                .then(edge(a).total_cmp(&edge(b)))
+            let may = |s: usize| sites[s].times < TIMES_MAX;
+            may(a).cmp(&may(b)).then(edge(a).total_cmp(&edge(b)))
         })
     }
 
     /// The boundaries of what is no regular layout, on the segments' curves.
-    fn given_rims(&self, sites: &[Site<'_>]) -> Result<Vec<Vec<Rim>>, Misfit> {
+    pub(super) fn given_rims(&self, sites: &[Site<'_>]) -> Result<Vec<Vec<Rim>>, Misfit> {
         let mut all = Vec::with_capacity(sites.len());
         for (segment, site) in sites.iter().enumerate() {
             all.push(match site.stands {
@@ -395,12 +308,16 @@ impl<'a> Stitching<'a> {
         report.subdivided = sites.iter().map(|site| site.subdivided).collect();
         for (s, (site, piece)) in sites.iter().zip(pieces).enumerate() {
             match (site.stands, piece) {
-                (Use::Regular, Piece::Mapped(_) | Piece::Kept(_)) => report.replaced.push(s),
+                (Use::Regular, Piece::Mapped(_) | Piece::Kept(_)) => match site.given_up {
+                    Some(Why::TooDense) => report.too_dense.push(s),
+                    Some(Why::Missing) => report.missing.push(s),
+                    Some(Why::NotJoined) | None => report.replaced.push(s),
+                },
                 (Use::Own, _) => report.own.push(s),
                 _ => {}
             }
         }
-        if !(report.replaced.is_empty() && report.own.is_empty()) {
+        if sites.iter().any(|site| site.given_up.is_some()) || !report.own.is_empty() {
             report.way = report.way.max(Way::PartsReplaced);
         } else if report.subdivided.iter().any(|&n| n > 0) {
             report.way = report.way.max(Way::PartsSubdivided);
@@ -426,7 +343,7 @@ enum Unfinished {
 }
 
 /// Mean length of a part's boundary edges; `None` where it has none.
-fn border_edge(net: &Net) -> Option<f64> {
+pub(super) fn border_edge(net: &Net) -> Option<f64> {
     let p = |v: u32| net.positions[v as usize];
     let lengths: Vec<f64> = net
         .loops()?

@@ -248,7 +248,13 @@ impl Engine for FakeEngine {
 
     fn compose(&self, _: &Model, parts: &[Part], _: Stitching, _: &Stop) -> Result<Stitched, EngineError> {
         let mesh = Arc::new(square(parts.len()));
-        Ok(Stitched { mesh, extraordinary_vertices: 0, extraordinary_before: 0, notes: Vec::new() })
+        Ok(Stitched {
+            mesh,
+            is_poor_kept: false,
+            extraordinary_vertices: 0,
+            extraordinary_before: 0,
+            notes: Vec::new(),
+        })
     }
 
     fn template(&self, query: &Side, _: &Stop) -> Result<Mapped, EngineError> {

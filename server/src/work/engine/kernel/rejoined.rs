@@ -38,6 +38,7 @@ pub(super) fn rejoin(
     // Parts that do not fit together as the example's do are stitched like any others.
     let Ok(mesh) = rejoin::rejoin(&example.mesh, &part_of, &meshes, &on.segmented.mesh) else { return Ok(None) };
     Ok(Some(Stitched {
+        is_poor_kept: false,
         extraordinary_vertices: extraordinary(&mesh) as u64,
         extraordinary_before: extraordinary(&example.mesh) as u64,
         notes: vec!["one example on all segments: its own faces, put together again whole".into()],

@@ -6,10 +6,12 @@ use super::super::{
 use super::fresh;
 use super::model::ModelInner;
 use crate::pool::Stop;
-use quadmuse_kernel::compose::{self, Closeness, Options, Piece, Report, Way, net::Net, subdivide, template};
+use quadmuse_kernel::compose::{
+    self, Closeness, Options, Piece, Report, Way, ground::Ground, net::Net, subdivide, template,
+};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_kernel::register::Query;
-use quadmuse_proto::{Distortion, Flip, Histogram, Verdict};
+use quadmuse_proto::{Distortion, Flip, Histogram, Verdict, composition::AS_MAPPED};
 use std::sync::Arc;
 
 /// Most faces that a density may ask for.
@@ -41,12 +43,34 @@ impl Brought<'_> {
 pub(super) fn compose(query: &Model, parts: &[Part], how: Stitching, stop: &Stop) -> Result<Stitched, EngineError> {
     let inner: &ModelInner = query.inner.open()?;
     let ground = inner.ground();
+    if let [Part::Mapped { whole, .. } | Part::Poor { whole, .. }] = parts
+        && how.density == 0
+        && compose::follows(ground.input(), whole, MISS_TOLD_PCT / 100.0)
+    {
+        return Ok(Stitched { is_poor_kept: matches!(parts, [Part::Poor { .. }]), ..as_mapped(whole) });
+    }
+    let (made, regular) = stitched(&ground, parts, how, stop)?;
+    let [Part::Poor { part, whole, .. }] = parts else { return Ok(made) };
+    // Nobody chose the map, and it is poor: what follows the input better is taken.
+    let as_it_is = [Part::Mapped { part: Arc::clone(part), whole: Arc::clone(whole) }];
+    let (kept, miss) = stitched(&ground, &as_it_is, how, stop)?;
+    Ok(if miss < regular { Stitched { is_poor_kept: true, ..kept } } else { made })
+}
+
+/// A composition, and how far it lies from the input as a share of the diagonal.
+fn stitched(ground: &Ground<'_>, parts: &[Part], how: Stitching, stop: &Stop) -> Result<(Stitched, f64), EngineError> {
     let mut notes = Vec::new();
     let mut brought: Vec<Brought<'_>> = Vec::new();
     for (segment, part) in parts.iter().enumerate() {
         brought.push(match part {
-            Part::Mapped(mesh) => Brought::Mesh(Box::new(at_density(mesh, segment, how.density, &mut notes)?)),
-            Part::Kept(mesh) => Brought::Kept(Box::new(at_density(mesh, segment, how.density, &mut notes)?)),
+            Part::Mapped { part, .. } => Brought::Mesh(Box::new(at_density(part, segment, how.density, &mut notes)?)),
+            Part::Kept(part) => Brought::Kept(Box::new(at_density(part, segment, how.density, &mut notes)?)),
+            Part::Poor { instead, .. } => {
+                notes.push(format!(
+                    "segment {segment} is a regular layout: the best map is poor; name it to have it all the same"
+                ));
+                Brought::Unfolded(fresh(&instead.encoding)?)
+            }
             Part::Template(encoded) => {
                 notes.push(format!("segment {segment} is a regular layout"));
                 Brought::Unfolded(fresh(&encoded.encoding)?)
@@ -65,12 +89,26 @@ pub(super) fn compose(query: &Model, parts: &[Part], how: Stitching, stop: &Stop
     stopped(stop)?;
     let made = made.map_err(|e| EngineError::refused(Refusal::CompositionInvalid, e.to_string()))?;
     tell(&made.report, made.mesh.faces.len(), &mut notes);
-    Ok(Stitched {
+    let stitched = Stitched {
+        is_poor_kept: false,
         extraordinary_vertices: made.report.extraordinary_after as u64,
         extraordinary_before: made.report.extraordinary_before as u64,
         mesh: Arc::new(made.mesh),
         notes,
-    })
+    };
+    Ok((stitched, made.report.fit.worst()))
+}
+
+/// A map of a whole input that needs nothing done: all of the example comes with it.
+fn as_mapped(whole: &Arc<PolyMesh>) -> Stitched {
+    let extraordinary = compose::check::extraordinary(whole) as u64;
+    Stitched {
+        is_poor_kept: false,
+        mesh: Arc::clone(whole),
+        extraordinary_vertices: extraordinary,
+        extraordinary_before: extraordinary,
+        notes: vec![AS_MAPPED.into()],
+    }
 }
 
 /// What was done, a sentence each.
@@ -88,6 +126,18 @@ fn tell(report: &Report, quads: usize, notes: &mut Vec<String>) {
         notes.push(format!(
             "parts that could not be joined were given up for regular layouts: {}",
             list(&report.replaced)
+        ));
+    }
+    if !report.too_dense.is_empty() {
+        notes.push(format!(
+            "parts far denser than all others were given up for regular layouts: {}",
+            list(&report.too_dense)
+        ));
+    }
+    if !report.missing.is_empty() {
+        notes.push(format!(
+            "parts that pass the surface by far were given up for regular layouts: {}",
+            list(&report.missing)
         ));
     }
     if !report.own.is_empty() && report.way != Way::InputSubdivided {
