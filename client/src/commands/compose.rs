@@ -137,11 +137,7 @@ async fn stitch(query: &Query, args: &ComposeArgs, api: &Api, ui: &mut Ui) -> Re
     let bar = ui.bar(count as u64, "mapping");
     for (done, segment) in query.segments.iter().enumerate() {
         let (number, told) = (segment.segment, told(segment.segment, args));
-        let laid = match told {
-            Some(_) => lay(query, number, told, api, ui).await,
-            None => lay_best(query, number, api, ui).await,
-        };
-        let said = match laid {
+        let said = match lay(query, number, told, api, ui).await {
             // What nobody asked for and is poor is left to the service, which takes a regular layout.
             Ok((map, name)) if told.is_none() && map.verdict == Verdict::Poor => {
                 format!("the best example, {name}, fits poorly; a regular layout takes its place")

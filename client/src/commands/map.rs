@@ -54,10 +54,8 @@ pub(super) async fn lay(
     Ok((map?, choice.name))
 }
 
-/// Most of the first entries of a ranking that are laid where nobody chose one.
+/// First entries of the ranking of a single segment that are laid where nobody chose one.
 const TRIES: usize = 3;
-/// In a query of more segments only the first entry is.
-const SEGMENTS_TRIED_MAX: usize = 24;
 
 /// Lays on a segment the first of the ranking's few best examples whose map is not poor, or else the best; the map, and
 /// the example's name.
@@ -68,11 +66,10 @@ pub(super) async fn lay_best(
     ui: &mut Ui,
 ) -> Result<(Map, String), ClientError> {
     let best = lay(query, segment, None, api, ui).await?;
-    let tries = if query.segments.len() > SEGMENTS_TRIED_MAX { 1 } else { TRIES };
-    if best.0.verdict != Verdict::Poor || tries == 1 {
+    if best.0.verdict != Verdict::Poor {
         return Ok(best);
     }
-    for other in promising(query, segment, tries, api).await?.into_iter().skip(1) {
+    for other in promising(query, segment, TRIES, api).await?.into_iter().skip(1) {
         let found = lay(query, segment, Some(other), api, ui).await?;
         if found.0.verdict != Verdict::Poor {
             return Ok(found);

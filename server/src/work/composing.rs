@@ -21,9 +21,9 @@ const FACES_MAX: u64 = 4_000_000;
 /// Faces that a composition is taken to have at least: regular layouts, and subdividing to follow the input, make some.
 const FACES_LEAST: u64 = 16_000;
 
-/// Entries of a ranking that are tried for a segment that is not named; in a query of many segments only the first is.
+/// Entries of a ranking that are tried where a query has one segment and it is not named. Of several segments only the
+/// first is: a regular layout between its neighbours has better angles than an example that fits but fairly.
 const TRIES: usize = 3;
-const SEGMENTS_TRIED_MAX: usize = 24;
 
 /// Memory that stitching takes for each face, at most.
 const MEMORY_PER_FACE: u64 = 1500;
@@ -169,7 +169,7 @@ fn faces_at(parts: &[Part], density: i32) -> Result<u64, WorkError> {
 async fn best_map(work: &Arc<Work>, live: &Arc<LiveQuery>, segment: u32) -> Result<Option<Arc<LiveMap>>, WorkError> {
     // Only a ranking that will not change any more tells the best.
     live.wait_for(|_| false).await;
-    let tries = if live.model.segments.len() > SEGMENTS_TRIED_MAX { 1 } else { TRIES };
+    let tries = if live.model.segments.len() > 1 { 1 } else { TRIES };
     let entries: Vec<(ExampleId, u32)> = live.board().rankings.get(segment as usize).map_or(Vec::new(), |ranking| {
         let differing = ranking.candidates.iter().filter(|candidate| candidate.similar_to.is_none());
         differing.take(tries).map(Candidate::key).collect()
