@@ -117,7 +117,9 @@ fn retopo_does_all_of_it_in_one_go_in_each_format() {
         let out = place.path(&format!("out.{format}"));
         let ran = run(&client, &["retopo", "--resolution", "32", scan.to_str().expect("text"), "-o"], &[&out]);
         assert_eq!(ran.code, Some(0), "{format}: {}", ran.notes);
-        assert!(ran.out.contains("verdict"), "{}", ran.out);
+        // The map as it is, or what the service made of it where so few faces miss the input.
+        let last = ran.out.lines().last().unwrap_or_default();
+        assert!(last.starts_with("written") && last.contains("good"), "{}", ran.out);
         let bytes = std::fs::read(&out).expect("reads");
         let magic: &[u8] = match format {
             "ply" => b"ply",
