@@ -16,7 +16,7 @@ use super::{Closeness, REGULAR_QUADS};
 use std::collections::BTreeMap;
 
 /// Edges of a regular layout lie within this factor of those of a whole of [`REGULAR_QUADS`].
-const EDGE_RANGE: [f64; 2] = [0.7, 1.3];
+const EDGE_RANGE: [f64; 2] = [0.9, 1.3];
 /// Most quads that a part is subdivided to.
 const PART_QUADS_MAX: usize = 12_000;
 /// Times that a part is subdivided for its density.

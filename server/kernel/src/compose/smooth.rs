@@ -6,6 +6,7 @@
 //! stays as the artist made it.
 
 use super::net::{Net, Step};
+use crate::encode::index::Location;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::{NONE, TriMesh};
@@ -42,6 +43,12 @@ impl Target {
     /// The nearest point of the true boundary.
     pub fn onto_border(&self, p: Vec3) -> Vec3 {
         self.border.closest(p).point
+    }
+
+    /// The place on the surface nearest to a point.
+    pub fn location(&self, p: Vec3) -> Location {
+        let nearest = self.surface.closest(p);
+        Location { triangle: nearest.triangle, barycentric: nearest.barycentric }
     }
 
     /// The triangle nearest to a point.

@@ -6,9 +6,10 @@
 //! neighbours' vertices do, so that nothing has to be stitched there. *Disc:* the innermost ring of n columns is closed by
 //! a cap of a × b quads, 2(a + b) = n, with a vertex at the pole: four vertices of three edges, and no pole with n edges.
 //! *Sphere:* such a cap at each pole. *Torus:* n columns and n·m rows, m the modulus. Where it has better angles, a disc or
-//! an annulus becomes a rectangle instead ([`rectangle`]). *Ours, not the paper's.*
+//! an annulus becomes a rectangle instead ([`rectangle`]). Whatever is laid comes to rest in quads of like size ([`even`]). *Ours, not the paper's.*
 
 pub mod border;
+pub mod even;
 pub mod frame;
 pub mod levels;
 pub mod rectangle;
@@ -20,6 +21,7 @@ use crate::encode::index::PlanarIndex;
 use crate::mesh::{PolyMesh, Vec3};
 use crate::topology::Topology;
 use crate::unfold::Chart;
+use even::even_out;
 use levels::Levels;
 use rectangle::{Harmonics, Laid, badness};
 use rings::{Ring, counts, rings_min, strip};
@@ -83,10 +85,17 @@ pub fn regular(ground: Ground<'_>, edge: f64, ends: Ends) -> Regular {
     }
     let oblong = rectangle(ground, &ends);
     let rings = Builder::new(ground, edge, ends).run();
-    match oblong {
-        Some(laid) if laid.badness < badness(&rings.net, area) => Regular { net: laid.net, ends: laid.ends },
+    let even = |mut net: Net| {
+        even_out(&mut net, ground.chart, ground.target);
+        net
+    };
+    let rings = Regular { net: even(rings.net), ends: rings.ends };
+    let oblong = oblong.map(|laid| Regular { net: even(laid.net), ends: laid.ends });
+    let best = match oblong {
+        Some(laid) if badness(&laid.net, area) < badness(&rings.net, area) => laid,
         _ => rings,
-    }
+    };
+    best
 }
 
 /// A disc as a rectangle, an annulus as one with a hole, if the surface is prepared for that and all ends are given.

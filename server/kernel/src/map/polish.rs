@@ -43,7 +43,32 @@ const SIZE_RANGE: f64 = 4.0;
 /// Moves the map of `mesh` (the example's patch) along the mesh of `input`. `mirror` is −1 for mirrored maps. Boundary
 /// vertices stay.
 pub fn polish(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64, options: &PolishOptions) {
-    let Some(mut state) = State::new(mesh, cross, input, mirror, options) else { return };
+    let corners = |t: &[u32; 3]| t.map(|v| mesh.positions[v as usize]);
+    let faces = Faces {
+        triangles: &mesh.triangles,
+        rest: mesh.triangles.iter().map(|t| flat(corners(t), mirror)).collect(),
+        fixed: mesh.boundary_vertices(),
+        area: mesh.total_area(),
+    };
+    settle(faces, cross, input, options);
+}
+
+/// Faces with the shape that each would have.
+#[derive(Debug)]
+pub struct Faces<'a> {
+    /// Corners, as vertices of the map.
+    pub triangles: &'a [[u32; 3]],
+    /// The corners of each in the plane, turned as they are to lie on the input.
+    pub rest: Vec<[[f64; 2]; 3]>,
+    /// Whether a vertex stays.
+    pub fixed: Vec<bool>,
+    /// The area in the plane for which the input has room: each point counted once.
+    pub area: f64,
+}
+
+/// Moves vertices along the mesh of `input` until the faces have the shapes that they would have.
+pub fn settle(faces: Faces<'_>, cross: &mut CrossMap, input: &Chart, options: &PolishOptions) {
+    let Some(mut state) = State::new(faces, cross, input, options) else { return };
     for _ in 0..options.rounds {
         if !state.round(cross, input) {
             break;
@@ -52,9 +77,9 @@ pub fn polish(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64, 
 }
 
 struct State<'a> {
-    mesh: &'a TriMesh,
+    triangles: &'a [[u32; 3]],
     options: &'a PolishOptions,
-    /// Corners of each triangle of the example in its plane, and the cotangents of its angles.
+    /// As in [`Faces::rest`], and the cotangents of the angles.
     rest: Vec<[[f64; 2]; 3]>,
     cotangents: Vec<[f64; 3]>,
     /// √(area₂/area₁).
@@ -68,48 +93,32 @@ struct State<'a> {
 }
 
 impl<'a> State<'a> {
-    fn new(
-        mesh: &'a TriMesh,
-        cross: &CrossMap,
-        input: &Chart,
-        mirror: f64,
-        options: &'a PolishOptions,
-    ) -> Option<Self> {
-        let n = mesh.positions.len();
-        let rest: Vec<[[f64; 2]; 3]> =
-            mesh.triangles.iter().map(|t| flat(t.map(|v| mesh.positions[v as usize]), mirror)).collect();
-        let cotangents: Vec<[f64; 3]> =
-            mesh.triangles.iter().map(|t| cotangents(t.map(|v| mesh.positions[v as usize]))).collect();
-        let fixed_vertex = mesh.boundary_vertices();
-        let fixed = (0..2 * n).map(|i| fixed_vertex[i / 2]).collect();
+    fn new(faces: Faces<'a>, cross: &CrossMap, input: &Chart, options: &'a PolishOptions) -> Option<Self> {
+        let (n, triangles, rest) = (cross.positions.len(), faces.triangles, faces.rest);
+        let cotangents: Vec<[f64; 3]> = rest.iter().map(cotangents).collect();
+        let fixed: Vec<bool> = (0..2 * n).map(|i| faces.fixed[i / 2]).collect();
         let mut masses = vec![0.0; n];
-        for (t, corners) in mesh.triangles.iter().enumerate() {
+        for (t, corners) in triangles.iter().enumerate() {
             for k in 0..3 {
                 masses[corners[(k + 1) % 3] as usize] += cotangents[t][k];
                 masses[corners[(k + 2) % 3] as usize] += cotangents[t][k];
             }
         }
-        let pairs = mesh.triangles.iter().flat_map(|t| (0..3).flat_map(move |k| couplings(t[k], t[(k + 1) % 3])));
+        let pairs = triangles.iter().flat_map(|t| (0..3).flat_map(move |k| couplings(t[k], t[(k + 1) % 3])));
         let own = (0..n as u32).map(|v| (2 * v, 2 * v + 1));
         let pattern = Pattern::new(2 * n, pairs.chain(own)).ok()?;
-        let size = (input.mesh.total_area() / mesh.total_area()).sqrt();
-        let edges = mesh.triangles.len() * 3;
-        let length: f64 = mesh
-            .triangles
-            .iter()
-            .flat_map(|t| (0..3).map(move |k| (t[k], t[(k + 1) % 3])))
-            .map(|(a, b)| (mesh.positions[a as usize] - mesh.positions[b as usize]).norm())
-            .sum();
-        let step_max = options.step_max * size * length / edges.max(1) as f64;
-        let vertex_normals = vertex_normals(&input.mesh);
+        let size = (input.mesh.total_area() / faces.area).sqrt();
+        let length: f64 = rest.iter().flat_map(|p| (0..3).map(|k| length(difference(p[(k + 1) % 3], p[k])))).sum();
+        let step_max = options.step_max * size * length / (3 * rest.len()).max(1) as f64;
+        let (start, vertex_normals) = (cross.positions.clone(), vertex_normals(&input.mesh));
         Some(Self {
-            mesh,
+            triangles,
             options,
             rest,
             cotangents,
             size,
             fixed,
-            start: cross.positions.clone(),
+            start,
             masses,
             pattern,
             vertex_normals,
@@ -119,13 +128,13 @@ impl<'a> State<'a> {
 
     /// One local and one global step; whether to go on.
     fn round(&mut self, cross: &mut CrossMap, input: &Chart) -> bool {
-        let n = self.mesh.positions.len();
+        let n = cross.positions.len();
         let normals: Vec<Vec3> = cross.locations.iter().map(|l| self.normal(input, *l)).collect();
         let frames: Vec<[Vec3; 2]> = normals.iter().map(|n| axes(*n)).collect();
         let mut diagonal = vec![0.0; 2 * n];
-        let mut entries: Vec<(u32, u32, f64)> = Vec::with_capacity(self.mesh.triangles.len() * 12);
+        let mut entries: Vec<(u32, u32, f64)> = Vec::with_capacity(self.triangles.len() * 12);
         let mut right = vec![0.0; 2 * n];
-        for (t, corners) in self.mesh.triangles.iter().enumerate() {
+        for (t, corners) in self.triangles.iter().enumerate() {
             let targets = self.targets(t, corners, cross, &normals);
             for k in 0..3 {
                 let (a, b) = (corners[(k + 1) % 3] as usize, corners[(k + 2) % 3] as usize);
@@ -228,11 +237,20 @@ fn flat(p: [Vec3; 3], mirror: f64) -> [[f64; 2]; 3] {
     [[0.0, 0.0], [length, 0.0], [along, mirror * (f.norm_squared() - along * along).max(0.0).sqrt()]]
 }
 
-fn cotangents(p: [Vec3; 3]) -> [f64; 3] {
+fn cotangents(p: &[[f64; 2]; 3]) -> [f64; 3] {
     [0, 1, 2].map(|k| {
-        let (e, f) = (p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
-        (0.5 * e.dot(&f) / e.cross(&f).norm().max(1e-300)).clamp(COTANGENT_RANGE[0], COTANGENT_RANGE[1])
+        let (e, f) = (difference(p[(k + 1) % 3], p[k]), difference(p[(k + 2) % 3], p[k]));
+        let area = (e[0] * f[1] - e[1] * f[0]).abs().max(1e-300);
+        (0.5 * (e[0] * f[0] + e[1] * f[1]) / area).clamp(COTANGENT_RANGE[0], COTANGENT_RANGE[1])
     })
+}
+
+fn difference(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0] - b[0], a[1] - b[1]]
+}
+
+fn length(a: [f64; 2]) -> f64 {
+    a[0].hypot(a[1])
 }
 
 /// Two directions that span the plane with this unit normal.

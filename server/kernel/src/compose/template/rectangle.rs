@@ -9,6 +9,7 @@
 use super::super::check::quad_area;
 use super::super::net::Net;
 use super::super::square::mean_deviation_deg;
+use super::even::unevenness;
 use super::frame::{Corners, Frame, Hole, place};
 use crate::mesh::Vec3;
 use crate::numerics::Factored;
@@ -26,6 +27,8 @@ const OUTSIDE: f64 = 1e-7;
 const SMALLEST_SHARE: f64 = 1e-5;
 /// Degrees that a whole surface passed over counts for.
 const PASSED_DEG: f64 = 120.0;
+/// Degrees that edges twice or half as long as the mean's count for.
+const UNEVEN_DEG: f64 = 20.0;
 
 /// A segment prepared for harmonic maps onto rectangles.
 #[derive(Debug)]
@@ -99,7 +102,7 @@ pub struct Laid {
     pub net: Net,
     /// The vertices of each end, in the order of its columns.
     pub ends: [Vec<u32>; 2],
-    /// Its mean deviation from right angles in degrees, and more for what it passes over.
+    /// Its mean deviation from right angles in degrees, and more for what it passes over and for uneven sizes.
     pub badness: f64,
 }
 
@@ -110,8 +113,9 @@ fn areas(net: &Net) -> impl Iterator<Item = f64> {
 
 /// How bad a layout of a surface of so much area is: see [`Laid::badness`].
 pub fn badness(net: &Net, area: f64) -> f64 {
-    let covered: f64 = areas(net).sum();
-    mean_deviation_deg(net) + PASSED_DEG * (1.0 - covered / area.max(f64::MIN_POSITIVE)).max(0.0)
+    let areas: Vec<f64> = areas(net).collect();
+    let passed = (1.0 - areas.iter().sum::<f64>() / area.max(f64::MIN_POSITIVE)).max(0.0);
+    mean_deviation_deg(net) + PASSED_DEG * passed + UNEVEN_DEG * unevenness(&areas)
 }
 
 /// The smallest quad's area as a share of the mean.
