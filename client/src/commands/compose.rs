@@ -87,7 +87,10 @@ async fn in_parts(
     again.segments.parts = Some(Parts::Auto);
     let query = ranked(&again, api, ui).await?;
     match query.segments.len() {
-        0 | 1 => settled(whole, best, name, &args.compose, api, ui).await,
+        0 | 1 => {
+            ui.note("no parts were found; the mesh stays whole");
+            settled(whole, best, name, &args.compose, api, ui).await
+        }
         _ => stitch(&query, &args.compose, api, ui).await,
     }
 }
