@@ -321,6 +321,22 @@ async fn retopo_cuts_what_no_example_fits_as_a_whole() {
 }
 
 #[tokio::test]
+async fn retopo_says_where_it_found_no_parts_to_cut() {
+    let mesh = mesh_file();
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.obj");
+    let poor = Map { verdict: Verdict::Poor, ..map() };
+    let server = Fake::start(move |asked| match asked.line.ends_with("/maps") {
+        true => Reply::json(201, &poor),
+        false => service(asked, 1),
+    });
+    let ran = run(&server.url, &format!("retopo {} -o {}", mesh.path().display(), out.display())).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    assert_eq!(ran.notes.matches("fits poorly").count(), 1, "{}", ran.notes);
+    assert!(ran.notes.ends_with("no parts were found; the mesh stays whole\n"), "{}", ran.notes);
+}
+
+#[tokio::test]
 async fn retopo_cuts_nothing_that_was_asked_for_whole_and_keeps_a_chosen_example() {
     let mesh = mesh_file();
     let folder = tempfile::tempdir().expect("a folder");
