@@ -6,6 +6,7 @@ mod compose;
 mod corpus;
 mod map;
 mod rank;
+mod screen;
 
 use crate::{api::Api, args::Command, error::ClientError, ui::Ui};
 

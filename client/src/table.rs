@@ -6,7 +6,7 @@ mod ranking;
 
 pub use corpus::{example, examples};
 pub use outcome::{composition, expected_quads, map, verdicts};
-pub use ranking::{ranking, summary};
+pub use ranking::{first_entries, ranking, revision, summary};
 
 use crate::{error::printable, ui::Room};
 use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, LineStyle, Row, Table, TableStyle};

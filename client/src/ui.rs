@@ -1,6 +1,6 @@
 //! Where things are printed: data to standard output, notes and progress to standard error.
 //!
-//! A terminal gets bars, and tables that are drawn over; anything else gets plain text, one table after the other.
+//! A terminal gets bars, and tables that are drawn over; anything else gets plain text.
 
 use crate::error::{ClientError, printable};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -113,25 +113,21 @@ impl Ui {
         Ok(())
     }
 
-    /// Draws a text over the one drawn before; where that can't be done, prints it below. For people only.
+    /// Draws a text over the one drawn before. On terminals only: elsewhere what changes would stand there again and again.
     ///
     /// # Errors
     /// [`ClientError::Output`].
     pub fn draw(&mut self, text: &str) -> Result<(), ClientError> {
-        if !self.is_for_people() {
+        if !self.is_for_people() || !self.is_live() {
             return Ok(());
         }
         let text = text.trim_end_matches('\n');
-        if self.is_live() {
-            if self.drawn_lines > 0 {
-                // To the first column, so many lines up; erase from there to the end of the screen.
-                write!(self.out, "\x1b[{}F\x1b[0J", self.drawn_lines)?;
-            }
-            writeln!(self.out, "{text}")?;
-            self.drawn_lines = text.lines().count();
-        } else {
-            writeln!(self.out, "{text}\n")?;
+        if self.drawn_lines > 0 {
+            // To the first column, so many lines up; erase from there to the end of the screen.
+            write!(self.out, "\x1b[{}F\x1b[0J", self.drawn_lines)?;
         }
+        writeln!(self.out, "{text}")?;
+        self.drawn_lines = text.lines().count();
         self.out.flush()?;
         Ok(())
     }
@@ -237,8 +233,8 @@ pub(crate) mod tests {
         let out = Shared::default();
         let mut ui = Ui::new(Audience::People, None, out.clone(), io::sink());
         ui.draw("a\nb").expect("prints");
-        ui.draw("c").expect("prints");
-        assert_eq!(out.text(), "a\nb\n\nc\n\n");
+        ui.text("id").expect("prints");
+        assert_eq!(out.text(), "id\n");
     }
 
     #[test]

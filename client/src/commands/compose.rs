@@ -4,6 +4,7 @@ use super::{
     choose::finished,
     map::{Written, lay, lay_best, write_map},
     rank::{check_segment, follow_upload, upload},
+    screen::Wanted,
 };
 use crate::{
     api::{Api, MeshSource},
@@ -14,7 +15,7 @@ use crate::{
     ui::Ui,
 };
 use quadmuse_proto::{
-    Composition, CompositionPart, Map, NewComposition, Query, Verdict,
+    Composition, CompositionPart, Map, NewComposition, Query, QuerySegment, Verdict,
     composition::{AS_MAPPED, SMOOTHING_DEFAULT},
     segment::Parts,
 };
@@ -40,13 +41,18 @@ pub(super) async fn retopo(args: &RetopoArgs, api: &Api, ui: &mut Ui) -> Result<
     let told = told(0, &args.compose).or(args.query.like.map(|example| ExampleRef { example, segment: Some(0) }));
     if told.is_some() {
         // Who chose an example wants it as it is.
-        let (map, _) = lay(&query, 0, told, api, ui).await?;
-        return write_map(&map, &args.compose.out, api, ui).await;
+        let (map, name) = lay(&query, 0, told, api, ui).await?;
+        return write_map(&map, Some(&name), &args.compose.out, api, ui).await;
     }
     let is_free = args.query.segments.segments.is_none() && args.query.segments.parts.is_none();
     match lay_best(&query, 0, api, ui).await {
         Ok((map, name)) if is_free && map.verdict == Verdict::Poor => in_parts(&query, map, &name, args, api, ui).await,
-        Ok((map, _)) => settled(&query, map, &args.compose, api, ui).await,
+        Ok((map, name)) => {
+            if map.verdict == Verdict::Poor {
+                ui.note(&format!("the best example, {name}, fits poorly"));
+            }
+            settled(&query, map, &name, &args.compose, api, ui).await
+        }
         Err(error @ ClientError::NothingRanked { .. }) => {
             ui.note(&error.message());
             stitch(&query, &args.compose, api, ui).await
@@ -58,7 +64,7 @@ pub(super) async fn retopo(args: &RetopoArgs, api: &Api, ui: &mut Ui) -> Result<
 /// Uploads, and follows the ranking to its end.
 async fn ranked(args: &QueryArgs, api: &Api, ui: &mut Ui) -> Result<Query, ClientError> {
     let query = upload(args, api, ui).await?;
-    Ok(follow_upload(&query, api, ui).await?.summary)
+    Ok(follow_upload(&query, Wanted::Outcome, api, ui).await?.summary)
 }
 
 /// What no example fits as a whole is cut into its protrusions, each with an example that fits or a regular layout. A scan
@@ -74,28 +80,41 @@ async fn in_parts(
     let holes = whole.segments.first().map_or(0, |segment| segment.holes);
     if holes > HOLES_CUT_MAX {
         ui.note(&format!("the best example, {name}, fits poorly, and with {holes} holes the mesh is not cut"));
-        return settled(whole, best, &args.compose, api, ui).await;
+        return settled(whole, best, name, &args.compose, api, ui).await;
     }
     ui.note(&format!("the best example, {name}, fits poorly as a whole; cutting the mesh into parts"));
     let mut again = args.query.clone();
     again.segments.parts = Some(Parts::Auto);
     let query = ranked(&again, api, ui).await?;
     match query.segments.len() {
-        0 | 1 => settled(whole, best, &args.compose, api, ui).await,
+        0 | 1 => {
+            ui.note("no parts were found; the mesh stays whole");
+            settled(whole, best, name, &args.compose, api, ui).await
+        }
         _ => stitch(&query, &args.compose, api, ui).await,
     }
 }
 
 /// Writes what the service makes of the best map of a single segment: the map itself, with the example's own vertex order,
 /// faces, UVs and groups, where it follows the input; else what is composed of it, or of a regular layout.
-async fn settled(query: &Query, map: Map, args: &ComposeArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
+async fn settled(
+    query: &Query,
+    map: Map,
+    name: &str,
+    args: &ComposeArgs,
+    api: &Api,
+    ui: &mut Ui,
+) -> Result<(), ClientError> {
     let named = if map.verdict == Verdict::Poor { &[][..] } else { std::slice::from_ref(&map) };
     let spinner = ui.spinner("stitching");
     let composition = api.start_composition(query.id, &new_composition(named, args)).await;
     spinner.finish_and_clear();
     let composition = composition?;
     if composition.notes.iter().any(|note| note == AS_MAPPED) {
-        return write_map(&map, &args.out, api, ui).await;
+        return write_map(&map, Some(name), &args.out, api, ui).await;
+    }
+    if let ([segment], false) = (&query.segments[..], map.verdict == Verdict::Poor) {
+        ui.note(&chosen(segment, 1, 1, &fitting(&map, name)));
     }
     let maps = if composition.parts.is_empty() { Vec::new() } else { vec![map] };
     write_composition(&composition, &maps, args, api, ui).await
@@ -127,6 +146,16 @@ fn told(segment: u32, args: &ComposeArgs) -> Option<ExampleRef> {
     args.uses.iter().rev().find(|part| part.segment == segment).map(|part| part.example)
 }
 
+/// What a segment takes, in a line.
+fn chosen(segment: &QuerySegment, number: usize, count: usize, what: &str) -> String {
+    format!("segment {} ({number} of {count}, {}): {what}", segment.segment, segment.topology)
+}
+
+/// An example that was laid, and how well it fits.
+fn fitting(map: &Map, name: &str) -> String {
+    format!("{name}, {} faces, {}", map.faces, map.verdict.as_str())
+}
+
 /// Maps every segment, stitches the maps and writes the mesh.
 async fn stitch(query: &Query, args: &ComposeArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
     for part in &args.uses {
@@ -138,22 +167,22 @@ async fn stitch(query: &Query, args: &ComposeArgs, api: &Api, ui: &mut Ui) -> Re
     for (done, segment) in query.segments.iter().enumerate() {
         let (number, told) = (segment.segment, told(segment.segment, args));
         let said = match lay(query, number, told, api, ui).await {
-            // What nobody asked for and is poor is left to the service, which takes a regular layout.
+            // What nobody asked for and is poor is left to the service, which says what takes its place.
             Ok((map, name)) if told.is_none() && map.verdict == Verdict::Poor => {
-                format!("the best example, {name}, fits poorly; a regular layout takes its place")
+                format!("the best example, {name}, fits poorly")
             }
             Ok((map, name)) => {
-                let said = format!("{name}, {} faces, {}", map.faces, map.verdict.as_str());
+                let said = fitting(&map, &name);
                 maps.push(map);
                 said
             }
-            Err(error @ ClientError::NothingRanked { .. }) => format!("a regular layout: {}", error.message()),
+            Err(error @ ClientError::NothingRanked { .. }) => error.message(),
             Err(error) => {
                 bar.finish_and_clear();
                 return Err(error);
             }
         };
-        bar.suspend(|| ui.note(&format!("segment {number} ({} of {count}, {}): {said}", done + 1, segment.topology)));
+        bar.suspend(|| ui.note(&chosen(segment, done + 1, count, &said)));
         bar.inc(1);
     }
     bar.finish_and_clear();

@@ -27,8 +27,8 @@ pub(super) struct Written<'a, T> {
 pub(super) async fn map(args: &MapArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
     args.out.check()?;
     let query = finished(args.query, api, ui).await?;
-    let (map, _) = lay(&query, args.segment, args.example, api, ui).await?;
-    write_map(&map, &args.out, api, ui).await
+    let (map, name) = lay(&query, args.segment, args.example, api, ui).await?;
+    write_map(&map, Some(&name), &args.out, api, ui).await
 }
 
 /// Lays an example (the best, unless one is told) on a segment; the map, and the example's name.
@@ -78,12 +78,18 @@ pub(super) async fn lay_best(
     Ok(best)
 }
 
-/// Downloads the mesh of a map, writes it, and tells how good it is.
-pub(super) async fn write_map(map: &Map, out: &OutFile, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
+/// Downloads the mesh of a map, writes it, and tells how good it is; with the example's name, where it is known.
+pub(super) async fn write_map(
+    map: &Map,
+    name: Option<&str>,
+    out: &OutFile,
+    api: &Api,
+    ui: &mut Ui,
+) -> Result<(), ClientError> {
     let mesh = api.mesh(map.query, MeshSource::Map(map.id), out.format).await?;
     out.write(&mesh)?;
     let file = out.path.display().to_string();
-    ui.text(&format!("{}\nwritten    {file}: {}, {} faces", table::map(map), map.verdict.as_str(), map.faces))?;
+    ui.text(&format!("{}\nwritten    {file}: {}, {} faces", table::map(map, name), map.verdict.as_str(), map.faces))?;
     ui.value(&Written { file, message: map })
 }
 
@@ -92,5 +98,5 @@ pub(super) async fn constrain(args: ConstrainArgs, api: &Api, ui: &mut Ui) -> Re
     let set = args.set.into_iter().map(|spec| spec.0).collect();
     let edit = ConstraintEdit { set, remove: args.remove, undo: args.undo, on_fold: args.on_fold };
     let map = api.edit_constraints(args.query, args.map, &edit).await?;
-    write_map(&map, &args.out, api, ui).await
+    write_map(&map, None, &args.out, api, ui).await
 }

@@ -1,14 +1,14 @@
 //! `query` and `ranking`: uploads a mesh, and shows its ranking as it is refined.
 
+use super::screen::{Screen, Wanted};
 use crate::{
     api::{Api, RankingView},
     args::{QueryArgs, QueryCommand, RankingArgs},
     error::ClientError,
-    follow::{self, Watcher},
-    table,
+    follow, table,
     ui::Ui,
 };
-use quadmuse_proto::{End, EndState, Event, Query, Ranking};
+use quadmuse_proto::{End, EndState, Query};
 
 pub(super) async fn query(args: &QueryCommand, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
     let query = upload(&args.query, api, ui).await?;
@@ -16,7 +16,7 @@ pub(super) async fn query(args: &QueryCommand, api: &Api, ui: &mut Ui) -> Result
         ui.value(&query)?;
         ui.note(&format!("ranking goes on; see it with `quadmuse ranking {} --follow`", query.id));
     } else {
-        follow_upload(&query, api, ui).await?;
+        follow_upload(&query, Wanted::Ranking, api, ui).await?;
     }
     ui.text(&query.id.to_string())
 }
@@ -34,9 +34,15 @@ pub(super) async fn upload(args: &QueryArgs, api: &Api, ui: &mut Ui) -> Result<Q
 }
 
 /// Shows the rankings of a query until they are final.
-pub(super) async fn follow_upload(query: &Query, api: &Api, ui: &mut Ui) -> Result<End, ClientError> {
-    let mut screen = Screen::new(query.clone(), None, ui);
-    let end = follow::poll(api, query.clone(), &mut screen).await?;
+pub(super) async fn follow_upload(query: &Query, wanted: Wanted, api: &Api, ui: &mut Ui) -> Result<End, ClientError> {
+    // Where the screen keeps silent, a sign of life.
+    let spinner = (wanted == Wanted::Outcome && !ui.is_live()).then(|| ui.spinner("ranking"));
+    let mut screen = Screen::new(query.clone(), None, wanted, ui);
+    let end = follow::poll(api, query.clone(), &mut screen).await;
+    if let Some(spinner) = spinner {
+        spinner.finish_and_clear();
+    }
+    let end = end?;
     ui.settle();
     follow::conclude(&end)?;
     tell_end(&end, ui);
@@ -58,7 +64,7 @@ pub(super) async fn ranking(args: &RankingArgs, api: &Api, ui: &mut Ui) -> Resul
     let query = api.query(args.query).await?;
     check_segment(&query, args.segment)?;
     if args.follow {
-        let mut screen = Screen::new(query.clone(), args.segment, ui);
+        let mut screen = Screen::new(query.clone(), args.segment, Wanted::Ranking, ui);
         let end = follow::stream(api, query.id, &mut screen).await?;
         ui.settle();
         follow::conclude(&end)?;
@@ -84,79 +90,5 @@ pub(super) fn check_segment(query: &Query, segment: Option<u32>) -> Result<(), C
             Err(ClientError::NoSuchSegment { query: query.id.to_string(), segment, segments: query.segments.len() })
         }
         _ => Ok(()),
-    }
-}
-
-/// Prints the events of a query: a table that is drawn over, or one below the other; or the events themselves.
-struct Screen<'a> {
-    query: Query,
-    only: Option<u32>,
-    rankings: Vec<Option<Ranking>>,
-    ui: &'a mut Ui,
-}
-
-impl<'a> Screen<'a> {
-    fn new(query: Query, only: Option<u32>, ui: &'a mut Ui) -> Self {
-        Self { query, only, rankings: Vec::new(), ui }
-    }
-
-    fn show(&mut self, ranking: &Ranking) -> Result<(), ClientError> {
-        let room = self.ui.room();
-        if !self.ui.is_live() || self.query.segments.len() <= 1 || self.only.is_some() {
-            return self.ui.draw(&table::ranking(ranking, room));
-        }
-        let index = ranking.segment as usize;
-        self.rankings.resize(self.query.segments.len(), None);
-        if let Some(place) = self.rankings.get_mut(index) {
-            *place = Some(ranking.clone());
-        }
-        self.ui.draw(&table::summary(&self.query, &self.rankings, room))
-    }
-}
-
-impl Watcher for Screen<'_> {
-    fn see(&mut self, event: &Event) -> Result<(), ClientError> {
-        match event {
-            Event::Level(ranking) if self.only.is_some_and(|only| only != ranking.segment) => return Ok(()),
-            Event::Level(ranking) => self.show(ranking)?,
-            Event::Begin(_) | Event::End(_) | Event::Error(_) => {}
-        }
-        self.ui.value(event)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{
-        table::tests::{query, with_entries},
-        ui::{Audience, Room, tests::Shared},
-    };
-
-    #[test]
-    fn several_segments_share_one_table_on_a_terminal() {
-        let out = Shared::default();
-        let mut ui = Ui::new(Audience::People, Some(Room::default()), out.clone(), std::io::sink());
-        let mut screen = Screen::new(query(3), None, &mut ui);
-        let mut second = with_entries(2);
-        second.segment = 2;
-        screen.see(&Event::Level(with_entries(1))).expect("prints");
-        screen.see(&Event::Level(second)).expect("prints");
-        let last = out.text();
-        let last = last.rsplit("\x1b[0J").next().expect("some text");
-        assert_eq!(last.matches("head 1").count(), 2, "{last}");
-    }
-
-    #[test]
-    fn only_the_segment_asked_for_is_shown() {
-        let out = Shared::default();
-        let mut ui = Ui::new(Audience::Programs, None, out.clone(), std::io::sink());
-        let mut screen = Screen::new(query(3), Some(1), &mut ui);
-        screen.see(&Event::Level(with_entries(1))).expect("prints");
-        assert_eq!(out.text(), "");
-        let mut wanted = with_entries(1);
-        wanted.segment = 1;
-        screen.see(&Event::Level(wanted)).expect("prints");
-        assert_eq!(out.text().lines().count(), 1);
     }
 }

@@ -3,13 +3,15 @@
 use super::{ranking::flip, word};
 use quadmuse_proto::{Composition, ConstraintOrigin, Histogram, Map, Verdict};
 
-/// What came of a map: the verdict first, then the reasons, then the figures.
-pub fn map(map: &Map) -> String {
+/// What came of a map: the verdict first, then the reasons, then the figures; with the example's name, where it is known.
+pub fn map(map: &Map, name: Option<&str>) -> String {
     let set_by_user = map.constraints.iter().filter(|c| c.origin == ConstraintOrigin::User).count();
     let mut lines = vec![format!("verdict    {}", verdict(map.verdict))];
     lines.extend(map.reasons.iter().map(|reason| format!("           – {}", word(reason))));
     lines.push(format!("map        {} (revision {}) of query {}", map.id, map.revision, map.query));
-    lines.push(format!("example    {} segment {}, on segment {}", map.example, map.example_segment, map.segment));
+    let id = map.example.to_string();
+    let name = name.filter(|name| *name != id).map_or_else(String::new, |name| format!(" of {}", word(name)));
+    lines.push(format!("example    {id} segment {}{name}, on segment {}", map.example_segment, map.segment));
     lines.push(format!("mesh       {} vertices, {} faces, {} folded", map.vertices, map.faces, map.folds));
     lines.push(format!("flip       {}, shifted by {:.3}", flip(map.flip), map.shift_u));
     lines.push(format!("angles     {}", statistics(&map.distortion.angle, "°")));
@@ -114,10 +116,11 @@ pub(crate) mod tests {
 
     #[test]
     fn a_map_is_told_by_its_verdict_and_the_reasons_first() {
-        let text = map(&a_map());
+        let text = map(&a_map(), Some("head 1"));
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines[0], "verdict    fair: look at it first");
         assert_eq!(lines[1], "           – the largest angle changes by 40°");
+        assert!(text.contains(" segment 0 of head 1, on segment 1"), "{text}");
         assert!(text.contains("u (mirror), shifted by 0.250"), "{text}");
         assert!(text.contains("95 % 7.00°"), "{text}");
         assert!(text.contains("1.23 s"), "{text}");

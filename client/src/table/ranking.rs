@@ -20,12 +20,35 @@ fn fitting(rows: usize, room: Room) -> usize {
 
 /// The ranking of one segment.
 pub fn ranking(ranking: &Ranking, room: Room) -> String {
+    shortened(ranking, fitting(ranking.entries.len(), room), room)
+}
+
+/// The first entries of the ranking of one segment, where there is no end to the room.
+pub fn first_entries(ranking: &Ranking, count: u32) -> String {
+    let shown = ranking.entries.len().min(count.max(1) as usize);
+    shortened(ranking, shown, Room::default())
+}
+
+/// A revision of a segment's ranking in a line: its level, and the best entry.
+pub fn revision(ranking: &Ranking) -> String {
+    let Ranking { segment, level, resolution, .. } = ranking;
+    match ranking.entries.first() {
+        Some(best) => format!(
+            "segment {segment} · level {level} of {resolution} · best: {}, score {:.4} ({})",
+            name(best),
+            best.score,
+            example(best)
+        ),
+        None => title(ranking),
+    }
+}
+
+fn shortened(ranking: &Ranking, shown: usize, room: Room) -> String {
     let title = title(ranking);
     if ranking.entries.is_empty() {
         return title;
     }
     let is_narrow = room.width.is_some_and(|width| width < WIDTH_OF_ALL_COLUMNS);
-    let shown = fitting(ranking.entries.len(), room);
     let entries = ranking.entries.iter().take(shown);
     let table = if is_narrow { narrow_table(entries, room) } else { wide_table(entries, room) };
     let rest = usize::try_from(ranking.corpus_size).unwrap_or(usize::MAX).saturating_sub(shown);

@@ -64,15 +64,17 @@ fn mesh_file() -> tempfile::NamedTempFile {
 }
 
 #[tokio::test]
-async fn query_prints_a_table_a_level_and_the_id_last() {
+async fn query_prints_a_line_a_level_then_the_ranking_and_the_id_last() {
     let server = Fake::start(|asked| service(asked, 1));
     let mesh = mesh_file();
     let flags = "--top 8 --tag head --resolution 256 --deadline 1.5 --segments whole";
     let ran = run(&server.url, &format!("query {} {flags}", mesh.path().display())).await;
     assert_eq!(ran.code(), 0, "{}", ran.notes);
     for level in ["level 32 of 128", "level 64 of 128", "level 128 of 128"] {
-        assert_eq!(ran.out.matches(level).count(), 1, "{level} in {}", ran.out);
+        let line = format!("segment 0 · {level} · best: example 1, score 0.1000 ({})", example_id(1));
+        assert_eq!(ran.out.lines().filter(|found| *found == line).count(), 1, "{level} in {}", ran.out);
     }
+    assert_eq!(ran.out.matches("example 3").count(), 1, "one table: {}", ran.out);
     assert_eq!(ran.out.lines().last(), Some(query_id().to_string().as_str()));
     let first = server.lines().remove(0);
     assert_eq!(first, "POST /v1/queries?tag=head&top=8&resolution=256&deadline_ms=1500&segments=whole");
@@ -256,6 +258,7 @@ async fn retopo_maps_one_segment_and_stitches_several() {
         let last = ran.out.lines().last().expect("a line");
         assert!(last.starts_with("written") && last.contains(&out.display().to_string()), "{last}");
         assert!(last.ends_with(if segments == 1 { "good, 4 faces" } else { "4 quads, parts: 3 good" }), "{last}");
+        assert!(!ran.out.contains("level"), "nothing of the ranking: {}", ran.out);
         let told = (1..=3).filter(|k| ran.notes.contains(&format!("({k} of 3, "))).count();
         assert_eq!(told, if segments == 1 { 0 } else { 3 }, "{}", ran.notes);
         let lines = server.lines();
@@ -308,7 +311,29 @@ async fn retopo_cuts_what_no_example_fits_as_a_whole() {
     assert!(last.line.ends_with("/compositions"), "{}", last.line);
     let composed: serde_json::Value = serde_json::from_slice(&last.body).expect("JSON");
     assert_eq!(composed["parts"], serde_json::json!([]), "poor maps that nobody chose are not stitched");
+    assert_eq!(
+        ran.notes.matches("fits poorly\n").count(),
+        3,
+        "a line a segment, and the service says the rest: {}",
+        ran.notes
+    );
     assert!(ran.out.contains("4 quads"), "{}", ran.out);
+}
+
+#[tokio::test]
+async fn retopo_says_where_it_found_no_parts_to_cut() {
+    let mesh = mesh_file();
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.obj");
+    let poor = Map { verdict: Verdict::Poor, ..map() };
+    let server = Fake::start(move |asked| match asked.line.ends_with("/maps") {
+        true => Reply::json(201, &poor),
+        false => service(asked, 1),
+    });
+    let ran = run(&server.url, &format!("retopo {} -o {}", mesh.path().display(), out.display())).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    assert_eq!(ran.notes.matches("fits poorly").count(), 1, "{}", ran.notes);
+    assert!(ran.notes.ends_with("no parts were found; the mesh stays whole\n"), "{}", ran.notes);
 }
 
 #[tokio::test]

@@ -6,7 +6,7 @@
 //! curve a vertex lies on makes the topology of the result that of the input, by construction.
 
 use crate::mesh::Vec3;
-use crate::mesh::tri::{NONE, TriMesh};
+use crate::mesh::tri::{NONE, TriMesh, nearest_share};
 use crate::topology::submesh;
 use std::collections::BTreeMap;
 
@@ -197,10 +197,9 @@ impl Curve {
         let n = self.points.len();
         let mut best = (0.0, f64::INFINITY);
         for k in 0..n {
-            let (a, e) = (self.points[k], self.points[(k + 1) % n] - self.points[k]);
-            let squared = e.norm_squared();
-            let t = if squared > 0.0 { ((p - a).dot(&e) / squared).clamp(0.0, 1.0) } else { 0.0 };
-            let distance = (a + e * t - p).norm_squared();
+            let [a, b] = [self.points[k], self.points[(k + 1) % n]];
+            let t = nearest_share([a, b], p);
+            let distance = (a + (b - a) * t - p).norm_squared();
             if distance < best.1 {
                 best = (self.along[k] + t * (self.along[k + 1] - self.along[k]), distance);
             }

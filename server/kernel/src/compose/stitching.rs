@@ -256,13 +256,12 @@ impl<'a> Stitching<'a> {
                 net.positions[v as usize] = self.target.onto_surface(net.positions[v as usize]);
             }
         }
-        if check(&net.clone().into_mesh().0, self.shape).is_err() {
+        if self.checked(&net).1.is_err() {
             self.open_flat_faces(&mut net);
         }
         let rounds = OPENING_ROUNDS + self.options.smoothing;
         plan.run(&mut net, &self.target, rounds);
-        let (mesh, _) = net.clone().into_mesh();
-        if check(&mesh, self.shape).is_ok() {
+        if let (mesh, Ok(())) = self.checked(&net) {
             return Ok(mesh);
         }
         // Smoothed, vertices on a jagged border run together in its corners: there they stay as they were laid.
@@ -273,17 +272,22 @@ impl<'a> Stitching<'a> {
             }
         }
         plan.run(&mut net, &self.target, rounds);
-        let (mesh, _) = net.clone().into_mesh();
-        if check(&mesh, self.shape).is_ok() {
+        if let (mesh, Ok(())) = self.checked(&net) {
             return Ok(mesh);
         }
         self.open_flat_faces(&mut net);
-        let (mesh, _) = net.into_mesh();
-        match check(&mesh, self.shape) {
-            Ok(()) => Ok(mesh),
-            Err(Broken::NoArea(_)) => Err(Unfinished::Flat { segments: self.segments_of_flat_faces(&mesh) }),
-            Err(_) => Err(Unfinished::Structure),
+        match self.checked(&net) {
+            (mesh, Ok(())) => Ok(mesh),
+            (mesh, Err(Broken::NoArea(_))) => Err(Unfinished::Flat { segments: self.segments_of_flat_faces(&mesh) }),
+            (_, Err(_)) => Err(Unfinished::Structure),
         }
+    }
+
+    /// A net as a mesh, and whether that holds.
+    fn checked(&self, net: &Net) -> (PolyMesh, Result<(), Broken>) {
+        let (mesh, _) = net.clone().into_mesh();
+        let holds = check(&mesh, self.shape);
+        (mesh, holds)
     }
 
     /// The segments on which faces without area lie.

@@ -44,6 +44,11 @@ pub fn prev(h: u32) -> u32 {
     if h.is_multiple_of(3) { h + 2 } else { h - 1 }
 }
 
+/// The share of the way from `a` to `b`, 0 to 1, at which it is nearest to a point; 0 where they are one.
+pub fn nearest_share([a, b]: [Vec3; 2], to: Vec3) -> f64 {
+    ((to - a).dot(&(b - a)) / (b - a).norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
+}
+
 /// Pairs the halfedges of oriented triangles by sorting; [`NONE`] on the boundary.
 ///
 /// # Errors
@@ -109,7 +114,7 @@ impl TriMesh {
     /// The share of halfedge `h`, 0 at its tail and 1 at its head, at which it is nearest to a point.
     pub fn nearest_share(&self, h: u32, to: Vec3) -> f64 {
         let [a, b] = [self.tail(h), self.head(h)].map(|v| self.positions[v as usize]);
-        ((to - a).dot(&(b - a)) / (b - a).norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
+        nearest_share([a, b], to)
     }
 
     /// The point at a share of halfedge `h`.

@@ -6,6 +6,7 @@ mod registered;
 mod rejoined;
 mod settled;
 mod stitch;
+mod told;
 mod transfer;
 
 use super::{

@@ -5,10 +5,9 @@ use super::super::{
 };
 use super::fresh;
 use super::model::ModelInner;
+use super::told::{self, MISS_TOLD_PCT};
 use crate::pool::Stop;
-use quadmuse_kernel::compose::{
-    self, Closeness, Options, Piece, Report, Way, ground::Ground, net::Net, subdivide, template,
-};
+use quadmuse_kernel::compose::{self, Closeness, Options, Piece, ground::Ground, net::Net, subdivide, template};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_kernel::register::Query;
 use quadmuse_proto::{Distortion, Flip, Histogram, Verdict, composition::AS_MAPPED};
@@ -19,21 +18,26 @@ const FACES_MAX: usize = 4_000_000;
 /// Quads of a template on an input of which nothing else tells a density.
 const TEMPLATE_QUADS: f64 = 4000.0;
 
-/// Mean distance from the input, in % of the diagonal of its bounding box, from which on it is told.
-const MISS_TOLD_PCT: f64 = 0.25;
+/// Whether a part was chosen for its layout.
+#[derive(Clone, Copy)]
+enum Choice {
+    Open,
+    Chosen,
+}
 
 /// What is brought for a segment.
 enum Brought<'a> {
-    Mesh(Box<PolyMesh>),
-    Kept(Box<PolyMesh>),
+    /// A mapped example.
+    Mesh(Box<PolyMesh>, Choice),
+    /// A segment for a regular layout.
     Unfolded(&'a Query),
 }
 
 impl Brought<'_> {
     fn piece(&self) -> Piece<'_> {
         match self {
-            Self::Mesh(mesh) => Piece::Mapped(mesh),
-            Self::Kept(mesh) => Piece::Kept(mesh),
+            Self::Mesh(mesh, Choice::Open) => Piece::Mapped(mesh),
+            Self::Mesh(mesh, Choice::Chosen) => Piece::Kept(mesh),
             Self::Unfolded(query) => Piece::Regular(&query.chart, query.index()),
         }
     }
@@ -59,20 +63,19 @@ pub(super) fn compose(query: &Model, parts: &[Part], how: Stitching, stop: &Stop
 
 /// A composition, and how far it lies from the input as a share of the diagonal.
 fn stitched(ground: &Ground<'_>, parts: &[Part], how: Stitching, stop: &Stop) -> Result<(Stitched, f64), EngineError> {
-    let mut notes = Vec::new();
+    let mut told = told::Brought::default();
     let mut brought: Vec<Brought<'_>> = Vec::new();
     for (segment, part) in parts.iter().enumerate() {
+        let mut mesh = |part| at_density(part, segment, how.density, &mut told).map(Box::new);
         brought.push(match part {
-            Part::Mapped { part, .. } => Brought::Mesh(Box::new(at_density(part, segment, how.density, &mut notes)?)),
-            Part::Kept(part) => Brought::Kept(Box::new(at_density(part, segment, how.density, &mut notes)?)),
+            Part::Mapped { part, .. } => Brought::Mesh(mesh(part)?, Choice::Open),
+            Part::Kept(part) => Brought::Mesh(mesh(part)?, Choice::Chosen),
             Part::Poor { instead, .. } => {
-                notes.push(format!(
-                    "segment {segment} is a regular layout: the best map is poor; name it to have it all the same"
-                ));
+                told.poor.push(segment);
                 Brought::Unfolded(fresh(&instead.encoding)?)
             }
             Part::Template(encoded) => {
-                notes.push(format!("segment {segment} is a regular layout"));
+                told.regular.push(segment);
                 Brought::Unfolded(fresh(&encoded.encoding)?)
             }
         });
@@ -88,7 +91,8 @@ fn stitched(ground: &Ground<'_>, parts: &[Part], how: Stitching, stop: &Stop) ->
     let made = compose::compose(ground.input(), &pieces, options, &|| stop.reason().is_some());
     stopped(stop)?;
     let made = made.map_err(|e| EngineError::refused(Refusal::CompositionInvalid, e.to_string()))?;
-    tell(&made.report, made.mesh.faces.len(), &mut notes);
+    let mut notes = told::brought(&told);
+    notes.extend(told::made(&made.report, made.mesh.faces.len()));
     let stitched = Stitched {
         is_poor_kept: false,
         extraordinary_vertices: made.report.extraordinary_after as u64,
@@ -111,60 +115,17 @@ fn as_mapped(whole: &Arc<PolyMesh>) -> Stitched {
     }
 }
 
-/// What was done, a sentence each.
-fn tell(report: &Report, quads: usize, notes: &mut Vec<String>) {
-    let list = |of: &[usize]| of.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
-    let times = report.subdivided.iter().enumerate().filter(|(_, n)| **n > 0);
-    let which: Vec<String> = times.map(|(s, n)| format!("{s} ({n} times)")).collect();
-    if !which.is_empty() && report.way != Way::InputSubdivided {
-        notes.push(format!(
-            "to fit their neighbours and the surface these segments' parts were subdivided: {}",
-            which.join(", ")
-        ));
-    }
-    if !report.replaced.is_empty() {
-        notes.push(format!(
-            "parts that could not be joined were given up for regular layouts: {}",
-            list(&report.replaced)
-        ));
-    }
-    if !report.too_dense.is_empty() {
-        notes.push(format!(
-            "parts far denser than all others were given up for regular layouts: {}",
-            list(&report.too_dense)
-        ));
-    }
-    if !report.missing.is_empty() {
-        notes.push(format!(
-            "parts that pass the surface by far were given up for regular layouts: {}",
-            list(&report.missing)
-        ));
-    }
-    if !report.own.is_empty() && report.way != Way::InputSubdivided {
-        notes.push(format!("of these segments the input's own triangles were cut into quads: {}", list(&report.own)));
-    }
-    match report.way {
-        Way::AllSubdivided => notes.push("everything was subdivided once to be rid of triangles".into()),
-        Way::InputSubdivided => notes.push("no part was used: the input's own triangles were cut into quads".into()),
-        Way::Direct | Way::PartsSubdivided | Way::PartsReplaced => {}
-    }
-    if report.refined > 0 {
-        notes.push(format!("to follow the input everything was subdivided {} times, to {quads} quads", report.refined));
-    }
-    let miss = 100.0 * report.fit.worst();
-    if miss > MISS_TOLD_PCT {
-        notes.push(format!(
-            "the result misses the input by {miss:.2} % of its diagonal on average; ask for a higher density"
-        ));
-    }
-}
-
 fn stopped(stop: &Stop) -> Result<(), EngineError> {
     stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))
 }
 
 /// A part, subdivided or coarsened; its faces are counted before the work.
-fn at_density(mesh: &PolyMesh, segment: usize, density: i32, notes: &mut Vec<String>) -> Result<PolyMesh, EngineError> {
+fn at_density(
+    mesh: &PolyMesh,
+    segment: usize,
+    density: i32,
+    told: &mut told::Brought,
+) -> Result<PolyMesh, EngineError> {
     if density == 0 {
         return Ok(mesh.clone());
     }
@@ -181,7 +142,7 @@ fn at_density(mesh: &PolyMesh, segment: usize, density: i32, notes: &mut Vec<Str
     }
     for step in 0..-density {
         let Some(coarser) = subdivide::coarsen(&net) else {
-            notes.push(format!("the layout of segment {segment} could be coarsened {step} times"));
+            told.too_fine.push((segment, step));
             break;
         };
         net = coarser;
