@@ -5,7 +5,7 @@
 use crate::compose::layout::Curve;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
-use crate::mesh::tri::{NONE, TriMesh, next};
+use crate::mesh::tri::{NONE, TriMesh, nearest_share, next};
 use crate::unfold::Chart;
 
 /// Lengths that differ by less than this share of a loop are the same.
@@ -47,9 +47,7 @@ impl Border {
     /// u and v of the boundary's point nearest to one given; `None` where there is no boundary.
     fn nearest(&self, p: Vec3) -> Option<[f64; 2]> {
         let (ends, uv) = self.edges.get(self.bvh.closest(p).triangle as usize)?;
-        let e = ends[1] - ends[0];
-        let t = if e.norm_squared() > 0.0 { ((p - ends[0]).dot(&e) / e.norm_squared()).clamp(0.0, 1.0) } else { 0.0 };
-        Some(between(*uv, t))
+        Some(between(*uv, nearest_share(*ends, p)))
     }
 
     /// u and v at places on a curve, told by lengths along it: where a boundary nearly touches itself, points alone could
