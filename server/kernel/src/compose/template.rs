@@ -15,6 +15,7 @@ pub mod levels;
 pub mod rectangle;
 pub mod rings;
 
+use super::check::extraordinary;
 use super::net::Net;
 use super::smooth::{Plan, Target};
 use crate::encode::index::PlanarIndex;
@@ -40,6 +41,8 @@ const CAP_LOWEST: f64 = 0.3;
 const EVENING: f64 = 0.5;
 /// Rounds of smoothing.
 const ROUNDS: u32 = 12;
+/// Degrees that an extraordinary vertex counts for, where rings and a rectangle are compared.
+const EXTRAORDINARY_DEG: f64 = 0.03;
 /// What a layout is made on.
 #[derive(Clone, Copy, Debug)]
 pub struct Ground<'a> {
@@ -91,11 +94,14 @@ pub fn regular(ground: Ground<'_>, edge: f64, ends: Ends) -> Regular {
     };
     let rings = Regular { net: even(rings.net), ends: rings.ends };
     let oblong = oblong.map(|laid| Regular { net: even(laid.net), ends: laid.ends });
-    let best = match oblong {
-        Some(laid) if badness(&laid.net, area) < badness(&rings.net, area) => laid,
-        _ => rings,
+    let cost = |laid: &Regular| {
+        let extraordinary = extraordinary(&laid.net.clone().into_mesh().0);
+        badness(&laid.net, area) + EXTRAORDINARY_DEG * extraordinary as f64
     };
-    best
+    match oblong {
+        Some(laid) if cost(&laid) < cost(&rings) => laid,
+        _ => rings,
+    }
 }
 
 /// A disc as a rectangle, an annulus as one with a hole, if the surface is prepared for that and all ends are given.

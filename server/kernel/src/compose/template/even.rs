@@ -15,7 +15,7 @@ use crate::unfold::Chart;
 /// Rounds; quads have to pass many others.
 const ROUNDS: usize = 30;
 /// How far a quad may keep the size that it has: corners of a layout and tips of the surface need some of it.
-const SIZE_FREEDOM: f64 = 0.3;
+const SIZE_FREEDOM: f64 = 0.6;
 /// The triangles of a quad, as its corners.
 const TRIANGLES: [[usize; 3]; 4] = [[0, 1, 2], [0, 2, 3], [0, 1, 3], [1, 2, 3]];
 const SQUARE: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
