@@ -28,10 +28,9 @@ const PASSED_MAX: f64 = 0.006;
 const DRAWN_GAIN: f64 = 0.97;
 /// The same for faces on both sides.
 const STRADDLED_GAIN: f64 = 0.98;
-/// By how much the mean deviation from right angles may grow for sharp lines to be met, in degrees, and by what factor the
-/// distance from the input.
-const CREASED_WORSE_DEG: f64 = 2.0;
-const CREASED_LOSS: f64 = 1.02;
+/// By how much the mean deviation from right angles may grow for sharp lines to be met, in degrees: with the distance from
+/// the input at most this share of what it was without, and with this.
+const CREASED_WORSE_DEG: [(f64, f64); 2] = [(0.97, 2.0), (1.02, 0.5)];
 /// Rounds of making quads squarer between lines, and times.
 const CREASED_ROUNDS: u32 = 6;
 const CREASED_TIMES: usize = 4;
@@ -109,8 +108,10 @@ impl Stitching<'_> {
         let Some((mesh, fit)) = self.judged(net.into_mesh().0, f64::INFINITY) else { return plain };
         let creased = self.on_both_sides(mesh, fit, Held::BoundaryAnd(&on_line));
         let angle = |mesh: &PolyMesh| square::mean_deviation_deg(&Net::from_mesh(mesh));
-        let is_good = creased.1.worst() <= CREASED_LOSS * plain.1.worst()
-            && angle(&creased.0) <= angle(&plain.0) + CREASED_WORSE_DEG;
+        let worse_deg = angle(&creased.0) - angle(&plain.0);
+        let is_good = CREASED_WORSE_DEG
+            .iter()
+            .any(|&(share, deg)| creased.1.worst() <= share * plain.1.worst() && worse_deg <= deg);
         if is_good { creased } else { plain }
     }
 
