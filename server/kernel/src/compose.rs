@@ -8,6 +8,7 @@
 
 pub mod apart;
 pub mod check;
+pub mod crease;
 mod density;
 pub mod fit;
 mod following;

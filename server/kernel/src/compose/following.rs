@@ -2,6 +2,7 @@
 //! until it lies close. *Ours, not the paper's.*
 
 use super::check::check;
+use super::crease;
 use super::fit::Fit;
 use super::net::Net;
 use super::reach::draw_out;
@@ -27,6 +28,12 @@ const PASSED_MAX: f64 = 0.006;
 const DRAWN_GAIN: f64 = 0.97;
 /// The same for faces on both sides.
 const STRADDLED_GAIN: f64 = 0.98;
+/// By how much the mean deviation from right angles may grow for sharp lines to be met, in degrees: with the distance from
+/// the input at most this share of what it was without, and with this.
+const CREASED_WORSE_DEG: [(f64, f64); 2] = [(0.97, 2.0), (1.02, 0.5)];
+/// Rounds of making quads squarer between lines, and times.
+const CREASED_ROUNDS: u32 = 6;
+const CREASED_TIMES: usize = 4;
 
 impl Stitching<'_> {
     /// With sheared quads squarer, unless that takes the result away from the input; `fit` is the mesh's, and what is
@@ -47,8 +54,8 @@ impl Stitching<'_> {
     }
 
     /// Drawn out and subdivided until it follows the input, if that is asked for and it misses it by more than `allowed`, a
-    /// share of the diagonal.
-    pub(super) fn followed(&self, mesh: PolyMesh, allowed: f64, report: &mut Report) -> PolyMesh {
+    /// share of the diagonal; `kept` tells of each segment whether its part keeps its place.
+    pub(super) fn followed(&self, mesh: PolyMesh, allowed: f64, kept: &[bool], report: &mut Report) -> PolyMesh {
         let fit = self.measured.fit(&mesh);
         let (mut mesh, mut fit) = self.squared(mesh, fit, SQUARE_ROUNDS);
         let most = MISS_MAX * self.scale.diagonal;
@@ -58,7 +65,7 @@ impl Stitching<'_> {
         {
             (mesh, fit) = drawn;
         }
-        (mesh, fit) = self.straddled(mesh, fit);
+        (mesh, fit) = self.straddled(mesh, fit, kept);
         while is_followed
             && fit.worst() > most
             && report.refined < REFINED_MAX
@@ -70,11 +77,11 @@ impl Stitching<'_> {
             if let Some(drawn) = self.drawn(&mesh, fit) {
                 (mesh, fit) = drawn;
             }
-            (mesh, fit) = self.straddled(mesh, fit);
+            (mesh, fit) = self.straddled(mesh, fit, kept);
         }
         if report.refined > 0 {
             (mesh, fit) = self.squared(mesh, fit, SQUARE_ROUNDS / 4);
-            (mesh, fit) = self.straddled(mesh, fit);
+            (mesh, fit) = self.straddled(mesh, fit, kept);
         }
         report.fit = fit;
         mesh
@@ -89,14 +96,58 @@ impl Stitching<'_> {
         self.judged(fine.into_mesh().0, REFINED_GAIN * fit.worst())
     }
 
-    /// With its faces on both sides of the input, if that brings it nearer.
-    fn straddled(&self, mesh: PolyMesh, fit: Fit) -> (PolyMesh, Fit) {
+    /// With its faces on both sides of the input, if that brings it nearer, and with edges on the input's sharp lines, if
+    /// that is hardly worse.
+    fn straddled(&self, mesh: PolyMesh, fit: Fit, kept: &[bool]) -> (PolyMesh, Fit) {
         if self.options.closeness != Closeness::Followed {
             return (mesh, fit);
         }
+        let creased = self.creased(&mesh, kept);
+        let plain = self.on_both_sides(mesh, fit, Held::Boundary);
+        let Some((net, on_line)) = creased else { return plain };
+        let Some((mesh, fit)) = self.judged(net.into_mesh().0, f64::INFINITY) else { return plain };
+        let creased = self.on_both_sides(mesh, fit, Held::BoundaryAnd(&on_line));
+        let angle = |mesh: &PolyMesh| square::mean_deviation_deg(&Net::from_mesh(mesh));
+        let worse_deg = angle(&creased.0) - angle(&plain.0);
+        let is_good = CREASED_WORSE_DEG
+            .iter()
+            .any(|&(share, deg)| creased.1.worst() <= share * plain.1.worst() && worse_deg <= deg);
+        if is_good { creased } else { plain }
+    }
+
+    fn on_both_sides(&self, mesh: PolyMesh, fit: Fit, held: Held<'_>) -> (PolyMesh, Fit) {
         let mut net = Net::from_mesh(&mesh);
-        straddle(&mut net, self.measured.points(), &self.target, Held::Boundary);
+        straddle(&mut net, self.measured.points(), &self.target, held);
         self.judged(net.into_mesh().0, STRADDLED_GAIN * fit.worst()).unwrap_or((mesh, fit))
+    }
+
+    /// With edges on the input's sharp lines, and which vertices lie there; `None` where there are none.
+    fn creased(&self, mesh: &PolyMesh, kept: &[bool]) -> Option<(Net, Vec<bool>)> {
+        let mut net = Net::from_mesh(mesh);
+        let stays: Vec<bool> = match kept.contains(&true) {
+            true => mesh.positions.iter().map(|&p| kept.get(self.segment_at(p)) == Some(&true)).collect(),
+            false => Vec::new(),
+        };
+        let stays = |v: u32| stays.get(v as usize) == Some(&true);
+        let snapped = crease::snap(&mut net, self.surface(), &self.target, &stays);
+        if snapped.met <= 0.0 {
+            return None;
+        }
+        for _ in 0..CREASED_TIMES {
+            let old = net.positions.clone();
+            let before = square::mean_deviation_deg(&net);
+            square::square_up(&mut net, &self.target, CREASED_ROUNDS);
+            for (v, p) in old.iter().enumerate().filter(|(v, _)| snapped.on_line[*v] || stays(*v as u32)) {
+                net.positions[v] = *p;
+            }
+            let is_better =
+                square::mean_deviation_deg(&net) < before && check(&net.clone().into_mesh().0, self.shape).is_ok();
+            if !is_better {
+                net.positions = old;
+                break;
+            }
+        }
+        Some((net, snapped.on_line))
     }
 
     /// Drawn out to what it passes over; `None` where that does not bring it nearer to the input.

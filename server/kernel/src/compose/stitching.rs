@@ -108,7 +108,8 @@ impl<'a> Stitching<'a> {
             }
         };
         self.tell(pieces, &sites, report);
-        Some(self.followed(mesh, allowed(&sites), report))
+        let kept: Vec<bool> = sites.iter().map(Site::is_kept).collect();
+        Some(self.followed(mesh, allowed(&sites), &kept, report))
     }
 
     fn sites<'p>(&self, pieces: &[Piece<'p>]) -> Vec<Site<'p>> {
@@ -288,6 +289,11 @@ impl<'a> Stitching<'a> {
         let (mesh, _) = net.clone().into_mesh();
         let holds = check(&mesh, self.shape);
         (mesh, holds)
+    }
+
+    /// The segment nearest to a point; `usize::MAX` where there is none.
+    pub(super) fn segment_at(&self, p: Vec3) -> usize {
+        self.input.owner.get(self.target.triangle(p) as usize).map_or(usize::MAX, |&s| s as usize)
     }
 
     /// The segments on which faces without area lie.

@@ -27,11 +27,13 @@ const BELIEVED: f64 = 0.6;
 
 /// Which vertices stay where they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Held {
+pub enum Held<'a> {
     /// None.
     Nothing,
     /// Those on the net's boundary.
     Boundary,
+    /// Those on the net's boundary, and those told, by their numbers.
+    BoundaryAnd(&'a [bool]),
 }
 
 /// What the points ask of a vertex.
@@ -42,10 +44,13 @@ struct Asked {
 }
 
 /// Moves a net's vertices along their normals; `points` are spread evenly by area over the surface.
-pub fn straddle(net: &mut Net, points: &[Vec3], target: &Target, held: Held) {
-    let moving: Vec<bool> = (0..net.positions.len() as u32)
-        .map(|v| !net.at(v).is_empty() && (held == Held::Nothing || !net.on_boundary(v)))
-        .collect();
+pub fn straddle(net: &mut Net, points: &[Vec3], target: &Target, held: Held<'_>) {
+    let is_held = |v: u32| match held {
+        Held::Nothing => false,
+        Held::Boundary => net.on_boundary(v),
+        Held::BoundaryAnd(told) => told.get(v as usize) == Some(&true) || net.on_boundary(v),
+    };
+    let moving: Vec<bool> = (0..net.positions.len() as u32).map(|v| !net.at(v).is_empty() && !is_held(v)).collect();
     for _ in 0..ROUNDS {
         let mut asked = vec![Asked::default(); net.positions.len()];
         by_faces(net, target, &mut asked);

@@ -43,21 +43,7 @@ pub struct Lines {
 impl Lines {
     /// The lines of a surface. `given` edges are sharp whatever the surface does there.
     pub fn of(mesh: &TriMesh, given: &[[u32; 2]]) -> Self {
-        let normals: Vec<Vec3> = (0..mesh.triangles.len()).map(|t| normal(mesh, t)).collect();
-        let given: BTreeSet<[u32; 2]> = given.iter().map(|&[a, b]| [a.min(b), a.max(b)]).collect();
-        let is_given = |h: u32| {
-            let (a, b) = (mesh.tail(h), mesh.head(h));
-            given.contains(&[a.min(b), a.max(b)])
-        };
-        let inner = |h: &u32| {
-            let g = mesh.twin(*h);
-            g != NONE && *h < g && !is_filling(mesh, *h / 3) && !is_filling(mesh, g / 3)
-        };
-        let bent = |h: u32| bend(normals[h as usize / 3], normals[mesh.twin(h) as usize / 3]) >= SHARP_DEG;
-        let mut sharp: Vec<u32> = (0..mesh.twins.len() as u32)
-            .filter(inner)
-            .filter(|&h| is_given(h) || (bent(h) && smooth_bend(mesh, &normals, h) >= SHARP_DEG))
-            .collect();
+        let mut sharp = sharp_edges(mesh, given);
         if sharp.len() as f64 > SHARE_MAX * mesh.twins.len() as f64 / 2.0 {
             sharp.clear();
         }
@@ -109,6 +95,26 @@ impl Lines {
     }
 }
 
+/// The edges at which a surface bends sharply, and those `given`, as the lower halfedge of each; on noise there are some
+/// too, in no row.
+pub fn sharp_edges(mesh: &TriMesh, given: &[[u32; 2]]) -> Vec<u32> {
+    let normals: Vec<Vec3> = (0..mesh.triangles.len()).map(|t| normal(mesh, t)).collect();
+    let given: BTreeSet<[u32; 2]> = given.iter().map(|&[a, b]| [a.min(b), a.max(b)]).collect();
+    let is_given = |h: u32| {
+        let (a, b) = (mesh.tail(h), mesh.head(h));
+        given.contains(&[a.min(b), a.max(b)])
+    };
+    let inner = |h: &u32| {
+        let g = mesh.twin(*h);
+        g != NONE && *h < g && !is_filling(mesh, *h / 3) && !is_filling(mesh, g / 3)
+    };
+    let bent = |h: u32| bend(normals[h as usize / 3], normals[mesh.twin(h) as usize / 3]) >= SHARP_DEG;
+    (0..mesh.twins.len() as u32)
+        .filter(inner)
+        .filter(|&h| is_given(h) || (bent(h) && smooth_bend(mesh, &normals, h) >= SHARP_DEG))
+        .collect()
+}
+
 /// Whether lines meet, end or turn at a vertex.
 fn is_corner(mesh: &TriMesh, v: u32, around: &[u32]) -> bool {
     let [a, b] = *around else { return true };
@@ -127,7 +133,7 @@ fn normal(mesh: &TriMesh, t: usize) -> Vec3 {
 }
 
 /// Angle between two directions, in degrees; 0 where one has no length.
-pub(super) fn bend(a: Vec3, b: Vec3) -> f64 {
+pub fn bend(a: Vec3, b: Vec3) -> f64 {
     a.cross(&b).norm().atan2(a.dot(&b)).to_degrees()
 }
 

@@ -1,0 +1,365 @@
+//! The sharp lines of an input that are long enough against a net's edges for it to have a chain of edges on them.
+//!
+//! Sharp edges ([`sharp_edges`]) are joined to chains between the vertices where another number than two of them meet. With
+//! h the net's edge length beside a chain: loose ends shorter than [`LOOSE_MIN`]·h, chains that wind
+//! ([`WINDING_MAX`]) and chains that run beside a longer one ([`BESIDE`]·h) are none, so that noise and rounded edges
+//! make no lines; what is left is joined anew. A chain is cut where it turns by [`CORNER_DEG`] over ±h.
+//! *Ours, not the paper's.*
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::super::net::Net;
+use crate::map::snap::lines::{bend, sharp_edges};
+use crate::mesh::Vec3;
+use crate::mesh::bvh::Bvh;
+use crate::mesh::tri::TriMesh;
+
+/// Least length of a chain with a loose end, of one between two corners, of one with two loose ends or none, in h.
+const LOOSE_MIN: f64 = 10.0;
+const JOINED_MIN: f64 = 4.0;
+const ALONE_MIN: f64 = 10.0;
+/// Most that a chain may be longer than its chords of length h.
+const WINDING_MAX: f64 = 1.2;
+/// A chain that is nearer than this to longer ones, in h, for this share of its length runs beside them.
+const BESIDE: f64 = 0.7;
+const BESIDE_SHARE: f64 = 0.4;
+/// Length at a chain's ends that is not asked for it, in h.
+const BESIDE_ENDS: f64 = 1.2;
+/// A chain has a corner where it turns by this over ±h, in degrees.
+const CORNER_DEG: f64 = 45.0;
+/// Rounds of leaving chains out and joining the rest.
+const ROUNDS: usize = 6;
+/// Points of a chain at which h is asked for.
+const SIZE_POINTS: usize = 12;
+/// A chain from which the net is farther than this on average, in h, is passed by.
+const PASSED_MAX: f64 = 1.5;
+
+/// Where lines meet, end or turn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Corner {
+    /// Where.
+    pub point: Vec3,
+    /// The net's edge length there.
+    pub edge: f64,
+    /// Whether the input ends there.
+    pub place: Place,
+}
+
+/// Where on the input something lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Inside.
+    Inside,
+    /// On its true boundary.
+    Border,
+}
+
+/// A sharp line: a polyline with its arc length.
+#[derive(Clone, Debug)]
+pub struct Line {
+    points: Vec<Vec3>,
+    starts: Vec<f64>,
+    /// Corners at its ends; `None` for a closed line.
+    pub ends: Option<[usize; 2]>,
+    /// The net's edge length along it.
+    pub edge: f64,
+}
+
+/// The nearest point of a line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Near {
+    /// Arc length.
+    pub at: f64,
+    /// Distance.
+    pub distance: f64,
+}
+
+impl Line {
+    fn new(points: Vec<Vec3>, ends: Option<[usize; 2]>, edge: f64) -> Self {
+        let mut starts = vec![0.0];
+        for pair in points.windows(2) {
+            starts.push(starts[starts.len() - 1] + (pair[1] - pair[0]).norm());
+        }
+        Self { points, starts, ends, edge }
+    }
+
+    /// Its length.
+    pub fn length(&self) -> f64 {
+        self.starts.last().copied().unwrap_or(0.0)
+    }
+
+    /// The point at an arc length, from the first end; beyond the ends, of a closed line further around.
+    pub fn point(&self, s: f64) -> Vec3 {
+        let s = if self.ends.is_none() { s.rem_euclid(self.length().max(f64::MIN_POSITIVE)) } else { s };
+        let k = self.starts.partition_point(|start| *start <= s).clamp(1, self.starts.len().max(2) - 1);
+        let (Some(&a), Some(&b)) = (self.points.get(k - 1), self.points.get(k)) else {
+            return self.points.first().copied().unwrap_or_default();
+        };
+        let span = (self.starts[k] - self.starts[k - 1]).max(f64::MIN_POSITIVE);
+        a.lerp(&b, ((s - self.starts[k - 1]) / span).clamp(0.0, 1.0))
+    }
+
+    /// The nearest point to `x`.
+    pub fn nearest(&self, x: Vec3) -> Near {
+        let mut best = Near { at: 0.0, distance: f64::INFINITY };
+        for (pair, start) in self.points.windows(2).zip(&self.starts) {
+            let d = pair[1] - pair[0];
+            let share = ((x - pair[0]).dot(&d) / d.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+            let distance = (pair[0] + d * share - x).norm();
+            if distance < best.distance {
+                best = Near { at: start + share * d.norm(), distance };
+            }
+        }
+        best
+    }
+
+    /// The same line from another arc length on; only for closed ones.
+    pub fn turned(&self, from: f64) -> Self {
+        let n = self.points.len().saturating_sub(1);
+        let k = self.starts.partition_point(|start| *start <= from).min(n);
+        let mut points = vec![self.point(from)];
+        points.extend((0..n).map(|j| self.points[(k + j) % n.max(1)]));
+        points.push(points[0]);
+        Self::new(points, None, self.edge)
+    }
+
+    /// The part between two arc lengths of an open line.
+    pub fn part(&self, from: f64, to: f64) -> Self {
+        let inner = self.points.iter().zip(&self.starts).filter(|(_, s)| **s > from && **s < to).map(|(p, _)| *p);
+        let points = [self.point(from)].into_iter().chain(inner).chain([self.point(to)]).collect();
+        Self::new(points, self.ends, self.edge)
+    }
+
+    fn winding(&self) -> f64 {
+        let chords = (self.length() / self.edge.max(f64::MIN_POSITIVE)).clamp(1.0, 4096.0).ceil();
+        let at = |k: f64| self.point((k / chords * self.length()).min(self.length() * (1.0 - 1e-12)));
+        let straight: f64 = (0..chords as usize).map(|k| (at(k as f64 + 1.0) - at(k as f64)).norm()).sum();
+        self.length() / straight.max(f64::MIN_POSITIVE)
+    }
+}
+
+/// The lines of an input for a net.
+#[derive(Clone, Debug, Default)]
+pub struct Lines {
+    /// Where they meet, end or turn.
+    pub corners: Vec<Corner>,
+    /// The lines.
+    pub lines: Vec<Line>,
+}
+
+/// A chain of vertices joined by sharp edges; a closed one has its first vertex last, too.
+type Chain = Vec<u32>;
+
+impl Lines {
+    /// Those of a surface for a net on it.
+    pub fn of(surface: &TriMesh, net: &Net) -> Self {
+        let mut sharp: BTreeSet<[u32; 2]> =
+            sharp_edges(surface, &[]).iter().map(|&h| ordered(surface.tail(h), surface.head(h))).collect();
+        if sharp.is_empty() {
+            return Self::default();
+        }
+        let size = Size::new(net);
+        let border = surface.boundary_vertices();
+        let mut kept = Vec::new();
+        for _ in 0..ROUNDS {
+            kept = chains(&sharp);
+            let before = kept.len();
+            let degree = degrees(&sharp);
+            kept.retain(|chain| is_line(surface, chain, &size, &degree, &border));
+            leave_out_beside(surface, &mut kept, &size);
+            if kept.len() == before {
+                break;
+            }
+            sharp = kept.iter().flat_map(|chain| chain.windows(2).map(|pair| ordered(pair[0], pair[1]))).collect();
+        }
+        Self::between_corners(surface, &kept, &size, &border)
+    }
+
+    /// Chains cut where they turn.
+    fn between_corners(surface: &TriMesh, chains: &[Chain], size: &Size, border: &[bool]) -> Self {
+        let mut found = Self::default();
+        let mut number: BTreeMap<u32, usize> = BTreeMap::new();
+        let mut corner = |v: u32, corners: &mut Vec<Corner>| {
+            *number.entry(v).or_insert_with(|| {
+                let point = surface.positions[v as usize];
+                let place = if border[v as usize] { Place::Border } else { Place::Inside };
+                corners.push(Corner { point, edge: size.at(point).edge, place });
+                corners.len() - 1
+            })
+        };
+        for chain in chains {
+            let whole = line_of(surface, chain, size);
+            let mut cuts = turns(surface, chain, &whole);
+            let n = chain.len() - 1;
+            let mut around = chain.clone();
+            if chain[0] == chain[n] {
+                let Some(&first) = cuts.first() else {
+                    found.lines.push(whole);
+                    continue;
+                };
+                around = (0..=n).map(|k| chain[(first + k) % n]).collect();
+                cuts.iter_mut().for_each(|k| *k -= first);
+            }
+            cuts.extend([0, n]);
+            cuts.sort_unstable();
+            cuts.dedup();
+            for pair in cuts.windows(2) {
+                let points = around[pair[0]..=pair[1]].iter().map(|&v| surface.positions[v as usize]).collect();
+                let ends = [around[pair[0]], around[pair[1]]].map(|v| corner(v, &mut found.corners));
+                found.lines.push(Line::new(points, Some(ends), whole.edge));
+            }
+        }
+        found
+    }
+}
+
+fn ordered(a: u32, b: u32) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}
+
+fn neighbours(sharp: &BTreeSet<[u32; 2]>) -> BTreeMap<u32, Vec<u32>> {
+    let mut beside: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+    for &[a, b] in sharp {
+        beside.entry(a).or_default().push(b);
+        beside.entry(b).or_default().push(a);
+    }
+    beside
+}
+
+fn degrees(sharp: &BTreeSet<[u32; 2]>) -> BTreeMap<u32, usize> {
+    neighbours(sharp).into_iter().map(|(v, beside)| (v, beside.len())).collect()
+}
+
+/// Chains of edges between vertices with another number of them than two; then what is closed.
+fn chains(sharp: &BTreeSet<[u32; 2]>) -> Vec<Chain> {
+    let beside = neighbours(sharp);
+    let mut left = sharp.clone();
+    let mut found = Vec::new();
+    let mut walk = |from: u32, to: u32, left: &mut BTreeSet<[u32; 2]>| {
+        if !left.remove(&ordered(from, to)) {
+            return;
+        }
+        let mut chain = vec![from, to];
+        let mut end = to;
+        while let Some([x, y]) = beside.get(&end).map(Vec::as_slice) {
+            let Some(&next) = [x, y].into_iter().find(|&&w| left.contains(&ordered(end, w))) else { break };
+            left.remove(&ordered(end, next));
+            chain.push(next);
+            end = next;
+        }
+        found.push(chain);
+    };
+    for (&v, around) in beside.iter().filter(|(_, around)| around.len() != 2) {
+        around.iter().for_each(|&w| walk(v, w, &mut left));
+    }
+    while let Some(&[a, b]) = left.first() {
+        walk(a, b, &mut left);
+    }
+    found
+}
+
+fn line_of(surface: &TriMesh, chain: &Chain, size: &Size) -> Line {
+    let points: Vec<Vec3> = chain.iter().map(|&v| surface.positions[v as usize]).collect();
+    let is_closed = chain.first() == chain.last();
+    let mut line = Line::new(points, if is_closed { None } else { Some([0, 0]) }, 0.0);
+    let (mut edge, mut away) = (0.0, 0.0);
+    for k in 0..SIZE_POINTS {
+        let at = size.at(line.point((k as f64 + 0.5) / SIZE_POINTS as f64 * line.length()));
+        edge += at.edge / SIZE_POINTS as f64;
+        away += at.distance / SIZE_POINTS as f64;
+    }
+    line.edge = if away <= PASSED_MAX * edge { edge } else { f64::INFINITY };
+    line
+}
+
+/// Whether a chain is long and straight enough.
+fn is_line(surface: &TriMesh, chain: &Chain, size: &Size, degree: &BTreeMap<u32, usize>, border: &[bool]) -> bool {
+    let line = line_of(surface, chain, size);
+    let is_loose = |v: &u32| degree.get(v) == Some(&1) && !border[*v as usize];
+    let loose = [chain.first(), chain.last()].into_iter().flatten().filter(|v| is_loose(v)).count();
+    let least = match loose {
+        0 if line.ends.is_some() => JOINED_MIN,
+        1 => LOOSE_MIN,
+        _ => ALONE_MIN,
+    };
+    line.length() >= least * line.edge && line.winding() <= WINDING_MAX
+}
+
+/// Leaves out chains that run beside longer ones.
+fn leave_out_beside(surface: &TriMesh, chains: &mut Vec<Chain>, size: &Size) {
+    let lines: Vec<Line> = chains.iter().map(|chain| line_of(surface, chain, size)).collect();
+    let mut order: Vec<usize> = (0..lines.len()).collect();
+    order.sort_by(|&a, &b| lines[b].length().total_cmp(&lines[a].length()).then(a.cmp(&b)));
+    let mut stays: Vec<usize> = Vec::new();
+    for k in order {
+        let line = &lines[k];
+        let ends = if line.ends.is_none() { 0.0 } else { (BESIDE_ENDS * line.edge).min(0.25 * line.length()) };
+        let count = ((line.length() / (0.5 * line.edge)) as usize).clamp(4, 256);
+        let at = |j: usize| line.point(ends + (j as f64 + 0.5) / count as f64 * (line.length() - 2.0 * ends));
+        let is_beside = |x: Vec3| stays.iter().any(|&o| lines[o].nearest(x).distance < BESIDE * line.edge);
+        let beside = (0..count).filter(|&j| is_beside(at(j))).count();
+        if (beside as f64) <= BESIDE_SHARE * count as f64 {
+            stays.push(k);
+        }
+    }
+    let stays: BTreeSet<usize> = stays.into_iter().collect();
+    let mut k = 0;
+    chains.retain(|_| {
+        k += 1;
+        stays.contains(&(k - 1))
+    });
+}
+
+/// The vertices of a chain at which it turns, by their places in it.
+fn turns(surface: &TriMesh, chain: &Chain, line: &Line) -> Vec<usize> {
+    let (window, n) = (line.edge, chain.len() - 1);
+    let is_closed = line.ends.is_none();
+    let turn = |k: usize| {
+        let (x, s) = (surface.positions[chain[k] as usize], line.starts[k]);
+        let (before, after) =
+            if is_closed { (s - window, s + window) } else { ((s - window).max(0.0), (s + window).min(line.length())) };
+        bend(x - line.point(before), line.point(after) - x)
+    };
+    let inner = if is_closed { 0..n } else { 1..n };
+    let all: Vec<(usize, f64)> = inner.map(|k| (k, turn(k))).filter(|t| t.1 >= CORNER_DEG).collect();
+    let apart = |a: usize, b: usize| {
+        let d = (line.starts[a] - line.starts[b]).abs();
+        if is_closed { d.min(line.length() - d) } else { d }
+    };
+    let is_top = |&(k, own): &(usize, f64)| {
+        !all.iter().any(|&(j, other)| j != k && apart(j, k) <= window && (other > own || (other == own && j < k)))
+    };
+    all.iter().filter(|t| is_top(t)).map(|t| t.0).collect()
+}
+
+/// How large a net's faces are, anywhere.
+struct Size {
+    bvh: Bvh,
+    edges: Vec<f64>,
+}
+
+/// The net's edge length at a point, and how far it is.
+struct SizeAt {
+    edge: f64,
+    distance: f64,
+}
+
+impl Size {
+    fn new(net: &Net) -> Self {
+        let (mut triangles, mut edges) = (Vec::new(), Vec::new());
+        for (_, c) in net.faces() {
+            let p = |v: u32| net.positions[v as usize];
+            let fans: Vec<[u32; 3]> = (2..c.len()).map(|k| [c[0], c[k - 1], c[k]]).collect();
+            let area: f64 = fans.iter().map(|t| 0.5 * (p(t[1]) - p(t[0])).cross(&(p(t[2]) - p(t[0]))).norm()).sum();
+            edges.extend(std::iter::repeat_n(area.sqrt(), fans.len()));
+            triangles.extend(fans);
+        }
+        let fans = TriMesh { positions: net.positions.clone(), triangles, ..TriMesh::default() };
+        Self { bvh: Bvh::new(&fans), edges }
+    }
+
+    fn at(&self, x: Vec3) -> SizeAt {
+        let near = self.bvh.closest(x);
+        SizeAt { edge: self.edges.get(near.triangle as usize).copied().unwrap_or(0.0), distance: near.distance }
+    }
+}
