@@ -96,7 +96,7 @@ pub fn regular(ground: Ground<'_>, edge: f64, ends: Ends) -> Regular {
     let oblong = oblong.map(|laid| Regular { net: even(laid.net), ends: laid.ends });
     let cost = |laid: &Regular| {
         let extraordinary = extraordinary(&laid.net.clone().into_mesh().0);
-        badness(&laid.net, area) + EXTRAORDINARY_DEG * extraordinary as f64
+        badness(&laid.net, area, Some(edge)) + EXTRAORDINARY_DEG * extraordinary as f64
     };
     match oblong {
         Some(laid) if cost(&laid) < cost(&rings) => laid,

@@ -57,14 +57,11 @@ fn way(net: &Net, quads: &[[u32; 4]], chart: &Chart, target: &Target) -> f64 {
     if sum < 0.0 { -1.0 } else { 1.0 }
 }
 
-/// Mean over the area of |log₂| of a quad's edge to that of the mean quad, given the quads' areas.
-pub fn unevenness(areas: &[f64]) -> f64 {
+/// Mean over the area of |log₂| of a quad's edge to the one wanted, given the quads' areas.
+pub fn unevenness(areas: &[f64], edge: f64) -> f64 {
     let sum: f64 = areas.iter().sum();
-    if sum <= 0.0 {
-        return 0.0;
-    }
-    let mean = sum / areas.len() as f64;
-    areas.iter().filter(|a| **a > 0.0).map(|a| a * 0.5 * (a / mean).log2().abs()).sum::<f64>() / sum
+    let of = |a: &f64| a * (a.sqrt() / edge).log2().abs();
+    if sum > 0.0 && edge > 0.0 { areas.iter().filter(|a| **a > 0.0).map(of).sum::<f64>() / sum } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -105,9 +102,9 @@ mod tests {
     fn crowded_vertices_spread_until_quads_are_alike_whichever_way_they_are_turned() {
         for is_turned in [false, true] {
             let (mut net, chart, target) = crowded(is_turned);
-            let before = (net.positions.clone(), unevenness(&areas(&net)));
+            let before = (net.positions.clone(), unevenness(&areas(&net), 1.0 / f64::from(SIDE)));
             even_out(&mut net, &chart, &target);
-            let after = unevenness(&areas(&net));
+            let after = unevenness(&areas(&net), 1.0 / f64::from(SIDE));
             assert!(before.1 > 0.3 && after < 0.03, "{} to {after}", before.1);
             let stays = |v: &u32| net.positions[*v as usize] == before.0[*v as usize];
             assert!((0..net.positions.len() as u32).filter(|&v| net.on_boundary(v)).all(|v| stays(&v)));
@@ -115,8 +112,10 @@ mod tests {
     }
 
     #[test]
-    fn quads_alike_have_no_unevenness_and_half_of_four_times_the_area_has_a_good_half() {
-        assert_eq!((unevenness(&[2.0, 2.0]), unevenness(&[])), (0.0, 0.0));
-        assert!((unevenness(&[1.0, 1.0, 4.0]) - (0.5)).abs() < 1e-12);
+    fn quads_as_wanted_have_no_unevenness_and_edges_twice_as_long_have_one() {
+        assert_eq!(
+            (unevenness(&[4.0, 4.0], 2.0), unevenness(&[], 2.0), unevenness(&[16.0, 1.0], 2.0)),
+            (0.0, 0.0, 1.0)
+        );
     }
 }

@@ -27,7 +27,7 @@ const OUTSIDE: f64 = 1e-7;
 const SMALLEST_SHARE: f64 = 1e-5;
 /// Degrees that a whole surface passed over counts for.
 const PASSED_DEG: f64 = 120.0;
-/// Degrees that edges twice or half as long as the mean's count for.
+/// Degrees that edges twice or half as long as they should be count for.
 const UNEVEN_DEG: f64 = 20.0;
 
 /// A segment prepared for harmonic maps onto rectangles.
@@ -111,11 +111,14 @@ fn areas(net: &Net) -> impl Iterator<Item = f64> {
     net.faces().map(move |(_, c)| area(c))
 }
 
-/// How bad a layout of a surface of so much area is: see [`Laid::badness`].
-pub fn badness(net: &Net, area: f64) -> f64 {
+/// How bad a layout of a surface of so much area is: see [`Laid::badness`]; sizes are compared with the edge that is wanted, or else
+/// with the mean.
+pub fn badness(net: &Net, area: f64, edge: Option<f64>) -> f64 {
     let areas: Vec<f64> = areas(net).collect();
-    let passed = (1.0 - areas.iter().sum::<f64>() / area.max(f64::MIN_POSITIVE)).max(0.0);
-    mean_deviation_deg(net) + PASSED_DEG * passed + UNEVEN_DEG * unevenness(&areas)
+    let covered: f64 = areas.iter().sum();
+    let passed = (1.0 - covered / area.max(f64::MIN_POSITIVE)).max(0.0);
+    let edge = edge.unwrap_or((covered / areas.len().max(1) as f64).sqrt());
+    mean_deviation_deg(net) + PASSED_DEG * passed + UNEVEN_DEG * unevenness(&areas, edge)
 }
 
 /// The smallest quad's area as a share of the mean.
@@ -273,7 +276,7 @@ impl Search<'_> {
         }
         self.seen.push(frame);
         let net = self.laid(frame).filter(|net| smallest_share(net) > SMALLEST_SHARE)?;
-        let badness = badness(&net, self.harmonics.area);
+        let badness = badness(&net, self.harmonics.area, None);
         if self.best.as_ref().is_none_or(|b| badness < b.0) {
             self.best = Some((badness, net));
         }
