@@ -1,6 +1,6 @@
 //! Compositions: the maps chosen for a query's segments, stitched into one mesh of quads.
 
-use super::engine::{Model, Part, Stitching};
+use super::engine::{Model, OnePart, Part, Stitching};
 use super::mapping::{self, LiveMap, get};
 use super::query::{LiveQuery, ms_since};
 use super::ranking::Candidate;
@@ -8,7 +8,9 @@ use super::{REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
-use quadmuse_proto::{Composition, CompositionId, CompositionPart, ExampleId, NewComposition, NewMap, Verdict};
+use quadmuse_proto::{
+    Composition, CompositionId, CompositionPart, ConstraintOrigin, ExampleId, NewComposition, NewMap, Verdict,
+};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -201,17 +203,17 @@ pub fn find(live: &LiveQuery, id: CompositionId) -> Result<Arc<LiveComposition>,
     live.compositions().get(&id).cloned().ok_or(WorkError::NoSuchComposition(id))
 }
 
-/// The example from which all segments of the query take their maps, if it is one, with the query's segment, the
-/// example's and the mapped mesh of each part.
-fn one_example(maps: &[Option<Arc<LiveMap>>]) -> Option<(Arc<Model>, Vec<(u32, u32, Arc<PolyMesh>)>)> {
+/// The example from which all segments of the query take their maps, if it is one, with those maps.
+fn one_example(maps: &[Option<Arc<LiveMap>>]) -> Option<(Arc<Model>, Vec<OnePart>)> {
     let maps: Vec<&Arc<LiveMap>> = maps.iter().map(Option::as_ref).collect::<Option<_>>()?;
     let first = maps.first().filter(|_| maps.len() > 1)?;
     if maps.iter().any(|map| map.example_id() != first.example_id()) {
         return None;
     }
     let part = |map: &&Arc<LiveMap>| {
-        let segment = map.example()?.segment;
-        Some((map.segment, segment, Arc::clone(&map.newest().mapped.mesh)))
+        let (example_segment, newest) = (map.example()?.segment, map.newest());
+        let is_edited = newest.mapped.constraints.iter().any(|c| c.origin == ConstraintOrigin::User);
+        Some(OnePart { segment: map.segment, example_segment, mesh: Arc::clone(&newest.mapped.mesh), is_edited })
     };
     Some((Arc::clone(&first.example()?.model), maps.iter().map(part).collect::<Option<_>>()?))
 }

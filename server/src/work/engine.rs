@@ -282,6 +282,19 @@ pub enum Part {
     Template(Arc<Encoded>),
 }
 
+/// The map of one segment of an example that lies on all segments of a query.
+#[derive(Clone, Debug)]
+pub struct OnePart {
+    /// The query's segment.
+    pub segment: u32,
+    /// The example's.
+    pub example_segment: u32,
+    /// The mapped mesh.
+    pub mesh: Arc<PolyMesh>,
+    /// Whether the caller set constraints on it.
+    pub is_edited: bool,
+}
+
 /// How to stitch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stitching {
@@ -449,9 +462,8 @@ pub trait Engine: Send + Sync + 'static {
         stop: &Stop,
     ) -> Result<Registration, EngineError>;
 
-    /// Puts one example whose segments were mapped on all of a query's segments together again, whole. `parts` holds for
-    /// each the query's segment, the example's, and the mapped mesh. `None` where the segments do not border on each
-    /// other alike, so that they have to be stitched.
+    /// Puts one example whose segments were mapped on all of a query's segments together again, whole. `None` where the
+    /// segments do not border on each other alike, so that they have to be stitched.
     ///
     /// # Errors
     /// [`EngineError`].
@@ -459,7 +471,7 @@ pub trait Engine: Send + Sync + 'static {
         &self,
         query: &Model,
         example: &Model,
-        parts: &[(u32, u32, Arc<PolyMesh>)],
+        parts: &[OnePart],
         stop: &Stop,
     ) -> Result<Option<Stitched>, EngineError> {
         let _ = (query, example, parts);

@@ -10,8 +10,8 @@ mod told;
 mod transfer;
 
 use super::{
-    ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Mapped, Model, Opaque, Packed, PackedFeature, Part,
-    Refusal, Registration, SegmentFacts, Side, Stitched, Stitching,
+    ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Mapped, Model, OnePart, Opaque, Packed, PackedFeature,
+    Part, Refusal, Registration, SegmentFacts, Side, Stitched, Stitching,
 };
 use crate::pool::Stop;
 use model::{ModelInner, format_of, refused};
@@ -224,7 +224,7 @@ impl Engine for KernelEngine {
         &self,
         query: &Model,
         example: &Model,
-        parts: &[(u32, u32, Arc<PolyMesh>)],
+        parts: &[OnePart],
         stop: &Stop,
     ) -> Result<Option<Stitched>, EngineError> {
         stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;

@@ -16,6 +16,17 @@ pub(super) struct ModelInner {
     pub(super) prepared: Prepared,
     /// The surface cut into its segments.
     pub(super) segmented: Segmented,
+    /// The example that it was cut alike, laid on it whole.
+    pub(super) laid: Option<Laid>,
+}
+
+/// An example laid on an input whole.
+#[derive(Debug)]
+pub(super) struct Laid {
+    /// The example as uploaded.
+    pub(super) example: Arc<PolyMesh>,
+    /// Its faces on the input.
+    pub(super) mesh: PolyMesh,
 }
 
 impl ModelInner {
@@ -72,7 +83,7 @@ pub(super) fn read(bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, limits: 
     let prepared = mesh::prepare(&mesh).map_err(refused)?;
     let segmented = cut_up(&mesh, &prepared, cut)?;
     let asked = cut.parts.is_some() && cut.grain == Grain::Faces;
-    let inner = ModelInner { prepared, segmented };
+    let inner = ModelInner { prepared, segmented, laid: None };
     Ok(Model {
         format: wanted.map_or(MeshFormat::Obj, format_back),
         repairs: inner

@@ -15,7 +15,7 @@ use quadmuse_kernel::map::{CrossMap, cross_map, edit, folded_faces, leave_fillin
 use quadmuse_kernel::measure::coverage::{Coverage, coverage, feature_points};
 use quadmuse_kernel::measure::{self, Distribution, Evidence};
 use quadmuse_kernel::mesh::bvh::Bvh;
-use quadmuse_kernel::mesh::{TriMesh, Vec3};
+use quadmuse_kernel::mesh::{PolyMesh, TriMesh, Vec3};
 use quadmuse_kernel::numerics::side_by_side;
 use quadmuse_kernel::register::entry::{Hypothesis, PROTRUSIONS_MANY};
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt};
@@ -166,16 +166,32 @@ struct Laid<'a> {
     registered: Registered,
 }
 
-/// Where each vertex of the example's segment goes.
-pub(super) fn positions(
+/// Where each vertex of the example's segment goes, and the example's faces there.
+pub(super) fn laid(
     from: &Registration,
     example: &Side,
     query: &Side,
     stop: &Stop,
-) -> Result<Vec<Vec3>, EngineError> {
+) -> Result<(Vec<Vec3>, PolyMesh), EngineError> {
     let registered: &Registered = from.inner.open()?;
     let atlas = registered.atlas(example, query, &|| stop.reason().is_some())?;
-    Ok(lay(atlas, registered, example, query, stop)?.0.cross.positions)
+    let (mut laid, _) = lay(atlas, registered, example, query, stop)?;
+    let positions = laid.cross.positions.clone();
+    leave_fillings(&mut laid.cross, laid.input);
+    let mesh = assembled(&laid, example)?;
+    Ok((positions, mesh))
+}
+
+/// The faces of the example's segment where it is laid, as its file has them.
+fn assembled(laid: &Laid<'_>, example: &Side) -> Result<PolyMesh, EngineError> {
+    let model: &ModelInner = example.model.inner.open()?;
+    let patch = model.patch(example.segment)?;
+    let (surface, vertex_of) = (&model.segmented.mesh, &model.prepared.vertex_of);
+    Ok(assemble(&example.model.mesh, surface, vertex_of, patch, &laid.cross.positions, winding(laid)))
+}
+
+fn winding(laid: &Laid<'_>) -> Winding {
+    if laid.mirrored { Winding::Reversed } else { Winding::Kept }
 }
 
 /// Lays the example by the atlas, if there is one, and lets it settle. The number is the 95th percentile of the angle
@@ -221,7 +237,7 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     let patch = model.patch(example.segment)?;
     let chart = &fresh(&example.encoded.encoding)?.chart;
     let (surface, positions) = (&model.segmented.mesh, &laid.cross.positions);
-    let winding = if laid.mirrored { Winding::Reversed } else { Winding::Kept };
+    let winding = winding(&laid);
     let made = || {
         let mesh = assemble(&example.model.mesh, surface, &model.prepared.vertex_of, patch, positions, winding);
         let part = quadmuse_kernel::compose::part::polygons(&patch.mesh, positions, winding);

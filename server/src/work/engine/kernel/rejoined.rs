@@ -1,28 +1,44 @@
 //! One example on all segments of a query, put together again.
 
-use super::super::{EngineError, Model, Stitched};
-use super::model::ModelInner;
+use super::super::{EngineError, Model, OnePart, Stitched};
+use super::model::{Laid, ModelInner};
 use quadmuse_kernel::compose::check::extraordinary;
-use quadmuse_kernel::map::rejoin;
+use quadmuse_kernel::map::{assemble::select, rejoin};
 use quadmuse_kernel::mesh::PolyMesh;
 use std::sync::Arc;
 
 /// The example whole, if every segment of it lies on one of the query's and they border on each other alike.
-pub(super) fn rejoin(
-    query: &Model,
-    example: &Model,
-    parts: &[(u32, u32, Arc<PolyMesh>)],
-) -> Result<Option<Stitched>, EngineError> {
+///
+/// Where the query was cut as the example is, the example was laid on it whole: what was not edited since is taken from
+/// there, since a part knows less of where it belongs, and one that is nearly its own mirror image may lie mirrored.
+pub(super) fn rejoin(query: &Model, example: &Model, parts: &[OnePart]) -> Result<Option<Stitched>, EngineError> {
     let (on, of): (&ModelInner, &ModelInner) = (query.inner.open()?, example.inner.open()?);
     let count = of.segmented.parts.len();
-    let mut mapped: Vec<Option<(u32, &PolyMesh)>> = vec![None; count];
-    for (segment, part, mesh) in parts {
-        match mapped.get_mut(*part as usize) {
-            Some(place @ None) => *place = Some((*segment, mesh)),
+    let part_of = of.part_of_faces(example.mesh.faces.len());
+    let is_it = |laid: &&Laid| {
+        let (one, two) = (&laid.example, &example.mesh);
+        one.positions == two.positions && one.faces == two.faces && laid.mesh.faces.len() == two.faces.len()
+    };
+    let laid = on.laid.as_ref().filter(is_it);
+    let by_itself = |part: &OnePart| part.is_edited || part.segment != part.example_segment;
+    if let Some(laid) = laid
+        && parts.len() == count
+        && !parts.iter().any(by_itself)
+    {
+        return Ok(Some(whole(laid.mesh.clone(), example)));
+    }
+    let mut mapped: Vec<Option<(u32, Arc<PolyMesh>)>> = vec![None; count];
+    for part in parts {
+        let mesh = match laid.filter(|_| !by_itself(part)) {
+            Some(laid) => Arc::new(select(&laid.mesh, &part_of.iter().map(|p| *p == part.segment).collect::<Vec<_>>())),
+            None => Arc::clone(&part.mesh),
+        };
+        match mapped.get_mut(part.example_segment as usize) {
+            Some(place @ None) => *place = Some((part.segment, mesh)),
             _ => return Ok(None),
         }
     }
-    let mapped: Option<Vec<(u32, &PolyMesh)>> = mapped.into_iter().collect();
+    let mapped: Option<Vec<(u32, Arc<PolyMesh>)>> = mapped.into_iter().collect();
     let Some(mapped) = mapped.filter(|m| m.len() == on.segmented.parts.len()) else { return Ok(None) };
     let alike = |part: usize| {
         let mut there: Vec<u32> =
@@ -33,15 +49,19 @@ pub(super) fn rejoin(
     if !(0..count).all(alike) {
         return Ok(None);
     }
-    let meshes: Vec<&PolyMesh> = mapped.iter().map(|m| m.1).collect();
-    let part_of = of.part_of_faces(example.mesh.faces.len());
+    let meshes: Vec<&PolyMesh> = mapped.iter().map(|m| &*m.1).collect();
     // Parts that do not fit together as the example's do are stitched like any others.
-    let Ok(mesh) = rejoin::rejoin(&example.mesh, &part_of, &meshes, &on.segmented.mesh) else { return Ok(None) };
-    Ok(Some(Stitched {
+    let joined = rejoin::rejoin(&example.mesh, &part_of, &meshes, &on.segmented.mesh);
+    Ok(joined.ok().map(|mesh| whole(mesh, example)))
+}
+
+/// An example that came back whole.
+fn whole(mesh: PolyMesh, example: &Model) -> Stitched {
+    Stitched {
         is_poor_kept: false,
         extraordinary_vertices: extraordinary(&mesh) as u64,
         extraordinary_before: extraordinary(&example.mesh) as u64,
         notes: vec!["one example on all segments: its own faces, put together again whole".into()],
         mesh: Arc::new(mesh),
-    }))
+    }
 }

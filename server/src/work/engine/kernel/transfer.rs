@@ -1,7 +1,7 @@
 //! An input cut as an example is cut: the example is laid on it whole, and its parts go where the map takes them.
 
 use super::super::{Engine, EngineError, Model, Opaque, Refusal, Side};
-use super::model::ModelInner;
+use super::model::{Laid, ModelInner};
 use super::{KernelEngine, registered};
 use crate::pool::Stop;
 use quadmuse_kernel::map::parted;
@@ -33,13 +33,14 @@ pub(super) fn alike(engine: &KernelEngine, query: &Model, example: &Model, stop:
         registration = engine.refine(&registration, first, second, 2 * registration.level, stop)?;
     }
     let registration = engine.finish(&registration, first, second, stop)?;
-    let positions = registered::positions(&registration, &sides.0, &sides.1, stop)?;
-    let laid: &ModelInner = sides.0.model.inner.open()?;
-    let segmented = parted::alike(&of.segmented, laid.patch(0)?, &positions, &on.prepared.mesh).map_err(|e| {
+    let (positions, mesh) = registered::laid(&registration, &sides.0, &sides.1, stop)?;
+    let one: &ModelInner = sides.0.model.inner.open()?;
+    let segmented = parted::alike(&of.segmented, one.patch(0)?, &positions, &on.prepared.mesh).map_err(|e| {
         let detail = format!("the input can't be cut as the example is: {e}; have it cut without `like`");
         EngineError::refused(Refusal::Unlike, detail)
     })?;
-    let inner = ModelInner { prepared: on.prepared.clone(), segmented };
+    let laid = Some(Laid { example: Arc::clone(&example.mesh), mesh });
+    let inner = ModelInner { prepared: on.prepared.clone(), segmented, laid };
     Ok(Model {
         segments: inner.segments(),
         labels: Some(inner.labels(query.mesh.faces.len())),
@@ -54,7 +55,7 @@ fn whole(model: &Model, inner: &ModelInner, what: &str) -> Result<Model, EngineE
         let detail = format!("expected {what} to be a disc, annulus, sphere or torus when it is whole, found: {e}");
         EngineError::refused(Refusal::Unlike, detail)
     })?;
-    let inner = ModelInner { prepared: inner.prepared.clone(), segmented };
+    let inner = ModelInner { prepared: inner.prepared.clone(), segmented, laid: None };
     Ok(Model { segments: inner.segments(), labels: None, inner: Opaque::new(inner), ..model.clone() })
 }
 
