@@ -10,8 +10,8 @@ pub mod path;
 pub mod settle;
 
 use super::net::Net;
-use super::resolve::deviations_deg;
 use super::smooth::Target;
+use super::square::deviation_deg;
 use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
 use lines::{Corner, Line, Lines, Place};
@@ -48,9 +48,10 @@ pub struct Snapped {
     pub met: f64,
 }
 
-/// Snaps a net to the sharp lines of its input; vertices for which `stays` holds don't move.
-pub fn snap(net: &mut Net, surface: &TriMesh, target: &Target, stays: &dyn Fn(u32) -> bool) -> Snapped {
-    let found = Lines::of(surface, net);
+/// Snaps a net to the sharp lines of its input, whose sharp edges are given by a halfedge of each; vertices for which `stays`
+/// holds don't move.
+pub fn snap(net: &mut Net, surface: &TriMesh, sharp: &[u32], target: &Target, stays: &dyn Fn(u32) -> bool) -> Snapped {
+    let found = Lines::of(surface, sharp, net);
     let mut snapper = Snapper::new(net, surface, target, stays);
     if found.lines.is_empty() || found.lines.len() > LINES_MAX {
         return snapper.snapped;
@@ -186,27 +187,37 @@ impl<'a> Snapper<'a> {
 
     /// Lays a path and lets what is around follow; undoes it where faces turn over or become much worse.
     fn tried(&mut self, met: Met) -> bool {
-        let old = self.net.positions.clone();
         let allowed = met.path.len() / TURNED_EVERY;
         let at = met.path.clone();
         let mut met = vec![met];
-        let moved = self.settled(&mut met, &at, ROUNDS);
-        let faces = self.faces(&moved);
-        let after = self.quality(&faces);
-        let new = std::mem::replace(&mut self.net.positions, old);
-        let before = self.quality(&faces);
-        let worse = after.deviation_deg - before.deviation_deg;
-        let is_good = after.turned <= before.turned + allowed && worse <= WORSE_DEG;
+        let is_good = self.settled_if(&mut met, &at, ROUNDS, |before, after| {
+            after.turned <= before.turned + allowed && after.deviation_deg - before.deviation_deg <= WORSE_DEG
+        });
         if is_good {
-            self.net.positions = new;
             self.met.extend(met);
         }
         is_good
     }
 
-    fn settled(&mut self, met: &mut [Met], at: &[u32], rounds: usize) -> Vec<u32> {
+    /// Lets lines and what is around come to rest if the quality before and after says that this is good; whether it is.
+    fn settled_if(
+        &mut self,
+        met: &mut [Met],
+        at: &[u32],
+        rounds: usize,
+        is_good: impl Fn(Quality, Quality) -> bool,
+    ) -> bool {
+        let old = self.net.positions.clone();
         let (stays, on_line) = (&self.stays, &self.snapped.on_line);
-        settle(self.net, met, at, &|v| stays[v as usize] || on_line[v as usize], self.target, rounds)
+        let moved = settle(self.net, met, at, &|v| stays[v as usize] || on_line[v as usize], self.target, rounds);
+        let faces = self.faces(&moved);
+        let after = self.quality(&faces);
+        let new = std::mem::replace(&mut self.net.positions, old);
+        let is_good = is_good(self.quality(&faces), after);
+        if is_good {
+            self.net.positions = new;
+        }
+        is_good
     }
 
     fn faces(&self, vertices: &[u32]) -> Vec<u32> {
@@ -223,14 +234,14 @@ impl<'a> Snapper<'a> {
             let p = [a, b, c, d].map(|v| self.net.positions[v as usize]);
             let normal = (p[2] - p[0]).cross(&(p[3] - p[1]));
             let t = self.target.triangle(p.iter().sum::<Vec3>() / 4.0);
-            let below = self.surface.triangles.get(t as usize).map(|t| t.map(|v| self.surface.positions[v as usize]));
-            let outward = below.map_or(normal, |[x, y, z]| (y - x).cross(&(z - x)));
+            let is_there = (t as usize) < self.surface.triangles.len();
+            let outward = if is_there { self.surface.area_vector(t as usize) } else { normal };
             let is_concave = (0..4).any(|k| {
                 let (e, g) = (p[(k + 1) % 4] - p[k], p[(k + 3) % 4] - p[k]);
                 e.cross(&g).dot(&normal) < -CONCAVE * e.norm() * g.norm() * normal.norm()
             });
             quality.turned += usize::from(is_concave || normal.dot(&outward) < 0.0);
-            quality.deviation_deg += deviations_deg(p).into_iter().map(|d| d.unwrap_or(90.0)).sum::<f64>() / 4.0;
+            quality.deviation_deg += deviation_deg(p);
         }
         quality.deviation_deg /= faces.len().max(1) as f64;
         quality
@@ -238,17 +249,11 @@ impl<'a> Snapper<'a> {
 
     /// All lines come to rest together, if that is no worse.
     fn finish(mut self) -> Snapped {
-        let old = self.net.positions.clone();
         let on: Vec<u32> = (0..).zip(&self.snapped.on_line).filter(|(_, on)| **on).map(|(v, _)| v).collect();
         let mut met = std::mem::take(&mut self.met);
-        let moved = self.settled(&mut met, &on, LAST_ROUNDS);
-        let faces = self.faces(&moved);
-        let after = self.quality(&faces);
-        let new = std::mem::replace(&mut self.net.positions, old);
-        let before = self.quality(&faces);
-        if after.turned <= before.turned && after.deviation_deg <= before.deviation_deg {
-            self.net.positions = new;
-        }
+        self.settled_if(&mut met, &on, LAST_ROUNDS, |before, after| {
+            after.turned <= before.turned && after.deviation_deg <= before.deviation_deg
+        });
         self.snapped
     }
 }
@@ -257,6 +262,7 @@ impl<'a> Snapper<'a> {
 mod tests {
     use super::*;
     use crate::compose::check::{Shape, check};
+    use crate::map::snap::lines::sharp_edges;
     use std::collections::BTreeMap;
 
     /// The cube of side 2 as twelve triangles.
@@ -305,7 +311,7 @@ mod tests {
         let surface = cube();
         let target = Target::new(&surface);
         let mut net = turned(12, 4.0, &target);
-        let snapped = snap(&mut net, &surface, &target, &|_| false);
+        let snapped = snap(&mut net, &surface, &sharp_edges(&surface, &[]), &target, &|_| false);
         assert!((snapped.length - 24.0).abs() < 1e-9 && (snapped.met - 24.0).abs() < 1e-9, "{snapped:?}");
         let on: Vec<&Vec3> =
             net.positions.iter().zip(&snapped.on_line).filter(|(_, on)| **on).map(|(p, _)| p).collect();
@@ -327,7 +333,7 @@ mod tests {
         let target = Target::new(&surface);
         let mut net = turned(12, 4.0, &target);
         let before = net.positions.clone();
-        let snapped = snap(&mut net, &surface, &target, &|v| before[v as usize].x > 0.5);
+        let snapped = snap(&mut net, &surface, &sharp_edges(&surface, &[]), &target, &|v| before[v as usize].x > 0.5);
         assert!(snapped.met > 8.0 && snapped.met < 20.0, "{snapped:?}");
         let held = (0..before.len()).filter(|&v| before[v].x > 0.5);
         assert!(held.into_iter().all(|v| net.positions[v] == before[v] && !snapped.on_line[v]));
@@ -347,7 +353,7 @@ mod tests {
             let mut net = lattice(10);
             unit(&mut net);
             let before = net.positions.clone();
-            let snapped = snap(&mut net, &surface, &Target::new(&surface), &|_| false);
+            let snapped = snap(&mut net, &surface, &sharp_edges(&surface, &[]), &Target::new(&surface), &|_| false);
             assert_eq!((snapped.length, snapped.on_line.contains(&true)), (0.0, false), "{noise}");
             assert_eq!(net.positions, before);
         }

@@ -4,8 +4,9 @@
 //! h_s < 0.3h₀ that is much finer than the others gives way to a regular layout, as else its neighbours would be
 //! subdivided to meet it; parts are subdivided while together they miss their segments, each of which that helps; then
 //! those with h_s > 3h₀, as long as the whole stays within bounds; at last those with far fewer edges on a seam than
-//! the part beyond it, if that costs few quads. What misses its segment by far, and is not helped, gives way. Parts are judged with their faces on
-//! both sides of the surface ([`straddle`]), as the result will have them. *Ours, not the paper's.*
+//! the part beyond it, if that costs few quads. What misses its segment by far, and is not helped, gives way. Parts are
+//! judged with their faces on both sides of the surface ([`straddle`]), as the result will have them.
+//! *Ours, not the paper's.*
 
 use super::fit::Measured;
 use super::layout::Arc;

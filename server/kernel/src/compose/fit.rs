@@ -3,6 +3,7 @@
 //! Means over points spread evenly by area on one of them, of the distance to the nearest point of the other. A protrusion
 //! that was cut short shows in the second only. *Ours, not the paper's.*
 
+use super::net::Fans;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::TriMesh;
 use crate::mesh::{PolyMesh, Vec3};
@@ -48,9 +49,7 @@ impl Measured {
 
     /// How a mesh of polygons fits it.
     pub fn fit(&self, mesh: &PolyMesh) -> Fit {
-        let fans = mesh.faces.iter().flat_map(|c| (2..c.len()).map(move |k| [c[0], c[k - 1], c[k]]));
-        let triangles = TriMesh { positions: mesh.positions.clone(), triangles: fans.collect(), ..TriMesh::default() };
-        let other = Self::new(&triangles);
+        let other = Self::new(&Fans::of(&mesh.positions, (0..).zip(mesh.faces.iter())).mesh);
         Fit { out: mean(&other.points, &self.bvh), back: mean(&self.points, &other.bvh) }
     }
 }

@@ -12,7 +12,7 @@ use super::stitching::{MISS_MAX, Stitching};
 use super::straddle::{Held, straddle};
 use super::subdivide::subdivide;
 use super::{Closeness, Report};
-use crate::mesh::PolyMesh;
+use crate::mesh::{PolyMesh, Vec3};
 
 /// Most quads that the whole is subdivided to, and times at most.
 const WHOLE_QUADS_MAX: usize = 48_000;
@@ -124,12 +124,10 @@ impl Stitching<'_> {
     /// With edges on the input's sharp lines, and which vertices lie there; `None` where there are none.
     fn creased(&self, mesh: &PolyMesh, kept: &[bool]) -> Option<(Net, Vec<bool>)> {
         let mut net = Net::from_mesh(mesh);
-        let stays: Vec<bool> = match kept.contains(&true) {
-            true => mesh.positions.iter().map(|&p| kept.get(self.segment_at(p)) == Some(&true)).collect(),
-            false => Vec::new(),
-        };
-        let stays = |v: u32| stays.get(v as usize) == Some(&true);
-        let snapped = crease::snap(&mut net, self.surface(), &self.target, &stays);
+        let is_kept = |p: Vec3| self.segment_at(p).and_then(|s| kept.get(s)) == Some(&true);
+        let stays: Vec<bool> = mesh.positions.iter().map(|&p| kept.contains(&true) && is_kept(p)).collect();
+        let stays = |v: u32| stays[v as usize];
+        let snapped = crease::snap(&mut net, self.surface(), self.sharp_edges(), &self.target, &stays);
         if snapped.met <= 0.0 {
             return None;
         }

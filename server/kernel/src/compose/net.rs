@@ -4,6 +4,7 @@
 //! Two faces are neighbours when one runs a → b where the other runs b → a. *Source:* paper §6 (the structure).
 //! *Ours, not the paper's:* polygons are kept whole, instead of triangles with phantom edges between them.
 
+use crate::mesh::tri::TriMesh;
 use crate::mesh::{PolyMesh, Vec3};
 
 /// A polygon mesh under change. Removed faces have no corners and keep their number.
@@ -24,6 +25,23 @@ pub enum Step {
     Face(u32),
     /// The outside, where the vertex lies on a boundary.
     Gap,
+}
+
+/// Polygons cut into triangles, each a fan from its first corner; no twins.
+#[derive(Clone, Debug, Default)]
+pub struct Fans {
+    /// The triangles.
+    pub mesh: TriMesh,
+    /// The face of each.
+    pub face: Vec<u32>,
+}
+
+impl Fans {
+    /// Of faces with their numbers.
+    pub fn of<'a>(positions: &[Vec3], faces: impl Iterator<Item = (u32, &'a [u32])>) -> Self {
+        let (triangles, face) = faces.flat_map(|(f, c)| (2..c.len()).map(move |k| ([c[0], c[k - 1], c[k]], f))).unzip();
+        Self { mesh: TriMesh { positions: positions.to_vec(), triangles, ..TriMesh::default() }, face }
+    }
 }
 
 impl Net {
@@ -54,6 +72,11 @@ impl Net {
     /// The faces that are there, with their numbers.
     pub fn faces(&self) -> impl Iterator<Item = (u32, &[u32])> {
         self.faces.iter().enumerate().filter(|(_, c)| !c.is_empty()).map(|(f, c)| (f as u32, c.as_slice()))
+    }
+
+    /// The faces cut into triangles.
+    pub fn fans(&self) -> Fans {
+        Fans::of(&self.positions, self.faces())
     }
 
     /// The faces at a vertex, in no order.
@@ -155,6 +178,20 @@ impl Net {
         all
     }
 
+    /// The vertices given, then ring by ring those that up to `reach` edges join to them, each ring sorted.
+    pub fn rings(&self, from: &[u32], reach: usize) -> Vec<Vec<u32>> {
+        let mut seen = vec![false; self.positions.len()];
+        from.iter().for_each(|&v| seen[v as usize] = true);
+        let mut rings = vec![from.to_vec()];
+        for k in 0..reach {
+            let mut next: Vec<u32> = rings[k].iter().flat_map(|&v| self.neighbours(v)).collect();
+            next.retain(|&v| !std::mem::replace(&mut seen[v as usize], true));
+            next.sort_unstable();
+            rings.push(next);
+        }
+        rings
+    }
+
     /// Whether a vertex lies on a boundary: one of its edges has a face on one side only.
     pub fn on_boundary(&self, v: u32) -> bool {
         self.at(v).iter().filter_map(|&f| self.beside(f, v)).any(|[prev, next]| {
@@ -242,6 +279,12 @@ pub(crate) mod tests {
         assert_eq!([1, 2, 3].map(|j| edges[(k + j) % 4]), [7, 3, 1]);
         let corner = net.fan(0).expect("manifold");
         assert_eq!(corner, [Step::Edge(1), Step::Face(0), Step::Edge(3), Step::Gap]);
+    }
+
+    #[test]
+    fn rings_go_out_edge_by_edge_and_end_where_the_net_does() {
+        assert_eq!(sheet(2, 2).rings(&[0], 3), [vec![0], vec![1, 3], vec![2, 4, 6], vec![5, 7]]);
+        assert_eq!(sheet(1, 1).rings(&[3, 0], 2), [vec![3, 0], vec![1, 2], vec![]]);
     }
 
     #[test]

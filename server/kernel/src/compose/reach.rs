@@ -10,7 +10,6 @@ use super::net::Net;
 use super::smooth::Target;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
-use crate::mesh::tri::TriMesh;
 
 /// Rounds of drawing, and rounds in which the others follow after each.
 const ROUNDS: usize = 12;
@@ -43,18 +42,12 @@ pub fn draw_out(net: &mut Net, points: &[Vec3], target: &Target, allowed: f64) -
 
 /// The vertices that are asked for, each with the farthest point that asks; the farthest first.
 fn farthest_asked(net: &Net, points: &[Vec3], allowed: f64) -> Vec<(u32, Vec3)> {
-    let (mut triangles, mut face_of) = (Vec::new(), Vec::new());
-    for (f, c) in net.faces() {
-        for k in 2..c.len() {
-            triangles.push([c[0], c[k - 1], c[k]]);
-            face_of.push(f);
-        }
-    }
-    let bvh = Bvh::new(&TriMesh { positions: net.positions.clone(), triangles, ..TriMesh::default() });
+    let fans = net.fans();
+    let bvh = Bvh::new(&fans.mesh);
     let mut asked: Vec<(f64, u32, Vec3)> = Vec::new();
     for &x in points {
         let nearest = bvh.closest(x);
-        let Some(&face) = face_of.get(nearest.triangle as usize).filter(|_| nearest.distance > allowed) else {
+        let Some(&face) = fans.face.get(nearest.triangle as usize).filter(|_| nearest.distance > allowed) else {
             continue;
         };
         let apart = |v: u32| (net.positions[v as usize] - x).norm_squared();
@@ -71,15 +64,7 @@ fn farthest_asked(net: &Net, points: &[Vec3], allowed: f64) -> Vec<(u32, Vec3)> 
 
 /// The vertices around those that moved follow them, but for those that are held and the boundary.
 fn follow(net: &mut Net, moved: &[u32], held: &[bool], target: &Target) {
-    let mut around: Vec<u32> = moved.to_vec();
-    let mut front = around.clone();
-    for _ in 0..REACH {
-        front = front.iter().flat_map(|&v| net.neighbours(v)).collect();
-        front.sort_unstable();
-        front.dedup();
-        front.retain(|v| !around.contains(v));
-        around.extend(&front);
-    }
+    let mut around: Vec<u32> = net.rings(moved, REACH).concat();
     around.retain(|&v| !held[v as usize] && !net.on_boundary(v));
     let beside: Vec<Vec<u32>> = around.iter().map(|&v| net.neighbours(v)).collect();
     for _ in 0..FOLLOWING {

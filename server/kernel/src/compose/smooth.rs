@@ -12,7 +12,7 @@ use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::{NONE, TriMesh};
 
 /// Edges away from what was touched at which smoothing ends.
-const REACH: u32 = 5;
+const REACH: usize = 5;
 /// Weight with which the inside of a regular layout is smoothed.
 const INSIDE_WEIGHT: f64 = 0.5;
 /// Rounds in which new faces get their room, whatever smoothing is asked for.
@@ -71,23 +71,12 @@ pub struct Plan {
 impl Plan {
     /// Smooths around `touched`.
     pub fn new(net: &Net, touched: &[u32]) -> Self {
-        let mut depth = vec![u32::MAX; net.positions.len()];
-        let mut front: Vec<u32> = touched.to_vec();
-        front.sort_unstable();
-        front.dedup();
-        front.retain(|&v| !net.at(v).is_empty());
-        front.iter().for_each(|&v| depth[v as usize] = 0);
-        let mut moving = Vec::new();
-        for d in 0..REACH {
-            let weight = 1.0 - f64::from(d) / f64::from(REACH);
-            moving.extend(front.iter().map(|&v| (v, weight)));
-            let mut next: Vec<u32> = front.iter().flat_map(|&v| net.neighbours(v)).collect();
-            next.retain(|&v| depth[v as usize] == u32::MAX);
-            next.sort_unstable();
-            next.dedup();
-            next.iter().for_each(|&v| depth[v as usize] = d + 1);
-            front = next;
-        }
+        let mut from: Vec<u32> = touched.iter().copied().filter(|&v| !net.at(v).is_empty()).collect();
+        from.sort_unstable();
+        from.dedup();
+        let weight = |d: usize| 1.0 - d as f64 / REACH as f64;
+        let rings = net.rings(&from, REACH - 1).into_iter().enumerate();
+        let moving = rings.flat_map(|(d, ring)| ring.into_iter().map(move |v| (v, weight(d)))).collect();
         let mut plan = Self { moving, follows: Vec::new(), on_border: Vec::new() };
         for &(v, _) in &plan.moving {
             let fan = net.fan(v).unwrap_or_default();

@@ -23,7 +23,7 @@ const MOMENTUM: f64 = 0.8;
 const ROUNDS_PER_WEIGHT: u32 = 8;
 
 /// Mean deviation of a quad's angles from 90°, in degrees; an angle at an edge without length counts 90.
-fn deviation_deg(p: [Vec3; 4]) -> f64 {
+pub fn deviation_deg(p: [Vec3; 4]) -> f64 {
     deviations_deg(p).into_iter().map(|d| d.unwrap_or(90.0)).sum::<f64>() / 4.0
 }
 

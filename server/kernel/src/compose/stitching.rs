@@ -14,8 +14,10 @@ use super::smooth::{OPENING_ROUNDS, Plan, Target};
 use super::subdivide::subdivide;
 use super::tidy::Tidy;
 use super::{Input, Options, Piece, REGULAR_QUADS, Report, Way};
+use crate::map::snap::lines::sharp_edges;
 use crate::mesh::tri::TriMesh;
 use crate::mesh::{PolyMesh, Vec3};
+use std::sync::OnceLock;
 
 /// Mean distance from which on a part or a result is subdivided, as a share of the diagonal of the input.
 pub(super) const MISS_MAX: f64 = 0.0019;
@@ -50,6 +52,7 @@ pub(super) struct Stitching<'a> {
     pub(super) target: Target,
     pub(super) measured: Measured,
     pub(super) scale: Scale,
+    sharp: OnceLock<Vec<u32>>,
 }
 
 impl<'a> Stitching<'a> {
@@ -60,6 +63,7 @@ impl<'a> Stitching<'a> {
             shape: Shape::of(input.surface),
             target: Target::new(input.surface),
             measured: Measured::new(input.surface),
+            sharp: OnceLock::new(),
             scale,
             input,
             options,
@@ -291,17 +295,21 @@ impl<'a> Stitching<'a> {
         (mesh, holds)
     }
 
-    /// The segment nearest to a point; `usize::MAX` where there is none.
-    pub(super) fn segment_at(&self, p: Vec3) -> usize {
-        self.input.owner.get(self.target.triangle(p) as usize).map_or(usize::MAX, |&s| s as usize)
+    /// The input's sharp edges, a halfedge of each.
+    pub(super) fn sharp_edges(&self) -> &[u32] {
+        self.sharp.get_or_init(|| sharp_edges(self.surface(), &[]))
+    }
+
+    /// The segment nearest to a point.
+    pub(super) fn segment_at(&self, p: Vec3) -> Option<usize> {
+        self.input.owner.get(self.target.triangle(p) as usize).map(|&s| s as usize)
     }
 
     /// The segments on which faces without area lie.
     fn segments_of_flat_faces(&self, mesh: &PolyMesh) -> Vec<usize> {
         let flat = check::flat_faces(mesh).into_iter().map(|f| mesh.faces.face(f));
         let middle = |c: &[u32]| c.iter().map(|&v| mesh.positions[v as usize]).sum::<Vec3>() / c.len().max(1) as f64;
-        let segment = |c: &[u32]| self.input.owner.get(self.target.triangle(middle(c)) as usize).map(|&s| s as usize);
-        let mut segments: Vec<usize> = flat.filter_map(segment).collect();
+        let mut segments: Vec<usize> = flat.filter_map(|c| self.segment_at(middle(c))).collect();
         segments.sort_unstable();
         segments.dedup();
         segments

@@ -14,7 +14,6 @@ use super::net::Net;
 use super::smooth::Target;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
-use crate::mesh::tri::TriMesh;
 
 /// Rounds.
 const ROUNDS: u32 = 8;
@@ -94,25 +93,17 @@ fn bilinear(s: f64, t: f64) -> Vec<f64> {
 
 /// Points of the surface look for the net.
 fn by_points(net: &Net, points: &[Vec3], asked: &mut [Asked]) {
-    let (mut triangles, mut areas) = (Vec::new(), Vec::new());
-    for (_, c) in net.faces() {
-        let area = area_vector(net, c).norm();
-        for k in 2..c.len() {
-            triangles.push([c[0], c[k - 1], c[k]]);
-            areas.push(area);
-        }
-    }
-    let whole: f64 = triangles.iter().map(|t| area_vector(net, t).norm()).sum();
-    let share = whole / points.len().max(1) as f64;
-    let fans = TriMesh { positions: net.positions.clone(), triangles, ..TriMesh::default() };
-    let bvh = Bvh::new(&fans);
+    let fans = net.fans();
+    let areas: Vec<f64> = fans.face.iter().map(|&f| area_vector(net, net.face(f)).norm()).collect();
+    let share = fans.mesh.total_area() / points.len().max(1) as f64;
+    let bvh = Bvh::new(&fans.mesh);
     for &x in points {
         let near = bvh.closest(x);
         let Some(&area) = areas.get(near.triangle as usize) else { continue };
         if near.distance * near.distance > BELIEVED * BELIEVED * area {
             continue;
         }
-        let corners = fans.triangles[near.triangle as usize];
+        let corners = fans.mesh.triangles[near.triangle as usize];
         corners.iter().zip(near.barycentric).for_each(|(&v, w)| ask(asked, v, x - near.point, share * w));
     }
 }
@@ -139,6 +130,7 @@ mod tests {
     use super::*;
     use crate::compose::fit::Measured;
     use crate::compose::net::tests::sheet;
+    use crate::mesh::tri::TriMesh;
     use crate::topology::tests::grid;
 
     /// A piece of a sphere over a square, and a coarse net with its vertices on it.

@@ -6,7 +6,8 @@
 //! neighbours' vertices do, so that nothing has to be stitched there. *Disc:* the innermost ring of n columns is closed by
 //! a cap of a × b quads, 2(a + b) = n, with a vertex at the pole: four vertices of three edges, and no pole with n edges.
 //! *Sphere:* such a cap at each pole. *Torus:* n columns and n·m rows, m the modulus. Where it has better angles, a disc or
-//! an annulus becomes a rectangle instead ([`rectangle`]). Whatever is laid comes to rest in quads of like size ([`even`]). *Ours, not the paper's.*
+//! an annulus becomes a rectangle instead ([`rectangle`]). Whatever is laid comes to rest in quads of like size ([`even`]).
+//! *Ours, not the paper's.*
 
 pub mod border;
 pub mod even;
@@ -24,7 +25,7 @@ use crate::topology::Topology;
 use crate::unfold::Chart;
 use even::even_out;
 use levels::Levels;
-use rectangle::{Harmonics, Laid, badness};
+use rectangle::{Harmonics, badness};
 use rings::{Ring, counts, rings_min, strip};
 
 /// Fewest columns of a ring that nothing prescribes, and of one that carries a cap.
@@ -43,6 +44,7 @@ const EVENING: f64 = 0.5;
 const ROUNDS: u32 = 12;
 /// Degrees that an extraordinary vertex counts for, where rings and a rectangle are compared.
 const EXTRAORDINARY_DEG: f64 = 0.03;
+
 /// What a layout is made on.
 #[derive(Clone, Copy, Debug)]
 pub struct Ground<'a> {
@@ -88,12 +90,11 @@ pub fn regular(ground: Ground<'_>, edge: f64, ends: Ends) -> Regular {
     }
     let oblong = rectangle(ground, &ends);
     let rings = Builder::new(ground, edge, ends).run();
-    let even = |mut net: Net| {
-        even_out(&mut net, ground.chart, ground.target);
-        net
+    let even = |mut laid: Regular| {
+        even_out(&mut laid.net, ground.chart, ground.target);
+        laid
     };
-    let rings = Regular { net: even(rings.net), ends: rings.ends };
-    let oblong = oblong.map(|laid| Regular { net: even(laid.net), ends: laid.ends });
+    let (rings, oblong) = (even(rings), oblong.map(even));
     let cost = |laid: &Regular| {
         let extraordinary = extraordinary(&laid.net.clone().into_mesh().0);
         badness(&laid.net, area, Some(edge)) + EXTRAORDINARY_DEG * extraordinary as f64
@@ -105,7 +106,7 @@ pub fn regular(ground: Ground<'_>, edge: f64, ends: Ends) -> Regular {
 }
 
 /// A disc as a rectangle, an annulus as one with a hole, if the surface is prepared for that and all ends are given.
-fn rectangle(ground: Ground<'_>, ends: &Ends) -> Option<Laid> {
+fn rectangle(ground: Ground<'_>, ends: &Ends) -> Option<Regular> {
     let harmonics = ground.harmonics?;
     let columns: Vec<Vec<f64>> = ends.iter().flatten().cloned().collect();
     let at = |v: f64| move |&u: &f64| place(ground, u, v);

@@ -262,10 +262,9 @@ fn axes(normal: Vec3) -> [Vec3; 2] {
 
 fn vertex_normals(mesh: &TriMesh) -> Vec<Vec3> {
     let mut normals = vec![Vec3::zeros(); mesh.positions.len()];
-    for t in &mesh.triangles {
-        let [a, b, c] = t.map(|v| mesh.positions[v as usize]);
-        let n = (b - a).cross(&(c - a));
-        t.iter().for_each(|&v| normals[v as usize] += n);
+    for (t, corners) in mesh.triangles.iter().enumerate() {
+        let n = mesh.area_vector(t);
+        corners.iter().for_each(|&v| normals[v as usize] += n);
     }
     normals.into_iter().map(|n| n.try_normalize(0.0).unwrap_or_else(Vec3::z)).collect()
 }

@@ -142,8 +142,7 @@ pub fn inward(mesh: &TriMesh, cross: &CrossMap, input: &Chart, mirror: f64) -> V
 
 /// Normal of the input's triangle at a place.
 pub fn normal_at(input: &Chart, place: Location) -> Vec3 {
-    let [a, b, c] = input.mesh.triangles[place.triangle as usize].map(|v| input.mesh.positions[v as usize]);
-    (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vec3::zeros)
+    input.mesh.area_vector(place.triangle as usize).try_normalize(0.0).unwrap_or_else(Vec3::zeros)
 }
 
 /// Neighbours along edges of polygons (phantom edges left out).

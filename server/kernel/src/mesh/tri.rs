@@ -122,10 +122,15 @@ impl TriMesh {
         self.positions[self.tail(h) as usize].lerp(&self.positions[self.head(h) as usize], share)
     }
 
+    /// Normal of triangle `t`, as long as its area.
+    pub fn area_vector(&self, t: usize) -> Vec3 {
+        let [a, b, c] = self.triangles[t].map(|v| self.positions[v as usize]);
+        0.5 * (b - a).cross(&(c - a))
+    }
+
     /// Area of triangle `t`.
     pub fn area(&self, t: usize) -> f64 {
-        let [a, b, c] = self.triangles[t].map(|v| self.positions[v as usize]);
-        0.5 * (b - a).cross(&(c - a)).norm()
+        self.area_vector(t).norm()
     }
 
     /// Area of the whole surface, summed in triangle order.

@@ -12,14 +12,7 @@ use crate::mesh::tri::{NONE, TriMesh};
 
 /// H of a mesh; of one without area 0.
 pub fn bending(mesh: &TriMesh) -> f64 {
-    let normals: Vec<_> = mesh
-        .triangles
-        .iter()
-        .map(|t| {
-            let [a, b, c] = t.map(|v| mesh.positions[v as usize]);
-            (b - a).cross(&(c - a))
-        })
-        .collect();
+    let normals: Vec<_> = (0..mesh.triangles.len()).map(|t| mesh.area_vector(t)).collect();
     let mut sum = 0.0;
     for h in 0..mesh.twins.len() as u32 {
         let twin = mesh.twin(h);

@@ -206,9 +206,8 @@ impl<'a> Surroundings<'a> {
         let Some(&(first, _)) = candidates.first() else { return Vec::new() };
         let origin = mesh.positions[centre as usize];
         let mut normal = Vec3::zeros();
-        for t in mesh.triangles.iter().filter(|t| t.contains(&centre)) {
-            let [a, b, c] = t.map(|v| mesh.positions[v as usize]);
-            normal += (b - a).cross(&(c - a));
+        for t in (0..mesh.triangles.len()).filter(|&t| mesh.triangles[t].contains(&centre)) {
+            normal += mesh.area_vector(t);
         }
         let x = (mesh.positions[first as usize] - origin).normalize();
         let y = normal.cross(&x).normalize();

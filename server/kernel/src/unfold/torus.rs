@@ -179,10 +179,9 @@ fn points(mesh: &TriMesh, cycle: &[u32]) -> Vec<Vec3> {
 /// A dual loop just outside the surface: above the middle of each edge it crosses and of each triangle between.
 fn pushed(mesh: &TriMesh, crossed: &[u32]) -> Vec<Vec3> {
     let outward = |t: u32| {
-        let [a, b, c] = mesh.triangles[t as usize].map(|v| mesh.positions[v as usize]);
-        let cross = (b - a).cross(&(c - a));
-        let size = cross.norm();
-        if size > 0.0 { (cross / size, OUTWARD * (0.5 * size).sqrt()) } else { (Vec3::zeros(), 0.0) }
+        let normal = mesh.area_vector(t as usize);
+        let area = normal.norm();
+        if area > 0.0 { (normal / area, OUTWARD * area.sqrt()) } else { (Vec3::zeros(), 0.0) }
     };
     let mut loop_points = Vec::with_capacity(2 * crossed.len());
     for &h in crossed {

@@ -1,18 +1,18 @@
 //! The sharp lines of an input that are long enough against a net's edges for it to have a chain of edges on them.
 //!
-//! Sharp edges ([`sharp_edges`]) are joined to chains between the vertices where another number than two of them meet. With
-//! h the net's edge length beside a chain: loose ends shorter than [`LOOSE_MIN`]·h, chains that wind
-//! ([`WINDING_MAX`]) and chains that run beside a longer one ([`BESIDE`]·h) are none, so that noise and rounded edges
-//! make no lines; what is left is joined anew. A chain is cut where it turns by [`CORNER_DEG`] over ±h.
-//! *Ours, not the paper's.*
+//! Sharp edges ([`sharp_edges`](crate::map::snap::lines::sharp_edges)) are joined to chains between the vertices where
+//! another number than two of them meet. With h the net's edge length beside a chain: loose ends shorter than
+//! [`LOOSE_MIN`]·h, chains that wind ([`WINDING_MAX`]) and chains that run beside a longer one ([`BESIDE`]·h) are none,
+//! so that noise and rounded edges make no lines; what is left is joined anew. A chain is cut where it turns by
+//! [`CORNER_DEG`] over ±h. *Ours, not the paper's.*
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::super::net::Net;
-use crate::map::snap::lines::{bend, sharp_edges};
+use crate::map::snap::lines::bend;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
-use crate::mesh::tri::TriMesh;
+use crate::mesh::tri::{TriMesh, nearest_share};
 
 /// Least length of a chain with a loose end, of one between two corners, of one with two loose ends or none, in h.
 const LOOSE_MIN: f64 = 10.0;
@@ -104,7 +104,7 @@ impl Line {
         let mut best = Near { at: 0.0, distance: f64::INFINITY };
         for (pair, start) in self.points.windows(2).zip(&self.starts) {
             let d = pair[1] - pair[0];
-            let share = ((x - pair[0]).dot(&d) / d.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+            let share = nearest_share([pair[0], pair[1]], x);
             let distance = (pair[0] + d * share - x).norm();
             if distance < best.distance {
                 best = Near { at: start + share * d.norm(), distance };
@@ -151,10 +151,9 @@ pub struct Lines {
 type Chain = Vec<u32>;
 
 impl Lines {
-    /// Those of a surface for a net on it.
-    pub fn of(surface: &TriMesh, net: &Net) -> Self {
-        let mut sharp: BTreeSet<[u32; 2]> =
-            sharp_edges(surface, &[]).iter().map(|&h| ordered(surface.tail(h), surface.head(h))).collect();
+    /// Those of a surface for a net on it; `sharp` are its sharp edges, a halfedge of each.
+    pub fn of(surface: &TriMesh, sharp: &[u32], net: &Net) -> Self {
+        let mut sharp: BTreeSet<[u32; 2]> = sharp.iter().map(|&h| ordered(surface.tail(h), surface.head(h))).collect();
         if sharp.is_empty() {
             return Self::default();
         }
@@ -346,16 +345,11 @@ struct SizeAt {
 
 impl Size {
     fn new(net: &Net) -> Self {
-        let (mut triangles, mut edges) = (Vec::new(), Vec::new());
-        for (_, c) in net.faces() {
-            let p = |v: u32| net.positions[v as usize];
-            let fans: Vec<[u32; 3]> = (2..c.len()).map(|k| [c[0], c[k - 1], c[k]]).collect();
-            let area: f64 = fans.iter().map(|t| 0.5 * (p(t[1]) - p(t[0])).cross(&(p(t[2]) - p(t[0]))).norm()).sum();
-            edges.extend(std::iter::repeat_n(area.sqrt(), fans.len()));
-            triangles.extend(fans);
-        }
-        let fans = TriMesh { positions: net.positions.clone(), triangles, ..TriMesh::default() };
-        Self { bvh: Bvh::new(&fans), edges }
+        let fans = net.fans();
+        let mut areas = vec![0.0; net.face_slots()];
+        (0..).zip(&fans.face).for_each(|(t, &f)| areas[f as usize] += fans.mesh.area(t));
+        let edges = fans.face.iter().map(|&f| f64::sqrt(areas[f as usize])).collect();
+        Self { bvh: Bvh::new(&fans.mesh), edges }
     }
 
     fn at(&self, x: Vec3) -> SizeAt {

@@ -6,8 +6,6 @@
 //! with each edge of distance: for e = 0 the layout is only bent, for e = 1 it is smoothed, and shrinks.
 //! *Ours, not the paper's.*
 
-use std::collections::BTreeMap;
-
 use super::super::net::Net;
 use super::super::smooth::Target;
 use super::lines::Line;
@@ -92,16 +90,9 @@ impl Met {
 
 /// Vertices around some, with the weight by which they follow; without those that stay and those on the boundary.
 fn around(net: &Net, from: &[u32], stays: &dyn Fn(u32) -> bool) -> Vec<(u32, f64, Vec<u32>)> {
-    let mut depth: BTreeMap<u32, usize> = from.iter().map(|&v| (v, 0)).collect();
-    let mut front: Vec<u32> = from.to_vec();
-    for d in 1..=REACH {
-        let mut next: Vec<u32> = front.iter().flat_map(|&v| net.neighbours(v)).collect();
-        next.sort_unstable();
-        next.dedup();
-        next.retain(|v| !depth.contains_key(v));
-        depth.extend(next.iter().map(|&v| (v, d)));
-        front = next;
-    }
+    let rings = net.rings(from, REACH).into_iter().enumerate();
+    let mut depth: Vec<(u32, usize)> = rings.flat_map(|(d, ring)| ring.into_iter().map(move |v| (v, d))).collect();
+    depth.sort_unstable();
     let weight = |d: usize| STEP * (1.0 - d.saturating_sub(1) as f64 / REACH as f64);
     let follows = depth.into_iter().filter(|&(v, _)| !stays(v) && !net.on_boundary(v));
     follows.map(|(v, d)| (v, weight(d), net.neighbours(v))).collect()

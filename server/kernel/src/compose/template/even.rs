@@ -48,9 +48,8 @@ fn way(net: &Net, quads: &[[u32; 4]], chart: &Chart, target: &Target) -> f64 {
         .iter()
         .map(|q| {
             let p = q.map(|v| net.positions[v as usize]);
-            let [a, b, c] = chart.mesh.triangles[target.triangle(p.iter().sum::<Vec3>() / 4.0) as usize]
-                .map(|v| chart.mesh.positions[v as usize]);
-            let normal = (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vec3::zeros);
+            let below = target.triangle(p.iter().sum::<Vec3>() / 4.0) as usize;
+            let normal = chart.mesh.area_vector(below).try_normalize(0.0).unwrap_or_else(Vec3::zeros);
             (p[2] - p[0]).cross(&(p[3] - p[1])).dot(&normal)
         })
         .sum();

@@ -1,7 +1,8 @@
 //! A disc as a rectangle of quads, its four corners on the boundary; an annulus as a rectangle with a rectangular hole.
 //!
 //! x and y are harmonic on the surface, Δx = Δy = 0, and on the boundary what the vertices say that stand there: from corner
-//! to corner they have whole numbers along a side of [0, a] × [0, b], and what lies between two of them is spaced evenly. With weights that are not negative the map of a disc is one-to-one (Radó, Kneser, Choquet), and vertex (i, j) stands
+//! to corner they have whole numbers along a side of [0, a] × [0, b], and what lies between two of them is spaced evenly.
+//! With weights that are not negative the map of a disc is one-to-one (Radó, Kneser, Choquet), and vertex (i, j) stands
 //! where (x, y) = (i, j). There is no extraordinary vertex inside, and the layout follows an elongated segment, where rings
 //! about a pole or a hole are sheared. Which of the boundary's vertices become corners is tried out, one factorisation for
 //! all tries; the hole is put first where it falls when its boundary is free. *Ours, not the paper's.*
@@ -9,6 +10,7 @@
 use super::super::check::quad_area;
 use super::super::net::Net;
 use super::super::square::mean_deviation_deg;
+use super::Regular;
 use super::even::unevenness;
 use super::frame::{Corners, Frame, Hole, place};
 use crate::mesh::Vec3;
@@ -95,24 +97,13 @@ struct Ring {
     points: Vec<Vec3>,
 }
 
-/// A rectangle laid on a segment.
-#[derive(Clone, Debug)]
-pub struct Laid {
-    /// Its quads.
-    pub net: Net,
-    /// The vertices of each end, in the order of its columns.
-    pub ends: [Vec<u32>; 2],
-    /// Its mean deviation from right angles in degrees, and more for what it passes over and for uneven sizes.
-    pub badness: f64,
-}
-
 fn areas(net: &Net) -> impl Iterator<Item = f64> {
     let area = |c: &[u32]| <[u32; 4]>::try_from(c).map_or(0.0, |c| quad_area(c.map(|v| net.positions[v as usize])));
     net.faces().map(move |(_, c)| area(c))
 }
 
-/// How bad a layout of a surface of so much area is: see [`Laid::badness`]; sizes are compared with the edge that is wanted, or else
-/// with the mean.
+/// How bad a layout of a surface of so much area is: its mean deviation from right angles in degrees, and more for what it
+/// passes over and for uneven sizes, which are compared with the edge that is wanted, or else with the mean.
 pub fn badness(net: &Net, area: f64, edge: Option<f64>) -> f64 {
     let areas: Vec<f64> = areas(net).collect();
     let covered: f64 = areas.iter().sum();
@@ -178,7 +169,7 @@ impl Harmonics {
 
     /// The best layout whose boundary vertices stand at `columns` (for each end u, increasing over one period), which lie
     /// at `points`: an even number at each end, of an annulus those of one end fewer by 8 at least.
-    pub fn best(&self, chart: &Chart, columns: &[Vec<f64>], points: &[Vec<Vec3>]) -> Option<Laid> {
+    pub fn best(&self, chart: &Chart, columns: &[Vec<f64>], points: &[Vec<Vec3>]) -> Option<Regular> {
         let sound = |(c, p): (&Vec<f64>, &Vec<Vec3>)| c.len() >= 4 && c.len().is_multiple_of(2) && c.len() == p.len();
         if columns.len() != self.rims.len() || !columns.iter().zip(points).all(sound) {
             return None;
@@ -203,13 +194,13 @@ impl Harmonics {
         let outer_given = self.one_given.get(outer);
         let mut search = Search { harmonics: self, chart, rings, outer_given, seen: Vec::new(), best: None };
         search.run();
-        let (badness, net) = search.best?;
+        let (_, net) = search.best?;
         let ends = if outer == 1 {
             [(n..n + m).rev().collect(), (0..n).rev().collect()]
         } else {
             [(0..n).collect(), (n..n + m).collect()]
         };
-        Some(Laid { net, ends, badness })
+        Some(Regular { net, ends })
     }
 
     /// The harmonic function with given values on some boundaries, by their factor.

@@ -126,8 +126,7 @@ impl Ring {
         let turn = |(&h, &s): (&u32, &f64)| {
             let x = mesh.positions[mesh.tail(h) as usize];
             let (before, after) = (x - self.at(mesh, s - window), self.at(mesh, s + window) - x);
-            let [a, b, c] = mesh.triangles[h as usize / 3].map(|v| mesh.positions[v as usize]);
-            let side = (b - a).cross(&(c - a)).dot(&before.cross(&after));
+            let side = mesh.area_vector(h as usize / 3).dot(&before.cross(&after));
             super::lines::bend(before, after).copysign(side)
         };
         self.halfedges.iter().zip(&self.starts).map(turn).collect()

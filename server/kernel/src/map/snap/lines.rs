@@ -98,7 +98,7 @@ impl Lines {
 /// The edges at which a surface bends sharply, and those `given`, as the lower halfedge of each; on noise there are some
 /// too, in no row.
 pub fn sharp_edges(mesh: &TriMesh, given: &[[u32; 2]]) -> Vec<u32> {
-    let normals: Vec<Vec3> = (0..mesh.triangles.len()).map(|t| normal(mesh, t)).collect();
+    let normals: Vec<Vec3> = (0..mesh.triangles.len()).map(|t| mesh.area_vector(t)).collect();
     let given: BTreeSet<[u32; 2]> = given.iter().map(|&[a, b]| [a.min(b), a.max(b)]).collect();
     let is_given = |h: u32| {
         let (a, b) = (mesh.tail(h), mesh.head(h));
@@ -126,12 +126,6 @@ fn edge(mesh: &TriMesh, h: u32) -> Vec3 {
     mesh.positions[mesh.head(h) as usize] - mesh.positions[mesh.tail(h) as usize]
 }
 
-/// Unit normal of a triangle times its area.
-fn normal(mesh: &TriMesh, t: usize) -> Vec3 {
-    let [a, b, c] = mesh.triangles[t].map(|v| mesh.positions[v as usize]);
-    0.5 * (b - a).cross(&(c - a))
-}
-
 /// Angle between two directions, in degrees; 0 where one has no length.
 pub fn bend(a: Vec3, b: Vec3) -> f64 {
     a.cross(&b).norm().atan2(a.dot(&b)).to_degrees()
@@ -143,7 +137,7 @@ fn signed_bend(mesh: &TriMesh, h: u32) -> f64 {
     if g == NONE {
         return 0.0;
     }
-    let (left, right) = (normal(mesh, h as usize / 3), normal(mesh, g as usize / 3));
+    let (left, right) = (mesh.area_vector(h as usize / 3), mesh.area_vector(g as usize / 3));
     bend(left, right).copysign(left.cross(&right).dot(&edge(mesh, h)))
 }
 

@@ -236,11 +236,9 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     let model: &ModelInner = example.model.inner.open()?;
     let patch = model.patch(example.segment)?;
     let chart = &fresh(&example.encoded.encoding)?.chart;
-    let (surface, positions) = (&model.segmented.mesh, &laid.cross.positions);
-    let winding = winding(&laid);
     let made = || {
-        let mesh = assemble(&example.model.mesh, surface, &model.prepared.vertex_of, patch, positions, winding);
-        let part = quadmuse_kernel::compose::part::polygons(&patch.mesh, positions, winding);
+        let mesh = assembled(&laid, example);
+        let part = quadmuse_kernel::compose::part::polygons(&patch.mesh, &laid.cross.positions, winding(&laid));
         let in_domain = match atlas {
             Some(atlas) => atlas.folded_faces(&patch.mesh),
             None => folded_faces(registered.registration(), chart, &patch.mesh),
@@ -250,7 +248,7 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     // Both take as long, together half of an edit.
     let ((mesh, part, in_domain, distortion), coverage) =
         side_by_side(made, || covered(&patch.mesh, &laid.cross, query));
-    let (distortion, coverage) = (distortion?, coverage?);
+    let (mesh, distortion, coverage) = (mesh?, distortion?, coverage?);
     // A face over a crease may look inward without a fold: the domain tells them apart.
     let folds = in_domain.iter().filter(|f| distortion.inward.binary_search(f).is_ok()).count();
     let evidence = Evidence {
