@@ -357,3 +357,60 @@ impl Size {
         SizeAt { edge: self.edges.get(near.triangle as usize).copied().unwrap_or(0.0), distance: near.distance }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compose::net::tests::sheet;
+    use crate::map::snap::lines::sharp_edges;
+    use crate::topology::tests::grid;
+
+    /// A sheet of n × n folded upright along x = 1/2, where `folds`, of a row of it, says so.
+    fn folded(n: u32, folds: impl Fn(f64) -> bool) -> TriMesh {
+        let mut mesh = grid(n, n, false, false);
+        for p in mesh.positions.iter_mut().filter(|p| p.x > 0.5 && folds(p.y)) {
+            *p = Vec3::new(0.5, p.y, p.x - 0.5);
+        }
+        mesh
+    }
+
+    fn found(surface: &TriMesh, rows: u32) -> Lines {
+        let mut net = sheet(rows, rows);
+        net.positions.iter_mut().for_each(|p| *p /= f64::from(rows));
+        for p in net.positions.iter_mut().filter(|p| p.x > 0.5) {
+            *p = Vec3::new(0.5, p.y, p.x - 0.5);
+        }
+        Lines::of(surface, &sharp_edges(surface, &[]), &net)
+    }
+
+    #[test]
+    fn a_fold_is_one_line_from_border_to_border() {
+        let lines = found(&folded(20, |_| true), 12);
+        assert_eq!((lines.lines.len(), lines.corners.len()), (1, 2));
+        let line = &lines.lines[0];
+        assert!((line.length() - 1.0).abs() < 1e-12 && (line.edge - 1.0 / 12.0).abs() < 1e-9, "{line:?}");
+        assert!(lines.corners.iter().all(|c| c.place == Place::Border && (c.point.x - 0.5).abs() < 1e-12));
+        let near = line.nearest(Vec3::new(0.6, 0.25, 0.0));
+        assert!((near.distance - 0.1).abs() < 1e-12);
+        assert!((line.point(near.at) - Vec3::new(0.5, 0.25, 0.0)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn a_fold_of_few_edges_of_the_net_is_none() {
+        assert_eq!(found(&folded(20, |_| true), 3).lines.len(), 0);
+    }
+
+    #[test]
+    fn a_closed_line_begins_anywhere_and_the_parts_of_an_open_one_join() {
+        let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.0]].map(|[x, y]| Vec3::new(x, y, 0.0));
+        let line = Line::new(square.to_vec(), None, 0.1);
+        let turned = line.turned(1.5);
+        assert!((turned.length() - 4.0).abs() < 1e-12);
+        assert!((turned.point(0.0) - Vec3::new(1.0, 0.5, 0.0)).norm() < 1e-12);
+        assert!((turned.point(3.0) - line.point(4.5)).norm() < 1e-12);
+        let open = Line::new(square.to_vec(), Some([0, 1]), 0.1);
+        let [first, second] = [open.part(0.0, 1.2), open.part(1.2, 4.0)];
+        assert!((first.length() + second.length() - 4.0).abs() < 1e-12);
+        assert!((first.point(first.length()) - second.point(0.0)).norm() < 1e-12);
+    }
+}

@@ -184,3 +184,61 @@ impl Search<'_> {
         inner.windows(2).all(|pair| pair[0] != pair[1]).then_some(path)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::lines::Lines;
+    use super::*;
+    use crate::compose::net::tests::sheet;
+    use crate::map::snap::lines::sharp_edges;
+    use crate::mesh::Vec3;
+    use crate::topology::tests::grid;
+
+    const SIDE: u32 = 12;
+
+    /// The fold of a sheet along x = 1/2, and a net over it whose rows run a little aslant of the fold.
+    fn fold() -> (Net, Line) {
+        let mut surface = grid(24, 24, false, false);
+        surface.positions.iter_mut().filter(|p| p.x > 0.5).for_each(|p| *p = Vec3::new(0.5, p.y, p.x - 0.5));
+        let mut net = sheet(SIDE, SIDE);
+        for p in &mut net.positions {
+            *p /= f64::from(SIDE);
+            p.x += 0.04 * (p.y - 0.5) + 0.01;
+        }
+        net.positions.iter_mut().filter(|p| p.x > 0.5).for_each(|p| *p = Vec3::new(0.5, p.y, p.x - 0.5));
+        let line = Lines::of(&surface, &sharp_edges(&surface, &[]), &net).lines.remove(0);
+        (net, line)
+    }
+
+    fn column(x: u32) -> Vec<u32> {
+        (0..=SIDE).map(|y| y * (SIDE + 1) + x).collect()
+    }
+
+    #[test]
+    fn a_path_follows_the_column_beside_its_line() {
+        let (net, line) = fold();
+        let free = vec![Taken::Free; net.positions.len()];
+        let middle = column(SIDE / 2);
+        let ends = if line.nearest(net.positions[middle[0] as usize]).at < 0.5 { [0, 12] } else { [12, 0] };
+        let mut wanted = middle.clone();
+        if ends[0] == 12 {
+            wanted.reverse();
+        }
+        assert_eq!(path(&net, &line, ends.map(|k| middle[k]), &free), Some(wanted));
+    }
+
+    #[test]
+    fn a_path_goes_around_what_is_taken_and_is_none_where_all_is() {
+        let (net, line) = fold();
+        let mut taken = vec![Taken::Free; net.positions.len()];
+        let middle = column(SIDE / 2);
+        taken[middle[6] as usize] = Taken::Taken;
+        let ends = [middle[0], middle[12]];
+        let ends = if line.nearest(net.positions[ends[0] as usize]).at < 0.5 { ends } else { [ends[1], ends[0]] };
+        let around = path(&net, &line, ends, &taken).expect("a way beside");
+        assert!(!around.contains(&middle[6]) && around.len() > 13, "{around:?}");
+        assert!(around.windows(2).all(|pair| net.joined(pair[0], pair[1])));
+        (0..=SIDE).for_each(|x| taken[column(x)[6] as usize] = Taken::Taken);
+        assert_eq!(path(&net, &line, ends, &taken), None);
+    }
+}

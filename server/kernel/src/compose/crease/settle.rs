@@ -135,3 +135,42 @@ pub fn settle(
     moved.dedup();
     moved
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::lines::Lines;
+    use super::*;
+    use crate::compose::net::tests::sheet;
+    use crate::map::snap::lines::sharp_edges;
+    use crate::topology::tests::grid;
+
+    const SIDE: u32 = 12;
+
+    #[test]
+    fn vertices_on_a_line_stay_in_order_and_those_beside_follow() {
+        let mut surface = grid(24, 24, false, false);
+        let fold = |p: &mut Vec3| *p = if p.x > 0.5 { Vec3::new(0.5, p.y, p.x - 0.5) } else { *p };
+        surface.positions.iter_mut().for_each(fold);
+        let mut net = sheet(SIDE, SIDE);
+        net.positions.iter_mut().for_each(|p| *p = Vec3::new(p.x / f64::from(SIDE) - 0.03, p.y / f64::from(SIDE), 0.0));
+        net.positions.iter_mut().for_each(fold);
+        let target = Target::new(&surface);
+        let line = Lines::of(&surface, &sharp_edges(&surface, &[]), &net).lines.remove(0);
+        let mut path: Vec<u32> = (0..=SIDE).map(|y| y * (SIDE + 1) + SIDE / 2).collect();
+        if line.nearest(net.positions[path[0] as usize]).at > 0.5 {
+            path.reverse();
+        }
+        let before = net.positions.clone();
+        let mut met = vec![Met::new(&net, line, path.clone())];
+        let moved = settle(&mut net, &mut met, &[], &|v| path.contains(&v), &target, 12);
+        assert!(path.iter().all(|v| moved.contains(v)));
+        assert!(path.iter().all(|&v| (net.positions[v as usize].x - 0.5).abs() < 1e-12));
+        assert!(met[0].at.windows(2).all(|pair| pair[1] - pair[0] > 0.4 / f64::from(SIDE)), "{:?}", met[0].at);
+        // The columns beside are moved along, the nearer the more; the boundary stays.
+        let shift = |v: u32| (net.positions[v as usize] - before[v as usize]).norm();
+        let row = 6 * (SIDE + 1);
+        let shifts: Vec<f64> = (1..SIDE / 2).map(|x| shift(row + x)).collect();
+        assert!(shifts.windows(2).all(|pair| pair[1] >= pair[0]) && shifts[4] > 0.01, "{shifts:?}");
+        assert_eq!(shift(row), 0.0);
+    }
+}
