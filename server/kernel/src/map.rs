@@ -6,6 +6,7 @@ pub mod assemble;
 pub mod atlas;
 pub mod edit;
 pub mod parted;
+pub mod placed;
 pub mod polish;
 pub mod reembed;
 pub mod rejoin;

@@ -1,6 +1,7 @@
 //! The engine in earnest: the kernel.
 
 mod constrain;
+mod from_whole;
 mod model;
 mod registered;
 mod rejoined;

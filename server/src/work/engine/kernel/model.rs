@@ -3,7 +3,9 @@
 use super::super::{Cut, EngineError, Grain, Model, ModelSegment, Opaque, Refusal};
 use super::topology_out;
 use quadmuse_kernel::compose::ground::Ground;
-use quadmuse_kernel::mesh::{self, FaceLabels, Format, Limits, MeshError, MeshErrorKind, NONE, PolyMesh, Prepared};
+use quadmuse_kernel::mesh::{
+    self, FaceLabels, Format, Limits, MeshError, MeshErrorKind, NONE, PolyMesh, Prepared, Vec3,
+};
 use quadmuse_kernel::segment::{PartCount, Segmented, segment};
 use quadmuse_kernel::topology::{self, Patch, TopologyError};
 use quadmuse_proto::{Components, MeshFormat, Segmentation, segment::Parts};
@@ -27,6 +29,21 @@ pub(super) struct Laid {
     pub(super) example: Arc<PolyMesh>,
     /// Its faces on the input.
     pub(super) mesh: PolyMesh,
+    /// Where the vertices of its surface went; `None` for those of crumbs.
+    pub(super) places: Vec<Option<Vec3>>,
+    /// Whether it lies mirrored.
+    pub(super) mirrored: bool,
+    /// Cost of the registration, and log of the ratio of the moduli.
+    pub(super) cost: f64,
+    pub(super) modulus_log: f64,
+}
+
+impl Laid {
+    /// Whether it was this example.
+    pub(super) fn is_of(&self, example: &Arc<PolyMesh>) -> bool {
+        let same = || self.example.positions == example.positions && self.example.faces == example.faces;
+        Arc::ptr_eq(&self.example, example) || same()
+    }
 }
 
 impl ModelInner {

@@ -1,6 +1,7 @@
 //! Registrations of the kernel, and the maps they make.
 
 use super::super::{EngineError, Mapped, Opaque, Refusal, Registration, Side};
+use super::from_whole::from_whole;
 use super::model::ModelInner;
 use super::settled::{Laying, Settled, settle};
 use super::{fresh, internal};
@@ -55,6 +56,13 @@ pub(super) struct Surface {
     pub(super) bvh: OnceLock<Bvh>,
 }
 
+impl Surface {
+    /// What vertices settle on.
+    pub(super) fn ground(&self) -> Ground<'_> {
+        Ground { chart: &self.chart, index: &self.index }
+    }
+}
+
 impl Registered {
     /// The registration to map with.
     pub(super) fn registration(&self) -> &quadmuse_kernel::register::Registration {
@@ -87,7 +95,7 @@ impl Registered {
             }
             let better = match &made {
                 Some(atlas) => {
-                    let (many, single) = (by_atlas(atlas, self, example)?, by_chart(self, example, query)?);
+                    let (many, single) = (by_atlas(atlas, self, example, query)?, by_chart(self, example, query)?);
                     distortion(&many, example)?.badness() < distortion(&single, example)?.badness()
                 }
                 None => false,
@@ -156,30 +164,53 @@ pub(super) fn describe(registered: Registered) -> Registration {
 }
 
 /// What a map is made of before it is measured.
-struct Laid<'a> {
-    cross: CrossMap,
+pub(super) struct Laid<'a> {
+    pub(super) cross: CrossMap,
+    /// What the example is laid by.
+    pub(super) way: Way<'a>,
     /// The chart on whose mesh the vertices lie.
-    input: &'a Chart,
-    mirrored: bool,
-    cost: f64,
-    constraints: Vec<Constraint>,
-    registered: Registered,
+    pub(super) input: &'a Chart,
+    pub(super) mirrored: bool,
+    pub(super) cost: f64,
+    /// Log of the ratio of the moduli.
+    pub(super) modulus_log: f64,
+    pub(super) constraints: Vec<Constraint>,
+    pub(super) registered: Registered,
 }
 
-/// Where each vertex of the example's segment goes, and the example's faces there.
-pub(super) fn laid(
-    from: &Registration,
-    example: &Side,
-    query: &Side,
-    stop: &Stop,
-) -> Result<(Vec<Vec3>, PolyMesh), EngineError> {
+/// By what an example is laid.
+#[derive(Clone, Copy)]
+pub(super) enum Way<'a> {
+    /// The registration of the two charts.
+    Chart,
+    /// A chart for each protrusion.
+    Atlas(&'a Atlas),
+    /// The map of the whole that the query was cut by.
+    Whole,
+}
+
+/// An example laid whole.
+pub(super) struct Whole {
+    /// Where each vertex of the example's segment goes.
+    pub(super) positions: Vec<Vec3>,
+    /// Its faces there.
+    pub(super) mesh: PolyMesh,
+    /// Whether it lies mirrored.
+    pub(super) mirrored: bool,
+    /// Cost of the registration, and log of the ratio of the moduli.
+    pub(super) cost: f64,
+    pub(super) modulus_log: f64,
+}
+
+/// Lays an example whole.
+pub(super) fn whole(from: &Registration, example: &Side, query: &Side, stop: &Stop) -> Result<Whole, EngineError> {
     let registered: &Registered = from.inner.open()?;
     let atlas = registered.atlas(example, query, &|| stop.reason().is_some())?;
     let (mut laid, _) = lay(atlas, registered, example, query, stop)?;
     let positions = laid.cross.positions.clone();
     leave_fillings(&mut laid.cross, laid.input);
     let mesh = assembled(&laid, example)?;
-    Ok((positions, mesh))
+    Ok(Whole { positions, mesh, mirrored: laid.mirrored, cost: laid.cost, modulus_log: laid.modulus_log })
 }
 
 /// The faces of the example's segment where it is laid, as its file has them.
@@ -205,33 +236,63 @@ fn lay<'a>(
 ) -> Result<(Laid<'a>, f64), EngineError> {
     stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
     let mut laid = match atlas {
-        Some(atlas) => by_atlas(atlas, registered, example)?,
+        Some(atlas) => by_atlas(atlas, registered, example, query)?,
         None => by_chart(registered, example, query)?,
     };
-    let model: &ModelInner = example.model.inner.open()?;
-    let (patch, sign) = (model.patch(example.segment)?, if laid.mirrored { -1.0 } else { 1.0 });
-    let angle_p95_deg = measure::angle_distortion(&patch.mesh, &laid.cross).p95;
+    let laying = laying(example, query)?;
+    let angle_p95_deg = measure::angle_distortion(laying.mesh, &laid.cross).p95;
     let grounds = match atlas {
         Some(atlas) => atlas.grounds(),
-        None => vec![Ground { chart: laid.input, index: &registered.surface(query)?.index }],
+        None => vec![registered.surface(query)?.ground()],
     };
+    settle(&registered.settled, &laying, &mut laid.cross, &grounds, sign(laid.mirrored), &laid.constraints);
+    Ok((laid, angle_p95_deg))
+}
+
+/// The example's side of what settles.
+pub(super) fn laying<'a>(example: &'a Side, query: &Side) -> Result<Laying<'a>, EngineError> {
+    let model: &ModelInner = example.model.inner.open()?;
+    let patch = model.patch(example.segment)?;
     let creases = creases_on(&example.model.mesh.attributes.creases, &model.prepared.vertex_of, patch);
     // Corners of a segment's boundary are where segments meet, and belong to the composition.
     let other: &ModelInner = query.model.inner.open()?;
-    let whole = model.segmented.parts.len() == 1 && other.segmented.parts.len() == 1;
-    let laying = Laying { mesh: &patch.mesh, creases, snap: if whole { Snap::All } else { Snap::Creases } };
-    settle(&registered.settled, &laying, &mut laid.cross, &grounds, sign, &laid.constraints);
-    Ok((laid, angle_p95_deg))
+    let is_whole = model.segmented.parts.len() == 1 && other.segmented.parts.len() == 1;
+    Ok(Laying { mesh: &patch.mesh, creases, snap: if is_whole { Snap::All } else { Snap::Creases } })
+}
+
+/// −1 for mirrored maps.
+pub(super) fn sign(mirrored: bool) -> f64 {
+    if mirrored { -1.0 } else { 1.0 }
+}
+
+/// Log of the ratio of the moduli.
+fn modulus_log(example: &Side, query: &Side) -> Result<f64, EngineError> {
+    let (one, two) = (fresh(&example.encoded.encoding)?, fresh(&query.encoded.encoding)?);
+    Ok((one.chart.modulus / two.chart.modulus).ln())
 }
 
 /// Maps every vertex of the example's segment.
 pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
     let registered: &Registered = from.inner.open()?;
+    if let Some((laid, angle_p95_deg)) = from_whole(registered, example, query)? {
+        return measured(laid, angle_p95_deg, from, example, query);
+    }
     let stopped = || stop.reason().is_some();
     let unburdened = registered.unburdened(example, query, &stopped)?;
     let registered = unburdened.as_ref().unwrap_or(registered);
     let atlas = registered.atlas(example, query, &stopped)?;
-    let (mut laid, laid_angle_p95_deg) = lay(atlas, registered, example, query, stop)?;
+    let (laid, angle_p95_deg) = lay(atlas, registered, example, query, stop)?;
+    measured(laid, angle_p95_deg, from, example, query)
+}
+
+/// What was laid, measured; `laid_angle_p95_deg` is the 95th percentile of the angle distortion before it settled.
+fn measured(
+    mut laid: Laid<'_>,
+    laid_angle_p95_deg: f64,
+    from: &Registration,
+    example: &Side,
+    query: &Side,
+) -> Result<Mapped, EngineError> {
     leave_fillings(&mut laid.cross, laid.input);
     let model: &ModelInner = example.model.inner.open()?;
     let patch = model.patch(example.segment)?;
@@ -239,9 +300,10 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
     let made = || {
         let mesh = assembled(&laid, example);
         let part = quadmuse_kernel::compose::part::polygons(&patch.mesh, &laid.cross.positions, winding(&laid));
-        let in_domain = match atlas {
-            Some(atlas) => atlas.folded_faces(&patch.mesh),
-            None => folded_faces(registered.registration(), chart, &patch.mesh),
+        let in_domain = match laid.way {
+            Way::Atlas(atlas) => Some(atlas.folded_faces(&patch.mesh)),
+            Way::Chart => Some(folded_faces(laid.registered.registration(), chart, &patch.mesh)),
+            Way::Whole => None,
         };
         (mesh, part, in_domain, distortion(&laid, example))
     };
@@ -250,17 +312,23 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
         side_by_side(made, || covered(&patch.mesh, &laid.cross, query));
     let (mesh, distortion, coverage) = (mesh?, distortion?, coverage?);
     // A face over a crease may look inward without a fold: the domain tells them apart.
-    let folds = in_domain.iter().filter(|f| distortion.inward.binary_search(f).is_ok()).count();
+    let folds = match &in_domain {
+        Some(faces) => faces.iter().filter(|f| distortion.inward.binary_search(f).is_ok()).count(),
+        None => distortion.inward.len(),
+    };
     let evidence = Evidence {
         cost: laid.cost,
-        modulus_log: (chart.modulus / fresh(&query.encoded.encoding)?.chart.modulus).ln(),
+        modulus_log: laid.modulus_log,
         turned_share: distortion.inward.len() as f64 / distortion.faces.max(1) as f64,
         angle_p95_deg: distortion.angle_deg.p95,
         laid_angle_p95_deg,
         coverage,
     };
     let (word, reasons) = measure::verdict(&evidence);
-    let flip = if atlas.is_some() { Flip { u: laid.mirrored, v: false } } else { from.flip };
+    let flip = match laid.way {
+        Way::Chart => from.flip,
+        Way::Atlas(_) | Way::Whole => Flip { u: laid.mirrored, v: false },
+    };
     Ok(Mapped {
         mesh: Arc::new(mesh),
         part: Arc::new(part),
@@ -293,34 +361,40 @@ fn covered(example: &TriMesh, cross: &CrossMap, query: &Side) -> Result<Coverage
 fn distortion(laid: &Laid<'_>, example: &Side) -> Result<measure::Distortion, EngineError> {
     let model: &ModelInner = example.model.inner.open()?;
     let mesh = &model.patch(example.segment)?.mesh;
-    let sign = if laid.mirrored { -1.0 } else { 1.0 };
-    Ok(measure::distortion(mesh, &laid.cross, laid.input, sign))
+    Ok(measure::distortion(mesh, &laid.cross, laid.input, sign(laid.mirrored)))
 }
 
 /// One chart with its registration.
-fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Result<Laid<'a>, EngineError> {
+pub(super) fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Result<Laid<'a>, EngineError> {
     let input = registered.surface(query)?;
     let source = fresh(&example.encoded.encoding)?;
     let registration = registered.registration();
     let named = registered.named();
     let model: &ModelInner = example.model.inner.open()?;
-    let mirror = if registration.flip.is_mirror() { -1.0 } else { 1.0 };
+    let mirror = sign(registration.flip.is_mirror());
     let mut cross = cross_map(registration, &source.chart, &input.chart, &input.index);
     let mesh = &model.patch(example.segment)?.mesh;
     untangle(mesh, &mut cross, &input.chart, mirror, &input.bvh);
     leave_fillings(&mut cross, &input.chart);
     Ok(Laid {
         cross,
+        way: Way::Chart,
         input: &input.chart,
         mirrored: registration.flip.is_mirror(),
         cost: registered.entry.best().cost(),
+        modulus_log: modulus_log(example, query)?,
         constraints: constraints(registration, &named, source, input),
         registered: Registered { names: named, ..registered.clone() },
     })
 }
 
 /// A chart for each protrusion. Its constraints are the matched tips, and what the caller pinned.
-fn by_atlas<'a>(atlas: &'a Atlas, registered: &Registered, example_side: &Side) -> Result<Laid<'a>, EngineError> {
+fn by_atlas<'a>(
+    atlas: &'a Atlas,
+    registered: &Registered,
+    example_side: &Side,
+    query: &Side,
+) -> Result<Laid<'a>, EngineError> {
     let pins: Vec<(Place, Place)> = registered.pinned.iter().map(|p| p.1).collect();
     let mut cross = atlas.cross_map(&pins).map_err(|e| {
         let which: Vec<&str> = registered.pinned.iter().map(|p| p.0.as_str()).collect();
@@ -330,7 +404,7 @@ fn by_atlas<'a>(atlas: &'a Atlas, registered: &Registered, example_side: &Side) 
         return Err(EngineError::Internal("expected an atlas with charts".into()));
     };
     let model: &ModelInner = example_side.model.inner.open()?;
-    let mirror = if atlas.mirrored { -1.0 } else { 1.0 };
+    let mirror = sign(atlas.mirrored);
     untangle(&model.patch(example_side.segment)?.mesh, &mut cross, input, mirror, &OnceLock::new());
     leave_fillings(&mut cross, input);
     let at_vertex = |chart: &Chart, v: u32| Location {
@@ -357,9 +431,11 @@ fn by_atlas<'a>(atlas: &'a Atlas, registered: &Registered, example_side: &Side) 
     let tips = atlas.matches.iter().enumerate().map(tip);
     Ok(Laid {
         cross,
+        way: Way::Atlas(atlas),
         input,
         mirrored: atlas.mirrored,
         cost: atlas.mean_cost(),
+        modulus_log: modulus_log(example_side, query)?,
         constraints: tips.chain(registered.pinned.iter().map(pin)).collect(),
         registered: registered.clone(),
     })

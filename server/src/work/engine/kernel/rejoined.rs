@@ -15,10 +15,7 @@ pub(super) fn rejoin(query: &Model, example: &Model, parts: &[OnePart]) -> Resul
     let (on, of): (&ModelInner, &ModelInner) = (query.inner.open()?, example.inner.open()?);
     let count = of.segmented.parts.len();
     let part_of = of.part_of_faces(example.mesh.faces.len());
-    let is_it = |laid: &&Laid| {
-        let (one, two) = (&laid.example, &example.mesh);
-        one.positions == two.positions && one.faces == two.faces && laid.mesh.faces.len() == two.faces.len()
-    };
+    let is_it = |laid: &&Laid| laid.is_of(&example.mesh) && laid.mesh.faces.len() == example.mesh.faces.len();
     let laid = on.laid.as_ref().filter(is_it);
     let by_itself = |part: &OnePart| part.is_edited || part.segment != part.example_segment;
     if let Some(laid) = laid

@@ -33,13 +33,17 @@ pub(super) fn alike(engine: &KernelEngine, query: &Model, example: &Model, stop:
         registration = engine.refine(&registration, first, second, 2 * registration.level, stop)?;
     }
     let registration = engine.finish(&registration, first, second, stop)?;
-    let (positions, mesh) = registered::laid(&registration, &sides.0, &sides.1, stop)?;
+    let whole = registered::whole(&registration, &sides.0, &sides.1, stop)?;
     let one: &ModelInner = sides.0.model.inner.open()?;
-    let segmented = parted::alike(&of.segmented, one.patch(0)?, &positions, &on.prepared.mesh).map_err(|e| {
+    let patch = one.patch(0)?;
+    let segmented = parted::alike(&of.segmented, patch, &whole.positions, &on.prepared.mesh).map_err(|e| {
         let detail = format!("the input can't be cut as the example is: {e}; have it cut without `like`");
         EngineError::refused(Refusal::Unlike, detail)
     })?;
-    let laid = Some(Laid { example: Arc::clone(&example.mesh), mesh });
+    let mut places = vec![None; of.segmented.mesh.positions.len()];
+    patch.vertex_of.iter().zip(&whole.positions).for_each(|(&v, p)| places[v as usize] = Some(*p));
+    let registered::Whole { mesh, mirrored, cost, modulus_log, .. } = whole;
+    let laid = Some(Laid { example: Arc::clone(&example.mesh), mesh, places, mirrored, cost, modulus_log });
     let inner = ModelInner { prepared: on.prepared.clone(), segmented, laid };
     Ok(Model {
         segments: inner.segments(),

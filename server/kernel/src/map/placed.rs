@@ -1,0 +1,217 @@
+//! A part of an example on a part of the input, taken from where the example was laid whole.
+//!
+//! The whole map knows better where a part belongs than the part does alone, but ends beside the part's curves and not on
+//! them. Each vertex goes to the nearest point of the input's part; those on a boundary loop go to the nearest points of the
+//! loop that it lies on, and keep their order there: with s_k the arc lengths of the nearest points, unwrapped, those
+//! t_k ≤ t_{k+1} are taken for which Σ (t_k − s_k)² is least, with a gap between them. *Ours, not the paper's.*
+
+use super::CrossMap;
+use crate::encode::index::Location;
+use crate::mesh::Vec3;
+use crate::mesh::bvh::Bvh;
+use crate::mesh::tri::TriMesh;
+use crate::topology::Patch;
+use crate::unfold::Chart;
+
+/// Least distance of neighbours on a loop, as a share of their mean distance.
+const GAP: f64 = 0.1;
+
+/// The map that takes the vertices of an example's part near to `points`, one a vertex; `mirror` is −1 for mirrored maps.
+/// `None` where the part has not as many boundary loops as the input's.
+pub fn placed(part: &Patch, points: &[Vec3], input: &Chart, mirror: f64) -> Option<CrossMap> {
+    let bvh = Bvh::new(&input.mesh);
+    let location = |p: &Vec3| {
+        let nearest = bvh.closest(*p);
+        Location { triangle: nearest.triangle, barycentric: nearest.barycentric }
+    };
+    let mut locations: Vec<Location> = points.iter().map(location).collect();
+    let loops: Vec<Vec<u32>> = part
+        .mesh
+        .boundary_loops()
+        .into_iter()
+        .filter(|ring| !part.holes.contains(ring))
+        .map(|ring| {
+            let mut vertices: Vec<u32> = ring.iter().map(|&h| part.mesh.tail(h)).collect();
+            if mirror < 0.0 {
+                vertices.reverse();
+            }
+            vertices
+        })
+        .collect();
+    let rings: Vec<Ring<'_>> = input.mesh.boundary_loops().into_iter().map(|h| Ring::new(&input.mesh, h)).collect();
+    for (vertices, ring) in loops.iter().zip(matched(&loops, &rings, points)?) {
+        let at: Vec<Vec3> = vertices.iter().map(|&v| points[v as usize]).collect();
+        for (&v, s) in vertices.iter().zip(ring.in_order(&at)) {
+            locations[v as usize] = ring.location(s);
+        }
+    }
+    let positions = locations.iter().map(|l| l.point(input)).collect();
+    Some(CrossMap { locations, positions })
+}
+
+/// For each loop the ring that it lies on: of all ways to give each its own, that with the least distances. `None` where
+/// there are not as many.
+fn matched<'r, 'm>(loops: &[Vec<u32>], rings: &'r [Ring<'m>], points: &[Vec3]) -> Option<Vec<&'r Ring<'m>>> {
+    let away = |vertices: &Vec<u32>, ring: &Ring<'_>| {
+        vertices.iter().map(|&v| ring.nearest(points[v as usize]).1).sum::<f64>() / vertices.len() as f64
+    };
+    match (loops, rings) {
+        ([], []) => Some(Vec::new()),
+        ([_], [ring]) => Some(vec![ring]),
+        ([one, two], [first, second]) => {
+            let straight = away(one, first) + away(two, second);
+            let crossed = away(one, second) + away(two, first);
+            Some(if straight <= crossed { vec![first, second] } else { vec![second, first] })
+        }
+        _ => None,
+    }
+}
+
+/// A boundary loop of the input's part, with the arc length up to each of its halfedges.
+struct Ring<'a> {
+    mesh: &'a TriMesh,
+    halfedges: Vec<u32>,
+    starts: Vec<f64>,
+    length: f64,
+}
+
+impl<'a> Ring<'a> {
+    fn new(mesh: &'a TriMesh, halfedges: Vec<u32>) -> Self {
+        let (mut starts, mut length) = (Vec::with_capacity(halfedges.len()), 0.0);
+        for &h in &halfedges {
+            starts.push(length);
+            length += (mesh.point_on(h, 1.0) - mesh.point_on(h, 0.0)).norm();
+        }
+        Self { mesh, halfedges, starts, length }
+    }
+
+    fn location(&self, s: f64) -> Location {
+        let s = s.rem_euclid(self.length.max(f64::MIN_POSITIVE));
+        let k = self.starts.partition_point(|start| *start <= s).max(1) - 1;
+        let end = self.starts.get(k + 1).copied().unwrap_or(self.length);
+        let share = (s - self.starts[k]) / (end - self.starts[k]).max(f64::MIN_POSITIVE);
+        Location::on_edge(self.halfedges[k], share.clamp(0.0, 1.0))
+    }
+
+    /// Arc length of the nearest point, and its distance.
+    fn nearest(&self, p: Vec3) -> (f64, f64) {
+        let mut best = (0.0, f64::INFINITY);
+        for (&h, &start) in self.halfedges.iter().zip(&self.starts) {
+            let share = self.mesh.nearest_share(h, p);
+            let at = self.mesh.point_on(h, share);
+            let distance = (at - p).norm();
+            if distance < best.1 {
+                best = (start + (at - self.mesh.point_on(h, 0.0)).norm(), distance);
+            }
+        }
+        best
+    }
+
+    /// Arc lengths for points that follow each other once around.
+    fn in_order(&self, points: &[Vec3]) -> Vec<f64> {
+        let (n, length) = (points.len(), self.length);
+        let near: Vec<(f64, f64)> = points.iter().map(|&p| self.nearest(p)).collect();
+        // What lies nearest tells best where the turn begins.
+        let first = (0..n).min_by(|&a, &b| near[a].1.total_cmp(&near[b].1)).unwrap_or(0);
+        let around = |k: usize| (first + k) % n;
+        let step = |a: f64, b: f64| {
+            let d = (b - a) / length.max(f64::MIN_POSITIVE);
+            (d - d.round()) * length
+        };
+        let mut unwrapped = vec![near[around(0)].0];
+        (1..=n).for_each(|k| unwrapped.push(unwrapped[k - 1] + step(near[around(k - 1)].0, near[around(k)].0)));
+        let turned = unwrapped.pop().unwrap_or(0.0) - unwrapped[0];
+        if (turned - length).abs() > 0.5 * length {
+            // They don't lead around once: by their own distances.
+            let away = |k: usize| (points[around(k)] - points[around(k + n - 1)]).norm();
+            let whole: f64 = (0..n).map(away).sum::<f64>().max(f64::MIN_POSITIVE);
+            (1..n).for_each(|k| unwrapped[k] = unwrapped[k - 1] + away(k) / whole * length);
+        }
+        let start = unwrapped[0];
+        let mut ordered = non_decreasing(&unwrapped);
+        ordered[0] = start;
+        let gap = GAP * length / n as f64;
+        for k in 1..n {
+            ordered[k] = ordered[k].min(start + length - (n - k) as f64 * gap).max(ordered[k - 1] + gap);
+        }
+        let mut at = vec![0.0; n];
+        (0..n).for_each(|k| at[around(k)] = ordered[k]);
+        at
+    }
+}
+
+/// The non-decreasing numbers nearest to given ones, by the sum of squares: neighbours out of order take their mean.
+fn non_decreasing(given: &[f64]) -> Vec<f64> {
+    let mut pools: Vec<(f64, usize)> = Vec::new();
+    for &x in given {
+        let mut pool = (x, 1);
+        while let Some(&(mean, count)) = pools.last().filter(|last| last.0 > pool.0) {
+            pools.pop();
+            pool = ((mean * count as f64 + pool.0 * pool.1 as f64) / (count + pool.1) as f64, count + pool.1);
+        }
+        pools.push(pool);
+    }
+    pools.into_iter().flat_map(|(mean, count)| std::iter::repeat_n(mean, count)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::topology::{tests::grid, whole};
+    use crate::unfold::{UnfoldOptions, unfold};
+
+    fn chart(nu: u32, nv: u32, is_tube: bool) -> (Patch, Chart) {
+        let patch = whole(&grid(nu, nv, is_tube, false)).expect("a primitive");
+        let chart = unfold(&patch, &UnfoldOptions::default()).expect("solvable");
+        (patch, chart)
+    }
+
+    #[test]
+    fn vertices_that_end_beside_the_border_are_put_onto_it_in_order() {
+        let (part, _) = chart(6, 6, false);
+        let (_, input) = chart(15, 15, false);
+        // Shrunk, so that the border ends inside, and shaken out of order along one side.
+        let mut points: Vec<Vec3> = part
+            .mesh
+            .positions
+            .iter()
+            .map(|p| Vec3::new(0.5, 0.5, 0.0) + (p - Vec3::new(0.5, 0.5, 0.0)) * 0.93)
+            .collect();
+        points.iter_mut().filter(|p| p.y < 0.1 && p.x > 0.3 && p.x < 0.4).for_each(|p| p.x += 0.25);
+        let cross = placed(&part, &points, &input, 1.0).expect("one loop each");
+        let on_border = |p: &Vec3| p.x.min(p.y).min(1.0 - p.x).min(1.0 - p.y).abs() < 1e-9;
+        for (v, is_border) in part.mesh.boundary_vertices().into_iter().enumerate() {
+            assert_eq!(on_border(&cross.positions[v]), is_border, "{v}");
+            assert!((cross.locations[v].point(&input) - cross.positions[v]).norm() < 1e-12);
+            assert!(is_border || (cross.positions[v] - points[v]).norm() < 1e-9);
+        }
+        let ring: Vec<u32> = part.mesh.boundary_loops().remove(0).iter().map(|&h| part.mesh.tail(h)).collect();
+        let angle = |v: u32| {
+            let p = cross.positions[v as usize] - Vec3::new(0.5, 0.5, 0.0);
+            p.y.atan2(p.x)
+        };
+        let turns = (0..ring.len()).map(|k| angle(ring[(k + 1) % ring.len()]) - angle(ring[k]));
+        let turns: Vec<f64> = turns.map(|d| d.rem_euclid(std::f64::consts::TAU)).collect();
+        assert!(turns.iter().all(|d| *d > 0.0 && *d < 1.0), "{turns:?}");
+        assert!((turns.iter().sum::<f64>() - std::f64::consts::TAU).abs() < 1e-9);
+    }
+
+    #[test]
+    fn each_end_of_a_tube_goes_to_its_own_and_a_disc_is_no_tube() {
+        let (part, _) = chart(8, 3, true);
+        let (disc, _) = chart(4, 4, false);
+        let (_, input) = chart(16, 9, true);
+        let points: Vec<Vec3> = part.mesh.positions.clone();
+        let cross = placed(&part, &points, &input, 1.0).expect("two loops each");
+        for (p, q) in points.iter().zip(&cross.positions) {
+            assert!((p - q).norm() < 0.12, "{p} {q}");
+        }
+        assert!(placed(&disc, &disc.mesh.positions, &input, 1.0).is_none());
+    }
+
+    #[test]
+    fn numbers_out_of_order_take_their_mean() {
+        assert_eq!(non_decreasing(&[1.0, 3.0, 2.0, 4.0, 0.0]), [1.0, 2.25, 2.25, 2.25, 2.25]);
+        assert_eq!(non_decreasing(&[]), Vec::<f64>::new());
+    }
+}
