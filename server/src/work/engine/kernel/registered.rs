@@ -334,6 +334,7 @@ fn measured(
         part: Arc::new(part),
         constraints: laid.constraints,
         registration: Registration { flip, ..describe(laid.registered) },
+        is_of_whole: matches!(laid.way, Way::Whole),
         folds: folds as u64,
         // Every vertex is a point of a triangle of the input.
         distance_max: 0.0,
