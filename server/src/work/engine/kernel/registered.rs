@@ -1,7 +1,7 @@
 //! Registrations of the kernel, and the maps they make.
 
 use super::super::{EngineError, Mapped, Opaque, Refusal, Registration, Side};
-use super::from_whole::from_whole;
+use super::from_whole::{OfWhole, from_whole};
 use super::model::ModelInner;
 use super::settled::{Laying, Settled, settle};
 use super::{fresh, internal};
@@ -39,7 +39,9 @@ pub(super) struct Registered {
     pub(super) example_bvh: Arc<OnceLock<Bvh>>,
     /// Where the surfaces have protrusions: the atlas that maps instead, made with the first map.
     pub(super) atlas: Arc<OnceLock<Option<Atlas>>>,
-    /// With an atlas: the caller's constraints, each with its name.
+    /// Where the query was cut as the example is: the map that the whole makes, made with the first map.
+    pub(super) of_whole: Arc<OnceLock<OfWhole>>,
+    /// With an atlas, or where the whole was laid: the caller's constraints, each with its name.
     pub(super) pinned: Vec<(String, (Place, Place))>,
     /// Where the polish took the vertices of the first map.
     pub(super) settled: Arc<OnceLock<Settled>>,
@@ -146,6 +148,7 @@ pub(super) fn checked(entry: Entry, stop: &Stop) -> Result<Registration, EngineE
         input: Arc::default(),
         example_bvh: Arc::default(),
         atlas: Arc::default(),
+        of_whole: Arc::default(),
         pinned: Vec::new(),
         settled: Arc::default(),
     }))
@@ -325,6 +328,7 @@ fn measured(
         coverage,
     };
     let (word, reasons) = measure::verdict(&evidence);
+    let is_of_whole = matches!(laid.way, Way::Whole) && laid.registered.pinned.is_empty();
     let flip = match laid.way {
         Way::Chart => from.flip,
         Way::Atlas(_) | Way::Whole => Flip { u: laid.mirrored, v: false },
@@ -334,7 +338,7 @@ fn measured(
         part: Arc::new(part),
         constraints: laid.constraints,
         registration: Registration { flip, ..describe(laid.registered) },
-        is_of_whole: matches!(laid.way, Way::Whole),
+        is_of_whole,
         folds: folds as u64,
         // Every vertex is a point of a triangle of the input.
         distance_max: 0.0,
@@ -389,6 +393,21 @@ pub(super) fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &S
     })
 }
 
+/// The caller's constraints on two charts.
+pub(super) fn pinned(registered: &Registered, example: &Chart, input: &Chart) -> Vec<Constraint> {
+    let at = |chart: &Chart, place: &Place| {
+        let [u, v] = place.uv(chart);
+        Location { point: place.point(chart).into(), u, v }
+    };
+    let pin = |(id, (a, b)): &(String, (Place, Place))| Constraint {
+        id: id.clone(),
+        on_example: at(example, a),
+        on_input: at(input, b),
+        origin: ConstraintOrigin::User,
+    };
+    registered.pinned.iter().map(pin).collect()
+}
+
 /// A chart for each protrusion. Its constraints are the matched tips, and what the caller pinned.
 fn by_atlas<'a>(
     atlas: &'a Atlas,
@@ -413,21 +432,11 @@ fn by_atlas<'a>(
         u: chart.uv[v as usize][0],
         v: chart.uv[v as usize][1],
     };
-    let at_place = |chart: &Chart, place: &Place| {
-        let uv = place.uv(chart);
-        Location { point: place.point(chart).into(), u: uv[0], v: uv[1] }
-    };
     let tip = |(k, &(a, b)): (usize, &(u32, u32))| Constraint {
         id: format!("f{k}"),
         on_example: at_vertex(example, a),
         on_input: at_vertex(input, b),
         origin: ConstraintOrigin::Feature,
-    };
-    let pin = |(id, (a, b)): &(String, (Place, Place))| Constraint {
-        id: id.clone(),
-        on_example: at_place(example, a),
-        on_input: at_place(input, b),
-        origin: ConstraintOrigin::User,
     };
     let tips = atlas.matches.iter().enumerate().map(tip);
     Ok(Laid {
@@ -437,12 +446,12 @@ fn by_atlas<'a>(
         mirrored: atlas.mirrored,
         cost: atlas.mean_cost(),
         modulus_log: modulus_log(example_side, query)?,
-        constraints: tips.chain(registered.pinned.iter().map(pin)).collect(),
+        constraints: tips.chain(pinned(registered, example, input)).collect(),
         registered: registered.clone(),
     })
 }
 
-fn constraints(
+pub(super) fn constraints(
     registration: &quadmuse_kernel::register::Registration,
     named: &[(String, ConstraintOrigin)],
     example: &quadmuse_kernel::register::Query,
