@@ -34,13 +34,16 @@ const STILL: f64 = 1e-9;
 /// The map of a part that the whole makes, at rest.
 #[derive(Debug)]
 pub(super) struct OfWhole {
+    /// As the whole lies, whose cuts are beside the segment's.
+    as_laid: CrossMap,
+    /// Within the segment, boundary on boundary.
     cross: CrossMap,
-    /// 95th percentile of the angle distortion before it came to rest, in degrees.
+    /// 95th percentile of the angle distortion as it was laid, in degrees.
     laid_angle_p95_deg: f64,
 }
 
-/// The part where the whole was laid on this query, if it was, and the 95th percentile of the angle distortion before it came
-/// to rest, in degrees.
+/// The part where the whole was laid on this query, if it was, and the 95th percentile of its angle distortion there, in
+/// degrees.
 pub(super) fn from_whole<'a>(
     registered: &'a Registered,
     example: &Side,
@@ -68,8 +71,13 @@ pub(super) fn from_whole<'a>(
     }
     constraints.extend(registered::pinned(registered, &source.chart, &surface.chart));
     let pins: Vec<(Vec3, Place)> = registered.pinned.iter().map(|(_, (a, b))| (a.point(&source.chart), *b)).collect();
+    let (cross, as_part) = match pins.is_empty() {
+        true => (of_whole.as_laid.clone(), Some(of_whole.cross.positions.clone())),
+        false => (own.bent(&pins).map_err(|detail| folds(registered, &detail))?, None),
+    };
     let laid = Laid {
-        cross: own.bent(&pins).map_err(|detail| folds(registered, &detail))?,
+        cross,
+        as_part,
         way: Way::Whole,
         input: &surface.chart,
         mirrored: whole.mirrored,
@@ -86,12 +94,14 @@ fn part_of(whole: &WholeLaid, patch: &Patch, surface: &Surface, laying: &Laying<
     let points: Option<Vec<Vec3>> =
         patch.vertex_of.iter().map(|&v| whole.places.get(v as usize).copied().flatten()).collect();
     let (chart, mirror) = (&surface.chart, registered::sign(whole.mirrored));
-    let mut cross = placed(patch, &points?, chart, mirror)?;
+    let points = points?;
+    let mut cross = placed(patch, &points, chart, mirror)?;
     untangle(&patch.mesh, &mut cross, chart, mirror, &surface.bvh);
     leave_fillings(&mut cross, chart);
-    let laid_angle_p95_deg = measure::angle_distortion(&patch.mesh, &cross).p95;
     settle(&OnceLock::new(), laying, &mut cross, &[surface.ground()], mirror, &[]);
-    Some(OfWhole { cross, laid_angle_p95_deg })
+    let as_laid = CrossMap { locations: cross.locations.clone(), positions: points };
+    let laid_angle_p95_deg = measure::angle_distortion(&patch.mesh, &as_laid).p95;
+    Some(OfWhole { as_laid, cross, laid_angle_p95_deg })
 }
 
 fn folds(registered: &Registered, detail: &str) -> EngineError {
@@ -136,9 +146,6 @@ impl Own<'_> {
             let v = if topology.is_periodic_v() { q[1] + (p[1] - q[1]).round() } else { q[1] };
             bend.p.push(p);
             bend.q.push([q[0] + (p[0] - q[0]).round(), v]);
-        }
-        if bend.p.is_empty() {
-            return Ok(self.cross.clone());
         }
         let moves: Vec<_> = bend.p.iter().copied().zip(bend.q.iter().copied()).collect();
         let is_free = |x: [f64; 2]| {

@@ -169,6 +169,8 @@ pub(super) fn describe(registered: Registered) -> Registration {
 /// What a map is made of before it is measured.
 pub(super) struct Laid<'a> {
     pub(super) cross: CrossMap,
+    /// Where the vertices go in a part to be stitched, with the boundary on the segment's, if that is elsewhere.
+    pub(super) as_part: Option<Vec<Vec3>>,
     /// What the example is laid by.
     pub(super) way: Way<'a>,
     /// The chart on whose mesh the vertices lie.
@@ -302,7 +304,8 @@ fn measured(
     let chart = &fresh(&example.encoded.encoding)?.chart;
     let made = || {
         let mesh = assembled(&laid, example);
-        let part = quadmuse_kernel::compose::part::polygons(&patch.mesh, &laid.cross.positions, winding(&laid));
+        let positions = laid.as_part.as_ref().unwrap_or(&laid.cross.positions);
+        let part = quadmuse_kernel::compose::part::polygons(&patch.mesh, positions, winding(&laid));
         let in_domain = match laid.way {
             Way::Atlas(atlas) => Some(atlas.folded_faces(&patch.mesh)),
             Way::Chart => Some(folded_faces(laid.registered.registration(), chart, &patch.mesh)),
@@ -383,6 +386,7 @@ pub(super) fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &S
     leave_fillings(&mut cross, &input.chart);
     Ok(Laid {
         cross,
+        as_part: None,
         way: Way::Chart,
         input: &input.chart,
         mirrored: registration.flip.is_mirror(),
@@ -441,6 +445,7 @@ fn by_atlas<'a>(
     let tips = atlas.matches.iter().enumerate().map(tip);
     Ok(Laid {
         cross,
+        as_part: None,
         way: Way::Atlas(atlas),
         input,
         mirrored: atlas.mirrored,
