@@ -8,7 +8,6 @@ use super::super::{EngineError, Refusal, Side};
 use super::fresh;
 use super::model::{Laid as WholeLaid, ModelInner};
 use super::registered::{self, Laid, Registered, Surface, Way};
-use super::settled::{Laying, settle};
 use quadmuse_kernel::encode::features::distance_on;
 use quadmuse_kernel::encode::index::Location as Place;
 use quadmuse_kernel::map::edit::check_folds;
@@ -21,7 +20,6 @@ use quadmuse_kernel::mesh::{TriMesh, Vec3};
 use quadmuse_kernel::register::{Flip, Registration};
 use quadmuse_kernel::topology::Patch;
 use quadmuse_proto::Location;
-use std::sync::OnceLock;
 
 /// Places of the grid along each side of the domain.
 const HOLDS: usize = 10;
@@ -31,7 +29,7 @@ const FREE_MOVES: f64 = 2.5;
 /// A move in the domain that is none.
 const STILL: f64 = 1e-9;
 
-/// The map of a part that the whole makes, at rest.
+/// The map of a part that the whole makes.
 #[derive(Debug)]
 pub(super) struct OfWhole {
     /// As the whole lies, whose cuts are beside the segment's.
@@ -56,7 +54,7 @@ pub(super) fn from_whole<'a>(
     };
     let (patch, surface) = (of.patch(example.segment)?, registered.surface(query)?);
     if registered.of_whole.get().is_none() {
-        let Some(made) = part_of(whole, patch, surface, &registered::laying(example, query)?) else { return Ok(None) };
+        let Some(made) = part_of(whole, patch, surface) else { return Ok(None) };
         let _ = registered.of_whole.set(made);
     }
     let Some(of_whole) = registered.of_whole.get() else { return Ok(None) };
@@ -71,13 +69,18 @@ pub(super) fn from_whole<'a>(
     }
     constraints.extend(registered::pinned(registered, &source.chart, &surface.chart));
     let pins: Vec<(Vec3, Place)> = registered.pinned.iter().map(|(_, (a, b))| (a.point(&source.chart), *b)).collect();
-    let (cross, as_part) = match pins.is_empty() {
-        true => (of_whole.as_laid.clone(), Some(of_whole.cross.positions.clone())),
-        false => (own.bent(&pins).map_err(|detail| folds(registered, &detail))?, None),
+    let within = match pins.is_empty() {
+        true => of_whole.cross.clone(),
+        false => own.bent(&pins).map_err(|detail| folds(registered, &detail))?,
     };
+    // What the constraints leave alone is shown where the whole lies.
+    let mut cross = of_whole.as_laid.clone();
+    for (v, bent) in within.locations.iter().enumerate().filter(|(v, bent)| **bent != of_whole.cross.locations[*v]) {
+        (cross.locations[v], cross.positions[v]) = (*bent, within.positions[v]);
+    }
     let laid = Laid {
         cross,
-        as_part,
+        as_part: Some(within.positions),
         way: Way::Whole,
         input: &surface.chart,
         mirrored: whole.mirrored,
@@ -90,7 +93,7 @@ pub(super) fn from_whole<'a>(
 }
 
 /// The part of the whole on a segment's surface; `None` where a vertex has no place, or the boundaries differ.
-fn part_of(whole: &WholeLaid, patch: &Patch, surface: &Surface, laying: &Laying<'_>) -> Option<OfWhole> {
+fn part_of(whole: &WholeLaid, patch: &Patch, surface: &Surface) -> Option<OfWhole> {
     let points: Option<Vec<Vec3>> =
         patch.vertex_of.iter().map(|&v| whole.places.get(v as usize).copied().flatten()).collect();
     let (chart, mirror) = (&surface.chart, registered::sign(whole.mirrored));
@@ -98,7 +101,6 @@ fn part_of(whole: &WholeLaid, patch: &Patch, surface: &Surface, laying: &Laying<
     let mut cross = placed(patch, &points, chart, mirror)?;
     untangle(&patch.mesh, &mut cross, chart, mirror, &surface.bvh);
     leave_fillings(&mut cross, chart);
-    settle(&OnceLock::new(), laying, &mut cross, &[surface.ground()], mirror, &[]);
     let as_laid = CrossMap { locations: cross.locations.clone(), positions: points };
     let laid_angle_p95_deg = measure::angle_distortion(&patch.mesh, &as_laid).p95;
     Some(OfWhole { as_laid, cross, laid_angle_p95_deg })

@@ -244,25 +244,20 @@ fn lay<'a>(
         Some(atlas) => by_atlas(atlas, registered, example, query)?,
         None => by_chart(registered, example, query)?,
     };
-    let laying = laying(example, query)?;
-    let angle_p95_deg = measure::angle_distortion(laying.mesh, &laid.cross).p95;
-    let grounds = match atlas {
-        Some(atlas) => atlas.grounds(),
-        None => vec![registered.surface(query)?.ground()],
-    };
-    settle(&registered.settled, &laying, &mut laid.cross, &grounds, sign(laid.mirrored), &laid.constraints);
-    Ok((laid, angle_p95_deg))
-}
-
-/// The example's side of what settles.
-pub(super) fn laying<'a>(example: &'a Side, query: &Side) -> Result<Laying<'a>, EngineError> {
     let model: &ModelInner = example.model.inner.open()?;
     let patch = model.patch(example.segment)?;
     let creases = creases_on(&example.model.mesh.attributes.creases, &model.prepared.vertex_of, patch);
     // Corners of a segment's boundary are where segments meet, and belong to the composition.
     let other: &ModelInner = query.model.inner.open()?;
     let is_whole = model.segmented.parts.len() == 1 && other.segmented.parts.len() == 1;
-    Ok(Laying { mesh: &patch.mesh, creases, snap: if is_whole { Snap::All } else { Snap::Creases } })
+    let laying = Laying { mesh: &patch.mesh, creases, snap: if is_whole { Snap::All } else { Snap::Creases } };
+    let angle_p95_deg = measure::angle_distortion(&patch.mesh, &laid.cross).p95;
+    let grounds = match atlas {
+        Some(atlas) => atlas.grounds(),
+        None => vec![registered.surface(query)?.ground()],
+    };
+    settle(&registered.settled, &laying, &mut laid.cross, &grounds, sign(laid.mirrored), &laid.constraints);
+    Ok((laid, angle_p95_deg))
 }
 
 /// −1 for mirrored maps.
@@ -373,7 +368,7 @@ fn distortion(laid: &Laid<'_>, example: &Side) -> Result<measure::Distortion, En
 }
 
 /// One chart with its registration.
-pub(super) fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Result<Laid<'a>, EngineError> {
+fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Result<Laid<'a>, EngineError> {
     let input = registered.surface(query)?;
     let source = fresh(&example.encoded.encoding)?;
     let registration = registered.registration();
