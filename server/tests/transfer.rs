@@ -166,9 +166,21 @@ fn an_edit_bends_what_the_whole_laid_near_the_constraint() {
     // A vertex inside is moved to where its neighbour lies.
     let own = vertices(&example, 0);
     let at = |v: u32| own.iter().position(|&w| w == v as usize).map(|k| before.mesh.positions[k]);
-    let bounds =
-        |v: &usize| example.mesh.faces.iter().zip(labels(&example)).all(|(f, l)| *l == 0 || !f.contains(&(*v as u32)));
-    let inner = own.iter().copied().find(bounds).expect("a vertex inside") as u32;
+    // Its faces close around it, and are all of this part.
+    let is_inside = |v: &usize| {
+        let v = *v as u32;
+        let around = || example.mesh.faces.iter().zip(labels(&example)).filter(|(f, _)| f.contains(&v));
+        let mut ends: Vec<u32> = around()
+            .flat_map(|(f, _)| {
+                let k = f.iter().position(|&w| w == v).unwrap_or(0);
+                [f[(k + 1) % f.len()], f[(k + f.len() - 1) % f.len()]]
+            })
+            .collect();
+        ends.sort_unstable();
+        ends.dedup();
+        around().all(|(_, l)| *l == 0) && around().count() == ends.len()
+    };
+    let inner = own.iter().copied().find(is_inside).expect("a vertex inside") as u32;
     let face = example.mesh.faces.iter().find(|f| f.contains(&inner)).expect("its face");
     let k = face.iter().position(|&v| v == inner).expect("a corner");
     let (from, beside) = (at(inner).expect("mapped"), at(face[(k + 1) % face.len()]).expect("mapped"));

@@ -4,6 +4,7 @@
 
 pub mod assemble;
 pub mod atlas;
+pub mod bend;
 pub mod edit;
 pub mod parted;
 pub mod placed;

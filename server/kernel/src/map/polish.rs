@@ -43,11 +43,23 @@ const SIZE_RANGE: f64 = 4.0;
 /// Moves the map of `mesh` (the example's patch) along the mesh of `input`. `mirror` is −1 for mirrored maps. Boundary
 /// vertices stay.
 pub fn polish(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64, options: &PolishOptions) {
+    polish_within(mesh, cross, input, mirror, mesh.boundary_vertices(), options);
+}
+
+/// The same, but for the vertices that are `fixed`.
+pub fn polish_within(
+    mesh: &TriMesh,
+    cross: &mut CrossMap,
+    input: &Chart,
+    mirror: f64,
+    fixed: Vec<bool>,
+    options: &PolishOptions,
+) {
     let corners = |t: &[u32; 3]| t.map(|v| mesh.positions[v as usize]);
     let faces = Faces {
         triangles: &mesh.triangles,
         rest: mesh.triangles.iter().map(|t| flat(corners(t), mirror)).collect(),
-        fixed: mesh.boundary_vertices(),
+        fixed,
         area: mesh.total_area(),
     };
     settle(faces, cross, input, options);

@@ -1,33 +1,22 @@
 //! Where a query was cut as an example is, the example's parts go where the whole was laid.
 //!
 //! A part alone knows less of where it belongs: one that is nearly its own mirror image may lie mirrored, and a trunk's half
-//! turned. The caller's constraints bend that map in the input's own domain: with p_k where it takes the constraints' ends on
-//! the example and q_k their ends on the input, uv ↦ ψ̂(uv), held at places of a grid that are far from them.
+//! turned. The caller's constraints bend that map on the surface ([`bend`]), since it has no registration that they could.
 
 use super::super::{EngineError, Refusal, Side};
 use super::fresh;
 use super::model::{Laid as WholeLaid, ModelInner};
 use super::registered::{self, Laid, Registered, Surface, Way};
-use quadmuse_kernel::encode::features::distance_on;
 use quadmuse_kernel::encode::index::Location as Place;
-use quadmuse_kernel::map::edit::check_folds;
+use quadmuse_kernel::map::bend::{BendError, Pin, bend};
 use quadmuse_kernel::map::placed::placed;
 use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, leave_fillings};
 use quadmuse_kernel::measure;
 use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::mesh::{TriMesh, Vec3};
-use quadmuse_kernel::register::{Flip, Registration};
 use quadmuse_kernel::topology::Patch;
 use quadmuse_proto::Location;
-
-/// Places of the grid along each side of the domain.
-const HOLDS: usize = 10;
-/// Distance from a constraint, in the domain, within which nothing is held: at least, and in lengths of its move.
-const FREE_MIN: f64 = 0.15;
-const FREE_MOVES: f64 = 2.5;
-/// A move in the domain that is none.
-const STILL: f64 = 1e-9;
 
 /// The map of a part that the whole makes.
 #[derive(Debug)]
@@ -69,10 +58,7 @@ pub(super) fn from_whole<'a>(
     }
     constraints.extend(registered::pinned(registered, &source.chart, &surface.chart));
     let pins: Vec<(Vec3, Place)> = registered.pinned.iter().map(|(_, (a, b))| (a.point(&source.chart), *b)).collect();
-    let within = match pins.is_empty() {
-        true => of_whole.cross.clone(),
-        false => own.bent(&pins).map_err(|detail| folds(registered, &detail))?,
-    };
+    let within = own.bent(&pins, registered::sign(whole.mirrored)).map_err(|error| refused(registered, error))?;
     // What the constraints leave alone is shown where the whole lies.
     let mut cross = of_whole.as_laid.clone();
     for (v, bent) in within.locations.iter().enumerate().filter(|(v, bent)| **bent != of_whole.cross.locations[*v]) {
@@ -106,9 +92,13 @@ fn part_of(whole: &WholeLaid, patch: &Patch, surface: &Surface) -> Option<OfWhol
     Some(OfWhole { as_laid, cross, laid_angle_p95_deg })
 }
 
-fn folds(registered: &Registered, detail: &str) -> EngineError {
+fn refused(registered: &Registered, error: BendError) -> EngineError {
     let which: Vec<&str> = registered.pinned.iter().map(|p| p.0.as_str()).collect();
-    EngineError::refused(Refusal::ConstraintFolds, format!("constraint {}: {detail}", which.join(", ")))
+    let refusal = match error {
+        BendError::Folds { .. } => Refusal::ConstraintFolds,
+        BendError::OnBoundary => Refusal::ConstraintInvalid,
+    };
+    EngineError::refused(refusal, format!("constraint {}: {error}", which.join(", ")))
 }
 
 /// A part with the map that the whole makes of it.
@@ -129,50 +119,16 @@ impl Own<'_> {
         Some(Place { triangle: on.triangle, barycentric: on.barycentric })
     }
 
-    /// The map with points of the example taken to places on the input; why not, where it would fold.
-    fn bent(&self, pins: &[(Vec3, Place)]) -> Result<CrossMap, String> {
-        let (chart, topology) = (&*self.input.chart, self.input.chart.topology);
-        let mut bend = Registration {
-            flip: Flip::default(),
-            side: 0,
-            p: Vec::new(),
-            q: Vec::new(),
-            energy: 0.0,
-            variance: 0.0,
-            folds: 0,
+    /// The map with points of the example taken to places on the input.
+    fn bent(&self, pins: &[(Vec3, Place)], mirror: f64) -> Result<CrossMap, BendError> {
+        let chart = &self.input.chart;
+        let pin = |(from, to): &(Vec3, Place)| {
+            let near = self.bvh.closest(*from);
+            let on_example = Place { triangle: near.triangle, barycentric: near.barycentric };
+            Pin { on_example, to: to.point(chart) }
         };
-        for (from, to) in pins {
-            let Some(p) = self.taken_to(*from).map(|place| place.uv(chart)) else { continue };
-            let q = to.uv(chart);
-            // Of all periods the nearest.
-            let v = if topology.is_periodic_v() { q[1] + (p[1] - q[1]).round() } else { q[1] };
-            bend.p.push(p);
-            bend.q.push([q[0] + (p[0] - q[0]).round(), v]);
-        }
-        let moves: Vec<_> = bend.p.iter().copied().zip(bend.q.iter().copied()).collect();
-        let is_free = |x: [f64; 2]| {
-            moves
-                .iter()
-                .any(|&(p, q)| distance_on(topology, p, x) < (FREE_MOVES * distance_on(topology, p, q)).max(FREE_MIN))
-        };
-        for (i, j) in (0..HOLDS).flat_map(|i| (0..HOLDS).map(move |j| (i, j))) {
-            let x = [i, j].map(|k| (k as f64 + 0.5) / HOLDS as f64);
-            if !is_free(x) {
-                bend.p.push(x);
-                bend.q.push(x);
-            }
-        }
-        check_folds(&bend, topology).map_err(|e| e.to_string())?;
-        let mut cross = self.cross.clone();
-        for (location, position) in cross.locations.iter_mut().zip(&mut cross.positions) {
-            let from = location.uv(chart);
-            let to = bend.map(topology, from);
-            let inside = [to[0].rem_euclid(1.0), if topology.is_periodic_v() { to[1].rem_euclid(1.0) } else { to[1] }];
-            if distance_on(topology, from, inside) > STILL {
-                *location = self.input.index.locate(chart, inside);
-                *position = location.point(chart);
-            }
-        }
-        Ok(cross)
+        let pins: Vec<Pin> = pins.iter().map(pin).collect();
+        let tree = self.input.bvh.get_or_init(|| Bvh::new(&chart.mesh));
+        bend(self.part, self.cross, &pins, chart, mirror, tree)
     }
 }
