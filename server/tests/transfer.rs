@@ -2,15 +2,19 @@
 
 use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::mesh::{Format, Limits, PolyMesh, TriMesh, Vec3, prepare, read, write};
-use quadmuse_proto::{MeshFormat, Parts};
+use quadmuse_proto::{ConstraintEdit, MeshFormat, NewConstraint, Parts, Place};
 use quadmuse_server::demo;
 use quadmuse_server::pool::Stop;
 use quadmuse_server::work::engine::kernel::KernelEngine;
-use quadmuse_server::work::engine::{Cut, Engine, EngineError, Grain, Model, Refusal};
+use quadmuse_server::work::engine::{Cut, Engine, EngineError, Grain, Mapped, Model, Part, Refusal, Side, Stitching};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// The parts of example and input agree on so much of the area.
 const OVERLAP_MIN: f64 = 0.9;
+
+/// The query is so many times as large.
+const LARGER: f64 = 3.0;
 
 fn model(bytes: &[u8], cut: Cut) -> Model {
     let format = match Format::sniff(bytes) {
@@ -64,7 +68,7 @@ fn in_triangles(mesh: &PolyMesh) -> PolyMesh {
     let fan = mesh.faces.iter().flat_map(|f| (2..f.len()).map(move |k| [f[0], f[k - 1], f[k]]));
     let triangles: Vec<[u32; 3]> = fan.collect();
     PolyMesh {
-        positions: mesh.positions.iter().map(|x| x * 3.0).collect(),
+        positions: mesh.positions.iter().map(|x| x * LARGER).collect(),
         faces: triangles.iter().map(|t| &t[..]).collect(),
         ..PolyMesh::default()
     }
@@ -90,6 +94,113 @@ fn a_made_body_is_cut_as_the_same_body_of_other_triangles() {
         mesh.faces.iter().zip(labels(&example)).flat_map(|(f, &l)| std::iter::repeat_n(l, f.len() - 2)).collect();
     let (all, least) = overlap(&triangles, labels(&alike), &wanted);
     assert!(all > OVERLAP_MIN, "parts agree on {all:.3} of the area, the worst on {least:.3}");
+}
+
+fn side(model: &Arc<Model>, segment: u32) -> Side {
+    let encoded = KernelEngine::default().encode(model, segment, &Stop::new(None)).expect("encodes");
+    Side { model: Arc::clone(model), segment, encoded: Arc::new(encoded) }
+}
+
+/// Segment k of an example on segment k of a query that was cut alike.
+fn mapped(example: &Side, query: &Side) -> Mapped {
+    let (engine, stop) = (KernelEngine::default(), Stop::new(None));
+    let (one, two) = (&example.encoded.encoding, &query.encoded.encoding);
+    let coarse = engine.coarse(one, two, &stop).expect("registers");
+    let finished = engine.finish(&coarse, one, two, &stop).expect("registers");
+    engine.map(&finished, example, query, &stop).expect("maps")
+}
+
+/// The vertices of the example that a part's faces use, in order.
+fn vertices(example: &Model, part: u32) -> Vec<usize> {
+    let mut used = vec![false; example.mesh.positions.len()];
+    for (face, _) in example.mesh.faces.iter().zip(labels(example)).filter(|(_, l)| **l == i64::from(part)) {
+        face.iter().for_each(|&v| used[v as usize] = true);
+    }
+    (0..used.len()).filter(|&v| used[v]).collect()
+}
+
+#[test]
+fn parts_of_that_example_lie_where_it_lies_whole_and_hang_together_beside_another() {
+    let (mesh, example) = sample();
+    let (engine, stop) = (KernelEngine::default(), Stop::new(None));
+    let query = whole(&write(&in_triangles(&mesh), Format::Obj).expect("writes"));
+    let query = Arc::new(engine.alike(&query, &example, &stop).expect("cut alike"));
+    let example = Arc::new(example);
+    let count = example.segments.len() as u32;
+    let sides: Vec<(Side, Side)> = (0..count).map(|s| (side(&example, s), side(&query, s))).collect();
+    let maps: Vec<Mapped> = sides.iter().map(|(one, two)| mapped(one, two)).collect();
+    // What two parts share they take to one place, though each was mapped on its own segment.
+    let mut places: Vec<Vec<Vec3>> = vec![Vec::new(); mesh.positions.len()];
+    for (part, map) in (0..count).zip(&maps) {
+        assert!(map.is_of_whole);
+        vertices(&example, part).into_iter().zip(&map.mesh.positions).for_each(|(v, x)| places[v].push(*x));
+    }
+    let shared: Vec<f64> = places.iter().filter(|p| p.len() > 1).map(|p| (p[0] - p[1]).norm()).collect();
+    let size = LARGER * mesh.positions.iter().map(|x| x.norm()).fold(0.0, f64::max);
+    let near = |share: f64| shared.iter().filter(|d| **d < share * size).count();
+    assert!(10 * near(0.02) > 9 * shared.len() && near(0.06) == shared.len(), "{shared:?} of {size}");
+    // One part gives way to a regular layout: of the others every face stays.
+    let given = count - 1;
+    let part = |s: u32| match s == given {
+        true => Part::Template(Arc::clone(&sides[s as usize].1.encoded)),
+        false => Part::OfWhole(Arc::clone(&maps[s as usize].part)),
+    };
+    let parts: Vec<Part> = (0..count).map(part).collect();
+    let made = engine.compose(&query, &parts, Stitching { smoothing: 5, density: 0 }, &stop).expect("stitches");
+    let kept = labels(&example).iter().filter(|l| **l != i64::from(given)).count();
+    let found = made.mesh.faces.iter().filter(|f| f.len() == 4).count();
+    assert_eq!(found, made.mesh.faces.len());
+    assert!(found > kept && found < kept + 4000, "{found} quads, {kept} kept; {:?}", made.notes);
+    assert_eq!(made.notes, [format!("segment {given} is a regular layout")]);
+}
+
+#[test]
+fn an_edit_bends_what_the_whole_laid_near_the_constraint() {
+    let (mesh, example) = sample();
+    let (engine, stop) = (KernelEngine::default(), Stop::new(None));
+    let query = whole(&write(&in_triangles(&mesh), Format::Obj).expect("writes"));
+    let query = Arc::new(engine.alike(&query, &example, &stop).expect("cut alike"));
+    let example = Arc::new(example);
+    let (one, two) = (side(&example, 0), side(&query, 0));
+    let before = mapped(&one, &two);
+    // A vertex inside is moved to where its neighbour lies.
+    let own = vertices(&example, 0);
+    let at = |v: u32| own.iter().position(|&w| w == v as usize).map(|k| before.mesh.positions[k]);
+    let bounds =
+        |v: &usize| example.mesh.faces.iter().zip(labels(&example)).all(|(f, l)| *l == 0 || !f.contains(&(*v as u32)));
+    let inner = own.iter().copied().find(bounds).expect("a vertex inside") as u32;
+    let face = example.mesh.faces.iter().find(|f| f.contains(&inner)).expect("its face");
+    let k = face.iter().position(|&v| v == inner).expect("a corner");
+    let (from, beside) = (at(inner).expect("mapped"), at(face[(k + 1) % face.len()]).expect("mapped"));
+    let to = from + (beside - from) * 0.6;
+    let set = NewConstraint {
+        id: None,
+        on_example: Some(Place::Point(mesh.positions[inner as usize].into())),
+        on_input: Some(Place::Point(to.into())),
+    };
+    let edit = ConstraintEdit { set: vec![set], ..ConstraintEdit::default() };
+    let edited = |map: &Mapped, edit: &ConstraintEdit| {
+        let registration = engine.constrain(map, edit, &one, &two, &stop).expect("an edit");
+        engine.map(&registration, &one, &two, &stop).expect("maps")
+    };
+    let after = edited(&before, &edit);
+    assert!(!after.is_of_whole);
+    assert_eq!(after.mesh.faces, before.mesh.faces);
+    let moves = |a: &Mapped, b: &Mapped| -> Vec<f64> {
+        a.mesh.positions.iter().zip(&b.mesh.positions).map(|(a, b)| (a - b).norm()).collect()
+    };
+    let moved = moves(&before, &after);
+    let k = own.iter().position(|&v| v == inner as usize).expect("mapped");
+    assert!((after.mesh.positions[k] - to).norm() < 0.2 * (to - from).norm(), "{moved:?}");
+    // Far from it nothing moves.
+    let (still, all) = (moved.iter().filter(|d| **d < 0.05 * (to - from).norm()).count(), moved.len());
+    assert!(4 * still > all, "{still} of {all} stay");
+    // Undone, all is as it was; a feature stays.
+    let undone = edited(&after, &ConstraintEdit { undo: vec!["c1".into()], ..ConstraintEdit::default() });
+    assert!(undone.is_of_whole && moves(&before, &undone).iter().all(|d| *d == 0.0));
+    let feature = ConstraintEdit { remove: vec!["f0".into()], ..ConstraintEdit::default() };
+    let refused = engine.constrain(&before, &feature, &one, &two, &stop).expect_err("features stay");
+    assert!(refused.to_string().contains("add a constraint beside it"), "{refused}");
 }
 
 #[test]

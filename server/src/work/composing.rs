@@ -145,7 +145,11 @@ async fn gathered(
         }
         all.summaries.push(taken);
         let is_kept = wanted.keep.contains(&segment);
-        all.parts.push(if is_kept { Part::Kept(part) } else { Part::Mapped { part, whole } });
+        all.parts.push(match is_kept {
+            _ if newest.mapped.is_of_whole => Part::OfWhole(part),
+            true => Part::Kept(part),
+            false => Part::Mapped { part, whole },
+        });
         all.maps.push(Some(map));
     }
     Ok(all)
@@ -154,7 +158,9 @@ async fn gathered(
 /// The faces that the mapped parts will have together, about; known before the work.
 fn faces_at(parts: &[Part], density: i32) -> Result<u64, WorkError> {
     let faces_of = |part: &Part| match part {
-        Part::Mapped { part, .. } | Part::Poor { part, .. } | Part::Kept(part) => part.faces.len() as u64,
+        Part::Mapped { part, .. } | Part::Poor { part, .. } | Part::Kept(part) | Part::OfWhole(part) => {
+            part.faces.len() as u64
+        }
         Part::Template(_) => 0,
     };
     let faces =

@@ -242,6 +242,8 @@ pub struct Mapped {
     pub part: Arc<PolyMesh>,
     /// The registration that was used, with the caller's constraints.
     pub registration: Registration,
+    /// Whether it is a part of the example that the query was cut alike, where the whole was laid.
+    pub is_of_whole: bool,
     /// The pairs of points that fix it.
     pub constraints: Vec<Constraint>,
     /// Faces flipped on the input beyond the example's own.
@@ -268,6 +270,9 @@ pub enum Part {
     },
     /// [`Mapped::part`], to be subdivided no further than joining it needs.
     Kept(Arc<PolyMesh>),
+    /// The same of a map that [is of the whole](Mapped::is_of_whole): with neighbours of its kind it hangs together as in the
+    /// example.
+    OfWhole(Arc<PolyMesh>),
     /// A mapped example that nobody chose and that is poor: a regular layout takes its place, unless it is the only part and
     /// follows the input better.
     Poor {

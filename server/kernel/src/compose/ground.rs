@@ -39,6 +39,12 @@ impl<'a> Ground<'a> {
         Self { mesh, owner, count: segmented.parts.len() }
     }
 
+    /// The same with other segments, `count` of them: `joined` tells which of them each segment is part of.
+    pub fn joined(&self, joined: &[u32], count: usize) -> Self {
+        let other = |s: &u32| joined.get(*s as usize).copied().unwrap_or(NONE);
+        Self { mesh: self.mesh.clone(), owner: self.owner.iter().map(other).collect(), count }
+    }
+
     /// As an input.
     pub fn input(&self) -> Input<'_> {
         Input { surface: &self.mesh, owner: &self.owner, count: self.count }

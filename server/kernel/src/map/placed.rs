@@ -2,8 +2,8 @@
 //!
 //! The whole map knows better where a part belongs than the part does alone, but ends beside the part's curves and not on
 //! them. Each vertex goes to the nearest point of the input's part; those on a boundary loop go to the nearest points of the
-//! loop that it lies on, and keep their order there: with s_k the arc lengths of the nearest points, unwrapped, those
-//! t_k ≤ t_{k+1} are taken for which Σ (t_k − s_k)² is least, with a gap between them. *Ours, not the paper's.*
+//! loop that it lies on, as far as they keep their order there: of all ways once around, that for which the sum of the
+//! distances is least. *Ours, not the paper's.*
 
 use super::CrossMap;
 use crate::encode::index::Location;
@@ -13,8 +13,13 @@ use crate::mesh::tri::TriMesh;
 use crate::topology::Patch;
 use crate::unfold::Chart;
 
-/// Least distance of neighbours on a loop, as a share of their mean distance.
-const GAP: f64 = 0.1;
+/// Places on a loop for each of its vertices that are told apart, and how many more of them the loop's edges may ask for.
+const STEPS: usize = 4;
+const STEPS_MAX: usize = 16;
+/// Least distance of neighbours on a loop, in steps from place to place.
+const GAP: f64 = 0.2;
+/// A loop of more vertices is not laid: the work grows with their square.
+const VERTICES_MAX: usize = 3000;
 
 /// The map that takes the vertices of an example's part near to `points`, one a vertex; `mirror` is −1 for mirrored maps.
 /// `None` where the part has not as many boundary loops as the input's.
@@ -38,6 +43,9 @@ pub fn placed(part: &Patch, points: &[Vec3], input: &Chart, mirror: f64) -> Opti
             vertices
         })
         .collect();
+    if loops.iter().any(|vertices| vertices.len() > VERTICES_MAX) {
+        return None;
+    }
     let rings: Vec<Ring<'_>> = input.mesh.boundary_loops().into_iter().map(|h| Ring::new(&input.mesh, h)).collect();
     for (vertices, ring) in loops.iter().zip(matched(&loops, &rings, points)?) {
         let at: Vec<Vec3> = vertices.iter().map(|&v| points[v as usize]).collect();
@@ -107,51 +115,65 @@ impl<'a> Ring<'a> {
         best
     }
 
-    /// Arc lengths for points that follow each other once around.
+    fn point(&self, s: f64) -> Vec3 {
+        let Location { triangle, barycentric } = self.location(s);
+        let corners = self.mesh.triangles[triangle as usize];
+        (0..3).map(|k| self.mesh.positions[corners[k] as usize] * barycentric[k]).sum()
+    }
+
+    /// Arc lengths for points that follow each other once around, from that of the point that lies nearest.
     fn in_order(&self, points: &[Vec3]) -> Vec<f64> {
         let (n, length) = (points.len(), self.length);
         let near: Vec<(f64, f64)> = points.iter().map(|&p| self.nearest(p)).collect();
-        // What lies nearest tells best where the turn begins.
         let first = (0..n).min_by(|&a, &b| near[a].1.total_cmp(&near[b].1)).unwrap_or(0);
         let around = |k: usize| (first + k) % n;
-        let step = |a: f64, b: f64| {
-            let d = (b - a) / length.max(f64::MIN_POSITIVE);
-            (d - d.round()) * length
-        };
-        let mut unwrapped = vec![near[around(0)].0];
-        (1..=n).for_each(|k| unwrapped.push(unwrapped[k - 1] + step(near[around(k - 1)].0, near[around(k)].0)));
-        let turned = unwrapped.pop().unwrap_or(0.0) - unwrapped[0];
-        if (turned - length).abs() > 0.5 * length {
-            // They don't lead around once: by their own distances.
-            let away = |k: usize| (points[around(k)] - points[around(k + n - 1)]).norm();
-            let whole: f64 = (0..n).map(away).sum::<f64>().max(f64::MIN_POSITIVE);
-            (1..n).for_each(|k| unwrapped[k] = unwrapped[k - 1] + away(k) / whole * length);
+        let start = near[around(0)].0;
+        let steps = (STEPS * n).max(self.halfedges.len().min(STEPS_MAX * n));
+        let step = length / steps as f64;
+        let places: Vec<Vec3> = (0..steps).map(|j| self.point(start + j as f64 * step)).collect();
+        let rest: Vec<Vec3> = (1..n).map(|k| points[around(k)]).collect();
+        let mut at = vec![start; n];
+        let mut before = 0.0;
+        for (k, j) in (1..n).zip(least_in_order(&rest, &places)) {
+            // The nearest point itself, where that lies between the places beside.
+            let ahead = (near[around(k)].0 - start).rem_euclid(length.max(f64::MIN_POSITIVE));
+            let place = j as f64 * step;
+            let here = if (ahead - place).abs() < step { ahead } else { place };
+            before = f64::max(here, before + GAP * step).min(length - (n - k) as f64 * GAP * step);
+            at[around(k)] = start + before;
         }
-        let start = unwrapped[0];
-        let mut ordered = non_decreasing(&unwrapped);
-        ordered[0] = start;
-        let gap = GAP * length / n as f64;
-        for k in 1..n {
-            ordered[k] = ordered[k].min(start + length - (n - k) as f64 * gap).max(ordered[k - 1] + gap);
-        }
-        let mut at = vec![0.0; n];
-        (0..n).for_each(|k| at[around(k)] = ordered[k]);
         at
     }
 }
 
-/// The non-decreasing numbers nearest to given ones, by the sum of squares: neighbours out of order take their mean.
-fn non_decreasing(given: &[f64]) -> Vec<f64> {
-    let mut pools: Vec<(f64, usize)> = Vec::new();
-    for &x in given {
-        let mut pool = (x, 1);
-        while let Some(&(mean, count)) = pools.last().filter(|last| last.0 > pool.0) {
-            pools.pop();
-            pool = ((mean * count as f64 + pool.0 * pool.1 as f64) / (count + pool.1) as f64, count + pool.1);
+/// For points in order the numbers of places in order, each higher than the one before and none the first, for which the sum
+/// of the distances is least. There are more places than points.
+fn least_in_order(points: &[Vec3], places: &[Vec3]) -> Vec<usize> {
+    let m = places.len();
+    // Least sum up to each place, the last point on it or before; and on which it is then.
+    let mut least = vec![0.0; m];
+    let mut chosen: Vec<Vec<u32>> = Vec::with_capacity(points.len());
+    for (k, p) in points.iter().enumerate() {
+        let mut now = vec![f64::INFINITY; m];
+        let mut on = vec![0u32; m];
+        for j in k + 1..m {
+            let here = least[j - 1] + (p - places[j]).norm();
+            (now[j], on[j]) = if here < now[j - 1] { (here, j as u32) } else { (now[j - 1], on[j - 1]) };
         }
-        pools.push(pool);
+        least = now;
+        chosen.push(on);
     }
-    pools.into_iter().flat_map(|(mean, count)| std::iter::repeat_n(mean, count)).collect()
+    let mut end = m;
+    let mut found: Vec<usize> = chosen
+        .iter()
+        .rev()
+        .map(|on| {
+            end = on[end - 1] as usize;
+            end
+        })
+        .collect();
+    found.reverse();
+    found
 }
 
 #[cfg(test)]
@@ -210,8 +232,13 @@ mod tests {
     }
 
     #[test]
-    fn numbers_out_of_order_take_their_mean() {
-        assert_eq!(non_decreasing(&[1.0, 3.0, 2.0, 4.0, 0.0]), [1.0, 2.25, 2.25, 2.25, 2.25]);
-        assert_eq!(non_decreasing(&[]), Vec::<f64>::new());
+    fn a_point_across_a_narrow_place_does_not_take_the_others_along() {
+        let line = |xs: &[f64]| -> Vec<Vec3> { xs.iter().map(|&x| Vec3::new(x, 0.0, 0.0)).collect() };
+        let places = line(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]);
+        assert_eq!(least_in_order(&line(&[1.0, 2.2, 4.0]), &places), [1, 2, 4]);
+        // The second lies nearest to the seventh place, and has to stay between its neighbours.
+        assert_eq!(least_in_order(&line(&[1.0, 7.0, 3.0, 4.0]), &places), [1, 2, 3, 4]);
+        assert_eq!(least_in_order(&line(&[9.0, 9.0, 9.0]), &places), [6, 7, 8]);
+        assert!(least_in_order(&[], &places).is_empty());
     }
 }

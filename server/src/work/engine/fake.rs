@@ -203,6 +203,7 @@ impl Engine for FakeEngine {
             mesh: Arc::clone(&example.model.mesh),
             part: Arc::clone(&example.model.mesh),
             registration: from.clone(),
+            is_of_whole: false,
             constraints,
             folds: 0,
             distance_max: 0.0,

@@ -2,6 +2,7 @@
 
 mod constrain;
 mod from_whole;
+mod grouped;
 mod model;
 mod registered;
 mod rejoined;

@@ -5,7 +5,6 @@ use super::fresh;
 use super::registered::{Registered, describe};
 use quadmuse_kernel::encode::features::distance_on;
 use quadmuse_kernel::encode::index::{Location, PlanarIndex};
-use quadmuse_kernel::map::atlas::Atlas;
 use quadmuse_kernel::map::edit::{self, EditError};
 use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::mesh::{NONE, Vec3};
@@ -23,8 +22,15 @@ pub(super) fn edit(
     query: &Side,
 ) -> Result<Registration, EngineError> {
     let registered: &Registered = from.registration.inner.open()?;
+    if registered.of_whole.get().is_some() {
+        let (one, two) = (&fresh(&example.encoded.encoding)?.chart, &registered.surface(query)?.chart);
+        return edit_pinned(registered, wanted, (example, one), (query, two));
+    }
     if let Some(atlas) = registered.atlas.get().and_then(Option::as_ref) {
-        return edit_atlas(atlas, registered, wanted, example, query);
+        let (Some(one), Some(two)) = (atlas.example(), atlas.input()) else {
+            return Err(EngineError::Internal("expected an atlas with charts".into()));
+        };
+        return edit_pinned(registered, wanted, (example, one), (query, two));
     }
     let topology = registered.entry.best().unfolded.encoding.topology;
     let input = registered.surface(query)?;
@@ -104,30 +110,24 @@ fn undo(
     Ok(())
 }
 
-/// Edits the constraints of an atlas: matched tips stay, since each has a chart of its own; the caller's come and go.
-fn edit_atlas(
-    atlas: &Atlas,
+/// Edits the constraints where features stay: each has a chart of its own, or lies where the whole was laid. The caller's come
+/// and go.
+fn edit_pinned(
     registered: &Registered,
     wanted: &ConstraintEdit,
-    example: &Side,
-    query: &Side,
+    (example, one): (&Side, &Chart),
+    (query, two): (&Side, &Chart),
 ) -> Result<Registration, EngineError> {
-    let (Some(one), Some(two)) = (atlas.example(), atlas.input()) else {
-        return Err(EngineError::Internal("expected an atlas with charts".into()));
-    };
     let mut pinned = registered.pinned.clone();
     let bvhs = (OnceLock::new(), OnceLock::new());
     let find = |pinned: &[(String, (Location, Location))], id: &str| -> Result<usize, EngineError> {
         if let Some(k) = pinned.iter().position(|(name, _)| name == id) {
             return Ok(k);
         }
-        let tip = (0..atlas.matches.len()).any(|k| format!("f{k}") == id);
-        let refusal = if tip { Refusal::ConstraintInvalid } else { Refusal::ConstraintUnknown };
-        let why = if tip {
-            "which is a matched tip and carries a chart of its own: add a constraint beside it"
-        } else {
-            "which is none"
-        };
+        let feature = id.strip_prefix('f').is_some_and(|k| k.parse::<u32>().is_ok());
+        let refusal = if feature { Refusal::ConstraintInvalid } else { Refusal::ConstraintUnknown };
+        let why =
+            if feature { "which is a matched feature and stays: add a constraint beside it" } else { "which is none" };
         Err(EngineError::refused(
             refusal,
             format!("expected a constraint that was added, found `{}`, {why}", id.escape_default()),

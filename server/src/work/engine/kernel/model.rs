@@ -25,8 +25,8 @@ pub(super) struct ModelInner {
 /// An example laid on an input whole.
 #[derive(Debug)]
 pub(super) struct Laid {
-    /// The example as uploaded.
-    pub(super) example: Arc<PolyMesh>,
+    /// The example.
+    pub(super) example: Model,
     /// Its faces on the input.
     pub(super) mesh: PolyMesh,
     /// Where the vertices of its surface went; `None` for those of crumbs.
@@ -41,8 +41,8 @@ pub(super) struct Laid {
 impl Laid {
     /// Whether it was this example.
     pub(super) fn is_of(&self, example: &Arc<PolyMesh>) -> bool {
-        let same = || self.example.positions == example.positions && self.example.faces == example.faces;
-        Arc::ptr_eq(&self.example, example) || same()
+        let own = &self.example.mesh;
+        Arc::ptr_eq(own, example) || (own.positions == example.positions && own.faces == example.faces)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Registrations of the kernel, and the maps they make.
 
 use super::super::{EngineError, Mapped, Opaque, Refusal, Registration, Side};
-use super::from_whole::from_whole;
+use super::from_whole::{OfWhole, from_whole};
 use super::model::ModelInner;
 use super::settled::{Laying, Settled, settle};
 use super::{fresh, internal};
@@ -39,7 +39,9 @@ pub(super) struct Registered {
     pub(super) example_bvh: Arc<OnceLock<Bvh>>,
     /// Where the surfaces have protrusions: the atlas that maps instead, made with the first map.
     pub(super) atlas: Arc<OnceLock<Option<Atlas>>>,
-    /// With an atlas: the caller's constraints, each with its name.
+    /// Where the query was cut as the example is: the map that the whole makes, made with the first map.
+    pub(super) of_whole: Arc<OnceLock<OfWhole>>,
+    /// With an atlas, or where the whole was laid: the caller's constraints, each with its name.
     pub(super) pinned: Vec<(String, (Place, Place))>,
     /// Where the polish took the vertices of the first map.
     pub(super) settled: Arc<OnceLock<Settled>>,
@@ -146,6 +148,7 @@ pub(super) fn checked(entry: Entry, stop: &Stop) -> Result<Registration, EngineE
         input: Arc::default(),
         example_bvh: Arc::default(),
         atlas: Arc::default(),
+        of_whole: Arc::default(),
         pinned: Vec::new(),
         settled: Arc::default(),
     }))
@@ -166,6 +169,8 @@ pub(super) fn describe(registered: Registered) -> Registration {
 /// What a map is made of before it is measured.
 pub(super) struct Laid<'a> {
     pub(super) cross: CrossMap,
+    /// Where the vertices go in a part to be stitched, with the boundary on the segment's, if that is elsewhere.
+    pub(super) as_part: Option<Vec<Vec3>>,
     /// What the example is laid by.
     pub(super) way: Way<'a>,
     /// The chart on whose mesh the vertices lie.
@@ -239,25 +244,20 @@ fn lay<'a>(
         Some(atlas) => by_atlas(atlas, registered, example, query)?,
         None => by_chart(registered, example, query)?,
     };
-    let laying = laying(example, query)?;
-    let angle_p95_deg = measure::angle_distortion(laying.mesh, &laid.cross).p95;
-    let grounds = match atlas {
-        Some(atlas) => atlas.grounds(),
-        None => vec![registered.surface(query)?.ground()],
-    };
-    settle(&registered.settled, &laying, &mut laid.cross, &grounds, sign(laid.mirrored), &laid.constraints);
-    Ok((laid, angle_p95_deg))
-}
-
-/// The example's side of what settles.
-pub(super) fn laying<'a>(example: &'a Side, query: &Side) -> Result<Laying<'a>, EngineError> {
     let model: &ModelInner = example.model.inner.open()?;
     let patch = model.patch(example.segment)?;
     let creases = creases_on(&example.model.mesh.attributes.creases, &model.prepared.vertex_of, patch);
     // Corners of a segment's boundary are where segments meet, and belong to the composition.
     let other: &ModelInner = query.model.inner.open()?;
     let is_whole = model.segmented.parts.len() == 1 && other.segmented.parts.len() == 1;
-    Ok(Laying { mesh: &patch.mesh, creases, snap: if is_whole { Snap::All } else { Snap::Creases } })
+    let laying = Laying { mesh: &patch.mesh, creases, snap: if is_whole { Snap::All } else { Snap::Creases } };
+    let angle_p95_deg = measure::angle_distortion(&patch.mesh, &laid.cross).p95;
+    let grounds = match atlas {
+        Some(atlas) => atlas.grounds(),
+        None => vec![registered.surface(query)?.ground()],
+    };
+    settle(&registered.settled, &laying, &mut laid.cross, &grounds, sign(laid.mirrored), &laid.constraints);
+    Ok((laid, angle_p95_deg))
 }
 
 /// −1 for mirrored maps.
@@ -299,7 +299,8 @@ fn measured(
     let chart = &fresh(&example.encoded.encoding)?.chart;
     let made = || {
         let mesh = assembled(&laid, example);
-        let part = quadmuse_kernel::compose::part::polygons(&patch.mesh, &laid.cross.positions, winding(&laid));
+        let positions = laid.as_part.as_ref().unwrap_or(&laid.cross.positions);
+        let part = quadmuse_kernel::compose::part::polygons(&patch.mesh, positions, winding(&laid));
         let in_domain = match laid.way {
             Way::Atlas(atlas) => Some(atlas.folded_faces(&patch.mesh)),
             Way::Chart => Some(folded_faces(laid.registered.registration(), chart, &patch.mesh)),
@@ -325,6 +326,7 @@ fn measured(
         coverage,
     };
     let (word, reasons) = measure::verdict(&evidence);
+    let is_of_whole = matches!(laid.way, Way::Whole) && laid.registered.pinned.is_empty();
     let flip = match laid.way {
         Way::Chart => from.flip,
         Way::Atlas(_) | Way::Whole => Flip { u: laid.mirrored, v: false },
@@ -334,6 +336,7 @@ fn measured(
         part: Arc::new(part),
         constraints: laid.constraints,
         registration: Registration { flip, ..describe(laid.registered) },
+        is_of_whole,
         folds: folds as u64,
         // Every vertex is a point of a triangle of the input.
         distance_max: 0.0,
@@ -365,7 +368,7 @@ fn distortion(laid: &Laid<'_>, example: &Side) -> Result<measure::Distortion, En
 }
 
 /// One chart with its registration.
-pub(super) fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Result<Laid<'a>, EngineError> {
+fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Result<Laid<'a>, EngineError> {
     let input = registered.surface(query)?;
     let source = fresh(&example.encoded.encoding)?;
     let registration = registered.registration();
@@ -378,6 +381,7 @@ pub(super) fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &S
     leave_fillings(&mut cross, &input.chart);
     Ok(Laid {
         cross,
+        as_part: None,
         way: Way::Chart,
         input: &input.chart,
         mirrored: registration.flip.is_mirror(),
@@ -386,6 +390,21 @@ pub(super) fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &S
         constraints: constraints(registration, &named, source, input),
         registered: Registered { names: named, ..registered.clone() },
     })
+}
+
+/// The caller's constraints on two charts.
+pub(super) fn pinned(registered: &Registered, example: &Chart, input: &Chart) -> Vec<Constraint> {
+    let at = |chart: &Chart, place: &Place| {
+        let [u, v] = place.uv(chart);
+        Location { point: place.point(chart).into(), u, v }
+    };
+    let pin = |(id, (a, b)): &(String, (Place, Place))| Constraint {
+        id: id.clone(),
+        on_example: at(example, a),
+        on_input: at(input, b),
+        origin: ConstraintOrigin::User,
+    };
+    registered.pinned.iter().map(pin).collect()
 }
 
 /// A chart for each protrusion. Its constraints are the matched tips, and what the caller pinned.
@@ -412,36 +431,27 @@ fn by_atlas<'a>(
         u: chart.uv[v as usize][0],
         v: chart.uv[v as usize][1],
     };
-    let at_place = |chart: &Chart, place: &Place| {
-        let uv = place.uv(chart);
-        Location { point: place.point(chart).into(), u: uv[0], v: uv[1] }
-    };
     let tip = |(k, &(a, b)): (usize, &(u32, u32))| Constraint {
         id: format!("f{k}"),
         on_example: at_vertex(example, a),
         on_input: at_vertex(input, b),
         origin: ConstraintOrigin::Feature,
     };
-    let pin = |(id, (a, b)): &(String, (Place, Place))| Constraint {
-        id: id.clone(),
-        on_example: at_place(example, a),
-        on_input: at_place(input, b),
-        origin: ConstraintOrigin::User,
-    };
     let tips = atlas.matches.iter().enumerate().map(tip);
     Ok(Laid {
         cross,
+        as_part: None,
         way: Way::Atlas(atlas),
         input,
         mirrored: atlas.mirrored,
         cost: atlas.mean_cost(),
         modulus_log: modulus_log(example_side, query)?,
-        constraints: tips.chain(registered.pinned.iter().map(pin)).collect(),
+        constraints: tips.chain(pinned(registered, example, input)).collect(),
         registered: registered.clone(),
     })
 }
 
-fn constraints(
+pub(super) fn constraints(
     registration: &quadmuse_kernel::register::Registration,
     named: &[(String, ConstraintOrigin)],
     example: &quadmuse_kernel::register::Query,

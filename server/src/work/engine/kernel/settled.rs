@@ -63,16 +63,6 @@ pub(super) fn settle(
     }
 }
 
-/// Keeps where a map's vertices lie, for edits of another map that has them at `before`.
-pub(super) fn keep(kept: &OnceLock<Settled>, before: Vec<Vec3>, after: CrossMap) {
-    let _ = kept.set(Settled { before, after });
-}
-
-/// Where the vertices of the first map lie, if it was made.
-pub(super) fn first(kept: &OnceLock<Settled>) -> Option<&CrossMap> {
-    kept.get().map(|settled| &settled.after)
-}
-
 fn follow(settled: &Settled, cross: &mut CrossMap, input: &Chart, callers: &[Vec3]) {
     let scale = input.mesh.total_area().sqrt();
     for v in 0..cross.positions.len() {

@@ -4,6 +4,7 @@ use super::super::{
     Encoded, EngineError, Mapped, Model, Opaque, Part, Refusal, Registration, Side, Stitched, Stitching,
 };
 use super::fresh;
+use super::grouped::Pieces;
 use super::model::ModelInner;
 use super::told::{self, MISS_TOLD_PCT};
 use crate::pool::Stop;
@@ -47,27 +48,64 @@ impl Brought<'_> {
 pub(super) fn compose(query: &Model, parts: &[Part], how: Stitching, stop: &Stop) -> Result<Stitched, EngineError> {
     let inner: &ModelInner = query.inner.open()?;
     let ground = inner.ground();
+    let grouped = Pieces::grouped(inner, parts)?;
+    if grouped.is_any_joined() {
+        let whole = stitched(&grouped.ground(&ground), parts, &grouped, how, stop)?;
+        if !grouped.is_any_lost(&whole.report) {
+            return Ok(whole.told());
+        }
+    }
+    let single = Pieces::single(parts.len());
     if let [Part::Mapped { whole, .. } | Part::Poor { whole, .. }] = parts
         && how.density == 0
         && compose::follows(ground.input(), whole, MISS_TOLD_PCT / 100.0)
     {
         return Ok(Stitched { is_poor_kept: matches!(parts, [Part::Poor { .. }]), ..as_mapped(whole) });
     }
-    let (made, regular) = stitched(&ground, parts, how, stop)?;
-    let [Part::Poor { part, whole, .. }] = parts else { return Ok(made) };
+    let made = stitched(&ground, parts, &single, how, stop)?;
+    let [Part::Poor { part, whole, .. }] = parts else { return Ok(made.told()) };
     // Nobody chose the map, and it is poor: what follows the input better is taken.
     let as_it_is = [Part::Mapped { part: Arc::clone(part), whole: Arc::clone(whole) }];
-    let (kept, miss) = stitched(&ground, &as_it_is, how, stop)?;
-    Ok(if miss < regular { Stitched { is_poor_kept: true, ..kept } } else { made })
+    let kept = stitched(&ground, &as_it_is, &single, how, stop)?;
+    let is_poor_kept = kept.report.fit.worst() < made.report.fit.worst();
+    Ok(if is_poor_kept { Stitched { is_poor_kept, ..kept.told() } } else { made.told() })
 }
 
-/// A composition, and how far it lies from the input as a share of the diagonal.
-fn stitched(ground: &Ground<'_>, parts: &[Part], how: Stitching, stop: &Stop) -> Result<(Stitched, f64), EngineError> {
+/// A composition, and what is to be told of what was brought.
+struct Made {
+    mesh: PolyMesh,
+    report: compose::Report,
+    brought: told::Brought,
+}
+
+impl Made {
+    fn told(self) -> Stitched {
+        let mut notes = told::brought(&self.brought);
+        notes.extend(told::made(&self.report, self.mesh.faces.len()));
+        Stitched {
+            is_poor_kept: false,
+            extraordinary_vertices: self.report.extraordinary_after as u64,
+            extraordinary_before: self.report.extraordinary_before as u64,
+            mesh: Arc::new(self.mesh),
+            notes,
+        }
+    }
+}
+
+/// One piece for each group of segments.
+fn stitched(
+    ground: &Ground<'_>,
+    parts: &[Part],
+    pieces: &Pieces,
+    how: Stitching,
+    stop: &Stop,
+) -> Result<Made, EngineError> {
     let mut told = told::Brought::default();
     let mut brought: Vec<Brought<'_>> = Vec::new();
-    for (segment, part) in parts.iter().enumerate() {
+    for (segment, joined) in pieces.each() {
         let mut mesh = |part| at_density(part, segment, how.density, &mut told).map(Box::new);
-        brought.push(match part {
+        brought.push(match &parts[segment] {
+            Part::OfWhole(part) => Brought::Mesh(mesh(joined.unwrap_or(part))?, Choice::Chosen),
             Part::Mapped { part, .. } => Brought::Mesh(mesh(part)?, Choice::Open),
             Part::Kept(part) => Brought::Mesh(mesh(part)?, Choice::Chosen),
             Part::Poor { instead, .. } => {
@@ -81,26 +119,17 @@ fn stitched(ground: &Ground<'_>, parts: &[Part], how: Stitching, stop: &Stop) ->
         });
     }
     stopped(stop)?;
-    let pieces: Vec<Piece<'_>> = brought.iter().map(Brought::piece).collect();
+    let all: Vec<Piece<'_>> = brought.iter().map(Brought::piece).collect();
     let options = Options {
         smoothing: how.smoothing,
         edge_scale: 0.5f64.powi(how.density),
         // Who asks for a coarser layout wants it as coarse as that.
         closeness: if how.density < 0 { Closeness::AsBrought } else { Closeness::Followed },
     };
-    let made = compose::compose(ground.input(), &pieces, options, &|| stop.reason().is_some());
+    let made = compose::compose(ground.input(), &all, options, &|| stop.reason().is_some());
     stopped(stop)?;
     let made = made.map_err(|e| EngineError::refused(Refusal::CompositionInvalid, e.to_string()))?;
-    let mut notes = told::brought(&told);
-    notes.extend(told::made(&made.report, made.mesh.faces.len()));
-    let stitched = Stitched {
-        is_poor_kept: false,
-        extraordinary_vertices: made.report.extraordinary_after as u64,
-        extraordinary_before: made.report.extraordinary_before as u64,
-        mesh: Arc::new(made.mesh),
-        notes,
-    };
-    Ok((stitched, made.report.fit.worst()))
+    Ok(Made { mesh: made.mesh, report: pieces.by_segment(made.report), brought: told })
 }
 
 /// A map of a whole input that needs nothing done: all of the example comes with it.
@@ -173,6 +202,7 @@ pub(super) fn template(query: &Side, stop: &Stop) -> Result<Mapped, EngineError>
             shift_u: 0.0,
             inner: Opaque::new(()),
         },
+        is_of_whole: false,
         constraints: Vec::new(),
         folds: 0,
         distance_max: 0.0,

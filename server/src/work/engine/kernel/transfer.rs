@@ -43,7 +43,7 @@ pub(super) fn alike(engine: &KernelEngine, query: &Model, example: &Model, stop:
     let mut places = vec![None; of.segmented.mesh.positions.len()];
     patch.vertex_of.iter().zip(&whole.positions).for_each(|(&v, p)| places[v as usize] = Some(*p));
     let registered::Whole { mesh, mirrored, cost, modulus_log, .. } = whole;
-    let laid = Some(Laid { example: Arc::clone(&example.mesh), mesh, places, mirrored, cost, modulus_log });
+    let laid = Some(Laid { example: example.clone(), mesh, places, mirrored, cost, modulus_log });
     let inner = ModelInner { prepared: on.prepared.clone(), segmented, laid };
     Ok(Model {
         segments: inner.segments(),
