@@ -18,8 +18,8 @@ const FOLLOWING: usize = 6;
 const REACH: usize = 4;
 const STEP: f64 = 0.5;
 
-/// Draws a net of quads out to the points from which it is farther than `allowed`; tells of each
-/// vertex whether it was drawn.
+/// Draws a net of quads out to the points from which it is farther than `allowed`; tells of each vertex
+/// whether it was drawn.
 pub fn draw_out(net: &mut Net, points: &[Vec3], target: &Target, allowed: f64) -> Vec<bool> {
     let mut held = vec![false; net.positions.len()];
     for _ in 0..ROUNDS {

@@ -31,3 +31,20 @@ pub fn deviations_at_deg(net: &Net) -> Vec<f64> {
     }
     sums.into_iter().map(|(sum, count)| sum / f64::max(count, 1.0)).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compose::net::tests::sheet;
+
+    #[test]
+    fn squares_deviate_by_nothing_and_a_sheared_row_by_its_angle_at_its_vertices_alone() {
+        let mut net = sheet(3, 3);
+        assert!(mean_deviation_deg(&net) < 1e-12);
+        // The top row leans by 45°: two edges of length √2 with the upright.
+        net.positions.iter_mut().filter(|p| p.y > 2.5).for_each(|p| p.x += 1.0);
+        assert!((mean_deviation_deg(&net) - 15.0).abs() < 1e-9);
+        let at = deviations_at_deg(&net);
+        assert!(at[0] < 1e-12 && (at[9] - 22.5).abs() < 1e-9 && (at[13] - 45.0).abs() < 1e-9, "{at:?}");
+    }
+}
