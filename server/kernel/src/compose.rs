@@ -21,6 +21,8 @@ pub mod part;
 pub mod plan;
 pub mod reach;
 pub mod resolve;
+pub mod rest;
+mod resting;
 pub mod rim;
 pub mod seam;
 pub mod site;

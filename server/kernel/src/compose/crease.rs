@@ -23,8 +23,8 @@ const CORNER_REACH: f64 = 2.0;
 /// Rounds in which what is around a corner or a line follows, and around all of them at the end.
 const ROUNDS: usize = 8;
 const LAST_ROUNDS: usize = 12;
-/// By how much the mean deviation from right angles around a line may grow for it, in degrees.
-const WORSE_DEG: f64 = 2.0;
+/// By how much the mean deviation from right angles around a line may grow for it, in degrees, before all comes to rest.
+const WORSE_DEG: f64 = 4.0;
 /// A line with so many vertices on its path may turn over one face.
 const TURNED_EVERY: usize = 12;
 /// Sine by which a corner has to be concave for its face to count as turned over.

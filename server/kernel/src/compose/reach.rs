@@ -18,8 +18,9 @@ const FOLLOWING: usize = 6;
 const REACH: usize = 4;
 const STEP: f64 = 0.5;
 
-/// Draws a net of quads out to the points from which it is farther than `allowed`; gives the number of vertices drawn.
-pub fn draw_out(net: &mut Net, points: &[Vec3], target: &Target, allowed: f64) -> usize {
+/// Draws a net of quads out to the points from which it is farther than `allowed`; tells of each vertex
+/// whether it was drawn.
+pub fn draw_out(net: &mut Net, points: &[Vec3], target: &Target, allowed: f64) -> Vec<bool> {
     let mut held = vec![false; net.positions.len()];
     for _ in 0..ROUNDS {
         let drawn = farthest_asked(net, points, allowed);
@@ -37,7 +38,7 @@ pub fn draw_out(net: &mut Net, points: &[Vec3], target: &Target, allowed: f64) -
         }
         follow(net, &moved, &held, target);
     }
-    held.iter().filter(|h| **h).count()
+    held
 }
 
 /// The vertices that are asked for, each with the farthest point that asks; the farthest first.
@@ -94,11 +95,11 @@ mod tests {
         net.positions.iter_mut().for_each(|p| *p /= 10.0);
         let (measured, target) = (Measured::new(&surface), Target::new(&surface));
         let before = measured.fit(&net.clone().into_mesh().0);
-        assert!(draw_out(&mut net, measured.points(), &target, 0.02) > 0);
+        assert!(draw_out(&mut net, measured.points(), &target, 0.02).contains(&true));
         let after = measured.fit(&net.clone().into_mesh().0);
         assert!(after.back < 0.35 * before.back, "{before:?} {after:?}");
         let top = net.positions.iter().map(|p| p.z).fold(0.0, f64::max);
         assert!(top > 0.45, "{top}");
-        assert_eq!(draw_out(&mut net, &[Vec3::zeros()], &target, 0.02), 0);
+        assert!(!draw_out(&mut net, &[Vec3::zeros()], &target, 0.02).contains(&true));
     }
 }

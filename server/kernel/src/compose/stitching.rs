@@ -8,6 +8,7 @@ use super::net::Net;
 use super::open::open_flat;
 use super::plan::{Side, plan};
 use super::resolve::{self, Resolved, resolve};
+use super::resting::Whose;
 use super::rim::{Rim, Way as Turned, even_out};
 use super::site::{Site, Use, Why, on_surface, way};
 use super::smooth::{OPENING_ROUNDS, Plan, Target};
@@ -112,8 +113,8 @@ impl<'a> Stitching<'a> {
             }
         };
         self.tell(pieces, &sites, report);
-        let kept: Vec<bool> = sites.iter().map(Site::is_kept).collect();
-        Some(self.followed(mesh, allowed(&sites), &kept, report))
+        let whose: Vec<Whose> = sites.iter().map(Whose::of).collect();
+        Some(self.followed(mesh, allowed(&sites), &whose, report))
     }
 
     fn sites<'p>(&self, pieces: &[Piece<'p>]) -> Vec<Site<'p>> {
@@ -289,7 +290,7 @@ impl<'a> Stitching<'a> {
     }
 
     /// A net as a mesh, and whether that holds.
-    fn checked(&self, net: &Net) -> (PolyMesh, Result<(), Broken>) {
+    pub(super) fn checked(&self, net: &Net) -> (PolyMesh, Result<(), Broken>) {
         let (mesh, _) = net.clone().into_mesh();
         let holds = check(&mesh, self.shape);
         (mesh, holds)

@@ -1,0 +1,351 @@
+//! A net comes to rest: its vertices slide along the input until its quads are rectangles of the sizes that are wanted.
+//!
+//! E(x) = Σ_q h_q⁻² Σ_k |x_qk − c_q − r_qk|² + Σ_v s_v κ_v |x_v − x⁰_v|², x on the input: c_q is the mean of the corners
+//! x_qk of quad q, r_q the rectangle that it would be, h_q the edge that is wanted there, s_v how firmly a vertex stays at
+//! its place x⁰_v, and κ_v the weight that its quads give it. With S = (x₁ + x₂ − x₀ − x₃)/4 and T = (x₂ + x₃ − x₀ − x₁)/4
+//! as complex numbers in the quad's plane, the nearest rectangle has the corners e^{iθ}(±a ± ib), 2θ = arg(S² − T²),
+//! a = Re e^{−iθ}S, b = Im e^{−iθ}T; its size √(ab) goes towards h_q/2, and the ratio of its sides towards 1, by a part of the way.
+//!
+//! Local step: r_q. Global step: one solve of the quadratic form by a factor made once, of what is asked for along the
+//! input; what comes out is again taken along the input, and each vertex put back onto it. As P L⁻¹ P, P taking the
+//! tangential part, is positive, E falls. A share of the last move goes into the next, as long as E falls.
+//! *Source:* Bouaziz et al., *Shape-Up: shaping discrete geometry with projections* (2012), local and global step and
+//! the rectangle. *Ours, not the paper's:* on a surface; sizes; and that it is used where seams are to lose their shear.
+
+use super::net::Net;
+use super::smooth::Target;
+use crate::mesh::Vec3;
+use crate::numerics::sparse::{Factored, Pattern};
+
+/// Part of the way that a size goes, in logarithms, not to the one wanted, but to the one that a quad has.
+const SIZE_FREEDOM: f64 = 0.5;
+/// The same for the ratio of the sides, which is at most so much before.
+const RATIO_FREEDOM: f64 = 0.8;
+const RATIO_MAX: f64 = 3.0;
+/// A side shorter than this share of the nearest square's has no direction: then that square is taken.
+const THIN: f64 = 0.1;
+/// Share of the last move that goes into the next.
+const MOMENTUM: f64 = 0.7;
+/// Where E has grown, steps become shorter by this factor, down to this share.
+const SHORTER: f64 = 0.7;
+const STEP_MIN: f64 = 0.3;
+/// Longest step, in edges that are wanted.
+const STEP_MAX: f64 = 0.5;
+/// What is added to the diagonal, as a share of it: a closed net has no place of its own.
+const DAMPING: f64 = 1e-3;
+/// Cosine to the mean normal of its corners up to which a quad's own normal is not believed.
+const TURNED: f64 = 0.2;
+/// Rounds in which wanted sizes are evened out.
+const EVENING_ROUNDS: usize = 100;
+/// Smallest area, as a share of the mean, that counts for a size.
+const AREA_MIN: f64 = 1e-4;
+
+/// A quad with the edge that is wanted of it, and the weight that this gives it.
+#[derive(Clone, Copy, Debug)]
+struct Quad {
+    corners: [u32; 4],
+    edge: f64,
+    weight: f64,
+}
+
+impl Quad {
+    fn at(&self, positions: &[Vec3]) -> [Vec3; 4] {
+        self.corners.map(|v| positions[v as usize])
+    }
+}
+
+/// Goes `rounds` rounds. `firmness` of each vertex: 0 for one that is free, ∞ for one that stays.
+pub fn come_to_rest(net: &mut Net, target: &Target, firmness: &[f64], rounds: u32) {
+    let Some(mut state) = State::new(net, firmness) else { return };
+    for _ in 0..rounds {
+        let asked = state.ask(&net.positions);
+        if asked.energy < state.least.0 {
+            state.least = (asked.energy, net.positions.clone());
+        }
+        state.go(&mut net.positions, asked, target);
+    }
+    if state.ask(&net.positions).energy > state.least.0 {
+        net.positions = state.least.1;
+    }
+}
+
+/// What is asked of the vertices at some positions: E, minus half its gradient with r_q held, and the normals.
+struct Asked {
+    energy: f64,
+    pull: Vec<Vec3>,
+    normals: Vec<Vec3>,
+}
+
+struct State {
+    quads: Vec<Quad>,
+    fixed: Vec<bool>,
+    /// s_v κ_v, x⁰_v and the longest step of each vertex.
+    springs: Vec<f64>,
+    start: Vec<Vec3>,
+    step_max: Vec<f64>,
+    factor: Factored,
+    /// By how much each vertex went in the last round, where that did good.
+    last: Vec<Vec3>,
+    step: f64,
+    energy: f64,
+    /// The least energy so far, and where that was.
+    least: (f64, Vec<Vec3>),
+}
+
+impl State {
+    fn new(net: &Net, firmness: &[f64]) -> Option<Self> {
+        let n = net.positions.len();
+        let quads = quads(net);
+        if quads.is_empty() || firmness.len() != n {
+            return None;
+        }
+        let (mut weights, mut edges) = (vec![0.0; n], vec![(0.0, 0.0); n]);
+        for quad in &quads {
+            for &v in &quad.corners {
+                weights[v as usize] += 0.75 * quad.weight;
+                edges[v as usize] = (edges[v as usize].0 + quad.edge, edges[v as usize].1 + 1.0);
+            }
+        }
+        let fixed: Vec<bool> = firmness.iter().zip(&edges).map(|(s, e)| s.is_infinite() || e.1 == 0.0).collect();
+        let springs: Vec<f64> = (0..n).map(|v| if fixed[v] { 0.0 } else { firmness[v] * weights[v] }).collect();
+        let diagonal: Vec<f64> = (0..n).map(|v| weights[v] * (1.0 + DAMPING) + springs[v]).collect();
+        let pairs = |q: &Quad| {
+            let c = q.corners;
+            [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]].map(|[i, j]| (c[i], c[j]))
+        };
+        let pattern = Pattern::new(n, quads.iter().flat_map(pairs)).ok()?;
+        let entries = quads.iter().flat_map(|q| pairs(q).map(|(a, b)| (a, b, -0.25 * q.weight)));
+        let factor = pattern.factor(&diagonal, entries, &fixed).ok()?;
+        Some(Self {
+            quads,
+            fixed,
+            springs,
+            start: net.positions.clone(),
+            step_max: edges.iter().map(|(sum, count)| STEP_MAX * sum / f64::max(*count, 1.0)).collect(),
+            factor,
+            last: vec![Vec3::zeros(); n],
+            step: 1.0,
+            energy: f64::INFINITY,
+            least: (f64::INFINITY, net.positions.clone()),
+        })
+    }
+
+    fn ask(&self, positions: &[Vec3]) -> Asked {
+        let normals = normals(&self.quads, positions);
+        let (mut energy, mut pull) = (0.0, vec![Vec3::zeros(); positions.len()]);
+        for quad in &self.quads {
+            let p = quad.at(positions);
+            let around = quad.corners.iter().map(|&v| normals[v as usize]).sum();
+            let Some(to) = rectangle(p, around, quad.edge) else { continue };
+            let centre = p.iter().sum::<Vec3>() / 4.0;
+            for k in 0..4 {
+                let missing = to[k] - (p[k] - centre);
+                pull[quad.corners[k] as usize] += missing * quad.weight;
+                energy += quad.weight * missing.norm_squared();
+            }
+        }
+        for (v, p) in positions.iter().enumerate() {
+            let back = self.start[v] - p;
+            pull[v] += back * self.springs[v];
+            energy += self.springs[v] * back.norm_squared();
+        }
+        Asked { energy, pull, normals }
+    }
+
+    /// One global step; `asked` is for these positions.
+    fn go(&mut self, positions: &mut [Vec3], asked: Asked, target: &Target) {
+        if asked.energy > self.energy {
+            self.last.iter_mut().for_each(|d| *d = Vec3::zeros());
+            self.step = (SHORTER * self.step).max(STEP_MIN);
+        }
+        self.energy = asked.energy;
+        let along = |v: usize, d: Vec3| d - asked.normals[v] * asked.normals[v].dot(&d);
+        let free = |v: &usize| !self.fixed[*v];
+        let mut moves = [0, 1, 2].map(|_| vec![0.0; positions.len()]);
+        for v in (0..positions.len()).filter(free) {
+            let pull = along(v, asked.pull[v]);
+            (0..3).for_each(|k| moves[k][v] = pull[k]);
+        }
+        moves.iter_mut().for_each(|column| self.factor.solve(column));
+        for v in (0..positions.len()).filter(free) {
+            let solved = along(v, Vec3::new(moves[0][v], moves[1][v], moves[2][v])) * self.step;
+            let share = (self.step_max[v] / solved.norm()).min(1.0);
+            let to = target.onto_surface(positions[v] + solved * share + self.last[v] * MOMENTUM);
+            self.last[v] = to - positions[v];
+            positions[v] = to;
+        }
+    }
+}
+
+/// The quads of a net, the edge wanted of each the mean, by logarithms, of those around it.
+fn quads(net: &Net) -> Vec<Quad> {
+    let corners: Vec<[u32; 4]> = net.faces().filter_map(|(_, c)| c.try_into().ok()).collect();
+    let area = |c: &[u32; 4]| 0.5 * area_vector(c.map(|v| net.positions[v as usize])).norm();
+    let areas: Vec<f64> = corners.iter().map(area).collect();
+    let least = AREA_MIN * areas.iter().sum::<f64>() / areas.len().max(1) as f64;
+    if least <= 0.0 || !least.is_finite() {
+        return Vec::new();
+    }
+    let mut logs: Vec<f64> = areas.iter().map(|a| 0.5 * a.max(least).ln()).collect();
+    for _ in 0..EVENING_ROUNDS {
+        let mut at = vec![(0.0, 0.0); net.positions.len()];
+        for (c, x) in corners.iter().zip(&logs) {
+            c.iter().for_each(|&v| at[v as usize] = (at[v as usize].0 + x, at[v as usize].1 + 1.0));
+        }
+        for (c, x) in corners.iter().zip(&mut logs) {
+            *x = c.iter().map(|&v| at[v as usize].0 / at[v as usize].1).sum::<f64>() / 4.0;
+        }
+    }
+    let quad = |(corners, x): ([u32; 4], f64)| Quad { corners, edge: x.exp(), weight: (-2.0 * x).exp() };
+    corners.into_iter().zip(logs).map(quad).collect()
+}
+
+/// The corners, about its centre, of the rectangle that a quad would be; `around` points to the side on which its normal
+/// is to be. `None` where it has no directions.
+fn rectangle(p: [Vec3; 4], around: Vec3, edge: f64) -> Option<[Vec3; 4]> {
+    let (own, around) = (area_vector(p).try_normalize(0.0), around.try_normalize(0.0));
+    let normal = match (own, around) {
+        (Some(own), Some(around)) if own.dot(&around) <= TURNED => around,
+        (own, around) => own.or(around)?,
+    };
+    let (s, t) = ((p[1] + p[2] - p[0] - p[3]) / 4.0, (p[2] + p[3] - p[0] - p[1]) / 4.0);
+    let x = (s - normal * normal.dot(&s)).try_normalize(0.0)?;
+    let y = normal.cross(&x);
+    let [s, t] = [s, t].map(|d| [d.dot(&x), d.dot(&y)]);
+    // The nearest square: its direction arg(S − iT), half its side |S − iT|/2.
+    let square = [s[0] + t[1], s[1] - t[0]];
+    let size = square[0].hypot(square[1]) / 2.0;
+    let turn = square[1].atan2(square[0]);
+    let double = [s[0] * s[0] - s[1] * s[1] - t[0] * t[0] + t[1] * t[1], 2.0 * (s[0] * s[1] - t[0] * t[1])];
+    let nearest = double[1].atan2(double[0]) / 2.0;
+    // Of the two opposite directions that which is also the square's.
+    let theta = if (nearest - turn).cos() < 0.0 { nearest + std::f64::consts::PI } else { nearest };
+    let sides = |theta: f64| [theta.cos() * s[0] + theta.sin() * s[1], theta.cos() * t[1] - theta.sin() * t[0]];
+    let [a, b] = sides(theta);
+    let (theta, a, b) = if a.min(b) > THIN * size { (theta, a, b) } else { (turn, size, size) };
+    if a <= 0.0 || b <= 0.0 {
+        return None;
+    }
+    let mean = 0.5 * edge * (2.0 * (a * b).sqrt() / edge).powf(SIZE_FREEDOM);
+    let root = (a / b).clamp(1.0 / RATIO_MAX, RATIO_MAX).powf(0.5 * RATIO_FREEDOM);
+    let (sin, cos) = theta.sin_cos();
+    let (along, up) = ((x * cos + y * sin) * (mean * root), (y * cos - x * sin) * (mean / root));
+    Some([-along - up, along - up, along + up, up - along])
+}
+
+/// Normal of a quad, as long as twice its area.
+fn area_vector(p: [Vec3; 4]) -> Vec3 {
+    (p[2] - p[0]).cross(&(p[3] - p[1]))
+}
+
+fn normals(quads: &[Quad], positions: &[Vec3]) -> Vec<Vec3> {
+    let mut sums = vec![Vec3::zeros(); positions.len()];
+    for quad in quads {
+        let normal = area_vector(quad.at(positions));
+        quad.corners.iter().for_each(|&v| sums[v as usize] += normal);
+    }
+    sums.into_iter().map(|n| n.try_normalize(0.0).unwrap_or_else(Vec3::zeros)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compose::net::tests::sheet;
+    use crate::compose::square::mean_deviation_deg;
+    use crate::topology::tests::grid;
+
+    const SIDE: u32 = 10;
+
+    /// A sheet of unit side, its inner vertices moved, what lies beneath it, and its boundary held.
+    fn moved(by: impl Fn(Vec3) -> Vec3) -> (Net, Target, Vec<f64>) {
+        let mut net = sheet(SIDE, SIDE);
+        net.positions.iter_mut().for_each(|p| *p /= f64::from(SIDE));
+        let firmness: Vec<f64> =
+            (0..net.positions.len() as u32).map(|v| if net.on_boundary(v) { f64::INFINITY } else { 0.0 }).collect();
+        for (p, _) in net.positions.iter_mut().zip(&firmness).filter(|(_, s)| **s == 0.0) {
+            *p = by(*p);
+        }
+        (net, Target::new(&grid(12, 12, false, false)), firmness)
+    }
+
+    fn wave(p: Vec3) -> Vec3 {
+        p + Vec3::new(0.06 * (9.0 * p.y).sin(), 0.05 * (7.0 * p.x).cos(), 0.0)
+    }
+
+    fn farthest(a: &[Vec3], b: &[Vec3]) -> f64 {
+        a.iter().zip(b).map(|(p, q)| (p - q).norm()).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn a_parallelogram_would_be_a_rectangle_on_the_side_that_its_corners_look_to() {
+        let p = [[0.0, 0.0], [2.0, 0.0], [3.0, 1.0], [1.0, 1.0]].map(|[x, y]| Vec3::new(x, y, 0.0));
+        let turned = [p[3], p[2], p[1], p[0]];
+        for (p, around) in [(p, Vec3::z()), (turned, -Vec3::z()), (p, -Vec3::z())] {
+            let r = rectangle(p, around, 2f64.sqrt()).expect("it has directions");
+            for k in 0..4 {
+                let (e, f) = (r[(k + 1) % 4] - r[k], r[(k + 3) % 4] - r[k]);
+                assert!(e.dot(&f).abs() < 1e-12 && e.norm() > 0.3, "{r:?}");
+            }
+            assert!(area_vector(r).dot(&around) > 0.0, "{r:?}");
+        }
+    }
+
+    #[test]
+    fn a_rectangle_of_the_size_wanted_stays_but_for_its_ratio() {
+        let p = [[-2.0, -1.0], [2.0, -1.0], [2.0, 1.0], [-2.0, 1.0]].map(|[x, y]| Vec3::new(x, y, 0.0));
+        let r = rectangle(p, Vec3::z(), 8f64.sqrt()).expect("it has directions");
+        let ratio = (r[1].x - r[0].x) / (r[3].y - r[0].y);
+        assert!((ratio - 2f64.powf(RATIO_FREEDOM)).abs() < 1e-12, "{ratio}");
+        assert!((area_vector(r).z - area_vector(p).z).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_sheared_sheet_gets_its_right_angles_back_and_a_square_one_stays() {
+        let (mut net, target, firmness) = moved(wave);
+        let (square, ..) = moved(|p| p);
+        let before = (mean_deviation_deg(&net), farthest(&net.positions, &square.positions));
+        come_to_rest(&mut net, &target, &firmness, 60);
+        let after = (mean_deviation_deg(&net), farthest(&net.positions, &square.positions));
+        assert!(after.0 < 0.1 * before.0 && after.1 < 0.2 * before.1, "{before:?} to {after:?}");
+        assert!(net.positions.iter().all(|p| p.z.abs() < 1e-12));
+        let mut still = square.clone();
+        come_to_rest(&mut still, &target, &firmness, 10);
+        assert!(farthest(&still.positions, &square.positions) < 1e-9);
+    }
+
+    #[test]
+    fn what_is_held_stays_and_what_is_firm_goes_less_far() {
+        let middle = (6 * (SIDE + 1) + 5) as usize;
+        let gone = [0.0, 1.0, f64::INFINITY].map(|firm| {
+            let (mut net, target, mut firmness) = moved(wave);
+            let start = net.positions.clone();
+            firmness[middle] = firm;
+            come_to_rest(&mut net, &target, &firmness, 60);
+            let border = (0..start.len()).filter(|&v| v != middle && firmness[v].is_infinite());
+            assert!(border.into_iter().all(|v| net.positions[v] == start[v]));
+            (net.positions[middle] - start[middle]).norm()
+        });
+        assert!(gone[0] > 1.3 * gone[1] && gone[1] > 0.0 && gone[2] == 0.0, "{gone:?}");
+    }
+
+    #[test]
+    fn crowded_quads_spread() {
+        let (mut net, target, firmness) = moved(|p| p.map(|x| x.powf(1.5)));
+        let spread = |net: &Net| {
+            let areas = quads(net).iter().map(|q| area_vector(q.at(&net.positions)).norm()).collect::<Vec<_>>();
+            areas.iter().copied().fold(0.0, f64::max) / areas.iter().copied().fold(f64::INFINITY, f64::min)
+        };
+        let before = spread(&net);
+        come_to_rest(&mut net, &target, &firmness, 60);
+        assert!(spread(&net) < 0.3 * before, "{before} to {}", spread(&net));
+    }
+
+    #[test]
+    fn a_net_without_area_stays_as_it_is() {
+        let (mut net, target, firmness) = moved(|p| p);
+        net.positions.iter_mut().for_each(|p| *p = Vec3::zeros());
+        let start = net.positions.clone();
+        come_to_rest(&mut net, &target, &firmness, 3);
+        assert_eq!(net.positions, start);
+    }
+}
