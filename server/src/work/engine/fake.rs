@@ -262,6 +262,7 @@ impl Engine for FakeEngine {
         let registration =
             Registration { level: 0, energy: 0.0, flip: Flip::default(), shift_u: 0.0, inner: Opaque::new(()) };
         Ok(Mapped {
+            is_of_whole: false,
             mesh: Arc::clone(&query.model.mesh),
             part: Arc::clone(&query.model.mesh),
             registration,

@@ -3,6 +3,7 @@
 mod constrain;
 mod from_whole;
 mod grouped;
+mod measured;
 mod model;
 mod registered;
 mod rejoined;

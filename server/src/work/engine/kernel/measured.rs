@@ -1,0 +1,109 @@
+//! What was laid, measured: the map as the service tells it.
+
+use super::super::{EngineError, Mapped, Registration, Side};
+use super::fresh;
+use super::model::ModelInner;
+use super::registered::{Laid, Way, assembled, describe, sign, winding};
+use quadmuse_kernel::map::{CrossMap, folded_faces, leave_fillings};
+use quadmuse_kernel::measure::coverage::{Coverage, coverage, feature_points};
+use quadmuse_kernel::measure::{self, Distribution, Evidence};
+use quadmuse_kernel::mesh::TriMesh;
+use quadmuse_kernel::numerics::side_by_side;
+use quadmuse_proto::{Distortion, Flip, Histogram, Verdict};
+use std::sync::Arc;
+
+/// What was laid, measured; `laid_angle_p95_deg` is the 95th percentile of the angle distortion before it settled.
+pub(super) fn measured(
+    mut laid: Laid<'_>,
+    laid_angle_p95_deg: f64,
+    from: &Registration,
+    example: &Side,
+    query: &Side,
+) -> Result<Mapped, EngineError> {
+    leave_fillings(&mut laid.cross, laid.input);
+    let model: &ModelInner = example.model.inner.open()?;
+    let patch = model.patch(example.segment)?;
+    let chart = &fresh(&example.encoded.encoding)?.chart;
+    let made = || {
+        let mesh = assembled(&laid, example);
+        let positions = laid.as_part.as_ref().unwrap_or(&laid.cross.positions);
+        let part = quadmuse_kernel::compose::part::polygons(&patch.mesh, positions, winding(&laid));
+        let in_domain = match laid.way {
+            Way::Atlas(atlas) => Some(atlas.folded_faces(&patch.mesh)),
+            Way::Chart => Some(folded_faces(laid.registered.registration(), chart, &patch.mesh)),
+            Way::Whole => None,
+        };
+        (mesh, part, in_domain, distortion(&laid, example))
+    };
+    // Both take as long, together half of an edit.
+    let ((mesh, part, in_domain, distortion), coverage) =
+        side_by_side(made, || covered(&patch.mesh, &laid.cross, query));
+    let (mesh, distortion, coverage) = (mesh?, distortion?, coverage?);
+    // A face over a crease may look inward without a fold: the domain tells them apart.
+    let folds = match &in_domain {
+        Some(faces) => faces.iter().filter(|f| distortion.inward.binary_search(f).is_ok()).count(),
+        None => distortion.inward.len(),
+    };
+    let evidence = Evidence {
+        cost: laid.cost,
+        modulus_log: laid.modulus_log,
+        turned_share: distortion.inward.len() as f64 / distortion.faces.max(1) as f64,
+        angle_p95_deg: distortion.angle_deg.p95,
+        laid_angle_p95_deg,
+        coverage,
+    };
+    let (word, reasons) = measure::verdict(&evidence);
+    let is_of_whole = matches!(laid.way, Way::Whole) && laid.registered.pinned.is_empty();
+    let flip = match laid.way {
+        Way::Chart => from.flip,
+        Way::Atlas(_) | Way::Whole => Flip { u: laid.mirrored, v: false },
+    };
+    Ok(Mapped {
+        mesh: Arc::new(mesh),
+        part: Arc::new(part),
+        constraints: laid.constraints,
+        registration: Registration { flip, ..describe(laid.registered) },
+        is_of_whole,
+        folds: folds as u64,
+        // Every vertex is a point of a triangle of the input.
+        distance_max: 0.0,
+        distortion: Distortion {
+            angle: histogram(&distortion.angle_deg, distortion.faces),
+            area: histogram(&distortion.area_log2, distortion.faces),
+        },
+        verdict: match word {
+            measure::Verdict::Good => Verdict::Good,
+            measure::Verdict::Fair => Verdict::Fair,
+            measure::Verdict::Poor => Verdict::Poor,
+        },
+        reasons,
+    })
+}
+
+/// What of the query's surface a map leaves out.
+fn covered(example: &TriMesh, cross: &CrossMap, query: &Side) -> Result<Coverage, EngineError> {
+    let input: &ModelInner = query.model.inner.open()?;
+    let searched = fresh(&query.encoded.encoding)?;
+    let features = feature_points(&searched.encoding().features, &searched.chart, searched.index());
+    Ok(coverage(example, cross, &input.patch(query.segment)?.mesh, &features))
+}
+
+/// How a map distorts the example.
+pub(super) fn distortion(laid: &Laid<'_>, example: &Side) -> Result<measure::Distortion, EngineError> {
+    let model: &ModelInner = example.model.inner.open()?;
+    let mesh = &model.patch(example.segment)?.mesh;
+    Ok(measure::distortion(mesh, &laid.cross, laid.input, sign(laid.mirrored)))
+}
+
+fn histogram(from: &Distribution, faces: usize) -> Histogram {
+    let n = from.shares.len();
+    let edge = |k: usize| from.low + (from.high - from.low) * k as f64 / n as f64;
+    Histogram {
+        edges: (0..=n).map(edge).collect(),
+        counts: from.shares.iter().map(|share| (share * faces as f64).round() as u64).collect(),
+        mean: from.mean,
+        median: from.median,
+        p95: from.p95,
+        max: from.max,
+    }
+}
