@@ -96,6 +96,14 @@ fn a_made_body_is_cut_as_the_same_body_of_other_triangles() {
     assert!(all > OVERLAP_MIN, "parts agree on {all:.3} of the area, the worst on {least:.3}");
 }
 
+/// The sample, cut, and the same in triangles, cut alike.
+fn cut_alike() -> (PolyMesh, Arc<Model>, Arc<Model>) {
+    let (mesh, example) = sample();
+    let query = whole(&write(&in_triangles(&mesh), Format::Obj).expect("writes"));
+    let query = KernelEngine::default().alike(&query, &example, &Stop::new(None)).expect("cut alike");
+    (mesh, Arc::new(example), Arc::new(query))
+}
+
 fn side(model: &Arc<Model>, segment: u32) -> Side {
     let encoded = KernelEngine::default().encode(model, segment, &Stop::new(None)).expect("encodes");
     Side { model: Arc::clone(model), segment, encoded: Arc::new(encoded) }
@@ -121,11 +129,8 @@ fn vertices(example: &Model, part: u32) -> Vec<usize> {
 
 #[test]
 fn parts_of_that_example_lie_where_it_lies_whole_and_hang_together_beside_another() {
-    let (mesh, example) = sample();
     let (engine, stop) = (KernelEngine::default(), Stop::new(None));
-    let query = whole(&write(&in_triangles(&mesh), Format::Obj).expect("writes"));
-    let query = Arc::new(engine.alike(&query, &example, &stop).expect("cut alike"));
-    let example = Arc::new(example);
+    let (mesh, example, query) = cut_alike();
     let count = example.segments.len() as u32;
     let sides: Vec<(Side, Side)> = (0..count).map(|s| (side(&example, s), side(&query, s))).collect();
     let maps: Vec<Mapped> = sides.iter().map(|(one, two)| mapped(one, two)).collect();
@@ -156,11 +161,8 @@ fn parts_of_that_example_lie_where_it_lies_whole_and_hang_together_beside_anothe
 
 #[test]
 fn an_edit_bends_what_the_whole_laid_near_the_constraint() {
-    let (mesh, example) = sample();
     let (engine, stop) = (KernelEngine::default(), Stop::new(None));
-    let query = whole(&write(&in_triangles(&mesh), Format::Obj).expect("writes"));
-    let query = Arc::new(engine.alike(&query, &example, &stop).expect("cut alike"));
-    let example = Arc::new(example);
+    let (mesh, example, query) = cut_alike();
     let (one, two) = (side(&example, 0), side(&query, 0));
     let before = mapped(&one, &two);
     // A vertex inside is moved to where its neighbour lies.

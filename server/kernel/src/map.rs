@@ -11,6 +11,7 @@ pub mod placed;
 pub mod polish;
 pub mod reembed;
 pub mod rejoin;
+mod ring;
 pub mod snap;
 pub mod untangle;
 pub mod walk;

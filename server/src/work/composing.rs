@@ -144,11 +144,12 @@ async fn gathered(
             continue;
         }
         all.summaries.push(taken);
-        let is_kept = wanted.keep.contains(&segment);
-        all.parts.push(match is_kept {
-            _ if newest.mapped.is_of_whole => Part::OfWhole(part),
-            true => Part::Kept(part),
-            false => Part::Mapped { part, whole },
+        all.parts.push(if newest.mapped.is_of_whole {
+            Part::OfWhole(part)
+        } else if wanted.keep.contains(&segment) {
+            Part::Kept(part)
+        } else {
+            Part::Mapped { part, whole }
         });
         all.maps.push(Some(map));
     }

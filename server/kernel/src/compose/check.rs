@@ -213,9 +213,14 @@ pub fn no_area(diagonal: f64) -> f64 {
     AREA_MIN * diagonal.powi(2)
 }
 
+/// Normal of a quad, as long as its area.
+pub fn quad_area_vector(p: [Vec3; 4]) -> Vec3 {
+    0.5 * (p[2] - p[0]).cross(&(p[3] - p[1]))
+}
+
 /// Length of the area vector of a quad.
 pub fn quad_area(p: [Vec3; 4]) -> f64 {
-    0.5 * (p[2] - p[0]).cross(&(p[3] - p[1])).norm()
+    quad_area_vector(p).norm()
 }
 
 /// Diagonal of the bounding box.

@@ -9,6 +9,7 @@ pub mod lines;
 pub mod path;
 pub mod settle;
 
+use super::check::quad_area_vector;
 use super::net::Net;
 use super::smooth::Target;
 use super::square::deviation_deg;
@@ -232,7 +233,7 @@ impl<'a> Snapper<'a> {
         for &f in faces {
             let &[a, b, c, d] = self.net.face(f) else { continue };
             let p = [a, b, c, d].map(|v| self.net.positions[v as usize]);
-            let normal = (p[2] - p[0]).cross(&(p[3] - p[1]));
+            let normal = quad_area_vector(p);
             let t = self.target.triangle(p.iter().sum::<Vec3>() / 4.0);
             let is_there = (t as usize) < self.surface.triangles.len();
             let outward = if is_there { self.surface.area_vector(t as usize) } else { normal };

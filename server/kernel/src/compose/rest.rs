@@ -12,6 +12,7 @@
 //! *Source:* Bouaziz et al., *Shape-Up: shaping discrete geometry with projections* (2012), local and global step and
 //! the rectangle. *Ours, not the paper's:* on a surface; sizes; and that it is used where seams are to lose their shear.
 
+use super::check::{quad_area, quad_area_vector};
 use super::net::Net;
 use super::smooth::Target;
 use crate::mesh::Vec3;
@@ -180,7 +181,7 @@ impl State {
 /// The quads of a net, the edge wanted of each the mean, by logarithms, of those around it.
 fn quads(net: &Net) -> Vec<Quad> {
     let corners: Vec<[u32; 4]> = net.faces().filter_map(|(_, c)| c.try_into().ok()).collect();
-    let area = |c: &[u32; 4]| 0.5 * area_vector(c.map(|v| net.positions[v as usize])).norm();
+    let area = |c: &[u32; 4]| quad_area(c.map(|v| net.positions[v as usize]));
     let areas: Vec<f64> = corners.iter().map(area).collect();
     let least = AREA_MIN * areas.iter().sum::<f64>() / areas.len().max(1) as f64;
     if least <= 0.0 || !least.is_finite() {
@@ -203,7 +204,7 @@ fn quads(net: &Net) -> Vec<Quad> {
 /// The corners, about its centre, of the rectangle that a quad would be; `around` points to the side on which its normal
 /// is to be. `None` where it has no directions.
 fn rectangle(p: [Vec3; 4], around: Vec3, edge: f64) -> Option<[Vec3; 4]> {
-    let (own, around) = (area_vector(p).try_normalize(0.0), around.try_normalize(0.0));
+    let (own, around) = (quad_area_vector(p).try_normalize(0.0), around.try_normalize(0.0));
     let normal = match (own, around) {
         (Some(own), Some(around)) if own.dot(&around) <= TURNED => around,
         (own, around) => own.or(around)?,
@@ -233,15 +234,10 @@ fn rectangle(p: [Vec3; 4], around: Vec3, edge: f64) -> Option<[Vec3; 4]> {
     Some([-along - up, along - up, along + up, up - along])
 }
 
-/// Normal of a quad, as long as twice its area.
-fn area_vector(p: [Vec3; 4]) -> Vec3 {
-    (p[2] - p[0]).cross(&(p[3] - p[1]))
-}
-
 fn normals(quads: &[Quad], positions: &[Vec3]) -> Vec<Vec3> {
     let mut sums = vec![Vec3::zeros(); positions.len()];
     for quad in quads {
-        let normal = area_vector(quad.at(positions));
+        let normal = quad_area_vector(quad.at(positions));
         quad.corners.iter().for_each(|&v| sums[v as usize] += normal);
     }
     sums.into_iter().map(|n| n.try_normalize(0.0).unwrap_or_else(Vec3::zeros)).collect()
@@ -286,7 +282,7 @@ mod tests {
                 let (e, f) = (r[(k + 1) % 4] - r[k], r[(k + 3) % 4] - r[k]);
                 assert!(e.dot(&f).abs() < 1e-12 && e.norm() > 0.3, "{r:?}");
             }
-            assert!(area_vector(r).dot(&around) > 0.0, "{r:?}");
+            assert!(quad_area_vector(r).dot(&around) > 0.0, "{r:?}");
         }
     }
 
@@ -296,7 +292,7 @@ mod tests {
         let r = rectangle(p, Vec3::z(), 8f64.sqrt()).expect("it has directions");
         let ratio = (r[1].x - r[0].x) / (r[3].y - r[0].y);
         assert!((ratio - 2f64.powf(RATIO_FREEDOM)).abs() < 1e-12, "{ratio}");
-        assert!((area_vector(r).z - area_vector(p).z).abs() < 1e-12);
+        assert!((quad_area_vector(r).z - quad_area_vector(p).z).abs() < 1e-12);
     }
 
     #[test]
@@ -332,7 +328,7 @@ mod tests {
     fn crowded_quads_spread() {
         let (mut net, target, firmness) = moved(|p| p.map(|x| x.powf(1.5)));
         let spread = |net: &Net| {
-            let areas = quads(net).iter().map(|q| area_vector(q.at(&net.positions)).norm()).collect::<Vec<_>>();
+            let areas = quads(net).iter().map(|q| quad_area(q.at(&net.positions))).collect::<Vec<_>>();
             areas.iter().copied().fold(0.0, f64::max) / areas.iter().copied().fold(f64::INFINITY, f64::min)
         };
         let before = spread(&net);

@@ -47,8 +47,7 @@ impl Target {
 
     /// The place on the surface nearest to a point.
     pub fn location(&self, p: Vec3) -> Location {
-        let nearest = self.surface.closest(p);
-        Location { triangle: nearest.triangle, barycentric: nearest.barycentric }
+        self.surface.closest(p).into()
     }
 
     /// The triangle nearest to a point.

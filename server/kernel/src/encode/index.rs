@@ -4,6 +4,7 @@
 //! faster, CRATES §3.3).
 
 use crate::mesh::Vec3;
+use crate::mesh::bvh::Closest;
 use crate::mesh::tri::{NONE, next};
 use crate::unfold::{Chart, Uv};
 
@@ -14,6 +15,12 @@ pub struct Location {
     pub triangle: u32,
     /// Barycentric coordinates in it; they sum to 1.
     pub barycentric: [f64; 3],
+}
+
+impl From<Closest> for Location {
+    fn from(near: Closest) -> Self {
+        Self { triangle: near.triangle, barycentric: near.barycentric }
+    }
 }
 
 impl Location {

@@ -77,9 +77,7 @@ pub fn bend(
         let step = (pin.to - point) / share;
         longest = longest.max(step.norm());
         for k in (0..3).filter(moves) {
-            let near = bvh.closest(cross.positions[corners[k] as usize] + step);
-            let place = Location { triangle: near.triangle, barycentric: near.barycentric };
-            targets.insert(corners[k], place);
+            targets.insert(corners[k], bvh.closest(cross.positions[corners[k] as usize] + step).into());
         }
     }
     if targets.is_empty() {
@@ -111,11 +109,7 @@ mod tests {
         let patch = whole(&grid(48, 48, false, false)).expect("a disc");
         let chart = unfold(&patch, &UnfoldOptions::default()).expect("solvable");
         let bvh = Bvh::new(&chart.mesh);
-        let place = |p: &Vec3| {
-            let near = bvh.closest(*p);
-            Location { triangle: near.triangle, barycentric: near.barycentric }
-        };
-        let locations: Vec<Location> = mesh.positions.iter().map(place).collect();
+        let locations: Vec<Location> = mesh.positions.iter().map(|p| bvh.closest(*p).into()).collect();
         let positions = locations.iter().map(|l| l.point(&chart)).collect();
         (mesh, chart, bvh, CrossMap { locations, positions })
     }
@@ -124,7 +118,7 @@ mod tests {
     fn a_point_goes_where_it_is_pinned_and_the_far_ones_stay() {
         let (mesh, chart, bvh, cross) = laid();
         let own = Bvh::new(&mesh).closest(Vec3::new(0.52, 0.47, 0.0));
-        let on_example = Location { triangle: own.triangle, barycentric: own.barycentric };
+        let on_example = own.into();
         let to = Vec3::new(0.6, 0.5, 0.0);
         let bent = bend(&mesh, &cross, &[Pin { on_example, to }], &chart, 1.0, &bvh).expect("room");
         let corners = mesh.triangles[own.triangle as usize];
@@ -141,10 +135,7 @@ mod tests {
     #[test]
     fn a_point_beyond_the_others_folds_and_one_at_the_boundary_stays() {
         let (mesh, chart, bvh, cross) = laid();
-        let pin = |from: Vec3, to: Vec3| {
-            let own = Bvh::new(&mesh).closest(from);
-            Pin { on_example: Location { triangle: own.triangle, barycentric: own.barycentric }, to }
-        };
+        let pin = |from: Vec3, to: Vec3| Pin { on_example: Bvh::new(&mesh).closest(from).into(), to };
         let beside = pin(Vec3::new(0.9, 0.5, 0.0), Vec3::new(0.9, 0.5, 0.0));
         let beyond = pin(Vec3::new(0.6, 0.5, 0.0), Vec3::new(0.97, 0.5, 0.0));
         let folds = bend(&mesh, &cross, &[beyond, beside], &chart, 1.0, &bvh);

@@ -6,6 +6,7 @@
 //! distances is least. *Ours, not the paper's.*
 
 use super::CrossMap;
+use super::ring::Ring;
 use crate::encode::index::Location;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
@@ -21,15 +22,11 @@ const GAP: f64 = 0.2;
 /// A loop of more vertices is not laid: the work grows with their square.
 const VERTICES_MAX: usize = 3000;
 
-/// The map that takes the vertices of an example's part near to `points`, one a vertex; `mirror` is −1 for mirrored maps.
+/// The map that takes the vertices of an example's part near to `points`, one a vertex; `bvh` is the tree of the input's mesh,
+/// `mirror` −1 for mirrored maps.
 /// `None` where the part has not as many boundary loops as the input's.
-pub fn placed(part: &Patch, points: &[Vec3], input: &Chart, mirror: f64) -> Option<CrossMap> {
-    let bvh = Bvh::new(&input.mesh);
-    let location = |p: &Vec3| {
-        let nearest = bvh.closest(*p);
-        Location { triangle: nearest.triangle, barycentric: nearest.barycentric }
-    };
-    let mut locations: Vec<Location> = points.iter().map(location).collect();
+pub fn placed(part: &Patch, points: &[Vec3], input: &Chart, bvh: &Bvh, mirror: f64) -> Option<CrossMap> {
+    let mut locations: Vec<Location> = points.iter().map(|p| bvh.closest(*p).into()).collect();
     let loops: Vec<Vec<u32>> = part
         .mesh
         .boundary_loops()
@@ -46,10 +43,11 @@ pub fn placed(part: &Patch, points: &[Vec3], input: &Chart, mirror: f64) -> Opti
     if loops.iter().any(|vertices| vertices.len() > VERTICES_MAX) {
         return None;
     }
-    let rings: Vec<Ring<'_>> = input.mesh.boundary_loops().into_iter().map(|h| Ring::new(&input.mesh, h)).collect();
-    for (vertices, ring) in loops.iter().zip(matched(&loops, &rings, points)?) {
+    let mesh = &input.mesh;
+    let rings: Vec<Ring> = mesh.boundary_loops().into_iter().map(|h| Ring::new(mesh, h)).collect();
+    for (vertices, ring) in loops.iter().zip(matched(&loops, &rings, mesh, points)?) {
         let at: Vec<Vec3> = vertices.iter().map(|&v| points[v as usize]).collect();
-        for (&v, s) in vertices.iter().zip(ring.in_order(&at)) {
+        for (&v, s) in vertices.iter().zip(in_order(ring, mesh, &at)) {
             locations[v as usize] = ring.location(s);
         }
     }
@@ -59,9 +57,9 @@ pub fn placed(part: &Patch, points: &[Vec3], input: &Chart, mirror: f64) -> Opti
 
 /// For each loop the ring that it lies on: of all ways to give each its own, that with the least distances. `None` where
 /// there are not as many.
-fn matched<'r, 'm>(loops: &[Vec<u32>], rings: &'r [Ring<'m>], points: &[Vec3]) -> Option<Vec<&'r Ring<'m>>> {
-    let away = |vertices: &Vec<u32>, ring: &Ring<'_>| {
-        vertices.iter().map(|&v| ring.nearest(points[v as usize]).1).sum::<f64>() / vertices.len() as f64
+fn matched<'r>(loops: &[Vec<u32>], rings: &'r [Ring], mesh: &TriMesh, points: &[Vec3]) -> Option<Vec<&'r Ring>> {
+    let away = |vertices: &Vec<u32>, ring: &Ring| {
+        vertices.iter().map(|&v| ring.nearest(mesh, points[v as usize]).1).sum::<f64>() / vertices.len() as f64
     };
     match (loops, rings) {
         ([], []) => Some(Vec::new()),
@@ -75,75 +73,28 @@ fn matched<'r, 'm>(loops: &[Vec<u32>], rings: &'r [Ring<'m>], points: &[Vec3]) -
     }
 }
 
-/// A boundary loop of the input's part, with the arc length up to each of its halfedges.
-struct Ring<'a> {
-    mesh: &'a TriMesh,
-    halfedges: Vec<u32>,
-    starts: Vec<f64>,
-    length: f64,
-}
-
-impl<'a> Ring<'a> {
-    fn new(mesh: &'a TriMesh, halfedges: Vec<u32>) -> Self {
-        let (mut starts, mut length) = (Vec::with_capacity(halfedges.len()), 0.0);
-        for &h in &halfedges {
-            starts.push(length);
-            length += (mesh.point_on(h, 1.0) - mesh.point_on(h, 0.0)).norm();
-        }
-        Self { mesh, halfedges, starts, length }
+/// Arc lengths for points that follow each other once around, from that of the point that lies nearest.
+fn in_order(ring: &Ring, mesh: &TriMesh, points: &[Vec3]) -> Vec<f64> {
+    let (n, length) = (points.len(), ring.length);
+    let near: Vec<(f64, f64)> = points.iter().map(|&p| ring.nearest(mesh, p)).collect();
+    let first = (0..n).min_by(|&a, &b| near[a].1.total_cmp(&near[b].1)).unwrap_or(0);
+    let around = |k: usize| (first + k) % n;
+    let start = near[around(0)].0;
+    let steps = (STEPS * n).max(ring.halfedges.len().min(STEPS_MAX * n));
+    let step = length / steps as f64;
+    let places: Vec<Vec3> = (0..steps).map(|j| ring.at(mesh, start + j as f64 * step)).collect();
+    let rest: Vec<Vec3> = (1..n).map(|k| points[around(k)]).collect();
+    let mut at = vec![start; n];
+    let mut before = 0.0;
+    for (k, j) in (1..n).zip(least_in_order(&rest, &places)) {
+        // The nearest point itself, where that lies between the places beside.
+        let ahead = (near[around(k)].0 - start).rem_euclid(length.max(f64::MIN_POSITIVE));
+        let place = j as f64 * step;
+        let here = if (ahead - place).abs() < step { ahead } else { place };
+        before = f64::max(here, before + GAP * step).min(length - (n - k) as f64 * GAP * step);
+        at[around(k)] = start + before;
     }
-
-    fn location(&self, s: f64) -> Location {
-        let s = s.rem_euclid(self.length.max(f64::MIN_POSITIVE));
-        let k = self.starts.partition_point(|start| *start <= s).max(1) - 1;
-        let end = self.starts.get(k + 1).copied().unwrap_or(self.length);
-        let share = (s - self.starts[k]) / (end - self.starts[k]).max(f64::MIN_POSITIVE);
-        Location::on_edge(self.halfedges[k], share.clamp(0.0, 1.0))
-    }
-
-    /// Arc length of the nearest point, and its distance.
-    fn nearest(&self, p: Vec3) -> (f64, f64) {
-        let mut best = (0.0, f64::INFINITY);
-        for (&h, &start) in self.halfedges.iter().zip(&self.starts) {
-            let share = self.mesh.nearest_share(h, p);
-            let at = self.mesh.point_on(h, share);
-            let distance = (at - p).norm();
-            if distance < best.1 {
-                best = (start + (at - self.mesh.point_on(h, 0.0)).norm(), distance);
-            }
-        }
-        best
-    }
-
-    fn point(&self, s: f64) -> Vec3 {
-        let Location { triangle, barycentric } = self.location(s);
-        let corners = self.mesh.triangles[triangle as usize];
-        (0..3).map(|k| self.mesh.positions[corners[k] as usize] * barycentric[k]).sum()
-    }
-
-    /// Arc lengths for points that follow each other once around, from that of the point that lies nearest.
-    fn in_order(&self, points: &[Vec3]) -> Vec<f64> {
-        let (n, length) = (points.len(), self.length);
-        let near: Vec<(f64, f64)> = points.iter().map(|&p| self.nearest(p)).collect();
-        let first = (0..n).min_by(|&a, &b| near[a].1.total_cmp(&near[b].1)).unwrap_or(0);
-        let around = |k: usize| (first + k) % n;
-        let start = near[around(0)].0;
-        let steps = (STEPS * n).max(self.halfedges.len().min(STEPS_MAX * n));
-        let step = length / steps as f64;
-        let places: Vec<Vec3> = (0..steps).map(|j| self.point(start + j as f64 * step)).collect();
-        let rest: Vec<Vec3> = (1..n).map(|k| points[around(k)]).collect();
-        let mut at = vec![start; n];
-        let mut before = 0.0;
-        for (k, j) in (1..n).zip(least_in_order(&rest, &places)) {
-            // The nearest point itself, where that lies between the places beside.
-            let ahead = (near[around(k)].0 - start).rem_euclid(length.max(f64::MIN_POSITIVE));
-            let place = j as f64 * step;
-            let here = if (ahead - place).abs() < step { ahead } else { place };
-            before = f64::max(here, before + GAP * step).min(length - (n - k) as f64 * GAP * step);
-            at[around(k)] = start + before;
-        }
-        at
-    }
+    at
 }
 
 /// For points in order the numbers of places in order, each higher than the one before and none the first, for which the sum
@@ -200,7 +151,7 @@ mod tests {
             .map(|p| Vec3::new(0.5, 0.5, 0.0) + (p - Vec3::new(0.5, 0.5, 0.0)) * 0.93)
             .collect();
         points.iter_mut().filter(|p| p.y < 0.1 && p.x > 0.3 && p.x < 0.4).for_each(|p| p.x += 0.25);
-        let cross = placed(&part, &points, &input, 1.0).expect("one loop each");
+        let cross = placed(&part, &points, &input, &Bvh::new(&input.mesh), 1.0).expect("one loop each");
         let on_border = |p: &Vec3| p.x.min(p.y).min(1.0 - p.x).min(1.0 - p.y).abs() < 1e-9;
         for (v, is_border) in part.mesh.boundary_vertices().into_iter().enumerate() {
             assert_eq!(on_border(&cross.positions[v]), is_border, "{v}");
@@ -224,11 +175,11 @@ mod tests {
         let (disc, _) = chart(4, 4, false);
         let (_, input) = chart(16, 9, true);
         let points: Vec<Vec3> = part.mesh.positions.clone();
-        let cross = placed(&part, &points, &input, 1.0).expect("two loops each");
+        let cross = placed(&part, &points, &input, &Bvh::new(&input.mesh), 1.0).expect("two loops each");
         for (p, q) in points.iter().zip(&cross.positions) {
             assert!((p - q).norm() < 0.12, "{p} {q}");
         }
-        assert!(placed(&disc, &disc.mesh.positions, &input, 1.0).is_none());
+        assert!(placed(&disc, &disc.mesh.positions, &input, &Bvh::new(&input.mesh), 1.0).is_none());
     }
 
     #[test]

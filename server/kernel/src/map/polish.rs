@@ -299,12 +299,7 @@ mod tests {
             let (sin, cos) = (v as f64 * 2.4).sin_cos();
             mesh.positions[v] + if boundary[v] { Vec3::zeros() } else { Vec3::new(0.03 * cos, 0.03 * sin, 0.0) }
         };
-        let locations: Vec<Location> = (0..mesh.positions.len())
-            .map(|v| {
-                let c = bvh.closest(shake(v));
-                Location { triangle: c.triangle, barycentric: c.barycentric }
-            })
-            .collect();
+        let locations: Vec<Location> = (0..mesh.positions.len()).map(|v| bvh.closest(shake(v)).into()).collect();
         let positions = locations.iter().map(|l| l.point(&chart)).collect();
         (mesh, chart, CrossMap { locations, positions })
     }

@@ -229,7 +229,7 @@ mod tests {
             let from = p - middle;
             let near = from.norm() < 0.06;
             let c = bvh.closest(if near { middle + Vec3::new(-from.x, from.y, from.z) } else { *p });
-            (Location { triangle: c.triangle, barycentric: c.barycentric }, c.point)
+            (Location::from(c), c.point)
         };
         let (locations, positions) = mesh.positions.iter().map(turned).unzip();
         (mesh, chart, CrossMap { locations, positions })
@@ -252,7 +252,7 @@ mod tests {
         let bvh = Bvh::new(&chart.mesh);
         let at = |p: &Vec3| {
             let c = bvh.closest(*p);
-            (Location { triangle: c.triangle, barycentric: c.barycentric }, c.point)
+            (Location::from(c), c.point)
         };
         let (locations, positions): (Vec<Location>, Vec<Vec3>) = mesh.positions.iter().map(at).unzip();
         let mut cross = CrossMap { locations, positions };

@@ -53,7 +53,7 @@ pub fn untangle(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64
         for (&v, target) in moving.iter().zip(targets) {
             let closest = bvh.closest(target);
             if (closest.triangle as usize) < input.mesh.triangles.len() {
-                cross.locations[v as usize] = Location { triangle: closest.triangle, barycentric: closest.barycentric };
+                cross.locations[v as usize] = closest.into();
                 cross.positions[v as usize] = closest.point;
             }
         }
@@ -170,10 +170,7 @@ mod tests {
         let mesh = grid(12, 12, false, false);
         let chart = unfold(&whole(&mesh).expect("a disc"), &UnfoldOptions::default()).expect("solvable");
         let bvh = Bvh::new(&chart.mesh);
-        let place = |p: Vec3| {
-            let c = bvh.closest(p);
-            Location { triangle: c.triangle, barycentric: c.barycentric }
-        };
+        let place = |p: Vec3| Location::from(bvh.closest(p));
         let mut positions = mesh.positions.clone();
         positions[13 * 6 + 6] += Vec3::new(0.2, 0.03, 0.0);
         let mut cross = CrossMap { locations: positions.iter().map(|p| place(*p)).collect(), positions };

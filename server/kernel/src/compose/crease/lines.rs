@@ -359,33 +359,30 @@ impl Size {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::compose::net::tests::sheet;
     use crate::map::snap::lines::sharp_edges;
     use crate::topology::tests::grid;
 
-    /// A sheet of n × n folded upright along x = 1/2, where `folds`, of a row of it, says so.
-    fn folded(n: u32, folds: impl Fn(f64) -> bool) -> TriMesh {
-        let mut mesh = grid(n, n, false, false);
-        for p in mesh.positions.iter_mut().filter(|p| p.x > 0.5 && folds(p.y)) {
-            *p = Vec3::new(0.5, p.y, p.x - 0.5);
-        }
-        mesh
+    /// Folds what lies over the unit square upright along x = 1/2.
+    pub(in crate::compose::crease) fn fold(positions: &mut [Vec3]) {
+        positions.iter_mut().filter(|p| p.x > 0.5).for_each(|p| *p = Vec3::new(0.5, p.y, p.x - 0.5));
     }
 
-    fn found(surface: &TriMesh, rows: u32) -> Lines {
-        let mut net = sheet(rows, rows);
-        net.positions.iter_mut().for_each(|p| *p /= f64::from(rows));
-        for p in net.positions.iter_mut().filter(|p| p.x > 0.5) {
-            *p = Vec3::new(0.5, p.y, p.x - 0.5);
-        }
-        Lines::of(surface, &sharp_edges(surface, &[]), &net)
+    /// The lines of a fold for a net over it, whose vertices are told before they are folded: the surface, the net and these.
+    pub(in crate::compose::crease) fn folded(rows: u32, moved: impl Fn(Vec3) -> Vec3) -> (TriMesh, Net, Lines) {
+        let (mut surface, mut net) = (grid(24, 24, false, false), sheet(rows, rows));
+        fold(&mut surface.positions);
+        net.positions.iter_mut().for_each(|p| *p = moved(*p / f64::from(rows)));
+        fold(&mut net.positions);
+        let lines = Lines::of(&surface, &sharp_edges(&surface, &[]), &net);
+        (surface, net, lines)
     }
 
     #[test]
     fn a_fold_is_one_line_from_border_to_border() {
-        let lines = found(&folded(20, |_| true), 12);
+        let (_, _, lines) = folded(12, |p| p);
         assert_eq!((lines.lines.len(), lines.corners.len()), (1, 2));
         let line = &lines.lines[0];
         assert!((line.length() - 1.0).abs() < 1e-12 && (line.edge - 1.0 / 12.0).abs() < 1e-9, "{line:?}");
@@ -397,7 +394,7 @@ mod tests {
 
     #[test]
     fn a_fold_of_few_edges_of_the_net_is_none() {
-        assert_eq!(found(&folded(20, |_| true), 3).lines.len(), 0);
+        assert_eq!(folded(3, |p| p).2.lines.len(), 0);
     }
 
     #[test]

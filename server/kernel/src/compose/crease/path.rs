@@ -187,26 +187,16 @@ impl Search<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::lines::Lines;
+    use super::super::lines::tests::folded;
     use super::*;
-    use crate::compose::net::tests::sheet;
-    use crate::map::snap::lines::sharp_edges;
     use crate::mesh::Vec3;
-    use crate::topology::tests::grid;
 
     const SIDE: u32 = 12;
 
     /// The fold of a sheet along x = 1/2, and a net over it whose rows run a little aslant of the fold.
     fn fold() -> (Net, Line) {
-        let mut surface = grid(24, 24, false, false);
-        surface.positions.iter_mut().filter(|p| p.x > 0.5).for_each(|p| *p = Vec3::new(0.5, p.y, p.x - 0.5));
-        let mut net = sheet(SIDE, SIDE);
-        for p in &mut net.positions {
-            *p /= f64::from(SIDE);
-            p.x += 0.04 * (p.y - 0.5) + 0.01;
-        }
-        net.positions.iter_mut().filter(|p| p.x > 0.5).for_each(|p| *p = Vec3::new(0.5, p.y, p.x - 0.5));
-        let line = Lines::of(&surface, &sharp_edges(&surface, &[]), &net).lines.remove(0);
+        let (_, net, mut lines) = folded(SIDE, |p| p + Vec3::new(0.04 * (p.y - 0.5) + 0.01, 0.0, 0.0));
+        let line = lines.lines.remove(0);
         (net, line)
     }
 

@@ -138,24 +138,15 @@ pub fn settle(
 
 #[cfg(test)]
 mod tests {
-    use super::super::lines::Lines;
+    use super::super::lines::tests::folded;
     use super::*;
-    use crate::compose::net::tests::sheet;
-    use crate::map::snap::lines::sharp_edges;
-    use crate::topology::tests::grid;
 
     const SIDE: u32 = 12;
 
     #[test]
     fn vertices_on_a_line_stay_in_order_and_those_beside_follow() {
-        let mut surface = grid(24, 24, false, false);
-        let fold = |p: &mut Vec3| *p = if p.x > 0.5 { Vec3::new(0.5, p.y, p.x - 0.5) } else { *p };
-        surface.positions.iter_mut().for_each(fold);
-        let mut net = sheet(SIDE, SIDE);
-        net.positions.iter_mut().for_each(|p| *p = Vec3::new(p.x / f64::from(SIDE) - 0.03, p.y / f64::from(SIDE), 0.0));
-        net.positions.iter_mut().for_each(fold);
-        let target = Target::new(&surface);
-        let line = Lines::of(&surface, &sharp_edges(&surface, &[]), &net).lines.remove(0);
+        let (surface, mut net, mut lines) = folded(SIDE, |p| p - Vec3::new(0.03, 0.0, 0.0));
+        let (target, line) = (Target::new(&surface), lines.lines.remove(0));
         let mut path: Vec<u32> = (0..=SIDE).map(|y| y * (SIDE + 1) + SIDE / 2).collect();
         if line.nearest(net.positions[path[0] as usize]).at > 0.5 {
             path.reverse();

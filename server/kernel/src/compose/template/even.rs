@@ -5,6 +5,7 @@
 //! four triangles, two along each diagonal, in the energy of [`polish`](crate::map::polish). What stands on the boundary
 //! stays. *Ours, not the paper's.*
 
+use crate::compose::check::quad_area_vector;
 use crate::compose::net::Net;
 use crate::compose::smooth::Target;
 use crate::map::CrossMap;
@@ -50,7 +51,7 @@ fn way(net: &Net, quads: &[[u32; 4]], chart: &Chart, target: &Target) -> f64 {
             let p = q.map(|v| net.positions[v as usize]);
             let below = target.triangle(p.iter().sum::<Vec3>() / 4.0) as usize;
             let normal = chart.mesh.area_vector(below).try_normalize(0.0).unwrap_or_else(Vec3::zeros);
-            (p[2] - p[0]).cross(&(p[3] - p[1])).dot(&normal)
+            quad_area_vector(p).dot(&normal)
         })
         .sum();
     if sum < 0.0 { -1.0 } else { 1.0 }

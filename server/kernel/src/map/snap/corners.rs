@@ -5,9 +5,8 @@
 //! to the nearest of the same sign along the mapped loop, each the other's nearest, in cyclic order; between them the
 //! boundary's vertices are shifted linearly in arc length.
 
+use super::super::ring::Ring;
 use super::{CrossMap, Targets};
-use crate::encode::index::Location;
-use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
 use crate::unfold::Chart;
 
@@ -40,8 +39,11 @@ pub fn targets(mesh: &TriMesh, cross: &CrossMap, input: &Chart) -> Matched {
     for own in rings(mesh) {
         let corners = own.corners(mesh);
         let Some(ring) = nearest_ring(&own, &there, mesh, cross, input) else { continue };
-        let at: Vec<f64> =
-            own.halfedges.iter().map(|&h| ring.along(&input.mesh, cross.positions[mesh.tail(h) as usize])).collect();
+        let at: Vec<f64> = own
+            .halfedges
+            .iter()
+            .map(|&h| ring.nearest(&input.mesh, cross.positions[mesh.tail(h) as usize]).0)
+            .collect();
         let pairs = matches(&corners, &at, &ring.corners(&input.mesh), ring);
         if pairs.is_empty() {
             continue;
@@ -58,14 +60,6 @@ pub fn targets(mesh: &TriMesh, cross: &CrossMap, input: &Chart) -> Matched {
     matched
 }
 
-/// A boundary loop with its arc length.
-struct Ring {
-    halfedges: Vec<u32>,
-    /// Arc length at each halfedge's tail.
-    starts: Vec<f64>,
-    length: f64,
-}
-
 /// A corner of a loop: the number of its halfedge, and the angle by which the loop turns there to the surface's side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Corner {
@@ -74,53 +68,11 @@ struct Corner {
 }
 
 fn rings(mesh: &TriMesh) -> Vec<Ring> {
-    let ring = |halfedges: Vec<u32>| {
-        let mut length = 0.0;
-        let mut starts = Vec::with_capacity(halfedges.len());
-        for &h in &halfedges {
-            starts.push(length);
-            length += (mesh.positions[mesh.head(h) as usize] - mesh.positions[mesh.tail(h) as usize]).norm();
-        }
-        Ring { halfedges, starts, length }
-    };
-    mesh.boundary_loops().into_iter().map(ring).filter(|r| r.length > 0.0 && r.halfedges.len() > 3).collect()
+    let all = mesh.boundary_loops().into_iter().map(|halfedges| Ring::new(mesh, halfedges));
+    all.filter(|r| r.length > 0.0 && r.halfedges.len() > 3).collect()
 }
 
 impl Ring {
-    /// The point at an arc length.
-    fn at(&self, mesh: &TriMesh, s: f64) -> Vec3 {
-        let (h, share) = self.place(s);
-        mesh.point_on(h, share)
-    }
-
-    /// The halfedge at an arc length, and the share of it.
-    fn place(&self, s: f64) -> (u32, f64) {
-        let s = s.rem_euclid(self.length);
-        let k = self.starts.partition_point(|start| *start <= s).saturating_sub(1);
-        let end = self.starts.get(k + 1).copied().unwrap_or(self.length);
-        let share = ((s - self.starts[k]) / (end - self.starts[k]).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        (self.halfedges[k], share)
-    }
-
-    fn location(&self, s: f64) -> Location {
-        let (h, share) = self.place(s);
-        Location::on_edge(h, share)
-    }
-
-    /// The arc length of the loop's point nearest to `x`.
-    fn along(&self, mesh: &TriMesh, x: Vec3) -> f64 {
-        let mut best = (f64::INFINITY, 0.0);
-        for (&h, start) in self.halfedges.iter().zip(&self.starts) {
-            let share = mesh.nearest_share(h, x);
-            let away = (mesh.point_on(h, share) - x).norm_squared();
-            if away < best.0 {
-                let length = (mesh.positions[mesh.head(h) as usize] - mesh.positions[mesh.tail(h) as usize]).norm();
-                best = (away, start + share * length);
-            }
-        }
-        best.1
-    }
-
     /// How far the loop turns at each vertex over ±`window`, in degrees, positive to the surface's side.
     fn turning(&self, mesh: &TriMesh, window: f64) -> Vec<f64> {
         let turn = |(&h, &s): (&u32, &f64)| {
@@ -166,7 +118,7 @@ fn nearest_ring<'a>(
     let away = |ring: &Ring| {
         let far = |&h: &u32| {
             let x = cross.positions[mesh.tail(h) as usize];
-            (ring.at(&input.mesh, ring.along(&input.mesh, x)) - x).norm()
+            ring.nearest(&input.mesh, x).1
         };
         own.halfedges.iter().step_by(own.halfedges.len().div_ceil(16)).map(far).fold(0.0, f64::max)
     };

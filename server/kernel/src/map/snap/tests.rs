@@ -10,7 +10,7 @@ fn laid(mesh: &TriMesh, input: &TriMesh, moved: impl Fn(Vec3) -> Vec3) -> (Chart
     let bvh = Bvh::new(&chart.mesh);
     let place = |p: &Vec3| {
         let c = bvh.closest(moved(*p));
-        (Location { triangle: c.triangle, barycentric: c.barycentric }, c.point)
+        (Location::from(c), c.point)
     };
     let (locations, positions) = mesh.positions.iter().map(place).unzip();
     (chart, CrossMap { locations, positions })

@@ -11,7 +11,7 @@ use quadmuse_kernel::mesh::{NONE, Vec3};
 use quadmuse_kernel::topology::Topology;
 use quadmuse_kernel::unfold::Chart;
 use quadmuse_proto::constraint::Place;
-use quadmuse_proto::{ConstraintOrigin, OnFold};
+use quadmuse_proto::{Constraint, ConstraintOrigin, OnFold};
 use std::sync::OnceLock;
 
 /// Applies an edit to the registration of a map.
@@ -24,13 +24,13 @@ pub(super) fn edit(
     let registered: &Registered = from.registration.inner.open()?;
     if registered.of_whole.get().is_some() {
         let (one, two) = (&fresh(&example.encoded.encoding)?.chart, &registered.surface(query)?.chart);
-        return edit_pinned(registered, wanted, (example, one), (query, two));
+        return edit_pinned(registered, wanted, &from.constraints, (example, one), (query, two));
     }
     if let Some(atlas) = registered.atlas.get().and_then(Option::as_ref) {
         let (Some(one), Some(two)) = (atlas.example(), atlas.input()) else {
             return Err(EngineError::Internal("expected an atlas with charts".into()));
         };
-        return edit_pinned(registered, wanted, (example, one), (query, two));
+        return edit_pinned(registered, wanted, &from.constraints, (example, one), (query, two));
     }
     let topology = registered.entry.best().unfolded.encoding.topology;
     let input = registered.surface(query)?;
@@ -111,10 +111,11 @@ fn undo(
 }
 
 /// Edits the constraints where features stay: each has a chart of its own, or lies where the whole was laid. The caller's come
-/// and go.
+/// and go. `told` are the map's.
 fn edit_pinned(
     registered: &Registered,
     wanted: &ConstraintEdit,
+    told: &[Constraint],
     (example, one): (&Side, &Chart),
     (query, two): (&Side, &Chart),
 ) -> Result<Registration, EngineError> {
@@ -124,7 +125,7 @@ fn edit_pinned(
         if let Some(k) = pinned.iter().position(|(name, _)| name == id) {
             return Ok(k);
         }
-        let feature = id.strip_prefix('f').is_some_and(|k| k.parse::<u32>().is_ok());
+        let feature = told.iter().any(|c| c.id == id && c.origin == ConstraintOrigin::Feature);
         let refusal = if feature { Refusal::ConstraintInvalid } else { Refusal::ConstraintUnknown };
         let why =
             if feature { "which is a matched feature and stays: add a constraint beside it" } else { "which is none" };
@@ -256,7 +257,7 @@ fn locate(place: &Place, side: &Side, chart: &Chart, bvh: &OnceLock<Bvh>, end: &
     if found.triangle == NONE {
         return Err(invalid("expected a point near the surface, found one beyond all range".into()));
     }
-    Ok(Location { triangle: found.triangle, barycentric: found.barycentric })
+    Ok(found.into())
 }
 
 fn on_face(side: &Side, face: u32, weights: &[f64]) -> Result<Vec3, String> {

@@ -25,6 +25,8 @@ pub(super) struct OfWhole {
     as_laid: CrossMap,
     /// Within the segment, boundary on boundary.
     cross: CrossMap,
+    /// The tree of the example's part.
+    bvh: Bvh,
     /// 95th percentile of the angle distortion as it was laid, in degrees.
     laid_angle_p95_deg: f64,
 }
@@ -48,7 +50,7 @@ pub(super) fn from_whole<'a>(
     }
     let Some(of_whole) = registered.of_whole.get() else { return Ok(None) };
     let source = fresh(&example.encoded.encoding)?;
-    let own = Own { part: &patch.mesh, bvh: Bvh::new(&patch.mesh), cross: &of_whole.cross, input: surface };
+    let own = Own { part: &patch.mesh, of_whole, input: surface };
     let mut constraints = registered::constraints(registered.registration(), &registered.named(), source, surface);
     for c in &mut constraints {
         if let Some(there) = own.taken_to(Vec3::from(c.on_example.point)) {
@@ -84,12 +86,12 @@ fn part_of(whole: &WholeLaid, patch: &Patch, surface: &Surface) -> Option<OfWhol
         patch.vertex_of.iter().map(|&v| whole.places.get(v as usize).copied().flatten()).collect();
     let (chart, mirror) = (&surface.chart, registered::sign(whole.mirrored));
     let points = points?;
-    let mut cross = placed(patch, &points, chart, mirror)?;
+    let mut cross = placed(patch, &points, chart, surface.tree(), mirror)?;
     untangle(&patch.mesh, &mut cross, chart, mirror, &surface.bvh);
     leave_fillings(&mut cross, chart);
     let as_laid = CrossMap { locations: cross.locations.clone(), positions: points };
     let laid_angle_p95_deg = measure::angle_distortion(&patch.mesh, &as_laid).p95;
-    Some(OfWhole { as_laid, cross, laid_angle_p95_deg })
+    Some(OfWhole { as_laid, cross, bvh: Bvh::new(&patch.mesh), laid_angle_p95_deg })
 }
 
 fn refused(registered: &Registered, error: BendError) -> EngineError {
@@ -104,31 +106,29 @@ fn refused(registered: &Registered, error: BendError) -> EngineError {
 /// A part with the map that the whole makes of it.
 struct Own<'a> {
     part: &'a TriMesh,
-    bvh: Bvh,
-    cross: &'a CrossMap,
+    of_whole: &'a OfWhole,
     input: &'a Surface,
 }
 
 impl Own<'_> {
     /// Where a point of the example goes.
     fn taken_to(&self, from: Vec3) -> Option<Place> {
-        let near = self.bvh.closest(from);
+        let near = self.of_whole.bvh.closest(from);
         let corners = self.part.triangles.get(near.triangle as usize)?;
-        let point: Vec3 = (0..3).map(|k| self.cross.positions[corners[k] as usize] * near.barycentric[k]).sum();
-        let on = self.input.bvh.get_or_init(|| Bvh::new(&self.input.chart.mesh)).closest(point);
-        Some(Place { triangle: on.triangle, barycentric: on.barycentric })
+        let point: Vec3 =
+            (0..3).map(|k| self.of_whole.cross.positions[corners[k] as usize] * near.barycentric[k]).sum();
+        let on = self.input.tree().closest(point);
+        Some(on.into())
     }
 
     /// The map with points of the example taken to places on the input.
     fn bent(&self, pins: &[(Vec3, Place)], mirror: f64) -> Result<CrossMap, BendError> {
         let chart = &self.input.chart;
-        let pin = |(from, to): &(Vec3, Place)| {
-            let near = self.bvh.closest(*from);
-            let on_example = Place { triangle: near.triangle, barycentric: near.barycentric };
-            Pin { on_example, to: to.point(chart) }
+        let pin = |(from, to): &(Vec3, Place)| Pin {
+            on_example: self.of_whole.bvh.closest(*from).into(),
+            to: to.point(chart),
         };
         let pins: Vec<Pin> = pins.iter().map(pin).collect();
-        let tree = self.input.bvh.get_or_init(|| Bvh::new(&chart.mesh));
-        bend(self.part, self.cross, &pins, chart, mirror, tree)
+        bend(self.part, &self.of_whole.cross, &pins, chart, mirror, self.input.tree())
     }
 }

@@ -58,6 +58,11 @@ pub(super) struct Surface {
 }
 
 impl Surface {
+    /// Its tree of boxes.
+    pub(super) fn tree(&self) -> &Bvh {
+        self.bvh.get_or_init(|| Bvh::new(&self.chart.mesh))
+    }
+
     /// What vertices settle on.
     pub(super) fn ground(&self) -> Ground<'_> {
         Ground { chart: &self.chart, index: &self.index }
