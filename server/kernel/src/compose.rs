@@ -15,6 +15,7 @@ mod following;
 pub mod glue;
 pub mod ground;
 pub mod layout;
+mod missing;
 pub mod net;
 pub mod open;
 pub mod part;

@@ -2,7 +2,7 @@
 //!
 //! With h₀ the edge of a whole of regular layouts and h_s = √(A_s/F_s) that of the part on segment s: a part with
 //! h_s < 0.3h₀ that is much finer than the others gives way to a regular layout, as else its neighbours would be
-//! subdivided to meet it; parts are subdivided while together they miss their segments, each of which that helps; then
+//! subdivided to meet it; parts are subdivided while the whole misses the input, each of which that helps; then
 //! those with h_s > 3h₀, as long as the whole stays within bounds; at last those with far fewer edges on a seam than
 //! the part beyond it, if that costs few quads. What misses its segment by far, and is not helped, gives way. Parts are
 //! judged with their faces on both sides of the surface ([`straddle`]), as the result will have them.
@@ -17,13 +17,15 @@ use super::{Closeness, REGULAR_QUADS};
 use std::collections::BTreeMap;
 
 /// Edges of a regular layout lie within this factor of those of a whole of [`REGULAR_QUADS`].
-const EDGE_RANGE: [f64; 2] = [0.9, 1.3];
+const EDGE_RANGE: [f64; 2] = [1.0, 1.3];
 /// Most quads that a part is subdivided to.
 const PART_QUADS_MAX: usize = 12_000;
 /// Times that a part is subdivided for its density.
 const TIMES_MAX: usize = 2;
 /// Share of its miss that may be left for subdividing a part to help.
 const HELPS: f64 = 0.7;
+/// Share of what may be missed on average that regular layouts are taken to miss.
+const REGULAR_MISS: f64 = 0.3;
 /// A part that misses its segment by more than this share of the diagonal, and is not helped, gives way.
 const MISSED_MAX: f64 = 0.005;
 /// A part with edges shorter than this share of a whole's, and of the mean of all parts, is out of proportion.
@@ -60,7 +62,7 @@ impl Stitching<'_> {
         let areas: Vec<f64> = sites.iter().map(|site| site.surface(self.surface()).total_area()).collect();
         if self.options.closeness == Closeness::Followed {
             self.give_up_too_dense(sites, &areas);
-            self.refine_where_it_helps(sites);
+            self.refine_where_it_helps(sites, &areas);
             self.refine_coarse(sites, &areas);
         }
         while let Some(s) = self.coarsest_beside_finer(sites) {
@@ -110,9 +112,9 @@ impl Stitching<'_> {
         }
     }
 
-    /// While parts miss their segments by more than is allowed on average over the area, that is subdivided next whose
-    /// faces miss most: Σ A_s m_s > m Σ A_s, and A_s m_s/F_s is the largest.
-    fn refine_where_it_helps(&self, sites: &mut [Site<'_>]) {
+    /// While the whole misses by more than is allowed on average over the area, that part is subdivided next whose faces
+    /// miss most: Σ A_s m_s > m Σ A_s, and A_s m_s/F_s is the largest.
+    fn refine_where_it_helps(&self, sites: &mut [Site<'_>], areas: &[f64]) {
         let most = if matches!(sites, [_]) { KEPT_MISS_MAX } else { MISS_MAX } * self.scale.diagonal;
         let mut grounds: Vec<Option<Ground>> = sites
             .iter()
@@ -124,9 +126,10 @@ impl Stitching<'_> {
                 Some(Ground { measured, area: surface.total_area(), miss, is_stuck: false })
             })
             .collect();
+        let regular: f64 = sites.iter().zip(areas).filter(|(site, _)| site.stands == Use::Regular).map(|s| s.1).sum();
+        let others = (REGULAR_MISS * most * regular, regular);
         loop {
-            let (missed, area) =
-                grounds.iter().flatten().fold((0.0, 0.0), |(m, a), g| (m + g.area * g.miss, a + g.area));
+            let (missed, area) = grounds.iter().flatten().fold(others, |(m, a), g| (m + g.area * g.miss, a + g.area));
             if missed <= most * area {
                 break;
             }

@@ -49,14 +49,21 @@ impl Measured {
 
     /// How a mesh of polygons fits it.
     pub fn fit(&self, mesh: &PolyMesh) -> Fit {
+        let [out, back] = self.distances(mesh);
+        Fit { out: mean(&out), back: mean(&back) }
+    }
+
+    /// The distance of each point of a mesh of polygons from it, and of each of its points from the mesh.
+    pub fn distances(&self, mesh: &PolyMesh) -> [Vec<(Vec3, f64)>; 2] {
         let other = Self::new(&Fans::of(&mesh.positions, (0..).zip(mesh.faces.iter())).mesh);
-        Fit { out: mean(&other.points, &self.bvh), back: mean(&self.points, &other.bvh) }
+        let to = |points: &[Vec3], bvh: &Bvh| points.iter().map(|&p| (p, bvh.closest(p).distance)).collect();
+        [to(&other.points, &self.bvh), to(&self.points, &other.bvh)]
     }
 }
 
-fn mean(points: &[Vec3], to: &Bvh) -> f64 {
-    let sum: f64 = points.iter().map(|&p| to.closest(p).distance).filter(|d| d.is_finite()).sum();
-    sum / points.len().max(1) as f64
+fn mean(distances: &[(Vec3, f64)]) -> f64 {
+    let sum: f64 = distances.iter().map(|d| d.1).filter(|d| d.is_finite()).sum();
+    sum / distances.len().max(1) as f64
 }
 
 /// Points spread evenly by area.

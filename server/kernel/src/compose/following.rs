@@ -7,9 +7,9 @@ use super::fit::Fit;
 use super::net::Net;
 use super::reach::draw_out;
 use super::resting::{Laid, Marks, Whose};
-use super::site::on_surface;
+use super::site::{Site, Use, on_surface};
 use super::square;
-use super::stitching::{MISS_MAX, Stitching};
+use super::stitching::{KEPT_MISS_MAX, MISS_MAX, Stitching};
 use super::straddle::{Held, straddle};
 use super::subdivide::subdivide;
 use super::{Closeness, Report};
@@ -34,16 +34,44 @@ const CREASED_WORSE_DEG: [(f64, f64); 2] = [(0.97, 4.0), (1.02, 1.0)];
 /// Rounds in which what is between lines comes to rest.
 const CREASED_ROUNDS: u32 = 30;
 
+/// A stitched mesh near its input.
+pub(super) struct Near {
+    /// The mesh.
+    pub(super) laid: Laid,
+    /// Of each segment whose layout stands there.
+    whose: Vec<Whose>,
+    /// Whether it missed the input by more than it may before it was drawn out.
+    pub(super) is_missed: bool,
+}
+
 impl Stitching<'_> {
-    /// Drawn out and subdivided until it follows the input, if that is asked for and it misses it by more than `allowed`, a
-    /// share of the diagonal; `whose` tells of each segment whose layout stands there.
-    pub(super) fn followed(&self, mesh: PolyMesh, allowed: f64, whose: &[Whose], report: &mut Report) -> PolyMesh {
+    /// At rest, and drawn out to what it passes over if it is to follow the input.
+    pub(super) fn near(&self, mesh: PolyMesh, sites: &[Site<'_>]) -> Near {
+        let whose: Vec<Whose> = sites.iter().map(Whose::of).collect();
         let fit = self.measured.fit(&mesh);
-        let mut now = self.rested(Laid { mesh, fit, tips: Vec::new(), on_line: Vec::new() }, whose, REST_ROUNDS);
+        let laid = self.rested(Laid { mesh, fit, tips: Vec::new(), on_line: Vec::new() }, &whose, REST_ROUNDS);
+        if self.options.closeness != Closeness::Followed {
+            return Near { laid, whose, is_missed: false };
+        }
+        let is_missed = laid.fit.worst() > self.allowed(sites);
+        Near { laid: self.nearer(laid, &whose), whose, is_missed }
+    }
+
+    /// By how much what stands on the segments may miss the input.
+    fn allowed(&self, sites: &[Site<'_>]) -> f64 {
+        let share = match sites {
+            _ if sites.iter().any(Site::is_kept) => f64::INFINITY,
+            [site] if site.stands == Use::Part => KEPT_MISS_MAX,
+            _ => MISS_MAX,
+        };
+        share * self.scale.diagonal
+    }
+
+    /// Subdivided until it follows the input, if that is asked for and it misses it.
+    pub(super) fn followed(&self, near: Near, report: &mut Report) -> PolyMesh {
+        let (mut now, whose) = (near.laid, &near.whose[..]);
         if self.options.closeness == Closeness::Followed {
-            let is_followed = now.fit.worst() > allowed * self.scale.diagonal;
-            now = self.nearer(now, whose);
-            while is_followed
+            while near.is_missed
                 && now.fit.worst() > MISS_MAX * self.scale.diagonal
                 && report.refined < REFINED_MAX
                 && 4 * now.mesh.faces.len() <= WHOLE_QUADS_MAX

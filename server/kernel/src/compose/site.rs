@@ -10,12 +10,13 @@ use super::plan::{Places, Wish};
 use super::rim::{self, Rim};
 use super::smooth::Target;
 use super::subdivide::subdivide;
-use super::template::border::{Border, End};
+use super::template::border::{Border, End, Unwound};
 use super::template::levels::Levels;
 use super::template::rectangle::Harmonics;
-use super::template::{Ground, regular};
+use super::template::{Ends, Given, Ground, regular};
 use super::{Input, Piece};
 use crate::encode::index::PlanarIndex;
+use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
 use crate::topology::{submesh, whole};
 use crate::unfold::{Chart, UnfoldOptions, unfold};
@@ -40,6 +41,15 @@ pub enum Use {
     Regular,
     /// The segment's own triangles, cut into quads.
     Own,
+}
+
+/// What comes of making finer what stands on a segment, about.
+#[derive(Clone, Copy, Debug)]
+pub struct Finer {
+    /// Quads more.
+    pub quads: f64,
+    /// Share of its distance from the segment that goes: it is that of a chord, h²κ/8.
+    pub less: f64,
 }
 
 /// Why what was brought for a segment does not stand on it.
@@ -130,6 +140,25 @@ impl<'a> Site<'a> {
     /// Whether an example stands on it that is to keep its density.
     pub fn is_kept(&self) -> bool {
         self.stands == Use::Part && matches!(self.piece, Piece::Kept(_))
+    }
+
+    /// What it would be, made finer once more; `None` where it may not be.
+    pub fn finer(&self) -> Option<Finer> {
+        let (times_max, less) = match self.stands {
+            Use::Part | Use::Own => (if self.is_kept() { 0 } else { SUBDIVISIONS_MAX }, 0.75),
+            Use::Regular => (FINER_MAX, 1.0 - FINER * FINER),
+        };
+        (self.times < times_max).then(|| Finer { quads: self.quads_more(), less })
+    }
+
+    /// Quads more that it has when it is made finer, about.
+    pub fn quads_more(&self) -> f64 {
+        match (self.stands, &self.charted) {
+            (Use::Regular, Some(charted)) => {
+                (1.0 / (FINER * FINER) - 1.0) * charted.chart.mesh.total_area() / self.wish.edge.powi(2)
+            }
+            _ => 3.0 * self.net.faces().count() as f64,
+        }
     }
 
     /// Its surface alone.
@@ -229,17 +258,20 @@ impl<'a> Site<'a> {
         };
         let mut rims: Vec<Rim> = Vec::new();
         let mut loop_at: [Option<usize>; 2] = [None, None];
-        let mut ends: [Option<Vec<f64>>; 2] = [None, None];
+        let mut ends: Ends = [None, None];
         for (l, (curve, runs)) in curves.iter().zip(places).enumerate() {
             let rim = rim_of(curve, runs);
-            let (mut u, end) = charted.border.unwound(curve, &rim.at)?;
+            let Unwound { end, mut u, mut along } = charted.border.unwound(curve, &rim.at)?;
+            let mut points: Vec<Vec3> = rim.at.iter().map(|&s| curve.point(s)).collect();
             let k = usize::from(end == End::Top);
             if end == End::Top {
                 // There u runs against the curve.
                 u.iter_mut().for_each(|u| *u = -*u);
                 u.reverse();
+                along.reverse();
+                points.reverse();
             }
-            if ends[k].replace(u).is_some() {
+            if ends[k].replace(Given { u, along, points }).is_some() {
                 return None;
             }
             loop_at[k] = Some(l);
@@ -254,9 +286,6 @@ impl<'a> Site<'a> {
             }
             if ring.len() != rims[l].at.len() {
                 return None;
-            }
-            for (&v, &s) in ring.iter().zip(&rims[l].at) {
-                made.net.positions[v as usize] = curves[l].point(s);
             }
             rims[l].vertices = ring;
         }

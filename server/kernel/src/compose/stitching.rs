@@ -8,7 +8,6 @@ use super::net::Net;
 use super::open::open_flat;
 use super::plan::{Side, plan};
 use super::resolve::{self, Resolved, resolve};
-use super::resting::Whose;
 use super::rim::{Rim, Way as Turned, even_out};
 use super::site::{Site, Use, Why, on_surface, way};
 use super::smooth::{OPENING_ROUNDS, Plan, Target};
@@ -30,6 +29,8 @@ const TIMES_MAX: usize = 2;
 /// Tries in which one segment at a time gives way; afterwards all that are in the way give up at once. Each costs a stitching
 /// of the whole, and a rag of dozens of segments would take hundreds.
 const ATTEMPTS_MAX: usize = 24;
+/// Times that all is stitched anew with what misses the input made finer.
+const REFITTED_MAX: usize = 2;
 
 /// A face of less than this share of the mean area has none, where a mesh is refused for such.
 const FLAT_SHARE: f64 = 1e-4;
@@ -84,14 +85,36 @@ impl<'a> Stitching<'a> {
     pub(super) fn run(&self, pieces: &[Piece<'_>], report: &mut Report, stop: &dyn Fn() -> bool) -> Option<PolyMesh> {
         let mut sites = self.sites(pieces);
         self.settle_density(&mut sites);
+        let mesh = self.fitted(&mut sites, report, stop)?;
+        self.tell(pieces, &sites, report);
+        let mut made = self.near(mesh, &sites);
+        for _ in 0..REFITTED_MAX {
+            if stop() {
+                return None;
+            }
+            let missing = self.missing(&sites, &made);
+            if missing.is_empty() {
+                break;
+            }
+            missing.into_iter().for_each(|s| sites[s].refine(&self.target));
+            let mut again = Report::default();
+            let Some(mesh) = self.fitted(&mut sites, &mut again, stop) else { break };
+            self.tell(pieces, &sites, &mut again);
+            (made, *report) = (self.near(mesh, &sites), again);
+        }
+        Some(self.followed(made, report))
+    }
+
+    /// Stitches; what doesn't fit gives way.
+    fn fitted(&self, sites: &mut [Site<'_>], report: &mut Report, stop: &dyn Fn() -> bool) -> Option<PolyMesh> {
         let mut attempts = 0;
-        let mesh = loop {
+        loop {
             if stop() {
                 return None;
             }
             attempts += 1;
-            let culprits = match self.attempt(&mut sites, report) {
-                Ok(net) => break net,
+            let culprits = match self.attempt(sites, report) {
+                Ok(mesh) => return Some(mesh),
                 Err(Misfit::Loops { segment }) => {
                     if !sites[segment].give_up(self.surface(), Why::NotJoined) {
                         return None;
@@ -107,14 +130,11 @@ impl<'a> Stitching<'a> {
                 }
                 continue;
             }
-            let next = self.first_to_give_way(&sites, &culprits)?;
+            let next = self.first_to_give_way(sites, &culprits)?;
             if !sites[next].give_way(self.surface(), &self.target) {
                 return None;
             }
-        };
-        self.tell(pieces, &sites, report);
-        let whose: Vec<Whose> = sites.iter().map(Whose::of).collect();
-        Some(self.followed(mesh, allowed(&sites), &whose, report))
+        }
     }
 
     fn sites<'p>(&self, pieces: &[Piece<'p>]) -> Vec<Site<'p>> {
@@ -142,17 +162,13 @@ impl<'a> Stitching<'a> {
         net
     }
 
-    /// Of what is involved where the result is pinched, that with the longest edges of all that can be made finer; if none
-    /// can, of all.
+    /// Of what is involved where the result is pinched, and can be made finer, that for which it takes the fewest quads; if
+    /// none can, of all.
     fn first_to_give_way(&self, sites: &[Site<'_>], culprits: &[usize]) -> Option<usize> {
         let last = |s: usize| sites[s].stands == Use::Own && sites[s].times >= TIMES_MAX;
-        culprits.iter().copied().filter(|&s| !last(s)).max_by(|&a, &b| {
-            let edge = |s: usize| match sites[s].stands {
-                Use::Regular => sites[s].wish.edge,
-                Use::Part | Use::Own => border_edge(&sites[s].net).unwrap_or(0.0),
-            };
-            let may = |s: usize| sites[s].times < TIMES_MAX;
-            may(a).cmp(&may(b)).then(edge(a).total_cmp(&edge(b)))
+        culprits.iter().copied().filter(|&s| !last(s)).min_by(|&a, &b| {
+            let is_last = |s: usize| sites[s].times >= TIMES_MAX;
+            is_last(a).cmp(&is_last(b)).then(sites[a].quads_more().total_cmp(&sites[b].quads_more()))
         })
     }
 
@@ -341,15 +357,6 @@ impl<'a> Stitching<'a> {
         } else if report.subdivided.iter().any(|&n| n > 0) {
             report.way = report.way.max(Way::PartsSubdivided);
         }
-    }
-}
-
-/// By how much what stands on the segments may miss the input, as a share of its diagonal.
-fn allowed(sites: &[Site<'_>]) -> f64 {
-    match sites {
-        _ if sites.iter().any(Site::is_kept) => f64::INFINITY,
-        [site] if site.stands == Use::Part => KEPT_MISS_MAX,
-        _ => MISS_MAX,
     }
 }
 

@@ -13,6 +13,7 @@ pub mod border;
 pub mod even;
 pub mod frame;
 pub mod levels;
+pub mod ramps;
 pub mod rectangle;
 pub mod rings;
 
@@ -60,9 +61,19 @@ pub struct Ground<'a> {
     pub harmonics: Option<&'a Harmonics>,
 }
 
-/// u of the vertices on the boundaries at v = 0 and v = 1, increasing over one period; `None` where a boundary's are free,
-/// or where there is none.
-pub type Ends = [Option<Vec<f64>>; 2];
+/// Vertices on a boundary that are given, in the order of u.
+#[derive(Clone, Debug, Default)]
+pub struct Given {
+    /// u of each, increasing over one period.
+    pub u: Vec<f64>,
+    /// The length of each along the chart's boundary loop, in the loop's own direction.
+    pub along: Vec<f64>,
+    /// Where each stands.
+    pub points: Vec<Vec3>,
+}
+
+/// The vertices on the boundaries at v = 0 and v = 1; `None` where a boundary's are free, or where there is none.
+pub type Ends = [Option<Given>; 2];
 
 /// A layout, with the vertices on the boundaries at v = 0 and v = 1 in the order in which they were asked for.
 #[derive(Clone, Debug, Default)]
@@ -88,31 +99,25 @@ pub fn regular(ground: Ground<'_>, edge: f64, ends: Ends) -> Regular {
     if ground.chart.topology == Topology::Torus {
         return torus(ground, edge);
     }
-    let oblong = rectangle(ground, &ends);
+    let rectangles = rectangles(ground, &ends, edge);
     let rings = Builder::new(ground, edge, ends).run();
     let even = |mut laid: Regular| {
         even_out(&mut laid.net, ground.chart, ground.target);
         laid
     };
-    let (rings, oblong) = (even(rings), oblong.map(even));
     let cost = |laid: &Regular| {
         let extraordinary = extraordinary(&laid.net.clone().into_mesh().0);
         badness(&laid.net, area, Some(edge)) + EXTRAORDINARY_DEG * extraordinary as f64
     };
-    match oblong {
-        Some(laid) if cost(&laid) < cost(&rings) => laid,
-        _ => rings,
-    }
+    let all = rectangles.into_iter().chain([rings]).map(even);
+    all.min_by(|a, b| cost(a).total_cmp(&cost(b))).unwrap_or_default()
 }
 
-/// A disc as a rectangle, an annulus as one with a hole, if the surface is prepared for that and all ends are given.
-fn rectangle(ground: Ground<'_>, ends: &Ends) -> Option<Regular> {
-    let harmonics = ground.harmonics?;
-    let columns: Vec<Vec<f64>> = ends.iter().flatten().cloned().collect();
-    let at = |v: f64| move |&u: &f64| place(ground, u, v);
-    let points: Vec<Vec<Vec3>> =
-        columns.iter().zip([0.0, 1.0]).map(|(columns, v)| columns.iter().map(at(v)).collect()).collect();
-    harmonics.best(ground.chart, &columns, &points)
+/// A disc as rectangles, an annulus as such with a hole, if the surface is prepared for that and all ends are given.
+fn rectangles(ground: Ground<'_>, ends: &Ends, edge: f64) -> Vec<Regular> {
+    let Some(harmonics) = ground.harmonics else { return Vec::new() };
+    let given: Vec<&Given> = ends.iter().flatten().collect();
+    harmonics.best(ground.chart, &given, edge)
 }
 
 fn place(ground: Ground<'_>, u: f64, v: f64) -> Vec3 {
@@ -158,7 +163,7 @@ impl<'a> Builder<'a> {
             Topology::Annulus | Topology::Torus => [0.0, total],
         };
         let mut ends = ends;
-        let n = ends.iter().map(|e| e.as_ref().map(Vec::len));
+        let n = ends.iter().map(|e| e.as_ref().map(|given| given.u.len()));
         let sound = match n.collect::<Vec<_>>()[..] {
             [Some(n), Some(m)] => n.min(m) >= 3 && n % 2 == m % 2,
             [Some(n), None] | [None, Some(n)] => n >= 3 && (topology == Topology::Annulus || n % 2 == 0),
@@ -167,7 +172,7 @@ impl<'a> Builder<'a> {
         if !sound || topology == Topology::Sphere {
             ends = [None, None];
         }
-        let mut columns = [0, 1].map(|k| ends[k].as_ref().map_or(even(ideal(heights[k])), Vec::len));
+        let mut columns = [0, 1].map(|k| ends[k].as_ref().map_or(even(ideal(heights[k])), |given| given.u.len()));
         match (&ends, topology) {
             ([Some(_), None], Topology::Annulus) => columns[1] += (columns[0] + columns[1]) % 2,
             ([None, Some(_)], Topology::Annulus) => columns[0] += (columns[0] + columns[1]) % 2,
@@ -190,11 +195,13 @@ impl<'a> Builder<'a> {
         let height = |r: usize| low + (high - low) * r as f64 / rings as f64;
         let all = counts(n, m, rings, SLACK, |r| levels.around(height(r)) / self.edge);
         let mut ring = Ring { columns: (0..n).map(|i| i as f64 / n as f64).collect(), first: 0 };
-        match self.ends[0].take() {
-            Some(given) => ring.columns = given,
-            None => levels.even_out(low, &mut ring.columns, 1.0),
+        if let Some(given) = self.ends[0].take() {
+            ring.columns = given.u;
+            self.positions.extend(given.points);
+        } else {
+            levels.even_out(low, &mut ring.columns, 1.0);
+            self.stand(&ring, levels.v(low));
         }
-        self.stand(&ring, levels.v(low));
         let bottom: Vec<u32> = (0..n).map(|i| ring.vertex(i)).collect();
         let first = ring.clone();
         for (r, &count) in all.iter().enumerate().skip(1) {
@@ -207,9 +214,8 @@ impl<'a> Builder<'a> {
         }
         let mut top: Vec<u32> = (0..m).map(|i| ring.vertex(i)).collect();
         if let Some(given) = self.ends[1].take() {
-            let turn = nearest_turn(&ring.columns, &given);
-            let turned = Ring { columns: (0..m).map(|i| given[(i + turn) % m]).collect(), first: ring.first };
-            self.stand(&turned, 1.0);
+            let turn = nearest_turn(&ring.columns, &given.u);
+            self.positions.extend((0..m).map(|i| given.points[(i + turn) % m]));
             top.rotate_right(turn);
         }
         let topology = self.ground.chart.topology;
@@ -325,24 +331,27 @@ mod tests {
 
     const DISC: Shape = Shape { components: 1, boundary_loops: 1, euler: 1 };
 
-    fn on(mesh: crate::mesh::tri::TriMesh, edge: f64, ends: impl Fn(&Chart) -> Ends) -> (PolyMesh, [usize; 2]) {
+    fn on(mesh: crate::mesh::tri::TriMesh, edge: f64, columns: [Option<usize>; 2]) -> (PolyMesh, [usize; 2]) {
         let chart = unfold(&whole(&mesh).expect("a primitive"), &UnfoldOptions::default()).expect("solvable");
         let index = PlanarIndex::new(&chart);
         let (levels, target) = (Levels::new(&chart), Target::new(&chart.mesh));
         let ground = Ground { chart: &chart, index: &index, levels: &levels, target: &target, harmonics: None };
-        let made = regular(ground, edge, ends(&chart));
+        let given = |end: usize| {
+            columns[end].map(|n| {
+                let u: Vec<f64> = (0..n).map(|i| 0.137 + i as f64 / n as f64).collect();
+                let points = u.iter().map(|&u| place(ground, u, end as f64)).collect();
+                Given { u, points, ..Given::default() }
+            })
+        };
+        let made = regular(ground, edge, [given(0), given(1)]);
         let found = made.ends.iter().map(Vec::len).collect::<Vec<_>>();
         (made.net.into_mesh().0, [found[0], found[1]])
-    }
-
-    fn columns(n: usize) -> Option<Vec<f64>> {
-        Some((0..n).map(|i| 0.137 + i as f64 / n as f64).collect())
     }
 
     #[test]
     fn a_disc_takes_any_even_number_of_columns_at_its_boundary() {
         for n in [4, 6, 8, 10, 22, 64] {
-            let (mesh, found) = on(grid(20, 20, false, false), 0.1, |_| [columns(n), None]);
+            let (mesh, found) = on(grid(20, 20, false, false), 0.1, [Some(n), None]);
             assert_eq!(check(&mesh, DISC), Ok(()), "{n} columns");
             assert_eq!(found[0], n);
         }
@@ -352,17 +361,17 @@ mod tests {
     fn an_annulus_takes_any_two_numbers_of_like_parity() {
         let annulus = Shape { components: 1, boundary_loops: 2, euler: 0 };
         for (n, m) in [(12, 12), (12, 20), (7, 9), (4, 30), (30, 4)] {
-            let (mesh, found) = on(grid(24, 16, true, false), 0.2, |_| [columns(n), columns(m)]);
+            let (mesh, found) = on(grid(24, 16, true, false), 0.2, [Some(n), Some(m)]);
             assert_eq!(check(&mesh, annulus), Ok(()), "{n}, {m}");
             assert_eq!(found, [n, m]);
         }
-        let (mesh, _) = on(grid(24, 16, true, false), 0.2, |_| [None, None]);
+        let (mesh, _) = on(grid(24, 16, true, false), 0.2, [None, None]);
         assert_eq!((check(&mesh, annulus), extraordinary(&mesh)), (Ok(()), 0));
     }
 
     #[test]
     fn a_torus_is_regular_throughout() {
-        let (mesh, _) = on(grid(24, 16, true, true), 0.3, |_| [None, None]);
+        let (mesh, _) = on(grid(24, 16, true, true), 0.3, [None, None]);
         let torus = Shape { components: 1, boundary_loops: 0, euler: 0 };
         assert_eq!((check(&mesh, torus), extraordinary(&mesh)), (Ok(()), 0));
     }

@@ -253,6 +253,27 @@ fn nothing_but_regular_layouts_closes_and_follows_the_surface() {
 }
 
 #[test]
+fn what_misses_the_surface_is_made_finer_there_and_the_whole_is_not_subdivided() {
+    let mut mesh = grid(80, 80, false, false);
+    let wave = |p: &Vec3| if p.x > 0.5 { 0.03 * (60.0 * p.x).sin() * (60.0 * p.y).sin() } else { 0.0 };
+    mesh.positions.iter_mut().for_each(|p| p.z = wave(p));
+    let owner = owners(&mesh, |p| u32::from(p.x > 0.5));
+    let input = Input { surface: &mesh, owner: &owner, count: 2 };
+    let quads = |edge_scale: f64, closeness: Closeness| {
+        let options = Options { edge_scale, closeness, ..Options::default() };
+        let made = compose(input, &[Piece::Nothing; 2], options, &|| false).expect("a valid surface");
+        let middle = |c: &[u32]| c.iter().map(|&v| made.mesh.positions[v as usize].x).sum::<f64>() / c.len() as f64;
+        let rough = made.mesh.faces.iter().filter(|c| middle(c) > 0.5).count();
+        ([made.mesh.faces.len() - rough, rough], made.report)
+    };
+    let ([flat, rough], coarse) = quads(2.0, Closeness::AsBrought);
+    assert!(coarse.fit.worst() > 0.0025, "{coarse:?}");
+    let ([_, finer], followed) = quads(2.0, Closeness::Followed);
+    assert!(followed.fit.worst() < 0.002 && followed.refined == 0, "{followed:?}");
+    assert!(2 * finer > 3 * rough && finer < 8 * rough, "{flat}, {rough} to {finer}");
+}
+
+#[test]
 fn a_coarse_part_is_subdivided_to_follow_the_surface_unless_its_layout_was_chosen() {
     let mesh = sphere(4);
     let owner = owners(&mesh, |p| u32::from(p.z > 0.0));

@@ -5,90 +5,138 @@
 use crate::compose::layout::Curve;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
-use crate::mesh::tri::{NONE, TriMesh, nearest_share, next};
+use crate::mesh::tri::{TriMesh, nearest_share, next};
 use crate::unfold::Chart;
 
 /// Lengths that differ by less than this share of a loop are the same.
 const SAME: f64 = 1e-6;
 
+/// An edge of the boundary.
+#[derive(Clone, Copy, Debug)]
+struct Edge {
+    ends: [Vec3; 2],
+    /// u and v at its ends.
+    uv: [[f64; 2]; 2],
+    /// Lengths along its loop at its ends.
+    along: [f64; 2],
+}
+
+impl Edge {
+    fn at(&self, share: f64) -> Place {
+        let [u, v] = between(self.uv, share);
+        Place { u, v, along: self.along[0] + share * (self.along[1] - self.along[0]) }
+    }
+}
+
+/// A place on the boundary.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    u: f64,
+    v: f64,
+    /// Length along the loop.
+    along: f64,
+}
+
 /// The boundary of a chart's surface.
 #[derive(Clone, Debug)]
 pub struct Border {
     bvh: Bvh,
-    /// For each edge its ends, and their u and v.
-    edges: Vec<([Vec3; 2], [[f64; 2]; 2])>,
-    /// Its loops, and the u and v at the ends of each of their edges.
-    loops: Vec<(Curve, Vec<[[f64; 2]; 2]>)>,
+    /// Its edges, loop by loop.
+    edges: Vec<Edge>,
+    /// Its loops, and the first edge of each.
+    loops: Vec<(Curve, usize)>,
+}
+
+/// Places on a loop of a chart, in order.
+#[derive(Clone, Debug)]
+pub struct Unwound {
+    /// At which end the loop lies.
+    pub end: End,
+    /// u of each, increasing over less than a period; where v = 1 it decreases, and is given with its sign turned.
+    pub u: Vec<f64>,
+    /// The length of each along the chart's boundary loop, within one turn: far out on an elongated surface u is crowded
+    /// beyond what can be told apart, lengths are not.
+    pub along: Vec<f64>,
 }
 
 impl Border {
     /// Of a chart.
     pub fn new(chart: &Chart) -> Self {
         let mesh = &*chart.mesh;
-        let all: Vec<u32> = (0..mesh.twins.len() as u32).filter(|&h| mesh.twin(h) == NONE).collect();
-        let triangles = all.iter().map(|&h| [mesh.tail(h), mesh.head(h), mesh.head(h)]).collect();
-        let bvh = Bvh::new(&TriMesh { positions: mesh.positions.clone(), triangles, ..TriMesh::default() });
         let uv = |h: u32| chart.corners[h as usize / 3][h as usize % 3];
-        let uvs = |h: u32| [uv(h), uv(next(h))];
-        let ends = |h: u32| [mesh.tail(h), mesh.head(h)].map(|v| mesh.positions[v as usize]);
-        let curve = |ring: Vec<u32>| {
-            let mut along = vec![0.0];
+        let (mut edges, mut loops): (Vec<Edge>, Vec<(Curve, usize)>) = Default::default();
+        let mut triangles = Vec::new();
+        for ring in mesh.boundary_loops() {
+            let (first, mut along) = (edges.len(), vec![0.0]);
             for &h in &ring {
-                let [p, q] = ends(h);
-                along.push(along[along.len() - 1] + (q - p).norm());
+                let ends = [mesh.tail(h), mesh.head(h)].map(|v| mesh.positions[v as usize]);
+                let start = along[along.len() - 1];
+                along.push(start + (ends[1] - ends[0]).norm());
+                edges.push(Edge { ends, uv: [uv(h), uv(next(h))], along: [start, along[along.len() - 1]] });
+                triangles.push([mesh.tail(h), mesh.head(h), mesh.head(h)]);
             }
-            let points = ring.iter().map(|&h| ends(h)[0]).collect();
-            (Curve { points, along, runs: Vec::new(), smoothed: Vec::new() }, ring.into_iter().map(uvs).collect())
-        };
-        let loops = mesh.boundary_loops().into_iter().map(curve).collect();
-        Self { bvh, edges: all.iter().map(|&h| (ends(h), uvs(h))).collect(), loops }
+            let points = ring.iter().map(|&h| mesh.positions[mesh.tail(h) as usize]).collect();
+            loops.push((Curve { points, along, runs: Vec::new(), smoothed: Vec::new() }, first));
+        }
+        let bvh = Bvh::new(&TriMesh { positions: mesh.positions.clone(), triangles, ..TriMesh::default() });
+        Self { bvh, edges, loops }
     }
 
-    /// u and v of the boundary's point nearest to one given; `None` where there is no boundary.
-    fn nearest(&self, p: Vec3) -> Option<[f64; 2]> {
-        let (ends, uv) = self.edges.get(self.bvh.closest(p).triangle as usize)?;
-        Some(between(*uv, nearest_share(*ends, p)))
+    /// The boundary's point nearest to one given; `None` where there is no boundary.
+    fn nearest(&self, p: Vec3) -> Option<Place> {
+        let edge = self.edges.get(self.bvh.closest(p).triangle as usize)?;
+        Some(edge.at(nearest_share(edge.ends, p)))
     }
 
-    /// u and v at places on a curve, told by lengths along it: where a boundary nearly touches itself, points alone could
-    /// not tell on which side they lie. `None` if the curve is no loop of the chart.
-    fn along(&self, curve: &Curve, at: &[f64]) -> Option<Vec<[f64; 2]>> {
+    /// Places on a curve, told by lengths along it: where a boundary nearly touches itself, points alone could not tell on
+    /// which side they lie. `None` if the curve is no loop of the chart.
+    fn along(&self, curve: &Curve, at: &[f64]) -> Option<Vec<Place>> {
         let (length, start) = (curve.length(), *curve.points.first()?);
         let is_same = |p: Vec3, q: Vec3| (p - q).norm() <= SAME * length;
         let found = self.loops.iter().filter(|(ring, _)| (ring.length() - length).abs() <= SAME * length);
-        let mut offsets = found.flat_map(|(ring, uv)| {
+        let mut offsets = found.flat_map(|(ring, first)| {
             let starts = (0..ring.points.len()).filter(move |&k| is_same(ring.points[k], start));
-            starts.map(move |k| (ring, uv, ring.along[k]))
+            starts.map(move |k| (ring, first, ring.along[k]))
         });
-        let (ring, uv, offset) =
+        let (ring, first, offset) =
             offsets.find(|(ring, _, offset)| at.iter().all(|s| is_same(ring.point(offset + s), curve.point(*s))))?;
         let place = |s: &f64| {
             let (k, t) = ring.place(offset + s)?;
-            Some(between(*uv.get(k)?, t))
+            Some(self.edges.get(first + k)?.at(t))
         };
         at.iter().map(place).collect()
     }
 
-    /// u at places on a curve, in order and told by lengths along it, unwound so that they increase over less than a period
-    /// (decrease, where v = 1: given with its sign turned), and whether it is that at v = 1.
-    pub fn unwound(&self, curve: &Curve, at: &[f64]) -> Option<(Vec<f64>, End)> {
+    /// Places on a curve, in order and told by lengths along it.
+    pub fn unwound(&self, curve: &Curve, at: &[f64]) -> Option<Unwound> {
         let by_points = || at.iter().map(|&s| self.nearest(curve.point(s))).collect::<Option<Vec<_>>>();
-        let uv = self.along(curve, at).or_else(by_points)?;
-        let mean = uv.iter().map(|x| x[1]).sum::<f64>() / uv.len().max(1) as f64;
+        let places = self.along(curve, at).or_else(by_points)?;
+        let mean = places.iter().map(|place| place.v).sum::<f64>() / places.len().max(1) as f64;
         let (end, sign) = if mean > 0.5 { (End::Top, -1.0) } else { (End::Bottom, 1.0) };
-        let n = uv.len();
-        let first = sign * uv.first()?[0];
-        let least = 1e-6 / n as f64;
-        let mut all = vec![first];
-        for x in &uv[1..] {
-            let before = all[all.len() - 1];
-            let step = (sign * x[0] - before).rem_euclid(1.0);
-            // A step back by rounding is none.
-            let step = if step > 0.9 { least } else { step.max(least) };
-            all.push((before + step).min(first + 1.0 - least * (n - all.len()) as f64));
-        }
-        Some((all, end))
+        let u = increasing(places.iter().map(|place| sign * place.u), 1.0);
+        let along = increasing(places.iter().map(|place| place.along), curve.length());
+        (!places.is_empty()).then_some(Unwound { end, u, along })
     }
+}
+
+/// Values that go around once, each that of a period, so that they increase over less than one.
+fn increasing(values: impl ExactSizeIterator<Item = f64>, period: f64) -> Vec<f64> {
+    let n = values.len();
+    let least = 1e-6 / n as f64 * period;
+    let mut all: Vec<f64> = Vec::with_capacity(n);
+    for x in values {
+        let next = match (all.first(), all.last()) {
+            (Some(first), Some(before)) => {
+                let step = (x - before).rem_euclid(period);
+                // A step back by rounding is none.
+                let step = if step > 0.9 * period { least } else { step.max(least) };
+                (before + step).min(first + period - least * (n - all.len()) as f64)
+            }
+            _ => x,
+        };
+        all.push(next);
+    }
+    all
 }
 
 fn between([a, b]: [[f64; 2]; 2], t: f64) -> [f64; 2] {
@@ -119,10 +167,12 @@ mod tests {
         let mut ends = Vec::new();
         for curve in &layout(&mesh, &vec![0; mesh.triangles.len()], 1).curves[0] {
             let at = &curve.along[..curve.points.len()];
-            let (u, end) = border.unwound(curve, at).expect("a boundary");
-            let (by_points, _) = Border { loops: Vec::new(), ..border.clone() }.unwound(curve, at).expect("a boundary");
+            let Unwound { end, u, along } = border.unwound(curve, at).expect("a boundary");
+            let by_points = Border { loops: Vec::new(), ..border.clone() }.unwound(curve, at).expect("a boundary");
             let is_same = |x: f64, y: f64| (x - y - (x - y).round()).abs() < 1e-9;
-            assert!(u.iter().zip(&by_points).all(|(x, y)| is_same(*x, *y)));
+            assert!(u.iter().zip(&by_points.u).all(|(x, y)| is_same(*x, *y)));
+            assert!(along.iter().zip(&by_points.along).all(|(x, y)| (x - y).abs() < 1e-9));
+            assert!((0..at.len()).all(|k| (along[k] - along[0] - (at[k] - at[0])).abs() < 1e-9), "{along:?}");
             assert!(u.windows(2).all(|w| w[0] < w[1] && w[1] - w[0] < 0.2), "{u:?}");
             assert!(u[u.len() - 1] - u[0] > 0.9);
             ends.push(end);
@@ -147,7 +197,7 @@ mod tests {
         let found = layout(&mesh, &vec![0; mesh.triangles.len()], 1);
         let curve = &found.curves[0][0];
         let at = &curve.along[..curve.points.len()];
-        let (u, _) = Border::new(&chart).unwound(curve, at).expect("a boundary");
+        let u = Border::new(&chart).unwound(curve, at).expect("a boundary").u;
         assert!(u.windows(2).all(|w| w[1] - w[0] > 1e-7 && w[1] - w[0] < 0.2), "{u:?}");
     }
 }

@@ -136,16 +136,6 @@ pub struct Grid {
 }
 
 impl Frame {
-    /// Where a place on the outer boundary (0) or the hole's (1) lies.
-    pub fn at(&self, boundary: usize, place: f64) -> Option<[f64; 2]> {
-        if boundary == 0 {
-            return Some(self.outer.at(place));
-        }
-        let hole = self.hole?;
-        let p = hole.corners.at(place);
-        Some([p[0] + hole.at[0] as f64, p[1] + hole.at[1] as f64])
-    }
-
     /// Numbers its vertices.
     pub fn grid(self) -> Grid {
         let (a, b) = (self.outer.a, self.outer.b);

@@ -4,24 +4,32 @@
 //! to corner they have whole numbers along a side of [0, a] × [0, b], and what lies between two of them is spaced evenly.
 //! With weights that are not negative the map of a disc is one-to-one (Radó, Kneser, Choquet), and vertex (i, j) stands
 //! where (x, y) = (i, j). There is no extraordinary vertex inside, and the layout follows an elongated segment, where rings
-//! about a pole or a hole are sheared. Which of the boundary's vertices become corners is tried out, one factorisation for
-//! all tries; the hole is put first where it falls when its boundary is free. *Ours, not the paper's.*
+//! about a pole or a hole are sheared. Which of the boundary's vertices become corners is tried out, each map a sum of a few
+//! functions known from others ([`ramps`](super::ramps)); the hole is put first where it falls when its boundary is free.
+//! *Ours, not the paper's.*
 
 use super::super::check::quad_area;
 use super::super::net::Net;
 use super::super::square::mean_deviation_deg;
-use super::Regular;
 use super::even::unevenness;
 use super::frame::{Corners, Frame, Hole, place};
+use super::ramps::Ramps;
+use super::{Given, Regular};
 use crate::mesh::Vec3;
 use crate::numerics::Factored;
 use crate::topology::Topology;
 use crate::unfold::Chart;
 use crate::unfold::laplacian::Laplacian;
 
-/// Places of the first corner that are tried, for each of the shares of the half boundary that the shorter side may take.
+/// Places of the first corner that are tried, for each of the shares of the half boundary that the shorter side may take;
+/// of a narrow rectangle as many that its shorter side has this many times the edges between them.
 const TURNS: usize = 10;
+const TURN_EDGES: usize = 2;
 const SHORT_SIDES: [f64; 3] = [0.5, 0.35, 0.2];
+/// A shorter side than these is tried where the number of quads that is wanted asks for it.
+const OBLONG_MAX: f64 = 0.18;
+/// Factor, as a power of two, by which the number of quads may miss what is wanted before such layouts are sought as have it.
+const COUNT_MISSED: f64 = 0.3;
 /// How far outside a triangle a point still counts as in it.
 const OUTSIDE: f64 = 1e-7;
 /// Area of the smallest quad, as a share of the mean, up to which a layout is none: behind a narrow place a harmonic map
@@ -44,48 +52,35 @@ pub struct Harmonics {
     area: f64,
 }
 
-/// The boundary at an end: its vertices with u, increasing over one period, and the length up to each and in all.
+/// The boundary at an end: its vertices in the order of u, and the length up to each and in all.
 #[derive(Clone, Debug)]
 struct Rim {
     vertices: Vec<u32>,
-    u: Vec<f64>,
     along: Vec<f64>,
+    /// Where the loop of the mesh starts, if u runs against it.
+    against: Option<f64>,
 }
 
 impl Rim {
-    fn new(chart: &Chart, mut vertices: Vec<u32>, end: usize) -> Option<Self> {
+    fn new(chart: &Chart, mut vertices: Vec<u32>, end: usize) -> Self {
         // At v = 1 u runs against the boundary.
         if end == 1 {
             vertices.reverse();
         }
-        let mut u: Vec<f64> = Vec::with_capacity(vertices.len());
-        for &v in &vertices {
-            let here = chart.uv.get(v as usize)?[0];
-            let before = u.last().copied().unwrap_or(here);
-            let step = (here - before).rem_euclid(1.0);
-            // A step back by rounding is none.
-            u.push(before + if step > 0.9 { 0.0 } else { step });
-        }
         let p = |k: usize| chart.mesh.positions[vertices[k % vertices.len()] as usize];
         let mut along = vec![0.0];
         (0..vertices.len()).for_each(|k| along.push(along[k] + (p(k + 1) - p(k)).norm()));
-        Some(Self { vertices, u, along })
+        let against = (end == 1).then(|| along[vertices.len() - 1]);
+        Self { vertices, along, against }
     }
 
     fn whole(&self) -> f64 {
         self.along.last().copied().unwrap_or(0.0).max(f64::MIN_POSITIVE)
     }
 
-    /// The length up to a u; a period more is a turn more.
-    fn length(&self, u: f64) -> f64 {
-        let (n, first) = (self.u.len(), self.u[0]);
-        let turns = (u - first).floor();
-        let x = u - turns;
-        let k = self.u.partition_point(|&c| c <= x).clamp(1, n) - 1;
-        let next = if k + 1 < n { self.u[k + 1] } else { first + 1.0 };
-        let step = next - self.u[k];
-        let t = if step > 0.0 { ((x - self.u[k]) / step).clamp(0.0, 1.0) } else { 0.0 };
-        self.along[k] + t * (self.along[k + 1] - self.along[k]) + turns * self.whole()
+    /// The length up to a place of the mesh's loop.
+    fn length(&self, along: f64) -> f64 {
+        self.against.map_or(along, |start| start - along)
     }
 }
 
@@ -95,6 +90,13 @@ struct Ring {
     /// Vertex of the surface, and its place among the columns.
     places: Vec<(u32, f64)>,
     points: Vec<Vec3>,
+}
+
+/// The share of the half boundary of so many edges that the shorter side of a rectangle of so many quads takes, a + b = m
+/// and ab = F, if that is shorter than those that are tried anyway.
+fn oblong_share(quads: f64, edges: usize) -> Option<f64> {
+    let square = quads * 4.0 / (edges * edges) as f64;
+    (square < 0.25).then(|| 0.5 - (0.25 - square).sqrt()).filter(|share| *share < OBLONG_MAX)
 }
 
 fn areas(net: &Net) -> impl Iterator<Item = f64> {
@@ -130,9 +132,13 @@ struct Tried {
 struct Search<'a> {
     harmonics: &'a Harmonics,
     chart: &'a Chart,
-    rings: Vec<Ring>,
-    /// Factor with the outer boundary given alone.
-    outer_given: Option<&'a Factored>,
+    rings: &'a [Ring],
+    /// Maps with all boundaries given.
+    maps: Ramps<'a>,
+    /// Where the hole's vertices fall, by x and y, if the outer boundary is given alone; none of a disc.
+    falls: Option<Ramps<'a>>,
+    /// What edges are compared with; none for their mean.
+    edge: Option<f64>,
     seen: Vec<Frame>,
     best: Option<(f64, Net)>,
 }
@@ -151,7 +157,7 @@ impl Harmonics {
             let vertices: Vec<u32> = ring.iter().map(|&h| mesh.tail(h)).collect();
             let v = vertices.iter().filter_map(|&v| chart.uv.get(v as usize)).map(|uv| uv[1]);
             let end = usize::from(v.sum::<f64>() > 0.5 * vertices.len() as f64);
-            *rims.get_mut(end)? = Rim::new(chart, vertices, end);
+            *rims.get_mut(end)? = Some(Rim::new(chart, vertices, end));
         }
         let rims: Vec<Rim> = rims.into_iter().collect::<Option<_>>()?;
         let on_rim = mesh.boundary_vertices();
@@ -167,40 +173,67 @@ impl Harmonics {
         Some(Self { laplacian, inverse, one_given, rims, on_rim, area: mesh.total_area() })
     }
 
-    /// The best layout whose boundary vertices stand at `columns` (for each end u, increasing over one period), which lie
-    /// at `points`: an even number at each end, of an annulus those of one end fewer by 8 at least.
-    pub fn best(&self, chart: &Chart, columns: &[Vec<f64>], points: &[Vec<Vec3>]) -> Option<Regular> {
-        let sound = |(c, p): (&Vec<f64>, &Vec<Vec3>)| c.len() >= 4 && c.len().is_multiple_of(2) && c.len() == p.len();
-        if columns.len() != self.rims.len() || !columns.iter().zip(points).all(sound) {
-            return None;
+    /// The best layouts between given vertices, by angles and like sizes, and if that has by far more or fewer quads than
+    /// are wanted, by sizes that are near to `edge`. An even number is given at each end, of an annulus those of one end
+    /// fewer by 8 at least.
+    pub fn best(&self, chart: &Chart, given: &[&Given], edge: f64) -> Vec<Regular> {
+        let count = |end: usize| given[end].points.len();
+        let is_sound =
+            |end: usize| count(end) >= 4 && count(end).is_multiple_of(2) && count(end) == given[end].along.len();
+        if given.len() != self.rims.len() || !(0..given.len()).all(is_sound) {
+            return Vec::new();
         }
         // Seen from the end with more columns the other is the hole; seen from the top, u runs against.
-        let outer = usize::from(columns.len() == 2 && columns[1].len() > columns[0].len());
+        let outer = usize::from(given.len() == 2 && count(1) > count(0));
         let ring = |end: usize| {
-            let n = columns[end].len();
+            let n = count(end);
             let turned = |t: f64| if outer == 1 { (n as f64 - 1.0 - t).rem_euclid(n as f64) } else { t };
             let rim = &self.rims[end];
-            let lengths: Vec<f64> = columns[end].iter().map(|&u| rim.length(u)).collect();
+            let lengths: Vec<f64> = given[end].along.iter().map(|&s| rim.length(s)).collect();
             let at = |k: usize| turned(place(&lengths, rim.along[k], rim.whole()));
             let places = rim.vertices.iter().enumerate().map(|(k, &v)| (v, at(k))).collect();
-            let mut points = points[end].clone();
+            let mut points = given[end].points.clone();
             if outer == 1 {
                 points.reverse();
             }
             Ring { places, points }
         };
-        let rings: Vec<Ring> = if columns.len() == 1 { vec![ring(0)] } else { vec![ring(outer), ring(1 - outer)] };
+        let rings: Vec<Ring> = if given.len() == 1 { vec![ring(0)] } else { vec![ring(outer), ring(1 - outer)] };
         let (n, m) = (rings[0].points.len() as u32, rings.get(1).map_or(0, |r| r.points.len()) as u32);
-        let outer_given = self.one_given.get(outer);
-        let mut search = Search { harmonics: self, chart, rings, outer_given, seen: Vec::new(), best: None };
-        search.run();
-        let (_, net) = search.best?;
+        let rings = &rings[..];
+        let maps =
+            Ramps::new(Box::new(|k, f| self.extended(self.given(&rings[k], f), |v| self.on_rim[v], &self.inverse)));
+        let falls = rings.get(1).zip(self.one_given.get(outer)).map(|(hole, inverse)| {
+            let mut fixed = vec![false; self.on_rim.len()];
+            rings[0].places.iter().for_each(|p| fixed[p.0 as usize] = true);
+            let fall = move |_, f: &dyn Fn(f64) -> f64| {
+                let all = self.extended(self.given(&rings[0], f), |v| fixed[v], inverse);
+                hole.places.iter().map(|p| all[p.0 as usize]).collect()
+            };
+            Ramps::new(Box::new(fall))
+        });
+        let mut search =
+            Search { harmonics: self, chart, rings, maps, falls, edge: None, seen: Vec::new(), best: None };
+        let wanted = self.area / (edge * edge);
+        let oblong = oblong_share(wanted, rings[0].points.len());
+        let mut nets: Vec<Net> = search.run(oblong).into_iter().collect();
+        if nets.iter().any(|net| (net.faces().count() as f64 / wanted).log2().abs() > COUNT_MISSED) {
+            search.edge = Some(edge);
+            nets.extend(search.run(oblong));
+        }
         let ends = if outer == 1 {
             [(n..n + m).rev().collect(), (0..n).rev().collect()]
         } else {
             [(0..n).collect(), (n..n + m).collect()]
         };
-        Some(Regular { net, ends })
+        nets.into_iter().map(|net| Regular { net, ends: ends.clone() }).collect()
+    }
+
+    /// What a function of the place gives on a boundary, and 0 elsewhere.
+    fn given(&self, ring: &Ring, f: &dyn Fn(f64) -> f64) -> Vec<f64> {
+        let mut given = vec![0.0; self.on_rim.len()];
+        ring.places.iter().for_each(|&(v, t)| given[v as usize] = f(t));
+        given
     }
 
     /// The harmonic function with given values on some boundaries, by their factor.
@@ -218,16 +251,21 @@ impl Harmonics {
 
 impl Search<'_> {
     /// For each share the best of all turns, and from there on what is better beside it: the one best start may lead nowhere.
-    fn run(&mut self) {
+    fn run(&mut self, oblong: Option<f64>) -> Option<Net> {
+        self.seen.clear();
         let m = self.rings[0].points.len() / 2;
-        for share in SHORT_SIDES {
+        for share in SHORT_SIDES.into_iter().chain(oblong) {
             let a = ((share * m as f64).round() as usize).max(1);
+            // Turned by half its width, all of a narrow one is sheared.
+            let most = if Some(share) == oblong { a / TURN_EDGES } else { m };
+            let step = (m / TURNS).min(most).max(1);
             let starts: Vec<Tried> =
-                (0..TURNS).filter_map(|turn| self.try_outer(Corners::new(turn * m / TURNS, a, m))).collect();
+                (0..m).step_by(step).filter_map(|turn| self.try_outer(Corners::new(turn, a, m))).collect();
             if let Some(start) = starts.into_iter().min_by(|a, b| a.badness.total_cmp(&b.badness)) {
                 self.climb(start, (m / TURNS).max(1));
             }
         }
+        self.best.take().map(|best| best.1)
     }
 
     fn climb(&mut self, mut now: Tried, mut step: usize) {
@@ -246,17 +284,10 @@ impl Search<'_> {
     /// Tries a rectangle, with the hole where it falls; `None` if it has been tried, or does not fit.
     fn try_outer(&mut self, outer: Option<Corners>) -> Option<Tried> {
         let outer = outer?;
-        let Some(inverse) = self.outer_given else { return self.try_out(Frame { outer, hole: None }) };
-        let mut given = [vec![0.0; self.harmonics.on_rim.len()], vec![0.0; self.harmonics.on_rim.len()]];
-        let mut fixed = vec![false; self.harmonics.on_rim.len()];
-        for &(v, t) in &self.rings[0].places {
-            let p = outer.at(t);
-            (0..2).for_each(|k| given[k][v as usize] = p[k]);
-            fixed[v as usize] = true;
-        }
-        let [x, y] = given.map(|given| self.harmonics.extended(given, |v| fixed[v], inverse));
+        let Some(falls) = &mut self.falls else { return self.try_out(Frame { outer, hole: None }) };
+        let [x, y] = falls.map(&[(outer, [0.0; 2])]);
         let fallen: Vec<(f64, [f64; 2])> =
-            self.rings[1].places.iter().map(|&(v, t)| (t, [x[v as usize], y[v as usize]])).collect();
+            self.rings[1].places.iter().zip(x.into_iter().zip(y)).map(|(p, (x, y))| (p.1, [x, y])).collect();
         let hole = Hole::nearest(outer, self.rings[1].points.len(), &fallen)?;
         self.try_out(Frame { outer, hole: Some(hole) })
     }
@@ -267,7 +298,7 @@ impl Search<'_> {
         }
         self.seen.push(frame);
         let net = self.laid(frame).filter(|net| smallest_share(net) > SMALLEST_SHARE)?;
-        let badness = badness(&net, self.harmonics.area, None);
+        let badness = badness(&net, self.harmonics.area, self.edge);
         if self.best.as_ref().is_none_or(|b| badness < b.0) {
             self.best = Some((badness, net));
         }
@@ -275,16 +306,10 @@ impl Search<'_> {
     }
 
     /// The net on a frame; `None` where a vertex lies in no triangle.
-    fn laid(&self, frame: Frame) -> Option<Net> {
-        let harmonics = self.harmonics;
-        let mut given = [vec![0.0; harmonics.on_rim.len()], vec![0.0; harmonics.on_rim.len()]];
-        for (k, ring) in self.rings.iter().enumerate() {
-            for &(v, t) in &ring.places {
-                let p = frame.at(k, t)?;
-                (0..2).for_each(|k| given[k][v as usize] = p[k]);
-            }
-        }
-        let [x, y] = given.map(|given| harmonics.extended(given, |v| harmonics.on_rim[v], &harmonics.inverse));
+    fn laid(&mut self, frame: Frame) -> Option<Net> {
+        let hole = frame.hole.map(|hole| (hole.corners, hole.at.map(|x| x as f64)));
+        let boundaries: Vec<_> = [(frame.outer, [0.0; 2])].into_iter().chain(hole).collect();
+        let [x, y] = self.maps.map(&boundaries);
         let grid = frame.grid();
         let boundary: usize = self.rings.iter().map(|ring| ring.points.len()).sum();
         let mut stands: Vec<Option<Vec3>> =
@@ -329,29 +354,39 @@ mod tests {
     use super::*;
     use crate::compose::check::{Shape, check, extraordinary};
     use crate::compose::layout::layout;
-    use crate::compose::template::border::Border;
+    use crate::compose::template::border::{Border, Unwound};
     use crate::topology::{tests::grid, whole};
     use crate::unfold::{UnfoldOptions, unfold};
 
-    #[test]
-    fn an_oblong_becomes_a_grid_of_right_angles_with_its_corners_as_corners() {
-        let mut mesh = grid(30, 10, false, false);
-        mesh.positions.iter_mut().for_each(|p| p.x *= 3.0);
+    /// Layouts of a sheet of so much by 1, with vertices an edge apart on its boundary, from the middle of the first side on;
+    /// and those vertices.
+    fn laid(length: f64, edge: f64) -> (Vec<Regular>, Vec<Vec3>) {
+        let mut mesh = grid(10 * length as u32, 10, false, false);
+        mesh.positions.iter_mut().for_each(|p| p.x *= length);
         let chart = unfold(&whole(&mesh).expect("a disc"), &UnfoldOptions::default()).expect("solvable");
         let harmonics = Harmonics::new(&chart).expect("a disc");
-        // 24 steps along the long sides, 8 along the short ones, from the middle of the first.
-        let around = |s: f64| match s.rem_euclid(8.0) {
-            s if s < 3.0 => Vec3::new(s, 0.0, 0.0),
-            s if s < 4.0 => Vec3::new(3.0, s - 3.0, 0.0),
-            s if s < 7.0 => Vec3::new(7.0 - s, 1.0, 0.0),
-            s => Vec3::new(0.0, 8.0 - s, 0.0),
+        let around = |s: f64| match s.rem_euclid(2.0 * (length + 1.0)) {
+            s if s < length => Vec3::new(s, 0.0, 0.0),
+            s if s < length + 1.0 => Vec3::new(length, s - length, 0.0),
+            s if s < 2.0 * length + 1.0 => Vec3::new(2.0 * length + 1.0 - s, 1.0, 0.0),
+            s => Vec3::new(0.0, 2.0 * (length + 1.0) - s, 0.0),
         };
-        let points: Vec<Vec3> = (0..32).map(|k| around(1.5 + 0.25 * f64::from(k))).collect();
+        let count = (2.0 * (length + 1.0) / edge) as u32;
+        let points: Vec<Vec3> = (0..count).map(|k| around(0.5 * length + edge * f64::from(k))).collect();
         let found = layout(&mesh, &vec![0; mesh.triangles.len()], 1);
         let curve = &found.curves[0][0];
         let at: Vec<f64> = points.iter().map(|&p| curve.nearest(p).0).collect();
-        let (columns, _) = Border::new(&chart).unwound(curve, &at).expect("a boundary");
-        let laid = harmonics.best(&chart, &[columns], std::slice::from_ref(&points)).expect("laid");
+        let Unwound { u, along, .. } = Border::new(&chart).unwound(curve, &at).expect("a boundary");
+        let given = Given { u, along, points: points.clone() };
+        (harmonics.best(&chart, &[&given], edge), points)
+    }
+
+    #[test]
+    fn an_oblong_becomes_a_grid_of_right_angles_with_its_corners_as_corners() {
+        // 24 steps along the long sides, 8 along the short ones.
+        let (mut all, points) = laid(3.0, 0.25);
+        assert_eq!(all.len(), 1);
+        let laid = all.remove(0);
         assert_eq!(laid.ends, [(0..32).collect::<Vec<u32>>(), Vec::new()]);
         let net = laid.net;
         assert!(mean_deviation_deg(&net) < 3.0, "{}", mean_deviation_deg(&net));
@@ -364,5 +399,14 @@ mod tests {
             let p = |k: usize| made.positions[c[k] as usize];
             assert!((p(2) - p(0)).cross(&(p(3) - p(1))).z > 0.0, "all quads look the same way");
         }
+    }
+
+    #[test]
+    fn a_long_strip_is_laid_in_as_many_quads_as_are_wanted() {
+        let (all, _) = laid(18.0, 0.5);
+        let counts: Vec<usize> = all.iter().map(|laid| laid.net.faces().count()).collect();
+        assert!(counts.contains(&72), "{counts:?}");
+        let wanted = all.iter().find(|laid| laid.net.faces().count() == 72).expect("2 by 36");
+        assert!(mean_deviation_deg(&wanted.net) < 3.0, "{}", mean_deviation_deg(&wanted.net));
     }
 }
