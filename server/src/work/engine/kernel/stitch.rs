@@ -19,6 +19,11 @@ const FACES_MAX: usize = 4_000_000;
 /// Quads of a template on an input of which nothing else tells a density.
 const TEMPLATE_QUADS: f64 = 4000.0;
 
+/// A single map that misses its input by no more than this, in percent of the diagonal, stays as it is.
+const CLOSE_PCT: f64 = 0.15;
+/// What is told where its vertices were moved.
+const MOVED: &str = "the map's vertices were moved so that its faces lie on the input; its layout is the example's own";
+
 /// Whether a part was chosen for its layout.
 #[derive(Clone, Copy)]
 enum Choice {
@@ -60,7 +65,8 @@ pub(super) fn compose(query: &Model, parts: &[Part], how: Stitching, stop: &Stop
         && how.density == 0
         && compose::follows(ground.input(), whole, MISS_TOLD_PCT / 100.0)
     {
-        return Ok(Stitched { is_poor_kept: matches!(parts, [Part::Poor { .. }]), ..as_mapped(whole) });
+        let made = near(&ground, whole, how, stop)?;
+        return Ok(Stitched { is_poor_kept: matches!(parts, [Part::Poor { .. }]), ..made });
     }
     let made = stitched(&ground, parts, &single, how, stop)?;
     let [Part::Poor { part, whole, .. }] = parts else { return Ok(made.told()) };
@@ -132,7 +138,24 @@ fn stitched(
     Ok(Made { mesh: made.mesh, report: pieces.by_segment(made.report), brought: told })
 }
 
-/// A map of a whole input that needs nothing done: all of the example comes with it.
+/// A map of a whole input that follows it: as it is where it lies close, else with its vertices moved until its faces, not
+/// the vertices alone, lie on the input. All of the example comes with it.
+fn near(ground: &Ground<'_>, whole: &Arc<PolyMesh>, how: Stitching, stop: &Stop) -> Result<Stitched, EngineError> {
+    if compose::follows(ground.input(), whole, CLOSE_PCT / 100.0) {
+        return Ok(as_mapped(whole));
+    }
+    let part = [Part::Mapped { part: Arc::clone(whole), whole: Arc::clone(whole) }];
+    let made = stitched(ground, &part, &Pieces::single(1), how, stop)?;
+    if made.mesh.faces != whole.faces {
+        return Ok(as_mapped(whole));
+    }
+    let mut told = made.told();
+    told.notes.push(MOVED.into());
+    told.mesh = Arc::new(PolyMesh { positions: told.mesh.positions.clone(), ..PolyMesh::clone(whole) });
+    Ok(told)
+}
+
+/// A map of a whole input that needs nothing done.
 fn as_mapped(whole: &Arc<PolyMesh>) -> Stitched {
     let extraordinary = compose::check::extraordinary(whole) as u64;
     Stitched {
@@ -210,4 +233,45 @@ pub(super) fn template(query: &Side, stop: &Stop) -> Result<Mapped, EngineError>
         verdict: Verdict::Fair,
         reasons: vec!["a regular layout, made for this segment: no example was laid on it".into()],
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use quadmuse_kernel::mesh::{Polygons, Vec3, prepare};
+    use quadmuse_kernel::segment::Segmented;
+    use quadmuse_kernel::topology::Components;
+
+    /// A dome of n × n quads over a square.
+    fn dome(n: usize) -> PolyMesh {
+        let at = |k: usize| 2.0 * k as f64 / n as f64 - 1.0;
+        let point =
+            |(i, j): (usize, usize)| Vec3::new(at(i), at(j), 0.8 * (1.0 - at(i).powi(2)) * (1.0 - at(j).powi(2)));
+        let positions = (0..=n).flat_map(|j| (0..=n).map(move |i| (i, j))).map(point).collect();
+        let quad = |i: usize, j: usize| [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)];
+        let faces = (0..n)
+            .flat_map(|j| (0..n).map(move |i| quad(i, j).map(|(i, j)| (j * (n + 1) + i) as u32).to_vec()))
+            .collect::<Vec<_>>();
+        PolyMesh { positions, faces: faces.iter().map(Vec::as_slice).collect::<Polygons>(), ..PolyMesh::default() }
+    }
+
+    #[test]
+    fn a_map_of_few_faces_is_moved_until_they_lie_on_the_input_and_keeps_all_else() {
+        let surface = prepare(&dome(60)).expect("a disc").mesh;
+        let segmented = Segmented::primitive(&surface, Components::Crumbs).expect("a disc");
+        let ground = Ground::of(&segmented);
+        let how = Stitching { smoothing: 5, density: 0 };
+        let follows = |mesh: &PolyMesh, pct: f64| compose::follows(ground.input(), mesh, pct / 100.0);
+        let made = |n: usize| {
+            let map = Arc::new(dome(n));
+            let made = near(&ground, &map, how, &Stop::new(None)).expect("a layout");
+            (map, made)
+        };
+        let needs = |n: &usize| follows(&dome(*n), MISS_TOLD_PCT) && !follows(&dome(*n), CLOSE_PCT);
+        let (coarse, moved) = made((4..30).find(needs).expect("some dome misses by so much"));
+        assert_eq!((&moved.mesh.faces, &moved.notes[..]), (&coarse.faces, &[MOVED.to_owned()][..]));
+        assert!(follows(&moved.mesh, CLOSE_PCT));
+        let (fine, kept) = made(30);
+        assert_eq!((&kept.mesh, &kept.notes[..]), (&fine, &[AS_MAPPED.to_owned()][..]));
+    }
 }
