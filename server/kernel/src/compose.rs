@@ -215,12 +215,12 @@ pub fn compose(
     Ok(Composed { mesh, report })
 }
 
-/// Whether a mesh is what a composition of an input would have to be: quads only, of the input's topology, and on average
-/// nowhere farther from it, nor it from the mesh, than a share `most` of its diagonal.
-pub fn follows(input: Input<'_>, mesh: &PolyMesh, most: f64) -> bool {
+/// How far a mesh lies from an input on average, or the input from it, as a share of its diagonal; `None` where the mesh is
+/// not what a composition of it would have to be: quads only, of the input's topology.
+pub fn miss(input: Input<'_>, mesh: &PolyMesh) -> Option<f64> {
     let owned = apart::owned(input);
-    let diagonal = apart::scale(&owned).diagonal;
-    check::check(mesh, check::Shape::of(&owned)).is_ok() && Measured::new(&owned).fit(mesh).worst() <= most * diagonal
+    check::check(mesh, check::Shape::of(&owned)).ok()?;
+    Some(Measured::new(&owned).fit(mesh).worst() / apart::scale(&owned).diagonal)
 }
 
 /// One component of an input.

@@ -42,7 +42,6 @@ const QUADS_PER_EDGE: usize = 40;
 /// A segment on which a part stands that may be subdivided.
 struct Ground {
     measured: Measured,
-    area: f64,
     /// Mean distance between the part and the segment.
     miss: f64,
     /// Whether subdividing has not helped.
@@ -120,22 +119,22 @@ impl Stitching<'_> {
             .iter()
             .map(|site| {
                 let is_asked = site.stands == Use::Part && !site.is_kept();
-                let surface = is_asked.then(|| site.surface(self.surface()))?;
-                let measured = Measured::new(&surface);
+                let measured = is_asked.then(|| Measured::new(&site.surface(self.surface())))?;
                 let miss = self.missed(site, &measured);
-                Some(Ground { measured, area: surface.total_area(), miss, is_stuck: false })
+                Some(Ground { measured, miss, is_stuck: false })
             })
             .collect();
         let regular: f64 = sites.iter().zip(areas).filter(|(site, _)| site.stands == Use::Regular).map(|s| s.1).sum();
         let others = (REGULAR_MISS * most * regular, regular);
         loop {
-            let (missed, area) = grounds.iter().flatten().fold(others, |(m, a), g| (m + g.area * g.miss, a + g.area));
+            let asked = grounds.iter().zip(areas).filter_map(|(ground, area)| Some((ground.as_ref()?.miss, area)));
+            let (missed, area) = asked.fold(others, |(m, a), (miss, area)| (m + area * miss, a + area));
             if missed <= most * area {
                 break;
             }
             let worth = |s: usize| {
                 let of_it = grounds[s].as_ref().filter(|g| !g.is_stuck && g.miss > most && may_refine(&sites[s]))?;
-                Some((of_it.area * of_it.miss / sites[s].net.faces().count().max(1) as f64, s))
+                Some((areas[s] * of_it.miss / sites[s].net.faces().count().max(1) as f64, s))
             };
             let next = (0..sites.len()).filter_map(worth).max_by(|a, b| a.0.total_cmp(&b.0));
             let Some(next) = next.map(|n| n.1) else { break };

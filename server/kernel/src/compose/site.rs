@@ -142,13 +142,22 @@ impl<'a> Site<'a> {
         self.stands == Use::Part && matches!(self.piece, Piece::Kept(_))
     }
 
-    /// What it would be, made finer once more; `None` where it may not be.
+    /// What it would be, made finer once more to follow the input; `None` where it may not be.
     pub fn finer(&self) -> Option<Finer> {
-        let (times_max, less) = match self.stands {
-            Use::Part | Use::Own => (if self.is_kept() { 0 } else { SUBDIVISIONS_MAX }, 0.75),
-            Use::Regular => (FINER_MAX, 1.0 - FINER * FINER),
+        let less = match self.stands {
+            Use::Part | Use::Own => 0.75,
+            Use::Regular => 1.0 - FINER * FINER,
         };
-        (self.times < times_max).then(|| Finer { quads: self.quads_more(), less })
+        (self.may_be_finer() && !self.is_kept()).then(|| Finer { quads: self.quads_more(), less })
+    }
+
+    /// Whether it may be made finer to fit its neighbours.
+    pub fn may_be_finer(&self) -> bool {
+        let times_max = match self.stands {
+            Use::Part | Use::Own => SUBDIVISIONS_MAX,
+            Use::Regular => FINER_MAX,
+        };
+        self.times < times_max
     }
 
     /// Quads more that it has when it is made finer, about.
@@ -168,11 +177,7 @@ impl<'a> Site<'a> {
 
     /// Takes what comes next; false if there is nothing.
     pub fn give_way(&mut self, surface: &TriMesh, target: &Target) -> bool {
-        let can_again = match self.stands {
-            Use::Part | Use::Own => self.times < SUBDIVISIONS_MAX,
-            Use::Regular => self.times < FINER_MAX,
-        };
-        if can_again {
+        if self.may_be_finer() {
             self.refine(target);
             return true;
         }

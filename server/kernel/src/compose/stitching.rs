@@ -24,8 +24,6 @@ pub(super) const MISS_MAX: f64 = 0.0019;
 /// The same where one example covers the whole input alone: its own vertices and faces are worth more.
 pub(super) const KEPT_MISS_MAX: f64 = 0.005;
 
-/// Times that what stands on a segment is made finer before it is given up.
-const TIMES_MAX: usize = 2;
 /// Tries in which one segment at a time gives way; afterwards all that are in the way give up at once. Each costs a stitching
 /// of the whole, and a rag of dozens of segments would take hundreds.
 const ATTEMPTS_MAX: usize = 24;
@@ -165,11 +163,9 @@ impl<'a> Stitching<'a> {
     /// Of what is involved where the result is pinched, and can be made finer, that for which it takes the fewest quads; if
     /// none can, of all.
     fn first_to_give_way(&self, sites: &[Site<'_>], culprits: &[usize]) -> Option<usize> {
-        let last = |s: usize| sites[s].stands == Use::Own && sites[s].times >= TIMES_MAX;
-        culprits.iter().copied().filter(|&s| !last(s)).min_by(|&a, &b| {
-            let is_last = |s: usize| sites[s].times >= TIMES_MAX;
-            is_last(a).cmp(&is_last(b)).then(sites[a].quads_more().total_cmp(&sites[b].quads_more()))
-        })
+        let is_last = |s: &usize| !sites[*s].may_be_finer();
+        let can = culprits.iter().copied().filter(|s| sites[*s].stands != Use::Own || !is_last(s));
+        can.min_by(|a, b| is_last(a).cmp(&is_last(b)).then(sites[*a].quads_more().total_cmp(&sites[*b].quads_more())))
     }
 
     /// The boundaries of what is no regular layout, on the segments' curves.

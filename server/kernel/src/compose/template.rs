@@ -109,8 +109,8 @@ pub fn regular(ground: Ground<'_>, edge: f64, ends: Ends) -> Regular {
         let extraordinary = extraordinary(&laid.net.clone().into_mesh().0);
         badness(&laid.net, area, Some(edge)) + EXTRAORDINARY_DEG * extraordinary as f64
     };
-    let all = rectangles.into_iter().chain([rings]).map(even);
-    all.min_by(|a, b| cost(a).total_cmp(&cost(b))).unwrap_or_default()
+    let all = rectangles.into_iter().chain([rings]).map(even).map(|laid| (cost(&laid), laid));
+    all.min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Regular::default, |best| best.1)
 }
 
 /// A disc as rectangles, an annulus as such with a hole, if the surface is prepared for that and all ends are given.

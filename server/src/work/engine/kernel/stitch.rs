@@ -63,9 +63,8 @@ pub(super) fn compose(query: &Model, parts: &[Part], how: Stitching, stop: &Stop
     let single = Pieces::single(parts.len());
     if let [Part::Mapped { whole, .. } | Part::Poor { whole, .. }] = parts
         && how.density == 0
-        && compose::follows(ground.input(), whole, MISS_TOLD_PCT / 100.0)
+        && let Some(made) = as_one(&ground, whole, how, stop)?
     {
-        let made = near(&ground, whole, how, stop)?;
         return Ok(Stitched { is_poor_kept: matches!(parts, [Part::Poor { .. }]), ..made });
     }
     let made = stitched(&ground, parts, &single, how, stop)?;
@@ -139,20 +138,29 @@ fn stitched(
 }
 
 /// A map of a whole input that follows it: as it is where it lies close, else with its vertices moved until its faces, not
-/// the vertices alone, lie on the input. All of the example comes with it.
-fn near(ground: &Ground<'_>, whole: &Arc<PolyMesh>, how: Stitching, stop: &Stop) -> Result<Stitched, EngineError> {
-    if compose::follows(ground.input(), whole, CLOSE_PCT / 100.0) {
-        return Ok(as_mapped(whole));
+/// the vertices alone, lie on the input. All of the example comes with it. `None` for one that does not follow.
+fn as_one(
+    ground: &Ground<'_>,
+    whole: &Arc<PolyMesh>,
+    how: Stitching,
+    stop: &Stop,
+) -> Result<Option<Stitched>, EngineError> {
+    let miss_pct = compose::miss(ground.input(), whole).map_or(f64::INFINITY, |miss| 100.0 * miss);
+    if miss_pct > MISS_TOLD_PCT {
+        return Ok(None);
+    }
+    if miss_pct <= CLOSE_PCT {
+        return Ok(Some(as_mapped(whole)));
     }
     let part = [Part::Mapped { part: Arc::clone(whole), whole: Arc::clone(whole) }];
-    let made = stitched(ground, &part, &Pieces::single(1), how, stop)?;
+    let mut made = stitched(ground, &part, &Pieces::single(1), how, stop)?;
     if made.mesh.faces != whole.faces {
-        return Ok(as_mapped(whole));
+        return Ok(Some(as_mapped(whole)));
     }
+    made.mesh.attributes = whole.attributes.clone();
     let mut told = made.told();
     told.notes.push(MOVED.into());
-    told.mesh = Arc::new(PolyMesh { positions: told.mesh.positions.clone(), ..PolyMesh::clone(whole) });
-    Ok(told)
+    Ok(Some(told))
 }
 
 /// A map of a whole input that needs nothing done.
@@ -261,17 +269,20 @@ mod tests {
         let segmented = Segmented::primitive(&surface, Components::Crumbs).expect("a disc");
         let ground = Ground::of(&segmented);
         let how = Stitching { smoothing: 5, density: 0 };
-        let follows = |mesh: &PolyMesh, pct: f64| compose::follows(ground.input(), mesh, pct / 100.0);
+        let miss_pct = |mesh: &PolyMesh| 100.0 * compose::miss(ground.input(), mesh).expect("a disc of quads");
         let made = |n: usize| {
             let map = Arc::new(dome(n));
-            let made = near(&ground, &map, how, &Stop::new(None)).expect("a layout");
+            let made = as_one(&ground, &map, how, &Stop::new(None)).expect("a layout");
             (map, made)
         };
-        let needs = |n: &usize| follows(&dome(*n), MISS_TOLD_PCT) && !follows(&dome(*n), CLOSE_PCT);
+        let needs = |n: &usize| (CLOSE_PCT..MISS_TOLD_PCT).contains(&miss_pct(&dome(*n)));
         let (coarse, moved) = made((4..30).find(needs).expect("some dome misses by so much"));
+        let moved = moved.expect("it follows");
         assert_eq!((&moved.mesh.faces, &moved.notes[..]), (&coarse.faces, &[MOVED.to_owned()][..]));
-        assert!(follows(&moved.mesh, CLOSE_PCT));
+        assert!(miss_pct(&moved.mesh) < CLOSE_PCT);
         let (fine, kept) = made(30);
+        let kept = kept.expect("it follows");
         assert_eq!((&kept.mesh, &kept.notes[..]), (&fine, &[AS_MAPPED.to_owned()][..]));
+        assert!(made(4).1.is_none(), "so few faces do not follow");
     }
 }
