@@ -14,6 +14,7 @@ pub mod fit;
 mod following;
 pub mod glue;
 pub mod ground;
+pub mod layers;
 pub mod layout;
 mod missing;
 pub mod net;
@@ -47,6 +48,7 @@ use check::{Broken, check_structure, extraordinary};
 use fit::{Fit, Measured};
 use net::Net;
 use resolve::Resolved;
+use smooth::Target;
 use stitching::{Scale, Stitching};
 
 /// Quads of a whole input of regular layouts, if nothing else is asked for.
@@ -215,12 +217,37 @@ pub fn compose(
     Ok(Composed { mesh, report })
 }
 
-/// How far a mesh lies from an input on average, or the input from it, as a share of its diagonal; `None` where the mesh is
-/// not what a composition of it would have to be: quads only, of the input's topology.
-pub fn miss(input: Input<'_>, mesh: &PolyMesh) -> Option<f64> {
+/// How far a mesh lies from an input.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Miss {
+    /// On average, or the input from it: the larger, as a share of the input's diagonal.
+    pub mean: f64,
+    /// Share of the input's area that it passes over by more than a protrusion or an ear may be passed over.
+    pub passed: f64,
+}
+
+/// How far a mesh lies from an input; `None` where the mesh is not what a composition of it would have to be: quads only,
+/// of the input's topology.
+pub fn miss(input: Input<'_>, mesh: &PolyMesh) -> Option<Miss> {
     let owned = apart::owned(input);
     check::check(mesh, check::Shape::of(&owned)).ok()?;
-    Some(Measured::new(&owned).fit(mesh).worst() / apart::scale(&owned).diagonal)
+    let diagonal = apart::scale(&owned).diagonal;
+    let [out, back] = Measured::new(&owned).distances(mesh);
+    let passed = back.iter().filter(|(_, away)| *away > following::PASSED_MAX * diagonal).count();
+    let mean = Fit::of(&out, &back).worst() / diagonal;
+    Some(Miss { mean, passed: passed as f64 / back.len().max(1) as f64 })
+}
+
+/// A mesh on an input with each of its quads split in four, its new vertices on the input, and those of its boundary on the
+/// input's. All layers are split with it.
+pub fn split(input: Input<'_>, mesh: &PolyMesh) -> PolyMesh {
+    let target = Target::new(&apart::owned(input));
+    let mut fine = layers::subdivided(mesh);
+    let net = Net::from_mesh(&fine);
+    for (v, p) in fine.positions.iter_mut().enumerate().skip(mesh.positions.len()) {
+        *p = if net.on_boundary(v as u32) { target.onto_border(*p) } else { target.onto_surface(*p) };
+    }
+    fine
 }
 
 /// One component of an input.

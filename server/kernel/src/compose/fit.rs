@@ -23,6 +23,11 @@ pub struct Fit {
 }
 
 impl Fit {
+    /// Means of distances of points of the mesh, and of points of the surface.
+    pub(super) fn of(out: &[(Vec3, f64)], back: &[(Vec3, f64)]) -> Self {
+        Self { out: mean(out), back: mean(back) }
+    }
+
     /// The larger of the two.
     pub fn worst(&self) -> f64 {
         self.out.max(self.back)
@@ -50,7 +55,7 @@ impl Measured {
     /// How a mesh of polygons fits it.
     pub fn fit(&self, mesh: &PolyMesh) -> Fit {
         let [out, back] = self.distances(mesh);
-        Fit { out: mean(&out), back: mean(&back) }
+        Fit::of(&out, &back)
     }
 
     /// The distance of each point of a mesh of polygons from it, and of each of its points from the mesh.

@@ -23,7 +23,7 @@ const REFINED_GAIN: f64 = 0.95;
 /// Rounds in which what is stitched comes to rest; half of them what was drawn out or subdivided.
 const REST_ROUNDS: u32 = 60;
 /// Distance that a point of the input may have for the result not to be drawn out to it, as a share of the diagonal.
-const PASSED_MAX: f64 = 0.006;
+pub(super) const PASSED_MAX: f64 = 0.006;
 /// Share of the mean distance from the input that may be left for drawing out to be worth while.
 const DRAWN_GAIN: f64 = 0.97;
 /// The same for faces on both sides.

@@ -1,5 +1,6 @@
 //! The engine in earnest: the kernel.
 
+mod as_one;
 mod constrain;
 mod from_whole;
 mod grouped;

@@ -1,0 +1,205 @@
+//! An example that covers an input alone: as it was mapped where it lies close; else its vertices are moved until its faces,
+//! not the vertices alone, lie on the input; and where its quads are too large for what is there, each is split in four.
+//! All of the example comes with it: extraordinary vertices, UVs, groups.
+
+use super::super::{EngineError, Part, Stitched, Stitching};
+use super::grouped::Pieces;
+use super::stitch::{Made, stitched};
+use super::told::MISS_TOLD_PCT;
+use crate::pool::Stop;
+use quadmuse_kernel::compose::{self, Miss, ground::Ground};
+use quadmuse_kernel::mesh::PolyMesh;
+use quadmuse_proto::composition::AS_MAPPED;
+use std::sync::Arc;
+
+/// A map that misses its input by no more than this, in percent of the diagonal, stays as it is.
+const CLOSE_PCT: f64 = 0.15;
+/// One that misses by more than this does not lie where it should: smaller quads do not help it.
+const ASTRAY_PCT: f64 = 1.0;
+/// Share of the input's area that may be passed over once vertices were moved; beyond it the quads are too large.
+const PASSED_MAX: f64 = 0.005;
+/// Times that quads are split, and how many there may be afterwards.
+const SPLITS_MAX: u32 = 2;
+const QUADS_MAX: usize = 12_000;
+
+/// What is told where vertices were moved.
+const MOVED: &str = "the map's vertices were moved so that its faces lie on the input; its layout is the example's own";
+
+/// `None` for a map that does not follow the input. A poor one is not split: a regular layout is better.
+pub(super) fn as_one(
+    ground: &Ground<'_>,
+    whole: &Arc<PolyMesh>,
+    is_poor: bool,
+    how: Stitching,
+    stop: &Stop,
+) -> Result<Option<Stitched>, EngineError> {
+    let (splits_max, most_pct) = if is_poor { (0, MISS_TOLD_PCT) } else { (SPLITS_MAX, ASTRAY_PCT) };
+    let Some(miss) = compose::miss(ground.input(), whole).filter(|miss| 100.0 * miss.mean <= most_pct) else {
+        return Ok(None);
+    };
+    if 100.0 * miss.mean <= CLOSE_PCT {
+        return Ok(Some(as_mapped(whole)));
+    }
+    let follows = |miss: Miss| 100.0 * miss.mean <= MISS_TOLD_PCT;
+    let mut best: Option<(Miss, Stitched)> = None;
+    let mut mesh = Arc::clone(whole);
+    for splits in 0..=splits_max {
+        if splits > 0 {
+            if 4 * mesh.faces.len() > QUADS_MAX {
+                break;
+            }
+            mesh = Arc::new(compose::split(ground.input(), &mesh));
+        } else if !follows(miss) {
+            continue;
+        }
+        let Some((after, made)) = moved(ground, &mesh, splits, how, stop)? else { continue };
+        if follows(after) && best.as_ref().is_none_or(|(least, _)| after.mean < least.mean) {
+            best = Some((after, made));
+        }
+        if 100.0 * after.mean <= CLOSE_PCT && after.passed <= PASSED_MAX {
+            break;
+        }
+    }
+    let made = best.map(|best| best.1);
+    Ok(made.or_else(|| follows(miss).then(|| as_mapped(whole))))
+}
+
+/// A map, or one split so many times, with its vertices moved, and how far it misses then; `None` where its faces would
+/// not stay.
+fn moved(
+    ground: &Ground<'_>,
+    mesh: &Arc<PolyMesh>,
+    splits: u32,
+    how: Stitching,
+    stop: &Stop,
+) -> Result<Option<(Miss, Stitched)>, EngineError> {
+    let part = [Part::Mapped { part: Arc::clone(mesh), whole: Arc::clone(mesh) }];
+    let made: Made = stitched(ground, &part, &Pieces::single(1), how, stop)?;
+    if made.mesh.faces != mesh.faces {
+        return Ok(None);
+    }
+    let Some(miss) = compose::miss(ground.input(), &made.mesh) else { return Ok(None) };
+    let mut told = made.told();
+    told.notes.push(match splits {
+        0 => MOVED.into(),
+        _ => split_note(mesh.faces.len(), 4usize.pow(splits)),
+    });
+    Ok(Some((miss, told)))
+}
+
+fn split_note(quads: usize, by: usize) -> String {
+    format!(
+        "the example's quads are too large for what the input has: each was split in {by}, to {quads}; its layout is the example's own"
+    )
+}
+
+/// A map of a whole input that needs nothing done.
+fn as_mapped(whole: &Arc<PolyMesh>) -> Stitched {
+    let extraordinary = compose::check::extraordinary(whole) as u64;
+    Stitched {
+        is_poor_kept: false,
+        mesh: Arc::clone(whole),
+        extraordinary_vertices: extraordinary,
+        extraordinary_before: extraordinary,
+        notes: vec![AS_MAPPED.into()],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use quadmuse_kernel::mesh::{Attributes, FaceLabels, Polygons, Vec3, prepare};
+    use quadmuse_kernel::segment::Segmented;
+    use quadmuse_kernel::topology::Components;
+
+    /// n × n quads of two groups over a square, on a surface of a height.
+    fn sheet(n: usize, height: impl Fn(f64, f64) -> f64) -> PolyMesh {
+        let at = |k: usize| 2.0 * k as f64 / n as f64 - 1.0;
+        let point = |(i, j): (usize, usize)| Vec3::new(at(i), at(j), height(at(i), at(j)));
+        let positions = (0..=n).flat_map(|j| (0..=n).map(move |i| (i, j))).map(point).collect();
+        let quad = |i: usize, j: usize| [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)];
+        let faces = (0..n)
+            .flat_map(|j| (0..n).map(move |i| quad(i, j).map(|(i, j)| (j * (n + 1) + i) as u32).to_vec()))
+            .collect::<Vec<_>>();
+        let groups = FaceLabels {
+            names: vec!["low".into(), "high".into()],
+            of_face: (0..n * n).map(|f| u32::from(2 * f >= n * n)).collect(),
+        };
+        let attributes = Attributes { groups: Some(groups), ..Attributes::default() };
+        PolyMesh { positions, faces: faces.iter().map(Vec::as_slice).collect::<Polygons>(), attributes }
+    }
+
+    fn dome(x: f64, y: f64) -> f64 {
+        0.8 * (1.0 - x * x) * (1.0 - y * y)
+    }
+
+    /// A dome with a thorn between the vertices of a sheet of few quads.
+    fn thorn(x: f64, y: f64) -> f64 {
+        dome(x, y) + 0.5 * (1.0 - 9.0 * (x - 0.1).hypot(y - 0.1)).max(0.0)
+    }
+
+    /// What becomes of a map of n × n quads: the map, by how much it misses in percent, and what is made of it with the same.
+    fn tried(n: usize, height: fn(f64, f64) -> f64, is_poor: bool) -> (Arc<PolyMesh>, f64, Option<(Stitched, f64)>) {
+        let surface = prepare(&sheet(80, height)).expect("a disc").mesh;
+        let segmented = Segmented::primitive(&surface, Components::Crumbs).expect("a disc");
+        let ground = Ground::of(&segmented);
+        let map = Arc::new(sheet(n, height));
+        let miss_pct = |mesh: &PolyMesh| 100.0 * compose::miss(ground.input(), mesh).expect("a disc of quads").mean;
+        let how = Stitching { smoothing: 5, density: 0 };
+        let made = as_one(&ground, &map, is_poor, how, &Stop::new(None)).expect("a layout");
+        let made = made.map(|made| (miss_pct(&made.mesh), made)).map(|(pct, made)| (made, pct));
+        (Arc::clone(&map), miss_pct(&map), made)
+    }
+
+    #[test]
+    fn a_map_of_few_faces_is_moved_until_they_lie_on_the_input_and_keeps_all_else() {
+        let (map, miss_pct, made) = tried(10, dome, false);
+        assert!((CLOSE_PCT..MISS_TOLD_PCT).contains(&miss_pct), "{miss_pct}");
+        let (moved, after_pct) = made.expect("it follows");
+        assert_eq!(moved.notes, [MOVED]);
+        assert!(moved.mesh.faces == map.faces && moved.mesh.attributes == map.attributes);
+        assert!(after_pct < CLOSE_PCT, "{after_pct}");
+        let (map, _, kept) = tried(40, dome, false);
+        let (kept, _) = kept.expect("it follows");
+        assert_eq!((&kept.mesh, &kept.notes[..]), (&map, &[AS_MAPPED.to_owned()][..]));
+    }
+
+    #[test]
+    fn quads_too_large_for_what_they_pass_over_are_split_with_their_groups() {
+        for (n, height, splits) in [(6, dome as fn(f64, f64) -> f64, 1), (14, thorn, 2)] {
+            let (map, miss_pct, made) = tried(n, height, false);
+            assert!((CLOSE_PCT..ASTRAY_PCT).contains(&miss_pct), "{miss_pct}");
+            let (made, after_pct) = made.expect("it follows once it is split");
+            let by = 4usize.pow(splits);
+            let quads = by * map.faces.len();
+            assert_eq!((made.mesh.faces.len(), &made.notes[..]), (quads, &[split_note(quads, by)][..]));
+            assert!(after_pct < 0.5 * miss_pct, "{miss_pct} to {after_pct}");
+            let of_group = |mesh: &PolyMesh, group: u32| {
+                let groups = mesh.attributes.groups.as_ref().expect("groups");
+                groups.of_face.iter().filter(|&&g| g == group).count()
+            };
+            assert_eq!([0, 1].map(|g| of_group(&made.mesh, g)), [0, 1].map(|g| by * of_group(&map, g)));
+        }
+    }
+
+    #[test]
+    fn a_map_at_the_density_that_was_asked_for_keeps_its_layers() {
+        let surface = prepare(&sheet(80, dome)).expect("a disc").mesh;
+        let segmented = Segmented::primitive(&surface, Components::Crumbs).expect("a disc");
+        let map = Arc::new(sheet(10, dome));
+        let part = [Part::Mapped { part: Arc::clone(&map), whole: map }];
+        let how = Stitching { smoothing: 5, density: 1 };
+        let made =
+            stitched(&Ground::of(&segmented), &part, &Pieces::single(1), how, &Stop::new(None)).expect("a layout");
+        let groups = made.mesh.attributes.groups.expect("groups").of_face;
+        assert_eq!((groups.len(), groups.iter().filter(|&&g| g == 0).count()), (400, 200));
+    }
+
+    #[test]
+    fn what_lies_astray_does_not_follow_and_what_is_poor_is_not_split() {
+        let (_, miss_pct, made) = tried(2, dome, false);
+        assert!(miss_pct > ASTRAY_PCT && made.is_none(), "{miss_pct}");
+        let (_, miss_pct, made) = tried(6, dome, true);
+        assert!((MISS_TOLD_PCT..ASTRAY_PCT).contains(&miss_pct) && made.is_none(), "{miss_pct}");
+    }
+}
