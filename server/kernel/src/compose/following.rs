@@ -18,8 +18,8 @@ use crate::mesh::{PolyMesh, Vec3};
 /// Most quads that the whole is subdivided to, and times at most.
 const WHOLE_QUADS_MAX: usize = 48_000;
 const REFINED_MAX: usize = 3;
-/// Share of the distance that may be left for it to be worth while.
-const REFINED_GAIN: f64 = 0.95;
+/// Share of the distance that may be left for it to be worth four times the quads.
+const REFINED_GAIN: f64 = 0.7;
 /// Rounds in which what is stitched comes to rest; half of them what was drawn out or subdivided.
 const REST_ROUNDS: u32 = 60;
 /// Distance that a point of the input may have for the result not to be drawn out to it, as a share of the diagonal.

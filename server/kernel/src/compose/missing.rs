@@ -8,6 +8,9 @@ use super::stitching::{MISS_MAX, Stitching};
 /// Share of the distance that is allowed down to which it is expected to come.
 const EXPECTED: f64 = 0.9;
 
+/// Share of what is expected that has to come of it.
+const WORTH: f64 = 0.25;
+
 /// What a segment would gain.
 struct Gain {
     segment: usize,
@@ -48,5 +51,11 @@ impl Stitching<'_> {
             is_needed.then_some(gain.segment)
         };
         gains.into_iter().map_while(needed).collect()
+    }
+
+    /// Whether what was made finer comes near enough to what was expected of it; on a rough scan it does not.
+    pub(super) fn is_worth_while(&self, before: &Near, after: &Near) -> bool {
+        let expected = before.laid.fit.worst() - EXPECTED * MISS_MAX * self.scale.diagonal;
+        before.laid.fit.worst() - after.laid.fit.worst() >= WORTH * expected
     }
 }

@@ -98,7 +98,11 @@ impl<'a> Stitching<'a> {
             let mut again = Report::default();
             let Some(mesh) = self.fitted(&mut sites, &mut again, stop) else { break };
             self.tell(pieces, &sites, &mut again);
-            (made, *report) = (self.near(mesh, &sites), again);
+            let finer = self.near(mesh, &sites);
+            if !self.is_worth_while(&made, &finer) {
+                break;
+            }
+            (made, *report) = (finer, again);
         }
         Some(self.followed(made, report))
     }

@@ -18,9 +18,11 @@ const CLOSE_PCT: f64 = 0.15;
 const ASTRAY_PCT: f64 = 1.0;
 /// Share of the input's area that may be passed over once vertices were moved; beyond it the quads are too large.
 const PASSED_MAX: f64 = 0.005;
+/// Share of the faces that are no quads from which on a layout is a cage to be split.
+const MIXED: f64 = 0.02;
 /// Times that quads are split, and how many there may be afterwards.
 const SPLITS_MAX: u32 = 2;
-const QUADS_MAX: usize = 12_000;
+const QUADS_MAX: usize = 8_000;
 
 /// What is told where vertices were moved.
 const MOVED: &str = "the map's vertices were moved so that its faces lie on the input; its layout is the example's own";
@@ -34,34 +36,43 @@ pub(super) fn as_one(
     stop: &Stop,
 ) -> Result<Option<Stitched>, EngineError> {
     let (splits_max, most_pct) = if is_poor { (0, MISS_TOLD_PCT) } else { (SPLITS_MAX, ASTRAY_PCT) };
-    let Some(miss) = compose::miss(ground.input(), whole).filter(|miss| 100.0 * miss.mean <= most_pct) else {
+    let may_split = |mesh: &PolyMesh, splits: u32| splits < splits_max && mesh.faces.corners().len() <= QUADS_MAX;
+    let split = |mesh: &PolyMesh| Arc::new(compose::split(ground.input(), mesh));
+    let (mut mesh, mut splits) = (Arc::clone(whole), 0);
+    let others = whole.faces.iter().filter(|face| face.len() != 4).count();
+    if others > 0 {
+        // A few triangles are resolved in pairs.
+        if (others as f64) < MIXED * whole.faces.len() as f64 || !may_split(whole, splits) {
+            return Ok(None);
+        }
+        (mesh, splits) = (split(whole), 1);
+    }
+    let Some(miss) = compose::miss(ground.input(), &mesh).filter(|miss| 100.0 * miss.mean <= most_pct) else {
         return Ok(None);
     };
-    if 100.0 * miss.mean <= CLOSE_PCT {
+    if splits == 0 && 100.0 * miss.mean <= CLOSE_PCT {
         return Ok(Some(as_mapped(whole)));
     }
     let follows = |miss: Miss| 100.0 * miss.mean <= MISS_TOLD_PCT;
+    let as_it_is = (splits == 0 && follows(miss)).then(|| as_mapped(whole));
     let mut best: Option<(Miss, Stitched)> = None;
-    let mut mesh = Arc::clone(whole);
-    for splits in 0..=splits_max {
-        if splits > 0 {
-            if 4 * mesh.faces.len() > QUADS_MAX {
+    loop {
+        // What misses by more needs smaller quads at once.
+        if splits > 0 || follows(miss) {
+            let made = moved(ground, &mesh, splits, how, stop)?.filter(|(after, _)| follows(*after));
+            let is_good = |after: Miss| 100.0 * after.mean <= CLOSE_PCT && after.passed <= PASSED_MAX;
+            let is_done = made.as_ref().is_some_and(|(after, _)| is_good(*after));
+            best = best.into_iter().chain(made).min_by(|a, b| a.0.mean.total_cmp(&b.0.mean));
+            if is_done {
                 break;
             }
-            mesh = Arc::new(compose::split(ground.input(), &mesh));
-        } else if !follows(miss) {
-            continue;
         }
-        let Some((after, made)) = moved(ground, &mesh, splits, how, stop)? else { continue };
-        if follows(after) && best.as_ref().is_none_or(|(least, _)| after.mean < least.mean) {
-            best = Some((after, made));
-        }
-        if 100.0 * after.mean <= CLOSE_PCT && after.passed <= PASSED_MAX {
+        if !may_split(&mesh, splits) {
             break;
         }
+        (mesh, splits) = (split(&mesh), splits + 1);
     }
-    let made = best.map(|best| best.1);
-    Ok(made.or_else(|| follows(miss).then(|| as_mapped(whole))))
+    Ok(best.map(|best| best.1).or(as_it_is))
 }
 
 /// A map, or one split so many times, with its vertices moved, and how far it misses then; `None` where its faces would
@@ -82,14 +93,15 @@ fn moved(
     let mut told = made.told();
     told.notes.push(match splits {
         0 => MOVED.into(),
-        _ => split_note(mesh.faces.len(), 4usize.pow(splits)),
+        _ => split_note(splits, mesh.faces.len()),
     });
     Ok(Some((miss, told)))
 }
 
-fn split_note(quads: usize, by: usize) -> String {
+fn split_note(splits: u32, quads: usize) -> String {
+    let times = if splits == 1 { "once" } else { "twice" };
     format!(
-        "the example's quads are too large for what the input has: each was split in {by}, to {quads}; its layout is the example's own"
+        "each of the example's faces was split {times}, to {quads} quads, to follow the input; its layout, UVs and groups are its own"
     )
 }
 
@@ -172,7 +184,7 @@ mod tests {
             let (made, after_pct) = made.expect("it follows once it is split");
             let by = 4usize.pow(splits);
             let quads = by * map.faces.len();
-            assert_eq!((made.mesh.faces.len(), &made.notes[..]), (quads, &[split_note(quads, by)][..]));
+            assert_eq!((made.mesh.faces.len(), &made.notes[..]), (quads, &[split_note(splits, quads)][..]));
             assert!(after_pct < 0.5 * miss_pct, "{miss_pct} to {after_pct}");
             let of_group = |mesh: &PolyMesh, group: u32| {
                 let groups = mesh.attributes.groups.as_ref().expect("groups");
@@ -180,6 +192,24 @@ mod tests {
             };
             assert_eq!([0, 1].map(|g| of_group(&made.mesh, g)), [0, 1].map(|g| by * of_group(&map, g)));
         }
+    }
+
+    #[test]
+    fn a_layout_with_triangles_is_split_into_quads() {
+        let surface = prepare(&sheet(80, dome)).expect("a disc").mesh;
+        let segmented = Segmented::primitive(&surface, Components::Crumbs).expect("a disc");
+        let quads = sheet(10, dome);
+        let halves = |face: &[u32]| [vec![face[0], face[1], face[2]], vec![face[0], face[2], face[3]]];
+        let faces: Vec<Vec<u32>> = quads.faces.iter().flat_map(halves).collect();
+        let map = PolyMesh {
+            faces: faces.iter().map(Vec::as_slice).collect(),
+            positions: quads.positions,
+            ..PolyMesh::default()
+        };
+        let how = Stitching { smoothing: 5, density: 0 };
+        let made = as_one(&Ground::of(&segmented), &Arc::new(map), false, how, &Stop::new(None)).expect("a layout");
+        let made = made.expect("it follows");
+        assert_eq!((made.mesh.faces.len(), &made.notes[..]), (600, &[split_note(1, 600)][..]));
     }
 
     #[test]
