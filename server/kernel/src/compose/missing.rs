@@ -1,6 +1,7 @@
 //! Segments that are made finer since the whole misses its input there: a mesh that misses it a little is not subdivided
 //! everywhere, at four times the quads, for a few places. *Ours, not the paper's.*
 
+use super::fit::Fit;
 use super::following::Near;
 use super::site::{Site, Use};
 use super::stitching::{MISS_MAX, Stitching};
@@ -54,8 +55,31 @@ impl Stitching<'_> {
     }
 
     /// Whether what was made finer comes near enough to what was expected of it; on a rough scan it does not.
-    pub(super) fn is_worth_while(&self, before: &Near, after: &Near) -> bool {
-        let expected = before.laid.fit.worst() - EXPECTED * MISS_MAX * self.scale.diagonal;
-        before.laid.fit.worst() - after.laid.fit.worst() >= WORTH * expected
+    pub(super) fn is_worth_while(&self, before: Fit, after: Fit) -> bool {
+        let expected = before.worst() - EXPECTED * MISS_MAX * self.scale.diagonal;
+        before.worst() - after.worst() >= WORTH * expected
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compose::{Input, Options, apart};
+    use crate::topology::tests::grid;
+
+    #[test]
+    fn what_comes_to_a_tenth_of_what_was_expected_is_not_worth_while() {
+        let surface = grid(8, 8, false, false);
+        let owner = vec![0; surface.triangles.len()];
+        let input = Input { surface: &surface, owner: &owner, count: 1 };
+        let stitching = Stitching::new(input, Options::default(), apart::scale(&surface));
+        let fit = |times: f64| {
+            let miss = times * MISS_MAX * stitching.scale.diagonal;
+            Fit { out: miss, back: 0.5 * miss }
+        };
+        let is_worth_while = |before: f64, after: f64| stitching.is_worth_while(fit(before), fit(after));
+        assert!(!is_worth_while(10.0, 9.1) && is_worth_while(10.0, 5.0));
+        // Near to what is allowed a little is all that is asked.
+        assert!(is_worth_while(1.05, 1.0) && !is_worth_while(1.05, 1.05));
     }
 }

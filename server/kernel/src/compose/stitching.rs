@@ -99,7 +99,7 @@ impl<'a> Stitching<'a> {
             let Some(mesh) = self.fitted(&mut sites, &mut again, stop) else { break };
             self.tell(pieces, &sites, &mut again);
             let finer = self.near(mesh, &sites);
-            if !self.is_worth_while(&made, &finer) {
+            if !self.is_worth_while(made.laid.fit, finer.laid.fit) {
                 break;
             }
             (made, *report) = (finer, again);
