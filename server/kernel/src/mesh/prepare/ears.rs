@@ -1,4 +1,6 @@
-//! Cutting a polygon into triangles by its ears, the best-shaped first.
+//! Cutting a polygon into triangles by its ears, the best-shaped first; of a polygon of many corners those with the shortest
+//! diagonal first. On a circle the best-shaped ear lies beside the last one, and a fan of slivers as long as the polygon is
+//! wide comes of it, whose boxes all overlap; the shortest diagonals halve the ring again and again.
 //!
 //! *Ours, not the paper's:* the ears wait in a heap by shape, blocking corners lie in a grid, and the work is bounded, so
 //! that a polygon with 20,000 corners costs milliseconds.
@@ -8,6 +10,9 @@ use std::collections::BinaryHeap;
 
 /// A point of the plane.
 pub(super) type Point = [f64; 2];
+
+/// A polygon with more corners than this has many.
+const MANY_CORNERS: usize = 64;
 
 /// Corners looked at, a corner of the polygon, before the search gives up.
 const TESTS_PER_CORNER_MAX: usize = 2_000;
@@ -115,11 +120,16 @@ impl<'p> Ring<'p> {
         [self.points[self.before[k]], self.points[k], self.points[self.after[k]]]
     }
 
-    /// The candidate at a corner: twice the area over the squared sides, so that flat and slender ears come last.
+    /// The candidate at a corner: twice the area over the squared sides, so that flat and slender ears come last; of many
+    /// corners the squared diagonal, the shortest first.
     fn ear(&self, corner: usize) -> Ear {
         let [a, b, c] = self.corners(corner);
         let sides = distance_squared(a, b) + distance_squared(b, c) + distance_squared(c, a);
-        let shape = if sides > 0.0 { twice_area(a, b, c) / sides } else { 0.0 };
+        let shape = match sides > 0.0 {
+            _ if self.points.len() > MANY_CORNERS => -distance_squared(c, a),
+            true => twice_area(a, b, c) / sides,
+            false => 0.0,
+        };
         Ear { shape, corner, version: self.version[corner] }
     }
 
@@ -286,6 +296,20 @@ mod tests {
             let polygon: f64 = (0..n).map(|k| twice_area([0.0; 2], points[k], points[(k + 1) % n])).sum();
             assert!((signed - polygon).abs() < 1e-9 && (absolute - signed).abs() < 1e-12, "{n}: {signed} {polygon}");
         }
+    }
+
+    #[test]
+    fn a_circle_of_many_corners_is_no_fan_of_slivers() {
+        let n = 4096;
+        let at = |k: usize| std::f64::consts::TAU * k as f64 / n as f64;
+        let points: Vec<Point> = (0..n).map(|k| [at(k).cos(), at(k).sin()]).collect();
+        let triangles = cut(&points, |_, _| true, |_, _| {}).expect("a circle can be cut");
+        let extent = |t: &[usize; 3], axis: usize| {
+            let at = t.map(|k| points[k][axis]);
+            at.iter().copied().fold(f64::MIN, f64::max) - at.iter().copied().fold(f64::MAX, f64::min)
+        };
+        let boxes: f64 = triangles.iter().map(|t| extent(t, 0) * extent(t, 1)).sum();
+        assert!(boxes < 20.0, "boxes of {boxes}, of a circle of 3.1");
     }
 
     #[test]
