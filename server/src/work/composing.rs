@@ -9,7 +9,7 @@ use crate::pool::{Job, Lane};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
 use quadmuse_proto::{
-    Composition, CompositionId, CompositionPart, ConstraintOrigin, ExampleId, NewComposition, NewMap, Verdict,
+    Beyond, Composition, CompositionId, CompositionPart, ConstraintOrigin, ExampleId, NewComposition, NewMap, Verdict,
 };
 use std::sync::Arc;
 use std::time::Instant;
@@ -192,7 +192,10 @@ async fn best_map(work: &Arc<Work>, live: &Arc<LiveQuery>, segment: u32) -> Resu
         let there = live.maps().values().find(is_this).cloned();
         let map = match there {
             Some(map) => map,
-            None => mapping::create(work, live, NewMap { segment, example, example_segment }).await?,
+            None => {
+                mapping::create(work, live, NewMap { segment, example, example_segment, beyond: Beyond::Extend })
+                    .await?
+            }
         };
         if map.newest().mapped.verdict != Verdict::Poor {
             return Ok(Some(map));
