@@ -17,6 +17,7 @@ pub mod query;
 pub mod ranking;
 pub mod segment;
 pub mod stream;
+pub mod token;
 
 #[cfg(feature = "openapi")]
 mod schema;
@@ -34,3 +35,4 @@ pub use query::{LevelTiming, Progress, Query, QuerySegment, QueryState, QueryTim
 pub use ranking::{Entry, EntryState, Flip, Ranking};
 pub use segment::{Components, Parts, Segmentation, Topology};
 pub use stream::{Begin, End, EndState, Event, StreamError};
+pub use token::{CreatedToken, NewToken, Quota, Role, Token, TokenPatch};

@@ -1,13 +1,14 @@
 //! The commands of the binary, each a function.
 
 use crate::auth::{AuthError, Tokens};
-use crate::bench_corpus;
+use crate::{audit, bench_corpus};
 use crate::config::{Cli, Command, Config, ConfigError, ServeArgs, StoreArgs, TokenAction};
 use crate::demo::tour;
 use crate::service::{self, StartError};
 use crate::shutdown;
 use crate::work::engine::kernel::KernelEngine;
 use quadmuse_migrations::MigrationError;
+use quadmuse_proto::{NewToken, Token};
 use quadmuse_store::{OpenOptions, Problem, Store, StoreError};
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Write};
@@ -230,22 +231,45 @@ fn token(data: Option<PathBuf>, action: TokenAction) -> Result<(), CommandError>
     })?;
     let tokens = Tokens::beside(&dir);
     match action {
-        TokenAction::Create { role, name } => {
-            let (token, record) = tokens.create(role, &name)?;
-            tracing::info!(id = %record.id, ?role, "token created; it can't be shown again");
-            say(&token);
+        TokenAction::Create { role, name, expires } => {
+            let expires_in_s = expires.map(|time| time.as_secs());
+            let (secret, record) = tokens.create(&NewToken { name, role, expires_in_s, ..NewToken::default() })?;
+            tracing::info!(id = %record.id, %role, "token created; it can't be shown again");
+            audited(&dir, "token create", &record.id.to_string());
+            say(&secret);
         }
         TokenAction::List => {
             for record in tokens.list()? {
-                say(&format!("{}  {:?}  {:?}", record.id, record.role, record.name));
+                say(&token_line(&record.told()));
             }
         }
         TokenAction::Revoke { id } => {
             tokens.revoke(&id)?;
+            audited(&dir, "token revoke", &id);
             say(&format!("{id} is revoked"));
         }
     }
     Ok(())
+}
+
+/// The command was carried out: that it can't be noted is told, and no more.
+fn audited(dir: &Path, action: &str, on: &str) {
+    if let Err(error) = audit::note_command(dir, action, on) {
+        tracing::warn!(%error, "not noted in the audit log");
+    }
+}
+
+fn token_line(token: &Token) -> String {
+    let time = |time: &Option<String>| time.clone().unwrap_or_else(|| "never".into());
+    format!(
+        "{}  {:<11}  created {}  expires {}  last used {}  {:?}",
+        token.id,
+        token.role,
+        token.created.as_deref().unwrap_or("?"),
+        time(&token.expires),
+        time(&token.last_used),
+        token.name
+    )
 }
 
 /// Prints a line for the user. A closed pipe is no failure of the command.

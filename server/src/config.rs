@@ -4,6 +4,7 @@ use clap::{Args, Parser, Subcommand};
 use serde::Deserialize;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Where the server listens unless told otherwise.
 pub const LISTEN_DEFAULT: &str = "127.0.0.1:7979";
@@ -99,6 +100,10 @@ pub struct ServeArgs {
     /// Most connections at a time.
     #[arg(long, env = "QUADMUSE_CONNECTIONS", value_name = "N")]
     pub connections: Option<usize>,
+    /// A name under which others reach this server; may repeat (in a variable or file: separated by commas, a list).
+    /// Addresses and localhost are allowed always; with tokens and without this flag, every name is.
+    #[arg(long = "allow-host", env = "QUADMUSE_ALLOW_HOST", value_name = "NAME", value_delimiter = ',', value_parser = crate::http::origin::host_name)]
+    pub allow_host: Vec<String>,
     /// Serve without tokens even on an address that others can reach.
     #[arg(long, env = "QUADMUSE_OPEN")]
     pub open: bool,
@@ -138,6 +143,9 @@ pub enum TokenAction {
         /// Whose it is, for the list.
         #[arg(long, default_value = "")]
         name: String,
+        /// How long it is accepted, such as `90d` or `12h`; without it, always.
+        #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
+        expires: Option<Duration>,
     },
     /// List the tokens, without what makes them secret.
     List,
@@ -163,6 +171,8 @@ pub struct Config {
     pub upload_limit: u64,
     /// Most connections at a time.
     pub connections: usize,
+    /// Names under which it is reached.
+    pub allowed_hosts: Vec<String>,
     /// Whether it may be open on any address.
     pub open: bool,
 }
@@ -178,6 +188,7 @@ impl Config {
             memory_limit: MEMORY_LIMIT_DEFAULT,
             upload_limit: UPLOAD_LIMIT_DEFAULT,
             connections: CONNECTIONS_DEFAULT,
+            allowed_hosts: Vec::new(),
             open: false,
         }
     }
@@ -230,6 +241,7 @@ impl Config {
             memory_limit: args.memory_limit.or(file.memory_limit).unwrap_or(MEMORY_LIMIT_DEFAULT),
             upload_limit: args.upload_limit.or(file.upload_limit).unwrap_or(UPLOAD_LIMIT_DEFAULT),
             connections: args.connections.or(file.connections).unwrap_or(CONNECTIONS_DEFAULT),
+            allowed_hosts: hosts(args.allow_host, file.allow_host)?,
             open: args.open || file.open,
         };
         match &resolved {
@@ -251,6 +263,16 @@ impl StoreArgs {
     pub fn dir(&self) -> PathBuf {
         absolute(&self.data)
     }
+}
+
+/// The names given by flags, else those of the file.
+fn hosts(given: Vec<String>, file: Vec<String>) -> Result<Vec<String>, ConfigError> {
+    let names = if given.is_empty() { file } else { given };
+    let checked = |name: String| {
+        let invalid = |_| ConfigError::Invalid { name: "allow-host", expected: "names of hosts", found: name.clone() };
+        crate::http::origin::host_name(&name).map_err(invalid)
+    };
+    names.into_iter().map(checked).collect()
 }
 
 fn read_file(path: &Path) -> Result<ServeArgs, ConfigError> {
@@ -308,7 +330,7 @@ mod tests {
             "check --data d",
             "backup --data d file",
             "restore --data d file",
-            "token create --data d --role contributor --name me",
+            "token create --data d --role contributor --name me --expires 90d",
             "token --data d create",
             "token list --data d",
             "token revoke 01ARZ3NDEKTSV4RRFFQ69G5FAV --data d",

@@ -14,10 +14,12 @@ pub mod idempotency;
 pub mod maps;
 pub mod negotiate;
 pub mod openapi;
+pub mod origin;
 pub mod params;
 pub mod queries;
 pub mod ranking;
 pub mod stream;
+pub mod tokens;
 pub mod upload;
 pub mod watchful;
 
@@ -45,9 +47,12 @@ pub fn router(app: App) -> Router {
     // The body is limited on the wire, unpacked, and limited again where it is read.
     let layers = ServiceBuilder::new()
         .layer(from_fn(watchful::identify))
+        .layer(from_fn(origin::harden))
         .layer(from_fn(watchful::guard))
         .layer(from_fn(watchful::measure))
+        .layer(from_fn_with_state(app.clone(), origin::check))
         .layer(from_fn_with_state(app.clone(), caller::authorize))
+        .layer(from_fn_with_state(app.clone(), caller::own))
         .layer(from_fn_with_state(app.clone(), body::limit))
         .layer(RequestDecompressionLayer::new().pass_through_unaccepted(true))
         .map_request(|request: Request<DecompressionBody<Body>>| request.map(Body::new));
@@ -85,6 +90,8 @@ fn documented() -> OpenApiRouter<App> {
         .routes(routes!(compositions::create))
         .routes(routes!(compositions::get))
         .routes(routes!(compositions::mesh))
+        .routes(routes!(tokens::list, tokens::create))
+        .routes(routes!(tokens::annotate, tokens::revoke))
         .routes(routes!(health::alive))
         .routes(routes!(health::ready))
         .routes(routes!(health::metrics))

@@ -3,6 +3,7 @@
 //! `http → work → {kernel, store}`: [`work`] never names HTTP, [`http`] never names the kernel or the store.
 
 pub mod app;
+pub mod audit;
 pub mod auth;
 pub mod bench_corpus;
 pub mod commands;

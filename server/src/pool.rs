@@ -11,13 +11,14 @@ mod admission;
 mod lanes;
 mod stop;
 
-pub use admission::{Admission, Admitted};
+pub use admission::{Admission, Admitted, Used};
 pub use stop::{Stop, StopReason};
 
 use lanes::Lanes;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
 /// How urgent a quantum is; the first lane that has work goes first.
@@ -45,6 +46,22 @@ pub enum PoolError {
     Overloaded {
         /// So many jobs wait or run.
         waiting: usize,
+        /// When to come back.
+        retry_after: Duration,
+    },
+    /// The user has the share that is due already.
+    #[error(
+        "expected the caller to have at most {share} {what} at a time, found {used} in use; \
+         let some end or remove some queries, and try again in {} s",
+        retry_after.as_secs()
+    )]
+    OverShare {
+        /// Of what.
+        what: &'static str,
+        /// In use by the user.
+        used: u64,
+        /// What the user may have.
+        share: u64,
         /// When to come back.
         retry_after: Duration,
     },
@@ -90,6 +107,8 @@ pub enum PoolError {
 pub struct Job {
     stop: Stop,
     user: User,
+    /// The older the less.
+    age: u64,
     admitted: Arc<Admitted>,
 }
 
@@ -101,12 +120,17 @@ impl Job {
 
     /// The same job with a fresh stop flag and other time; this one can be dropped.
     pub fn renew(&self, time: Option<Duration>) -> Self {
-        Self { stop: Stop::new(time), user: self.user, admitted: Arc::clone(&self.admitted) }
+        Self { stop: Stop::new(time), user: self.user, age: self.age, admitted: Arc::clone(&self.admitted) }
     }
 
     /// Gives back its place among the running jobs, but not its memory: it has nothing more to compute for now.
     pub fn rest(&self) {
         self.admitted.release_place();
+    }
+
+    /// Takes another share of the memory in place of its own; never refused, as what is there is there.
+    pub fn take(&self, memory_bytes: u64) {
+        self.admitted.take(memory_bytes);
     }
 
     /// What is kept of a job that is done: its place is given back, and its share of the memory becomes `memory_bytes`.
@@ -129,6 +153,7 @@ pub struct Pool {
     lanes: Arc<Mutex<Lanes>>,
     threads: rayon::ThreadPool,
     admission: Admission,
+    admitted: AtomicU64,
 }
 
 /// Stack of a worker thread, in bytes.
@@ -151,7 +176,7 @@ impl Pool {
             .start_handler(|_| _ = rustix::process::nice(NICENESS))
             .panic_handler(|_| tracing::error!("a panic passed the pool's net"))
             .build()?;
-        Ok(Self { lanes: Arc::default(), threads, admission })
+        Ok(Self { lanes: Arc::default(), threads, admission, admitted: AtomicU64::new(0) })
     }
 
     /// Number of worker threads.
@@ -164,13 +189,24 @@ impl Pool {
         lock(&self.lanes).len()
     }
 
+    /// What may be admitted.
+    pub fn admission(&self) -> &Admission {
+        &self.admission
+    }
+
+    /// Quanta that wait in each lane: edit, coarse, fine, ingest.
+    pub fn waiting_by_lane(&self) -> [usize; 4] {
+        lock(&self.lanes).lengths()
+    }
+
     /// Admits a job of `user` with an estimated need of memory, to end within `time` if one is given.
     ///
     /// # Errors
-    /// [`PoolError::Overloaded`], [`PoolError::MemoryFull`] and [`PoolError::TooLarge`].
+    /// [`PoolError::OverShare`], [`PoolError::Overloaded`], [`PoolError::MemoryFull`] and [`PoolError::TooLarge`].
     pub fn admit(&self, user: User, memory_bytes: u64, time: Option<Duration>) -> Result<Job, PoolError> {
-        let admitted = Arc::new(self.admission.admit(memory_bytes)?);
-        Ok(Job { stop: Stop::new(time), user, admitted })
+        let admitted = Arc::new(self.admission.admit(user, memory_bytes)?);
+        let age = self.admitted.fetch_add(1, Ordering::Relaxed);
+        Ok(Job { stop: Stop::new(time), user, age, admitted })
     }
 
     /// Runs `work` on the pool. Dropping the future doesn't stop it; dropping or stopping the job does.
@@ -188,7 +224,7 @@ impl Pool {
             // The receiver may be gone; then the result is dropped here, still within the net.
             let _ = send.send(guarded(&stop, work));
         };
-        lock(&self.lanes).push(lane, job.user, Box::new(quantum));
+        lock(&self.lanes).push(lane, job.user, job.age, Box::new(quantum));
         let lanes = Arc::clone(&self.lanes);
         self.threads.spawn_fifo(move || run_most_urgent(&lanes));
         tokio::select! {
@@ -208,11 +244,13 @@ fn guarded<T>(stop: &Stop, work: impl FnOnce(&Stop) -> T) -> Result<T, PoolError
 
 fn run_most_urgent(lanes: &Mutex<Lanes>) {
     let next = lock(lanes).pop();
-    if let Some(quantum) = next {
+    if let Some((user, quantum)) = next {
+        let begun = Instant::now();
         // Dropping an unwanted result can panic too; a panic that left a rayon task would abort the process.
         if catch_unwind(AssertUnwindSafe(quantum)).is_err() {
             tracing::error!("a panic while a result was dropped");
         }
+        lock(lanes).ended(user, begun.elapsed());
     }
 }
 

@@ -1,7 +1,8 @@
 //! A running service: its parts joined, from the store on disk to the open port.
 
-use crate::app::App;
-use crate::auth::Tokens;
+use crate::app::{App, Settings};
+use crate::audit::Audit;
+use crate::auth::{Access, NOTE_USES_EVERY, Tokens};
 use crate::config::Config;
 use crate::http;
 use crate::pool::{Admission, Pool};
@@ -70,7 +71,7 @@ pub struct Running {
 /// # Errors
 /// [`StartError`].
 pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, StartError> {
-    let tokens = Tokens::beside(&config.data);
+    let tokens = Arc::new(Tokens::beside(&config.data));
     check_open(config, &tokens)?;
     let listen = config.listen;
     let listener = TcpListener::bind(listen).await.map_err(|source| StartError::Listen { listen, source })?;
@@ -88,7 +89,9 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     let (examples, segments) = (snapshot.example_count(), snapshot.segment_count());
     tracing::info!(examples, segments, ms = began.elapsed().as_millis() as u64, "corpus loaded");
     let stopping = CancellationToken::new();
-    let app = App::new(Arc::clone(&work), tokens, config.upload_limit, stopping.clone());
+    let audit = Audit::beside(&config.data);
+    let app = App::new(Arc::clone(&work), Arc::clone(&tokens), audit, settings(config), stopping.clone());
+    tokio::spawn(note_uses(tokens, stopping.clone()));
     let router = http::router(app);
     let serving = tokio::spawn(serve(listener, router, config.connections, stopping.clone()));
     let background = tokio::spawn(reencode::run(Arc::clone(&work), stopping.clone()));
@@ -97,7 +100,7 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
 }
 
 fn check_open(config: &Config, tokens: &Tokens) -> Result<(), StartError> {
-    if !tokens.is_empty() {
+    if tokens.access() == Access::Tokens {
         return Ok(());
     }
     if !config.listen.ip().is_loopback() && !config.open {
@@ -105,6 +108,25 @@ fn check_open(config: &Config, tokens: &Tokens) -> Result<(), StartError> {
     }
     tracing::warn!(listen = %config.listen, "no token was created: the service is open to everybody who reaches it");
     Ok(())
+}
+
+fn settings(config: &Config) -> Settings {
+    Settings { upload_limit: config.upload_limit, allowed_hosts: config.allowed_hosts.clone() }
+}
+
+/// Writes down now and then, and at the end, when tokens were used last.
+async fn note_uses(tokens: Arc<Tokens>, stopping: CancellationToken) {
+    loop {
+        let stopped = stopping.run_until_cancelled(tokio::time::sleep(NOTE_USES_EVERY)).await.is_none();
+        let noting = Arc::clone(&tokens);
+        let noted = tokio::task::spawn_blocking(move || noting.note_uses()).await;
+        if let Ok(Err(error)) = noted {
+            tracing::warn!(%error, "not written down when tokens were used");
+        }
+        if stopped {
+            return;
+        }
+    }
 }
 
 async fn open_corpus(dir: &Path) -> Result<StoredCorpus, StartError> {

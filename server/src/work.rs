@@ -18,6 +18,7 @@ pub mod query;
 pub mod ranking;
 pub mod reencode;
 pub mod search;
+pub mod texts;
 
 pub use error::WorkError;
 
@@ -57,8 +58,27 @@ pub struct Work {
 /// Who asks.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Caller {
-    /// Whose turn it is counted as.
+    /// Whose turn it is counted as, and whose what it makes is.
     pub user: User,
+    /// Of whose queries it may know.
+    pub scope: Scope,
+}
+
+/// Of whose queries a caller may know.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Scope {
+    /// Its own.
+    #[default]
+    Own,
+    /// Everybody's: an admin, and everybody on an open service.
+    All,
+}
+
+impl Caller {
+    /// Whether it may know of what `owner` made.
+    pub fn sees(&self, owner: User) -> bool {
+        self.scope == Scope::All || self.user == owner
+    }
 }
 
 impl Work {

@@ -3,6 +3,7 @@
 //! [`judge`] maps every error to a status and a code by a `match` without `_`, so that a new variant is decided here
 //! before it compiles.
 
+use crate::auth::AuthError;
 use crate::pool::{PoolError, StopReason};
 use crate::work::WorkError;
 use crate::work::corpus::CorpusError;
@@ -100,6 +101,28 @@ pub enum HttpError {
         /// The role found.
         found: &'static str,
     },
+    /// What is for admins needs a token also on an open service.
+    #[error(
+        "expected a token of role admin, found none; create one by `quadmuse-server token create --role admin` on the server's machine"
+    )]
+    AdminNeedsToken,
+    /// The tokens can't be read or changed as asked.
+    #[error(transparent)]
+    Tokens(#[from] AuthError),
+    /// The request was sent to a name that anybody may let lead here.
+    #[error(
+        "expected `host` to be an address, localhost or a name given by --allow-host, found `{found}`; start the server with --allow-host if that is its name"
+    )]
+    HostUnknown {
+        /// The name found.
+        found: String,
+    },
+    /// A page of another origin sent what is no mere read.
+    #[error("expected a request of this server's own page or of a program, found one of another origin, `{found}`")]
+    CrossOrigin {
+        /// What said so.
+        found: String,
+    },
     /// The service is stopping.
     #[error("expected a running service, found it stopping; try again shortly")]
     Stopping,
@@ -135,10 +158,24 @@ fn judge(error: &HttpError) -> (StatusCode, Code) {
         HttpError::BodyTimeout { .. } => (StatusCode::REQUEST_TIMEOUT, Code::Timeout),
         HttpError::KeyReused(_) => (StatusCode::CONFLICT, Code::Conflict),
         HttpError::Unauthorized => (StatusCode::UNAUTHORIZED, Code::Unauthorized),
-        HttpError::Forbidden { .. } => (StatusCode::FORBIDDEN, Code::Forbidden),
+        HttpError::Forbidden { .. } | HttpError::AdminNeedsToken | HttpError::CrossOrigin { .. } => {
+            (StatusCode::FORBIDDEN, Code::Forbidden)
+        }
+        HttpError::HostUnknown { .. } => (StatusCode::MISDIRECTED_REQUEST, Code::Forbidden),
+        HttpError::Tokens(error) => judge_tokens(error),
         HttpError::Stopping => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
         HttpError::TooSlow { .. } => (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded),
         HttpError::Internal(_) => (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal),
+    }
+}
+
+fn judge_tokens(error: &AuthError) -> (StatusCode, Code) {
+    match error {
+        AuthError::Unknown(_) => (StatusCode::NOT_FOUND, Code::NotFound),
+        AuthError::Invalid { .. } => (StatusCode::BAD_REQUEST, Code::ParameterInvalid),
+        AuthError::File { .. } | AuthError::Format { .. } | AuthError::NoRandomness => {
+            (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal)
+        }
     }
 }
 
@@ -202,6 +239,7 @@ fn judge_corpus(error: &CorpusError) -> (StatusCode, Code) {
 
 fn judge_pool(error: &PoolError) -> (StatusCode, Code) {
     match error {
+        PoolError::OverShare { .. } => (StatusCode::TOO_MANY_REQUESTS, Code::Overloaded),
         PoolError::Overloaded { .. } | PoolError::MemoryFull { .. } => {
             (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded)
         }
@@ -223,7 +261,9 @@ fn judge_stop(reason: StopReason) -> (StatusCode, Code) {
 fn retry_after(error: &HttpError, status: StatusCode) -> Option<u64> {
     match error {
         HttpError::Work(WorkError::Pool(
-            PoolError::Overloaded { retry_after, .. } | PoolError::MemoryFull { retry_after, .. },
+            PoolError::OverShare { retry_after, .. }
+            | PoolError::Overloaded { retry_after, .. }
+            | PoolError::MemoryFull { retry_after, .. },
         )) => Some(retry_after.as_secs().max(1)),
         _ if status == StatusCode::SERVICE_UNAVAILABLE => Some(RETRY_AFTER_S),
         _ => None,

@@ -51,14 +51,14 @@ impl FromRequest<App> for MeshUpload {
         let query = head.uri.query().unwrap_or_default().to_owned();
         let media_type = head.headers.get(header::CONTENT_TYPE).map(|value| value.to_str().unwrap_or("not a text"));
         let parts = if media_type.is_some_and(|kind| essence(kind).eq_ignore_ascii_case("multipart/form-data")) {
-            let body = Body::new(limited(&head.headers, body, app.upload_limit)?);
+            let body = Body::new(limited(&head.headers, body, app.settings.upload_limit)?);
             let reading = multipart(Request::from_parts(head, body), app);
             let seconds = ARRIVAL_TIME_MAX.as_secs();
             tokio::time::timeout(ARRIVAL_TIME_MAX, reading).await.map_err(|_| HttpError::BodyTimeout { seconds })??
         } else {
             let format = media_type.map_or(Ok(None), format_of_media_type);
             let format = if asked.is_some() { asked } else { format? };
-            let mesh = Some(whole(&head.headers, body, app.upload_limit).await?);
+            let mesh = Some(whole(&head.headers, body, app.settings.upload_limit).await?);
             Parts { mesh, format, labels: None }
         };
         let none = || HttpError::BodyInvalid("expected a part `mesh`, found none".into());
@@ -118,7 +118,7 @@ async fn multipart(request: Request, app: &App) -> Result<Parts, HttpError> {
         |error: String| HttpError::BodyInvalid(format!("expected multipart/form-data with {PARTS}, found: {error}"));
     let mut form = Multipart::from_request(request, app).await.map_err(|error| invalid(error.body_text()))?;
     let mut parts = Parts::default();
-    let broken = |error: axum::extract::multipart::MultipartError| match body_error(&error, app.upload_limit) {
+    let broken = |error: axum::extract::multipart::MultipartError| match body_error(&error, app.settings.upload_limit) {
         HttpError::BodyInvalid(_) => invalid(error.body_text()),
         too_large => too_large,
     };

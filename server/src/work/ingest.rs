@@ -2,7 +2,7 @@
 
 use super::corpus::{NewExample, Put};
 use super::engine::{Cut, Encoded, EngineError, Grain, Model, Packed};
-use super::{Caller, REQUEST_TIME_MAX, Work, WorkError};
+use super::{Caller, REQUEST_TIME_MAX, Work, WorkError, texts};
 use crate::pool::{Job, Lane, User};
 use bytes::Bytes;
 use quadmuse_kernel::mesh::PolyMesh;
@@ -236,11 +236,15 @@ pub fn counts_of(mesh: &PolyMesh) -> MeshCounts {
 }
 
 fn check_name(name: &str) -> Result<(), WorkError> {
-    if name.len() <= NAME_LENGTH_MAX {
-        return Ok(());
+    if name.len() > NAME_LENGTH_MAX {
+        let expected = format!("of at most {NAME_LENGTH_MAX} bytes");
+        return Err(WorkError::parameter("name", expected, format!("{} bytes", name.len())));
     }
-    let expected = format!("of at most {NAME_LENGTH_MAX} bytes");
-    Err(WorkError::parameter("name", expected, format!("{} bytes", name.len())))
+    check_text("name", name)
+}
+
+fn check_text(name: &'static str, text: &str) -> Result<(), WorkError> {
+    texts::unprintable(text).map_or(Ok(()), |found| Err(WorkError::parameter(name, texts::EXPECTED, found)))
 }
 
 fn check_relevance(relevance: f64) -> Result<(), WorkError> {
@@ -260,6 +264,7 @@ pub fn normal_tags(mut tags: Vec<String>) -> Result<Vec<String>, WorkError> {
     if tags.len() > TAGS_MAX {
         return Err(WorkError::parameter("tag", format!("at most {TAGS_MAX} times"), tags.len()));
     }
+    tags.iter().try_for_each(|tag| check_text("tag", tag))?;
     match tags.iter().find(|tag| tag.trim().is_empty() || tag.len() > TAG_LENGTH_MAX) {
         None => Ok(tags),
         Some(tag) => {

@@ -2,6 +2,7 @@
 
 use super::WorkError;
 use super::query::LiveQuery;
+use crate::pool::User;
 use quadmuse_proto::QueryId;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -66,6 +67,11 @@ impl Queries {
         let slot = held.queries.get_mut(&id).ok_or(WorkError::NoSuchQuery(id))?;
         slot.used = now;
         Ok(Arc::clone(&slot.query))
+    }
+
+    /// Whose a query is, if it is held. Does not count as asking for it.
+    pub fn owner(&self, id: QueryId) -> Option<User> {
+        self.lock().queries.get(&id).map(|slot| slot.query.caller.user)
     }
 
     /// Takes a query out.

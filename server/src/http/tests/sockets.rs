@@ -32,7 +32,7 @@ async fn shutdown_ends_an_open_stream_with_a_last_event() {
     let path = bench.query("", "segment disc 1\nslow 60000").await;
     let (address, serving) = listening(&bench, 10).await;
     let idle = say(address, "").await;
-    let streaming = say(address, &format!("GET {path}/stream HTTP/1.1\r\nhost: x\r\n\r\n")).await;
+    let streaming = say(address, &format!("GET {path}/stream HTTP/1.1\r\nhost: localhost\r\n\r\n")).await;
     tokio::time::sleep(Duration::from_millis(100)).await;
     let begun = Instant::now();
     bench.stopping.cancel();
@@ -49,13 +49,13 @@ async fn a_client_that_sends_too_much_still_sees_the_answer() {
     let bench = Bench::new();
     let (address, _serving) = listening(&bench, 10).await;
     let size = 20 * LIMIT as usize;
-    let head = format!("POST /v1/examples HTTP/1.1\r\nhost: x\r\ncontent-length: {size}\r\nconnection: close\r\n\r\n");
+    let head = format!("POST /v1/examples HTTP/1.1\r\nhost: localhost\r\ncontent-length: {size}\r\nconnection: close\r\n\r\n");
     let mut stream = say(address, &head).await;
     stream.write_all(&vec![b' '; size]).await.expect("the service reads on");
     assert!(all(stream).await.starts_with("HTTP/1.1 413 "));
     let mut stream = say(
         address,
-        "POST /v1/examples HTTP/1.1\r\nhost: x\r\ntransfer-encoding: chunked\r\nconnection: close\r\n\r\n",
+        "POST /v1/examples HTTP/1.1\r\nhost: localhost\r\ntransfer-encoding: chunked\r\nconnection: close\r\n\r\n",
     )
     .await;
     let chunk = format!("{LIMIT:x}\r\n{}\r\n", " ".repeat(LIMIT as usize));
@@ -72,7 +72,7 @@ async fn a_client_that_hangs_up_frees_the_cores() {
     let bench = Bench::stocked().await;
     let (address, _serving) = listening(&bench, 10).await;
     let mesh = "segment disc 1\nencode-slow 60000";
-    let upload = format!("POST /v1/examples HTTP/1.1\r\nhost: x\r\ncontent-length: {}\r\n\r\n{mesh}", mesh.len());
+    let upload = format!("POST /v1/examples HTTP/1.1\r\nhost: localhost\r\ncontent-length: {}\r\n\r\n{mesh}", mesh.len());
     let clients = [say(address, &upload).await, say(address, &upload).await];
     tokio::time::sleep(Duration::from_millis(100)).await;
     let begun = Instant::now();
@@ -92,7 +92,7 @@ async fn a_head_that_does_not_come_is_not_waited_for() {
     let ended = tokio::time::timeout(Duration::from_secs(15), slow.read_to_end(&mut rest)).await;
     assert!(ended.is_ok() && begun.elapsed() >= Duration::from_secs(9), "{:?}", begun.elapsed());
     // The one place is free again.
-    let next = say(address, "GET /healthz HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n").await;
+    let next = say(address, "GET /healthz HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n").await;
     assert!(all(next).await.starts_with("HTTP/1.1 200 "));
 }
 
@@ -100,7 +100,7 @@ async fn a_head_that_does_not_come_is_not_waited_for() {
 async fn broken_requests_are_answered_or_dropped_and_the_next_one_is_served() {
     let bench = Bench::stocked().await;
     let (address, _serving) = listening(&bench, 10).await;
-    let post = "POST /v1/examples HTTP/1.1\r\nhost: x\r\nconnection: close\r\n";
+    let post = "POST /v1/examples HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n";
     let many: String = (0..500).map(|n| format!("x-{n}: a\r\n")).collect();
     let cases = [
         // A body that ends before its length, or whose chunks are none.
@@ -110,9 +110,9 @@ async fn broken_requests_are_answered_or_dropped_and_the_next_one_is_served() {
         (format!("{post}content-length: 0\r\n\r\n"), "422", "mesh_empty"),
         (format!("{post}content-length: abc\r\n\r\n"), "400", ""),
         (format!("{post}{many}content-length: 0\r\n\r\n"), "431", ""),
-        (format!("GET /{} HTTP/1.1\r\nhost: x\r\n\r\n", "a".repeat(100_000)), "414", ""),
-        ("GET /v1/examples/%ff%fe HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n".into(), "404", "not_found"),
-        ("BREW /v1/examples HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n".into(), "405", "method_not_allowed"),
+        (format!("GET /{} HTTP/1.1\r\nhost: localhost\r\n\r\n", "a".repeat(100_000)), "414", ""),
+        ("GET /v1/examples/%ff%fe HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n".into(), "404", "not_found"),
+        ("BREW /v1/examples HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n".into(), "405", "method_not_allowed"),
         ("\u{16}\u{3}\u{1}\u{2} no http at all\r\n\r\n".into(), "400", ""),
     ];
     for (request, status, code) in cases {
