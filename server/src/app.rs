@@ -3,6 +3,7 @@
 use crate::audit::Audit;
 use crate::auth::Tokens;
 use crate::http::idempotency::Idempotency;
+use crate::rate::Rates;
 use crate::work::Work;
 use bytes::Bytes;
 use metrics_exporter_prometheus::PrometheusHandle;
@@ -21,6 +22,8 @@ pub struct Settings {
     pub upload_limit: u64,
     /// Names under which the service is reached, beside addresses and `localhost`.
     pub allowed_hosts: Vec<String>,
+    /// Requests a second of one caller; 0: no limit.
+    pub rate_limit: u32,
 }
 
 /// What [`App`] holds.
@@ -31,6 +34,8 @@ pub struct Handles {
     pub work: Arc<Work>,
     /// Who may.
     pub tokens: Arc<Tokens>,
+    /// How often they may ask.
+    pub rates: Rates,
     /// What they changed.
     pub audit: Audit,
     /// Answers to `Idempotency-Key`.
@@ -49,6 +54,7 @@ impl App {
         Self(Arc::new(Handles {
             work,
             tokens,
+            rates: Rates::new(settings.rate_limit),
             audit,
             idempotency: Idempotency::default(),
             settings,

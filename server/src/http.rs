@@ -35,7 +35,6 @@ use axum::routing::get;
 use axum::{Router, response::IntoResponse};
 use error::HttpError;
 use tower::ServiceBuilder;
-use tower_http::decompression::{DecompressionBody, RequestDecompressionLayer};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
@@ -44,7 +43,7 @@ pub fn router(app: App) -> Router {
     let (documented, api) = documented().split_for_parts();
     // Set once: the routes are the same however often this is called.
     let _ = app.openapi.set(openapi::finished(&api));
-    // The body is limited on the wire, unpacked, and limited again where it is read.
+    // The body is limited on the wire here, and unpacked and limited again where it is read.
     let layers = ServiceBuilder::new()
         .layer(from_fn(watchful::identify))
         .layer(from_fn(origin::harden))
@@ -53,9 +52,7 @@ pub fn router(app: App) -> Router {
         .layer(from_fn_with_state(app.clone(), origin::check))
         .layer(from_fn_with_state(app.clone(), caller::authorize))
         .layer(from_fn_with_state(app.clone(), caller::own))
-        .layer(from_fn_with_state(app.clone(), body::limit))
-        .layer(RequestDecompressionLayer::new().pass_through_unaccepted(true))
-        .map_request(|request: Request<DecompressionBody<Body>>| request.map(Body::new));
+        .layer(from_fn_with_state(app.clone(), body::limit));
     documented
         .route("/openapi.json", get(openapi::get))
         .route("/docs", get(docs::docs))

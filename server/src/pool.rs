@@ -10,12 +10,15 @@
 mod admission;
 mod lanes;
 mod stop;
+pub mod taken;
 
 pub use admission::{Admission, Admitted, Used};
 pub use stop::{Stop, StopReason};
 
 use lanes::Lanes;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use quadmuse_kernel::numerics::stop as interrupt;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::rc::Rc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -219,10 +222,10 @@ impl Pool {
         F: FnOnce(&Stop) -> T + Send + 'static,
     {
         let (send, receive) = oneshot::channel();
-        let stop = job.stop.clone();
+        let (stop, memory_bytes) = (job.stop.clone(), job.admitted.bytes());
         let quantum = move || {
             // The receiver may be gone; then the result is dropped here, still within the net.
-            let _ = send.send(guarded(&stop, work));
+            let _ = send.send(guarded(&stop, memory_bytes, work));
         };
         lock(&self.lanes).push(lane, job.user, job.age, Box::new(quantum));
         let lanes = Arc::clone(&self.lanes);
@@ -235,11 +238,24 @@ impl Pool {
     }
 }
 
-fn guarded<T>(stop: &Stop, work: impl FnOnce(&Stop) -> T) -> Result<T, PoolError> {
+/// Ends a quantum from within, wherever the kernel asks whether to go on.
+struct Interrupted(StopReason);
+
+fn guarded<T>(stop: &Stop, memory_bytes: u64, work: impl FnOnce(&Stop) -> T) -> Result<T, PoolError> {
     if let Some(reason) = stop.reason() {
         return Err(reason.into());
     }
-    catch_unwind(AssertUnwindSafe(|| work(stop))).map_err(|panic| PoolError::Panicked { message: words_of(&*panic) })
+    let asked = stop.clone();
+    let ask = move || {
+        if let Some(reason) = asked.reason() {
+            resume_unwind(Box::new(Interrupted(reason)));
+        }
+    };
+    let run = || taken::within(memory_bytes, || interrupt::within(Rc::new(ask), || work(stop)));
+    catch_unwind(AssertUnwindSafe(run)).map_err(|panic| match panic.downcast_ref::<Interrupted>() {
+        Some(Interrupted(reason)) => PoolError::Stopped(*reason),
+        None => PoolError::Panicked { message: words_of(&*panic) },
+    })
 }
 
 fn run_most_urgent(lanes: &Mutex<Lanes>) {
@@ -361,5 +377,43 @@ mod tests {
         let job = pool.admit(User(1), 0, Some(Duration::from_millis(20))).expect("room");
         let endless = pool.run(&job, Lane::Fine, until_stopped).await;
         assert_eq!(ended_by(endless), Some(StopReason::Deadline));
+    }
+
+    #[tokio::test]
+    async fn what_the_kernel_computes_is_interrupted_wherever_it_asks() {
+        let pool = pool(1);
+        let job = pool.admit(User(1), 0, None).expect("room");
+        let stop = job.stop().clone();
+        let (begun, wait) = oneshot::channel();
+        let endless = pool.run(&job, Lane::Fine, move |_| -> u8 {
+            let _ = begun.send(());
+            loop {
+                interrupt::poll();
+            }
+        });
+        let (ended, ()) = tokio::join!(endless, async {
+            wait.await.expect("it begins");
+            stop.cancel();
+        });
+        assert_eq!(ended, Err(PoolError::Stopped(StopReason::Cancelled)));
+        let other = pool.admit(User(1), 0, None).expect("room");
+        assert_eq!(pool.run(&other, Lane::Fine, |_| 1).await, Ok(1), "its thread is free again");
+    }
+
+    #[tokio::test]
+    async fn what_takes_far_more_memory_than_it_was_admitted_with_is_stopped() {
+        let pool = pool(1);
+        let job = pool.admit(User(1), 1 << 20, None).expect("room");
+        let hungry = |stop: &Stop| {
+            let mut all: Vec<Vec<u8>> = Vec::new();
+            while stop.reason().is_none() && all.len() < 4096 {
+                all.push(vec![1; 1 << 20]);
+            }
+            (stop.reason(), all.len())
+        };
+        let (reason, megabytes) = pool.run(&job, Lane::Fine, hungry).await.expect("it ends by itself");
+        assert_eq!(reason, Some(StopReason::Memory));
+        assert!(megabytes < 200, "{megabytes}");
+        assert_eq!(pool.run(&job, Lane::Fine, |stop| stop.reason()).await, Ok(None), "the next begins anew");
     }
 }

@@ -4,6 +4,7 @@ use crate::app::{App, Settings};
 use crate::audit::Audit;
 use crate::auth::{Access, NOTE_USES_EVERY, Tokens};
 use crate::config::Config;
+use crate::connections::{ConnectionLimits, Connections};
 use crate::http;
 use crate::pool::{Admission, Pool};
 use crate::shutdown::serve;
@@ -92,8 +93,10 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     let audit = Audit::beside(&config.data);
     let app = App::new(Arc::clone(&work), Arc::clone(&tokens), audit, settings(config), stopping.clone());
     tokio::spawn(note_uses(tokens, stopping.clone()));
+    let limits = ConnectionLimits { all: config.connections, per_address: config.connections_per_address };
+    let connections = Connections::new(limits);
     let router = http::router(app);
-    let serving = tokio::spawn(serve(listener, router, config.connections, stopping.clone()));
+    let serving = tokio::spawn(serve(listener, router, connections, stopping.clone()));
     let background = tokio::spawn(reencode::run(Arc::clone(&work), stopping.clone()));
     tracing::info!(%address, threads = work.pool.threads(), version = env!("CARGO_PKG_VERSION"), "serving");
     Ok(Running { address, work, stopping, serving, background })
@@ -111,7 +114,7 @@ fn check_open(config: &Config, tokens: &Tokens) -> Result<(), StartError> {
 }
 
 fn settings(config: &Config) -> Settings {
-    Settings { upload_limit: config.upload_limit, allowed_hosts: config.allowed_hosts.clone() }
+    Settings { upload_limit: config.upload_limit, allowed_hosts: config.allowed_hosts.clone(), rate_limit: config.rate_limit }
 }
 
 /// Writes down now and then, and at the end, when tokens were used last.

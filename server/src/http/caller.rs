@@ -3,6 +3,7 @@
 use super::error::{HttpError, REQUEST_ID};
 use crate::app::App;
 use crate::audit::Line;
+use crate::connections::Beyond;
 use crate::auth::{Access, Role, TokenRecord};
 use crate::pool::User;
 use crate::work::{Caller, Scope, WorkError};
@@ -18,6 +19,20 @@ use std::net::IpAddr;
 /// The address of the other end, put into each request by the accept loop.
 #[derive(Clone, Copy, Debug)]
 pub struct Peer(pub IpAddr);
+
+/// A request on a connection of the reserve, put into it by the accept loop.
+#[derive(Clone, Copy, Debug)]
+pub struct Reserved(pub Beyond);
+
+/// What is answered in the reserve.
+fn is_for_operators(path: &str) -> bool {
+    ["/healthz", "/readyz", "/metrics"].contains(&path) || ADMIN_PATHS.iter().any(|admin| path.starts_with(admin))
+}
+
+/// What a request costs of the rate: a change five times as much as a read, a wrong token most.
+const COST_READ: f64 = 1.0;
+const COST_WRITE: f64 = 5.0;
+const COST_REFUSED: f64 = 50.0;
 
 /// The caller of a request.
 #[derive(Clone, Copy, Debug, Default)]
@@ -68,20 +83,49 @@ pub async fn authorize(State(app): State<App>, mut request: Request, next: Next)
     let found = bearer(request.headers()).and_then(|token| app.tokens.find(token));
     let is_open = app.tokens.access() == Access::Open;
     let line = (!is_read(request.method())).then(|| line_of(&request, peer, found.as_ref(), is_open));
-    let allowed = allowed(&request, found.as_ref(), is_open);
+    let caller = caller(peer, found.as_ref(), is_open);
+    let quota = found.as_ref().map(|token| token.quota).unwrap_or_default();
+    let allowed = in_reserve(&request)
+        .and_then(|()| allowed(&request, found.as_ref(), is_open))
+        .and_then(|()| rated(&app, &request, caller, quota.requests_per_second));
     let response = match allowed {
         Ok(()) => {
-            let caller = caller(peer, found.as_ref(), is_open);
+            app.work.pool.admission().set_quota(caller.user, quota);
             request.extensions_mut().insert(Who(caller));
             next.run(request).await
         }
-        Err(refused) => refused.into_response(),
+        Err(refused) => {
+            if matches!(refused, HttpError::Unauthorized) {
+                // Whoever tries tokens has few tries; the answer is the same.
+                let _ = app.rates.take(caller.user, COST_REFUSED, None);
+            }
+            refused.into_response()
+        }
     };
     if let Some(line) = line {
         let made = response.headers().get(header::LOCATION).and_then(|at| at.to_str().ok()).unwrap_or_default();
         app.audit.note(Line { status: response.status().as_u16(), made: made.into(), ..line });
     }
     response
+}
+
+/// On a connection of the reserve only what operators need is answered.
+fn in_reserve(request: &Request) -> Result<(), HttpError> {
+    match request.extensions().get::<Reserved>() {
+        Some(Reserved(beyond)) if !is_for_operators(request.uri().path()) => {
+            Err(HttpError::TooManyConnections { beyond: *beyond })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Whether the caller has not asked too often. Health is told to everybody.
+fn rated(app: &App, request: &Request, caller: Caller, own_rate: Option<u32>) -> Result<(), HttpError> {
+    if role_needed(request.method(), request.uri().path()).is_none() {
+        return Ok(());
+    }
+    let cost = if is_read(request.method()) { COST_READ } else { COST_WRITE };
+    app.rates.take(caller.user, cost, own_rate).map_err(|retry_after| HttpError::TooOften { retry_after })
 }
 
 fn allowed(request: &Request, found: Option<&TokenRecord>, is_open: bool) -> Result<(), HttpError> {

@@ -4,6 +4,7 @@
 //! before it compiles.
 
 use crate::auth::AuthError;
+use crate::connections::Beyond;
 use crate::pool::{PoolError, StopReason};
 use crate::work::WorkError;
 use crate::work::corpus::CorpusError;
@@ -13,6 +14,7 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use quadmuse_proto::{Code, Problem, problem};
 use std::error::Error;
+use std::time::Duration;
 
 tokio::task_local! {
     /// The id of the request that this task answers.
@@ -123,6 +125,18 @@ pub enum HttpError {
         /// What said so.
         found: String,
     },
+    /// The caller asks too often.
+    #[error("expected fewer requests a second of one caller, found more; try again in {} s", retry_after.as_secs().max(1))]
+    TooOften {
+        /// When to come back.
+        retry_after: Duration,
+    },
+    /// There are too many connections: in all, or of this address.
+    #[error("expected fewer connections {}, found as many as there may be; close some, or try again shortly", words_of_beyond(*beyond))]
+    TooManyConnections {
+        /// Which of the limits was met.
+        beyond: Beyond,
+    },
     /// The service is stopping.
     #[error("expected a running service, found it stopping; try again shortly")]
     Stopping,
@@ -137,10 +151,23 @@ pub enum HttpError {
     Internal(String),
 }
 
+impl From<PoolError> for HttpError {
+    fn from(error: PoolError) -> Self {
+        Self::Work(error.into())
+    }
+}
+
 impl HttpError {
     /// A wrong parameter or header.
     pub fn parameter(name: &str, expected: impl Into<String>, found: impl ToString) -> Self {
         Self::Parameter { name: name.into(), expected: expected.into(), found: found.to_string() }
+    }
+}
+
+fn words_of_beyond(beyond: Beyond) -> &'static str {
+    match beyond {
+        Beyond::All => "in all",
+        Beyond::Address => "of this address",
     }
 }
 
@@ -163,8 +190,12 @@ fn judge(error: &HttpError) -> (StatusCode, Code) {
         }
         HttpError::HostUnknown { .. } => (StatusCode::MISDIRECTED_REQUEST, Code::Forbidden),
         HttpError::Tokens(error) => judge_tokens(error),
+        HttpError::TooOften { .. } | HttpError::TooManyConnections { beyond: Beyond::Address } => {
+            (StatusCode::TOO_MANY_REQUESTS, Code::Overloaded)
+        }
+        HttpError::TooManyConnections { beyond: Beyond::All } => (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded),
         HttpError::Stopping => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
-        HttpError::TooSlow { .. } => (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded),
+        HttpError::TooSlow { .. } => (StatusCode::GATEWAY_TIMEOUT, Code::Deadline),
         HttpError::Internal(_) => (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal),
     }
 }
@@ -191,6 +222,7 @@ fn judge_work(error: &WorkError) -> (StatusCode, Code) {
         | WorkError::NoSuchQuery(_)
         | WorkError::NoSuchMap(_)
         | WorkError::NoSuchComposition(_) => (StatusCode::NOT_FOUND, Code::NotFound),
+        WorkError::QueryExpired(_) => (StatusCode::GONE, Code::QueryExpired),
         WorkError::NotEncodedYet { .. } => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
         WorkError::QueryEnded { .. } | WorkError::TooMany { .. } => (StatusCode::CONFLICT, Code::Conflict),
         WorkError::CorpusEmpty { .. } => (StatusCode::CONFLICT, Code::CorpusEmpty),
@@ -253,7 +285,8 @@ fn judge_pool(error: &PoolError) -> (StatusCode, Code) {
 fn judge_stop(reason: StopReason) -> (StatusCode, Code) {
     match reason {
         StopReason::Cancelled => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
-        StopReason::Deadline => (StatusCode::PAYLOAD_TOO_LARGE, Code::MeshTooLarge),
+        StopReason::Memory => (StatusCode::PAYLOAD_TOO_LARGE, Code::MeshTooLarge),
+        StopReason::Deadline => (StatusCode::GATEWAY_TIMEOUT, Code::Deadline),
     }
 }
 
@@ -265,7 +298,10 @@ fn retry_after(error: &HttpError, status: StatusCode) -> Option<u64> {
             | PoolError::Overloaded { retry_after, .. }
             | PoolError::MemoryFull { retry_after, .. },
         )) => Some(retry_after.as_secs().max(1)),
-        _ if status == StatusCode::SERVICE_UNAVAILABLE => Some(RETRY_AFTER_S),
+        HttpError::TooOften { retry_after } => Some(retry_after.as_secs().max(1)),
+        _ if status == StatusCode::SERVICE_UNAVAILABLE || status == StatusCode::TOO_MANY_REQUESTS => {
+            Some(RETRY_AFTER_S)
+        }
         _ => None,
     }
 }

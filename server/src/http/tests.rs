@@ -93,7 +93,7 @@ impl Bench {
             Arc::clone(&work),
             Arc::new(Tokens::beside(dir.path())),
             Audit::beside(dir.path()),
-            Settings { upload_limit: LIMIT, allowed_hosts: Vec::new() },
+            Settings { upload_limit: LIMIT, allowed_hosts: Vec::new(), rate_limit: 0 },
             stopping.clone(),
         );
         Self { router: router(app), work, corpus, stopping, dir }

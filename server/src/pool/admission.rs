@@ -5,6 +5,7 @@
 //! told so ([`PoolError::OverShare`]), whatever room there is; for the others it is there.
 
 use super::{PoolError, User};
+use bytes::Bytes;
 use quadmuse_proto::Quota;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -213,9 +214,35 @@ impl Admitted {
         Ok(())
     }
 
+    /// Whose it is.
+    pub fn user(&self) -> User {
+        self.user
+    }
+
     /// What it has, in bytes.
     pub fn bytes(&self) -> u64 {
         self.bytes.load(Ordering::Acquire)
+    }
+}
+
+/// Bytes that are paid for as long as anybody has them.
+struct Held {
+    bytes: Vec<u8>,
+    _share: Admitted,
+}
+
+impl AsRef<[u8]> for Held {
+    fn as_ref(&self) -> &[u8] {
+        &self.bytes
+    }
+}
+
+impl Admitted {
+    /// Bytes that this share pays for, from now on no more and no less, until the last who has them lets go.
+    pub fn held(self, mut bytes: Vec<u8>) -> Bytes {
+        bytes.shrink_to_fit();
+        self.take(bytes.capacity() as u64);
+        Bytes::from_owner(Held { bytes, _share: self })
     }
 }
 

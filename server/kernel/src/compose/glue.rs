@@ -5,6 +5,7 @@
 //! ([`super::seam`]). Where p edges lie against one, two of them are folded onto each other, so that the two faces beside
 //! them become one; where that can't be, the hole is filled by 3 : 1 quads, p odd, or by these and a triangle, p even.
 
+use crate::numerics::stop;
 use super::layout::{Curve, Layout};
 use super::net::Net;
 use super::rim::{Rim, lay, pair_loops, place_junctions};
@@ -69,6 +70,7 @@ pub fn rims(net: &Net, curves: &[Curve], segment: usize) -> Result<Vec<Rim>, Mis
 /// # Errors
 /// [`Misfit::TooCoarse`].
 pub fn glue(parts: &[Net], rims: &[Vec<Rim>], layout: &Layout, junction_points: &[Vec3]) -> Result<Glued, Misfit> {
+    stop::ask();
     let mut first = vec![0u32];
     for part in parts {
         first.push(first[first.len() - 1] + part.positions.len() as u32);

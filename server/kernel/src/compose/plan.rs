@@ -6,6 +6,7 @@
 //! and both sides of these get one edge more; where no such path leads out, one edge more stands against an example's, for
 //! the seam to resolve. *Ours, not the paper's.*
 
+use crate::numerics::stop;
 use super::layout::{Arc, Layout, Occurrence};
 use super::rim::Rim;
 use std::collections::VecDeque;
@@ -36,6 +37,7 @@ pub enum Side<'a> {
 
 /// For each regular segment, loop and run, where its vertices stand; nothing for the others.
 pub fn plan(layout: &Layout, sides: &[Side<'_>]) -> Vec<Vec<Vec<Places>>> {
+    stop::ask();
     let mut planner = Planner { layout, sides, counts: vec![[0, 0]; layout.arcs.len()] };
     for a in 0..layout.arcs.len() {
         planner.counts[a] = planner.wanted(a);

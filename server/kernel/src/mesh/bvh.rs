@@ -4,6 +4,7 @@
 //! in single precision, rounded outwards; distances to triangles are exact in double precision. Ties go to the triangle
 //! with the lowest number, so that the answer does not depend on the tree.
 
+use crate::numerics::stop;
 use super::Vec3;
 use super::tri::{NONE, TriMesh};
 
@@ -86,6 +87,7 @@ impl Bvh {
 
     /// The closest point of the mesh.
     pub fn closest(&self, point: Vec3) -> Closest {
+        stop::poll();
         let mut best = Closest { triangle: NONE, barycentric: [0.0; 3], point, distance: f64::INFINITY };
         if self.nodes.is_empty() || point.iter().any(|x| !x.is_finite()) {
             return best;

@@ -4,6 +4,7 @@
 //! once and solved often. Supernodal Cholesky by `faer`, one thread, so results are the same on every machine
 //! load.
 
+use super::stop;
 use std::sync::Arc;
 
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -148,6 +149,7 @@ pub struct Factored {
 impl Factored {
     /// Solves for one right-hand side in place. Length of `x`: the number of unknowns.
     pub fn solve(&self, x: &mut [f64]) {
+        stop::ask();
         let n = x.len();
         let scratch = self.symbolic.solve_in_place_scratch::<f64>(1, Par::Seq);
         let mut memory = MemBuffer::new(scratch);

@@ -1,6 +1,7 @@
 //! Over a real socket: what only a connection shows.
 
 use super::*;
+use crate::connections::{ConnectionLimits, Connections};
 use crate::shutdown::serve;
 use std::net::SocketAddr;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -8,8 +9,14 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinHandle;
 
 async fn listening(bench: &Bench, connections: usize) -> (SocketAddr, JoinHandle<()>) {
+    let limits = ConnectionLimits { all: connections, per_address: connections };
+    listening_within(bench, limits).await
+}
+
+async fn listening_within(bench: &Bench, limits: ConnectionLimits) -> (SocketAddr, JoinHandle<()>) {
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
     let address = listener.local_addr().expect("an address");
+    let connections = Connections::new(limits);
     (address, tokio::spawn(serve(listener, bench.router.clone(), connections, bench.stopping.clone())))
 }
 
@@ -127,4 +134,77 @@ async fn broken_requests_are_answered_or_dropped_and_the_next_one_is_served() {
         assert!(answer.contains(code), "{beginning:?}: {answer}");
         assert_eq!(bench.get("/healthz").await.status, StatusCode::OK);
     }
+}
+
+const HEALTH: &str = "GET /healthz HTTP/1.1\r\nhost: localhost\r\n\r\n";
+const LIST: &str = "GET /v1/examples HTTP/1.1\r\nhost: localhost\r\n\r\n";
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn clients_that_never_send_or_read_do_not_keep_an_operator_out() {
+    let bench = Bench::stocked().await;
+    let (address, _serving) = listening(&bench, 8).await;
+    let mut idle = Vec::new();
+    for _ in 0..200 {
+        idle.push(say(address, "").await);
+    }
+    // Among them are those of the reserve, and more than it has places.
+    for _ in 0..5 {
+        assert!(all(say(address, HEALTH).await).await.starts_with("HTTP/1.1 200 "));
+    }
+    let refused = all(say(address, LIST).await).await;
+    assert!(refused.starts_with("HTTP/1.1 503 ") && refused.contains("retry-after"), "{refused}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn one_address_has_its_share_of_the_connections() {
+    let bench = Bench::stocked().await;
+    let (address, _serving) = listening_within(&bench, ConnectionLimits { all: 8, per_address: 2 }).await;
+    let idle = [say(address, "").await, say(address, "").await];
+    tokio::time::sleep(Duration::from_millis(50)).await;
+    let refused = all(say(address, LIST).await).await;
+    assert!(refused.starts_with("HTTP/1.1 429 ") && refused.contains("of this address"), "{refused}");
+    drop(idle);
+    tokio::time::sleep(Duration::from_millis(50)).await;
+    let served = all(say(address, &LIST.replace("\r\n\r\n", "\r\nconnection: close\r\n\r\n")).await).await;
+    assert!(served.starts_with("HTTP/1.1 200 "), "{served}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_client_that_takes_nothing_of_its_answers_is_dropped() {
+    let bench = Bench::stocked().await;
+    let (address, _serving) = listening(&bench, 1).await;
+    // More answers than the sockets hold, and none is read.
+    let greedy = TcpStream::connect(address).await.expect("a connection");
+    let (reading, mut writing) = greedy.into_split();
+    let asking = tokio::spawn(async move {
+        let many = LIST.repeat(100);
+        while writing.write_all(many.as_bytes()).await.is_ok() {}
+    });
+    let begun = Instant::now();
+    let ended = tokio::time::timeout(Duration::from_secs(60), asking).await;
+    assert!(ended.is_ok(), "still connected after {:?}", begun.elapsed());
+    drop(reading);
+    let next = all(say(address, &LIST.replace("\r\n\r\n", "\r\nconnection: close\r\n\r\n")).await).await;
+    assert!(next.starts_with("HTTP/1.1 200 "), "{next}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_body_that_comes_by_drops_is_given_up_and_its_memory_with_it() {
+    let bench = Bench::stocked().await;
+    let (address, _serving) = listening(&bench, 4).await;
+    let head = "POST /v1/examples HTTP/1.1\r\nhost: localhost\r\ncontent-length: 60000\r\nconnection: close\r\n\r\n";
+    let stream = say(address, head).await;
+    let (mut reading, mut writing) = stream.into_split();
+    let dripping = tokio::spawn(async move {
+        while writing.write_all(b"x").await.is_ok() {
+            tokio::time::sleep(Duration::from_millis(100)).await;
+        }
+    });
+    let mut answer = Vec::new();
+    let read = tokio::time::timeout(Duration::from_secs(60), reading.read_to_end(&mut answer)).await;
+    assert!(read.is_ok(), "expected an answer within a minute");
+    let answer = String::from_utf8_lossy(&answer);
+    assert!(answer.starts_with("HTTP/1.1 408 "), "{answer}");
+    dripping.abort();
+    assert_eq!(bench.work.pool.admission().used(), crate::pool::Used::default());
 }
