@@ -4,6 +4,7 @@
 //! ignore fields they do not know, so fields may be added, never renamed or removed. Lengths and angles carry their
 //! unit in the name or in the docstring; times are milliseconds.
 
+pub mod admin;
 pub mod composition;
 pub mod constraint;
 pub mod example;

@@ -50,7 +50,13 @@ pub struct Handles {
 
 impl App {
     /// Joins the handles.
-    pub fn new(work: Arc<Work>, tokens: Arc<Tokens>, audit: Audit, settings: Settings, stopping: CancellationToken) -> Self {
+    pub fn new(
+        work: Arc<Work>,
+        tokens: Arc<Tokens>,
+        audit: Audit,
+        settings: Settings,
+        stopping: CancellationToken,
+    ) -> Self {
         Self(Arc::new(Handles {
             work,
             tokens,

@@ -1,15 +1,16 @@
 //! The commands of the binary, each a function.
 
 use crate::auth::{AuthError, Tokens};
-use crate::{audit, bench_corpus};
 use crate::config::{Cli, Command, Config, ConfigError, ServeArgs, StoreArgs, TokenAction};
 use crate::demo::tour;
 use crate::service::{self, StartError};
 use crate::shutdown;
+use crate::work::corpus::stored::words_of;
 use crate::work::engine::kernel::KernelEngine;
+use crate::{audit, bench_corpus};
 use quadmuse_migrations::MigrationError;
 use quadmuse_proto::{NewToken, Token};
-use quadmuse_store::{OpenOptions, Problem, Store, StoreError};
+use quadmuse_store::{OpenOptions, Store, StoreError};
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -53,6 +54,9 @@ pub enum CommandError {
     /// The check found damage.
     #[error("expected a store without damage, found {0} problems, listed above")]
     Damage(usize),
+    /// A backup lacks some examples.
+    #[error("expected to back up every example, found {0} that are damaged and were left out, listed above")]
+    LeftOut(usize),
     /// The system refuses something basic.
     #[error("expected {what} from the system, found {source}")]
     System {
@@ -79,7 +83,7 @@ pub fn run(cli: Cli) -> Result<(), CommandError> {
         Some(Command::Serve(args)) => serve(args),
         Some(Command::Demo(args)) => demo(&args),
         Some(Command::Migrate { store, dry_run }) => migrate(&store, dry_run),
-        Some(Command::Check(store)) => check(&store),
+        Some(Command::Check { store, scratch }) => check(&store, scratch),
         Some(Command::Backup { store, file }) => backup(&store, &file),
         Some(Command::Restore { store, file }) => restore(&store, &file),
         Some(Command::BenchCorpus(args)) => bench_corpus(&args),
@@ -167,26 +171,18 @@ fn migrate(store: &StoreArgs, dry_run: bool) -> Result<(), CommandError> {
     Ok(())
 }
 
-fn check(store: &StoreArgs) -> Result<(), CommandError> {
-    let report = existing(store)?.check(&mut |done| tracing::info!(done, "examples checked"))?;
+fn check(store: &StoreArgs, scratch: Option<PathBuf>) -> Result<(), CommandError> {
+    let dir = store.dir();
+    if !dir.join(quadmuse_migrations::SCHEMA_FILE).exists() {
+        return Err(CommandError::NoStore(dir));
+    }
+    let scratch = scratch.unwrap_or_else(std::env::temp_dir);
+    let report = Store::check_dir(&dir, &scratch, &mut |done| tracing::info!(done, "examples checked"))?;
     for problem in &report.problems {
         say(&words_of(problem));
     }
     say(&format!("{} examples, {} segments, {} bytes read", report.examples, report.segments, report.bytes));
     if report.problems.is_empty() { Ok(()) } else { Err(CommandError::Damage(report.problems.len())) }
-}
-
-fn words_of(problem: &Problem) -> String {
-    match problem {
-        Problem::Ground { id, reason } => {
-            format!("{id}: damaged and set aside ({reason}); add the same mesh again, or remove it")
-        }
-        Problem::RecordMended { id, reason } => format!("{id}: its record was damaged ({reason}) and is mended"),
-        Problem::Derived { id, segment, reason } => {
-            format!("{id}: the encoding of segment {segment} is damaged ({reason}); the service makes it anew")
-        }
-        Problem::Blobs { count } => format!("{count} files are not synced; compact the store"),
-    }
 }
 
 fn backup(store: &StoreArgs, file: &Path) -> Result<(), CommandError> {
@@ -211,7 +207,8 @@ fn backup(store: &StoreArgs, file: &Path) -> Result<(), CommandError> {
         report.bytes,
         file.display()
     ));
-    Ok(())
+    // What is there is whole, and is not all: a script must not take it for that.
+    if report.skipped.is_empty() { Ok(()) } else { Err(CommandError::LeftOut(report.skipped.len())) }
 }
 
 fn restore(store: &StoreArgs, file: &Path) -> Result<(), CommandError> {

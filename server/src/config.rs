@@ -63,8 +63,15 @@ pub enum Command {
         #[arg(long)]
         dry_run: bool,
     },
-    /// Read every byte of a store and report what is damaged.
-    Check(StoreArgs),
+    /// Read every byte of a store and report what is damaged; changes nothing.
+    Check {
+        /// The store.
+        #[command(flatten)]
+        store: StoreArgs,
+        /// Directory for a copy of the index while it is checked (default: the system's for temporary files).
+        #[arg(long, value_name = "DIR")]
+        scratch: Option<PathBuf>,
+    },
     /// Write a store's ground state into one file.
     Backup {
         /// The store.

@@ -2,6 +2,7 @@
 //!
 //! Handlers read what came in, call `work`, and write what comes out. They never name the kernel or the store.
 
+pub mod admin;
 pub mod body;
 pub mod caller;
 pub mod compositions;
@@ -87,6 +88,9 @@ fn documented() -> OpenApiRouter<App> {
         .routes(routes!(compositions::create))
         .routes(routes!(compositions::get))
         .routes(routes!(compositions::mesh))
+        .routes(routes!(admin::status))
+        .routes(routes!(admin::check))
+        .routes(routes!(admin::backup))
         .routes(routes!(tokens::list, tokens::create))
         .routes(routes!(tokens::annotate, tokens::revoke))
         .routes(routes!(health::alive))

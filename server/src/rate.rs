@@ -93,7 +93,7 @@ mod tests {
     #[test]
     fn no_number_of_users_makes_it_grow() {
         let (rates, now) = (Rates::new(1), Instant::now());
-        (0..2 * BUCKETS_MAX as u64).for_each(|n| drop(rates.take_at(User(n), 1.0, None, now)));
+        (0..2 * BUCKETS_MAX as u64).for_each(|n| _ = rates.take_at(User(n), 1.0, None, now));
         assert!(rates.buckets.lock().expect("not poisoned").len() <= BUCKETS_MAX);
     }
 }

@@ -10,7 +10,7 @@ use crate::pool::{Admission, Pool};
 use crate::shutdown::serve;
 use crate::work::corpus::stored::StoredCorpus;
 use crate::work::engine::Engine;
-use crate::work::{Work, reencode};
+use crate::work::{Work, reencode, scrub};
 use quadmuse_store::{OpenOptions, StoreError};
 use std::net::SocketAddr;
 use std::path::Path;
@@ -25,6 +25,10 @@ const JOBS_MAX: usize = 1024;
 
 /// Longest time for commits under way to end after the last connection.
 const COMMIT_TIME_MAX: Duration = Duration::from_millis(1500);
+
+/// The index's pages may take this part of the memory, within bounds in bytes.
+const INDEX_SHARE: u64 = 8;
+const INDEX_BYTES: (u64, u64) = (16 << 20, 256 << 20);
 
 /// Why a service does not start.
 #[derive(Debug, thiserror::Error)]
@@ -78,7 +82,7 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     let listener = TcpListener::bind(listen).await.map_err(|source| StartError::Listen { listen, source })?;
     let address = listener.local_addr().map_err(|source| StartError::Listen { listen, source })?;
     let pool = Pool::new(config.threads, Admission::new(config.memory_limit, JOBS_MAX))?;
-    let corpus = open_corpus(&config.data).await?;
+    let corpus = open_corpus(&config.data, config.memory_limit).await?;
     let work = Work::new(pool, engine, Arc::new(corpus));
     let began = Instant::now();
     let loading = work.blocking(|work| {
@@ -98,6 +102,8 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     let router = http::router(app);
     let serving = tokio::spawn(serve(listener, router, connections, stopping.clone()));
     let background = tokio::spawn(reencode::run(Arc::clone(&work), stopping.clone()));
+    tokio::spawn(scrub::run(Arc::clone(&work), stopping.clone()));
+    ignore_file_size_signal();
     tracing::info!(%address, threads = work.pool.threads(), version = env!("CARGO_PKG_VERSION"), "serving");
     Ok(Running { address, work, stopping, serving, background })
 }
@@ -113,8 +119,23 @@ fn check_open(config: &Config, tokens: &Tokens) -> Result<(), StartError> {
     Ok(())
 }
 
+/// A limit on the size of files ends a process by a signal, unless somebody listens to that; then the write fails, and is
+/// answered as such.
+fn ignore_file_size_signal() {
+    const SIGXFSZ: i32 = 25;
+    use tokio::signal::unix::{SignalKind, signal};
+    // Once heard it is never fatal again, also when this is dropped.
+    if let Err(error) = signal(SignalKind::from_raw(SIGXFSZ)) {
+        tracing::warn!(%error, "a limit on the size of files would end the service");
+    }
+}
+
 fn settings(config: &Config) -> Settings {
-    Settings { upload_limit: config.upload_limit, allowed_hosts: config.allowed_hosts.clone(), rate_limit: config.rate_limit }
+    Settings {
+        upload_limit: config.upload_limit,
+        allowed_hosts: config.allowed_hosts.clone(),
+        rate_limit: config.rate_limit,
+    }
 }
 
 /// Writes down now and then, and at the end, when tokens were used last.
@@ -132,9 +153,12 @@ async fn note_uses(tokens: Arc<Tokens>, stopping: CancellationToken) {
     }
 }
 
-async fn open_corpus(dir: &Path) -> Result<StoredCorpus, StartError> {
+async fn open_corpus(dir: &Path, memory_limit: u64) -> Result<StoredCorpus, StartError> {
     let dir = dir.to_owned();
-    let opening = tokio::task::spawn_blocking(move || StoredCorpus::open(&dir, &OpenOptions::default()));
+    // The pages of the index are a part of what the service may take.
+    let cache_bytes = (memory_limit / INDEX_SHARE).clamp(INDEX_BYTES.0, INDEX_BYTES.1);
+    let options = OpenOptions { cache_bytes, ..OpenOptions::default() };
+    let opening = tokio::task::spawn_blocking(move || StoredCorpus::open(&dir, &options));
     let (corpus, report) = opening.await.map_err(|_| StartError::Interrupted)??;
     let (examples, ms) = (report.examples, report.took_ms);
     let (quarantined, missing) = (report.quarantined.len(), report.missing_derived.len());

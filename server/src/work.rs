@@ -17,6 +17,7 @@ pub mod queries;
 pub mod query;
 pub mod ranking;
 pub mod reencode;
+pub mod scrub;
 pub mod search;
 pub mod texts;
 

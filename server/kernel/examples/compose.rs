@@ -8,9 +8,9 @@ use std::time::Instant;
 
 use quadmuse_kernel::compose::{self, Options, Piece, apart, check, ground::Ground, part};
 use quadmuse_kernel::encode::{Encoding, encode, index::PlanarIndex};
-use quadmuse_kernel::numerics::stop;
 use quadmuse_kernel::map::{assemble::Winding, cross_map, untangle::untangle};
 use quadmuse_kernel::mesh::{self, Format, Limits, PolyMesh, TriMesh};
+use quadmuse_kernel::numerics::stop;
 use quadmuse_kernel::rank::{Shape, score};
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
 use quadmuse_kernel::segment::{PartCount, Segmented, segment};

@@ -136,9 +136,7 @@ impl Files {
     /// Which file the list stands in; `None` if there is none.
     pub(super) fn mark(&self) -> Result<Option<Mark>, AuthError> {
         match std::fs::metadata(&self.list) {
-            Ok(facts) => {
-                Ok(Some(Mark { inode: facts.ino(), length: facts.len(), modified: facts.modified().ok() }))
-            }
+            Ok(facts) => Ok(Some(Mark { inode: facts.ino(), length: facts.len(), modified: facts.modified().ok() })),
             Err(source) if source.kind() == ErrorKind::NotFound => Ok(None),
             Err(source) => Err(AuthError::File { path: self.list.clone(), source }),
         }

@@ -6,9 +6,9 @@
 //! When an answer goes out before the body was read (it is too large, or not wanted), what the client still sends is
 //! read and dropped for a while, so that it sees the answer and not a broken pipe.
 
+use super::caller::Who;
 use super::error::HttpError;
 use super::negotiate::{JSON, MSGPACK, Wire};
-use super::caller::Who;
 use crate::app::App;
 use crate::pool::{Admitted, Lane, PoolError, Stop, User};
 use crate::work::{REQUEST_TIME_MAX, Work};
@@ -203,7 +203,14 @@ fn coding_of(headers: &HeaderMap) -> Result<Coding, HttpError> {
 }
 
 /// A body, unpacked. Blocks for as long as that takes.
-fn unpacked(work: &Work, user: User, coding: Coding, bytes: &Bytes, limit: u64, stop: &Stop) -> Result<Bytes, HttpError> {
+fn unpacked(
+    work: &Work,
+    user: User,
+    coding: Coding,
+    bytes: &Bytes,
+    limit: u64,
+    stop: &Stop,
+) -> Result<Bytes, HttpError> {
     let broken = |error: std::io::Error| body_error(&error, limit);
     let mut reader: Box<dyn Read + '_> = match coding {
         Coding::Plain => return Ok(bytes.clone()),

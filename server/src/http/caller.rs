@@ -3,8 +3,8 @@
 use super::error::{HttpError, REQUEST_ID};
 use crate::app::App;
 use crate::audit::Line;
-use crate::connections::Beyond;
 use crate::auth::{Access, Role, TokenRecord};
+use crate::connections::Beyond;
 use crate::pool::User;
 use crate::work::{Caller, Scope, WorkError};
 use axum::RequestExt;
@@ -88,7 +88,7 @@ pub async fn authorize(State(app): State<App>, mut request: Request, next: Next)
     let allowed = in_reserve(&request)
         .and_then(|()| allowed(&request, found.as_ref(), is_open))
         .and_then(|()| rated(&app, &request, caller, quota.requests_per_second));
-    let response = match allowed {
+    let mut response = match allowed {
         Ok(()) => {
             app.work.pool.admission().set_quota(caller.user, quota);
             request.extensions_mut().insert(Who(caller));
@@ -102,6 +102,7 @@ pub async fn authorize(State(app): State<App>, mut request: Request, next: Next)
             refused.into_response()
         }
     };
+    super::watchful::tell(&mut response, |told| told.user = found.map(|token| token.id.to_string()));
     if let Some(line) = line {
         let made = response.headers().get(header::LOCATION).and_then(|at| at.to_str().ok()).unwrap_or_default();
         app.audit.note(Line { status: response.status().as_u16(), made: made.into(), ..line });
@@ -179,7 +180,8 @@ pub async fn own(State(app): State<App>, mut request: Request, next: Next) -> Re
     if is_of_query {
         // As the handlers see it, unescaped.
         let params = request.extract_parts::<RawPathParams>().await;
-        let id = params.ok().and_then(|params| params.iter().find(|(name, _)| *name == "id")?.1.parse::<QueryId>().ok());
+        let id =
+            params.ok().and_then(|params| params.iter().find(|(name, _)| *name == "id")?.1.parse::<QueryId>().ok());
         let Who(caller) = request.extensions().get::<Who>().copied().unwrap_or_default();
         if let Some(id) = id
             && app.work.queries.owner(id).is_some_and(|owner| !caller.sees(owner))

@@ -262,10 +262,12 @@ fn judge_corpus(error: &CorpusError) -> (StatusCode, Code) {
     match error {
         CorpusError::NotFound(_) => (StatusCode::NOT_FOUND, Code::NotFound),
         CorpusError::Invalid(_) => (StatusCode::BAD_REQUEST, Code::ParameterInvalid),
-        CorpusError::ReadOnly(_) => (StatusCode::INSUFFICIENT_STORAGE, Code::StorageFull),
+        CorpusError::Full(_) => (StatusCode::INSUFFICIENT_STORAGE, Code::StorageFull),
+        CorpusError::ReadOnly(_) => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
         CorpusError::Busy => (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded),
         CorpusError::NoEncoding(_) => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
-        CorpusError::Damaged(_) | CorpusError::Failed(_) => (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal),
+        CorpusError::Damaged(_) => (StatusCode::GONE, Code::Damaged),
+        CorpusError::Failed(_) => (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal),
     }
 }
 
@@ -340,6 +342,7 @@ impl IntoResponse for HttpError {
         // A struct of strings always prints.
         let body = serde_json::to_vec(&problem).unwrap_or_default();
         let mut response = (status, Body::from(body)).into_response();
+        super::watchful::tell(&mut response, |told| told.code = Some(problem.code.as_str()));
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(problem::MEDIA_TYPE));
         if let Some(seconds) = retry_after(&self, status) {

@@ -40,7 +40,8 @@ fn is_fixed(host: &str) -> bool {
 /// # Errors
 /// A sentence, for one that is none.
 pub fn host_name(text: &str) -> Result<String, String> {
-    let host = host_of(text).filter(|host| !host.is_empty() && *host == text.trim_end_matches('.').to_ascii_lowercase());
+    let host =
+        host_of(text).filter(|host| !host.is_empty() && *host == text.trim_end_matches('.').to_ascii_lowercase());
     host.ok_or_else(|| format!("expected the name of a host, without scheme and port, found `{text}`"))
 }
 
@@ -116,7 +117,8 @@ mod tests {
     fn headers(pairs: &[(&str, &str)]) -> HeaderMap {
         let mut headers = HeaderMap::new();
         for (name, value) in pairs {
-            headers.append(HeaderName::try_from(*name).expect("a name"), HeaderValue::try_from(*value).expect("a value"));
+            headers
+                .append(HeaderName::try_from(*name).expect("a name"), HeaderValue::try_from(*value).expect("a value"));
         }
         headers
     }
@@ -124,10 +126,20 @@ mod tests {
     #[test]
     fn names_that_can_be_rebound_are_refused_on_an_open_service() {
         let host = |host: &str, access| check_host(&headers(&[("host", host)]), &["studio-server".into()], access);
-        for good in ["127.0.0.1:7979", "[::1]:7979", "localhost", "LOCALHOST:80", "a.localhost", "10.0.0.7", "Studio-Server:1"] {
+        for good in
+            ["127.0.0.1:7979", "[::1]:7979", "localhost", "LOCALHOST:80", "a.localhost", "10.0.0.7", "Studio-Server:1"]
+        {
             assert!(host(good, Access::Open).is_ok(), "{good}");
         }
-        for bad in ["evil.example", "localhost.evil.example", "127.0.0.1.evil.example", "a@localhost", "", "0x7f.1", "localhost:x y"] {
+        for bad in [
+            "evil.example",
+            "localhost.evil.example",
+            "127.0.0.1.evil.example",
+            "a@localhost",
+            "",
+            "0x7f.1",
+            "localhost:x y",
+        ] {
             assert!(host(bad, Access::Open).is_err(), "{bad}");
             assert!(host(bad, Access::Tokens).is_err(), "{bad}: names were given");
         }
@@ -146,7 +158,9 @@ mod tests {
         assert!(sent(&[]));
         assert!(sent(&[("origin", "http://127.0.0.1:7979"), ("sec-fetch-site", "same-origin")]));
         assert!(sent(&[("sec-fetch-site", "none")]));
-        for bad in ["null", "http://127.0.0.1:8000", "http://evil.example", "127.0.0.1:7979", "ftp://127.0.0.1:7979", ""] {
+        for bad in
+            ["null", "http://127.0.0.1:8000", "http://evil.example", "127.0.0.1:7979", "ftp://127.0.0.1:7979", ""]
+        {
             assert!(!sent(&[("origin", bad)]), "{bad}");
         }
         for site in ["cross-site", "same-site", ""] {

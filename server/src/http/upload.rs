@@ -57,7 +57,8 @@ impl FromRequest<App> for MeshUpload {
             Some(kind) => format_of_media_type(kind)?,
             None => asked,
         };
-        let asked_for = Asked { format: named, way, components, count, query: head.uri.query().unwrap_or_default().into() };
+        let asked_for =
+            Asked { format: named, way, components, count, query: head.uri.query().unwrap_or_default().into() };
         let (headers, runtime) = (head.headers.clone(), tokio::runtime::Handle::current());
         let (this, kind) = (app.clone(), head.headers.get(header::CONTENT_TYPE).cloned());
         let read = move |bytes: Bytes, _: &Stop| {

@@ -13,7 +13,9 @@ pub enum StopReason {
     #[error("the computation was cancelled")]
     Cancelled,
     /// It took far more memory than it was admitted with.
-    #[error("expected the computation to take the memory that meshes of its size do, found it taking far more; send a simpler mesh")]
+    #[error(
+        "expected the computation to take the memory that meshes of its size do, found it taking far more; send a simpler mesh"
+    )]
     Memory,
     /// Its time was over.
     #[error(

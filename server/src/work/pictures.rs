@@ -64,7 +64,8 @@ pub async fn thumbnail(work: &Arc<Work>, caller: Caller, id: ExampleId, size: u3
     if let Some(drawn) = work.thumbnails.get(id, size) {
         return Ok(drawn);
     }
-    let job = work.admit(caller.user, work.engine.memory_estimate(example.bytes) + drawing_bytes(size), REQUEST_TIME_MAX)?;
+    let job =
+        work.admit(caller.user, work.engine.memory_estimate(example.bytes) + drawing_bytes(size), REQUEST_TIME_MAX)?;
     // Behind what people wait for: a page asks for many at once.
     let model = ingest::model(work, &job, Lane::Fine, &example).await?;
     let draw = move |_: &_| render(&model.mesh, &View::guess(&model.mesh), size).to_png();

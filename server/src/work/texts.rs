@@ -37,7 +37,8 @@ mod tests {
         for bad in ["a\u{0}b", "a\nb", "a\u{1b}[2J", "a\u{85}", "a\u{202e}cod", "\u{2066}x", "x\u{feff}", "\u{2028}"] {
             assert!(unprintable(bad).is_some(), "{bad:?}");
         }
-        for good in ["", "head of a horse", "Pferdekopf, groß", "馬の頭", "رأس", "ראש", "👩\u{200d}🎨", "a\u{301}"] {
+        for good in ["", "head of a horse", "Pferdekopf, groß", "馬の頭", "رأس", "ראש", "👩\u{200d}🎨", "a\u{301}"]
+        {
             assert_eq!(unprintable(good), None, "{good:?}");
         }
         assert_eq!(unprintable("ab\u{7}").expect("a bell"), "U+0007 as its character 3");

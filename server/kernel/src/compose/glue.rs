@@ -5,13 +5,13 @@
 //! ([`super::seam`]). Where p edges lie against one, two of them are folded onto each other, so that the two faces beside
 //! them become one; where that can't be, the hole is filled by 3 : 1 quads, p odd, or by these and a triangle, p even.
 
-use crate::numerics::stop;
 use super::layout::{Curve, Layout};
 use super::net::Net;
 use super::rim::{Rim, lay, pair_loops, place_junctions};
 use super::seam::{Row, match_closed, match_open};
 use crate::mesh::Vec3;
 use crate::mesh::tri::NONE;
+use crate::numerics::stop;
 use std::collections::BTreeMap;
 
 /// Parts in one net.

@@ -4,9 +4,9 @@
 //! Two faces are neighbours when one runs a → b where the other runs b → a. *Source:* paper §6 (the structure).
 //! *Ours, not the paper's:* polygons are kept whole, instead of triangles with phantom edges between them.
 
-use crate::numerics::stop;
 use crate::mesh::tri::TriMesh;
 use crate::mesh::{PolyMesh, Vec3};
+use crate::numerics::stop;
 
 /// A polygon mesh under change. Removed faces have no corners and keep their number.
 #[derive(Clone, Debug, Default)]

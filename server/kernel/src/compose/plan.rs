@@ -6,9 +6,9 @@
 //! and both sides of these get one edge more; where no such path leads out, one edge more stands against an example's, for
 //! the seam to resolve. *Ours, not the paper's.*
 
-use crate::numerics::stop;
 use super::layout::{Arc, Layout, Occurrence};
 use super::rim::Rim;
+use crate::numerics::stop;
 use std::collections::VecDeque;
 
 /// What a regular segment asks for.

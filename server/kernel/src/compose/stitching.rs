@@ -91,12 +91,7 @@ impl<'a> Stitching<'a> {
 
     /// Stitches; what doesn't fit gives way, segment by segment, until everything does. `None` if nothing is left to try,
     /// or the caller asked to stop.
-    pub(super) fn run(
-        &self,
-        pieces: &[Piece<'_>],
-        report: &mut Report,
-        stop: &dyn Fn() -> bool,
-    ) -> Option<PolyMesh> {
+    pub(super) fn run(&self, pieces: &[Piece<'_>], report: &mut Report, stop: &dyn Fn() -> bool) -> Option<PolyMesh> {
         let mut sites = self.sites(pieces);
         self.settle_density(&mut sites);
         let mesh = self.fitted(&mut sites, report, stop)?;

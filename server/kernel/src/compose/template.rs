@@ -17,12 +17,12 @@ pub mod ramps;
 pub mod rectangle;
 pub mod rings;
 
-use crate::numerics::stop;
 use super::check::extraordinary;
 use super::net::Net;
 use super::smooth::{Plan, Target};
 use crate::encode::index::PlanarIndex;
 use crate::mesh::{PolyMesh, Vec3};
+use crate::numerics::stop;
 use crate::topology::Topology;
 use crate::unfold::Chart;
 use even::even_out;

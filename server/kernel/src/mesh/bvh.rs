@@ -4,9 +4,9 @@
 //! in single precision, rounded outwards; distances to triangles are exact in double precision. Ties go to the triangle
 //! with the lowest number, so that the answer does not depend on the tree.
 
-use crate::numerics::stop;
 use super::Vec3;
 use super::tri::{NONE, TriMesh};
+use crate::numerics::stop;
 
 /// Triangles in a leaf.
 const LEAF_SIZE: usize = 4;

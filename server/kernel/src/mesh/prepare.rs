@@ -21,11 +21,11 @@ mod umbrella;
 #[cfg(test)]
 mod tests;
 
-use crate::numerics::stop;
 use super::error::MeshError;
 use super::repair::{Repair, RepairKind, Repairs};
 use super::tri::{NONE, TriMesh, pair_halfedges};
 use super::{PolyMesh, Vec3, read};
+use crate::numerics::stop;
 use surface::Surface;
 
 /// A mesh ready for computation.

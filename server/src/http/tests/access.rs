@@ -153,7 +153,10 @@ async fn whatever_is_no_mere_read_is_in_the_audit_log() {
     let path = closed.bench.dir.path().join(crate::audit::FILE);
     let lines = || -> Vec<Value> {
         let text = std::fs::read_to_string(&path).unwrap_or_default();
-        text.lines().filter_map(|line| serde_json::from_str(line).ok()).filter(|l: &Value| l["user"] != "open").collect()
+        text.lines()
+            .filter_map(|line| serde_json::from_str(line).ok())
+            .filter(|l: &Value| l["user"] != "open")
+            .collect()
     };
     let begun = Instant::now();
     while lines().len() < 3 && begun.elapsed() < Duration::from_secs(10) {
@@ -170,7 +173,8 @@ async fn whatever_is_no_mere_read_is_in_the_audit_log() {
 async fn names_and_tags_are_free_of_control_and_direction_characters() {
     let bench = Bench::new();
     for bad in ["name=a%0ab", "name=%1b%5b2J", "name=%e2%80%aegnp.exe", "tag=%e2%81%a6x", "tag=a%00"] {
-        let detail = bench.post(&format!("/v1/examples?{bad}"), "segment disc 1").await.problem(400, "parameter_invalid");
+        let detail =
+            bench.post(&format!("/v1/examples?{bad}"), "segment disc 1").await.problem(400, "parameter_invalid");
         assert!(detail.contains("U+"), "{detail}");
     }
     let id = bench.add("%E9%A6%AC", "segment disc 1").await;
@@ -179,4 +183,20 @@ async fn names_and_tags_are_free_of_control_and_direction_characters() {
     let patch = bench.request(Method::PATCH, &path, &kind, json!({"name": "a\u{202e}b"}).to_string()).await;
     patch.problem(400, "parameter_invalid");
     assert_eq!(bench.get(&path).await.json()["name"], "馬");
+}
+
+#[tokio::test]
+async fn only_an_admin_checks_backs_up_and_sees_how_the_service_is() {
+    let closed = Closed::new().await;
+    for (method, path) in
+        [(Method::GET, "/v1/admin/status"), (Method::POST, "/v1/admin/check"), (Method::GET, "/v1/admin/backup")]
+    {
+        closed.ask(&closed.contributor, method.clone(), path, "").await.problem(403, "forbidden");
+        closed.bench.request(method.clone(), path, &[], Body::empty()).await.problem(401, "unauthorized");
+        let answer = closed.ask(&closed.admin, method, path, "").await;
+        assert_eq!(answer.status, StatusCode::OK, "{path}: {}", answer.text());
+    }
+    let status = closed.get(&closed.admin, "/v1/admin/status").await.json();
+    assert_eq!(status["memory_limit_bytes"], json!(64 << 20));
+    assert!(status["memory_allocated_bytes"].as_u64().is_some_and(|bytes| bytes > 1 << 20), "{status}");
 }

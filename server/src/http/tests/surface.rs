@@ -163,7 +163,9 @@ async fn pages_of_other_origins_and_rebound_names_are_refused() {
     let here = ("host", "127.0.0.1:7979");
     let foreign = [("origin", "http://evil.example"), ("origin", "null"), ("sec-fetch-site", "cross-site")];
     for said in foreign {
-        for (method, path) in [(Method::POST, "/v1/examples"), (Method::POST, "/v1/queries"), (Method::DELETE, "/v1/queries/x")] {
+        for (method, path) in
+            [(Method::POST, "/v1/examples"), (Method::POST, "/v1/queries"), (Method::DELETE, "/v1/queries/x")]
+        {
             let headers = [here, said, ("content-type", "text/plain")];
             let answer = bench.request(method, path, &headers, "segment disc 9").await;
             answer.problem(403, "forbidden");
@@ -196,9 +198,31 @@ async fn no_answer_lets_a_browser_guess_its_type() {
     let bench = Bench::stocked().await;
     let id = bench.get("/v1/examples").await.json()["items"][0]["id"].as_str().expect("an id").to_owned();
     let mesh = format!("/v1/examples/{id}/mesh");
-    for path in ["/", "/docs", "/web/index.js", "/v1/examples", &mesh, "/healthz", "/metrics", "/openapi.json", "/nothing"] {
+    for path in
+        ["/", "/docs", "/web/index.js", "/v1/examples", &mesh, "/healthz", "/metrics", "/openapi.json", "/nothing"]
+    {
         let answer = bench.get(path).await;
         assert_eq!(answer.header("x-content-type-options"), "nosniff", "{path}");
         assert_eq!(answer.header("cross-origin-resource-policy"), "same-origin", "{path}");
+    }
+}
+
+#[tokio::test]
+async fn invented_methods_make_no_new_metrics() {
+    let bench = Bench::new();
+    for n in 0..50 {
+        let method = Method::from_bytes(format!("BREW{n}").as_bytes()).expect("a method");
+        bench.request(method, "/v1/examples", &[], Body::empty()).await.problem(405, "method_not_allowed");
+    }
+    let metrics = bench.get("/metrics").await.text();
+    assert!(!metrics.contains("BREW") && metrics.contains("method=\"other\""), "{metrics}");
+    for name in [
+        "quadmuse_request_seconds_bucket",
+        "quadmuse_memory_bytes{kind=\"limit\"}",
+        "quadmuse_quarantined",
+        "quadmuse_writable",
+        "quadmuse_lane_waiting{lane=\"coarse\"}",
+    ] {
+        assert!(metrics.contains(name), "{name} in {metrics}");
     }
 }

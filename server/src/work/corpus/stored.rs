@@ -5,14 +5,14 @@
 
 mod row;
 
-use super::{Corpus, CorpusError, CorpusHealth, KeptRow, NewExample, Put};
+use super::{Corpus, CorpusCheck, CorpusError, CorpusHealth, KeptRow, NewExample, Put};
 use crate::work::engine::{Cut, Packed, PackedFeature, SegmentFacts};
 use crate::work::query::rfc3339;
 use bytes::Bytes;
 use quadmuse_proto::{Example, ExampleId, ExamplePatch, ExampleSegment, MeshCounts, Segmentation, Topology};
 use quadmuse_store::{
     Added, ChartRecord, DerivedSegment, ExampleRecord, Feature, Level, NewSegmentation, OpenOptions, OpenReport, Patch,
-    SegmentSummary, Store, StoreError,
+    Problem, SegmentSummary, Store, StoreError,
 };
 use row::WrittenRow;
 use std::collections::{BTreeMap, HashMap};
@@ -365,6 +365,24 @@ impl Corpus for StoredCorpus {
         Ok(self.store.put_rows(&mut rows.map(written))?)
     }
 
+    fn check(&self) -> Result<CorpusCheck, CorpusError> {
+        let report = self.store.check(&mut |_| {})?;
+        Ok(CorpusCheck {
+            examples: report.examples as u64,
+            segments: report.segments as u64,
+            bytes: report.bytes,
+            problems: report.problems.iter().map(words_of).collect(),
+        })
+    }
+
+    fn scrub(&self, id: ExampleId) -> Result<Vec<String>, CorpusError> {
+        Ok(self.store.scrub(id)?.iter().map(words_of).collect())
+    }
+
+    fn backup(&self, to: &mut dyn std::io::Write) -> Result<Vec<(ExampleId, String)>, CorpusError> {
+        Ok(self.store.backup(to)?.skipped)
+    }
+
     fn stale(&self, version: u32) -> Vec<(ExampleId, u32)> {
         self.store.missing_derived(version)
     }
@@ -375,7 +393,23 @@ impl Corpus for StoredCorpus {
 
     fn health(&self) -> CorpusHealth {
         let quarantined = self.store.quarantined().into_iter().map(|(id, _)| id).collect();
-        CorpusHealth { read_only: self.store.suspended(), quarantined }
+        CorpusHealth { read_only: self.store.unwritable(), quarantined }
+    }
+}
+
+/// What a check found, as a sentence.
+pub fn words_of(problem: &Problem) -> String {
+    match problem {
+        Problem::Ground { id, reason } => {
+            format!("{id}: damaged ({reason}); add the same mesh again, or remove it")
+        }
+        Problem::Record { id, reason } => {
+            format!("{id}: its record is damaged ({reason}); the service writes it anew")
+        }
+        Problem::Derived { id, segment, reason } => {
+            format!("{id}: the encoding of segment {segment} is damaged ({reason}); the service makes it anew")
+        }
+        Problem::Blobs { count } => format!("{count} files are not synced; compact the store"),
     }
 }
 
@@ -388,9 +422,10 @@ impl From<StoreError> for CorpusError {
                 Self::NoEncoding(error.to_string())
             }
             StoreError::Invalid { .. } => Self::Invalid(error.to_string()),
-            StoreError::Full { .. } | StoreError::ReadOnly { .. } => Self::ReadOnly(error.to_string()),
+            StoreError::Full { .. } => Self::Full(error.to_string()),
+            StoreError::ReadOnly { .. } => Self::ReadOnly(error.to_string()),
             StoreError::Busy => Self::Busy,
-            StoreError::Io { .. } if error.is_full() => Self::ReadOnly(error.to_string()),
+            StoreError::Io { .. } if error.is_full() => Self::Full(error.to_string()),
             StoreError::Io { .. }
             | StoreError::Engine { .. }
             | StoreError::Newer { .. }
@@ -398,6 +433,7 @@ impl From<StoreError> for CorpusError {
             | StoreError::Migration(_)
             | StoreError::Backup { .. }
             | StoreError::NotEmpty { .. }
+            | StoreError::HalfRestored { .. }
             | StoreError::Closed => Self::Failed(Box::new(error)),
         }
     }
