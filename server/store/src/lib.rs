@@ -33,6 +33,7 @@ mod record;
 mod recover;
 mod rows;
 mod shared;
+mod stats;
 mod store;
 mod writer;
 
@@ -51,4 +52,5 @@ pub use record::{
 pub use recover::OpenReport;
 pub use rows::SegmentRow;
 pub use shared::{FreeSpace, OpenOptions};
-pub use store::{Added, LIST_MAX, NewExample, Stats, Store, identity};
+pub use stats::Stats;
+pub use store::{Added, LIST_MAX, NewExample, Store, identity};
