@@ -6,7 +6,7 @@ use crate::{
 };
 use clap::{Args, Parser, Subcommand};
 use quadmuse_proto::{
-    Components, ExampleId, MapId, OnFold, QueryId, Topology, composition, example::RELEVANCE_RANGE, query,
+    Beyond, Components, ExampleId, MapId, OnFold, QueryId, Topology, composition, example::RELEVANCE_RANGE, query,
     segment::Parts,
 };
 use std::{ffi::OsString, path::PathBuf};
@@ -234,6 +234,13 @@ pub struct MapArgs {
     /// The query's segment
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub segment: u32,
+    /// Where the input reaches beyond the example: `extend` continues the example's boundary by rows of quads, `leave` writes the example's
+    /// faces alone
+    #[arg(long, value_name = "extend|leave", value_parser = beyond, default_value = "leave")]
+    pub beyond: Beyond,
+    /// A file for the numbers of the example's vertices that were kept, from 0, one a line: others lie beyond the input
+    #[arg(long, value_name = "FILE")]
+    pub kept: Option<PathBuf>,
     /// The file to write; its extension chooses the format: obj, ply, off, stl, glb
     #[arg(short, long = "out", value_name = "OUT")]
     pub out: OutFile,
@@ -277,6 +284,13 @@ pub struct ComposeArgs {
     /// Steps by which the quads are denser (each doubles rows and columns) or, below 0, coarser than the examples'
     #[arg(long, value_name = "STEPS", allow_negative_numbers = true, value_parser = clap::value_parser!(i32).range(-i64::from(composition::DENSITY_MAX)..=i64::from(composition::DENSITY_MAX)))]
     pub density: Option<i32>,
+    /// Where the input reaches beyond the example: `extend` continues the example's boundary by rows of quads, `leave` writes the example's
+    /// faces alone
+    #[arg(long, value_name = "extend|leave", value_parser = beyond, default_value = "extend")]
+    pub beyond: Beyond,
+    /// A file for the numbers of the example's vertices that were kept, from 0, one a line: others lie beyond the input
+    #[arg(long, value_name = "FILE")]
+    pub kept: Option<PathBuf>,
     /// The file to write; its extension chooses the format: obj, ply, off, stl, glb
     #[arg(short, long = "out", value_name = "OUT")]
     pub out: OutFile,
@@ -302,6 +316,14 @@ pub struct RetopoArgs {
     /// What to lay on it, and where to write it
     #[command(flatten)]
     pub compose: ComposeArgs,
+}
+
+fn beyond(text: &str) -> Result<Beyond, String> {
+    match text {
+        "extend" => Ok(Beyond::Extend),
+        "leave" => Ok(Beyond::Leave),
+        _ => Err("expected extend or leave".into()),
+    }
 }
 
 fn on_fold(text: &str) -> Result<OnFold, String> {

@@ -45,12 +45,12 @@ impl OutFile {
         }
     }
 
-    /// Writes the file beside its place, and moves it there when it is whole.
+    /// See [`write`].
     ///
     /// # Errors
-    /// [`ClientError::Unwritable`]; then an older file of that name is untouched.
+    /// [`ClientError::Unwritable`].
     pub fn write(&self, bytes: &[u8]) -> Result<(), ClientError> {
-        write_whole(&self.path, bytes).map_err(|source| ClientError::Unwritable { path: self.path.clone(), source })
+        write(&self.path, bytes)
     }
 }
 
@@ -75,6 +75,14 @@ fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     file.as_file().sync_all()?;
     file.persist(path)?;
     Ok(())
+}
+
+/// Writes a file beside its place, and moves it there when it is whole.
+///
+/// # Errors
+/// [`ClientError::Unwritable`]; then an older file of that name is untouched.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<(), ClientError> {
+    write_whole(path, bytes).map_err(|source| ClientError::Unwritable { path: path.into(), source })
 }
 
 /// Reads a file.

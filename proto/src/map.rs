@@ -20,6 +20,21 @@ pub struct NewMap {
     /// The example's segment.
     #[serde(default)]
     pub example_segment: u32,
+    /// What becomes of the input where it reaches beyond the example.
+    #[serde(default)]
+    pub beyond: Beyond,
+}
+
+/// What becomes of the input where it reaches beyond the example.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum Beyond {
+    /// It is left bare: the example's faces alone.
+    #[default]
+    Leave,
+    /// Rows of quads continue the example's boundary to where the input ends.
+    Extend,
 }
 
 /// The cross map of one corpus segment onto one query segment.
@@ -52,6 +67,22 @@ pub struct Map {
     pub vertices: u64,
     /// Faces of the mapped mesh.
     pub faces: u64,
+    /// Of its vertices those that are the example's: they come first, in the example's order.
+    #[serde(default)]
+    pub own_vertices: u64,
+    /// Of its faces those that are the example's: they come first, in the example's order.
+    #[serde(default)]
+    pub own_faces: u64,
+    /// The example's vertices that the mesh has, by their number from 0 in the example's file; `null` for all of them.
+    /// Others lie beyond the input.
+    #[serde(default)]
+    pub kept: Option<Vec<u32>>,
+    /// How much of each surface the other reaches.
+    #[serde(default)]
+    pub covers: Covers,
+    /// Share of the mesh's area whose faces are the example's, 0–1.
+    #[serde(default)]
+    pub inspired: f64,
     /// Faces that lie flipped on the input, beyond the example's own.
     pub folds: u64,
     /// Largest distance of a mapped vertex to the input's surface, in units of √area of the input.
@@ -64,6 +95,22 @@ pub struct Map {
     pub reasons: Vec<String>,
     /// Where its time went.
     pub timings: MapTimings,
+}
+
+/// How much of each surface the other reaches, as shares of their areas.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Covers {
+    /// Of the example: less than 1 where it reaches beyond the input.
+    pub example: f64,
+    /// Of the query's segment: less than 1 where it reaches beyond the example.
+    pub input: f64,
+}
+
+impl Default for Covers {
+    fn default() -> Self {
+        Self { example: 1.0, input: 1.0 }
+    }
 }
 
 /// How a map distorts the example's faces.

@@ -7,7 +7,7 @@ use crate::{
     spec::ExampleRef,
     ui::Ui,
 };
-use quadmuse_proto::{Event, Example, NewMap, Query, QueryId, QuerySegment, Ranking, Topology};
+use quadmuse_proto::{Beyond, Event, Example, ExampleId, NewMap, Query, QueryId, QuerySegment, Ranking, Topology};
 
 /// A watcher that only waits.
 struct Patience;
@@ -45,6 +45,11 @@ impl Choice {
     }
 }
 
+/// The options that a choice leaves as they are.
+fn unchosen() -> NewMap {
+    NewMap { segment: 0, example: ExampleId::TEMPLATE, example_segment: 0, beyond: Beyond::Leave }
+}
+
 /// What to lay on a segment: the example that is told, or else the best entry of the ranking.
 pub(super) async fn choose(
     query: &Query,
@@ -54,7 +59,7 @@ pub(super) async fn choose(
 ) -> Result<Choice, ClientError> {
     let number = segment.segment;
     if let Some(ExampleRef { example, segment: Some(example_segment) }) = told {
-        return Ok(Choice::new(NewMap { segment: number, example, example_segment }, ""));
+        return Ok(Choice::new(NewMap { segment: number, example, example_segment, ..unchosen() }, ""));
     }
     let ranking = api.ranking(query.id, RankingView { segment: number, after: None, wait_ms: 0 }).await?;
     if let Some(new) = best(&ranking, number, told) {
@@ -86,19 +91,25 @@ fn differing(ranking: &Ranking, count: usize) -> Vec<ExampleRef> {
 /// The best entry of the ranking, or the best of the example that is told.
 fn best(ranking: &Ranking, segment: u32, told: Option<ExampleRef>) -> Option<Choice> {
     let entry = ranking.entries.iter().find(|entry| told.is_none_or(|told| told.example == entry.example))?;
-    let new = NewMap { segment, example: entry.example, example_segment: entry.example_segment };
+    let new = NewMap { segment, example: entry.example, example_segment: entry.example_segment, ..unchosen() };
     Some(Choice::new(new, &entry.name))
 }
 
-/// The first segment of the example that has the topology.
+/// The first segment of the example that has the topology, or that can be laid on a part of the input.
 fn fitting(example: &Example, segment: u32, topology: Topology) -> Result<Choice, ClientError> {
-    let found = example.segments.iter().find(|candidate| candidate.topology == topology);
+    // Of a disc and a closed surface one may lie on a part of the other.
+    let has_caps = |topology| matches!(topology, Topology::Disc | Topology::Sphere);
+    let same = example.segments.iter().find(|candidate| candidate.topology == topology);
+    let found = same.or_else(|| example.segments.iter().find(|c| has_caps(c.topology) && has_caps(topology)));
     let Some(found) = found else {
         let article = if topology == Topology::Annulus { "an" } else { "a" };
         let (example, topology) = (example.id.to_string(), topology.to_string());
         return Err(ClientError::TopologyDiffers { example, topology, article });
     };
-    Ok(Choice::new(NewMap { segment, example: example.id, example_segment: found.segment }, &example.name))
+    Ok(Choice::new(
+        NewMap { segment, example: example.id, example_segment: found.segment, ..unchosen() },
+        &example.name,
+    ))
 }
 
 #[cfg(test)]

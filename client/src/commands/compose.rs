@@ -2,7 +2,7 @@
 
 use super::{
     choose::finished,
-    map::{Written, lay, lay_best, write_map},
+    map::{Written, lay, lay_best, write_kept, write_map},
     rank::{check_segment, follow_upload, upload},
     screen::Wanted,
 };
@@ -41,11 +41,12 @@ pub(super) async fn retopo(args: &RetopoArgs, api: &Api, ui: &mut Ui) -> Result<
     let told = told(0, &args.compose).or(args.query.like.map(|example| ExampleRef { example, segment: Some(0) }));
     if told.is_some() {
         // Who chose an example wants it as it is.
-        let (map, name) = lay(&query, 0, told, api, ui).await?;
+        let (map, name) = lay(&query, 0, told, args.compose.beyond, api, ui).await?;
+        write_kept(&map, args.compose.kept.as_deref())?;
         return write_map(&map, Some(&name), &args.compose.out, api, ui).await;
     }
     let is_free = args.query.segments.segments.is_none() && args.query.segments.parts.is_none();
-    match lay_best(&query, 0, api, ui).await {
+    match lay_best(&query, 0, args.compose.beyond, api, ui).await {
         Ok((map, name)) if is_free && map.verdict == Verdict::Poor => in_parts(&query, map, &name, args, api, ui).await,
         Ok((map, name)) => {
             if map.verdict == Verdict::Poor {
@@ -110,6 +111,7 @@ async fn settled(
     let composition = api.start_composition(query.id, &new_composition(named, args)).await;
     spinner.finish_and_clear();
     let composition = composition?;
+    write_kept(&map, args.kept.as_deref())?;
     if composition.notes.iter().any(|note| note == AS_MAPPED) {
         return write_map(&map, Some(name), &args.out, api, ui).await;
     }
@@ -166,7 +168,7 @@ async fn stitch(query: &Query, args: &ComposeArgs, api: &Api, ui: &mut Ui) -> Re
     let bar = ui.bar(count as u64, "mapping");
     for (done, segment) in query.segments.iter().enumerate() {
         let (number, told) = (segment.segment, told(segment.segment, args));
-        let said = match lay(query, number, told, api, ui).await {
+        let said = match lay(query, number, told, args.beyond, api, ui).await {
             // What nobody asked for and is poor is left to the service, which says what takes its place.
             Ok((map, name)) if told.is_none() && map.verdict == Verdict::Poor => {
                 format!("the best example, {name}, fits poorly")

@@ -13,8 +13,9 @@ use crate::{
     table,
     ui::Ui,
 };
-use quadmuse_proto::{ConstraintEdit, Map, Query, Verdict};
+use quadmuse_proto::{Beyond, ConstraintEdit, Map, NewMap, Query, Verdict};
 use serde::Serialize;
+use std::path::Path;
 
 /// What programs get: the message, and the file that was written.
 #[derive(Serialize)]
@@ -27,8 +28,18 @@ pub(super) struct Written<'a, T> {
 pub(super) async fn map(args: &MapArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
     args.out.check()?;
     let query = finished(args.query, api, ui).await?;
-    let (map, name) = lay(&query, args.segment, args.example, api, ui).await?;
+    let (map, name) = lay(&query, args.segment, args.example, args.beyond, api, ui).await?;
+    write_kept(&map, args.kept.as_deref())?;
     write_map(&map, Some(&name), &args.out, api, ui).await
+}
+
+/// Writes the numbers of the example's vertices that a map has, one a line.
+pub(super) fn write_kept(map: &Map, file: Option<&Path>) -> Result<(), ClientError> {
+    let Some(file) = file else { return Ok(()) };
+    let all: Vec<u32> = (0..u32::try_from(map.own_vertices).unwrap_or(u32::MAX)).collect();
+    let kept = map.kept.as_ref().unwrap_or(&all);
+    let text: String = kept.iter().map(|v| format!("{v}\n")).collect();
+    crate::file::write(file, text.as_bytes())
 }
 
 /// Lays an example (the best, unless one is told) on a segment; the map, and the example's name.
@@ -36,6 +47,7 @@ pub(super) async fn lay(
     query: &Query,
     segment: u32,
     told: Option<ExampleRef>,
+    beyond: Beyond,
     api: &Api,
     ui: &mut Ui,
 ) -> Result<(Map, String), ClientError> {
@@ -49,7 +61,7 @@ pub(super) async fn lay(
     };
     let choice = choose(query, found, told, api).await?;
     let spinner = ui.spinner("mapping");
-    let map = api.start_map(query.id, &choice.new).await;
+    let map = api.start_map(query.id, &NewMap { beyond, ..choice.new }).await;
     spinner.finish_and_clear();
     Ok((map?, choice.name))
 }
@@ -62,15 +74,16 @@ const TRIES: usize = 3;
 pub(super) async fn lay_best(
     query: &Query,
     segment: u32,
+    beyond: Beyond,
     api: &Api,
     ui: &mut Ui,
 ) -> Result<(Map, String), ClientError> {
-    let best = lay(query, segment, None, api, ui).await?;
+    let best = lay(query, segment, None, beyond, api, ui).await?;
     if best.0.verdict != Verdict::Poor {
         return Ok(best);
     }
     for other in promising(query, segment, TRIES, api).await?.into_iter().skip(1) {
-        let found = lay(query, segment, Some(other), api, ui).await?;
+        let found = lay(query, segment, Some(other), beyond, api, ui).await?;
         if found.0.verdict != Verdict::Poor {
             return Ok(found);
         }

@@ -19,8 +19,12 @@ pub mod register;
 
 pub mod rank;
 
+pub mod extent;
+
 pub mod map;
 
 pub mod compose;
 
 pub mod measure;
+
+pub mod fit;

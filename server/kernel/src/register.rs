@@ -17,6 +17,7 @@ pub mod query;
 pub mod solve;
 pub mod spectra;
 pub mod trial;
+pub mod view;
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 

@@ -119,6 +119,22 @@ pub fn segment_by<E: From<TopologyError>>(
     Ok(made)
 }
 
+/// Cuts a surface along the curve on which `field`, one value a vertex, is 0. The part where it is positive comes first;
+/// pieces beside the largest of either go to the other.
+///
+/// # Errors
+/// [`TopologyError::Empty`].
+pub fn segment_above(surface: &TriMesh, field: &[f64]) -> Result<Segmented, TopologyError> {
+    if surface.triangles.is_empty() {
+        return Err(TopologyError::Empty);
+    }
+    let scale = field.iter().fold(f64::MIN_POSITIVE, |most, x| most.max(x.abs()));
+    let shares = |x: &f64| vec![(0, 0.5 + 0.5 * x / scale), (1, 0.5 - 0.5 * x / scale)];
+    let (cut, mut labels) = cut::cut(&Refined::of(surface), &field.iter().map(shares).collect::<Vec<_>>());
+    merge::absorb_crumbs(&cut.mesh, &mut labels);
+    Ok(Segmented::assemble(surface, cut, &labels, Order::Labels))
+}
+
 /// An error that names the first label whose triangles are no primitive.
 fn all_primitives(refined: &Refined, labels: &[u32]) -> Result<(), TopologyError> {
     for (segment, set) in members(labels).iter().enumerate() {

@@ -8,9 +8,9 @@ use std::cell::Cell;
 use tikv_jemalloc_ctl::{epoch, stats, thread};
 
 /// An estimate may be too low by this factor.
-const TIMES: u64 = 2;
+const TIMES: u64 = 4;
 /// And by so many bytes beside.
-const BESIDE_BYTES: u64 = 96 << 20;
+const BESIDE_BYTES: u64 = 384 << 20;
 
 thread_local! {
     static COUNTERS: Option<(thread::ThreadLocal<u64>, thread::ThreadLocal<u64>)> =

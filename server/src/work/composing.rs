@@ -9,7 +9,7 @@ use crate::pool::{Job, Lane};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
 use quadmuse_proto::{
-    Composition, CompositionId, CompositionPart, ConstraintOrigin, ExampleId, NewComposition, NewMap, Verdict,
+    Beyond, Composition, CompositionId, CompositionPart, ConstraintOrigin, ExampleId, NewComposition, NewMap, Verdict,
 };
 use std::sync::Arc;
 use std::time::Instant;
@@ -29,6 +29,9 @@ const TRIES: usize = 3;
 
 /// Memory that stitching takes for each face, at most.
 const MEMORY_PER_FACE: u64 = 1500;
+
+/// Memory that stitching takes for each face of the input: its surface, and the trees it is sought in.
+const MEMORY_PER_INPUT_FACE: u64 = 300;
 
 /// Memory that the stitched mesh takes for each face, as long as it is held.
 const MEMORY_PER_FACE_HELD: u64 = 200;
@@ -59,7 +62,8 @@ pub async fn create(
     }
     let Gathered { parts, mut summaries, mut templates, mut poor, maps } = gathered(work, live, &wanted, named).await?;
     let faces = faces_at(&parts, wanted.density)?;
-    let needed = faces.max(FACES_LEAST) * MEMORY_PER_FACE;
+    let input = live.model.mesh.faces.len() as u64 * MEMORY_PER_INPUT_FACE;
+    let needed = faces.max(FACES_LEAST) * MEMORY_PER_FACE + input;
     let job = work.admit(live.caller.user, needed, REQUEST_TIME_MAX)?;
     let (engine, model) = (Arc::clone(&work.engine), Arc::clone(&live.model));
     let how = Stitching { smoothing: wanted.smoothing, density: wanted.density };
@@ -192,7 +196,10 @@ async fn best_map(work: &Arc<Work>, live: &Arc<LiveQuery>, segment: u32) -> Resu
         let there = live.maps().values().find(is_this).cloned();
         let map = match there {
             Some(map) => map,
-            None => mapping::create(work, live, NewMap { segment, example, example_segment }).await?,
+            None => {
+                mapping::create(work, live, NewMap { segment, example, example_segment, beyond: Beyond::Extend })
+                    .await?
+            }
         };
         if map.newest().mapped.verdict != Verdict::Poor {
             return Ok(Some(map));

@@ -9,7 +9,8 @@ use quadmuse_kernel::rank::Shape;
 use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::spectra::Row;
 use quadmuse_proto::{
-    Components, Constraint, ConstraintEdit, Distortion, Flip, MeshFormat, Parts, Segmentation, Topology, Verdict,
+    Beyond, Components, Constraint, ConstraintEdit, Covers, Distortion, Flip, MeshFormat, Parts, Segmentation,
+    Topology, Verdict,
 };
 use std::any::Any;
 use std::fmt;
@@ -256,6 +257,34 @@ pub struct Mapped {
     pub verdict: Verdict,
     /// Why, a sentence each.
     pub reasons: Vec<String>,
+    /// How much of each surface the other reaches.
+    pub reach: Reach,
+    /// How little it matches and how much it distorts, as one number to compare maps of the same pair by.
+    pub misfit: f64,
+}
+
+/// How much of an example lies on how much of an input.
+#[derive(Clone, Debug, Default)]
+pub struct Reach {
+    /// Shares of the areas.
+    pub covers: Covers,
+    /// The example's vertices that the mesh has; `None`: all of them.
+    pub kept: Option<Vec<u32>>,
+    /// The example's own vertices and faces of the mesh, which come first; `None`: all of it.
+    pub own: Option<(u64, u64)>,
+    /// Share of the mesh's area that its own faces have; `None`: all of it.
+    pub inspired: Option<f64>,
+}
+
+/// An example laid where it fits best, with what there is left of either surface.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// The map.
+    pub mapped: Mapped,
+    /// The example, or what is left of it.
+    pub example: Side,
+    /// The query, or what is left of it.
+    pub query: Side,
 }
 
 /// What a segment takes in a composition.
@@ -458,6 +487,30 @@ pub trait Engine: Send + Sync + 'static {
     /// # Errors
     /// [`EngineError::Stopped`], [`EngineError::Internal`].
     fn map(&self, from: &Registration, example: &Side, query: &Side, stop: &Stop) -> Result<Mapped, EngineError>;
+
+    /// Lays an example's segment on the query's wherever it fits best: on all of it, on a part of it, or a part of the example on
+    /// it. `from` is the registration of both as wholes, where there is one.
+    ///
+    /// # Errors
+    /// [`EngineError::Refused`] where the two can't be compared; [`EngineError::Stopped`].
+    fn fit(
+        &self,
+        from: Option<&Registration>,
+        example: &Side,
+        query: &Side,
+        beyond: Beyond,
+        stop: &Stop,
+    ) -> Result<Fitted, EngineError> {
+        let _ = beyond;
+        let from = from.ok_or_else(|| EngineError::Internal("expected surfaces of one topology".into()))?;
+        let mapped = self.map(from, example, query, stop)?;
+        Ok(Fitted { mapped, example: example.clone(), query: query.clone() })
+    }
+
+    /// Whether examples of one topology can be laid on inputs of another.
+    fn reaches(&self, example: Topology, query: Topology) -> bool {
+        example == query
+    }
 
     /// A registration with other constraints.
     ///

@@ -84,16 +84,19 @@ pub async fn create(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: NewMap) -> 
     let encoding = Arc::new(query.encoding.clone());
     let candidate = registered(work, &job, live, &wanted, &encoding).await?;
     let register_ms = ms_since(start);
+    let beyond = wanted.beyond;
     let example_side = example_side(work, &job, &example, segment).await?;
     let query_side = Side { model: Arc::clone(&live.model), segment: wanted.segment, encoded: query };
-    let (from, sides) = (Arc::clone(&candidate.registration), (example_side, query_side));
-    let (engine, (one, two)) = (Arc::clone(&work.engine), sides.clone());
-    let mapped = work.pool.run(&job, Lane::Edit, move |stop| engine.map(&from, &one, &two, stop)).await??;
+    let (from, (one, two)) = (candidate.map(|c| Arc::clone(&c.registration)), (example_side, query_side));
+    let engine = Arc::clone(&work.engine);
+    let fit = move |stop: &_| engine.fit(from.as_deref(), &one, &two, beyond, stop);
+    let fitted = work.pool.run(&job, Lane::Edit, fit).await??;
+    let mapped = fitted.mapped;
     let id = MapId::generate();
     let timings = MapTimings { register_ms, map_ms: ms_since(start) - register_ms, total_ms: ms_since(start) };
     let summary = summary(live, id, wanted.segment, (wanted.example, segment), 1, &mapped, timings);
     let held = job.kept(work.engine.memory_of_map(example.bytes));
-    Ok(keep(live, held, Some(sides.0), sides.1, MapState { mapped, summary }))
+    Ok(keep(live, held, Some(fitted.example), fitted.query, MapState { mapped, summary }))
 }
 
 /// Lays a regular layout on a segment, in place of an example.
@@ -178,14 +181,15 @@ pub async fn constrain(
     Ok(map.put(MapState { mapped, summary }))
 }
 
-/// The candidate, registered at the query's full resolution; resumed if it was passed over.
+/// The candidate, registered at the query's full resolution; resumed if it was passed over. `None` where the example is of
+/// another topology, and is compared when it is laid.
 async fn registered(
     work: &Arc<Work>,
     job: &Job,
     live: &Arc<LiveQuery>,
     wanted: &NewMap,
     query: &Arc<Encoding>,
-) -> Result<Candidate, WorkError> {
+) -> Result<Option<Candidate>, WorkError> {
     let is_wanted =
         |c: &&Candidate| c.resident.example.id == wanted.example && c.resident.segment == wanted.example_segment;
     let board = live.board();
@@ -198,7 +202,10 @@ async fn registered(
             let resident = snapshot.segment(example, segment).ok_or(WorkError::NotEncodedYet { example, segment })?;
             let (expected, found) = (query.facts.topology, resident.facts.topology);
             if expected != found {
-                return Err(WorkError::TopologyDiffers { expected, found });
+                return match work.engine.reaches(found, expected) {
+                    true => Ok(None),
+                    false => Err(WorkError::TopologyDiffers { expected, found }),
+                };
             }
             newcomer(work, job, Arc::clone(resident), Arc::clone(query)).await?
         }
@@ -217,7 +224,7 @@ async fn registered(
         let resumed = Candidate { state: EntryState::Done, ..candidate.clone() };
         live.publish_resumed(wanted.segment as usize, resumed);
     }
-    Ok(candidate)
+    Ok(Some(candidate))
 }
 
 async fn example_side(work: &Arc<Work>, job: &Job, example: &Example, segment: u32) -> Result<Side, WorkError> {
@@ -235,6 +242,7 @@ fn summary(
     mapped: &Mapped,
     timings: MapTimings,
 ) -> Map {
+    let reach = &mapped.reach;
     Map {
         id,
         query: live.id,
@@ -249,6 +257,11 @@ fn summary(
         constraints: mapped.constraints.clone(),
         vertices: mapped.mesh.positions.len() as u64,
         faces: mapped.mesh.faces.len() as u64,
+        own_vertices: reach.own.map_or(mapped.mesh.positions.len() as u64, |own| own.0),
+        own_faces: reach.own.map_or(mapped.mesh.faces.len() as u64, |own| own.1),
+        kept: reach.kept.clone(),
+        covers: reach.covers,
+        inspired: reach.inspired.unwrap_or(if example == ExampleId::TEMPLATE { 0.0 } else { 1.0 }),
         folds: mapped.folds,
         distance_max: mapped.distance_max,
         distortion: mapped.distortion.clone(),

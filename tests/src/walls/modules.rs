@@ -3,8 +3,10 @@
 use super::source::{code_of, lines_naming, without_tests};
 
 /// The kernel's modules in the order in which a mesh passes through them: each uses only those before it.
-pub const KERNEL_ORDER: [&str; 11] =
-    ["numerics", "mesh", "topology", "segment", "unfold", "encode", "register", "rank", "map", "compose", "measure"];
+pub const KERNEL_ORDER: [&str; 13] = [
+    "numerics", "mesh", "topology", "segment", "unfold", "encode", "register", "rank", "extent", "map", "compose",
+    "measure", "fit",
+];
 
 /// What the kernel must not do: it computes, and nothing else.
 const KERNEL_NEVER: [&str; 12] = [

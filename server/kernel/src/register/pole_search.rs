@@ -186,19 +186,20 @@ impl<'a> Search<'a> {
 }
 
 /// The surface about its vertices, prepared once a search.
-struct Surroundings<'a> {
+pub struct Surroundings<'a> {
     mesh: &'a TriMesh,
     outgoing: Vec<u32>,
     on_boundary: Vec<bool>,
 }
 
 impl<'a> Surroundings<'a> {
-    fn new(mesh: &'a TriMesh) -> Self {
+    /// Prepares a surface.
+    pub fn new(mesh: &'a TriMesh) -> Self {
         Self { mesh, outgoing: mesh.outgoing(), on_boundary: mesh.boundary_vertices() }
     }
 
     /// Interior vertices at about `radius` from `centre` along edges, one in each of six directions where there is one.
-    fn around(&self, centre: u32, radius: f64) -> Vec<u32> {
+    pub fn around(&self, centre: u32, radius: f64) -> Vec<u32> {
         let Self { mesh, on_boundary, .. } = self;
         let reached = within(mesh, &self.outgoing, centre, FARTHEST * radius);
         let is_near = |&(v, d): &(u32, f64)| d / radius >= NEAREST && !on_boundary[v as usize];

@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use super::image::Image;
 use super::query_images;
 use super::trial::Trials;
+use super::view::View;
 use crate::encode::index::PlanarIndex;
 use crate::encode::{Encoding, SIDE_FINEST, encode, encode_to};
 use crate::topology::Patch;
@@ -92,6 +93,14 @@ impl Query {
     /// # Errors
     /// [`UnfoldError`].
     pub fn new(patch: &Patch, options: &UnfoldOptions) -> Result<Self, UnfoldError> {
+        Ok(Self { poles_given: !options.poles.is_empty(), ..Self::starting_at(patch, options)? })
+    }
+
+    /// The same with poles that may be sought again for an example.
+    ///
+    /// # Errors
+    /// [`UnfoldError`].
+    pub fn starting_at(patch: &Patch, options: &UnfoldOptions) -> Result<Self, UnfoldError> {
         let (mesh, own) = (solve_mesh(patch), patch.mesh.positions.len());
         let (unfolder, pole_sets) = Unfolder::with_poles(mesh, patch.topology, own, options)?;
         let solution = unfolder.first_solution(&pole_sets)?;
@@ -101,7 +110,7 @@ impl Query {
         Ok(Self {
             unfolder,
             pole_sets,
-            poles_given: !options.poles.is_empty(),
+            poles_given: false,
             chart: Arc::new(chart),
             best,
             index: OnceLock::new(),
@@ -169,6 +178,23 @@ impl Query {
             encode_to(&self.unfolder.chart(poles).ok()?, SEARCH_SIDE)
         };
         Some(Unfolded::new(poles, encoding))
+    }
+
+    /// The view about some poles, `side` pixels a side; `None` where poles are fixed, or so near the boundary that the
+    /// conformal map tells nothing there.
+    pub fn view(&self, poles: &[u32], side: usize) -> Option<View> {
+        let conformal = self.conformal.as_ref().filter(|conformal| conformal.is_precise_at(poles))?;
+        Some(self.trials.get_or_init(|| Trials::new(conformal.mesh())).view(conformal, poles, side))
+    }
+
+    /// The poles worth trying, best first.
+    pub fn pole_sets(&self) -> &[Vec<u32>] {
+        &self.pole_sets
+    }
+
+    /// u and the share of area below each vertex of the mesh for other poles; `None` where poles are fixed.
+    pub fn shares_below(&self, poles: &[u32]) -> Option<Vec<f64>> {
+        Some(self.quick_chart(poles)?.uv.iter().map(|uv| uv[1]).collect())
     }
 
     /// The same as [`Self::try_poles`], kept for the next who tries them: the best examples' searches begin at the same

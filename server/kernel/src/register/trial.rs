@@ -11,8 +11,9 @@
 //! every triangle at every level; it is within a vertex's area of it. The poles that are chosen are unfolded exactly.
 //! *Source:* METHOD §2 ("pole refinement"). *Ours, not the paper's:* all of it.
 
+use super::view::View;
 use crate::encode::raster::{Shape, picture};
-use crate::encode::{Encoding, from_finest};
+use crate::encode::{Encoding, Picture, from_finest};
 use crate::mesh::tri::TriMesh;
 use crate::topology::Topology;
 use crate::unfold::area_fraction::MODULUS_SHARES;
@@ -41,17 +42,30 @@ impl Trials {
 
     /// The encoding with other poles, `finest` pixels a side at its finest level.
     pub fn encoding(&self, conformal: &Conformal, poles: &[u32], finest: usize) -> Encoding {
-        let (mesh, topology) = (conformal.mesh(), conformal.topology());
+        let topology = conformal.topology();
         let (u, depth) = conformal.coordinates(poles);
         let (v, modulus) = self.shares_below(topology, &depth);
+        from_finest(self.picture(conformal, poles, (&u, &v), finest), topology, modulus)
+    }
+
+    /// The view about other poles, `side` pixels a side.
+    pub fn view(&self, conformal: &Conformal, poles: &[u32], side: usize) -> View {
+        let (u, depth) = conformal.coordinates(poles);
+        let (v, _) = self.shares_below(conformal.topology(), &depth);
+        let picture = self.picture(conformal, poles, (&u, &v), side);
+        View::new(poles, picture, &v, &depth)
+    }
+
+    fn picture(&self, conformal: &Conformal, poles: &[u32], (u, v): (&[f64], &[f64]), side: usize) -> Picture {
+        let mesh = conformal.mesh();
         let shapes = mesh.triangles.iter().zip(&self.of_triangle).map(|(triangle, share)| {
             let shape = match triangle.iter().position(|corner| poles.contains(corner)) {
-                Some(k) => pole_shape(*triangle, k, poles, &u, &v),
-                None => Shape::Triangle(continued(*triangle, &u).map(|(vertex, u)| [u, v[vertex as usize]])),
+                Some(k) => pole_shape(*triangle, k, poles, u, v),
+                None => Shape::Triangle(continued(*triangle, u).map(|(vertex, u)| [u, v[vertex as usize]])),
             };
             (shape, *share)
         });
-        from_finest(picture(topology, finest, shapes), topology, modulus)
+        picture(conformal.topology(), side, shapes)
     }
 
     /// v of each vertex, and the modulus.

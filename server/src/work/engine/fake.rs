@@ -210,6 +210,8 @@ impl Engine for FakeEngine {
             distortion: Distortion { angle: Histogram::default(), area: Histogram::default() },
             verdict: Verdict::Good,
             reasons: Vec::new(),
+            reach: Reach::default(),
+            misfit: 0.0,
         })
     }
 
@@ -272,6 +274,8 @@ impl Engine for FakeEngine {
             distortion: Distortion { angle: Histogram::default(), area: Histogram::default() },
             verdict: Verdict::Fair,
             reasons: Vec::new(),
+            reach: Reach::default(),
+            misfit: 0.0,
         })
     }
 

@@ -2,6 +2,7 @@
 
 mod as_one;
 mod constrain;
+mod fitted;
 mod from_whole;
 mod grouped;
 mod measured;
@@ -14,8 +15,8 @@ mod told;
 mod transfer;
 
 use super::{
-    ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Mapped, Model, OnePart, Opaque, Packed, PackedFeature,
-    Part, Refusal, Registration, SegmentFacts, Side, Stitched, Stitching,
+    ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Fitted, Mapped, Model, OnePart, Opaque, Packed,
+    PackedFeature, Part, Refusal, Registration, SegmentFacts, Side, Stitched, Stitching,
 };
 use crate::pool::Stop;
 use model::{ModelInner, format_of, refused};
@@ -28,7 +29,7 @@ use quadmuse_kernel::register::image::Image;
 use quadmuse_kernel::register::spectra::Row;
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
 use quadmuse_kernel::unfold::UnfoldOptions;
-use quadmuse_proto::{MeshFormat, Topology};
+use quadmuse_proto::{Beyond, MeshFormat, Topology};
 use registered::Registered;
 use std::sync::Arc;
 
@@ -211,6 +212,21 @@ impl Engine for KernelEngine {
 
     fn map(&self, from: &Registration, example: &Side, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
         registered::map(from, example, query, stop)
+    }
+
+    fn fit(
+        &self,
+        from: Option<&Registration>,
+        example: &Side,
+        query: &Side,
+        beyond: Beyond,
+        stop: &Stop,
+    ) -> Result<Fitted, EngineError> {
+        fitted::fit(from, example, query, beyond, stop)
+    }
+
+    fn reaches(&self, example: Topology, query: Topology) -> bool {
+        fitted::reaches(example, query)
     }
 
     fn constrain(

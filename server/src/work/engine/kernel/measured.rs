@@ -1,6 +1,6 @@
 //! What was laid, measured: the map as the service tells it.
 
-use super::super::{EngineError, Mapped, Registration, Side};
+use super::super::{EngineError, Mapped, Reach, Registration, Side};
 use super::fresh;
 use super::model::ModelInner;
 use super::registered::{Laid, Way, assembled, describe, sign, winding};
@@ -77,6 +77,8 @@ pub(super) fn measured(
             measure::Verdict::Poor => Verdict::Poor,
         },
         reasons,
+        reach: Reach::default(),
+        misfit: evidence.cost * distortion.badness(),
     })
 }
 

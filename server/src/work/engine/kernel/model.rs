@@ -20,6 +20,8 @@ pub(super) struct ModelInner {
     pub(super) segmented: Segmented,
     /// The example that it was cut alike, laid on it whole.
     pub(super) laid: Option<Laid>,
+    /// Whether it was cut where another surface ends, so that its boundary means nothing.
+    pub(super) is_part: bool,
 }
 
 /// An example laid on an input whole.
@@ -100,7 +102,7 @@ pub(super) fn read(bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, limits: 
     let prepared = mesh::prepare(&mesh).map_err(refused)?;
     let segmented = cut_up(&mesh, &prepared, cut)?;
     let asked = cut.parts.is_some() && cut.grain == Grain::Faces;
-    let inner = ModelInner { prepared, segmented, laid: None };
+    let inner = ModelInner { prepared, segmented, laid: None, is_part: false };
     Ok(Model {
         format: wanted.map_or(MeshFormat::Obj, format_back),
         repairs: inner

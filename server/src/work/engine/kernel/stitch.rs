@@ -1,7 +1,7 @@
 //! Compositions and templates.
 
 use super::super::{
-    Encoded, EngineError, Mapped, Model, Opaque, Part, Refusal, Registration, Side, Stitched, Stitching,
+    Encoded, EngineError, Mapped, Model, Opaque, Part, Reach, Refusal, Registration, Side, Stitched, Stitching,
 };
 use super::as_one::as_one;
 use super::fresh;
@@ -207,5 +207,7 @@ pub(super) fn template(query: &Side, stop: &Stop) -> Result<Mapped, EngineError>
         distortion: Distortion { angle: none(), area: none() },
         verdict: Verdict::Fair,
         reasons: vec!["a regular layout, made for this segment: no example was laid on it".into()],
+        reach: Reach::default(),
+        misfit: 0.0,
     })
 }

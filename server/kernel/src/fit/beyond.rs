@@ -1,0 +1,298 @@
+//! Rows of quads that continue a laid example to where the input ends.
+//!
+//! What the example leaves of the input is an annulus about its rim, or, on a closed input, a disc. It is unfolded; each
+//! vertex of the rim gets a line of constant u, and rows follow at levels of v. So the rim's loops go on outward without an
+//! extraordinary vertex. On a disc the last row is filled by a grid, whose four corners are the only ones. *Ours, not the
+//! paper's.*
+
+use crate::encode::index::PlanarIndex;
+use crate::mesh::tri::{TriMesh, nearest_share};
+use crate::mesh::{PolyMesh, Vec3};
+use crate::register::Query;
+use crate::topology::{Patch, Topology};
+use crate::unfold::{Chart, UnfoldOptions, Uv};
+
+/// Rows at most.
+const ROWS_MAX: usize = 200;
+/// Points at which the length of a line of constant u is measured.
+const SAMPLES: usize = 65;
+/// Share of a disc's depth that its rows take; a grid fills the rest.
+const ROWS_SHARE: f64 = 0.8;
+
+/// Continues `mesh`, which lies on one part of a surface, over `rest`, the part beside it. The mesh's vertices and faces stay
+/// and come first; labels are continued by the last face's. `None` where the rest is neither annulus nor disc, or does
+/// not border on the mesh's only rim.
+pub fn continued(mesh: &PolyMesh, rest: &Patch) -> Option<PolyMesh> {
+    let rim = only_rim(mesh)?;
+    let query = Query::new(rest, &UnfoldOptions::default()).ok()?;
+    let chart = &query.chart;
+    let ground = Ground { chart, index: query.index() };
+    let along = ground.along(mesh, &rim)?;
+    let quads = match rest.topology {
+        Topology::Annulus => ground.rows(mesh, &rim, &along, 1.0),
+        Topology::Disc => ground.rows(mesh, &rim, &along, ROWS_SHARE),
+        Topology::Sphere | Topology::Torus => return None,
+    };
+    let mut grown = Grown::new(mesh, rim);
+    quads.rows.iter().for_each(|row| grown.row(row));
+    if rest.topology == Topology::Disc {
+        grown.close(&ground, &along, &quads)?;
+    }
+    Some(grown.mesh)
+}
+
+/// The vertices of the mesh's boundary in the order in which new faces beside it run; `None` unless it is one loop.
+fn only_rim(mesh: &PolyMesh) -> Option<Vec<u32>> {
+    let mut next = std::collections::BTreeMap::new();
+    for face in mesh.faces.iter() {
+        for (k, &a) in face.iter().enumerate() {
+            let b = face[(k + 1) % face.len()];
+            if next.remove(&(b, a)).is_none() {
+                next.insert((a, b), ());
+            }
+        }
+    }
+    // An edge of the rim runs a → b on its only face.
+    let edges: std::collections::BTreeMap<u32, u32> = next.keys().map(|&(a, b)| (a, b)).collect();
+    if edges.len() != next.len() {
+        return None;
+    }
+    let (&first, _) = edges.first_key_value()?;
+    let mut rim = vec![first];
+    while let Some(&v) = rim.last().and_then(|v| edges.get(v)) {
+        if v == first {
+            break;
+        }
+        if rim.len() > edges.len() {
+            return None;
+        }
+        rim.push(v);
+    }
+    (rim.len() == edges.len()).then_some(rim)
+}
+
+/// The unfolded rest.
+struct Ground<'a> {
+    chart: &'a Chart,
+    index: &'a PlanarIndex,
+}
+
+/// Rows of vertices, from the rim outward, and where the last one lies in v.
+struct Rows {
+    rows: Vec<Vec<Vec3>>,
+    last: f64,
+}
+
+/// Where the rim lies on the rest: u of each of its vertices, and whether v falls from the rim on.
+struct Along {
+    u: Vec<f64>,
+    falls: bool,
+}
+
+impl Ground<'_> {
+    fn at(&self, uv: Uv) -> Vec3 {
+        self.index.locate(self.chart, [uv[0].rem_euclid(1.0), uv[1]]).point(self.chart)
+    }
+
+    /// u of the rim's vertices, by the nearest place on the rest's boundary.
+    fn along(&self, mesh: &PolyMesh, rim: &[u32]) -> Option<Along> {
+        let surface: &TriMesh = &self.chart.mesh;
+        let points: Vec<Vec3> = rim.iter().map(|&v| mesh.positions[v as usize]).collect();
+        let nearest = |edges: &[u32], x: Vec3| -> Option<(f64, f64)> {
+            let place = |h: &u32| {
+                let ends = [surface.tail(*h), surface.head(*h)].map(|v| surface.positions[v as usize]);
+                let share = nearest_share(ends, x);
+                ((ends[0].lerp(&ends[1], share) - x).norm(), *h, share)
+            };
+            let (away, h, share) = edges.iter().map(place).min_by(|a, b| a.0.total_cmp(&b.0))?;
+            let [a, b] = [surface.tail(h), surface.head(h)].map(|v| self.chart.uv[v as usize][0]);
+            let step = b - a - (b - a).round();
+            Some((away, a + share * step))
+        };
+        let loops = surface.boundary_loops();
+        let fits = |edges: &Vec<u32>| -> Option<(f64, Vec<f64>, bool)> {
+            let found: Vec<(f64, f64)> = points.iter().map(|x| nearest(edges, *x)).collect::<Option<_>>()?;
+            let away = found.iter().map(|f| f.0).sum::<f64>();
+            let v = self.chart.uv[surface.tail(*edges.first()?) as usize][1];
+            Some((away, found.into_iter().map(|f| f.1).collect(), v > 0.5))
+        };
+        let (_, u, falls) = loops.iter().filter_map(fits).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(Along { u: untwisted(&u), falls })
+    }
+
+    /// Rows over the share `to` of the depth, about as far apart as the rim's vertices.
+    fn rows(&self, mesh: &PolyMesh, rim: &[u32], along: &Along, to: f64) -> Rows {
+        let n = rim.len();
+        let edge = |k: usize| (mesh.positions[rim[(k + 1) % n] as usize] - mesh.positions[rim[k] as usize]).norm();
+        let wanted = (0..n).map(edge).sum::<f64>() / n as f64;
+        let level = |depth: f64| if along.falls { 1.0 - depth } else { depth };
+        // The mean length of lines of constant u from the rim on tells where rows are evenly spaced.
+        let mut lengths = vec![0.0; SAMPLES];
+        let step = n.div_ceil(SAMPLES);
+        let lines: Vec<f64> = along.u.iter().copied().step_by(step).collect();
+        for &u in &lines {
+            let mut sum = 0.0;
+            let mut before = self.at([u, level(0.0)]);
+            for (k, length) in lengths.iter_mut().enumerate() {
+                let here = self.at([u, level(to * k as f64 / (SAMPLES - 1) as f64)]);
+                sum += (here - before).norm();
+                *length += sum / lines.len() as f64;
+                before = here;
+            }
+        }
+        let all = lengths.last().copied().unwrap_or(0.0);
+        let count = ((all / wanted.max(f64::MIN_POSITIVE)).round() as usize).clamp(1, ROWS_MAX);
+        let depth = |row: usize| {
+            let length = all * row as f64 / count as f64;
+            let k = lengths.partition_point(|l| *l < length).clamp(1, SAMPLES - 1);
+            let within = (length - lengths[k - 1]) / (lengths[k] - lengths[k - 1]).max(f64::MIN_POSITIVE);
+            to * (k as f64 - 1.0 + within.clamp(0.0, 1.0)) / (SAMPLES - 1) as f64
+        };
+        let row = |k: usize| along.u.iter().map(|&u| self.at([u, level(depth(k))])).collect();
+        Rows { rows: (1..=count).map(row).collect(), last: depth(count) }
+    }
+}
+
+/// u made to grow or fall all the way round: places on a ragged boundary may come back by a little.
+fn untwisted(u: &[f64]) -> Vec<f64> {
+    let n = u.len();
+    let mut run = vec![u.first().copied().unwrap_or(0.0)];
+    for k in 1..n {
+        let step = u[k] - u[k - 1];
+        run.push(run[k - 1] + step - step.round());
+    }
+    let turns = {
+        let step = u[0] - u[n - 1];
+        run[n - 1] + step - step.round() - run[0]
+    };
+    let sign = if turns < 0.0 { -1.0 } else { 1.0 };
+    // Least steps forward: half of what even spacing has.
+    let least = 0.5 / n as f64;
+    let mut steps: Vec<f64> =
+        (0..n).map(|k| sign * (if k + 1 < n { run[k + 1] - run[k] } else { run[0] + sign - run[k] })).collect();
+    steps.iter_mut().for_each(|s| *s = s.max(least * 0.2));
+    let total: f64 = steps.iter().sum();
+    let mut out = vec![run[0]];
+    for k in 1..n {
+        out.push(out[k - 1] + sign * steps[k - 1] / total);
+    }
+    out
+}
+
+/// The mesh as it grows.
+struct Grown {
+    mesh: PolyMesh,
+    /// Its outer loop.
+    rim: Vec<u32>,
+    /// The face whose labels new faces take.
+    like: usize,
+}
+
+impl Grown {
+    fn new(mesh: &PolyMesh, rim: Vec<u32>) -> Self {
+        let mut mesh = mesh.clone();
+        // New corners have no place in a layer of texture coordinates; the layer would end before them.
+        mesh.attributes.normals = None;
+        let like = mesh.faces.len().saturating_sub(1);
+        Self { mesh, rim, like }
+    }
+
+    fn vertex(&mut self, at: Vec3) -> u32 {
+        self.mesh.positions.push(at);
+        if let Some(colors) = &mut self.mesh.attributes.colors {
+            let color = colors.last().copied().unwrap_or_default();
+            colors.push(color);
+        }
+        self.mesh.positions.len() as u32 - 1
+    }
+
+    fn face(&mut self, corners: [u32; 4]) {
+        self.mesh.faces.push(&corners);
+        let a = &mut self.mesh.attributes;
+        if let Some(uvs) = &mut a.uvs {
+            // All at one point: the new faces have no texture.
+            let at = uvs.values.len() as u32;
+            if uvs.corners.last().is_none_or(|last| uvs.values.get(*last as usize) != Some(&[0.0; 2])) {
+                uvs.values.push([0.0; 2]);
+                uvs.corners.extend([at; 4]);
+            } else {
+                uvs.corners.extend([at - 1; 4]);
+            }
+        }
+        for labels in [&mut a.groups, &mut a.materials].into_iter().flatten() {
+            let label = labels.of_face.get(self.like).copied().unwrap_or(0);
+            labels.of_face.push(label);
+        }
+        if let Some(segments) = &mut a.segments {
+            let segment = segments.get(self.like).copied().unwrap_or(0);
+            segments.push(segment);
+        }
+    }
+
+    /// A row of quads beside the rim, whose edges run a → b on their faces: new ones run b → a.
+    fn row(&mut self, places: &[Vec3]) {
+        let outer: Vec<u32> = places.iter().map(|&x| self.vertex(x)).collect();
+        let rim = std::mem::take(&mut self.rim);
+        let n = rim.len();
+        for k in 0..n {
+            let next = (k + 1) % n;
+            self.face([rim[next], rim[k], outer[k], outer[next]]);
+        }
+        self.rim = outer;
+    }
+
+    /// Fills the loop by a grid.
+    fn close(&mut self, ground: &Ground, along: &Along, rows: &Rows) -> Option<()> {
+        let rim = std::mem::take(&mut self.rim);
+        let n = rim.len();
+        if n < 4 || n % 2 == 1 {
+            return None;
+        }
+        let (a, b) = (n / 4, n / 2 - n / 4);
+        // The picture about the pole: radius √(share of the area left), angle u.
+        let polar = |u: f64, v: f64| {
+            let r = (1.0 - v).max(0.0).sqrt();
+            let (sin, cos) = (std::f64::consts::TAU * u).sin_cos();
+            [r * cos, r * sin]
+        };
+        let edge: Vec<[f64; 2]> = along.u.iter().map(|&u| polar(u, rows.last)).collect();
+        let side = |from: usize, k: usize| edge[(from + k) % n];
+        let ring = |i: usize, j: usize| -> Option<usize> {
+            match (i, j) {
+                (i, 0) => Some(i),
+                (i, j) if i == a => Some(a + j),
+                (i, j) if j == b => Some(a + b + (a - i)),
+                (0, j) => Some((2 * a + b + (b - j)) % n),
+                _ => None,
+            }
+        };
+        let mut grid = vec![vec![0u32; b + 1]; a + 1];
+        for (i, column) in grid.iter_mut().enumerate() {
+            for (j, vertex) in column.iter_mut().enumerate() {
+                if let Some(k) = ring(i, j) {
+                    *vertex = rim[k];
+                    continue;
+                }
+                let (s, t) = (i as f64 / a as f64, j as f64 / b as f64);
+                let (low, high) = (side(0, i), side(a + b, a - i));
+                let (left, right) = (side(2 * a + b, b - j), side(a, j));
+                let corners = [side(0, 0), side(a, 0), side(a + b, 0), side(2 * a + b, 0)];
+                let at = [0, 1].map(|c| {
+                    (1.0 - t) * low[c] + t * high[c] + (1.0 - s) * left[c] + s * right[c]
+                        - (1.0 - s) * (1.0 - t) * corners[0][c]
+                        - s * (1.0 - t) * corners[1][c]
+                        - s * t * corners[2][c]
+                        - (1.0 - s) * t * corners[3][c]
+                });
+                let u = at[1].atan2(at[0]) / std::f64::consts::TAU;
+                *vertex = self.vertex(ground.at([u, 1.0 - (at[0] * at[0] + at[1] * at[1])]));
+            }
+        }
+        for i in 0..a {
+            for j in 0..b {
+                self.face([grid[i + 1][j], grid[i][j], grid[i][j + 1], grid[i + 1][j + 1]]);
+            }
+        }
+        Some(())
+    }
+}
