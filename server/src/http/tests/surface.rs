@@ -226,3 +226,25 @@ async fn invented_methods_make_no_new_metrics() {
         assert!(metrics.contains(name), "{name} in {metrics}");
     }
 }
+
+#[test]
+fn dashboard_and_alerts_name_metrics_that_there_are() {
+    let sources = [include_str!("../health.rs"), include_str!("../watchful.rs"), include_str!("../../work/scrub.rs")];
+    let told = [
+        include_str!("../../../../docs/operations/grafana.json"),
+        include_str!("../../../../docs/operations/alerts.yaml"),
+    ];
+    let is_part = |c: char| c.is_ascii_lowercase() || c == '_';
+    let mut seen = 0;
+    for text in told {
+        for (at, _) in text.match_indices("quadmuse_") {
+            let name = &text[at..];
+            let name = &name[..name.find(|c| !is_part(c)).unwrap_or(name.len())];
+            let name = format!("\"{}\"", name.trim_end_matches("_bucket"));
+            assert!(sources.iter().any(|source| source.contains(&name)), "{name}");
+            seen += 1;
+        }
+    }
+    assert!(seen > 20, "{seen}");
+    serde_json::from_str::<Value>(told[0]).expect("a dashboard");
+}
