@@ -53,7 +53,7 @@ pub struct Line {
 
 /// A log being written. Dropping it writes what waits.
 pub struct Audit {
-    sender: Mutex<Option<SyncSender<Line>>>,
+    sender: Mutex<Option<SyncSender<Box<Line>>>>,
     lost: Arc<AtomicU64>,
     writer: Mutex<Option<JoinHandle<()>>>,
 }
@@ -74,7 +74,7 @@ impl Audit {
 
     /// Notes a change. Never waits.
     pub fn note(&self, line: Line) {
-        let line = Line { time: now(), ..line };
+        let line = Box::new(Line { time: now(), ..line });
         let sender = self.sender.lock().unwrap_or_else(PoisonError::into_inner);
         match sender.as_ref().map(|sender| sender.try_send(line)) {
             Some(Ok(())) => {}
@@ -122,7 +122,7 @@ fn bytes_of(line: &Line) -> Vec<u8> {
     bytes
 }
 
-fn write_all(path: &Path, lines: &Receiver<Line>, lost: &AtomicU64) {
+fn write_all(path: &Path, lines: &Receiver<Box<Line>>, lost: &AtomicU64) {
     let mut healthy = true;
     while let Ok(first) = lines.recv() {
         let mut bytes = bytes_of(&first);
