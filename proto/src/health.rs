@@ -26,8 +26,11 @@ pub struct Readiness {
     pub segments: u64,
     /// Segments whose encoding is still to be (re)built; they are not ranked until then.
     pub segments_waiting: u64,
-    /// Examples set aside because their bytes are damaged.
+    /// Empty: which examples are damaged is told to admins alone, at `/v1/admin/status`.
     pub quarantined: Vec<String>,
+    /// Number of examples set aside because their bytes are damaged.
+    #[serde(default)]
+    pub quarantined_count: u64,
     /// The version of the encoder in use.
     pub encoder_version: u32,
 }

@@ -4,6 +4,7 @@
 //! ignore fields they do not know, so fields may be added, never renamed or removed. Lengths and angles carry their
 //! unit in the name or in the docstring; times are milliseconds.
 
+pub mod admin;
 pub mod composition;
 pub mod constraint;
 pub mod example;
@@ -17,6 +18,7 @@ pub mod query;
 pub mod ranking;
 pub mod segment;
 pub mod stream;
+pub mod token;
 
 #[cfg(feature = "openapi")]
 mod schema;
@@ -34,3 +36,4 @@ pub use query::{LevelTiming, Progress, Query, QuerySegment, QueryState, QueryTim
 pub use ranking::{Entry, EntryState, Flip, Ranking};
 pub use segment::{Components, Parts, Segmentation, Topology};
 pub use stream::{Begin, End, EndState, Event, StreamError};
+pub use token::{CreatedToken, NewToken, Quota, Role, Token, TokenPatch};

@@ -52,8 +52,14 @@ pub enum Code {
     CorpusEmpty,
     /// The constraints asked for would fold the map over.
     ConstraintFolds,
-    /// The request did not arrive, or could not be answered, in its time.
+    /// The request did not arrive in its time.
     Timeout,
+    /// The computation did not end in its time; allow it more, or send a smaller mesh.
+    Deadline,
+    /// The query ended, and made room for newer ones; post it again.
+    QueryExpired,
+    /// The bytes of this example are damaged on the server's disk; add the same mesh again, or remove it.
+    Damaged,
     /// The disk is full; reads go on.
     StorageFull,
     /// The service failed; it is not the caller's fault.
@@ -65,7 +71,7 @@ pub enum Code {
 
 impl Code {
     /// Every code that the service sends.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 26] = [
         Self::MeshUnreadable,
         Self::MeshEmpty,
         Self::MeshNotManifold,
@@ -87,6 +93,9 @@ impl Code {
         Self::CorpusEmpty,
         Self::ConstraintFolds,
         Self::Timeout,
+        Self::Deadline,
+        Self::QueryExpired,
+        Self::Damaged,
         Self::StorageFull,
         Self::Internal,
     ];
@@ -115,6 +124,9 @@ impl Code {
             Self::CorpusEmpty => "corpus_empty",
             Self::ConstraintFolds => "constraint_folds",
             Self::Timeout => "timeout",
+            Self::Deadline => "deadline",
+            Self::QueryExpired => "query_expired",
+            Self::Damaged => "damaged",
             Self::StorageFull => "storage_full",
             Self::Internal => "internal",
             Self::Other => "other",
@@ -145,6 +157,9 @@ impl Code {
             Self::CorpusEmpty => "The corpus is empty",
             Self::ConstraintFolds => "The constraints fold the map",
             Self::Timeout => "Out of time",
+            Self::Deadline => "Not done in time",
+            Self::QueryExpired => "The query has expired",
+            Self::Damaged => "The example is damaged",
             Self::StorageFull => "The disk is full",
             Self::Internal => "Internal error",
             Self::Other => "Problem",

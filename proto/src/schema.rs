@@ -1,6 +1,6 @@
 //! Schemas of the ids: strings on the wire.
 
-use crate::id::{CompositionId, ExampleId, MapId, QueryId};
+use crate::id::{CompositionId, ExampleId, MapId, QueryId, TokenId};
 use std::borrow::Cow;
 use utoipa::openapi::{ObjectBuilder, RefOr, Schema, schema::Type};
 use utoipa::{PartialSchema, ToSchema};
@@ -25,5 +25,6 @@ id_schema!(
     ExampleId: "An example's id: opaque, sorts by time of creation.",
     QueryId: "A query's id: opaque, sorts by time of creation.",
     MapId: "A map's id: opaque, sorts by time of creation.",
-    CompositionId: "A composition's id: opaque, sorts by time of creation."
+    CompositionId: "A composition's id: opaque, sorts by time of creation.",
+    TokenId: "A token's public id: opaque, sorts by time of creation."
 );

@@ -1,7 +1,9 @@
 //! The handles that requests share. Nothing below `http/` sees them.
 
+use crate::audit::Audit;
 use crate::auth::Tokens;
 use crate::http::idempotency::Idempotency;
+use crate::rate::Rates;
 use crate::work::Work;
 use bytes::Bytes;
 use metrics_exporter_prometheus::PrometheusHandle;
@@ -13,16 +15,31 @@ use tokio_util::sync::CancellationToken;
 #[derive(Clone)]
 pub struct App(Arc<Handles>);
 
+/// What requests have to keep to.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Largest body, packed or unpacked, in bytes.
+    pub upload_limit: u64,
+    /// Names under which the service is reached, beside addresses and `localhost`.
+    pub allowed_hosts: Vec<String>,
+    /// Requests a second of one caller; 0: no limit.
+    pub rate_limit: u32,
+}
+
 /// What [`App`] holds.
 pub struct Handles {
+    /// What requests have to keep to.
+    pub settings: Settings,
     /// What the service does.
     pub work: Arc<Work>,
     /// Who may.
-    pub tokens: Tokens,
+    pub tokens: Arc<Tokens>,
+    /// How often they may ask.
+    pub rates: Rates,
+    /// What they changed.
+    pub audit: Audit,
     /// Answers to `Idempotency-Key`.
     pub idempotency: Idempotency,
-    /// Largest body, packed or unpacked, in bytes.
-    pub upload_limit: u64,
     /// The metrics.
     pub metrics: PrometheusHandle,
     /// The contract, as JSON.
@@ -33,12 +50,20 @@ pub struct Handles {
 
 impl App {
     /// Joins the handles.
-    pub fn new(work: Arc<Work>, tokens: Tokens, upload_limit: u64, stopping: CancellationToken) -> Self {
+    pub fn new(
+        work: Arc<Work>,
+        tokens: Arc<Tokens>,
+        audit: Audit,
+        settings: Settings,
+        stopping: CancellationToken,
+    ) -> Self {
         Self(Arc::new(Handles {
             work,
             tokens,
+            rates: Rates::new(settings.rate_limit),
+            audit,
             idempotency: Idempotency::default(),
-            upload_limit,
+            settings,
             metrics: crate::telemetry::metrics(),
             openapi: std::sync::OnceLock::new(),
             stopping,

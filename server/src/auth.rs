@@ -2,44 +2,28 @@
 //!
 //! They stand in `tokens.json` beside the store, so that a token can be created or revoked while the service runs; the
 //! service notices within [`RELOAD`]. The hash needs no salt and no stretching: the tokens are random.
+//!
+//! Access fails closed. Once a token was created, `tokens.required` stands beside the list, and only a token that the list
+//! names lets anybody in: an empty list, a damaged one and none at all let in nobody. Who wants an open service again
+//! stops it and removes both files.
 
-use clap::ValueEnum;
+mod list;
+
+pub use list::TokenRecord;
+pub use quadmuse_proto::Role;
+
+use list::Files;
 use quadmuse_proto::id::TokenId;
-use serde::{Deserialize, Serialize};
-use std::io::Write;
+use quadmuse_proto::{NewToken, TokenPatch};
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
-
-/// What a token may do; each role may do what those before it may.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, ValueEnum)]
-#[serde(rename_all = "lowercase")]
-pub enum Role {
-    /// Ask queries.
-    Reader,
-    /// Add, annotate and remove examples.
-    Contributor,
-    /// Everything.
-    Admin,
-}
-
-/// A token without its secret.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct TokenRecord {
-    /// Its public id.
-    pub id: TokenId,
-    /// Whose it is.
-    pub name: String,
-    /// What it may do.
-    pub role: Role,
-    /// BLAKE3 of its secret, in hex.
-    pub hash: String,
-}
 
 /// Why tokens can't be read or changed.
 #[derive(Debug, thiserror::Error)]
 pub enum AuthError {
-    /// The file can't be read or written.
+    /// A file can't be read or written.
     #[error("expected to read and write {}, found {source}", path.display())]
     File {
         /// Which file.
@@ -48,7 +32,10 @@ pub enum AuthError {
         source: std::io::Error,
     },
     /// The file holds something else.
-    #[error("expected a list of tokens in {}, found another thing: {source}", path.display())]
+    #[error(
+        "expected a list of tokens in {}, found another thing ({source}): nobody is let in; \
+         put a copy of the list in its place, or move it aside and create new tokens", path.display()
+    )]
     Format {
         /// Which file.
         path: PathBuf,
@@ -58,6 +45,16 @@ pub enum AuthError {
     /// No such token.
     #[error("expected the id of a token, found `{0}`; list them first")]
     Unknown(String),
+    /// A value is outside its range.
+    #[error("expected `{name}` {expected}, found {found}")]
+    Invalid {
+        /// Which value.
+        name: &'static str,
+        /// What would do.
+        expected: String,
+        /// What was given.
+        found: String,
+    },
     /// The system gives no random bytes.
     #[error("expected random bytes from the system, found none")]
     NoRandomness,
@@ -66,136 +63,207 @@ pub enum AuthError {
 /// How old the service's view of the tokens may be.
 pub const RELOAD: Duration = Duration::from_secs(1);
 
+/// How often the times of last use are written down.
+pub const NOTE_USES_EVERY: Duration = Duration::from_secs(60);
+
 /// Random bytes of a token.
 const SECRET_BYTES: usize = 32;
+
+/// Most tokens of a store.
+const TOKENS_MAX: usize = 10_000;
+
+/// Whom the service lets in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// No token was ever created: everybody.
+    Open,
+    /// Who has a token of the list.
+    Tokens,
+}
 
 /// The tokens of a store.
 #[derive(Debug)]
 pub struct Tokens {
-    path: PathBuf,
+    files: Files,
     seen: Mutex<Seen>,
 }
 
+/// The service's view of the files.
 #[derive(Debug, Default)]
 struct Seen {
-    records: Vec<TokenRecord>,
-    modified: Option<SystemTime>,
+    by_hash: HashMap<String, TokenRecord>,
+    /// Which file was read last; `None` if there was none.
+    mark: Option<list::Mark>,
     looked: Option<Instant>,
+    /// A token was created at some time: this is never taken back while the process runs.
+    required: bool,
+    /// Seconds since 1970 at which tokens were used, until they are written down.
+    uses: HashMap<TokenId, u64>,
 }
 
 impl Tokens {
     /// The tokens beside the store in `data`.
     pub fn beside(data: &Path) -> Self {
-        Self { path: data.join("tokens.json"), seen: Mutex::default() }
+        Self { files: Files::beside(data), seen: Mutex::default() }
     }
 
     /// All tokens, as they stand in the file.
     ///
     /// # Errors
-    /// [`AuthError`].
+    /// [`AuthError::File`], [`AuthError::Format`].
     pub fn list(&self) -> Result<Vec<TokenRecord>, AuthError> {
-        let bytes = match std::fs::read(&self.path) {
-            Ok(bytes) => bytes,
-            Err(source) if source.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
-            Err(source) => return Err(AuthError::File { path: self.path.clone(), source }),
-        };
-        serde_json::from_slice(&bytes).map_err(|source| AuthError::Format { path: self.path.clone(), source })
+        Ok(self.files.read()?.unwrap_or_default())
     }
 
-    /// Creates a token; returns it, which nobody can do again, and its record.
+    /// Creates a token; returns its secret, which nobody can tell again, and its record. Durable when it returns.
+    ///
+    /// # Errors
+    /// [`AuthError`]; a damaged list is left as it is.
+    pub fn create(&self, new: &NewToken) -> Result<(String, TokenRecord), AuthError> {
+        let record = |hash: String| list::record(new, hash, now_s());
+        let mut random = [0; SECRET_BYTES];
+        getrandom::fill(&mut random).map_err(|_| AuthError::NoRandomness)?;
+        let secret = format!("qm_{}", random.iter().map(|byte| format!("{byte:02x}")).collect::<String>());
+        let record = record(hash_of(&secret))?;
+        self.files.change(|records| {
+            if records.len() >= TOKENS_MAX {
+                let (expected, found) = (format!("to be at most {TOKENS_MAX}"), records.len() + 1);
+                return Err(AuthError::Invalid { name: "tokens", expected, found: found.to_string() });
+            }
+            records.push(record.clone());
+            Ok(())
+        })?;
+        self.look_again();
+        Ok((secret, record))
+    }
+
+    /// Changes a token's name or quota.
     ///
     /// # Errors
     /// [`AuthError`].
-    pub fn create(&self, role: Role, name: &str) -> Result<(String, TokenRecord), AuthError> {
-        let mut secret = [0; SECRET_BYTES];
-        getrandom::fill(&mut secret).map_err(|_| AuthError::NoRandomness)?;
-        let token = format!("qm_{}", secret.iter().map(|byte| format!("{byte:02x}")).collect::<String>());
-        let record = TokenRecord { id: TokenId::generate(), name: name.into(), role, hash: hash_of(&token) };
-        let mut records = self.list()?;
-        records.push(record.clone());
-        self.write(&records)?;
-        Ok((token, record))
+    pub fn annotate(&self, id: &str, patch: &TokenPatch) -> Result<TokenRecord, AuthError> {
+        patch.name.as_deref().map_or(Ok(()), list::check_name)?;
+        let changed = self.files.change(|records| {
+            let record = records.iter_mut().find(|record| record.id.to_string() == id);
+            let record = record.ok_or_else(|| AuthError::Unknown(id.into()))?;
+            patch.name.iter().for_each(|name| record.name.clone_from(name));
+            patch.quota.iter().for_each(|quota| record.quota = *quota);
+            Ok(record.clone())
+        })?;
+        self.look_again();
+        Ok(changed)
     }
 
-    /// Revokes a token.
+    /// Revokes a token. Durable when it returns; a service that runs refuses it within [`RELOAD`].
     ///
     /// # Errors
-    /// [`AuthError::Unknown`], [`AuthError::File`].
+    /// [`AuthError::Unknown`], [`AuthError::File`], [`AuthError::Format`].
     pub fn revoke(&self, id: &str) -> Result<(), AuthError> {
-        let mut records = self.list()?;
-        let before = records.len();
-        records.retain(|record| record.id.to_string() != id);
-        if records.len() == before {
-            return Err(AuthError::Unknown(id.into()));
-        }
-        self.write(&records)
+        self.files.change(|records| {
+            let before = records.len();
+            records.retain(|record| record.id.to_string() != id);
+            if records.len() == before { Err(AuthError::Unknown(id.into())) } else { Ok(()) }
+        })?;
+        self.look_again();
+        Ok(())
     }
 
-    fn write(&self, records: &[TokenRecord]) -> Result<(), AuthError> {
-        let failed = |source| AuthError::File { path: self.path.clone(), source };
-        let bytes = serde_json::to_vec_pretty(records).map_err(|error| failed(error.into()))?;
-        let fresh = self.path.with_extension("json.new");
-        let mut file = std::fs::File::create(&fresh).map_err(failed)?;
-        file.write_all(&bytes).and_then(|()| file.sync_all()).map_err(failed)?;
-        std::fs::rename(&fresh, &self.path).map_err(failed)
+    /// Whom the service lets in.
+    pub fn access(&self) -> Access {
+        if self.now().required { Access::Tokens } else { Access::Open }
     }
 
-    /// The records, read again when the file changed. A file that can't be read keeps what was known: nobody is let
-    /// in by breaking it.
-    fn now<T>(&self, look: impl FnOnce(&[TokenRecord]) -> T) -> T {
-        let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
-        if seen.looked.is_none_or(|looked| looked.elapsed() >= RELOAD) {
-            let modified = std::fs::metadata(&self.path).and_then(|meta| meta.modified()).ok();
-            if seen.looked.is_none() || modified != seen.modified {
-                match self.list() {
-                    Ok(records) => (seen.records, seen.modified) = (records, modified),
-                    Err(error) => tracing::error!(%error, "the tokens stay as they were"),
-                }
-            }
-            seen.looked = Some(Instant::now());
-        }
-        look(&seen.records)
-    }
-
-    /// Whether there is none, so that the service is open.
-    pub fn is_empty(&self) -> bool {
-        self.now(<[_]>::is_empty)
-    }
-
-    /// Whose token this is.
-    pub fn find(&self, token: &str) -> Option<TokenRecord> {
+    /// Whose token this is, unless it has expired. Notes that it was used.
+    pub fn find(&self, secret: &str) -> Option<TokenRecord> {
         // Comparing hashes of random tokens gives nothing away, however long it takes.
-        let hash = hash_of(token);
-        self.now(|records| records.iter().find(|record| record.hash == hash).cloned())
+        let (hash, now) = (hash_of(secret), now_s());
+        let mut seen = self.now();
+        let record = seen.by_hash.get(&hash).filter(|record| record.is_valid_at(now)).cloned()?;
+        seen.uses.insert(record.id, now);
+        Some(record)
+    }
+
+    /// Writes down when tokens were used last. Blocks.
+    ///
+    /// # Errors
+    /// [`AuthError::File`], [`AuthError::Format`].
+    pub fn note_uses(&self) -> Result<(), AuthError> {
+        let uses = std::mem::take(&mut self.lock().uses);
+        if uses.is_empty() {
+            return Ok(());
+        }
+        // Under the lock of the files: a token that was revoked meanwhile stays so.
+        self.files.change(|records| {
+            for record in records {
+                record.last_used_s = record.last_used_s.max(uses.get(&record.id).copied());
+            }
+            Ok(())
+        })
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Seen> {
+        self.seen.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn look_again(&self) {
+        self.lock().looked = None;
+    }
+
+    /// The newest view of the files. What can't be read lets in nobody.
+    fn now(&self) -> MutexGuard<'_, Seen> {
+        let mut seen = self.lock();
+        if seen.looked.is_none_or(|looked| looked.elapsed() >= RELOAD) {
+            seen.refresh(&self.files);
+        }
+        seen
     }
 }
 
-fn hash_of(token: &str) -> String {
-    blake3::hash(token.as_bytes()).to_hex().to_string()
+impl Seen {
+    fn refresh(&mut self, files: &Files) {
+        let first = self.looked.replace(Instant::now()).is_none();
+        let mark = match files.mark() {
+            Ok(mark) => mark,
+            Err(error) => {
+                tracing::error!(%error, "the tokens can't be read: nobody is let in");
+                (self.by_hash, self.mark, self.required) = (HashMap::new(), None, true);
+                return;
+            }
+        };
+        self.required |= files.is_marked() || mark.is_some();
+        if mark == self.mark && !first {
+            return;
+        }
+        self.mark = mark;
+        self.by_hash = match files.read() {
+            Ok(records) => {
+                let records = records.into_iter().flatten();
+                records.map(|record| (record.hash.clone(), record)).collect()
+            }
+            Err(error) => {
+                tracing::error!(%error, "the tokens can't be read: nobody is let in");
+                HashMap::new()
+            }
+        };
+        if self.required {
+            if self.by_hash.is_empty() {
+                tracing::warn!("no token is valid: nobody is let in until one is created");
+            }
+            // An older release did not leave the mark.
+            if let Err(error) = files.require() {
+                tracing::warn!(%error, "not marked that tokens are required");
+            }
+        }
+    }
+}
+
+fn now_s() -> u64 {
+    SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |time| time.as_secs())
+}
+
+fn hash_of(secret: &str) -> String {
+    blake3::hash(secret.as_bytes()).to_hex().to_string()
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_token_is_found_until_it_is_revoked_and_never_stored() {
-        let dir = tempfile::tempdir().expect("a directory");
-        let tokens = Tokens::beside(dir.path());
-        assert!(tokens.is_empty());
-        let (token, record) = tokens.create(Role::Contributor, "ada").expect("created");
-        let fresh = Tokens::beside(dir.path());
-        assert_eq!(fresh.find(&token), Some(record.clone()));
-        assert_eq!(fresh.find("qm_other"), None);
-        let file = std::fs::read_to_string(dir.path().join("tokens.json")).expect("a file");
-        assert!(!file.contains(&token[3..]));
-        tokens.revoke(&record.id.to_string()).expect("revoked");
-        assert_eq!(Tokens::beside(dir.path()).find(&token), None);
-        assert!(matches!(tokens.revoke("nobody"), Err(AuthError::Unknown(_))));
-    }
-
-    #[test]
-    fn roles_include_those_below() {
-        assert!(Role::Reader < Role::Contributor && Role::Contributor < Role::Admin);
-    }
-}
+mod tests;

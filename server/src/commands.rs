@@ -1,14 +1,16 @@
 //! The commands of the binary, each a function.
 
 use crate::auth::{AuthError, Tokens};
-use crate::bench_corpus;
 use crate::config::{Cli, Command, Config, ConfigError, ServeArgs, StoreArgs, TokenAction};
 use crate::demo::tour;
 use crate::service::{self, StartError};
 use crate::shutdown;
+use crate::work::corpus::stored::words_of;
 use crate::work::engine::kernel::KernelEngine;
+use crate::{audit, bench_corpus};
 use quadmuse_migrations::MigrationError;
-use quadmuse_store::{OpenOptions, Problem, Store, StoreError};
+use quadmuse_proto::{NewToken, Token};
+use quadmuse_store::{OpenOptions, Store, StoreError};
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -52,6 +54,9 @@ pub enum CommandError {
     /// The check found damage.
     #[error("expected a store without damage, found {0} problems, listed above")]
     Damage(usize),
+    /// A backup lacks some examples.
+    #[error("expected to back up every example, found {0} that are damaged and were left out, listed above")]
+    LeftOut(usize),
     /// The system refuses something basic.
     #[error("expected {what} from the system, found {source}")]
     System {
@@ -78,7 +83,7 @@ pub fn run(cli: Cli) -> Result<(), CommandError> {
         Some(Command::Serve(args)) => serve(args),
         Some(Command::Demo(args)) => demo(&args),
         Some(Command::Migrate { store, dry_run }) => migrate(&store, dry_run),
-        Some(Command::Check(store)) => check(&store),
+        Some(Command::Check { store, scratch }) => check(&store, scratch),
         Some(Command::Backup { store, file }) => backup(&store, &file),
         Some(Command::Restore { store, file }) => restore(&store, &file),
         Some(Command::BenchCorpus(args)) => bench_corpus(&args),
@@ -166,26 +171,18 @@ fn migrate(store: &StoreArgs, dry_run: bool) -> Result<(), CommandError> {
     Ok(())
 }
 
-fn check(store: &StoreArgs) -> Result<(), CommandError> {
-    let report = existing(store)?.check(&mut |done| tracing::info!(done, "examples checked"))?;
+fn check(store: &StoreArgs, scratch: Option<PathBuf>) -> Result<(), CommandError> {
+    let dir = store.dir();
+    if !dir.join(quadmuse_migrations::SCHEMA_FILE).exists() {
+        return Err(CommandError::NoStore(dir));
+    }
+    let scratch = scratch.unwrap_or_else(std::env::temp_dir);
+    let report = Store::check_dir(&dir, &scratch, &mut |done| tracing::info!(done, "examples checked"))?;
     for problem in &report.problems {
         say(&words_of(problem));
     }
     say(&format!("{} examples, {} segments, {} bytes read", report.examples, report.segments, report.bytes));
     if report.problems.is_empty() { Ok(()) } else { Err(CommandError::Damage(report.problems.len())) }
-}
-
-fn words_of(problem: &Problem) -> String {
-    match problem {
-        Problem::Ground { id, reason } => {
-            format!("{id}: damaged and set aside ({reason}); add the same mesh again, or remove it")
-        }
-        Problem::RecordMended { id, reason } => format!("{id}: its record was damaged ({reason}) and is mended"),
-        Problem::Derived { id, segment, reason } => {
-            format!("{id}: the encoding of segment {segment} is damaged ({reason}); the service makes it anew")
-        }
-        Problem::Blobs { count } => format!("{count} files are not synced; compact the store"),
-    }
 }
 
 fn backup(store: &StoreArgs, file: &Path) -> Result<(), CommandError> {
@@ -210,7 +207,8 @@ fn backup(store: &StoreArgs, file: &Path) -> Result<(), CommandError> {
         report.bytes,
         file.display()
     ));
-    Ok(())
+    // What is there is whole, and is not all: a script must not take it for that.
+    if report.skipped.is_empty() { Ok(()) } else { Err(CommandError::LeftOut(report.skipped.len())) }
 }
 
 fn restore(store: &StoreArgs, file: &Path) -> Result<(), CommandError> {
@@ -230,22 +228,45 @@ fn token(data: Option<PathBuf>, action: TokenAction) -> Result<(), CommandError>
     })?;
     let tokens = Tokens::beside(&dir);
     match action {
-        TokenAction::Create { role, name } => {
-            let (token, record) = tokens.create(role, &name)?;
-            tracing::info!(id = %record.id, ?role, "token created; it can't be shown again");
-            say(&token);
+        TokenAction::Create { role, name, expires } => {
+            let expires_in_s = expires.map(|time| time.as_secs());
+            let (secret, record) = tokens.create(&NewToken { name, role, expires_in_s, ..NewToken::default() })?;
+            tracing::info!(id = %record.id, %role, "token created; it can't be shown again");
+            audited(&dir, "token create", &record.id.to_string());
+            say(&secret);
         }
         TokenAction::List => {
             for record in tokens.list()? {
-                say(&format!("{}  {:?}  {:?}", record.id, record.role, record.name));
+                say(&token_line(&record.told()));
             }
         }
         TokenAction::Revoke { id } => {
             tokens.revoke(&id)?;
+            audited(&dir, "token revoke", &id);
             say(&format!("{id} is revoked"));
         }
     }
     Ok(())
+}
+
+/// The command was carried out: that it can't be noted is told, and no more.
+fn audited(dir: &Path, action: &str, on: &str) {
+    if let Err(error) = audit::note_command(dir, action, on) {
+        tracing::warn!(%error, "not noted in the audit log");
+    }
+}
+
+fn token_line(token: &Token) -> String {
+    let time = |time: &Option<String>| time.clone().unwrap_or_else(|| "never".into());
+    format!(
+        "{}  {:<11}  created {}  expires {}  last used {}  {:?}",
+        token.id,
+        token.role,
+        token.created.as_deref().unwrap_or("?"),
+        time(&token.expires),
+        time(&token.last_used),
+        token.name
+    )
 }
 
 /// Prints a line for the user. A closed pipe is no failure of the command.

@@ -1,9 +1,11 @@
 //! Settings: flags, then `QUADMUSE_…` variables, then a TOML file, then defaults.
 
+use crate::connections::ConnectionLimits;
 use clap::{Args, Parser, Subcommand};
 use serde::Deserialize;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Where the server listens unless told otherwise.
 pub const LISTEN_DEFAULT: &str = "127.0.0.1:7979";
@@ -16,6 +18,21 @@ pub const MEMORY_LIMIT_DEFAULT: u64 = 4 << 30;
 
 /// Connections at a time unless told otherwise.
 pub const CONNECTIONS_DEFAULT: usize = 4096;
+
+/// Requests a second of one caller unless told otherwise.
+pub const RATE_LIMIT_DEFAULT: u32 = 2000;
+
+/// Memory that is set aside for a connection's buffers when their number follows from the memory, in bytes.
+const MEMORY_PER_CONNECTION: u64 = 256 << 10;
+
+/// Fewest connections that follow from the memory.
+const CONNECTIONS_LEAST: usize = 64;
+
+/// Connections that go with so much memory.
+fn connections_for(memory_bytes: u64) -> usize {
+    let fitting = usize::try_from(memory_bytes / MEMORY_PER_CONNECTION).unwrap_or(usize::MAX);
+    fitting.clamp(CONNECTIONS_LEAST, CONNECTIONS_DEFAULT)
+}
 
 /// The command line.
 #[derive(Debug, Parser)]
@@ -46,8 +63,15 @@ pub enum Command {
         #[arg(long)]
         dry_run: bool,
     },
-    /// Read every byte of a store and report what is damaged.
-    Check(StoreArgs),
+    /// Read every byte of a store and report what is damaged; changes nothing.
+    Check {
+        /// The store.
+        #[command(flatten)]
+        store: StoreArgs,
+        /// Directory for a copy of the index while it is checked (default: the system's for temporary files).
+        #[arg(long, value_name = "DIR")]
+        scratch: Option<PathBuf>,
+    },
     /// Write a store's ground state into one file.
     Backup {
         /// The store.
@@ -96,9 +120,19 @@ pub struct ServeArgs {
     /// Largest body, packed or unpacked, in bytes.
     #[arg(long, env = "QUADMUSE_UPLOAD_LIMIT", value_name = "BYTES")]
     pub upload_limit: Option<u64>,
-    /// Most connections at a time.
+    /// Most connections at a time (default: one for each 256 KiB of the memory limit, from 64 to 4096).
     #[arg(long, env = "QUADMUSE_CONNECTIONS", value_name = "N")]
     pub connections: Option<usize>,
+    /// Most connections of one address at a time (default: three of four).
+    #[arg(long, env = "QUADMUSE_CONNECTIONS_PER_ADDRESS", value_name = "N")]
+    pub connections_per_address: Option<usize>,
+    /// Requests a second of one caller, a change counted as five; 0: no limit (default: 2000).
+    #[arg(long, env = "QUADMUSE_RATE_LIMIT", value_name = "N")]
+    pub rate_limit: Option<u32>,
+    /// A name under which others reach this server; may repeat (in a variable or file: separated by commas, a list).
+    /// Addresses and localhost are allowed always; with tokens and without this flag, every name is.
+    #[arg(long = "allow-host", env = "QUADMUSE_ALLOW_HOST", value_name = "NAME", value_delimiter = ',', value_parser = crate::http::origin::host_name)]
+    pub allow_host: Vec<String>,
     /// Serve without tokens even on an address that others can reach.
     #[arg(long, env = "QUADMUSE_OPEN")]
     pub open: bool,
@@ -138,6 +172,9 @@ pub enum TokenAction {
         /// Whose it is, for the list.
         #[arg(long, default_value = "")]
         name: String,
+        /// How long it is accepted, such as `90d` or `12h`; without it, always.
+        #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
+        expires: Option<Duration>,
     },
     /// List the tokens, without what makes them secret.
     List,
@@ -163,6 +200,12 @@ pub struct Config {
     pub upload_limit: u64,
     /// Most connections at a time.
     pub connections: usize,
+    /// Most connections of one address.
+    pub connections_per_address: usize,
+    /// Requests a second of one caller; 0: no limit.
+    pub rate_limit: u32,
+    /// Names under which it is reached.
+    pub allowed_hosts: Vec<String>,
     /// Whether it may be open on any address.
     pub open: bool,
 }
@@ -178,6 +221,9 @@ impl Config {
             memory_limit: MEMORY_LIMIT_DEFAULT,
             upload_limit: UPLOAD_LIMIT_DEFAULT,
             connections: CONNECTIONS_DEFAULT,
+            connections_per_address: ConnectionLimits::of(CONNECTIONS_DEFAULT).per_address,
+            rate_limit: RATE_LIMIT_DEFAULT,
+            allowed_hosts: Vec::new(),
             open: false,
         }
     }
@@ -220,6 +266,9 @@ impl Config {
     pub fn resolve(args: ServeArgs) -> Result<Self, ConfigError> {
         let file = args.config.as_deref().map_or_else(|| Ok(ServeArgs::default()), read_file)?;
         let invalid = |name, expected, found: String| Err(ConfigError::Invalid { name, expected, found });
+        let memory_limit = args.memory_limit.or(file.memory_limit).unwrap_or(MEMORY_LIMIT_DEFAULT);
+        let connections = args.connections.or(file.connections).unwrap_or_else(|| connections_for(memory_limit));
+        let per_address = args.connections_per_address.or(file.connections_per_address);
         let resolved = Self {
             data: absolute(&args.data.or(file.data).ok_or(ConfigError::NoData)?),
             listen: match args.listen.or(file.listen) {
@@ -227,15 +276,19 @@ impl Config {
                 None => SocketAddr::from(([127, 0, 0, 1], 7979)),
             },
             threads: args.threads.or(file.threads).unwrap_or(0),
-            memory_limit: args.memory_limit.or(file.memory_limit).unwrap_or(MEMORY_LIMIT_DEFAULT),
+            memory_limit,
             upload_limit: args.upload_limit.or(file.upload_limit).unwrap_or(UPLOAD_LIMIT_DEFAULT),
-            connections: args.connections.or(file.connections).unwrap_or(CONNECTIONS_DEFAULT),
+            connections,
+            connections_per_address: per_address.unwrap_or(ConnectionLimits::of(connections).per_address),
+            rate_limit: args.rate_limit.or(file.rate_limit).unwrap_or(RATE_LIMIT_DEFAULT),
+            allowed_hosts: hosts(args.allow_host, file.allow_host)?,
             open: args.open || file.open,
         };
         match &resolved {
             c if c.threads > THREADS_MAX => invalid("threads", "at most 1024", c.threads.to_string()),
             c if c.upload_limit == 0 => invalid("upload-limit", "of at least one byte", "0".into()),
             c if c.connections == 0 => invalid("connections", "of at least one", "0".into()),
+            c if c.connections_per_address == 0 => invalid("connections-per-address", "of at least one", "0".into()),
             _ => Ok(resolved),
         }
     }
@@ -251,6 +304,16 @@ impl StoreArgs {
     pub fn dir(&self) -> PathBuf {
         absolute(&self.data)
     }
+}
+
+/// The names given by flags, else those of the file.
+fn hosts(given: Vec<String>, file: Vec<String>) -> Result<Vec<String>, ConfigError> {
+    let names = if given.is_empty() { file } else { given };
+    let checked = |name: String| {
+        let invalid = |_| ConfigError::Invalid { name: "allow-host", expected: "names of hosts", found: name.clone() };
+        crate::http::origin::host_name(&name).map_err(invalid)
+    };
+    names.into_iter().map(checked).collect()
 }
 
 fn read_file(path: &Path) -> Result<ServeArgs, ConfigError> {
@@ -308,7 +371,7 @@ mod tests {
             "check --data d",
             "backup --data d file",
             "restore --data d file",
-            "token create --data d --role contributor --name me",
+            "token create --data d --role contributor --name me --expires 90d",
             "token --data d create",
             "token list --data d",
             "token revoke 01ARZ3NDEKTSV4RRFFQ69G5FAV --data d",

@@ -2,6 +2,7 @@
 //!
 //! Handlers read what came in, call `work`, and write what comes out. They never name the kernel or the store.
 
+pub mod admin;
 pub mod body;
 pub mod caller;
 pub mod compositions;
@@ -14,10 +15,12 @@ pub mod idempotency;
 pub mod maps;
 pub mod negotiate;
 pub mod openapi;
+pub mod origin;
 pub mod params;
 pub mod queries;
 pub mod ranking;
 pub mod stream;
+pub mod tokens;
 pub mod upload;
 pub mod watchful;
 
@@ -33,7 +36,6 @@ use axum::routing::get;
 use axum::{Router, response::IntoResponse};
 use error::HttpError;
 use tower::ServiceBuilder;
-use tower_http::decompression::{DecompressionBody, RequestDecompressionLayer};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
@@ -42,15 +44,16 @@ pub fn router(app: App) -> Router {
     let (documented, api) = documented().split_for_parts();
     // Set once: the routes are the same however often this is called.
     let _ = app.openapi.set(openapi::finished(&api));
-    // The body is limited on the wire, unpacked, and limited again where it is read.
+    // The body is limited on the wire here, and unpacked and limited again where it is read.
     let layers = ServiceBuilder::new()
         .layer(from_fn(watchful::identify))
+        .layer(from_fn(origin::harden))
         .layer(from_fn(watchful::guard))
         .layer(from_fn(watchful::measure))
+        .layer(from_fn_with_state(app.clone(), origin::check))
         .layer(from_fn_with_state(app.clone(), caller::authorize))
-        .layer(from_fn_with_state(app.clone(), body::limit))
-        .layer(RequestDecompressionLayer::new().pass_through_unaccepted(true))
-        .map_request(|request: Request<DecompressionBody<Body>>| request.map(Body::new));
+        .layer(from_fn_with_state(app.clone(), caller::own))
+        .layer(from_fn_with_state(app.clone(), body::limit));
     documented
         .route("/openapi.json", get(openapi::get))
         .route("/docs", get(docs::docs))
@@ -85,6 +88,11 @@ fn documented() -> OpenApiRouter<App> {
         .routes(routes!(compositions::create))
         .routes(routes!(compositions::get))
         .routes(routes!(compositions::mesh))
+        .routes(routes!(admin::status))
+        .routes(routes!(admin::check))
+        .routes(routes!(admin::backup))
+        .routes(routes!(tokens::list, tokens::create))
+        .routes(routes!(tokens::annotate, tokens::revoke))
         .routes(routes!(health::alive))
         .routes(routes!(health::ready))
         .routes(routes!(health::metrics))

@@ -10,14 +10,18 @@
 mod admission;
 mod lanes;
 mod stop;
+pub mod taken;
 
-pub use admission::{Admission, Admitted};
+pub use admission::{Admission, Admitted, Used};
 pub use stop::{Stop, StopReason};
 
 use lanes::Lanes;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use quadmuse_kernel::numerics::stop as interrupt;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::rc::Rc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
 /// How urgent a quantum is; the first lane that has work goes first.
@@ -45,6 +49,22 @@ pub enum PoolError {
     Overloaded {
         /// So many jobs wait or run.
         waiting: usize,
+        /// When to come back.
+        retry_after: Duration,
+    },
+    /// The user has the share that is due already.
+    #[error(
+        "expected the caller to have at most {share} {what} at a time, found {used} in use; \
+         let some end or remove some queries, and try again in {} s",
+        retry_after.as_secs()
+    )]
+    OverShare {
+        /// Of what.
+        what: &'static str,
+        /// In use by the user.
+        used: u64,
+        /// What the user may have.
+        share: u64,
         /// When to come back.
         retry_after: Duration,
     },
@@ -90,6 +110,8 @@ pub enum PoolError {
 pub struct Job {
     stop: Stop,
     user: User,
+    /// The older the less.
+    age: u64,
     admitted: Arc<Admitted>,
 }
 
@@ -101,12 +123,17 @@ impl Job {
 
     /// The same job with a fresh stop flag and other time; this one can be dropped.
     pub fn renew(&self, time: Option<Duration>) -> Self {
-        Self { stop: Stop::new(time), user: self.user, admitted: Arc::clone(&self.admitted) }
+        Self { stop: Stop::new(time), user: self.user, age: self.age, admitted: Arc::clone(&self.admitted) }
     }
 
     /// Gives back its place among the running jobs, but not its memory: it has nothing more to compute for now.
     pub fn rest(&self) {
         self.admitted.release_place();
+    }
+
+    /// Takes another share of the memory in place of its own; never refused, as what is there is there.
+    pub fn take(&self, memory_bytes: u64) {
+        self.admitted.take(memory_bytes);
     }
 
     /// What is kept of a job that is done: its place is given back, and its share of the memory becomes `memory_bytes`.
@@ -129,6 +156,7 @@ pub struct Pool {
     lanes: Arc<Mutex<Lanes>>,
     threads: rayon::ThreadPool,
     admission: Admission,
+    admitted: AtomicU64,
 }
 
 /// Stack of a worker thread, in bytes.
@@ -151,7 +179,7 @@ impl Pool {
             .start_handler(|_| _ = rustix::process::nice(NICENESS))
             .panic_handler(|_| tracing::error!("a panic passed the pool's net"))
             .build()?;
-        Ok(Self { lanes: Arc::default(), threads, admission })
+        Ok(Self { lanes: Arc::default(), threads, admission, admitted: AtomicU64::new(0) })
     }
 
     /// Number of worker threads.
@@ -164,13 +192,24 @@ impl Pool {
         lock(&self.lanes).len()
     }
 
+    /// What may be admitted.
+    pub fn admission(&self) -> &Admission {
+        &self.admission
+    }
+
+    /// Quanta that wait in each lane: edit, coarse, fine, ingest.
+    pub fn waiting_by_lane(&self) -> [usize; 4] {
+        lock(&self.lanes).lengths()
+    }
+
     /// Admits a job of `user` with an estimated need of memory, to end within `time` if one is given.
     ///
     /// # Errors
-    /// [`PoolError::Overloaded`], [`PoolError::MemoryFull`] and [`PoolError::TooLarge`].
+    /// [`PoolError::OverShare`], [`PoolError::Overloaded`], [`PoolError::MemoryFull`] and [`PoolError::TooLarge`].
     pub fn admit(&self, user: User, memory_bytes: u64, time: Option<Duration>) -> Result<Job, PoolError> {
-        let admitted = Arc::new(self.admission.admit(memory_bytes)?);
-        Ok(Job { stop: Stop::new(time), user, admitted })
+        let admitted = Arc::new(self.admission.admit(user, memory_bytes)?);
+        let age = self.admitted.fetch_add(1, Ordering::Relaxed);
+        Ok(Job { stop: Stop::new(time), user, age, admitted })
     }
 
     /// Runs `work` on the pool. Dropping the future doesn't stop it; dropping or stopping the job does.
@@ -183,12 +222,12 @@ impl Pool {
         F: FnOnce(&Stop) -> T + Send + 'static,
     {
         let (send, receive) = oneshot::channel();
-        let stop = job.stop.clone();
+        let (stop, memory_bytes) = (job.stop.clone(), job.admitted.bytes());
         let quantum = move || {
             // The receiver may be gone; then the result is dropped here, still within the net.
-            let _ = send.send(guarded(&stop, work));
+            let _ = send.send(guarded(&stop, memory_bytes, work));
         };
-        lock(&self.lanes).push(lane, job.user, Box::new(quantum));
+        lock(&self.lanes).push(lane, job.user, job.age, Box::new(quantum));
         let lanes = Arc::clone(&self.lanes);
         self.threads.spawn_fifo(move || run_most_urgent(&lanes));
         tokio::select! {
@@ -199,20 +238,35 @@ impl Pool {
     }
 }
 
-fn guarded<T>(stop: &Stop, work: impl FnOnce(&Stop) -> T) -> Result<T, PoolError> {
+/// Ends a quantum from within, wherever the kernel asks whether to go on.
+struct Interrupted(StopReason);
+
+fn guarded<T>(stop: &Stop, memory_bytes: u64, work: impl FnOnce(&Stop) -> T) -> Result<T, PoolError> {
     if let Some(reason) = stop.reason() {
         return Err(reason.into());
     }
-    catch_unwind(AssertUnwindSafe(|| work(stop))).map_err(|panic| PoolError::Panicked { message: words_of(&*panic) })
+    let asked = stop.clone();
+    let ask = move || {
+        if let Some(reason) = asked.reason() {
+            resume_unwind(Box::new(Interrupted(reason)));
+        }
+    };
+    let run = || taken::within(memory_bytes, || interrupt::within(Rc::new(ask), || work(stop)));
+    catch_unwind(AssertUnwindSafe(run)).map_err(|panic| match panic.downcast_ref::<Interrupted>() {
+        Some(Interrupted(reason)) => PoolError::Stopped(*reason),
+        None => PoolError::Panicked { message: words_of(&*panic) },
+    })
 }
 
 fn run_most_urgent(lanes: &Mutex<Lanes>) {
     let next = lock(lanes).pop();
-    if let Some(quantum) = next {
+    if let Some((user, quantum)) = next {
+        let begun = Instant::now();
         // Dropping an unwanted result can panic too; a panic that left a rayon task would abort the process.
         if catch_unwind(AssertUnwindSafe(quantum)).is_err() {
             tracing::error!("a panic while a result was dropped");
         }
+        lock(lanes).ended(user, begun.elapsed());
     }
 }
 
@@ -323,5 +377,43 @@ mod tests {
         let job = pool.admit(User(1), 0, Some(Duration::from_millis(20))).expect("room");
         let endless = pool.run(&job, Lane::Fine, until_stopped).await;
         assert_eq!(ended_by(endless), Some(StopReason::Deadline));
+    }
+
+    #[tokio::test]
+    async fn what_the_kernel_computes_is_interrupted_wherever_it_asks() {
+        let pool = pool(1);
+        let job = pool.admit(User(1), 0, None).expect("room");
+        let stop = job.stop().clone();
+        let (begun, wait) = oneshot::channel();
+        let endless = pool.run(&job, Lane::Fine, move |_| -> u8 {
+            let _ = begun.send(());
+            loop {
+                interrupt::poll();
+            }
+        });
+        let (ended, ()) = tokio::join!(endless, async {
+            wait.await.expect("it begins");
+            stop.cancel();
+        });
+        assert_eq!(ended, Err(PoolError::Stopped(StopReason::Cancelled)));
+        let other = pool.admit(User(1), 0, None).expect("room");
+        assert_eq!(pool.run(&other, Lane::Fine, |_| 1).await, Ok(1), "its thread is free again");
+    }
+
+    #[tokio::test]
+    async fn what_takes_far_more_memory_than_it_was_admitted_with_is_stopped() {
+        let pool = pool(1);
+        let job = pool.admit(User(1), 1 << 20, None).expect("room");
+        let hungry = |stop: &Stop| {
+            let mut all: Vec<Vec<u8>> = Vec::new();
+            while stop.reason().is_none() && all.len() < 2048 {
+                all.push(vec![1; 1 << 20]);
+            }
+            (stop.reason(), all.len())
+        };
+        let (reason, megabytes) = pool.run(&job, Lane::Fine, hungry).await.expect("it ends by itself");
+        assert_eq!(reason, Some(StopReason::Memory));
+        assert!(megabytes < 500, "{megabytes}");
+        assert_eq!(pool.run(&job, Lane::Fine, |stop| stop.reason()).await, Ok(None), "the next begins anew");
     }
 }

@@ -1,14 +1,16 @@
 //! A running service: its parts joined, from the store on disk to the open port.
 
-use crate::app::App;
-use crate::auth::Tokens;
+use crate::app::{App, Settings};
+use crate::audit::Audit;
+use crate::auth::{Access, NOTE_USES_EVERY, Tokens};
 use crate::config::Config;
+use crate::connections::{ConnectionLimits, Connections};
 use crate::http;
 use crate::pool::{Admission, Pool};
 use crate::shutdown::serve;
 use crate::work::corpus::stored::StoredCorpus;
 use crate::work::engine::Engine;
-use crate::work::{Work, reencode};
+use crate::work::{Work, reencode, scrub};
 use quadmuse_store::{OpenOptions, StoreError};
 use std::net::SocketAddr;
 use std::path::Path;
@@ -23,6 +25,10 @@ const JOBS_MAX: usize = 1024;
 
 /// Longest time for commits under way to end after the last connection.
 const COMMIT_TIME_MAX: Duration = Duration::from_millis(1500);
+
+/// The index's pages may take this part of the memory, within bounds in bytes.
+const INDEX_SHARE: u64 = 8;
+const INDEX_BYTES: (u64, u64) = (16 << 20, 256 << 20);
 
 /// Why a service does not start.
 #[derive(Debug, thiserror::Error)]
@@ -70,13 +76,13 @@ pub struct Running {
 /// # Errors
 /// [`StartError`].
 pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, StartError> {
-    let tokens = Tokens::beside(&config.data);
+    let tokens = Arc::new(Tokens::beside(&config.data));
     check_open(config, &tokens)?;
     let listen = config.listen;
     let listener = TcpListener::bind(listen).await.map_err(|source| StartError::Listen { listen, source })?;
     let address = listener.local_addr().map_err(|source| StartError::Listen { listen, source })?;
     let pool = Pool::new(config.threads, Admission::new(config.memory_limit, JOBS_MAX))?;
-    let corpus = open_corpus(&config.data).await?;
+    let corpus = open_corpus(&config.data, config.memory_limit).await?;
     let work = Work::new(pool, engine, Arc::new(corpus));
     let began = Instant::now();
     let loading = work.blocking(|work| {
@@ -88,16 +94,22 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     let (examples, segments) = (snapshot.example_count(), snapshot.segment_count());
     tracing::info!(examples, segments, ms = began.elapsed().as_millis() as u64, "corpus loaded");
     let stopping = CancellationToken::new();
-    let app = App::new(Arc::clone(&work), tokens, config.upload_limit, stopping.clone());
+    let audit = Audit::beside(&config.data);
+    let app = App::new(Arc::clone(&work), Arc::clone(&tokens), audit, settings(config), stopping.clone());
+    tokio::spawn(note_uses(tokens, stopping.clone()));
+    let limits = ConnectionLimits { all: config.connections, per_address: config.connections_per_address };
+    let connections = Connections::new(limits);
     let router = http::router(app);
-    let serving = tokio::spawn(serve(listener, router, config.connections, stopping.clone()));
+    let serving = tokio::spawn(serve(listener, router, connections, stopping.clone()));
     let background = tokio::spawn(reencode::run(Arc::clone(&work), stopping.clone()));
+    tokio::spawn(scrub::run(Arc::clone(&work), stopping.clone()));
+    ignore_file_size_signal();
     tracing::info!(%address, threads = work.pool.threads(), version = env!("CARGO_PKG_VERSION"), "serving");
     Ok(Running { address, work, stopping, serving, background })
 }
 
 fn check_open(config: &Config, tokens: &Tokens) -> Result<(), StartError> {
-    if !tokens.is_empty() {
+    if tokens.access() == Access::Tokens {
         return Ok(());
     }
     if !config.listen.ip().is_loopback() && !config.open {
@@ -107,9 +119,46 @@ fn check_open(config: &Config, tokens: &Tokens) -> Result<(), StartError> {
     Ok(())
 }
 
-async fn open_corpus(dir: &Path) -> Result<StoredCorpus, StartError> {
+/// A limit on the size of files ends a process by a signal, unless somebody listens to that; then the write fails, and is
+/// answered as such.
+fn ignore_file_size_signal() {
+    const SIGXFSZ: i32 = 25;
+    use tokio::signal::unix::{SignalKind, signal};
+    // Once heard it is never fatal again, also when this is dropped.
+    if let Err(error) = signal(SignalKind::from_raw(SIGXFSZ)) {
+        tracing::warn!(%error, "a limit on the size of files would end the service");
+    }
+}
+
+fn settings(config: &Config) -> Settings {
+    Settings {
+        upload_limit: config.upload_limit,
+        allowed_hosts: config.allowed_hosts.clone(),
+        rate_limit: config.rate_limit,
+    }
+}
+
+/// Writes down now and then, and at the end, when tokens were used last.
+async fn note_uses(tokens: Arc<Tokens>, stopping: CancellationToken) {
+    loop {
+        let stopped = stopping.run_until_cancelled(tokio::time::sleep(NOTE_USES_EVERY)).await.is_none();
+        let noting = Arc::clone(&tokens);
+        let noted = tokio::task::spawn_blocking(move || noting.note_uses()).await;
+        if let Ok(Err(error)) = noted {
+            tracing::warn!(%error, "not written down when tokens were used");
+        }
+        if stopped {
+            return;
+        }
+    }
+}
+
+async fn open_corpus(dir: &Path, memory_limit: u64) -> Result<StoredCorpus, StartError> {
     let dir = dir.to_owned();
-    let opening = tokio::task::spawn_blocking(move || StoredCorpus::open(&dir, &OpenOptions::default()));
+    // The pages of the index are a part of what the service may take.
+    let cache_bytes = (memory_limit / INDEX_SHARE).clamp(INDEX_BYTES.0, INDEX_BYTES.1);
+    let options = OpenOptions { cache_bytes, ..OpenOptions::default() };
+    let opening = tokio::task::spawn_blocking(move || StoredCorpus::open(&dir, &options));
     let (corpus, report) = opening.await.map_err(|_| StartError::Interrupted)??;
     let (examples, ms) = (report.examples, report.took_ms);
     let (quarantined, missing) = (report.quarantined.len(), report.missing_derived.len());

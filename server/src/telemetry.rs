@@ -5,12 +5,38 @@ use std::io::IsTerminal;
 use std::sync::OnceLock;
 use tracing_subscriber::EnvFilter;
 
-/// The variable that says what is logged, as `RUST_LOG` does elsewhere.
+/// The variable that says what is logged, as `RUST_LOG` does elsewhere; that one is read where this one is not set.
 pub const FILTER_VARIABLE: &str = "QUADMUSE_LOG";
 
+/// Upper bounds of the buckets of durations, in seconds.
+const SECONDS: [f64; 14] = [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0];
+
+/// A filter that can't be read.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "expected in {FILTER_VARIABLE} levels and targets as `info,quadmuse_server::http=debug`, found `{found}`: {source}"
+)]
+pub struct FilterError {
+    found: String,
+    source: tracing_subscriber::filter::ParseError,
+}
+
+/// What `text` lets through; of no text, what is told by default.
+///
+/// # Errors
+/// [`FilterError`].
+fn filter(text: Option<&str>) -> Result<EnvFilter, FilterError> {
+    let text = text.filter(|text| !text.trim().is_empty()).unwrap_or("info");
+    EnvFilter::try_new(text).map_err(|source| FilterError { found: text.into(), source })
+}
+
 /// Starts logging to standard error. Called once; a second call does nothing.
-pub fn start() {
-    let filter = EnvFilter::try_from_env(FILTER_VARIABLE).unwrap_or_else(|_| EnvFilter::new("info"));
+///
+/// # Errors
+/// [`FilterError`]: nothing is logged then.
+pub fn start() -> Result<(), FilterError> {
+    let set = [FILTER_VARIABLE, "RUST_LOG"].into_iter().find_map(|name| std::env::var(name).ok());
+    let filter = filter(set.as_deref())?;
     let builder = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
     let started = if std::io::stderr().is_terminal() {
         builder.with_target(false).try_init()
@@ -19,6 +45,7 @@ pub fn start() {
     };
     // Tests start several services in one process: the first wins.
     drop(started);
+    Ok(())
 }
 
 /// The recorder of metrics, one a process.
@@ -28,10 +55,26 @@ pub fn metrics() -> PrometheusHandle {
 }
 
 fn install_recorder() -> PrometheusHandle {
-    let recorder = PrometheusBuilder::new().build_recorder();
+    // Buckets, so that those of several servers can be added. The list is not empty, so that it is never refused.
+    let builder = PrometheusBuilder::new();
+    let builder = builder.set_buckets(&SECONDS).unwrap_or_else(|_| PrometheusBuilder::new());
+    let recorder = builder.build_recorder();
     let handle = recorder.handle();
     if metrics::set_global_recorder(recorder).is_err() {
         tracing::warn!("another recorder of metrics was installed before");
     }
     handle
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_filter_that_is_none_is_refused_and_named() {
+        assert!(filter(None).is_ok() && filter(Some("")).is_ok());
+        assert!(filter(Some("warn,quadmuse_server::http=debug")).is_ok());
+        let error = filter(Some("quadmuse_server=loud")).expect_err("no level");
+        assert!(error.to_string().contains("quadmuse_server=loud"), "{error}");
+    }
 }

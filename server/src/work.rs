@@ -17,11 +17,13 @@ pub mod queries;
 pub mod query;
 pub mod ranking;
 pub mod reencode;
+pub mod scrub;
 pub mod search;
+pub mod texts;
 
 pub use error::WorkError;
 
-use crate::pool::{Job, Pool, PoolError, User};
+use crate::pool::{Admitted, Job, Pool, PoolError, User};
 use catalogue::Catalogue;
 use corpus::Corpus;
 use engine::Engine;
@@ -31,7 +33,7 @@ use std::time::Duration;
 use tokio_util::task::TaskTracker;
 
 /// Longest computation for one request (reading and encoding an upload, a map, a composition).
-const REQUEST_TIME_MAX: Duration = Duration::from_secs(120);
+pub(crate) const REQUEST_TIME_MAX: Duration = Duration::from_secs(120);
 
 /// So many rows made at a start are written down at once, not only at the end.
 const ROWS_WORTH_WRITING: usize = 1000;
@@ -57,8 +59,27 @@ pub struct Work {
 /// Who asks.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Caller {
-    /// Whose turn it is counted as.
+    /// Whose turn it is counted as, and whose what it makes is.
     pub user: User,
+    /// Of whose queries it may know.
+    pub scope: Scope,
+}
+
+/// Of whose queries a caller may know.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Scope {
+    /// Its own.
+    #[default]
+    Own,
+    /// Everybody's: an admin, and everybody on an open service.
+    All,
+}
+
+impl Caller {
+    /// Whether it may know of what `owner` made.
+    pub fn sees(&self, owner: User) -> bool {
+        self.scope == Scope::All || self.user == owner
+    }
 }
 
 impl Work {
@@ -97,8 +118,38 @@ impl Work {
     /// # Errors
     /// [`PoolError::Overloaded`], [`PoolError::MemoryFull`] and [`PoolError::TooLarge`].
     pub fn admit(&self, user: User, memory_bytes: u64, time: Duration) -> Result<Job, PoolError> {
+        self.making_room(user, || self.pool.admit(user, memory_bytes, Some(time)))
+    }
+
+    /// Takes memory for what is no job, as [`Work::admit`] does.
+    ///
+    /// # Errors
+    /// As [`Work::admit`].
+    pub fn hold(&self, user: User, memory_bytes: u64) -> Result<Admitted, PoolError> {
+        self.making_room(user, || self.pool.admission().hold(user, memory_bytes))
+    }
+
+    /// Takes more memory beside what is held, as [`Work::admit`] does.
+    ///
+    /// # Errors
+    /// As [`Work::admit`].
+    pub fn grow(&self, held: &Admitted, more_bytes: u64) -> Result<(), PoolError> {
+        self.making_room(held.user(), || held.grow(more_bytes))
+    }
+
+    /// Whether `user` would be refused whatever it asked for.
+    ///
+    /// # Errors
+    /// As [`Work::admit`].
+    pub fn look(&self, user: User) -> Result<(), PoolError> {
+        self.making_room(user, || self.pool.admission().look(user))
+    }
+
+    fn making_room<T>(&self, user: User, admit: impl Fn() -> Result<T, PoolError>) -> Result<T, PoolError> {
         loop {
-            match self.pool.admit(user, memory_bytes, Some(time)) {
+            match admit() {
+                // Who is over the share makes room for itself, and for nobody else.
+                Err(PoolError::OverShare { .. }) if self.queries.make_room_of(user) => {}
                 Err(PoolError::MemoryFull { .. }) if self.queries.make_room() => {}
                 admitted => return admitted,
             }

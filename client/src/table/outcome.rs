@@ -109,6 +109,12 @@ pub(crate) mod tests {
             distance_max: 0.0,
             distortion: Distortion { angle: histogram.clone(), area: histogram },
             verdict: Verdict::Fair,
+            evidence: None,
+            own_vertices: 0,
+            own_faces: 0,
+            kept: None,
+            covers: quadmuse_proto::Covers::default(),
+            inspired: 1.0,
             reasons: vec!["the largest angle changes by 40°".into()],
             timings: MapTimings { register_ms: 10.0, map_ms: 20.0, total_ms: 1234.0 },
         }

@@ -1,7 +1,7 @@
 //! Messages to answer with.
 
 use quadmuse_proto::{
-    Distortion, Entry, EntryState, Example, ExampleId, ExampleSegment, Flip, Histogram, Map, MapId, MapTimings,
+    Covers, Distortion, Entry, EntryState, Example, ExampleId, ExampleSegment, Flip, Histogram, Map, MapId, MapTimings,
     MeshCounts, Progress, Query, QueryId, QuerySegment, QueryState, QueryTimings, Ranking, Topology, Verdict,
 };
 
@@ -113,6 +113,12 @@ pub(crate) fn map() -> Map {
         distance_max: 0.0,
         distortion,
         verdict: Verdict::Good,
+        evidence: None,
+        own_vertices: 9,
+        own_faces: 4,
+        kept: None,
+        covers: Covers::default(),
+        inspired: 1.0,
         reasons: vec!["little distortion".into()],
         timings: MapTimings::default(),
     }

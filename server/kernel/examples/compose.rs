@@ -10,6 +10,7 @@ use quadmuse_kernel::compose::{self, Options, Piece, apart, check, ground::Groun
 use quadmuse_kernel::encode::{Encoding, encode, index::PlanarIndex};
 use quadmuse_kernel::map::{assemble::Winding, cross_map, untangle::untangle};
 use quadmuse_kernel::mesh::{self, Format, Limits, PolyMesh, TriMesh};
+use quadmuse_kernel::numerics::stop;
 use quadmuse_kernel::rank::{Shape, score};
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
 use quadmuse_kernel::segment::{PartCount, Segmented, segment};
@@ -97,7 +98,10 @@ fn one(file: &str, parts: PartCount, examples: &[ExamplePart], out: &str) -> Res
     let laid: Vec<(Option<(String, PolyMesh)>, Option<Query>)> =
         cut.parts.iter().map(|patch| lay(patch, examples)).collect();
     let pieces: Vec<Piece<'_>> = laid.iter().map(piece_of).collect();
+    let (steps, begun) = (stop::steps(), Instant::now());
     let made = compose::compose(input, &pieces, Options::default(), &|| false).map_err(|e| e.to_string())?;
+    let (steps, seconds) = (stop::steps() - steps, begun.elapsed().as_secs_f64());
+    eprintln!("{file}: {steps} steps in {seconds:.1} s");
     check::check(&made.mesh, check::Shape::of(&apart::owned(input))).map_err(|e| e.to_string())?;
     let bytes = mesh::write(&made.mesh, Format::Obj).map_err(|e| e.to_string())?;
     std::fs::write(format!("{out}/{}.obj", stem(file)), bytes).map_err(|e| e.to_string())?;

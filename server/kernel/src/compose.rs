@@ -188,6 +188,22 @@ pub enum ComposeError {
     Surface(#[from] Broken),
 }
 
+/// Work that a composition may take, in steps, before it is late: so many, and so many for each triangle of the input and
+/// each face brought. Real inputs take a fraction of it; a rag of a hundred pieces took a
+/// hundred times as much as its size tells.
+const STEPS_LEAST: u64 = 4_000_000;
+const STEPS_PER_FACE: u64 = 200;
+
+/// The work that a composition is worth, in steps, all components together.
+fn steps_for(input: Input<'_>, pieces: &[Piece<'_>]) -> u64 {
+    let faces_of = |piece: &Piece<'_>| match piece {
+        Piece::Mapped(mesh) | Piece::Kept(mesh) => mesh.faces.len(),
+        Piece::Regular(..) | Piece::Nothing => 0,
+    };
+    let faces = input.surface.triangles.len() + pieces.iter().map(faces_of).sum::<usize>();
+    STEPS_LEAST.saturating_add(STEPS_PER_FACE.saturating_mul(faces as u64))
+}
+
 /// Stitches what is brought for the segments, and checks the result. `stop` is asked before each try.
 ///
 /// # Errors
@@ -205,10 +221,11 @@ pub fn compose(
         return Err(ComposeError::Owners { expected: input.surface.triangles.len(), found: input.owner.len() });
     }
     let scale = apart::scale(&apart::owned(input));
+    let late_at = crate::numerics::stop::steps().saturating_add(steps_for(input, pieces));
     let mut made = Vec::new();
     for component in apart::apart(input) {
         let of_it: Vec<Piece<'_>> = component.segments.iter().map(|&s| pieces[s]).collect();
-        made.push((component.segments.clone(), composed(component.input(), &of_it, options, scale, stop)?));
+        made.push((component.segments.clone(), composed(component.input(), &of_it, options, scale, late_at, stop)?));
     }
     let (mesh, mut report) = apart::together(made, pieces.len());
     report.extraordinary_after = extraordinary(&mesh);
@@ -256,9 +273,10 @@ fn composed(
     pieces: &[Piece<'_>],
     options: Options,
     scale: Scale,
+    late_at: u64,
     stop: &dyn Fn() -> bool,
 ) -> Result<Composed, ComposeError> {
-    let stitching = Stitching::new(input, options, scale);
+    let stitching = Stitching::new(input, options, scale, late_at);
     let mut report = Report { subdivided: vec![0; pieces.len()], ..Report::default() };
     let mesh = match stitching.run(pieces, &mut report, stop) {
         Some(mesh) => mesh,

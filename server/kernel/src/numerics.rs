@@ -4,6 +4,7 @@
 pub mod dense;
 pub mod pair;
 pub mod sparse;
+pub mod stop;
 pub mod wide;
 
 pub use pair::side_by_side;

@@ -5,6 +5,7 @@
 
 mod primitive;
 
+use crate::numerics::stop;
 use std::fmt;
 
 use crate::mesh::tri::{NONE, TriMesh, pair_halfedges};
@@ -254,6 +255,7 @@ pub fn by_labels(mesh: &TriMesh, labels: &[i64]) -> Result<Vec<Patch>, TopologyE
 /// The mesh of some triangles, vertices renumbered in order; a vertex at which they meet only in a point is split.
 /// Returns the parent vertex of each vertex beside it.
 pub fn submesh(mesh: &TriMesh, triangles: &[u32]) -> (TriMesh, Vec<u32>) {
+    stop::ask();
     let (mut vertex_of, corners) = renumbered(mesh, triangles);
     let twins = pair_halfedges(&corners).unwrap_or_else(|_| vec![NONE; 3 * corners.len()]);
     let phantom = triangles.iter().flat_map(|&t| (0..3).map(move |k| mesh.phantom[3 * t as usize + k])).collect();

@@ -1,11 +1,17 @@
-//! Bodies as they come in: limited on the stream, before and after they are unpacked.
+//! Bodies as they come in: limited on the stream, before and after they are unpacked, and paid for in memory.
+//!
+//! The memory of a body is taken from what is admitted ([`Work::hold`]) as its bytes arrive, and given back with them. What
+//! arrives slower than [`RATE_LEAST`] is given up. Unpacking is computing, and done where computing is done.
 //!
 //! When an answer goes out before the body was read (it is too large, or not wanted), what the client still sends is
 //! read and dropped for a while, so that it sees the answer and not a broken pipe.
 
+use super::caller::Who;
 use super::error::HttpError;
 use super::negotiate::{JSON, MSGPACK, Wire};
 use crate::app::App;
+use crate::pool::{Admitted, Lane, PoolError, Stop, User};
+use crate::work::{REQUEST_TIME_MAX, Work};
 use axum::body::Body;
 use axum::extract::{FromRequest, Request, State};
 use axum::http::{HeaderMap, header};
@@ -13,18 +19,38 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use http_body::{Body as _, Frame, SizeHint};
-use http_body_util::{BodyExt, LengthLimitError, Limited};
+use http_body_util::BodyExt;
 use serde::de::DeserializeOwned;
 use std::error::Error;
+use std::io::Read;
 use std::pin::Pin;
+use std::sync::Arc;
 use std::task::{Context, Poll, ready};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Largest body of a message (not of a mesh), in bytes.
 const MESSAGE_LIMIT: u64 = 1 << 20;
 
 /// Longest time for a body to arrive.
 pub const ARRIVAL_TIME_MAX: Duration = Duration::from_secs(120);
+
+/// Longest time between two pieces of a body.
+const SILENCE_TIME_MAX: Duration = Duration::from_secs(15);
+
+/// Slowest rate at which a body may arrive, in bytes a second, once [`RATE_GRACE`] is over.
+const RATE_LEAST: u64 = 4096;
+
+/// For so long a body may arrive as slowly as it likes.
+const RATE_GRACE: Duration = Duration::from_secs(10);
+
+/// Memory that unpacking takes beside what it gives: the window of zstd is at most 8 MiB (RFC 9659).
+const UNPACKING_BYTES: u64 = 10 << 20;
+
+/// log₂ of that window.
+const ZSTD_WINDOW_LOG_MAX: u32 = 23;
+
+/// Bytes that are unpacked between two looks at the limit, the memory and the stop flag.
+const UNPACKED_AT_A_TIME: usize = 256 << 10;
 
 /// Most bytes of an unwanted body that are read and dropped.
 const DRAIN_BYTES_MAX: u64 = 512 << 20;
@@ -95,7 +121,7 @@ async fn drain(mut body: Body) {
 
 /// Limits the body on the wire: by its `Content-Length` at once, else as it comes.
 pub async fn limit(State(app): State<App>, request: Request, next: Next) -> Response {
-    let limit = app.upload_limit;
+    let limit = app.settings.upload_limit;
     let (parts, body) = request.into_parts();
     let length = body.size_hint().lower();
     let body = Body::new(Metered { inner: Some(body), left: limit });
@@ -105,37 +131,145 @@ pub async fn limit(State(app): State<App>, request: Request, next: Next) -> Resp
     next.run(Request::from_parts(parts, body)).await
 }
 
-/// A whole body of at most `limit` bytes, unpacked. The layers before have unpacked it.
-///
-/// # Errors
-/// [`HttpError::BodyTooLarge`], [`HttpError::BodyTimeout`], [`HttpError::BodyFormat`], [`HttpError::BodyInvalid`].
-pub async fn whole(headers: &HeaderMap, body: Body, limit: u64) -> Result<Bytes, HttpError> {
-    let body = limited(headers, body, limit)?;
-    let seconds = ARRIVAL_TIME_MAX.as_secs();
-    let read = tokio::time::timeout(ARRIVAL_TIME_MAX, body.collect()).await;
-    match read.map_err(|_| HttpError::BodyTimeout { seconds })? {
-        Ok(collected) => Ok(collected.to_bytes()),
-        Err(error) => Err(body_error(&*error, limit)),
+/// Bytes that grow, and are paid for before they do.
+struct Growing<'a> {
+    bytes: Vec<u8>,
+    share: &'a Admitted,
+    work: &'a Work,
+    limit: u64,
+}
+
+impl Growing<'_> {
+    fn push(&mut self, more: &[u8]) -> Result<(), HttpError> {
+        let length = self.bytes.len() + more.len();
+        if length as u64 > self.limit {
+            return Err(HttpError::BodyTooLarge { limit: self.limit });
+        }
+        if length > self.bytes.capacity() {
+            let capacity = length.max(2 * self.bytes.capacity());
+            // While it is moved, the bytes are there twice.
+            self.work.grow(self.share, capacity as u64)?;
+            let before = self.bytes.capacity() as u64;
+            self.bytes.reserve_exact(capacity - self.bytes.len());
+            self.share.take(self.share.bytes().saturating_sub(before));
+        }
+        self.bytes.extend_from_slice(more);
+        Ok(())
     }
 }
 
-/// A body that fails beyond `limit` bytes, unpacked.
+/// A whole body of at most `limit` bytes, as it came over the wire.
+async fn arrived(work: &Work, user: User, mut body: Body, limit: u64) -> Result<Bytes, HttpError> {
+    let share = work.hold(user, 0)?;
+    let mut all = Growing { bytes: Vec::new(), share: &share, work, limit };
+    let begun = Instant::now();
+    let late = || HttpError::BodyTimeout { seconds: begun.elapsed().as_secs() };
+    loop {
+        let left = ARRIVAL_TIME_MAX.saturating_sub(begun.elapsed()).min(SILENCE_TIME_MAX);
+        let frame = tokio::time::timeout(left, body.frame()).await.map_err(|_| late())?;
+        let Some(frame) = frame else { break };
+        let frame = frame.map_err(|error| body_error(&error, limit))?;
+        if let Some(data) = frame.data_ref() {
+            all.push(data)?;
+        }
+        let due = begun.elapsed().saturating_sub(RATE_GRACE).as_secs().saturating_mul(RATE_LEAST);
+        if (all.bytes.len() as u64) < due {
+            return Err(late());
+        }
+    }
+    let bytes = all.bytes;
+    Ok(share.held(bytes))
+}
+
+/// How a body is packed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Coding {
+    Plain,
+    Gzip,
+    Zstd,
+}
+
+fn coding_of(headers: &HeaderMap) -> Result<Coding, HttpError> {
+    let Some(coding) = headers.get(header::CONTENT_ENCODING) else { return Ok(Coding::Plain) };
+    match coding.as_bytes().to_ascii_lowercase().as_slice() {
+        b"identity" => Ok(Coding::Plain),
+        b"gzip" | b"x-gzip" => Ok(Coding::Gzip),
+        b"zstd" => Ok(Coding::Zstd),
+        _ => {
+            let found = String::from_utf8_lossy(coding.as_bytes()).into_owned();
+            Err(HttpError::BodyFormat { expected: "`content-encoding` gzip or zstd".into(), found })
+        }
+    }
+}
+
+/// A body, unpacked. Blocks for as long as that takes.
+fn unpacked(
+    work: &Work,
+    user: User,
+    coding: Coding,
+    bytes: &Bytes,
+    limit: u64,
+    stop: &Stop,
+) -> Result<Bytes, HttpError> {
+    let broken = |error: std::io::Error| body_error(&error, limit);
+    let mut reader: Box<dyn Read + '_> = match coding {
+        Coding::Plain => return Ok(bytes.clone()),
+        Coding::Gzip => Box::new(flate2::bufread::MultiGzDecoder::new(&bytes[..])),
+        Coding::Zstd => {
+            let mut decoder = zstd::stream::read::Decoder::with_buffer(&bytes[..]).map_err(broken)?;
+            decoder.window_log_max(ZSTD_WINDOW_LOG_MAX).map_err(broken)?;
+            Box::new(decoder)
+        }
+    };
+    let share = work.hold(user, 0)?;
+    let mut all = Growing { bytes: Vec::new(), share: &share, work, limit };
+    let mut piece = vec![0; UNPACKED_AT_A_TIME];
+    loop {
+        if let Some(reason) = stop.reason() {
+            return Err(PoolError::Stopped(reason).into());
+        }
+        let read = reader.read(&mut piece).map_err(broken)?;
+        match piece.get(..read) {
+            None | Some([]) => break,
+            Some(read) => all.push(read)?,
+        }
+    }
+    drop(reader);
+    let bytes = all.bytes;
+    Ok(share.held(bytes))
+}
+
+/// A whole body of at most `limit` bytes, packed and unpacked, given to `read` where computing is done.
 ///
 /// # Errors
-/// [`HttpError::BodyFormat`] when it is packed in a way that is not read.
-pub fn limited(headers: &HeaderMap, body: Body, limit: u64) -> Result<Limited<Body>, HttpError> {
-    if let Some(coding) = headers.get(header::CONTENT_ENCODING).filter(|coding| *coding != "identity") {
-        let found = String::from_utf8_lossy(coding.as_bytes()).into_owned();
-        return Err(HttpError::BodyFormat { expected: "`content-encoding` gzip or zstd".into(), found });
-    }
-    Ok(Limited::new(body, usize::try_from(limit).unwrap_or(usize::MAX)))
+/// [`HttpError::BodyTooLarge`], [`HttpError::BodyTimeout`], [`HttpError::BodyFormat`], [`HttpError::BodyInvalid`],
+/// refusals of the pool, and those of `read`.
+pub async fn computed<T: Send + 'static>(
+    app: &App,
+    user: User,
+    headers: &HeaderMap,
+    body: Body,
+    read: impl FnOnce(Bytes, &Stop) -> Result<T, HttpError> + Send + 'static,
+) -> Result<T, HttpError> {
+    let (coding, limit) = (coding_of(headers)?, app.settings.upload_limit);
+    // Who is over the share needn't send the rest.
+    app.work.look(user)?;
+    let bytes = arrived(&app.work, user, body, limit).await?;
+    let needed = if coding == Coding::Plain { 0 } else { UNPACKING_BYTES };
+    let job = app.work.admit(user, needed, REQUEST_TIME_MAX)?;
+    let work = Arc::clone(&app.work);
+    let compute = move |stop: &Stop| {
+        let bytes = unpacked(&work, user, coding, &bytes, limit, stop)?;
+        read(bytes, stop)
+    };
+    app.work.pool.run(&job, Lane::Coarse, compute).await?
 }
 
 /// What it means that a body could not be read.
 pub fn body_error(error: &(dyn Error + 'static), limit: u64) -> HttpError {
     let mut cause: Option<&(dyn Error + 'static)> = Some(error);
     while let Some(at) = cause {
-        if at.is::<TooLong>() || at.is::<LengthLimitError>() {
+        if at.is::<TooLong>() {
             return HttpError::BodyTooLarge { limit };
         }
         cause = at.source();
@@ -156,16 +290,20 @@ pub struct Message<T> {
 impl<T: DeserializeOwned> FromRequest<App> for Message<T> {
     type Rejection = HttpError;
 
-    async fn from_request(request: Request, _: &App) -> Result<Self, HttpError> {
+    async fn from_request(request: Request, app: &App) -> Result<Self, HttpError> {
         let (parts, body) = request.into_parts();
-        let wire = wire_of(&parts.headers)?;
-        let bytes = whole(&parts.headers, body, MESSAGE_LIMIT).await?;
+        let (wire, coding) = (wire_of(&parts.headers)?, coding_of(&parts.headers)?);
+        let Who(caller) = parts.extensions.get::<Who>().copied().unwrap_or_default();
+        let packed = arrived(&app.work, caller.user, body, MESSAGE_LIMIT).await?;
+        // So short that it is unpacked here.
+        let bytes = unpacked(&app.work, caller.user, coding, &packed, MESSAGE_LIMIT, &Stop::new(None))?;
         Ok(Self { value: wire.read(&bytes)?, fingerprint: blake3::hash(&bytes) })
     }
 }
 
 fn wire_of(headers: &HeaderMap) -> Result<Wire, HttpError> {
-    let text = headers.get(header::CONTENT_TYPE).map_or(JSON, |value| value.to_str().unwrap_or("not a text"));
+    // No page of another origin can send these types without asking leave, and one without a type it can.
+    let text = headers.get(header::CONTENT_TYPE).map_or("none", |value| value.to_str().unwrap_or("not a text"));
     let essence = text.split(';').next().unwrap_or_default().trim();
     match essence {
         kind if kind.eq_ignore_ascii_case(JSON) => Ok(Wire::Json),

@@ -1,20 +1,38 @@
-//! Who asks: the token's role against the one needed, and whose turn the work is counted as.
+//! Who asks: the token's role against the one needed, whose turn the work is counted as, and what is the caller's own.
 
-use super::error::HttpError;
+use super::error::{HttpError, REQUEST_ID};
 use crate::app::App;
-use crate::auth::Role;
+use crate::audit::Line;
+use crate::auth::{Access, Role, TokenRecord};
+use crate::connections::Beyond;
 use crate::pool::User;
-use crate::work::Caller;
-use axum::extract::{FromRequestParts, Request, State};
+use crate::work::{Caller, Scope, WorkError};
+use axum::RequestExt;
+use axum::extract::{FromRequestParts, MatchedPath, RawPathParams, Request, State};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, Method, header};
 use axum::middleware::Next;
-use axum::response::Response;
+use axum::response::{IntoResponse, Response};
+use quadmuse_proto::QueryId;
 use std::net::IpAddr;
 
 /// The address of the other end, put into each request by the accept loop.
 #[derive(Clone, Copy, Debug)]
 pub struct Peer(pub IpAddr);
+
+/// A request on a connection of the reserve, put into it by the accept loop.
+#[derive(Clone, Copy, Debug)]
+pub struct Reserved(pub Beyond);
+
+/// What is answered in the reserve.
+fn is_for_operators(path: &str) -> bool {
+    ["/healthz", "/readyz", "/metrics"].contains(&path) || ADMIN_PATHS.iter().any(|admin| path.starts_with(admin))
+}
+
+/// What a request costs of the rate: a change five times as much as a read, a wrong token most.
+const COST_READ: f64 = 1.0;
+const COST_WRITE: f64 = 5.0;
+const COST_REFUSED: f64 = 50.0;
 
 /// The caller of a request.
 #[derive(Clone, Copy, Debug, Default)]
@@ -28,22 +46,22 @@ impl<S: Sync> FromRequestParts<S> for Who {
     }
 }
 
+/// The addresses for admins alone.
+const ADMIN_PATHS: [&str; 2] = ["/v1/tokens", "/v1/admin"];
+
+/// Whether a request only reads.
+pub fn is_read(method: &Method) -> bool {
+    [Method::GET, Method::HEAD, Method::OPTIONS].contains(method)
+}
+
 /// The role that a request needs; `None`: anybody.
 fn role_needed(method: &Method, path: &str) -> Option<Role> {
-    let reads = method == Method::GET || method == Method::HEAD;
     match path {
         "/metrics" => Some(Role::Reader),
         _ if !path.starts_with("/v1/") => None,
-        _ if path.starts_with("/v1/examples") && !reads => Some(Role::Contributor),
+        _ if ADMIN_PATHS.iter().any(|admin| path.starts_with(admin)) => Some(Role::Admin),
+        _ if path.starts_with("/v1/examples") && !is_read(method) => Some(Role::Contributor),
         _ => Some(Role::Reader),
-    }
-}
-
-fn name_of(role: Role) -> &'static str {
-    match role {
-        Role::Reader => "reader",
-        Role::Contributor => "contributor",
-        Role::Admin => "admin",
     }
 }
 
@@ -58,24 +76,119 @@ fn user_of(text: &[u8]) -> User {
     User(u64::from_le_bytes(first))
 }
 
-/// Lets in whom the tokens allow; with no token created, everybody.
+/// Lets in whom the tokens allow; where none was ever created, everybody, save to what is for admins. Whatever is no mere
+/// read leaves a line in the audit log.
+pub async fn authorize(State(app): State<App>, mut request: Request, next: Next) -> Response {
+    let peer = request.extensions().get::<Peer>().map(|peer| peer.0);
+    let found = bearer(request.headers()).and_then(|token| app.tokens.find(token));
+    let is_open = app.tokens.access() == Access::Open;
+    let line = (!is_read(request.method())).then(|| line_of(&request, peer, found.as_ref(), is_open));
+    let caller = caller(peer, found.as_ref(), is_open);
+    let quota = found.as_ref().map(|token| token.quota).unwrap_or_default();
+    let allowed = in_reserve(&request)
+        .and_then(|()| allowed(&request, found.as_ref(), is_open))
+        .and_then(|()| rated(&app, &request, caller, quota.requests_per_second));
+    let mut response = match allowed {
+        Ok(()) => {
+            app.work.pool.admission().set_quota(caller.user, quota);
+            request.extensions_mut().insert(Who(caller));
+            next.run(request).await
+        }
+        Err(refused) => {
+            if matches!(refused, HttpError::Unauthorized) {
+                // Whoever tries tokens has few tries; the answer is the same.
+                let _ = app.rates.take(caller.user, COST_REFUSED, None);
+            }
+            refused.into_response()
+        }
+    };
+    super::watchful::tell(&mut response, |told| told.user = found.map(|token| token.id.to_string()));
+    if let Some(line) = line {
+        let made = response.headers().get(header::LOCATION).and_then(|at| at.to_str().ok()).unwrap_or_default();
+        app.audit.note(Line { status: response.status().as_u16(), made: made.into(), ..line });
+    }
+    response
+}
+
+/// On a connection of the reserve only what operators need is answered.
+fn in_reserve(request: &Request) -> Result<(), HttpError> {
+    match request.extensions().get::<Reserved>() {
+        Some(Reserved(beyond)) if !is_for_operators(request.uri().path()) => {
+            Err(HttpError::TooManyConnections { beyond: *beyond })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Whether the caller has not asked too often. Health is told to everybody.
+fn rated(app: &App, request: &Request, caller: Caller, own_rate: Option<u32>) -> Result<(), HttpError> {
+    if role_needed(request.method(), request.uri().path()).is_none() {
+        return Ok(());
+    }
+    let cost = if is_read(request.method()) { COST_READ } else { COST_WRITE };
+    app.rates.take(caller.user, cost, own_rate).map_err(|retry_after| HttpError::TooOften { retry_after })
+}
+
+fn allowed(request: &Request, found: Option<&TokenRecord>, is_open: bool) -> Result<(), HttpError> {
+    let Some(needed) = role_needed(request.method(), request.uri().path()) else { return Ok(()) };
+    match found {
+        Some(token) if token.role >= needed => Ok(()),
+        Some(token) => Err(HttpError::Forbidden { needed: needed.as_str(), found: token.role.as_str() }),
+        // Nobody is an admin by being first: whoever has the machine creates the first token at its console.
+        None if is_open && needed == Role::Admin => Err(HttpError::AdminNeedsToken),
+        None if is_open => Ok(()),
+        None => Err(HttpError::Unauthorized),
+    }
+}
+
+fn caller(peer: Option<IpAddr>, found: Option<&TokenRecord>, is_open: bool) -> Caller {
+    let user = match found {
+        Some(token) => user_of(token.id.to_string().as_bytes()),
+        None => user_of(peer.map(|peer| peer.to_string()).unwrap_or_default().as_bytes()),
+    };
+    let is_admin = found.is_some_and(|token| token.role == Role::Admin);
+    Caller { user, scope: if is_open || is_admin { Scope::All } else { Scope::Own } }
+}
+
+fn line_of(request: &Request, peer: Option<IpAddr>, found: Option<&TokenRecord>, is_open: bool) -> Line {
+    Line {
+        request: REQUEST_ID.try_with(Clone::clone).unwrap_or_default(),
+        user: match found {
+            Some(token) => token.id.to_string(),
+            None if is_open => "open".into(),
+            None => "none".into(),
+        },
+        name: found.map(|token| token.name.clone()).unwrap_or_default(),
+        role: found.map(|token| token.role.to_string()).unwrap_or_default(),
+        peer: peer.map(|peer| peer.to_string()).unwrap_or_default(),
+        action: request.method().to_string(),
+        on: request.uri().path().to_owned(),
+        ..Line::default()
+    }
+}
+
+/// Where the routes of one query begin.
+const ONE_QUERY: &str = "/v1/queries/{id}";
+
+/// A query, with its maps and compositions, is its caller's own: to others it is not there, whatever the route. Checked
+/// here for all routes below a query, so that no handler can forget it.
 ///
 /// # Errors
-/// [`HttpError::Unauthorized`], [`HttpError::Forbidden`].
-pub async fn authorize(State(app): State<App>, mut request: Request, next: Next) -> Result<Response, HttpError> {
-    let peer = request.extensions().get::<Peer>().map(|peer| peer.0);
-    let mut user = user_of(peer.map(|peer| peer.to_string()).unwrap_or_default().as_bytes());
-    if !app.tokens.is_empty()
-        && let Some(needed) = role_needed(request.method(), request.uri().path())
-    {
-        let token = bearer(request.headers()).and_then(|token| app.tokens.find(token));
-        let token = token.ok_or(HttpError::Unauthorized)?;
-        if token.role < needed {
-            return Err(HttpError::Forbidden { needed: name_of(needed), found: name_of(token.role) });
+/// [`HttpError::Work`] with [`WorkError::NoSuchQuery`], as for a query that never was.
+pub async fn own(State(app): State<App>, mut request: Request, next: Next) -> Result<Response, HttpError> {
+    let is_of_query = request.extensions().get::<MatchedPath>().is_some_and(|p| p.as_str().starts_with(ONE_QUERY));
+    if is_of_query {
+        // As the handlers see it, unescaped.
+        let params = request.extract_parts::<RawPathParams>().await;
+        let id =
+            params.ok().and_then(|params| params.iter().find(|(name, _)| *name == "id")?.1.parse::<QueryId>().ok());
+        let Who(caller) = request.extensions().get::<Who>().copied().unwrap_or_default();
+        if let Some(id) = id
+            && app.work.queries.owner(id).is_some_and(|owner| !caller.sees(owner))
+        {
+            return Err(WorkError::NoSuchQuery(id).into());
         }
-        user = user_of(token.id.to_string().as_bytes());
     }
-    request.extensions_mut().insert(Who(Caller { user }));
     Ok(next.run(request).await)
 }
 
@@ -84,12 +197,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reading_needs_less_than_changing_the_corpus() {
+    fn reading_needs_less_than_changing_the_corpus_and_tokens_need_most() {
         assert_eq!(role_needed(&Method::GET, "/healthz"), None);
         assert_eq!(role_needed(&Method::GET, "/v1/examples"), Some(Role::Reader));
         assert_eq!(role_needed(&Method::POST, "/v1/queries"), Some(Role::Reader));
         for method in [Method::POST, Method::PATCH, Method::DELETE, Method::PUT] {
             assert_eq!(role_needed(&method, "/v1/examples/x"), Some(Role::Contributor));
+        }
+        for path in ["/v1/tokens", "/v1/tokens/x", "/v1/admin/backup"] {
+            assert_eq!(role_needed(&Method::GET, path), Some(Role::Admin));
         }
     }
 }

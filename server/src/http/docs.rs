@@ -20,7 +20,6 @@ fn page(text: &'static str, media_type: &'static str, headers: &HeaderMap) -> Re
     let mut response = tagged(text.into(), media_type, &tag, if_none_match(headers).as_deref(), "no-cache");
     let out = response.headers_mut();
     out.insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY));
-    out.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
     out.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
     response
 }

@@ -3,6 +3,8 @@
 //! [`judge`] maps every error to a status and a code by a `match` without `_`, so that a new variant is decided here
 //! before it compiles.
 
+use crate::auth::AuthError;
+use crate::connections::Beyond;
 use crate::pool::{PoolError, StopReason};
 use crate::work::WorkError;
 use crate::work::corpus::CorpusError;
@@ -12,6 +14,7 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use quadmuse_proto::{Code, Problem, problem};
 use std::error::Error;
+use std::time::Duration;
 
 tokio::task_local! {
     /// The id of the request that this task answers.
@@ -100,6 +103,40 @@ pub enum HttpError {
         /// The role found.
         found: &'static str,
     },
+    /// What is for admins needs a token also on an open service.
+    #[error(
+        "expected a token of role admin, found none; create one by `quadmuse-server token create --role admin` on the server's machine"
+    )]
+    AdminNeedsToken,
+    /// The tokens can't be read or changed as asked.
+    #[error(transparent)]
+    Tokens(#[from] AuthError),
+    /// The request was sent to a name that anybody may let lead here.
+    #[error(
+        "expected `host` to be an address, localhost or a name given by --allow-host, found `{found}`; start the server with --allow-host if that is its name"
+    )]
+    HostUnknown {
+        /// The name found.
+        found: String,
+    },
+    /// A page of another origin sent what is no mere read.
+    #[error("expected a request of this server's own page or of a program, found one of another origin, `{found}`")]
+    CrossOrigin {
+        /// What said so.
+        found: String,
+    },
+    /// The caller asks too often.
+    #[error("expected fewer requests a second of one caller, found more; try again in {} s", retry_after.as_secs().max(1))]
+    TooOften {
+        /// When to come back.
+        retry_after: Duration,
+    },
+    /// There are too many connections: in all, or of this address.
+    #[error("expected fewer connections {}, found as many as there may be; close some, or try again shortly", words_of_beyond(*beyond))]
+    TooManyConnections {
+        /// Which of the limits was met.
+        beyond: Beyond,
+    },
     /// The service is stopping.
     #[error("expected a running service, found it stopping; try again shortly")]
     Stopping,
@@ -114,10 +151,23 @@ pub enum HttpError {
     Internal(String),
 }
 
+impl From<PoolError> for HttpError {
+    fn from(error: PoolError) -> Self {
+        Self::Work(error.into())
+    }
+}
+
 impl HttpError {
     /// A wrong parameter or header.
     pub fn parameter(name: &str, expected: impl Into<String>, found: impl ToString) -> Self {
         Self::Parameter { name: name.into(), expected: expected.into(), found: found.to_string() }
+    }
+}
+
+fn words_of_beyond(beyond: Beyond) -> &'static str {
+    match beyond {
+        Beyond::All => "in all",
+        Beyond::Address => "of this address",
     }
 }
 
@@ -135,10 +185,28 @@ fn judge(error: &HttpError) -> (StatusCode, Code) {
         HttpError::BodyTimeout { .. } => (StatusCode::REQUEST_TIMEOUT, Code::Timeout),
         HttpError::KeyReused(_) => (StatusCode::CONFLICT, Code::Conflict),
         HttpError::Unauthorized => (StatusCode::UNAUTHORIZED, Code::Unauthorized),
-        HttpError::Forbidden { .. } => (StatusCode::FORBIDDEN, Code::Forbidden),
+        HttpError::Forbidden { .. } | HttpError::AdminNeedsToken | HttpError::CrossOrigin { .. } => {
+            (StatusCode::FORBIDDEN, Code::Forbidden)
+        }
+        HttpError::HostUnknown { .. } => (StatusCode::MISDIRECTED_REQUEST, Code::Forbidden),
+        HttpError::Tokens(error) => judge_tokens(error),
+        HttpError::TooOften { .. } | HttpError::TooManyConnections { beyond: Beyond::Address } => {
+            (StatusCode::TOO_MANY_REQUESTS, Code::Overloaded)
+        }
+        HttpError::TooManyConnections { beyond: Beyond::All } => (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded),
         HttpError::Stopping => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
-        HttpError::TooSlow { .. } => (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded),
+        HttpError::TooSlow { .. } => (StatusCode::GATEWAY_TIMEOUT, Code::Deadline),
         HttpError::Internal(_) => (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal),
+    }
+}
+
+fn judge_tokens(error: &AuthError) -> (StatusCode, Code) {
+    match error {
+        AuthError::Unknown(_) => (StatusCode::NOT_FOUND, Code::NotFound),
+        AuthError::Invalid { .. } => (StatusCode::BAD_REQUEST, Code::ParameterInvalid),
+        AuthError::File { .. } | AuthError::Format { .. } | AuthError::NoRandomness => {
+            (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal)
+        }
     }
 }
 
@@ -154,6 +222,7 @@ fn judge_work(error: &WorkError) -> (StatusCode, Code) {
         | WorkError::NoSuchQuery(_)
         | WorkError::NoSuchMap(_)
         | WorkError::NoSuchComposition(_) => (StatusCode::NOT_FOUND, Code::NotFound),
+        WorkError::QueryExpired(_) => (StatusCode::GONE, Code::QueryExpired),
         WorkError::NotEncodedYet { .. } => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
         WorkError::QueryEnded { .. } | WorkError::TooMany { .. } => (StatusCode::CONFLICT, Code::Conflict),
         WorkError::CorpusEmpty { .. } => (StatusCode::CONFLICT, Code::CorpusEmpty),
@@ -193,15 +262,18 @@ fn judge_corpus(error: &CorpusError) -> (StatusCode, Code) {
     match error {
         CorpusError::NotFound(_) => (StatusCode::NOT_FOUND, Code::NotFound),
         CorpusError::Invalid(_) => (StatusCode::BAD_REQUEST, Code::ParameterInvalid),
-        CorpusError::ReadOnly(_) => (StatusCode::INSUFFICIENT_STORAGE, Code::StorageFull),
+        CorpusError::Full(_) => (StatusCode::INSUFFICIENT_STORAGE, Code::StorageFull),
+        CorpusError::ReadOnly(_) => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
         CorpusError::Busy => (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded),
         CorpusError::NoEncoding(_) => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
-        CorpusError::Damaged(_) | CorpusError::Failed(_) => (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal),
+        CorpusError::Damaged(_) => (StatusCode::GONE, Code::Damaged),
+        CorpusError::Failed(_) => (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal),
     }
 }
 
 fn judge_pool(error: &PoolError) -> (StatusCode, Code) {
     match error {
+        PoolError::OverShare { .. } => (StatusCode::TOO_MANY_REQUESTS, Code::Overloaded),
         PoolError::Overloaded { .. } | PoolError::MemoryFull { .. } => {
             (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded)
         }
@@ -215,7 +287,8 @@ fn judge_pool(error: &PoolError) -> (StatusCode, Code) {
 fn judge_stop(reason: StopReason) -> (StatusCode, Code) {
     match reason {
         StopReason::Cancelled => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
-        StopReason::Deadline => (StatusCode::PAYLOAD_TOO_LARGE, Code::MeshTooLarge),
+        StopReason::Memory => (StatusCode::PAYLOAD_TOO_LARGE, Code::MeshTooLarge),
+        StopReason::Deadline => (StatusCode::GATEWAY_TIMEOUT, Code::Deadline),
     }
 }
 
@@ -223,9 +296,14 @@ fn judge_stop(reason: StopReason) -> (StatusCode, Code) {
 fn retry_after(error: &HttpError, status: StatusCode) -> Option<u64> {
     match error {
         HttpError::Work(WorkError::Pool(
-            PoolError::Overloaded { retry_after, .. } | PoolError::MemoryFull { retry_after, .. },
+            PoolError::OverShare { retry_after, .. }
+            | PoolError::Overloaded { retry_after, .. }
+            | PoolError::MemoryFull { retry_after, .. },
         )) => Some(retry_after.as_secs().max(1)),
-        _ if status == StatusCode::SERVICE_UNAVAILABLE => Some(RETRY_AFTER_S),
+        HttpError::TooOften { retry_after } => Some(retry_after.as_secs().max(1)),
+        _ if status == StatusCode::SERVICE_UNAVAILABLE || status == StatusCode::TOO_MANY_REQUESTS => {
+            Some(RETRY_AFTER_S)
+        }
         _ => None,
     }
 }
@@ -264,6 +342,7 @@ impl IntoResponse for HttpError {
         // A struct of strings always prints.
         let body = serde_json::to_vec(&problem).unwrap_or_default();
         let mut response = (status, Body::from(body)).into_response();
+        super::watchful::tell(&mut response, |told| told.code = Some(problem.code.as_str()));
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(problem::MEDIA_TYPE));
         if let Some(seconds) = retry_after(&self, status) {

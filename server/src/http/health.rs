@@ -3,6 +3,7 @@
 use super::error::HttpError;
 use super::negotiate::Wants;
 use crate::app::App;
+use crate::pool::{Used, taken};
 use axum::extract::State;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -31,7 +32,9 @@ pub async fn ready(State(app): State<App>, wants: Wants) -> Result<Response, Htt
         examples: snapshot.example_count() as u64,
         segments: snapshot.segment_count() as u64,
         segments_waiting: snapshot.segment_count_all().saturating_sub(snapshot.segment_count()) as u64,
-        quarantined: health.quarantined.iter().map(ToString::to_string).collect(),
+        // Open to all: how many, and not which. Admins are told which.
+        quarantined: Vec::new(),
+        quarantined_count: health.quarantined.len() as u64,
         encoder_version: app.work.engine.version(),
     };
     let status = if ready { StatusCode::OK } else { StatusCode::SERVICE_UNAVAILABLE };
@@ -48,7 +51,30 @@ pub async fn metrics(State(app): State<App>) -> Response {
     metrics::gauge!("quadmuse_examples").set(snapshot.example_count() as f64);
     metrics::gauge!("quadmuse_segments").set(snapshot.segment_count() as f64);
     metrics::gauge!("quadmuse_queries_held").set(app.work.queries.len() as f64);
-    metrics::gauge!("quadmuse_pool_waiting").set(app.work.pool.waiting() as f64);
+    gauges(&app);
     app.metrics.run_upkeep();
     ([(header::CONTENT_TYPE, HeaderValue::from_static(PROMETHEUS))], app.metrics.render()).into_response()
+}
+
+/// Brings the gauges up to date. Users are told by how many there are and by the greediest, so that labels stay few.
+fn gauges(app: &App) {
+    let (pool, health, memory) = (&app.work.pool, app.work.corpus.health(), taken::of_process());
+    metrics::gauge!("quadmuse_pool_waiting").set(pool.waiting() as f64);
+    for (lane, waiting) in ["edit", "coarse", "fine", "ingest"].into_iter().zip(pool.waiting_by_lane()) {
+        metrics::gauge!("quadmuse_lane_waiting", "lane" => lane).set(waiting as f64);
+    }
+    let (used, users) = (pool.admission().used(), pool.admission().by_user());
+    metrics::gauge!("quadmuse_jobs").set(used.places as f64);
+    metrics::gauge!("quadmuse_users").set(users.len() as f64);
+    let most = |of: fn(&Used) -> u64| users.iter().map(|(_, used)| of(used)).max().unwrap_or(0) as f64;
+    metrics::gauge!("quadmuse_user_jobs_max").set(most(|used| used.places));
+    metrics::gauge!("quadmuse_user_memory_bytes_max").set(most(|used| used.bytes));
+    let limit = pool.admission().limit_bytes();
+    for (kind, bytes) in
+        [("limit", limit), ("admitted", used.bytes), ("allocated", memory.allocated), ("resident", memory.resident)]
+    {
+        metrics::gauge!("quadmuse_memory_bytes", "kind" => kind).set(bytes as f64);
+    }
+    metrics::gauge!("quadmuse_quarantined").set(health.quarantined.len() as f64);
+    metrics::gauge!("quadmuse_writable").set(f64::from(u8::from(health.read_only.is_none())));
 }

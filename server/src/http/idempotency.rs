@@ -2,6 +2,7 @@
 //!
 //! A key is remembered with the hash of its request and the id of what was made; a second request waits for the first.
 
+use super::caller::Who;
 use super::error::HttpError;
 use axum::extract::FromRequestParts;
 use axum::http::request::Parts;
@@ -46,8 +47,11 @@ impl<S: Sync> FromRequestParts<S> for Key {
         let expected = format!("of 1 to {KEY_LENGTH_MAX} visible characters");
         let text = value.to_str().ok().filter(|text| (1..=KEY_LENGTH_MAX).contains(&text.len()));
         match text {
-            // The same key on another address is another key.
-            Some(text) => Ok(Self(Some(format!("{} {}", parts.uri.path(), text)))),
+            // The same key on another address, or of another caller, is another key.
+            Some(text) => {
+                let Who(caller) = parts.extensions.get::<Who>().copied().unwrap_or_default();
+                Ok(Self(Some(format!("{}:{} {}", caller.user.0, parts.uri.path(), text))))
+            }
             None => Err(HttpError::parameter("idempotency-key", expected, String::from_utf8_lossy(value.as_bytes()))),
         }
     }

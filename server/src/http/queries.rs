@@ -74,7 +74,7 @@ pub fn described(live: &LiveQuery) -> Query {
     Query { problem, ..live.describe() }
 }
 
-/// Lists the queries that the server holds, newest last.
+/// Lists the caller's queries that the server holds, newest last; to an admin everybody's.
 #[utoipa::path(
     get, path = "/v1/queries", tag = "queries",
     params(
@@ -83,11 +83,16 @@ pub fn described(live: &LiveQuery) -> Query {
     ),
     responses((status = 200, description = "A page", body = Page<Query>))
 )]
-pub async fn list(State(app): State<App>, wants: Wants, params: Params) -> Result<Response, HttpError> {
+pub async fn list(
+    State(app): State<App>,
+    Who(caller): Who,
+    wants: Wants,
+    params: Params,
+) -> Result<Response, HttpError> {
     let limit = params.page_limit()?;
     let after: Option<QueryId> = params.get("cursor", "as `next` gave it")?;
-    let held: Vec<Arc<LiveQuery>> =
-        app.work.queries.all().into_iter().filter(|live| after.is_none_or(|after| live.id > after)).collect();
+    let wanted = |live: &Arc<LiveQuery>| caller.sees(live.caller.user) && after.is_none_or(|after| live.id > after);
+    let held: Vec<Arc<LiveQuery>> = app.work.queries.all().into_iter().filter(wanted).collect();
     let items: Vec<Query> = held.iter().take(limit).map(|live| described(live)).collect();
     let next = items.last().filter(|_| held.len() > limit).map(|last| last.id.to_string());
     wants.show(&Page { items, next })

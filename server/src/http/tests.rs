@@ -2,6 +2,7 @@
 //!
 //! The geometry is a fake (see `work::engine::fake`) and the corpus is in memory; what is tested is everything above.
 
+mod access;
 mod bodies;
 mod examples;
 mod maps;
@@ -11,7 +12,8 @@ mod streams;
 mod surface;
 
 use super::router;
-use crate::app::App;
+use crate::app::{App, Settings};
+use crate::audit::Audit;
 use crate::auth::Tokens;
 use crate::pool::{Admission, Pool, User};
 use crate::work::corpus::memory::MemoryCorpus;
@@ -87,7 +89,13 @@ impl Bench {
         let pool = Pool::new(2, admission).expect("threads");
         let work = Work::new(pool, Arc::new(FakeEngine), Arc::<MemoryCorpus>::clone(&corpus) as Arc<_>);
         let (stopping, dir) = (CancellationToken::new(), tempfile::tempdir().expect("a directory"));
-        let app = App::new(Arc::clone(&work), Tokens::beside(dir.path()), LIMIT, stopping.clone());
+        let app = App::new(
+            Arc::clone(&work),
+            Arc::new(Tokens::beside(dir.path())),
+            Audit::beside(dir.path()),
+            Settings { upload_limit: LIMIT, allowed_hosts: Vec::new(), rate_limit: 0 },
+            stopping.clone(),
+        );
         Self { router: router(app), work, corpus, stopping, dir }
     }
 

@@ -1,14 +1,16 @@
 //! A mesh in the body: raw bytes, or `multipart/form-data` with the parts `mesh` and `segments`.
 
-use super::body::{ARRIVAL_TIME_MAX, body_error, limited, whole};
+use super::body::computed;
+use super::caller::Who;
 use super::error::HttpError;
 use super::params::Params;
 use crate::app::App;
+use crate::pool::{Stop, User};
 use crate::work::engine::{Cut, EngineError, Refusal};
-use crate::work::ingest::Upload;
+use crate::work::ingest::{Upload, check_labels};
 use axum::body::Body;
 use axum::extract::{FromRequest, FromRequestParts, Multipart, Request};
-use axum::http::header;
+use axum::http::{HeaderValue, header};
 use bytes::Bytes;
 use quadmuse_proto::{Components, MeshFormat, Segmentation, segment};
 
@@ -48,19 +50,40 @@ impl FromRequest<App> for MeshUpload {
         let way = params.get::<Segmentation>("segments", "auto, whole or groups")?.unwrap_or_default();
         let components = params.get::<Components>("components", "largest or refuse")?.unwrap_or_default();
         let count = params.get::<segment::Parts>("parts", "auto, or a number from 1 to 64")?;
-        let query = head.uri.query().unwrap_or_default().to_owned();
+        let Who(caller) = head.extensions.get::<Who>().copied().unwrap_or_default();
         let media_type = head.headers.get(header::CONTENT_TYPE).map(|value| value.to_str().unwrap_or("not a text"));
-        let parts = if media_type.is_some_and(|kind| essence(kind).eq_ignore_ascii_case("multipart/form-data")) {
-            let body = Body::new(limited(&head.headers, body, app.upload_limit)?);
-            let reading = multipart(Request::from_parts(head, body), app);
-            let seconds = ARRIVAL_TIME_MAX.as_secs();
-            tokio::time::timeout(ARRIVAL_TIME_MAX, reading).await.map_err(|_| HttpError::BodyTimeout { seconds })??
-        } else {
-            let format = media_type.map_or(Ok(None), format_of_media_type);
-            let format = if asked.is_some() { asked } else { format? };
-            let mesh = Some(whole(&head.headers, body, app.upload_limit).await?);
-            Parts { mesh, format, labels: None }
+        let is_form = media_type.is_some_and(|kind| essence(kind).eq_ignore_ascii_case("multipart/form-data"));
+        let named = match media_type.filter(|_| asked.is_none() && !is_form) {
+            Some(kind) => format_of_media_type(kind)?,
+            None => asked,
         };
+        let asked_for =
+            Asked { format: named, way, components, count, query: head.uri.query().unwrap_or_default().into() };
+        let (headers, runtime) = (head.headers.clone(), tokio::runtime::Handle::current());
+        let (this, kind) = (app.clone(), head.headers.get(header::CONTENT_TYPE).cloned());
+        let read = move |bytes: Bytes, _: &Stop| {
+            let parts = match kind.filter(|_| is_form) {
+                // All of it is there: nothing is waited for.
+                Some(kind) => runtime.block_on(multipart(kind, bytes, &this, caller.user))?,
+                None => Parts { mesh: Some(bytes), ..Parts::default() },
+            };
+            asked_for.upload(parts)
+        };
+        computed(app, caller.user, &headers, body, read).await
+    }
+}
+
+/// What the request says beside its body.
+struct Asked {
+    format: Option<MeshFormat>,
+    way: Segmentation,
+    components: Components,
+    count: Option<segment::Parts>,
+    query: String,
+}
+
+impl Asked {
+    fn upload(self, parts: Parts) -> Result<MeshUpload, HttpError> {
         let none = || HttpError::BodyInvalid("expected a part `mesh`, found none".into());
         let bytes = parts.mesh.ok_or_else(none)?;
         if bytes.is_empty() {
@@ -68,12 +91,12 @@ impl FromRequest<App> for MeshUpload {
             return Err(HttpError::Work(EngineError::refused(Refusal::Empty, detail).into()));
         }
         let mut hasher = blake3::Hasher::new();
-        hasher.update(query.as_bytes()).update(&[0]).update(&bytes);
+        hasher.update(self.query.as_bytes()).update(&[0]).update(&bytes);
         for label in parts.labels.iter().flatten() {
             hasher.update(&label.to_le_bytes());
         }
-        if let Some(count) = count
-            && (way != Segmentation::Auto || parts.labels.is_some())
+        if let Some(count) = self.count
+            && (self.way != Segmentation::Auto || parts.labels.is_some())
         {
             return Err(HttpError::parameter(
                 "parts",
@@ -81,9 +104,15 @@ impl FromRequest<App> for MeshUpload {
                 count,
             ));
         }
-        let cut = Cut { way, labels: parts.labels, parts: count, components, ..Cut::default() };
-        let upload = Upload { bytes, format: asked.or(parts.format), cut };
-        Ok(Self { upload, fingerprint: hasher.finalize() })
+        let cut = Cut {
+            way: self.way,
+            labels: parts.labels,
+            parts: self.count,
+            components: self.components,
+            ..Cut::default()
+        };
+        let upload = Upload { bytes, format: self.format.or(parts.format), cut };
+        Ok(MeshUpload { upload, fingerprint: hasher.finalize() })
     }
 }
 
@@ -113,15 +142,16 @@ fn format_of_media_type(media_type: &str) -> Result<Option<MeshFormat>, HttpErro
     Err(HttpError::BodyFormat { expected, found: media_type.into() })
 }
 
-async fn multipart(request: Request, app: &App) -> Result<Parts, HttpError> {
+async fn multipart(kind: HeaderValue, bytes: Bytes, app: &App, user: User) -> Result<Parts, HttpError> {
     let invalid =
         |error: String| HttpError::BodyInvalid(format!("expected multipart/form-data with {PARTS}, found: {error}"));
+    // The parts lie beside the form until all is read.
+    let share = app.work.hold(user, bytes.len() as u64)?;
+    let mut request = Request::new(Body::from(bytes));
+    request.headers_mut().insert(header::CONTENT_TYPE, kind);
     let mut form = Multipart::from_request(request, app).await.map_err(|error| invalid(error.body_text()))?;
     let mut parts = Parts::default();
-    let broken = |error: axum::extract::multipart::MultipartError| match body_error(&error, app.upload_limit) {
-        HttpError::BodyInvalid(_) => invalid(error.body_text()),
-        too_large => too_large,
-    };
+    let broken = |error: axum::extract::multipart::MultipartError| invalid(error.body_text());
     while let Some(field) = form.next_field().await.map_err(broken)? {
         let name = field.name().unwrap_or_default().to_owned();
         let format = field.content_type().and_then(MeshFormat::from_media_type);
@@ -129,7 +159,11 @@ async fn multipart(request: Request, app: &App) -> Result<Parts, HttpError> {
         let bytes = field.bytes().await.map_err(broken)?;
         match name.as_str() {
             "mesh" if parts.mesh.is_none() => (parts.mesh, parts.format) = (Some(bytes), format),
-            "segments" if parts.labels.is_none() => parts.labels = Some(labels(&bytes)?),
+            "segments" if parts.labels.is_none() => {
+                // Eight bytes a label, of which two bytes may be one.
+                app.work.grow(&share, 4 * bytes.len() as u64)?;
+                parts.labels = Some(labels(&bytes)?);
+            }
             "mesh" | "segments" => return Err(invalid(format!("the part `{name}` twice"))),
             _ => return Err(invalid(format!("a part named {name:?}"))),
         }
@@ -145,7 +179,10 @@ fn labels(bytes: &[u8]) -> Result<Vec<i64>, HttpError> {
     };
     let text = std::str::from_utf8(bytes).map_err(|_| wrong(1, "bytes that are no text"))?;
     let line = |(at, line): (usize, &str)| line.trim().parse().map_err(|_| wrong(at + 1, line));
-    text.trim_end().lines().enumerate().map(line).collect()
+    let labels: Vec<i64> = text.trim_end().lines().enumerate().map(line).collect::<Result<_, _>>()?;
+    // Before any is cut: each costs memory, however few its faces are.
+    check_labels(&labels)?;
+    Ok(labels)
 }
 
 #[cfg(test)]

@@ -1,9 +1,10 @@
 //! What happens around every request: its id, its log line, its metrics, its time limit, and the net under panics.
 
+use super::caller::Peer;
 use super::error::{HttpError, REQUEST_ID};
 use crate::pool::words_of;
 use axum::extract::{MatchedPath, Request};
-use axum::http::{HeaderMap, HeaderName, HeaderValue};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use futures_util::FutureExt;
@@ -27,11 +28,27 @@ fn request_id(headers: &HeaderMap) -> String {
     usable.map_or_else(|| RequestId::generate().to_string(), Into::into)
 }
 
+/// What an answer tells the log beside what it tells the caller.
+#[derive(Clone, Debug, Default)]
+pub struct Told {
+    /// The token's id.
+    pub user: Option<String>,
+    /// The problem's code.
+    pub code: Option<&'static str>,
+}
+
+/// Adds to what an answer tells the log.
+pub fn tell(response: &mut Response, add: impl FnOnce(&mut Told)) {
+    add(response.extensions_mut().get_or_insert_default::<Told>());
+}
+
 /// The outermost layer: gives the request its id and the answer its header, and writes a line in the log.
 pub async fn identify(request: Request, next: Next) -> Response {
     let id = request_id(request.headers());
     // Debug formatting escapes whatever the client wrote.
     let span = tracing::info_span!("request", id = ?id, method = %request.method(), path = ?request.uri().path());
+    let peer = request.extensions().get::<Peer>().map(|peer| peer.0.to_string());
+    let bytes_in = http_body::Body::size_hint(request.body()).exact();
     let start = Instant::now();
     let answering = REQUEST_ID.scope(id.clone(), next.run(request).instrument(span.clone()));
     let mut response = answering.await;
@@ -39,7 +56,10 @@ pub async fn identify(request: Request, next: Next) -> Response {
         response.headers_mut().insert(X_REQUEST_ID, value);
     }
     let (status, ms) = (response.status().as_u16(), start.elapsed().as_secs_f64() * 1e3);
-    span.in_scope(|| tracing::info!(status, ms, "answered"));
+    let told = response.extensions().get::<Told>().cloned().unwrap_or_default();
+    let bytes_out = http_body::Body::size_hint(response.body()).exact();
+    let (user, code) = (told.user, told.code);
+    span.in_scope(|| tracing::info!(status, ms, user, peer, code, bytes_in, bytes_out, "answered"));
     response
 }
 
@@ -53,14 +73,28 @@ pub async fn guard(request: Request, next: Next) -> Response {
     }
 }
 
+/// A method as a label: invented ones are all the same, so that nobody fills the memory with them.
+fn known_method(method: &Method) -> &'static str {
+    match method.as_str() {
+        "GET" => "GET",
+        "HEAD" => "HEAD",
+        "POST" => "POST",
+        "PATCH" => "PATCH",
+        "PUT" => "PUT",
+        "DELETE" => "DELETE",
+        "OPTIONS" => "OPTIONS",
+        _ => "other",
+    }
+}
+
 /// Counts and times each route.
 pub async fn measure(request: Request, next: Next) -> Response {
     let route = request.extensions().get::<MatchedPath>().map_or("none", |path| path.as_str()).to_owned();
-    let method = request.method().to_string();
+    let method = known_method(request.method());
     let start = Instant::now();
     let response = next.run(request).await;
     let status = response.status().as_u16().to_string();
-    let labels = [("method", method), ("route", route), ("status", status)];
+    let labels = [("method", method.to_owned()), ("route", route), ("status", status)];
     metrics::counter!("quadmuse_requests_total", &labels).increment(1);
     metrics::histogram!("quadmuse_request_seconds", &labels).record(start.elapsed().as_secs_f64());
     response

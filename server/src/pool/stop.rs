@@ -1,5 +1,6 @@
 //! The flag that stops a job: set by hand, or by a deadline.
 
+use super::taken;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -11,6 +12,11 @@ pub enum StopReason {
     /// The caller cancelled it or went away.
     #[error("the computation was cancelled")]
     Cancelled,
+    /// It took far more memory than it was admitted with.
+    #[error(
+        "expected the computation to take the memory that meshes of its size do, found it taking far more; send a simpler mesh"
+    )]
+    Memory,
     /// Its time was over.
     #[error(
         "expected the computation to end in its time, found it still running at its deadline; allow it more, or send a smaller mesh"
@@ -46,6 +52,9 @@ impl Stop {
     pub fn reason(&self) -> Option<StopReason> {
         if self.0.cancelled.load(Ordering::Relaxed) {
             return Some(StopReason::Cancelled);
+        }
+        if taken::is_too_much() {
+            return Some(StopReason::Memory);
         }
         self.0.deadline.is_some_and(|deadline| Instant::now() >= deadline).then_some(StopReason::Deadline)
     }

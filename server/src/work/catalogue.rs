@@ -245,6 +245,10 @@ impl Catalogue {
     /// [`CorpusError::NotFound`].
     pub fn example(&self, id: ExampleId) -> Result<Arc<Example>, WorkError> {
         let snapshot = self.snapshot();
-        Ok(snapshot.example(id).cloned().ok_or(CorpusError::NotFound(id))?)
+        match snapshot.example(id) {
+            Some(example) => Ok(Arc::clone(example)),
+            // One that is set aside says so.
+            None => Err(self.corpus.get(id).err().unwrap_or(CorpusError::NotFound(id)).into()),
+        }
     }
 }

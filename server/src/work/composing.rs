@@ -30,6 +30,9 @@ const TRIES: usize = 3;
 /// Memory that stitching takes for each face, at most.
 const MEMORY_PER_FACE: u64 = 1500;
 
+/// Memory that stitching takes for each face of the input: its surface, and the trees it is sought in.
+const MEMORY_PER_INPUT_FACE: u64 = 300;
+
 /// Memory that the stitched mesh takes for each face, as long as it is held.
 const MEMORY_PER_FACE_HELD: u64 = 200;
 
@@ -59,7 +62,8 @@ pub async fn create(
     }
     let Gathered { parts, mut summaries, mut templates, mut poor, maps } = gathered(work, live, &wanted, named).await?;
     let faces = faces_at(&parts, wanted.density)?;
-    let needed = faces.max(FACES_LEAST) * MEMORY_PER_FACE;
+    let input = live.model.mesh.faces.len() as u64 * MEMORY_PER_INPUT_FACE;
+    let needed = faces.max(FACES_LEAST) * MEMORY_PER_FACE + input;
     let job = work.admit(live.caller.user, needed, REQUEST_TIME_MAX)?;
     let (engine, model) = (Arc::clone(&work.engine), Arc::clone(&live.model));
     let how = Stitching { smoothing: wanted.smoothing, density: wanted.density };

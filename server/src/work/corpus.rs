@@ -23,7 +23,10 @@ pub enum CorpusError {
     /// A value is outside the corpus's limits.
     #[error("{0}")]
     Invalid(String),
-    /// The disk is full, or failing; reads go on.
+    /// The disk is full; reads go on.
+    #[error("{0}")]
+    Full(String),
+    /// The disk is failing; reads go on.
     #[error("{0}")]
     ReadOnly(String),
     /// Too many writes are waiting.
@@ -92,6 +95,19 @@ pub struct CorpusHealth {
     pub read_only: Option<String>,
     /// Examples set aside because their bytes are damaged.
     pub quarantined: Vec<ExampleId>,
+}
+
+/// What a check found.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct CorpusCheck {
+    /// Examples read.
+    pub examples: u64,
+    /// Encodings read.
+    pub segments: u64,
+    /// Bytes read.
+    pub bytes: u64,
+    /// What is wrong, a sentence each.
+    pub problems: Vec<String>,
 }
 
 /// The corpus.
@@ -168,6 +184,30 @@ pub trait Corpus: Send + Sync + 'static {
     /// [`CorpusError::ReadOnly`], [`CorpusError::Failed`].
     fn keep_rows(&self, _rows: &mut dyn Iterator<Item = (ExampleId, KeptRow)>) -> Result<(), CorpusError> {
         Ok(())
+    }
+
+    /// Reads everything, and changes nothing.
+    ///
+    /// # Errors
+    /// [`CorpusError::Failed`].
+    fn check(&self) -> Result<CorpusCheck, CorpusError> {
+        Ok(CorpusCheck::default())
+    }
+
+    /// Checks one example, mends what can be and sets aside what can't; what was found, a sentence each.
+    ///
+    /// # Errors
+    /// [`CorpusError::Failed`].
+    fn scrub(&self, _id: ExampleId) -> Result<Vec<String>, CorpusError> {
+        Ok(Vec::new())
+    }
+
+    /// Writes the corpus as it is at this moment; which examples were left out, and why.
+    ///
+    /// # Errors
+    /// [`CorpusError::Failed`].
+    fn backup(&self, _to: &mut dyn std::io::Write) -> Result<Vec<(ExampleId, String)>, CorpusError> {
+        Ok(Vec::new())
     }
 
     /// Segments without an encoding of the encoder's version.

@@ -389,6 +389,11 @@ pub trait Engine: Send + Sync + 'static {
         0
     }
 
+    /// An upper estimate of the memory that a map of an example of `bytes` bytes takes as long as it is held, in bytes.
+    fn memory_of_map(&self, bytes: u64) -> u64 {
+        self.memory_estimate(bytes) / 2
+    }
+
     /// Reads, checks, repairs and cuts a mesh.
     ///
     /// # Errors

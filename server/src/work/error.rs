@@ -40,9 +40,12 @@ pub enum WorkError {
     },
     /// No such query (never posted, or freed).
     #[error(
-        "expected a query of this server, found none with the id {0}; it was removed, or made room for newer ones: post it again"
+        "expected a query of this server, found none with the id {0}; it was removed, or never posted here: post it again"
     )]
     NoSuchQuery(QueryId),
+    /// It ended, and made room for newer ones.
+    #[error("expected a query that is held, found that {0} made room for newer ones after its end; post it again")]
+    QueryExpired(QueryId),
     /// No such map.
     #[error("expected a map of the query, found none with the id {0}")]
     NoSuchMap(MapId),

@@ -2,12 +2,13 @@
 
 use super::corpus::{NewExample, Put};
 use super::engine::{Cut, Encoded, EngineError, Grain, Model, Packed};
-use super::{Caller, REQUEST_TIME_MAX, Work, WorkError};
+use super::{Caller, REQUEST_TIME_MAX, Work, WorkError, texts};
 use crate::pool::{Job, Lane, User};
 use bytes::Bytes;
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::example::{NAME_LENGTH_MAX, RELEVANCE_RANGE, TAG_LENGTH_MAX, TAGS_MAX};
 use quadmuse_proto::{Example, ExampleId, ExamplePatch, MeshCounts, MeshFormat};
+use std::collections::HashSet;
 use std::sync::Arc;
 
 /// The relevance of an example added without one.
@@ -19,6 +20,21 @@ pub const SEGMENTS_MAX: usize = 128;
 /// An upper estimate of the memory that an upload takes once it is cut, in bytes.
 pub fn memory_of(work: &Work, bytes: u64, model: &Model) -> u64 {
     work.engine.memory_estimate(bytes) + work.engine.memory_of_segments(model.segments.len())
+}
+
+/// Checks that labels ask for no more segments than a mesh may have.
+///
+/// # Errors
+/// [`WorkError::Parameter`].
+pub fn check_labels(labels: &[i64]) -> Result<(), WorkError> {
+    let mut found = HashSet::new();
+    for label in labels {
+        if found.insert(label) && found.len() > SEGMENTS_MAX {
+            let expected = format!("to give at most {SEGMENTS_MAX} segments");
+            return Err(WorkError::parameter("segments", expected, format!("more than {SEGMENTS_MAX} labels")));
+        }
+    }
+    Ok(())
 }
 
 /// A mesh as it came in.
@@ -174,8 +190,10 @@ pub async fn remove(work: &Arc<Work>, id: ExampleId) -> Result<(), WorkError> {
 ///
 /// # Errors
 /// Refusals of the corpus.
-pub async fn bytes(work: &Arc<Work>, id: ExampleId) -> Result<Bytes, WorkError> {
-    work.blocking(move |work| Ok(work.corpus.bytes(id)?)).await
+pub async fn bytes(work: &Arc<Work>, user: User, id: ExampleId) -> Result<Bytes, WorkError> {
+    // Until the last byte is sent they lie in memory, however slowly they are taken.
+    let share = work.hold(user, work.catalogue.example(id)?.bytes)?;
+    work.blocking(move |work| Ok(share.held(work.corpus.bytes(id)?.into()))).await
 }
 
 /// The mesh of an example, in another format than it was uploaded in if need be.
@@ -184,14 +202,14 @@ pub async fn bytes(work: &Arc<Work>, id: ExampleId) -> Result<Bytes, WorkError> 
 /// Refusals of the corpus and of the format.
 pub async fn mesh(work: &Arc<Work>, caller: Caller, id: ExampleId, format: MeshFormat) -> Result<Bytes, WorkError> {
     let example = work.catalogue.example(id)?;
-    let bytes = bytes(work, id).await?;
+    let bytes = bytes(work, caller.user, id).await?;
     if example.format == format.as_str() {
         return Ok(bytes);
     }
     let estimate = work.engine.memory_estimate(bytes.len() as u64);
     let job = work.admit(caller.user, estimate, REQUEST_TIME_MAX)?;
     let model = model(work, &job, Lane::Edit, &example).await?;
-    write(work, &job, &model.mesh, format).await
+    write(work, job, caller.user, &model.mesh, format).await
 }
 
 /// An example, read again from its bytes.
@@ -205,13 +223,24 @@ pub async fn model(work: &Arc<Work>, job: &Job, lane: Lane, example: &Example) -
     read(work, job, lane, &Upload { bytes, format: example.format.parse().ok(), cut }).await
 }
 
-/// A mesh as a file.
-///
-/// # Errors
-/// Refusals of the format and of the pool.
-pub async fn write(work: &Arc<Work>, job: &Job, mesh: &Arc<PolyMesh>, format: MeshFormat) -> Result<Bytes, WorkError> {
+/// A mesh as a file, paid for until it is sent.
+async fn write(
+    work: &Arc<Work>,
+    job: Job,
+    user: User,
+    mesh: &Arc<PolyMesh>,
+    format: MeshFormat,
+) -> Result<Bytes, WorkError> {
+    let share = work.hold(user, file_bytes_of(mesh))?;
     let (engine, mesh) = (Arc::clone(&work.engine), Arc::clone(mesh));
-    Ok(work.pool.run(job, Lane::Edit, move |_| engine.write(&mesh, format)).await??.into())
+    let file = work.pool.run(&job, Lane::Edit, move |_| engine.write(&mesh, format)).await??;
+    Ok(share.held(file))
+}
+
+/// An upper estimate of the length of a mesh as a file, in bytes, the buffer it grows in included.
+fn file_bytes_of(mesh: &PolyMesh) -> u64 {
+    // Coordinates, texture coordinates and a name a vertex; an index of each kind and separators a corner.
+    160 * mesh.positions.len() as u64 + 48 * mesh.faces.corners().len() as u64 + 4096
 }
 
 /// A mesh that is held already, as a file.
@@ -225,7 +254,7 @@ pub async fn mesh_file(
     format: MeshFormat,
 ) -> Result<Bytes, WorkError> {
     let job = work.admit(user, 0, REQUEST_TIME_MAX)?;
-    write(work, &job, mesh, format).await
+    write(work, job, user, mesh, format).await
 }
 
 /// What a mesh is made of.
@@ -236,11 +265,15 @@ pub fn counts_of(mesh: &PolyMesh) -> MeshCounts {
 }
 
 fn check_name(name: &str) -> Result<(), WorkError> {
-    if name.len() <= NAME_LENGTH_MAX {
-        return Ok(());
+    if name.len() > NAME_LENGTH_MAX {
+        let expected = format!("of at most {NAME_LENGTH_MAX} bytes");
+        return Err(WorkError::parameter("name", expected, format!("{} bytes", name.len())));
     }
-    let expected = format!("of at most {NAME_LENGTH_MAX} bytes");
-    Err(WorkError::parameter("name", expected, format!("{} bytes", name.len())))
+    check_text("name", name)
+}
+
+fn check_text(name: &'static str, text: &str) -> Result<(), WorkError> {
+    texts::unprintable(text).map_or(Ok(()), |found| Err(WorkError::parameter(name, texts::EXPECTED, found)))
 }
 
 fn check_relevance(relevance: f64) -> Result<(), WorkError> {
@@ -260,6 +293,7 @@ pub fn normal_tags(mut tags: Vec<String>) -> Result<Vec<String>, WorkError> {
     if tags.len() > TAGS_MAX {
         return Err(WorkError::parameter("tag", format!("at most {TAGS_MAX} times"), tags.len()));
     }
+    tags.iter().try_for_each(|tag| check_text("tag", tag))?;
     match tags.iter().find(|tag| tag.trim().is_empty() || tag.len() > TAG_LENGTH_MAX) {
         None => Ok(tags),
         Some(tag) => {

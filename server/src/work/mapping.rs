@@ -26,6 +26,8 @@ pub struct LiveMap {
     example_id: ExampleId,
     edits: tokio::sync::Mutex<()>,
     newest: Mutex<Arc<MapState>>,
+    /// Its share of the memory.
+    _held: Job,
 }
 
 /// A revision of a map.
@@ -93,7 +95,8 @@ pub async fn create(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: NewMap) -> 
     let id = MapId::generate();
     let timings = MapTimings { register_ms, map_ms: ms_since(start) - register_ms, total_ms: ms_since(start) };
     let summary = summary(live, id, wanted.segment, (wanted.example, segment), 1, &mapped, timings);
-    Ok(keep(live, Some(fitted.example), fitted.query, MapState { mapped, summary }))
+    let held = job.kept(work.engine.memory_of_map(example.bytes));
+    Ok(keep(live, held, Some(fitted.example), fitted.query, MapState { mapped, summary }))
 }
 
 /// Lays a regular layout on a segment, in place of an example.
@@ -104,17 +107,18 @@ async fn create_template(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: &NewMa
         return Err(WorkError::NoSuchSegment { of, count, segment });
     }
     let encoded = live.encoded(wanted.segment).await?;
-    let job = work.admit(live.caller.user, 0, REQUEST_TIME_MAX)?;
+    let job = work.admit(live.caller.user, work.engine.memory_of_map(0), REQUEST_TIME_MAX)?;
     let side = Side { model: Arc::clone(&live.model), segment: wanted.segment, encoded };
     let (engine, query) = (Arc::clone(&work.engine), side.clone());
     let mapped = work.pool.run(&job, Lane::Edit, move |stop| engine.template(&query, stop)).await??;
     let timings = MapTimings { register_ms: 0.0, map_ms: ms_since(start), total_ms: ms_since(start) };
     let summary = summary(live, MapId::generate(), wanted.segment, (wanted.example, 0), 1, &mapped, timings);
-    Ok(keep(live, None, side, MapState { mapped, summary }))
+    let held = job.kept(work.engine.memory_of_map(0));
+    Ok(keep(live, held, None, side, MapState { mapped, summary }))
 }
 
 /// Keeps a new map with its query.
-fn keep(live: &LiveQuery, example: Option<Side>, query: Side, state: MapState) -> Arc<LiveMap> {
+fn keep(live: &LiveQuery, held: Job, example: Option<Side>, query: Side, state: MapState) -> Arc<LiveMap> {
     let id = state.summary.id;
     let map = Arc::new(LiveMap {
         id,
@@ -124,6 +128,7 @@ fn keep(live: &LiveQuery, example: Option<Side>, query: Side, state: MapState) -
         example_id: state.summary.example,
         edits: tokio::sync::Mutex::default(),
         newest: Mutex::new(Arc::new(state)),
+        _held: held,
     });
     live.maps().insert(id, Arc::clone(&map));
     map

@@ -64,7 +64,8 @@ pub async fn thumbnail(work: &Arc<Work>, caller: Caller, id: ExampleId, size: u3
     if let Some(drawn) = work.thumbnails.get(id, size) {
         return Ok(drawn);
     }
-    let job = work.admit(caller.user, work.engine.memory_estimate(example.bytes), REQUEST_TIME_MAX)?;
+    let job =
+        work.admit(caller.user, work.engine.memory_estimate(example.bytes) + drawing_bytes(size), REQUEST_TIME_MAX)?;
     // Behind what people wait for: a page asks for many at once.
     let model = ingest::model(work, &job, Lane::Fine, &example).await?;
     let draw = move |_: &_| render(&model.mesh, &View::guess(&model.mesh), size).to_png();
@@ -79,10 +80,11 @@ pub async fn thumbnail(work: &Arc<Work>, caller: Caller, id: ExampleId, size: u3
 /// The size, refusals of the pool.
 pub async fn preview(work: &Arc<Work>, user: User, mesh: &Arc<PolyMesh>, size: u32) -> Result<Bytes, WorkError> {
     let size = checked(size)?;
-    let job = work.admit(user, 0, REQUEST_TIME_MAX)?;
+    let job = work.admit(user, drawing_bytes(size), REQUEST_TIME_MAX)?;
     let mesh = Arc::clone(mesh);
     let draw = move |_: &_| render(&mesh, &View::guess(&mesh), size).to_png();
-    Ok(work.pool.run(&job, Lane::Edit, draw).await?.into())
+    let picture = work.pool.run(&job, Lane::Edit, draw).await?;
+    Ok(work.hold(user, picture.len() as u64)?.held(picture))
 }
 
 /// λ of a segment at a level, with its features.
@@ -104,7 +106,7 @@ pub async fn encoding(
     if segment as usize >= count {
         return Err(WorkError::NoSuchSegment { of, count, segment });
     }
-    let job = work.admit(caller.user, 0, REQUEST_TIME_MAX)?;
+    let job = work.admit(caller.user, drawing_bytes(ENCODING_SIDE), REQUEST_TIME_MAX)?;
     let this = Arc::clone(work);
     let draw = move |_: &_| -> Result<Bytes, WorkError> {
         let packed = this.corpus.encoding(id, segment, level)?;
@@ -114,6 +116,11 @@ pub async fn encoding(
         Ok(picture.to_png().into())
     };
     work.pool.run(&job, Lane::Edit, draw).await?
+}
+
+/// Memory that drawing a picture of `side` pixels takes: colour and depth, four samples a pixel, and the file.
+fn drawing_bytes(side: u32) -> u64 {
+    u64::from(side) * u64::from(side) * 4 * (4 * 4 + 8)
 }
 
 fn checked(size: u32) -> Result<u32, WorkError> {

@@ -154,6 +154,13 @@ impl LiveQuery {
         self.board.borrow().state.is_final()
     }
 
+    /// Time since its end; `None` while it goes on.
+    pub fn ended_since(&self) -> Option<Duration> {
+        let board = self.board.borrow();
+        let total = Duration::try_from_secs_f64(board.timings.total_ms / 1e3).unwrap_or_default();
+        board.state.is_final().then(|| self.elapsed().saturating_sub(total))
+    }
+
     /// Writes on the board, unless the query has ended.
     pub fn update(&self, change: impl FnOnce(&mut Board)) {
         self.board.send_if_modified(|board| {

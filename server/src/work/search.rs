@@ -130,7 +130,7 @@ async fn run(work: Arc<Work>, live: Arc<LiveQuery>, corpus: Vec<Selection>) {
         Err(error) => match error.stop_reason() {
             Some(StopReason::Cancelled) => live.end(QueryState::Cancelled, false, None),
             Some(StopReason::Deadline) => live.end(QueryState::Done, true, None),
-            None => {
+            Some(StopReason::Memory) | None => {
                 tracing::warn!(query = %live.id, %error, "query failed");
                 live.end(QueryState::Failed, false, Some(error));
             }

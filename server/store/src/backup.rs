@@ -17,7 +17,7 @@ use crate::frame::{self, FRAME_OVERHEAD};
 use crate::record::{ContentHash, ExampleRecord, validate};
 use crate::recover::OpenReport;
 use crate::shared::OpenOptions;
-use crate::store::Store;
+use crate::store::{RESTORING, Store};
 use crate::writer::Packed;
 
 const FORMAT: u32 = 1;
@@ -162,7 +162,8 @@ impl Store {
         Ok(true)
     }
 
-    /// Restores a backup into `dir`, which must hold no examples yet. What was restored before an error stays: remove the directory then.
+    /// Restores a backup into `dir`, which must hold no examples yet: all of it or nothing. Until it is whole a mark stands
+    /// there that no service starts beside; a restore into the same directory begins anew.
     ///
     /// # Errors
     /// [`StoreError::Backup`] for a damaged or cut one, [`StoreError::NotEmpty`], and whatever opening and adding fail with.
@@ -171,16 +172,29 @@ impl Store {
         options: &OpenOptions,
         reader: &mut dyn Read,
     ) -> Result<(Store, OpenReport), StoreError> {
-        let (store, report) = Store::open(dir, options)?;
+        let mark = dir.join(RESTORING);
+        if mark.exists() {
+            // What an interrupted restore left, and nothing else: it began in an empty store.
+            for name in ["objects", "ground", "index", "quarantined"] {
+                crate::recover::remove_tree(&dir.join(name))?;
+            }
+        }
+        let restoring = OpenOptions { restores: true, ..options.clone() };
+        let (store, report) = Store::open(dir, &restoring)?;
         let examples = report.examples + report.quarantined.len();
         if examples > 0 {
             return Err(StoreError::NotEmpty { examples });
         }
+        std::fs::write(&mark, "A restore into this store has not ended.\n").map_err(StoreError::io("write", &mark))?;
+        files::sync_dir(dir)?;
         let mut input = In { reader, hash: blake3::Hasher::new(), at: 0 };
         input.restore(&store)?;
         // A first opening after many writes replays them: do it here, not in the service.
         drop(store);
-        Store::open(dir, options)
+        let opened = Store::open(dir, &restoring)?;
+        std::fs::remove_file(&mark).map_err(StoreError::io("remove", &mark))?;
+        files::sync_dir(dir)?;
+        Ok(opened)
     }
 }
 

@@ -1,12 +1,16 @@
 //! Reading everything once, to find damage before somebody needs what is damaged.
 
+use std::fs::{self, File, TryLockError};
+use std::path::{Path, PathBuf};
+
 use quadmuse_proto::id::ExampleId;
 
 use crate::engine::{Failure, Pointer};
 use crate::error::StoreError;
 use crate::keys::SegmentKey;
 use crate::record::ExampleRecord;
-use crate::store::Store;
+use crate::shared::OpenOptions;
+use crate::store::{LOCK_FILE, Store};
 
 /// Something a check found.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -18,8 +22,8 @@ pub enum Problem {
         /// What is wrong.
         reason: String,
     },
-    /// The record's file was damaged or missing; it was written anew from the index.
-    RecordMended {
+    /// The record's file is damaged or missing; scrubbing writes it anew from the index.
+    Record {
         /// The example.
         id: ExampleId,
         /// What was wrong.
@@ -55,7 +59,8 @@ pub struct CheckReport {
 }
 
 impl Store {
-    /// Reads every mesh, record and encoding and compares them with their checksums. `progress` is told after each example how many are done.
+    /// Reads every mesh, record and encoding and compares them with their checksums; changes nothing. `progress` is told
+    /// after each example how many are done.
     ///
     /// # Errors
     /// [`StoreError::Io`] if a file can't be read for another reason than damage; [`StoreError::ReadOnly`] while there is no open index.
@@ -66,10 +71,7 @@ impl Store {
         let lost = self.quarantined().into_iter().filter(|(id, _)| known.iter().all(|record| record.id != *id));
         report.problems.extend(lost.map(|(id, reason)| Problem::Ground { id, reason }));
         for record in known {
-            self.check_ground(&record, &mut report)?;
-            for segment in 0..record.segments.len() as u32 {
-                self.check_derived((record.id, segment), &mut report)?;
-            }
+            self.check_example(&record, &mut report)?;
             report.examples += 1;
             progress(report.examples);
         }
@@ -80,29 +82,65 @@ impl Store {
         Ok(report)
     }
 
-    fn check_ground(&self, record: &ExampleRecord, report: &mut CheckReport) -> Result<(), StoreError> {
-        let id = record.id;
-        for object in record.objects() {
-            match self.object(id, object) {
-                Ok(bytes) => report.bytes += bytes.len() as u64,
-                Err(StoreError::Quarantined { reason, .. }) => report.problems.push(Problem::Ground { id, reason }),
-                // Removed meanwhile.
-                Err(StoreError::NotFound { .. }) => return Ok(()),
-                Err(error) => return Err(error),
+    /// Checks the store in `dir` without changing a byte of it: its records and its index are copied to `scratch`, which is
+    /// removed afterwards, and its meshes are read where they are.
+    ///
+    /// # Errors
+    /// As [`Store::check`]; [`StoreError::Locked`] while a service has it open, which can be asked for the same.
+    pub fn check_dir(dir: &Path, scratch: &Path, progress: &mut dyn FnMut(usize)) -> Result<CheckReport, StoreError> {
+        let _lock = shared_lock(dir)?;
+        let copied = Scratch::of(dir, scratch)?;
+        let options = OpenOptions { keeps_files: true, reserve_bytes: 0, ..OpenOptions::default() };
+        let (store, _) = Store::open(&copied.dir, &options)?;
+        store.check(progress)
+    }
+
+    /// Checks one example, and mends what can be: a damaged record is written anew, a damaged mesh sets its example aside.
+    ///
+    /// # Errors
+    /// As [`Store::check`].
+    pub fn scrub(&self, id: ExampleId) -> Result<Vec<Problem>, StoreError> {
+        let mut report = CheckReport::default();
+        let Some(record) = self.shared().index().record(id).cloned() else { return Ok(Vec::new()) };
+        self.check_example(&record, &mut report)?;
+        for problem in &report.problems {
+            match problem {
+                Problem::Ground { id, reason } => self.shared().quarantine(*id, reason),
+                Problem::Record { .. } => {
+                    let ground = &self.shared().ground;
+                    ground.put(&record)?;
+                    crate::files::sync_dir(ground.dir())?;
+                }
+                Problem::Derived { .. } | Problem::Blobs { .. } => {}
             }
         }
-        let ground = &self.shared().ground;
-        let reason = match ground.get(id, record.revision) {
+        Ok(report.problems)
+    }
+
+    fn check_example(&self, record: &ExampleRecord, report: &mut CheckReport) -> Result<(), StoreError> {
+        self.check_ground(record, report)?;
+        (0..record.segments.len() as u32).try_for_each(|segment| self.check_derived((record.id, segment), report))
+    }
+
+    fn check_ground(&self, record: &ExampleRecord, report: &mut CheckReport) -> Result<(), StoreError> {
+        let id = record.id;
+        let is_current = || self.shared().index().record(id).is_some_and(|now| now.revision == record.revision);
+        for object in record.objects() {
+            match self.shared().objects.get(object)? {
+                Ok(bytes) => report.bytes += bytes.len() as u64,
+                Err(reason) if is_current() => report.problems.push(Problem::Ground { id, reason }),
+                // Removed meanwhile.
+                Err(_) => return Ok(()),
+            }
+        }
+        let reason = match self.shared().ground.get(id, record.revision) {
             Ok(Ok(found)) if &found == record => return Ok(()),
             Ok(Ok(_)) => "another record than the index".to_owned(),
             Ok(Err(reason)) => reason,
             Err(error) => error.to_string(),
         };
-        let current = self.shared().index().record(id).is_some_and(|now| now.revision == record.revision);
-        if current {
-            ground.put(record)?;
-            crate::files::sync_dir(ground.dir())?;
-            report.problems.push(Problem::RecordMended { id, reason });
+        if is_current() {
+            report.problems.push(Problem::Record { id, reason });
         }
         Ok(())
     }
@@ -144,4 +182,55 @@ impl Store {
         }
         Ok(None)
     }
+}
+
+/// Holds the store against a service that would change it; creates nothing.
+fn shared_lock(dir: &Path) -> Result<Option<File>, StoreError> {
+    let path = dir.join(LOCK_FILE);
+    let Ok(file) = File::open(&path) else { return Ok(None) };
+    match file.try_lock_shared() {
+        Ok(()) => Ok(Some(file)),
+        Err(TryLockError::WouldBlock) => Err(StoreError::Locked { dir: dir.to_path_buf() }),
+        Err(TryLockError::Error(error)) => Err(StoreError::io("lock", &path)(error)),
+    }
+}
+
+/// A copy of all of a store but its objects, which are linked; removed on drop.
+struct Scratch {
+    dir: PathBuf,
+}
+
+impl Scratch {
+    fn of(store: &Path, parent: &Path) -> Result<Self, StoreError> {
+        let made = Self { dir: parent.join(format!("quadmuse-check-{}", ExampleId::generate())) };
+        let dir = &made.dir;
+        fs::create_dir_all(dir).map_err(StoreError::io("create", dir))?;
+        for entry in fs::read_dir(store).map_err(StoreError::io("list", store))?.flatten() {
+            let (from, name) = (entry.path(), entry.file_name());
+            if name == "objects" {
+                let link = std::os::unix::fs::symlink(&from, dir.join(&name));
+                link.map_err(StoreError::io("link", &from))?;
+            } else if [LOCK_FILE, "index.damaged"].iter().all(|left_out| name != *left_out) {
+                copy_all(&from, &dir.join(&name))?;
+            }
+        }
+        Ok(made)
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        // The link first: what it leads to is not ours.
+        let _ = fs::remove_file(self.dir.join("objects"));
+        let _ = fs::remove_dir_all(&self.dir);
+    }
+}
+
+fn copy_all(from: &Path, to: &Path) -> Result<(), StoreError> {
+    if !from.is_dir() {
+        return fs::copy(from, to).map(drop).map_err(StoreError::io("copy", from));
+    }
+    fs::create_dir_all(to).map_err(StoreError::io("create", to))?;
+    let entries = fs::read_dir(from).map_err(StoreError::io("list", from))?;
+    entries.flatten().try_for_each(|entry| copy_all(&entry.path(), &to.join(entry.file_name())))
 }

@@ -144,6 +144,12 @@ pub enum StoreError {
         /// Examples already there.
         examples: usize,
     },
+    /// A restore into this directory did not end: it holds a part of a corpus.
+    #[error("expected a whole corpus in {}, found a restore that did not end; restore into it again", dir.display())]
+    HalfRestored {
+        /// The store's directory.
+        dir: PathBuf,
+    },
     /// The store was closed while the call was waiting.
     #[error("expected an open store, found it closing; start it again")]
     Closed,

@@ -9,6 +9,9 @@
 //! lock                       held by the process that has the store open
 //! objects/<blake3>           meshes and labels, as uploaded
 //! ground/<id>.<revision>     records: what an index is built anew from
+//! quarantined/<id>           why an example is damaged
+//! objects.keep               there while objects may belong to records that are missing: none is collected
+//! restoring                  there while a restore has not ended: nothing is served
 //! index/                     the database (trees: see quadmuse-migrations, `v1`)
 //! ```
 //!
@@ -25,10 +28,12 @@ mod files;
 mod frame;
 mod index;
 mod keys;
+mod quarantine;
 mod record;
 mod recover;
 mod rows;
 mod shared;
+mod stats;
 mod store;
 mod writer;
 
@@ -47,4 +52,5 @@ pub use record::{
 pub use recover::OpenReport;
 pub use rows::SegmentRow;
 pub use shared::{FreeSpace, OpenOptions};
-pub use store::{Added, LIST_MAX, NewExample, Stats, Store, identity};
+pub use stats::Stats;
+pub use store::{Added, LIST_MAX, NewExample, Store, identity};

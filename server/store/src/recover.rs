@@ -16,6 +16,7 @@ use crate::engine::{Engine, Failure};
 use crate::error::StoreError;
 use crate::files::{self, Ground, Objects};
 use crate::index::{Change, Index};
+use crate::quarantine::Quarantine;
 use crate::record::ExampleRecord;
 
 /// Name of the index's directory.
@@ -126,6 +127,34 @@ pub(crate) enum Collect {
     Files,
     /// Objects may be under way: leave them alone.
     RowsOnly,
+    /// A part of the store is missing: not even a record without its objects is dropped.
+    Nothing,
+}
+
+/// There while objects may belong to records that are missing.
+const KEEP_OBJECTS: &str = "objects.keep";
+
+/// Whether files that nothing names may be collected. Where the ground files or the index of a store that was there before
+/// are missing, as after a restore of some of its files, whatever nothing names may still be wanted: a mark says so until
+/// somebody who knows better removes it.
+pub(crate) fn may_collect(store: &Path, existed: bool, keeps_files: bool) -> Result<Collect, StoreError> {
+    let mark = store.join(KEEP_OBJECTS);
+    let is_missing = |name: &str| !store.join(name).is_dir();
+    let holds_objects = || fs::read_dir(store.join("objects")).is_ok_and(|mut entries| entries.next().is_some());
+    if (existed || holds_objects())
+        && (is_missing("ground") || is_missing(INDEX_DIR))
+        && holds_objects()
+        && !mark.exists()
+    {
+        let words = "The ground files or the index were missing: no object is removed until this file is.\n";
+        fs::write(&mark, words).map_err(StoreError::io("write", &mark))?;
+        files::sync_dir(store)?;
+    }
+    if mark.exists() {
+        tracing::warn!(mark = %mark.display(), "a part of the store was missing: nothing is collected until this file is removed");
+        return Ok(Collect::Nothing);
+    }
+    Ok(if keeps_files { Collect::RowsOnly } else { Collect::Files })
 }
 
 /// Brings index and ground files into line and loads the corpus.
@@ -138,8 +167,9 @@ pub(crate) fn reconcile(
     report: &mut OpenReport,
 ) -> Result<Index, StoreError> {
     let mut index = Index::default();
-    let mut work = Reconcile { engine, ground, objects, report, damage: false };
+    let mut work = Reconcile { engine, ground, objects, report, collect, damage: false };
     work.records(&mut index)?;
+    still_quarantined(store, objects, &mut index)?;
     work.pointers(&mut index)?;
     work.garbage(&index, collect)?;
     let intact = !work.damage;
@@ -172,11 +202,29 @@ pub(crate) fn missing_derived(index: &Index, encoder_version: u32) -> Vec<(Examp
     all.map(|(segment, id)| (id, segment)).filter(|&key| stale(key)).collect()
 }
 
+/// What was quarantined before is, unless its objects are whole again.
+fn still_quarantined(store: &Path, objects: &Objects, index: &mut Index) -> Result<(), StoreError> {
+    let quarantine = Quarantine::of(store);
+    for (id, reason) in quarantine.noted() {
+        let Some(record) = index.record(id).cloned() else { continue };
+        let mut is_whole = true;
+        for object in record.objects() {
+            is_whole &= objects.get(object)?.is_ok();
+        }
+        match is_whole {
+            true => quarantine.forget(id),
+            false => index.apply(Change::Quarantined(id, reason)),
+        }
+    }
+    Ok(())
+}
+
 struct Reconcile<'a> {
     engine: &'a Engine,
     ground: &'a Ground,
     objects: &'a Objects,
     report: &'a mut OpenReport,
+    collect: Collect,
     /// Something could not be read: nothing is collected that it might have named.
     damage: bool,
 }
@@ -236,7 +284,7 @@ impl Reconcile<'_> {
                 }
             }
         });
-        if half && broken.is_some() && self.report.index_rebuilt.is_none() {
+        if half && broken.is_some() && self.report.index_rebuilt.is_none() && self.collect != Collect::Nothing {
             return self.drop_half(id, &known.revisions);
         }
         self.write_missing(&record, in_index, &known.revisions)?;

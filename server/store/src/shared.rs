@@ -5,10 +5,13 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::time::{Duration, Instant};
 
+use quadmuse_proto::id::ExampleId;
+
 use crate::engine::{Engine, Failure};
 use crate::error::StoreError;
 use crate::files::{Ground, Objects};
 use crate::index::{Change, Index};
+use crate::quarantine::Quarantine;
 use crate::record::ContentHash;
 
 /// Tells the bytes free for unprivileged writing on the file system of a path.
@@ -21,13 +24,23 @@ pub struct OpenOptions {
     pub cache_bytes: u64,
     /// Free space that adding leaves alone, in bytes, so that removals work on a full disk.
     pub reserve_bytes: u64,
+    /// Whether this opening is that of a restore, which finds an unfinished one.
+    pub restores: bool,
+    /// Whether files that nothing names are left alone.
+    pub keeps_files: bool,
     /// Where the free space is read; tests put another source here.
     pub free_space: FreeSpace,
 }
 
 impl Default for OpenOptions {
     fn default() -> Self {
-        Self { cache_bytes: 256 << 20, reserve_bytes: 128 << 20, free_space: Arc::new(free_space) }
+        Self {
+            cache_bytes: 256 << 20,
+            reserve_bytes: 128 << 20,
+            restores: false,
+            keeps_files: false,
+            free_space: Arc::new(free_space),
+        }
     }
 }
 
@@ -55,12 +68,15 @@ pub(crate) struct Shared {
     pub(crate) options: OpenOptions,
     pub(crate) objects: Objects,
     pub(crate) ground: Ground,
+    pub(crate) quarantine: Quarantine,
     pub(crate) engine: RwLock<Option<Arc<Engine>>>,
     index: RwLock<Index>,
     revision: Mutex<u64>,
     changed: Condvar,
     fault: Mutex<Option<Fault>>,
     in_flight: Mutex<HashMap<ContentHash, usize>>,
+    /// Examples whose adding was refused after some of it was written: gone when the index is reopened.
+    pub(crate) refused: Mutex<Vec<(ExampleId, u32)>>,
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -78,6 +94,7 @@ impl Shared {
     ) -> Self {
         let revision = Mutex::new(index.revision());
         Self {
+            quarantine: Quarantine::of(&dir),
             dir,
             options,
             objects,
@@ -88,6 +105,7 @@ impl Shared {
             changed: Condvar::new(),
             fault: Mutex::new(None),
             in_flight: Mutex::new(HashMap::new()),
+            refused: Mutex::default(),
         }
     }
 
@@ -99,6 +117,12 @@ impl Shared {
         self.index.write().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Sets an example aside, over restarts too.
+    pub(crate) fn quarantine(&self, id: ExampleId, reason: &str) {
+        self.quarantine.note(id, reason);
+        self.publish([Change::Quarantined(id, reason.to_owned())]);
+    }
+
     /// The open index; waits while it is being reopened.
     pub(crate) fn engine(&self) -> Result<Arc<Engine>, StoreError> {
         let engine = self.engine.read().unwrap_or_else(PoisonError::into_inner);
@@ -108,7 +132,12 @@ impl Shared {
     pub(crate) fn publish(&self, changes: impl IntoIterator<Item = Change>) {
         let revision = {
             let mut index = self.index_mut();
-            changes.into_iter().for_each(|change| index.apply(change));
+            for change in changes {
+                if let Change::Removed(id) | Change::Healed(id) = change {
+                    self.quarantine.forget(id);
+                }
+                index.apply(change);
+            }
             index.revision()
         };
         self.announce(revision);
@@ -165,7 +194,11 @@ impl Shared {
 
     pub(crate) fn read_only(&self) -> StoreError {
         let reason = self.fault().map_or_else(|| "the index is being reopened".into(), |fault| fault.reason);
-        StoreError::ReadOnly { reason }
+        // Only a full disk is told as one: whatever else fails is no matter of space.
+        match self.check_space(0) {
+            Err(full @ StoreError::Full { .. }) => full,
+            _ => StoreError::ReadOnly { reason },
+        }
     }
 
     /// Refuses a write that might need `needed` bytes and would touch the reserve.

@@ -15,18 +15,20 @@ use crate::derived::{self, ChartRecord, Coarse, DerivedSegment, Level, PackedLev
 use crate::engine::{Engine, Pointer, Reader};
 use crate::error::StoreError;
 use crate::files::{Ground, Objects, create_dir};
-use crate::index::{Change, Filter, Page, Snapshot};
+use crate::index::{Filter, Page, Snapshot};
 use crate::keys::SegmentKey;
 use crate::record::{
     ContentHash, ExampleRecord, NewSegmentation, Patch, SegmentSummary, Segmentation, invalid, normalise, validate,
 };
-use crate::recover::{self, Collect, OpenReport};
+use crate::recover::{self, OpenReport};
 use crate::shared::{OpenOptions, Shared};
 use crate::writer::{Done, NewRows, Packed, QUEUE_MAX, Request, Work, Writer, close};
 
 /// Most examples of one page of a list.
 pub const LIST_MAX: usize = 500;
-const LOCK_FILE: &str = "lock";
+pub(crate) const LOCK_FILE: &str = "lock";
+/// There while a restore has not ended.
+pub(crate) const RESTORING: &str = "restoring";
 /// How long a write waits for room in the queue.
 const QUEUE_WAIT: Duration = Duration::from_secs(5);
 /// Bytes that a write may need beside its payload (the database grows by whole segments).
@@ -143,8 +145,13 @@ impl Store {
     pub fn open(dir: &Path, options: &OpenOptions) -> Result<(Store, OpenReport), StoreError> {
         let begun = Instant::now();
         check_schema(dir)?;
+        let existed = dir.join(quadmuse_migrations::SCHEMA_FILE).exists();
         create_dir(dir)?;
         let lock = lock_dir(dir)?;
+        if dir.join(RESTORING).exists() && !options.restores {
+            return Err(StoreError::HalfRestored { dir: dir.to_path_buf() });
+        }
+        let collect = recover::may_collect(dir, existed, options.keeps_files)?;
         quadmuse_migrations::mark(dir)?;
         let (objects, ground) = (Objects::new(dir.join("objects")), Ground::new(dir.join("ground")));
         create_dir(objects.dir())?;
@@ -152,7 +159,7 @@ impl Store {
         compact::switch(dir)?;
         let mut report = OpenReport::default();
         let engine = recover::open_index(dir, options.cache_bytes, &mut report)?;
-        let index = recover::reconcile(dir, &engine, &ground, &objects, Collect::Files, &mut report)?;
+        let index = recover::reconcile(dir, &engine, &ground, &objects, collect, &mut report)?;
         report.took_ms = begun.elapsed().as_millis() as u64;
         let shared = Arc::new(Shared::new(dir.to_path_buf(), options.clone(), objects, ground, engine, index));
         let (requests, receiver) = sync_channel(QUEUE_MAX);
@@ -360,7 +367,7 @@ impl Store {
                 return StoreError::NotFound { id };
             }
             tracing::error!(%id, reason, "an example is quarantined");
-            self.shared().publish([Change::Quarantined(id, reason.clone())]);
+            self.shared().quarantine(id, &reason);
             StoreError::Quarantined { id, reason }
         })
     }
@@ -478,6 +485,11 @@ impl Store {
         self.shared().fault().map(|fault| fault.reason)
     }
 
+    /// Why a new example would be refused now, if it would be: writing is suspended, or space is short.
+    pub fn unwritable(&self) -> Option<String> {
+        self.suspended().or_else(|| self.shared().check_space(OVERHEAD_BYTES).err().map(|error| error.to_string()))
+    }
+
     /// Writes a fresh copy of the index without garbage. Needs free space for it; readers wait a moment, writers until it is done.
     ///
     /// # Errors
@@ -494,44 +506,6 @@ impl Store {
     pub fn reopen(&self) -> Result<(), StoreError> {
         self.submit(Work::Reopen).map(drop)
     }
-
-    /// Counts and sizes.
-    pub fn stats(&self) -> Stats {
-        let shared = self.shared();
-        let (index_bytes, blobs) = shared.engine().ok().and_then(|engine| engine.size().ok()).unwrap_or((0, 0));
-        let index = shared.index();
-        Stats {
-            examples: index.len() - index.quarantined().len().min(index.len()),
-            quarantined: index.quarantined().len(),
-            segments: index.pointers().count(),
-            derived_bytes: index.pointers().map(|(_, pointer)| pointer.bytes()).sum(),
-            mesh_bytes: index.records().map(|record| record.bytes).sum(),
-            index_bytes,
-            blobs,
-            free_bytes: (shared.options.free_space)(&shared.dir).unwrap_or(0),
-        }
-    }
-}
-
-/// Counts and sizes of a store.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Stats {
-    /// Examples served.
-    pub examples: usize,
-    /// Examples quarantined.
-    pub quarantined: usize,
-    /// Encoded segments.
-    pub segments: usize,
-    /// Bytes of their encodings, packed.
-    pub derived_bytes: u64,
-    /// Bytes of the meshes as uploaded.
-    pub mesh_bytes: u64,
-    /// Bytes of the index on disk.
-    pub index_bytes: u64,
-    /// Files among the database's unsynced side files; must be 0.
-    pub blobs: usize,
-    /// Bytes free on the file system.
-    pub free_bytes: u64,
 }
 
 fn check_schema(dir: &Path) -> Result<(), StoreError> {

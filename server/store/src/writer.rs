@@ -202,8 +202,10 @@ impl Writer {
     fn commit(&self, batch: Vec<Request>) {
         let mut staged = Vec::new();
         let mut waiting = Vec::new();
+        let mut refused = Vec::new();
         let result = self.shared.engine().and_then(|engine| {
             for Request { work, reply } in batch {
+                refused.extend(added_by(&work));
                 let removal = if let Work::Remove { id } = work { Some(id) } else { None };
                 match self.stage(&engine, work) {
                     Ok((stage, done)) => {
@@ -224,6 +226,8 @@ impl Writer {
             }
         });
         let Ok(engine) = result else {
+            // What is answered as refused must not come back with the next opening of the index.
+            self.shared.refused.lock().unwrap_or_else(PoisonError::into_inner).extend(refused);
             return waiting.into_iter().for_each(|waiting| self.answer_failed(waiting));
         };
         self.shared.publish(staged.iter_mut().flat_map(|stage| std::mem::take(&mut stage.changes)));
@@ -470,6 +474,19 @@ impl Writer {
         Ok(Done::Unit)
     }
 
+    /// Takes out what of refused examples was written before the failure.
+    fn forget_refused(&self, engine: &Engine) -> Result<(), StoreError> {
+        let mut refused = self.shared.refused.lock().unwrap_or_else(PoisonError::into_inner);
+        for &(id, revision) in refused.iter() {
+            let failed =
+                |failure: Failure| StoreError::Engine { doing: "remove a row", reason: failure.reason().into() };
+            engine.remove_row(id).map_err(failed)?;
+            self.shared.ground.remove(id, revision)?;
+        }
+        refused.clear();
+        Ok(())
+    }
+
     /// Closes the index and opens it again; readers wait meanwhile.
     fn reopen(&self) -> Result<OpenReport, StoreError> {
         let shared = &self.shared;
@@ -483,10 +500,23 @@ impl Writer {
         compact::switch(&shared.dir)?;
         let mut report = OpenReport::default();
         let engine = open_index(&shared.dir, shared.options.cache_bytes, &mut report)?;
+        self.forget_refused(&engine)?;
         let index = reconcile(&shared.dir, &engine, &shared.ground, &shared.objects, Collect::RowsOnly, &mut report)?;
         shared.replace_index(index);
         *slot = Some(Arc::new(engine));
         Ok(report)
+    }
+}
+
+/// The examples that a request would add, with their revisions.
+fn added_by(work: &Work) -> Vec<(ExampleId, u32)> {
+    let of = |rows: &NewRows| (rows.record.id, rows.record.revision);
+    match work {
+        Work::Add(rows) => vec![of(rows)],
+        Work::AddAll(all) => all.iter().map(of).collect(),
+        Work::Annotate { .. } | Work::Remove { .. } | Work::PutDerived { .. } | Work::Compact | Work::Reopen => {
+            Vec::new()
+        }
     }
 }
 

@@ -83,7 +83,7 @@ fn a_damaged_or_cut_backup_is_refused() {
 }
 
 #[test]
-fn a_check_names_each_kind_of_damage_and_mends_records() {
+fn a_check_names_each_kind_of_damage_and_scrubbing_mends_records() {
     let dir = tempfile::tempdir().unwrap();
     let ids = {
         let (store, _) = Store::open(dir.path(), &options()).unwrap();
@@ -108,9 +108,12 @@ fn a_check_names_each_kind_of_damage_and_mends_records() {
     let (store, _) = Store::open(dir.path(), &options()).unwrap();
     let report = store.check(&mut |_| ()).unwrap();
     assert!(
-        matches!(&report.problems[..], [Problem::RecordMended { id: a, .. }, Problem::Ground { id: b, .. }] if (*a, *b) == (first, last)),
+        matches!(&report.problems[..], [Problem::Record { id: a, .. }, Problem::Ground { id: b, .. }] if (*a, *b) == (first, last)),
         "{report:?}"
     );
+    assert!(store.get(last).is_ok(), "a check changes nothing");
+    assert!(matches!(&store.scrub(first).unwrap()[..], [Problem::Record { .. }]));
+    assert!(matches!(&store.scrub(last).unwrap()[..], [Problem::Ground { .. }]));
     assert!(matches!(store.get(last), Err(StoreError::Quarantined { .. })));
     let mut backup = Vec::new();
     assert_eq!(store.backup(&mut backup).unwrap().skipped.len(), 1);

@@ -50,7 +50,7 @@ impl Stitching<'_> {
         let whose: Vec<Whose> = sites.iter().map(Whose::of).collect();
         let fit = self.measured.fit(&mesh);
         let laid = self.rested(Laid { mesh, fit, tips: Vec::new(), on_line: Vec::new() }, &whose, REST_ROUNDS);
-        if self.options.closeness != Closeness::Followed {
+        if self.options.closeness != Closeness::Followed || self.is_late() {
             return Near { laid, whose, is_missed: false };
         }
         let is_missed = laid.fit.worst() > self.allowed(sites);
@@ -70,8 +70,9 @@ impl Stitching<'_> {
     /// Subdivided until it follows the input, if that is asked for and it misses it.
     pub(super) fn followed(&self, near: Near, report: &mut Report) -> PolyMesh {
         let (mut now, whose) = (near.laid, &near.whose[..]);
-        if self.options.closeness == Closeness::Followed {
+        if self.options.closeness == Closeness::Followed && !self.is_late() {
             while near.is_missed
+                && !self.is_late()
                 && now.fit.worst() > MISS_MAX * self.scale.diagonal
                 && report.refined < REFINED_MAX
                 && 4 * now.mesh.faces.len() <= WHOLE_QUADS_MAX

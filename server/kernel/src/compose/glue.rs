@@ -11,6 +11,7 @@ use super::rim::{Rim, lay, pair_loops, place_junctions};
 use super::seam::{Row, match_closed, match_open};
 use crate::mesh::Vec3;
 use crate::mesh::tri::NONE;
+use crate::numerics::stop;
 use std::collections::BTreeMap;
 
 /// Parts in one net.
@@ -69,6 +70,7 @@ pub fn rims(net: &Net, curves: &[Curve], segment: usize) -> Result<Vec<Rim>, Mis
 /// # Errors
 /// [`Misfit::TooCoarse`].
 pub fn glue(parts: &[Net], rims: &[Vec<Rim>], layout: &Layout, junction_points: &[Vec3]) -> Result<Glued, Misfit> {
+    stop::ask();
     let mut first = vec![0u32];
     for part in parts {
         first.push(first[first.len() - 1] + part.positions.len() as u32);

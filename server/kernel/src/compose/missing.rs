@@ -72,7 +72,7 @@ mod tests {
         let surface = grid(8, 8, false, false);
         let owner = vec![0; surface.triangles.len()];
         let input = Input { surface: &surface, owner: &owner, count: 1 };
-        let stitching = Stitching::new(input, Options::default(), apart::scale(&surface));
+        let stitching = Stitching::new(input, Options::default(), apart::scale(&surface), u64::MAX);
         let fit = |times: f64| {
             let miss = times * MISS_MAX * stitching.scale.diagonal;
             Fit { out: miss, back: 0.5 * miss }

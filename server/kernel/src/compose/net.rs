@@ -6,6 +6,7 @@
 
 use crate::mesh::tri::TriMesh;
 use crate::mesh::{PolyMesh, Vec3};
+use crate::numerics::stop;
 
 /// A polygon mesh under change. Removed faces have no corners and keep their number.
 #[derive(Clone, Debug, Default)]
@@ -144,6 +145,7 @@ impl Net {
     /// All around a vertex, counter-clockwise: edge, face, edge, face …, with the gap last at a boundary. Empty for a
     /// vertex without faces; `None` if its faces form no single fan.
     pub fn fan(&self, v: u32) -> Option<Vec<Step>> {
+        stop::poll();
         let wedges: Vec<(u32, [u32; 2])> =
             self.at(v).iter().filter_map(|&f| self.beside(f, v).map(|ends| (f, ends))).collect();
         let Some(&first) = wedges.first() else { return Some(Vec::new()) };
@@ -236,6 +238,7 @@ impl Net {
 
     /// The polygon mesh, without removed faces and unused vertices; and for each vertex that stays its number here.
     pub fn into_mesh(self) -> (PolyMesh, Vec<u32>) {
+        stop::ask();
         let kept: Vec<u32> =
             (0..self.positions.len() as u32).filter(|&v| !self.around[v as usize].is_empty()).collect();
         let mut number = vec![u32::MAX; self.positions.len()];

@@ -8,6 +8,7 @@
 
 use super::layout::{Arc, Layout, Occurrence};
 use super::rim::Rim;
+use crate::numerics::stop;
 use std::collections::VecDeque;
 
 /// What a regular segment asks for.
@@ -36,6 +37,7 @@ pub enum Side<'a> {
 
 /// For each regular segment, loop and run, where its vertices stand; nothing for the others.
 pub fn plan(layout: &Layout, sides: &[Side<'_>]) -> Vec<Vec<Vec<Places>>> {
+    stop::ask();
     let mut planner = Planner { layout, sides, counts: vec![[0, 0]; layout.arcs.len()] };
     for a in 0..layout.arcs.len() {
         planner.counts[a] = planner.wanted(a);

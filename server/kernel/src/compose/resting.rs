@@ -170,7 +170,7 @@ mod tests {
     }
 
     fn stitching<'a>(surface: &'a TriMesh, owner: &'a [u32]) -> Stitching<'a> {
-        Stitching::new(Input { surface, owner, count: 2 }, Options::default(), apart::scale(surface))
+        Stitching::new(Input { surface, owner, count: 2 }, Options::default(), apart::scale(surface), u64::MAX)
     }
 
     /// A sheet of as many quads a side as told, its inner vertices moved.

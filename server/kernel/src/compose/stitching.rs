@@ -17,6 +17,7 @@ use super::{Input, Options, Piece, REGULAR_QUADS, Report, Way};
 use crate::map::snap::lines::sharp_edges;
 use crate::mesh::tri::TriMesh;
 use crate::mesh::{PolyMesh, Vec3};
+use crate::numerics::stop;
 use std::sync::OnceLock;
 
 /// Mean distance from which on a part or a result is subdivided, as a share of the diagonal of the input.
@@ -53,21 +54,31 @@ pub(super) struct Stitching<'a> {
     pub(super) measured: Measured,
     pub(super) scale: Scale,
     sharp: OnceLock<Vec<u32>>,
+    /// The thread's count of steps from which on it is late.
+    late_at: u64,
 }
 
 impl<'a> Stitching<'a> {
-    /// For an input that is measured by a scale: its own, or that of what it is a component of.
-    pub(super) fn new(input: Input<'a>, options: Options, scale: Scale) -> Self {
+    /// For an input that is measured by a scale: its own, or that of what it is a component of. From `late_at` steps of
+    /// this thread on it is late.
+    pub(super) fn new(input: Input<'a>, options: Options, scale: Scale, late_at: u64) -> Self {
         Self {
             layout: layout(input.surface, input.owner, input.count),
             shape: Shape::of(input.surface),
             target: Target::new(input.surface),
             measured: Measured::new(input.surface),
             sharp: OnceLock::new(),
+            late_at,
             scale,
             input,
             options,
         }
+    }
+
+    /// Whether as much work was done as a composition of these parts is worth: what holds is then not made better, and what
+    /// does not hold gives up at once. Counted in steps, so that the result is the same on every machine.
+    pub(super) fn is_late(&self) -> bool {
+        stop::steps() >= self.late_at
     }
 
     pub(super) fn segments(&self) -> usize {
@@ -89,6 +100,9 @@ impl<'a> Stitching<'a> {
         for _ in 0..REFITTED_MAX {
             if stop() {
                 return None;
+            }
+            if self.is_late() {
+                break;
             }
             let missing = self.missing(&sites, &made);
             if missing.is_empty() {
@@ -126,7 +140,7 @@ impl<'a> Stitching<'a> {
                 Err(Misfit::TooCoarse { segment }) => vec![segment],
                 Err(Misfit::Pinched { segments }) => segments,
             };
-            if attempts > ATTEMPTS_MAX {
+            if attempts > ATTEMPTS_MAX || self.is_late() {
                 if culprits.iter().filter(|&&s| sites[s].give_up(self.surface(), Why::NotJoined)).count() == 0 {
                     return None;
                 }

@@ -22,6 +22,7 @@ use super::net::Net;
 use super::smooth::{Plan, Target};
 use crate::encode::index::PlanarIndex;
 use crate::mesh::{PolyMesh, Vec3};
+use crate::numerics::stop;
 use crate::topology::Topology;
 use crate::unfold::Chart;
 use even::even_out;
@@ -94,6 +95,7 @@ pub fn template(chart: &Chart, index: &PlanarIndex, edge: f64) -> PolyMesh {
 /// The layout of edges about `edge` long between given ends. The ends of an annulus must be of like parity, that of a
 /// disc even, none shorter than 3; else triangles would be needed, and the ends are taken as free.
 pub fn regular(ground: Ground<'_>, edge: f64, ends: Ends) -> Regular {
+    stop::ask();
     let area = ground.chart.mesh.total_area();
     let edge = if edge > 0.0 && edge.is_finite() { edge } else { area.sqrt() / 16.0 };
     if ground.chart.topology == Topology::Torus {

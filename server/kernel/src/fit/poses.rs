@@ -23,14 +23,11 @@ const NEAR: f64 = 0.06;
 /// A mean normal is that of what lies so near about a point, in √area of the smaller as it is laid.
 const ABOUT: f64 = 0.4;
 /// Poses that are told.
-const TOLD: usize = 8;
+const TOLD: usize = 6;
 
-/// Where the vertices of `example` would lie on `input`, best first, one of the two being much the smaller. `mirror` is −1
-/// where the example is to be mirrored.
-pub fn poses(example: &TriMesh, input: &TriMesh, mirror: f64) -> Vec<Vec<Vec3>> {
-    let reflected: Vec<Vec3> = example.positions.iter().map(|x| Vec3::new(mirror * x.x, x.y, x.z)).collect();
-    let one = Sheet::new(&reflected, &example.triangles, mirror);
-    let two = Sheet::new(&input.positions, &input.triangles, 1.0);
+/// Where the vertices of `example` would lie on `input`, best first, one of the two being much the smaller; never mirrored.
+pub fn poses(example: &TriMesh, input: &TriMesh) -> Vec<Vec<Vec3>> {
+    let (one, two) = (Sheet::new(example), Sheet::new(input));
     let mut found: Vec<(f64, Similarity)> = Vec::new();
     // The example on a part of the input, and the input on a part of the example.
     found.extend(tried(&one, &two));
@@ -43,7 +40,7 @@ pub fn poses(example: &TriMesh, input: &TriMesh, mirror: f64) -> Vec<Vec<Vec3>> 
             kept.push(pose);
         }
     }
-    kept.iter().map(|pose| reflected.iter().map(|x| pose.apply(x)).collect()).collect()
+    kept.iter().map(|pose| example.positions.iter().map(|x| pose.apply(x)).collect()).collect()
 }
 
 fn inverse(of: &Similarity) -> Similarity {
@@ -72,11 +69,12 @@ struct Sheet {
 }
 
 impl Sheet {
-    fn new(positions: &[Vec3], triangles: &[[u32; 3]], mirror: f64) -> Self {
+    fn new(mesh: &TriMesh) -> Self {
+        let TriMesh { positions, triangles, .. } = mesh;
         let (mut normals, mut areas) = (vec![Vec3::zeros(); positions.len()], vec![0.0; positions.len()]);
         for t in triangles {
             let [a, b, c] = t.map(|v| positions[v as usize]);
-            let vector = (b - a).cross(&(c - a)) * (0.5 * mirror);
+            let vector = (b - a).cross(&(c - a)) * 0.5;
             t.iter().for_each(|&v| {
                 normals[v as usize] += vector;
                 areas[v as usize] += vector.norm() / 3.0;
@@ -85,9 +83,8 @@ impl Sheet {
         normals.iter_mut().for_each(|n| *n = n.try_normalize(0.0).unwrap_or_else(Vec3::z));
         let area: f64 = areas.iter().sum();
         let middle = positions.iter().zip(&areas).map(|(x, a)| x * *a).sum::<Vec3>() / area.max(f64::MIN_POSITIVE);
-        let mesh = TriMesh { positions: positions.to_vec(), triangles: triangles.to_vec(), ..TriMesh::default() };
-        let (positions, triangles) = (positions.to_vec(), triangles.to_vec());
-        Self { positions, normals, areas, triangles, area, middle, tree: Bvh::new(&mesh) }
+        let (positions, triangles) = (positions.clone(), triangles.clone());
+        Self { positions, normals, areas, triangles, area, middle, tree: Bvh::new(mesh) }
     }
 
     fn normal_in(&self, triangle: u32, weights: [f64; 3]) -> Vec3 {

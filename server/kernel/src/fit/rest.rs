@@ -11,6 +11,8 @@ use crate::settle::{Evidence, Manner, Options, Settler};
 /// From this relief on a map is convincing, and no other place is tried. *Untuned:* right maps have .72 to .98 and wrong ones
 /// up to .5 (tests/records).
 pub const CONVINCING: f64 = 0.8;
+/// A start of less relief is not followed: it is wrong. *Untuned.*
+const FOLLOWED: f64 = 0.1;
 /// A mirrored place must have so much more relief than one that is not: bodies and heads are nearly their own mirror image.
 const MIRROR_MARGIN: f64 = 0.05;
 
@@ -65,12 +67,13 @@ impl<'a> Rests<'a> {
         self.best.as_ref().is_some_and(|best| best.evidence.relief >= CONVINCING)
     }
 
-    /// Settles a start in each of the manners. A mirrored one is tried unmirrored too.
-    pub fn tries(&mut self, start: &Start, manners: &[Manner], stop: &dyn Fn() -> bool) {
-        for &manner in manners {
-            self.settle(start, start.mirrored, manner, stop);
+    /// Settles a start as a whole, and bending after it where it is nearly right. A mirrored one is tried unmirrored too.
+    pub fn tries(&mut self, start: &Start, stop: &dyn Fn() -> bool) {
+        self.settle(start, start.mirrored, Manner::Whole, stop);
+        if self.relief(start).is_some_and(|relief| relief > FOLLOWED) {
+            self.settle(start, start.mirrored, Manner::Following, stop);
         }
-        if start.mirrored && manners.contains(&Manner::Whole) {
+        if start.mirrored {
             self.settle(start, false, Manner::Whole, stop);
         }
     }

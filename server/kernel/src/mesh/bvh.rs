@@ -6,6 +6,7 @@
 
 use super::Vec3;
 use super::tri::{NONE, TriMesh};
+use crate::numerics::stop;
 
 /// Triangles in a leaf.
 const LEAF_SIZE: usize = 4;
@@ -86,6 +87,7 @@ impl Bvh {
 
     /// The closest point of the mesh.
     pub fn closest(&self, point: Vec3) -> Closest {
+        stop::poll();
         let mut best = Closest { triangle: NONE, barycentric: [0.0; 3], point, distance: f64::INFINITY };
         if self.nodes.is_empty() || point.iter().any(|x| !x.is_finite()) {
             return best;

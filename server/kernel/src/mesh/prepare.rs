@@ -25,6 +25,7 @@ use super::error::MeshError;
 use super::repair::{Repair, RepairKind, Repairs};
 use super::tri::{NONE, TriMesh, pair_halfedges};
 use super::{PolyMesh, Vec3, read};
+use crate::numerics::stop;
 use surface::Surface;
 
 /// A mesh ready for computation.
@@ -49,6 +50,7 @@ const DIAGONAL_MIN: f64 = 1e-60;
 /// # Errors
 /// An element that cannot be used or repaired, by its number.
 pub fn prepare(poly: &PolyMesh) -> Result<Prepared, MeshError> {
+    stop::ask();
     let mut repairs = Repairs::default();
     let diagonal = check(poly, &mut repairs)?;
     let mut surface = Surface::cleaned(poly, &mut repairs);

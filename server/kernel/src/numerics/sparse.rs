@@ -4,6 +4,7 @@
 //! once and solved often. Supernodal Cholesky by `faer`, one thread, so results are the same on every machine
 //! load.
 
+use super::stop;
 use std::sync::Arc;
 
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -154,6 +155,7 @@ impl Factored {
     /// Solves for several right-hand sides in place, which stand in `x` one after another: the factor is read once for
     /// all.
     pub fn solve_columns(&self, x: &mut [f64], columns: usize) {
+        stop::ask();
         let n = x.len() / columns;
         let scratch = self.symbolic.solve_in_place_scratch::<f64>(columns, Par::Seq);
         let mut memory = MemBuffer::new(scratch);

@@ -1,6 +1,7 @@
 //! Over a real socket: what only a connection shows.
 
 use super::*;
+use crate::connections::{ConnectionLimits, Connections};
 use crate::shutdown::serve;
 use std::net::SocketAddr;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -8,8 +9,14 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinHandle;
 
 async fn listening(bench: &Bench, connections: usize) -> (SocketAddr, JoinHandle<()>) {
+    let limits = ConnectionLimits { all: connections, per_address: connections };
+    listening_within(bench, limits).await
+}
+
+async fn listening_within(bench: &Bench, limits: ConnectionLimits) -> (SocketAddr, JoinHandle<()>) {
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
     let address = listener.local_addr().expect("an address");
+    let connections = Connections::new(limits);
     (address, tokio::spawn(serve(listener, bench.router.clone(), connections, bench.stopping.clone())))
 }
 
@@ -32,7 +39,7 @@ async fn shutdown_ends_an_open_stream_with_a_last_event() {
     let path = bench.query("", "segment disc 1\nslow 60000").await;
     let (address, serving) = listening(&bench, 10).await;
     let idle = say(address, "").await;
-    let streaming = say(address, &format!("GET {path}/stream HTTP/1.1\r\nhost: x\r\n\r\n")).await;
+    let streaming = say(address, &format!("GET {path}/stream HTTP/1.1\r\nhost: localhost\r\n\r\n")).await;
     tokio::time::sleep(Duration::from_millis(100)).await;
     let begun = Instant::now();
     bench.stopping.cancel();
@@ -49,13 +56,14 @@ async fn a_client_that_sends_too_much_still_sees_the_answer() {
     let bench = Bench::new();
     let (address, _serving) = listening(&bench, 10).await;
     let size = 20 * LIMIT as usize;
-    let head = format!("POST /v1/examples HTTP/1.1\r\nhost: x\r\ncontent-length: {size}\r\nconnection: close\r\n\r\n");
+    let head =
+        format!("POST /v1/examples HTTP/1.1\r\nhost: localhost\r\ncontent-length: {size}\r\nconnection: close\r\n\r\n");
     let mut stream = say(address, &head).await;
     stream.write_all(&vec![b' '; size]).await.expect("the service reads on");
     assert!(all(stream).await.starts_with("HTTP/1.1 413 "));
     let mut stream = say(
         address,
-        "POST /v1/examples HTTP/1.1\r\nhost: x\r\ntransfer-encoding: chunked\r\nconnection: close\r\n\r\n",
+        "POST /v1/examples HTTP/1.1\r\nhost: localhost\r\ntransfer-encoding: chunked\r\nconnection: close\r\n\r\n",
     )
     .await;
     let chunk = format!("{LIMIT:x}\r\n{}\r\n", " ".repeat(LIMIT as usize));
@@ -72,7 +80,8 @@ async fn a_client_that_hangs_up_frees_the_cores() {
     let bench = Bench::stocked().await;
     let (address, _serving) = listening(&bench, 10).await;
     let mesh = "segment disc 1\nencode-slow 60000";
-    let upload = format!("POST /v1/examples HTTP/1.1\r\nhost: x\r\ncontent-length: {}\r\n\r\n{mesh}", mesh.len());
+    let upload =
+        format!("POST /v1/examples HTTP/1.1\r\nhost: localhost\r\ncontent-length: {}\r\n\r\n{mesh}", mesh.len());
     let clients = [say(address, &upload).await, say(address, &upload).await];
     tokio::time::sleep(Duration::from_millis(100)).await;
     let begun = Instant::now();
@@ -92,7 +101,7 @@ async fn a_head_that_does_not_come_is_not_waited_for() {
     let ended = tokio::time::timeout(Duration::from_secs(15), slow.read_to_end(&mut rest)).await;
     assert!(ended.is_ok() && begun.elapsed() >= Duration::from_secs(9), "{:?}", begun.elapsed());
     // The one place is free again.
-    let next = say(address, "GET /healthz HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n").await;
+    let next = say(address, "GET /healthz HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n").await;
     assert!(all(next).await.starts_with("HTTP/1.1 200 "));
 }
 
@@ -100,7 +109,7 @@ async fn a_head_that_does_not_come_is_not_waited_for() {
 async fn broken_requests_are_answered_or_dropped_and_the_next_one_is_served() {
     let bench = Bench::stocked().await;
     let (address, _serving) = listening(&bench, 10).await;
-    let post = "POST /v1/examples HTTP/1.1\r\nhost: x\r\nconnection: close\r\n";
+    let post = "POST /v1/examples HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n";
     let many: String = (0..500).map(|n| format!("x-{n}: a\r\n")).collect();
     let cases = [
         // A body that ends before its length, or whose chunks are none.
@@ -110,9 +119,13 @@ async fn broken_requests_are_answered_or_dropped_and_the_next_one_is_served() {
         (format!("{post}content-length: 0\r\n\r\n"), "422", "mesh_empty"),
         (format!("{post}content-length: abc\r\n\r\n"), "400", ""),
         (format!("{post}{many}content-length: 0\r\n\r\n"), "431", ""),
-        (format!("GET /{} HTTP/1.1\r\nhost: x\r\n\r\n", "a".repeat(100_000)), "414", ""),
-        ("GET /v1/examples/%ff%fe HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n".into(), "404", "not_found"),
-        ("BREW /v1/examples HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n".into(), "405", "method_not_allowed"),
+        (format!("GET /{} HTTP/1.1\r\nhost: localhost\r\n\r\n", "a".repeat(100_000)), "414", ""),
+        ("GET /v1/examples/%ff%fe HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n".into(), "404", "not_found"),
+        (
+            "BREW /v1/examples HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n".into(),
+            "405",
+            "method_not_allowed",
+        ),
         ("\u{16}\u{3}\u{1}\u{2} no http at all\r\n\r\n".into(), "400", ""),
     ];
     for (request, status, code) in cases {
@@ -127,4 +140,78 @@ async fn broken_requests_are_answered_or_dropped_and_the_next_one_is_served() {
         assert!(answer.contains(code), "{beginning:?}: {answer}");
         assert_eq!(bench.get("/healthz").await.status, StatusCode::OK);
     }
+}
+
+const HEALTH: &str = "GET /healthz HTTP/1.1\r\nhost: localhost\r\n\r\n";
+const LIST: &str = "GET /v1/examples HTTP/1.1\r\nhost: localhost\r\n\r\n";
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn clients_that_never_send_or_read_do_not_keep_an_operator_out() {
+    let bench = Bench::stocked().await;
+    let (address, _serving) = listening(&bench, 8).await;
+    let mut idle = Vec::new();
+    for _ in 0..200 {
+        idle.push(say(address, "").await);
+    }
+    // Among them are those of the reserve, and more than it has places.
+    for _ in 0..5 {
+        assert!(all(say(address, HEALTH).await).await.starts_with("HTTP/1.1 200 "));
+    }
+    let refused = all(say(address, LIST).await).await;
+    assert!(refused.starts_with("HTTP/1.1 503 ") && refused.contains("retry-after"), "{refused}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn one_address_has_its_share_of_the_connections() {
+    let bench = Bench::stocked().await;
+    let (address, _serving) = listening_within(&bench, ConnectionLimits { all: 8, per_address: 2 }).await;
+    let idle = [say(address, "").await, say(address, "").await];
+    tokio::time::sleep(Duration::from_millis(50)).await;
+    let refused = all(say(address, LIST).await).await;
+    assert!(refused.starts_with("HTTP/1.1 429 ") && refused.contains("of this address"), "{refused}");
+    drop(idle);
+    tokio::time::sleep(Duration::from_millis(50)).await;
+    let served = all(say(address, &LIST.replace("\r\n\r\n", "\r\nconnection: close\r\n\r\n")).await).await;
+    assert!(served.starts_with("HTTP/1.1 200 "), "{served}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_client_that_takes_nothing_of_its_answers_is_dropped() {
+    let bench = Bench::stocked().await;
+    let (address, _serving) = listening(&bench, 1).await;
+    // More answers than the sockets hold, and none is read.
+    let greedy = TcpStream::connect(address).await.expect("a connection");
+    let (reading, mut writing) = greedy.into_split();
+    let asking = tokio::spawn(async move {
+        let many = LIST.repeat(100);
+        while writing.write_all(many.as_bytes()).await.is_ok() {}
+    });
+    let begun = Instant::now();
+    let ended = tokio::time::timeout(Duration::from_secs(60), asking).await;
+    assert!(ended.is_ok(), "still connected after {:?}", begun.elapsed());
+    drop(reading);
+    let next = all(say(address, &LIST.replace("\r\n\r\n", "\r\nconnection: close\r\n\r\n")).await).await;
+    assert!(next.starts_with("HTTP/1.1 200 "), "{next}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_body_that_comes_by_drops_is_given_up_and_its_memory_with_it() {
+    let bench = Bench::stocked().await;
+    let (address, _serving) = listening(&bench, 4).await;
+    let before = bench.work.pool.admission().used();
+    let head = "POST /v1/examples HTTP/1.1\r\nhost: localhost\r\ncontent-length: 60000\r\nconnection: close\r\n\r\n";
+    let stream = say(address, head).await;
+    let (mut reading, mut writing) = stream.into_split();
+    let dripping = tokio::spawn(async move {
+        while writing.write_all(b"x").await.is_ok() {
+            tokio::time::sleep(Duration::from_millis(100)).await;
+        }
+    });
+    let mut answer = Vec::new();
+    let read = tokio::time::timeout(Duration::from_secs(60), reading.read_to_end(&mut answer)).await;
+    assert!(read.is_ok(), "expected an answer within a minute");
+    let answer = String::from_utf8_lossy(&answer);
+    assert!(answer.starts_with("HTTP/1.1 408 "), "{answer}");
+    dripping.abort();
+    assert_eq!(bench.work.pool.admission().used(), before);
 }

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::auth::Role;
-use quadmuse_proto::{Example, Health, Page};
+use quadmuse_proto::{Example, Health, NewToken, Page};
 use serde_json::json;
 
 #[tokio::test]
@@ -84,8 +84,9 @@ async fn health_and_metrics_are_told() {
 async fn tokens_open_what_their_role_allows() {
     let bench = Bench::new();
     let tokens = Tokens::beside(bench.dir.path());
-    let (reader, _) = tokens.create(Role::Reader, "r").expect("created");
-    let (contributor, _) = tokens.create(Role::Contributor, "c").expect("created");
+    let create = |role| tokens.create(&NewToken { role, ..NewToken::default() }).expect("created");
+    let (reader, _) = create(Role::Reader);
+    let (contributor, _) = create(Role::Contributor);
     let ask = async |token: &str, method: Method, path: &str| {
         let bearer = format!("Bearer {token}");
         bench.request(method, path, &[("authorization", &bearer)], "segment disc 1").await
@@ -154,4 +155,96 @@ async fn pages_load_nothing_from_elsewhere() {
     assert_eq!(seen, 6, "{wanted:?}");
     bench.get("/web/secret").await.problem(404, "not_found");
     bench.get("/web/..%2findex.js").await.problem(404, "not_found");
+}
+
+#[tokio::test]
+async fn pages_of_other_origins_and_rebound_names_are_refused() {
+    let bench = Bench::stocked().await;
+    let here = ("host", "127.0.0.1:7979");
+    let foreign = [("origin", "http://evil.example"), ("origin", "null"), ("sec-fetch-site", "cross-site")];
+    for said in foreign {
+        for (method, path) in
+            [(Method::POST, "/v1/examples"), (Method::POST, "/v1/queries"), (Method::DELETE, "/v1/queries/x")]
+        {
+            let headers = [here, said, ("content-type", "text/plain")];
+            let answer = bench.request(method, path, &headers, "segment disc 9").await;
+            answer.problem(403, "forbidden");
+        }
+    }
+    let rebound = ("host", "evil.example:7979");
+    for path in ["/", "/v1/examples", "/healthz", "/openapi.json"] {
+        bench.request(Method::GET, path, &[rebound], Body::empty()).await.problem(421, "forbidden");
+    }
+    assert_eq!(bench.get("/v1/examples").await.json()["items"].as_array().map(Vec::len), Some(4));
+    let own = [here, ("origin", "http://127.0.0.1:7979"), ("sec-fetch-site", "same-origin")];
+    let added = bench.request(Method::POST, "/v1/examples", &own, "segment disc 9").await;
+    assert_eq!(added.status, StatusCode::CREATED, "{}", added.text());
+}
+
+#[tokio::test]
+async fn a_json_body_needs_its_content_type() {
+    let bench = Bench::stocked().await;
+    let id = bench.get("/v1/examples").await.json()["items"][0]["id"].as_str().expect("an id").to_owned();
+    let path = format!("/v1/examples/{id}");
+    for kind in [None, Some("text/plain"), Some("application/x-www-form-urlencoded"), Some("multipart/form-data")] {
+        let headers: Vec<(&str, &str)> = kind.map(|kind| ("content-type", kind)).into_iter().collect();
+        let answer = bench.request(Method::PATCH, &path, &headers, r#"{"name": "x"}"#).await;
+        answer.problem(415, "format_unknown");
+    }
+}
+
+#[tokio::test]
+async fn no_answer_lets_a_browser_guess_its_type() {
+    let bench = Bench::stocked().await;
+    let id = bench.get("/v1/examples").await.json()["items"][0]["id"].as_str().expect("an id").to_owned();
+    let mesh = format!("/v1/examples/{id}/mesh");
+    for path in
+        ["/", "/docs", "/web/index.js", "/v1/examples", &mesh, "/healthz", "/metrics", "/openapi.json", "/nothing"]
+    {
+        let answer = bench.get(path).await;
+        assert_eq!(answer.header("x-content-type-options"), "nosniff", "{path}");
+        assert_eq!(answer.header("cross-origin-resource-policy"), "same-origin", "{path}");
+    }
+}
+
+#[tokio::test]
+async fn invented_methods_make_no_new_metrics() {
+    let bench = Bench::new();
+    for n in 0..50 {
+        let method = Method::from_bytes(format!("BREW{n}").as_bytes()).expect("a method");
+        bench.request(method, "/v1/examples", &[], Body::empty()).await.problem(405, "method_not_allowed");
+    }
+    let metrics = bench.get("/metrics").await.text();
+    assert!(!metrics.contains("BREW") && metrics.contains("method=\"other\""), "{metrics}");
+    for name in [
+        "quadmuse_request_seconds_bucket",
+        "quadmuse_memory_bytes{kind=\"limit\"}",
+        "quadmuse_quarantined",
+        "quadmuse_writable",
+        "quadmuse_lane_waiting{lane=\"coarse\"}",
+    ] {
+        assert!(metrics.contains(name), "{name} in {metrics}");
+    }
+}
+
+#[test]
+fn dashboard_and_alerts_name_metrics_that_there_are() {
+    let sources = [include_str!("../health.rs"), include_str!("../watchful.rs"), include_str!("../../work/scrub.rs")];
+    let told = [
+        include_str!("../../../../docs/operations/grafana.json"),
+        include_str!("../../../../docs/operations/alerts.yaml"),
+    ];
+    let is_part = |c: char| c.is_ascii_lowercase() || c == '_';
+    let mut seen = 0;
+    for text in told {
+        for (at, _) in text.match_indices("quadmuse_") {
+            let name = &text[at..];
+            let name = &name[..name.find(|c| !is_part(c)).unwrap_or(name.len())];
+            let name = format!("\"{}\"", name.trim_end_matches("_bucket"));
+            assert!(sources.iter().any(|source| source.contains(&name)), "{name}");
+            seen += 1;
+        }
+    }
+    assert!(seen > 20, "{seen}");
+    serde_json::from_str::<Value>(told[0]).expect("a dashboard");
 }

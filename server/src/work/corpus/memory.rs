@@ -35,7 +35,7 @@ impl MemoryCorpus {
 
     fn writable(&self) -> Result<(), CorpusError> {
         match self.full.load(Ordering::Relaxed) {
-            true => Err(CorpusError::ReadOnly("expected free space, found none".into())),
+            true => Err(CorpusError::Full("expected free space, found none".into())),
             false => Ok(()),
         }
     }

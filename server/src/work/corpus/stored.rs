@@ -5,14 +5,16 @@
 
 mod row;
 
-use super::{Corpus, CorpusError, CorpusHealth, KeptRow, NewExample, Put};
+use super::{Corpus, CorpusCheck, CorpusError, CorpusHealth, KeptRow, NewExample, Put};
 use crate::work::engine::{Cut, Packed, PackedFeature, SegmentFacts};
+use crate::work::ingest::counts_of;
 use crate::work::query::rfc3339;
 use bytes::Bytes;
+use quadmuse_kernel::mesh;
 use quadmuse_proto::{Example, ExampleId, ExamplePatch, ExampleSegment, MeshCounts, Segmentation, Topology};
 use quadmuse_store::{
     Added, ChartRecord, DerivedSegment, ExampleRecord, Feature, Level, NewSegmentation, OpenOptions, OpenReport, Patch,
-    SegmentSummary, Store, StoreError,
+    Problem, SegmentSummary, Store, StoreError,
 };
 use row::WrittenRow;
 use std::collections::{BTreeMap, HashMap};
@@ -92,14 +94,24 @@ impl StoredCorpus {
     }
 }
 
-/// Reads what the encodings tell; what is missing counts as 0 until it is encoded again.
+/// Reads what the encodings tell; features that are missing count as 0 until they are found again.
 fn described(store: &Store, record: &ExampleRecord) -> Described {
     let segments = 0..record.segments.len() as u32;
     let features =
         segments.clone().map(|s| store.coarse(record.id, s).map_or(0, |coarse| coarse.features.len() as u32));
     let charts = segments.clone().filter_map(|s| store.chart(record.id, s).ok());
-    let (triangles, quads) = charts.filter_map(|chart| unpack_counts(&chart.extra)).next().unwrap_or_default();
+    let told = charts.filter_map(|chart| unpack_counts(&chart.extra)).next();
+    // Until it is encoded again, the mesh tells.
+    let (triangles, quads) = told.or_else(|| counted(store, record.id)).unwrap_or_default();
     Described { triangles, quads, features: features.collect() }
+}
+
+/// Triangles and quads of a mesh, from its bytes.
+fn counted(store: &Store, id: ExampleId) -> Option<(u64, u64)> {
+    let bytes = store.mesh_bytes(id).ok()?;
+    let mesh = mesh::read(&bytes, mesh::Format::sniff(&bytes), &mesh::Limits::default()).ok()?;
+    let counts = counts_of(&mesh);
+    Some((counts.triangles, counts.quads))
 }
 
 fn pack_counts(counts: MeshCounts) -> Vec<u8> {
@@ -365,6 +377,24 @@ impl Corpus for StoredCorpus {
         Ok(self.store.put_rows(&mut rows.map(written))?)
     }
 
+    fn check(&self) -> Result<CorpusCheck, CorpusError> {
+        let report = self.store.check(&mut |_| {})?;
+        Ok(CorpusCheck {
+            examples: report.examples as u64,
+            segments: report.segments as u64,
+            bytes: report.bytes,
+            problems: report.problems.iter().map(words_of).collect(),
+        })
+    }
+
+    fn scrub(&self, id: ExampleId) -> Result<Vec<String>, CorpusError> {
+        Ok(self.store.scrub(id)?.iter().map(words_of).collect())
+    }
+
+    fn backup(&self, to: &mut dyn std::io::Write) -> Result<Vec<(ExampleId, String)>, CorpusError> {
+        Ok(self.store.backup(to)?.skipped)
+    }
+
     fn stale(&self, version: u32) -> Vec<(ExampleId, u32)> {
         self.store.missing_derived(version)
     }
@@ -375,7 +405,23 @@ impl Corpus for StoredCorpus {
 
     fn health(&self) -> CorpusHealth {
         let quarantined = self.store.quarantined().into_iter().map(|(id, _)| id).collect();
-        CorpusHealth { read_only: self.store.suspended(), quarantined }
+        CorpusHealth { read_only: self.store.unwritable(), quarantined }
+    }
+}
+
+/// What a check found, as a sentence.
+pub fn words_of(problem: &Problem) -> String {
+    match problem {
+        Problem::Ground { id, reason } => {
+            format!("{id}: damaged ({reason}); add the same mesh again, or remove it")
+        }
+        Problem::Record { id, reason } => {
+            format!("{id}: its record is damaged ({reason}); the service writes it anew")
+        }
+        Problem::Derived { id, segment, reason } => {
+            format!("{id}: the encoding of segment {segment} is damaged ({reason}); the service makes it anew")
+        }
+        Problem::Blobs { count } => format!("{count} files are not synced; compact the store"),
     }
 }
 
@@ -388,9 +434,10 @@ impl From<StoreError> for CorpusError {
                 Self::NoEncoding(error.to_string())
             }
             StoreError::Invalid { .. } => Self::Invalid(error.to_string()),
-            StoreError::Full { .. } | StoreError::ReadOnly { .. } => Self::ReadOnly(error.to_string()),
+            StoreError::Full { .. } => Self::Full(error.to_string()),
+            StoreError::ReadOnly { .. } => Self::ReadOnly(error.to_string()),
             StoreError::Busy => Self::Busy,
-            StoreError::Io { .. } if error.is_full() => Self::ReadOnly(error.to_string()),
+            StoreError::Io { .. } if error.is_full() => Self::Full(error.to_string()),
             StoreError::Io { .. }
             | StoreError::Engine { .. }
             | StoreError::Newer { .. }
@@ -398,6 +445,7 @@ impl From<StoreError> for CorpusError {
             | StoreError::Migration(_)
             | StoreError::Backup { .. }
             | StoreError::NotEmpty { .. }
+            | StoreError::HalfRestored { .. }
             | StoreError::Closed => Self::Failed(Box::new(error)),
         }
     }
@@ -471,5 +519,47 @@ mod tests {
         corpus.remove(example.id).expect("removed");
         assert!(matches!(corpus.get(example.id), Err(CorpusError::NotFound(_))));
         assert!(matches!(corpus.remove(example.id), Err(CorpusError::NotFound(_))));
+    }
+
+    #[test]
+    fn counts_are_told_while_encodings_are_made_anew() {
+        let dir = tempfile::tempdir().expect("a directory");
+        let mesh: &[u8] = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nf 1 2 3 4\nf 2 5 3\n";
+        let counts = MeshCounts { vertices: 5, faces: 2, triangles: 1, quads: 1 };
+        let (example, _) = open(dir.path()).put(NewExample { counts, ..new_example(mesh, None) }).expect("added");
+        std::fs::remove_dir_all(dir.path().join("index")).expect("removed");
+        let told = open(dir.path()).get(example.id).expect("there");
+        assert_eq!((told.counts.triangles, told.counts.quads), (1, 1));
+    }
+
+    #[test]
+    fn a_damaged_example_says_so_also_after_a_restart() {
+        let dir = tempfile::tempdir().expect("a directory");
+        let corpus = open(dir.path());
+        let (example, _) = corpus.put(new_example(b"mesh", None)).expect("added");
+        std::fs::write(dir.path().join("objects").join(&example.hash), b"hsem").expect("damaged");
+        assert!(matches!(corpus.bytes(example.id), Err(CorpusError::Damaged(_))));
+        drop(corpus);
+        let corpus = open(dir.path());
+        assert!(matches!(corpus.get(example.id), Err(CorpusError::Damaged(_))));
+        assert_eq!(corpus.health().quarantined, [example.id]);
+        corpus.put(new_example(b"mesh", None)).expect("healed");
+        assert_eq!(corpus.bytes(example.id).expect("whole"), Bytes::from_static(b"mesh"));
+        assert_eq!(corpus.health().quarantined, []);
+    }
+
+    #[test]
+    fn it_is_writable_only_where_there_is_space() {
+        use std::sync::atomic::{AtomicU64, Ordering};
+        let dir = tempfile::tempdir().expect("a directory");
+        let free = Arc::new(AtomicU64::new(u64::MAX));
+        let probe = Arc::clone(&free);
+        let free_space: quadmuse_store::FreeSpace = Arc::new(move |_| Ok(probe.load(Ordering::SeqCst)));
+        let (corpus, _) =
+            StoredCorpus::open(dir.path(), &OpenOptions { free_space, ..OpenOptions::default() }).expect("a store");
+        assert_eq!(corpus.health().read_only, None);
+        free.store(1 << 20, Ordering::SeqCst);
+        assert!(corpus.health().read_only.is_some());
+        assert!(matches!(corpus.put(new_example(b"mesh", None)), Err(CorpusError::Full(_))));
     }
 }

@@ -36,7 +36,7 @@ use std::sync::Arc;
 /// Memory that reading and encoding takes for each byte of an upload, at most (measured: tests/records).
 const MEMORY_PER_BYTE: u64 = 40;
 /// Memory that it takes at least.
-const MEMORY_BASE: u64 = 48 << 20;
+const MEMORY_BASE: u64 = 12 << 20;
 
 /// Memory that each segment but the first takes, however small it is: its pictures at every level.
 const MEMORY_PER_SEGMENT: u64 = 6 << 20;

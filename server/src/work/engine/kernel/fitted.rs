@@ -21,7 +21,7 @@ use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::mesh::{PolyMesh, TriMesh, Vec3};
 use quadmuse_kernel::register::{Entry, Flip, LevenbergMarquardt, Query};
 use quadmuse_kernel::segment::{Segmented, segment_above};
-use quadmuse_kernel::settle::{Evidence, Manner, Similarity};
+use quadmuse_kernel::settle::{Evidence, Similarity};
 use quadmuse_kernel::topology::{Components, Patch, Topology, primitive};
 use quadmuse_kernel::unfold::Uv;
 use quadmuse_proto::{Beyond, Covers, MapEvidence, Topology as Primitive, Verdict};
@@ -107,29 +107,25 @@ fn settled(
     let stopped = || stop.reason().is_some();
     let mesh = &one.patch.mesh;
     let Some(mut rests) = Rests::new(mesh, input) else { return Ok(None) };
-    let manners = [Manner::Whole, Manner::Following];
     if let Some(whole) = whole {
-        rests.tries(whole, &manners, &stopped);
+        rests.tries(whole, &stopped);
     }
     // Of two closed surfaces neither ends anywhere.
     let closed = |side: &Side| side.encoded.encoding.facts.topology == Primitive::Sphere;
     let may_be_part = !(closed(example) && closed(query));
     if may_be_part && !rests.is_convincing() {
         for start in parts(example, query, (one, two), stop)? {
-            rests.tries(&start, &manners, &stopped);
+            rests.tries(&start, &stopped);
             if rests.is_convincing() {
                 break;
             }
         }
     }
     if may_be_part && rests.best().is_none_or(|best| best.evidence.relief < DOUBTFUL) {
-        let posed = |mirrored: bool| {
-            let found = poses(mesh, input, if mirrored { -1.0 } else { 1.0 });
-            found.into_iter().map(move |positions| Start { positions, mirrored })
-        };
-        let aligned = rests.aligned(posed(false).chain(posed(true)).collect(), &stopped);
+        let posed = poses(mesh, input).into_iter().map(|positions| Start { positions, mirrored: false });
+        let aligned = rests.aligned(posed.collect(), &stopped);
         for start in aligned.iter().take(POSED) {
-            rests.tries(start, &[Manner::Whole], &stopped);
+            rests.tries(start, &stopped);
             if rests.is_convincing() {
                 break;
             }
@@ -381,28 +377,44 @@ fn area(mesh: &PolyMesh) -> f64 {
     0.5 * mesh.faces.iter().map(of).sum::<f64>()
 }
 
-/// Relief from which on a settled map is good, or fair; calibrated in tests/records.
-const RELIEF: [f64; 2] = [0.8, 0.65];
-/// Shear up to which it is good, or fair.
-const SHEAR: [f64; 2] = [0.35, 0.6];
-/// Share of folded faces up to which it is good, or fair.
-const FOLDED: [f64; 2] = [0.002, 0.02];
+/// Confidence from which on a settled map is good, or fair; calibrated in tests/records.
+const CONFIDENCE: [f64; 2] = [0.4, -0.08];
+/// Weight of log₁₀ bend in it.
+const BEND_WEIGHT: f64 = 0.2;
+/// Share of faces that look inward up to which it is good, or fair: hidden faces of bodies do in the truth too.
+const FOLDED: [f64; 2] = [0.02, 0.06];
 
-/// The verdict on a map that has settled, with a sentence for each measure that is not good.
+/// The verdict on a map that has settled, with a sentence for each measure that is not good. Relief falls where shapes
+/// differ, and bend grows where the map is wrong, so neither is told alone.
 fn judged(evidence: &Evidence, folded: f64) -> (Verdict, Vec<String>) {
-    let measures = [
-        (-evidence.relief, RELIEF.map(|x| -x), "bumps and hollows of the example lie on others of the scan"),
-        (evidence.shear, SHEAR, "the example is drawn out much to fit the scan"),
-        (folded, FOLDED, "some faces are folded over"),
-    ];
-    let (mut verdict, mut reasons) = (Verdict::Good, Vec::new());
-    for (value, [good, fair], why) in measures {
-        if value <= good {
-            continue;
+    let confidence = evidence.relief - BEND_WEIGHT * evidence.bend.max(1.0).log10();
+    let mut reasons = Vec::new();
+    let mut measure = |is_good: bool, is_fair: bool, why: &str| {
+        if !is_good {
+            reasons.push(why.to_owned());
         }
-        reasons.push(why.to_owned());
-        let is_fair = value <= fair && verdict != Verdict::Poor;
-        verdict = if is_fair { Verdict::Fair } else { Verdict::Poor };
+        if is_good {
+            Verdict::Good
+        } else if is_fair {
+            Verdict::Fair
+        } else {
+            Verdict::Poor
+        }
+    };
+    let [good, fair] = CONFIDENCE;
+    let alike =
+        measure(confidence >= good, confidence >= fair, "bumps and hollows of the example lie on others of the scan");
+    let [good, fair] = FOLDED;
+    let smooth = measure(folded <= good, folded <= fair, "some faces look into the scan");
+    (worse(alike, smooth), reasons)
+}
+
+fn worse(a: Verdict, b: Verdict) -> Verdict {
+    if a == Verdict::Poor || b == Verdict::Poor {
+        Verdict::Poor
+    } else if a == Verdict::Fair || b == Verdict::Fair {
+        Verdict::Fair
+    } else {
+        Verdict::Good
     }
-    (verdict, reasons)
 }

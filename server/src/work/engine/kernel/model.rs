@@ -127,7 +127,7 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, 
             let detail = format!("expected one label for each of {expected} faces, found {}", labels.len());
             return Err(EngineError::refused(Refusal::LabelsInvalid, detail));
         }
-        return Segmented::by_labels(surface, labels).map_err(cannot_cut);
+        return Segmented::by_labels(surface, few(labels)?).map_err(cannot_cut);
     }
     let policy = match cut.components {
         Components::Largest => topology::Components::Crumbs,
@@ -142,7 +142,7 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, 
                     "expected groups (OBJ g or usemtl, PLY face property segment), found none",
                 )
             })?;
-            Segmented::by_labels(surface, &labels).map_err(cannot_cut)
+            Segmented::by_labels(surface, few(&labels)?).map_err(cannot_cut)
         }
         Segmentation::Auto => {
             let count = match cut.parts {
@@ -151,7 +151,8 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, 
                 Some(Parts::Count(n)) => PartCount::About(n as usize),
             };
             if count == PartCount::AsNeeded {
-                let groups = || group_labels(mesh).and_then(|labels| Segmented::by_labels(surface, &labels).ok());
+                let few_groups = || group_labels(mesh).filter(|labels| few(labels).is_ok());
+                let groups = || few_groups().and_then(|labels| Segmented::by_labels(surface, &labels).ok());
                 let repaired = || Segmented::primitive(surface, policy).ok();
                 // A scan falls into pieces; an example is as its artist made it.
                 let pieces = || match (cut.components, cut.grain) {
@@ -170,6 +171,13 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, 
             }
         }
     }
+}
+
+/// Labels that ask for no more segments than a mesh may have: each costs memory and time, however few its faces are.
+fn few(labels: &[i64]) -> Result<&[i64], EngineError> {
+    let refused = |error: crate::work::WorkError| EngineError::refused(Refusal::LabelsInvalid, error.to_string());
+    crate::work::ingest::check_labels(labels).map_err(refused)?;
+    Ok(labels)
 }
 
 /// What was left out of a patch, or will be filled, to make it a primitive.

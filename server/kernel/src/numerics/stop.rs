@@ -1,0 +1,108 @@
+//! How a computation is interrupted, and how much of it was done.
+//!
+//! Whoever starts a computation gives it something to ask ([`within`]); the computation asks it now and then ([`poll`]),
+//! where a piece of work of some microseconds begins: a search for the nearest triangle, a solve, a round of smoothing.
+//! What is asked ends the computation by unwinding, so that no function between has to hand an error on. Without it
+//! nothing happens, and a poll costs a few nanoseconds.
+//!
+//! The polls of a thread are counted ([`steps`]): a measure of work that is the same on every machine, where time is not.
+
+use std::cell::{Cell, RefCell};
+use std::rc::Rc;
+
+/// What a poll asks: it returns, or unwinds.
+pub type Ask = Rc<dyn Fn()>;
+
+/// A poll asks once in so many.
+const ASK_EVERY: u64 = 16;
+
+thread_local! {
+    static ASK: RefCell<Option<Ask>> = const { RefCell::new(None) };
+    static STEPS: Cell<u64> = const { Cell::new(0) };
+}
+
+/// Puts back what was asked before, also when the computation unwinds.
+struct Before(Option<Ask>);
+
+impl Drop for Before {
+    fn drop(&mut self) {
+        ASK.with(|now| *now.borrow_mut() = self.0.take());
+    }
+}
+
+/// Runs a computation whose polls, on this thread, ask `ask`.
+pub fn within<T>(ask: Ask, work: impl FnOnce() -> T) -> T {
+    let _before = Before(ASK.with(|now| now.borrow_mut().replace(ask)));
+    work()
+}
+
+/// Asks whether to go on; unwinds if not.
+#[inline]
+pub fn poll() {
+    let steps = STEPS.get().wrapping_add(1);
+    STEPS.set(steps);
+    if steps.is_multiple_of(ASK_EVERY) {
+        ask();
+    }
+}
+
+/// Asks at once: before what takes long by itself.
+pub fn ask() {
+    // Cloned, so that nothing is borrowed while it unwinds.
+    let ask = ASK.with(|now| now.borrow().clone());
+    if let Some(ask) = ask {
+        ask();
+    }
+}
+
+/// The polls of this thread so far; differences tell how much work was done.
+pub fn steps() -> u64 {
+    STEPS.get()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+
+    #[test]
+    fn a_computation_that_polls_is_interrupted_and_the_next_is_not() {
+        let left = Rc::new(Cell::new(3));
+        let ask: Ask = Rc::new(move || {
+            left.set(left.get() - 1);
+            if left.get() == 0 {
+                resume_unwind(Box::new("enough"));
+            }
+        });
+        let mut polls = 0u64;
+        let endless = || loop {
+            polls += 1;
+            poll();
+        };
+        let ended = catch_unwind(AssertUnwindSafe(|| within(ask, endless)));
+        let words: Result<(), _> = ended;
+        assert_eq!(words.err().and_then(|words| words.downcast_ref::<&str>().copied()), Some("enough"));
+        assert!((2 * ASK_EVERY..=3 * ASK_EVERY).contains(&polls), "{polls}");
+        (0..1000).for_each(|_| poll());
+    }
+
+    #[test]
+    fn steps_count_the_polls_of_this_thread() {
+        let before = steps();
+        (0..100).for_each(|_| poll());
+        std::thread::spawn(|| (0..100).for_each(|_| poll())).join().expect("it ends");
+        assert_eq!(steps() - before, 100);
+    }
+
+    #[test]
+    fn what_was_asked_before_is_asked_again_after() {
+        let asked = Rc::new(Cell::new(0));
+        let (outer, inner) = (Rc::clone(&asked), Rc::clone(&asked));
+        within(Rc::new(move || outer.set(outer.get() + 1)), || {
+            within(Rc::new(move || inner.set(inner.get() + 100)), ask);
+            ask();
+        });
+        ask();
+        assert_eq!(asked.get(), 101);
+    }
+}
