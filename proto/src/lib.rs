@@ -29,7 +29,7 @@ pub use example::{Example, ExamplePatch, ExampleSegment, MeshCounts};
 pub use format::MeshFormat;
 pub use health::{Health, Readiness};
 pub use id::{CompositionId, ExampleId, MapId, QueryId};
-pub use map::{Beyond, Covers, Distortion, Histogram, Map, MapTimings, NewMap, Verdict};
+pub use map::{Beyond, Covers, Distortion, Histogram, Map, MapEvidence, MapTimings, NewMap, Verdict};
 pub use paging::Page;
 pub use problem::{Code, Problem};
 pub use query::{LevelTiming, Progress, Query, QuerySegment, QueryState, QueryTimings};

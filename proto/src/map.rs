@@ -93,8 +93,29 @@ pub struct Map {
     pub verdict: Verdict,
     /// Why, a sentence each.
     pub reasons: Vec<String>,
+    /// The measures behind the verdict, where the example has settled on the input.
+    #[serde(default)]
+    pub evidence: Option<MapEvidence>,
     /// Where its time went.
     pub timings: MapTimings,
+}
+
+/// What speaks for a map, measured. Lengths are in √area of the example as it is laid.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct MapEvidence {
+    /// Correlation of bumps and hollows on the example and where they lie on the input, −1 to 1.
+    pub relief: f64,
+    /// How much the example is drawn out in one direction against others, as the mean of a logarithm.
+    pub shear: f64,
+    /// How unevenly it grows, as the deviation of a logarithm.
+    pub scale_spread: f64,
+    /// How much its stretching changes from place to place.
+    pub bend: f64,
+    /// Root mean square distance from the input before its vertices were moved onto it.
+    pub residual: f64,
+    /// Mean of 1 − cos between the normals of the two.
+    pub normal_disagreement: f64,
 }
 
 /// How much of each surface the other reaches, as shares of their areas.

@@ -52,7 +52,7 @@ fn main() {
     let model = engine.read(&std::fs::read(input).expect("an input"), None, &Cut::default(), &stop).expect("a mesh");
     let encoded = engine.encode(&model, 0, &stop).expect("an encoding");
     let begun = Instant::now();
-    let query = engine.coarse_query(&encoded.encoding).expect("a query");
+    let query = engine.coarse_query(&encoded.encoding, encoded.encoding.facts.topology).expect("a query");
     println!("preparing the query, rival poles included: {:.1} ms", begun.elapsed().as_secs_f64() * 1e3);
 
     let begun = Instant::now();

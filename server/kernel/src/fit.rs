@@ -4,7 +4,10 @@
 //! own boundary, registered and laid as surfaces that end alike are.
 
 pub mod beyond;
+pub mod poses;
+pub mod rest;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::encode::index::PlanarIndex;
@@ -13,9 +16,13 @@ use crate::map::atlas::Atlas;
 use crate::map::reembed::{Ground, settle};
 use crate::map::{CrossMap, cross_map};
 use crate::measure::{self, BURDENED_DEG, Distortion};
+use crate::mesh::Vec3;
+use crate::mesh::bvh::{Bvh, Closest};
+use crate::mesh::tri::{NONE, TriMesh, nearest_share};
 use crate::register::entry::{Hypothesis, PROTRUSIONS_MANY};
 use crate::register::{Entry, Query, Solver};
-use crate::segment::{Segmented, segment_above};
+use crate::segment::{Segmented, segment_above, segment_polygons};
+use crate::settle::Similarity;
 use crate::topology::{Components, Patch, Topology, primitive};
 use crate::unfold::{Chart, UnfoldError, UnfoldOptions};
 
@@ -150,6 +157,23 @@ pub fn crop_between(surface: &Surface, crop: &Crop) -> Option<Cropped> {
     cut_out(cut.between_polygons(&surface.patch.mesh).ok()?, surface, crop)
 }
 
+/// What is left of an example's surface without the polygons most of whose vertices are `lost`; `None` where that is no
+/// disc.
+pub fn without(surface: &Surface, lost: &[bool]) -> Option<Cropped> {
+    let mesh = &surface.patch.mesh;
+    let mut counts: BTreeMap<u32, [u32; 2]> = BTreeMap::new();
+    for (corners, f) in mesh.triangles.iter().zip(&mesh.polygon_of) {
+        let count = counts.entry(*f).or_default();
+        corners.iter().for_each(|&v| count[usize::from(lost.get(v as usize) == Some(&true))] += 1);
+    }
+    let mut segmented = segment_polygons(mesh, &|f| counts.get(&f).is_none_or(|[kept, gone]| kept >= gone));
+    let part = segmented.parts.first()?;
+    let found = primitive(&part.mesh, Components::Crumbs).ok().filter(|p| p.topology == Topology::Disc)?;
+    let patch = Patch { topology: found.topology, holes: found.holes, ..part.clone() };
+    segmented.parts[0] = patch.clone();
+    Some(Cropped { segmented, surface: Surface::new(patch).ok()? })
+}
+
 fn cut_out(mut segmented: Segmented, surface: &Surface, crop: &Crop) -> Option<Cropped> {
     let part = segmented.parts.first()?;
     let found = primitive(&part.mesh, Components::Crumbs).ok().filter(|p| p.topology == Topology::Disc)?;
@@ -177,6 +201,23 @@ pub struct Fit {
     pub two: Option<Cropped>,
     /// The map of the one on the other.
     pub laid: Laid,
+}
+
+impl Fit {
+    /// Where each vertex of the example goes; those that were cut off follow the others as a whole.
+    pub fn start(&self, example: &Surface) -> Vec<Vec3> {
+        let laid = &self.laid.cross.positions;
+        let Some(one) = &self.one else { return laid.clone() };
+        let rest = &example.patch.mesh.positions;
+        let part = &one.segmented.parts[0].vertex_of;
+        let pairs = part.iter().zip(laid).map(|(&v, x)| (rest[v as usize], *x, 1.0));
+        let mirrored = self.laid.mirrored;
+        let reflect = |x: &Vec3| if mirrored { Vec3::new(-x.x, x.y, x.z) } else { *x };
+        let Some(fit) = Similarity::fit(pairs.map(|(e, x, w)| (reflect(&e), x, w))) else { return laid.clone() };
+        let mut start: Vec<Vec3> = rest.iter().map(|x| fit.apply(&reflect(x))).collect();
+        part.iter().zip(laid).for_each(|(&v, x)| start[v as usize] = *x);
+        start
+    }
 }
 
 /// Every hypothesis laid, in the order in which their pictures register, all of both first.
@@ -208,4 +249,29 @@ pub fn fits(
         }
     }
     Ok(all)
+}
+
+/// Where an input goes on beyond an example that was laid on it: a value a vertex of the input, positive within the example,
+/// about as large as the distance from the example's rim. `None` for an example without a rim.
+pub fn within(example: &TriMesh, positions: &[Vec3], input: &TriMesh) -> Option<Vec<f64>> {
+    let laid = TriMesh { positions: positions.to_vec(), ..example.clone() };
+    let rim: Vec<[Vec3; 2]> = (0..laid.twins.len() as u32)
+        .filter(|&h| laid.twin(h) == NONE)
+        .map(|h| [laid.tail(h), laid.head(h)].map(|v| laid.positions[v as usize]))
+        .collect();
+    if rim.is_empty() {
+        return None;
+    }
+    let tree = Bvh::new(&laid);
+    let on_rim = |closest: &Closest| {
+        (0..3u32).any(|k| {
+            // The edge opposite the third corner is the halfedge of the first.
+            closest.barycentric[(k as usize + 2) % 3] < 1e-9 && laid.twin(3 * closest.triangle + k) == NONE
+        })
+    };
+    let away = |x: Vec3| {
+        let of = |edge: &[Vec3; 2]| (edge[0].lerp(&edge[1], nearest_share(*edge, x)) - x).norm();
+        rim.iter().map(of).fold(f64::INFINITY, f64::min)
+    };
+    Some(input.positions.iter().map(|&x| if on_rim(&tree.closest(x)) { -away(x) } else { away(x) }).collect())
 }

@@ -27,4 +27,6 @@ pub mod compose;
 
 pub mod measure;
 
+pub mod settle;
+
 pub mod fit;

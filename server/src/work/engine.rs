@@ -9,8 +9,8 @@ use quadmuse_kernel::rank::Shape;
 use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::spectra::Row;
 use quadmuse_proto::{
-    Beyond, Components, Constraint, ConstraintEdit, Covers, Distortion, Flip, MeshFormat, Parts, Segmentation,
-    Topology, Verdict,
+    Beyond, Components, Constraint, ConstraintEdit, Covers, Distortion, Flip, MapEvidence, MeshFormat, Parts,
+    Segmentation, Topology, Verdict,
 };
 use std::any::Any;
 use std::fmt;
@@ -259,8 +259,8 @@ pub struct Mapped {
     pub reasons: Vec<String>,
     /// How much of each surface the other reaches.
     pub reach: Reach,
-    /// How little it matches and how much it distorts, as one number to compare maps of the same pair by.
-    pub misfit: f64,
+    /// The measures behind the verdict, where the example has settled on the input.
+    pub evidence: Option<MapEvidence>,
 }
 
 /// How much of an example lies on how much of an input.
@@ -436,11 +436,11 @@ pub trait Engine: Send + Sync + 'static {
     /// [`EngineError::Internal`].
     fn row(&self, example: &Encoding) -> Result<Row, EngineError>;
 
-    /// A query, prepared for sweeps over rows.
+    /// A query, prepared for sweeps over rows of examples of a topology.
     ///
     /// # Errors
     /// [`EngineError::Internal`].
-    fn coarse_query(&self, query: &Encoding) -> Result<CoarseQuery, EngineError>;
+    fn coarse_query(&self, query: &Encoding, examples: Topology) -> Result<CoarseQuery, EngineError>;
 
     /// Makes what finishing needs of a query whatever the example, so that whoever finishes first needn't.
     fn ready(&self, query: &Encoding) {
@@ -505,6 +505,11 @@ pub trait Engine: Send + Sync + 'static {
         let from = from.ok_or_else(|| EngineError::Internal("expected surfaces of one topology".into()))?;
         let mapped = self.map(from, example, query, stop)?;
         Ok(Fitted { mapped, example: example.clone(), query: query.clone() })
+    }
+
+    /// The topologies of the examples that a query of some topology is ranked against, its own first.
+    fn ranked_against(&self, query: Topology) -> Vec<Topology> {
+        vec![query]
     }
 
     /// Whether examples of one topology can be laid on inputs of another.

@@ -267,6 +267,7 @@ fn summary(
         distortion: mapped.distortion.clone(),
         verdict: mapped.verdict,
         reasons: mapped.reasons.clone(),
+        evidence: mapped.evidence,
         timings,
     }
 }

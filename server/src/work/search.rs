@@ -60,10 +60,11 @@ pub async fn start(
         _ => reading.renew(Some(time)),
     };
     let snapshot = work.catalogue.snapshot();
-    let select = |topology| Selection::new(snapshot.shelf(topology), &options.tags);
-    let corpus: Vec<Selection> = model.segments.iter().map(|s| select(s.topology)).collect();
+    let select = |topologies: &[Topology]| Selection::new(&snapshot, topologies, &options.tags);
+    let against = |topology| work.engine.ranked_against(topology);
+    let corpus: Vec<Selection> = model.segments.iter().map(|s| select(&against(s.topology))).collect();
     // A segment for which there is no example takes a regular layout; a corpus without any is a mistake to be told.
-    if TOPOLOGIES.into_iter().all(|topology| select(topology).size == 0) {
+    if select(&TOPOLOGIES).size == 0 {
         let mut wanted: Vec<&str> = model.segments.iter().map(|s| s.topology.as_str()).collect();
         wanted.sort_unstable();
         wanted.dedup();

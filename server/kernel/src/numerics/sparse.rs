@@ -149,13 +149,19 @@ pub struct Factored {
 impl Factored {
     /// Solves for one right-hand side in place. Length of `x`: the number of unknowns.
     pub fn solve(&self, x: &mut [f64]) {
+        self.solve_columns(x, 1);
+    }
+
+    /// Solves for several right-hand sides in place, which stand in `x` one after another: the factor is read once for
+    /// all.
+    pub fn solve_columns(&self, x: &mut [f64], columns: usize) {
         stop::ask();
-        let n = x.len();
-        let scratch = self.symbolic.solve_in_place_scratch::<f64>(1, Par::Seq);
+        let n = x.len() / columns;
+        let scratch = self.symbolic.solve_in_place_scratch::<f64>(columns, Par::Seq);
         let mut memory = MemBuffer::new(scratch);
         LltRef::new(&self.symbolic, &self.values).solve_in_place_with_conj(
             Conj::No,
-            MatMut::from_column_major_slice_mut(x, n, 1),
+            MatMut::from_column_major_slice_mut(x, n, columns),
             Par::Seq,
             MemStack::new(&mut memory),
         );

@@ -8,10 +8,12 @@
 //! alone, before any feature moves.
 
 use crate::rank::{Shape, score};
+use crate::register::Flip;
 use crate::register::entry::MIRROR_MARGIN;
+use crate::register::query::{Query, Unfolded};
 use crate::register::spectra::{Block, LANES, Narrow, PEAK_ERROR, Row, Spectrum};
-use crate::register::{Flip, Query};
 use crate::topology::Topology;
+use std::sync::Arc;
 
 /// Below this sum of variances two pictures are flat, and only their means tell them apart.
 const VARIANCE_MIN: f64 = 1e-12;
@@ -95,13 +97,16 @@ struct Bounded {
 }
 
 impl CoarseQuery {
-    /// Prepares a query that bends so, with all poles worth trying.
-    pub fn new(query: &Query, bending: Option<f32>) -> Self {
-        let topology = query.encoding().topology;
-        let images = query.candidates().iter().filter_map(|c| Some((c.images.first()?, c.encoding.modulus)));
-        let shape = |modulus| Shape { modulus, bending };
-        let spectra = images.filter_map(|(image, modulus)| Some((Spectrum::new(image)?, shape(modulus))));
-        Self::from_spectra(topology, spectra.collect())
+    /// Prepares a query that bends so for examples of a topology, with all poles worth trying and the parts of it that could
+    /// match.
+    pub fn new(query: &Query, topology: Topology, bending: Option<f32>) -> Self {
+        let spectrum = |unfolded: &Arc<Unfolded>| {
+            // How a part bends isn't known.
+            let bending = bending.filter(|_| unfolded.is_whole());
+            let shape = Shape { modulus: unfolded.encoding.modulus, bending };
+            Some((Spectrum::new(unfolded.images.first()?)?, shape))
+        };
+        Self::from_spectra(topology, query.candidates_for(topology).iter().filter_map(spectrum).collect())
     }
 
     /// Prepares a query of these spectra and shapes, one for each choice of poles.

@@ -10,7 +10,7 @@ use super::query::{Query, SEARCH_SIDE, Unfolded};
 use super::{Flip, Level, Registration, Solver, coarse_flip, next_side, pole_search};
 use crate::encode::Encoding;
 use crate::topology::Topology;
-use crate::unfold::UnfoldError;
+use crate::unfold::{UnfoldError, Uv};
 
 /// A mirrored registration's cost is multiplied by this before it is compared with an unmirrored one.
 pub const MIRROR_MARGIN: f64 = 1.25;
@@ -81,13 +81,32 @@ enum Mirrored {
 }
 
 impl Entry {
-    /// Registers at the coarsest level: every flip with every rival pole. `None` when the example has no such level
-    /// or another topology.
+    /// Registers at the coarsest level all of one with all of the other: every flip with every rival pole. `None` when the
+    /// example has no such level or another topology.
     pub fn coarse(query: &Query, example: &Encoding, solver: &dyn Solver, stop: &dyn Fn() -> bool) -> Option<Self> {
-        if example.topology != query.encoding().topology {
-            return None;
-        }
-        let images = query.candidates().iter().map(|unfolded| unfolded.images.first());
+        let candidates = if example.topology == query.encoding().topology { query.candidates() } else { &[] };
+        Self::among(candidates, query, example, solver, stop)
+    }
+
+    /// The same with parts of the query too. `None` when the example has no such level, and where neither the query nor
+    /// its parts are of its topology.
+    pub fn coarse_with_parts(
+        query: &Query,
+        example: &Encoding,
+        solver: &dyn Solver,
+        stop: &dyn Fn() -> bool,
+    ) -> Option<Self> {
+        Self::among(&query.candidates_for(example.topology), query, example, solver, stop)
+    }
+
+    fn among(
+        candidates: &[Arc<Unfolded>],
+        query: &Query,
+        example: &Encoding,
+        solver: &dyn Solver,
+        stop: &dyn Fn() -> bool,
+    ) -> Option<Self> {
+        let images = candidates.iter().map(|unfolded| unfolded.images.first());
         let images: Vec<&Image> = images.collect::<Option<_>>()?;
         let first = Level::new(example, images.first()?)?;
         let levels: Vec<Level> = images.into_iter().map(|image| first.against(image)).collect::<Option<_>>()?;
@@ -108,7 +127,7 @@ impl Entry {
         let least = translated.iter().map(|t| t.0).fold(f64::INFINITY, f64::min);
         translated.retain(|t| t.0 <= least * TRANSLATED_WITHIN);
         let mut hypotheses = Vec::new();
-        for (unfolded, (k, level)) in query.candidates().iter().zip(levels.iter().enumerate()) {
+        for (unfolded, (k, level)) in candidates.iter().zip(levels.iter().enumerate()) {
             for &(_, _, flip) in translated.iter().filter(|t| t.1 == k) {
                 let registration = coarse_flip(level, flip, solver, stop);
                 hypotheses.push(Hypothesis { unfolded: Arc::clone(unfolded), registration });
@@ -122,13 +141,19 @@ impl Entry {
             r.energy / r.variance
         };
         if entry.hypotheses.iter().any(|h| h.registration.flip.is_mirror()) && is_symmetric(example, bent) {
-            entry.drop_mirrors(query, example, solver, stop);
+            entry.drop_mirrors(candidates, example, solver, stop);
         }
         Some(entry)
     }
 
     /// Leaves only unmirrored hypotheses; where none survived, the best pole's is made again.
-    fn drop_mirrors(&mut self, query: &Query, example: &Encoding, solver: &dyn Solver, stop: &dyn Fn() -> bool) {
+    fn drop_mirrors(
+        &mut self,
+        candidates: &[Arc<Unfolded>],
+        example: &Encoding,
+        solver: &dyn Solver,
+        stop: &dyn Fn() -> bool,
+    ) {
         let plain: Vec<Hypothesis> =
             self.hypotheses.iter().filter(|h| !h.registration.flip.is_mirror()).cloned().collect();
         if !plain.is_empty() {
@@ -136,7 +161,7 @@ impl Entry {
             return;
         }
         let mut made = Vec::new();
-        for unfolded in query.candidates() {
+        for unfolded in candidates {
             let Some(level) = unfolded.images.first().and_then(|image| Level::new(example, image)) else { continue };
             for &flip in Flip::all(example.topology).iter().filter(|f| !f.is_mirror()) {
                 let registration = coarse_flip(&level, flip, solver, stop);
@@ -147,6 +172,15 @@ impl Entry {
             self.hypotheses = made;
             self.prune(KEPT_MAX);
         }
+    }
+
+    /// The state of an example that was laid otherwise than by a registration: its points `p` go to the places `q` of the
+    /// query's own chart.
+    pub fn laid(query: &Query, flip: Flip, side: usize, p: Vec<Uv>, q: Vec<Uv>) -> Option<Self> {
+        let unfolded = query.candidates().first()?;
+        let registration = Registration { side, energy: 0.0, ..Registration::from_controls(flip, p, q) };
+        let hypotheses = vec![Hypothesis { unfolded: Arc::clone(unfolded), registration }];
+        Some(Self { hypotheses, poles_refined: true })
     }
 
     /// The best hypothesis.
@@ -181,7 +215,7 @@ impl Entry {
         }
         for hypothesis in &mut self.hypotheses {
             if hypothesis.unfolded.image(side).is_none() {
-                hypothesis.unfolded = query.unfolded_for(&hypothesis.unfolded.poles)?;
+                hypothesis.unfolded = query.refined(&hypothesis.unfolded, side)?;
             }
         }
         let with_it = self.hypotheses.iter().map(|h| &h.unfolded).find(|unfolded| unfolded.image(side).is_some());
@@ -207,7 +241,8 @@ impl Entry {
         solver: &dyn Solver,
         stop: &dyn Fn() -> bool,
     ) -> Result<(), UnfoldError> {
-        if std::mem::replace(&mut self.poles_refined, true) || query.protrusions().len() >= PROTRUSIONS_MANY {
+        let is_done = std::mem::replace(&mut self.poles_refined, true) || !self.best().unfolded.is_whole();
+        if is_done || query.protrusions().len() >= PROTRUSIONS_MANY {
             return Ok(());
         }
         let side = self.side();
@@ -249,7 +284,8 @@ impl Entry {
         burden: &dyn Fn(&Hypothesis) -> f64,
         stop: &dyn Fn() -> bool,
     ) -> Result<(), UnfoldError> {
-        if query.poles_given || self.best().unfolded.poles.is_empty() {
+        let best = &self.best().unfolded;
+        if query.poles_given || best.poles.is_empty() || !best.is_whole() {
             return Ok(());
         }
         let (side, start) = (self.side(), self.best());

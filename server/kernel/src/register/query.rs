@@ -9,13 +9,17 @@ use super::trial::Trials;
 use super::view::View;
 use crate::encode::index::PlanarIndex;
 use crate::encode::{Encoding, SIDE_FINEST, encode, encode_to};
-use crate::topology::Patch;
+use crate::topology::{Patch, Topology};
 use crate::unfold::moebius::Conformal;
 use crate::unfold::pole::Breadth;
 use crate::unfold::{Chart, UnfoldError, UnfoldOptions, Unfolder, solve_mesh};
 
 /// Unfoldings for poles that were tried which are kept, some 100 KiB each.
 const TRIED_MAX: usize = 96;
+/// Shares of the area of the sub-discs that a ranking compares: an example that ends a tenth off is still found (METHOD §9).
+const PART_SHARES: [f64; 6] = [0.8, 0.64, 0.51, 0.41, 0.33, 0.26];
+/// Pixels a side of the views that they are cut from.
+const VIEW_SIDE: usize = 256;
 /// Finest level at which rival poles are compared.
 pub const SEARCH_SIDE: usize = 64;
 
@@ -28,12 +32,19 @@ pub struct Unfolded {
     pub encoding: Encoding,
     /// √λ₂ at each level of the encoding, coarse to fine.
     pub images: Vec<Image>,
+    /// Share of the surface's area that it shows: less than 1 for the sub-disc about the last pole.
+    pub share: f64,
 }
 
 impl Unfolded {
     fn new(poles: &[u32], encoding: Encoding) -> Self {
         let images = query_images(&encoding, usize::MAX);
-        Self { poles: poles.to_vec(), encoding, images }
+        Self { poles: poles.to_vec(), encoding, images, share: 1.0 }
+    }
+
+    /// Whether it shows all of the surface.
+    pub fn is_whole(&self) -> bool {
+        self.share >= 1.0
     }
 
     /// √λ₂ at a level.
@@ -82,6 +93,7 @@ pub struct Query {
     /// From which the unfoldings for other poles follow; `None` where poles are fixed.
     conformal: Option<Conformal>,
     candidates: OnceLock<Vec<Arc<Unfolded>>>,
+    parts: OnceLock<Vec<Arc<Unfolded>>>,
     trials: OnceLock<Trials>,
     tried: Kept<Option<Arc<Unfolded>>>,
     solved: Kept<Result<Arc<Unfolded>, UnfoldError>>,
@@ -118,6 +130,7 @@ impl Query {
             fingers: OnceLock::new(),
             conformal,
             candidates: OnceLock::new(),
+            parts: OnceLock::new(),
             trials: OnceLock::new(),
             tried: Kept::default(),
             solved: Kept::default(),
@@ -132,6 +145,44 @@ impl Query {
             all.extend(rivals.filter_map(|poles| self.try_poles(poles)).map(Arc::new));
             all
         })
+    }
+
+    /// Sub-discs of the surface: about the best pole of a disc, about either pole of a sphere. None of others.
+    pub fn parts(&self) -> &[Arc<Unfolded>] {
+        self.parts.get_or_init(|| {
+            let poles = &self.best.poles;
+            let about: Vec<Vec<u32>> = match self.best.encoding.topology {
+                Topology::Disc => vec![poles.clone()],
+                Topology::Sphere => vec![poles.clone(), poles.iter().rev().copied().collect()],
+                Topology::Annulus | Topology::Torus => Vec::new(),
+            };
+            let views = about.iter().filter_map(|poles| self.view(poles, VIEW_SIDE));
+            let part = |view: View, share: f64| {
+                Arc::new(Unfolded { share, ..Unfolded::new(&view.poles, view.encoding(share, SEARCH_SIDE)) })
+            };
+            views.flat_map(|view| PART_SHARES.map(|share| part(view.clone(), share))).collect()
+        })
+    }
+
+    /// The unfoldings that examples of a topology are compared with, that of the best pole first.
+    pub fn candidates_for(&self, topology: Topology) -> Vec<Arc<Unfolded>> {
+        let same = topology == self.best.encoding.topology;
+        let whole = if same { self.candidates() } else { &[] };
+        let parts = if topology == Topology::Disc { self.parts() } else { &[] };
+        whole.iter().chain(parts).cloned().collect()
+    }
+
+    /// An unfolding that has the level `side` too.
+    ///
+    /// # Errors
+    /// [`UnfoldError`].
+    pub fn refined(&self, unfolded: &Unfolded, side: usize) -> Result<Arc<Unfolded>, UnfoldError> {
+        if unfolded.is_whole() {
+            return self.unfolded_for(&unfolded.poles);
+        }
+        let view = self.view(&unfolded.poles, side.max(VIEW_SIDE));
+        let encoding = view.map_or_else(|| unfolded.encoding.clone(), |view| view.encoding(unfolded.share, side));
+        Ok(Arc::new(Unfolded { share: unfolded.share, ..Unfolded::new(&unfolded.poles, encoding) }))
     }
 
     /// u, in periods, of some vertices in the chart for other poles; `None` where poles are fixed.

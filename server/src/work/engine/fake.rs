@@ -159,7 +159,7 @@ impl Engine for FakeEngine {
         row.ok_or_else(|| EngineError::Internal("not of 32²".into()))
     }
 
-    fn coarse_query(&self, query: &Encoding) -> Result<CoarseQuery, EngineError> {
+    fn coarse_query(&self, query: &Encoding, _: Topology) -> Result<CoarseQuery, EngineError> {
         let spectra = Spectrum::new(&flat(query)?).map(|spectrum| (spectrum, query.facts.shape()));
         Ok(CoarseQuery::from_spectra(quadmuse_kernel::topology::Topology::Disc, spectra.into_iter().collect()))
     }
@@ -211,7 +211,7 @@ impl Engine for FakeEngine {
             verdict: Verdict::Good,
             reasons: Vec::new(),
             reach: Reach::default(),
-            misfit: 0.0,
+            evidence: None,
         })
     }
 
@@ -275,7 +275,7 @@ impl Engine for FakeEngine {
             verdict: Verdict::Fair,
             reasons: Vec::new(),
             reach: Reach::default(),
-            misfit: 0.0,
+            evidence: None,
         })
     }
 

@@ -153,8 +153,8 @@ impl Engine for KernelEngine {
         row.ok_or_else(|| EngineError::Internal("expected the coarsest level first".into()))
     }
 
-    fn coarse_query(&self, query: &Encoding) -> Result<CoarseQuery, EngineError> {
-        Ok(CoarseQuery::new(fresh(query)?, query.facts.bending))
+    fn coarse_query(&self, query: &Encoding, examples: Topology) -> Result<CoarseQuery, EngineError> {
+        Ok(CoarseQuery::new(fresh(query)?, topology_in(examples), query.facts.bending))
     }
 
     fn ready(&self, query: &Encoding) {
@@ -164,7 +164,7 @@ impl Engine for KernelEngine {
     fn coarse(&self, example: &Encoding, query: &Encoding, stop: &Stop) -> Result<Registration, EngineError> {
         let source: &Source = example.inner.open()?;
         let stopped = || stop.reason().is_some();
-        let entry = Entry::coarse(fresh(query)?, source.encoding(), &self.solver, &stopped);
+        let entry = Entry::coarse_with_parts(fresh(query)?, source.encoding(), &self.solver, &stopped);
         let entry =
             entry.ok_or_else(|| EngineError::Internal("expected the coarsest level and like topologies".into()))?;
         registered::checked(entry, stop)
@@ -205,7 +205,8 @@ impl Engine for KernelEngine {
     fn score(&self, registration: &Registration, example: &SegmentFacts, query: &Encoding, relevance: f64) -> f64 {
         let best = registration.inner.open::<Registered>().map(|r| r.entry.best().clone());
         best.map_or(f64::MAX, |best| {
-            let shape = Shape { modulus: best.unfolded.encoding.modulus, bending: query.facts.bending };
+            let bending = query.facts.bending.filter(|_| best.unfolded.is_whole());
+            let shape = Shape { modulus: best.unfolded.encoding.modulus, bending };
             kernel::rank::score(best.cost(), example.shape(), shape, relevance)
         })
     }
@@ -223,6 +224,10 @@ impl Engine for KernelEngine {
         stop: &Stop,
     ) -> Result<Fitted, EngineError> {
         fitted::fit(from, example, query, beyond, stop)
+    }
+
+    fn ranked_against(&self, query: Topology) -> Vec<Topology> {
+        fitted::ranked_against(query)
     }
 
     fn reaches(&self, example: Topology, query: Topology) -> bool {

@@ -6,16 +6,17 @@
 use super::{Level, SegmentSearch};
 use crate::pool::{Lane, PoolError, Stop};
 use crate::work::WorkError;
-use crate::work::catalogue::shelf::{Chunk, Shelf};
-use crate::work::catalogue::{LEVEL_COARSEST, Resident};
-use crate::work::engine::{Opaque, Registration};
+use crate::work::catalogue::shelf::Chunk;
+use crate::work::catalogue::{LEVEL_COARSEST, Resident, Snapshot};
+use crate::work::engine::{EngineError, Opaque, Registration};
 use crate::work::query::ms_since;
 use crate::work::ranking::{Candidate, Depth, RANKED_MAX, REGISTERED_MAX, order};
 use futures_util::{StreamExt, stream};
 use quadmuse_kernel::rank::coarse::{Bounds, CoarseQuery, Translation, could_be_kept};
 use quadmuse_kernel::register::likeness::Likeness;
 use quadmuse_kernel::register::spectra::{LANES, Row, SIDE};
-use quadmuse_proto::{EntryState, ExampleId, Flip};
+use quadmuse_proto::{EntryState, ExampleId, Flip, Topology};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -33,28 +34,32 @@ const SIMILAR_MODULUS_LOG: f64 = 0.05;
 /// The part of the corpus that a query segment is ranked against.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Selection {
-    /// Chunks with any segment that is wanted, and which lanes of them are.
-    chunks: Vec<(Arc<Chunk>, u16)>,
+    /// Chunks with any segment that is wanted, of which topology they are, and which lanes of them are wanted.
+    chunks: Vec<(Topology, Arc<Chunk>, u16)>,
     /// Segments that are wanted.
     pub(super) size: usize,
 }
 
 impl Selection {
-    /// The segments of a shelf whose examples have all the tags.
-    pub(super) fn new(shelf: Option<&Shelf>, tags: &[String]) -> Self {
+    /// The segments of these topologies whose examples have all the tags.
+    pub(super) fn new(snapshot: &Snapshot, topologies: &[Topology], tags: &[String]) -> Self {
         let mut selection = Self::default();
-        for chunk in shelf.map_or(&[][..], Shelf::chunks) {
+        let shelves = topologies.iter().filter_map(|&t| Some((t, snapshot.shelf(t)?)));
+        for (topology, chunk) in shelves.flat_map(|(t, shelf)| shelf.chunks().iter().map(move |chunk| (t, chunk))) {
             let wanted = |resident: &Option<Arc<Resident>>| resident.as_ref().is_some_and(|r| r.has_tags(tags));
             let residents = chunk.residents().iter().enumerate();
             let mask = residents.fold(0u16, |mask, (lane, r)| mask | (u16::from(wanted(r)) << lane));
             if mask != 0 {
                 selection.size += mask.count_ones() as usize;
-                selection.chunks.push((Arc::clone(chunk), mask));
+                selection.chunks.push((topology, Arc::clone(chunk), mask));
             }
         }
         selection
     }
 }
+
+/// A query prepared for examples of each topology.
+type Queries = BTreeMap<Topology, CoarseQuery>;
 
 /// One of the best, while it is being ranked.
 struct Ranked {
@@ -68,7 +73,12 @@ impl SegmentSearch<'_> {
     pub(super) async fn coarse(&self, selection: Selection) -> Result<Level, WorkError> {
         let start = Instant::now();
         let (engine, query) = (Arc::clone(&self.work.engine), Arc::clone(&self.query));
-        let prepare = move |_: &Stop| engine.coarse_query(&query).map(Arc::new);
+        let mut topologies: Vec<Topology> = selection.chunks.iter().map(|chunk| chunk.0).collect();
+        topologies.dedup();
+        let prepare = move |_: &Stop| {
+            let prepared = topologies.into_iter().map(|t| Ok((t, engine.coarse_query(&query, t)?)));
+            prepared.collect::<Result<Queries, EngineError>>().map(Arc::new)
+        };
         let query = self.work.pool.run(&self.live.job, Lane::Coarse, prepare).await??;
         let chunks = Arc::new(selection.chunks);
         let bounds = self.swept(&chunks, &query).await?;
@@ -94,15 +104,15 @@ impl SegmentSearch<'_> {
     /// Bounds for every lane of every chunk.
     async fn swept(
         &self,
-        chunks: &Arc<Vec<(Arc<Chunk>, u16)>>,
-        query: &Arc<CoarseQuery>,
+        chunks: &Arc<Vec<(Topology, Arc<Chunk>, u16)>>,
+        query: &Arc<Queries>,
     ) -> Result<Vec<Bounds>, WorkError> {
         let run = |from: usize| {
             let (chunks, query) = (Arc::clone(chunks), Arc::clone(query));
             let to = (from + SWEEP_CHUNKS).min(chunks.len());
             let quantum = move |stop: &Stop| -> Vec<Bounds> {
                 let steps = chunks[from..to].chunks(SWEEP_STEP).take_while(|_| stop.reason().is_none());
-                steps.flatten().flat_map(|(chunk, mask)| sweep(chunk, *mask, &query)).collect()
+                steps.flatten().flat_map(|(topology, chunk, mask)| sweep(chunk, *mask, query.get(topology))).collect()
             };
             self.work.pool.run(&self.live.job, Lane::Coarse, quantum)
         };
@@ -127,17 +137,19 @@ impl SegmentSearch<'_> {
     /// The exact scores of those places.
     async fn exact(
         &self,
-        chunks: &Arc<Vec<(Arc<Chunk>, u16)>>,
+        chunks: &Arc<Vec<(Topology, Arc<Chunk>, u16)>>,
         places: Vec<usize>,
-        query: &Arc<CoarseQuery>,
+        query: &Arc<Queries>,
     ) -> Result<Vec<Ranked>, WorkError> {
         let run = |places: Vec<usize>| {
             let (chunks, query) = (Arc::clone(chunks), Arc::clone(query));
             let quantum = move |stop: &Stop| -> Vec<Ranked> {
                 let places = places.into_iter().take_while(|_| stop.reason().is_none());
                 let one = |place: usize| {
-                    let (row, resident) = chunks.get(place / LANES)?.0.row(place % LANES)?;
-                    let translation = query.translation(&row, resident.facts.shape(), resident.example.relevance)?;
+                    let (topology, chunk, _) = chunks.get(place / LANES)?;
+                    let (row, resident) = chunk.row(place % LANES)?;
+                    let translation =
+                        query.get(topology)?.translation(&row, resident.facts.shape(), resident.example.relevance)?;
                     Some(Ranked { row, resident: Arc::clone(resident), translation })
                 };
                 places.filter_map(one).collect()
@@ -155,7 +167,8 @@ impl SegmentSearch<'_> {
     }
 }
 
-fn sweep(chunk: &Chunk, mask: u16, query: &CoarseQuery) -> [Bounds; LANES] {
+fn sweep(chunk: &Chunk, mask: u16, query: Option<&CoarseQuery>) -> [Bounds; LANES] {
+    let Some(query) = query else { return [Bounds::NONE; LANES] };
     let (mut facts, mut relevance) = (*chunk.facts(), [0.0; LANES]);
     for (lane, resident) in chunk.residents().iter().enumerate() {
         match resident {

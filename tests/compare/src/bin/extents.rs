@@ -6,6 +6,7 @@ use quadmuse_compare::ground_truth::loaded::Loaded;
 use quadmuse_kernel::fit::{Fit, Surface, fits};
 use quadmuse_kernel::mesh::Vec3;
 use quadmuse_kernel::register::LevenbergMarquardt;
+use quadmuse_kernel::settle::{Manner, Options, settle};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -59,6 +60,36 @@ fn run(case: &Case) -> Result<String, String> {
     let mut out = format!("{} {} ({:.1} s)", case.kind, case.name, begun.elapsed().as_secs_f64());
     for fit in &all {
         out += &format!("\n    {}", line(fit, &of_surface, case.unit));
+        for manner in [Manner::Whole, Manner::Following] {
+            let options = Options { manner, ..Options::default() };
+            let mirror = if fit.laid.mirrored { -1.0 } else { 1.0 };
+            let begun = Instant::now();
+            let Some(s) = settle(&one.patch.mesh, &two.patch.mesh, &fit.start(&one), mirror, &options, &|| false)
+            else {
+                continue;
+            };
+            let e = s.evidence;
+            let off = |v: usize| of_surface[v].filter(|_| !s.lost[v]).map(|t| (s.positions[v] - t).norm() / case.unit);
+            let mut errors: Vec<f64> = (0..of_surface.len()).filter_map(off).collect();
+            errors.sort_by(f64::total_cmp);
+            let at = |share: usize| errors.get(errors.len() * share / 100).copied().unwrap_or(f64::NAN);
+            let inside = of_surface.iter().flatten().count();
+            out += &format!(
+                "\n        {manner:?} {:.1} s residual {:.4} ndis {:.4} shear {:.3} spread {:.3} bend {:.1} relief {:.3} lost {:.2} | mean {:.3} median {:.3} p95 {:.3} missing {:.3}",
+                begun.elapsed().as_secs_f64(),
+                e.residual,
+                e.normal_disagreement,
+                e.shear,
+                e.scale_spread,
+                e.bend,
+                e.relief,
+                e.lost,
+                errors.iter().sum::<f64>() / errors.len().max(1) as f64,
+                at(50),
+                at(95),
+                1.0 - errors.len() as f64 / inside as f64
+            );
+        }
     }
     Ok(out)
 }

@@ -1,35 +1,61 @@
 //! Examples laid on inputs that may end elsewhere, or be closed where the example is open.
 //!
-//! Both are compared as wholes and by parts ([`extents`]); the best few are laid like surfaces that end alike, and the one
-//! that matches best and distorts least is taken. The sides of such a map are what is left of the surfaces, so that it is
-//! edited like any other.
+//! The map of both as wholes, then maps of parts ([`extents`]), then rough poses ([`poses`]) are starts; each settles on the
+//! input with its boundary free ([`Rests`]), until one is convincing. Faces of the example that lie beyond the input are left
+//! out, and what of the input lies beyond the example is continued by rows of quads, where that is asked for.
 
 use super::super::{Encoded, Encoding, EngineError, Fitted, Model, Opaque, Reach, Refusal, Registration, Side};
+use super::from_whole::OfWhole;
 use super::model::ModelInner;
-use super::{Source, facts, fresh, internal, registered};
+use super::registered::{self, Registered};
+use super::{Source, facts, fresh, internal};
 use crate::pool::Stop;
+use quadmuse_kernel::encode::index::Location;
 use quadmuse_kernel::extent::{Crop, Extent, extents};
-use quadmuse_kernel::fit::{Cropped, Surface, beyond::continued, crop, crop_between};
-use quadmuse_kernel::mesh::{PolyMesh, Vec3};
-use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
-use quadmuse_kernel::segment::Segmented;
+use quadmuse_kernel::fit::poses::poses;
+use quadmuse_kernel::fit::rest::{Rested, Rests, Start};
+use quadmuse_kernel::fit::{Cropped, Surface, beyond, crop, crop_between, within, without};
+use quadmuse_kernel::map::CrossMap;
+use quadmuse_kernel::map::untangle::untangle;
+use quadmuse_kernel::mesh::bvh::Bvh;
+use quadmuse_kernel::mesh::{PolyMesh, TriMesh, Vec3};
+use quadmuse_kernel::register::{Entry, Flip, LevenbergMarquardt, Query};
+use quadmuse_kernel::segment::{Segmented, segment_above};
+use quadmuse_kernel::settle::{Evidence, Manner, Similarity};
 use quadmuse_kernel::topology::{Components, Patch, Topology, primitive};
-use quadmuse_proto::{Beyond, Covers, Topology as Primitive, Verdict};
-use std::sync::Arc;
+use quadmuse_kernel::unfold::Uv;
+use quadmuse_proto::{Beyond, Covers, MapEvidence, Topology as Primitive, Verdict};
+use std::sync::{Arc, OnceLock};
 
 /// The finest level at which parts are registered, in pixels a side.
 const SIDE: usize = 128;
 /// Pairs of parts that are laid.
 const LAID: usize = 2;
-/// A part must match better than the whole by this factor.
-const PART_MARGIN: f64 = 0.8;
 /// Extents of which neither share differs by more are the same.
 const SAME_SHARE: f64 = 0.02;
+/// Below this relief rough poses are tried.
+const DOUBTFUL: f64 = 0.65;
+/// Poses that are settled.
+const POSED: usize = 3;
+/// A map that settled must have so much more relief than the one of the charts, which keeps boundaries and sharp edges.
+const SETTLED_MARGIN: f64 = 0.01;
+/// Less of the example beyond the input is none.
+const LOST_MIN: f64 = 0.01;
+/// More of the input within the example is all of it.
+const COVERED: f64 = 0.97;
 
 /// Whether examples of one topology can be laid on inputs of another.
 pub(super) fn reaches(example: Primitive, query: Primitive) -> bool {
     let has_caps = |topology| matches!(topology, Primitive::Disc | Primitive::Sphere);
     example == query || has_caps(example) && has_caps(query)
+}
+
+/// The topologies of the examples that a query is ranked against: a disc may lie about either pole of a closed surface.
+pub(super) fn ranked_against(query: Primitive) -> Vec<Primitive> {
+    match query {
+        Primitive::Sphere => vec![Primitive::Sphere, Primitive::Disc],
+        _ => vec![query],
+    }
 }
 
 /// Lays an example where it fits best.
@@ -40,33 +66,114 @@ pub(super) fn fit(
     beyond: Beyond,
     stop: &Stop,
 ) -> Result<Fitted, EngineError> {
-    let whole = from.map(|from| registered::map(from, example, query, stop)).transpose()?;
-    let whole = whole.map(|mapped| Fitted { mapped, example: example.clone(), query: query.clone() });
-    if whole.as_ref().is_some_and(|whole| whole.mapped.verdict == Verdict::Good || whole.mapped.is_of_whole) {
-        return whole.ok_or_else(|| EngineError::Internal("expected the map just made".into()));
+    let from = from.map(|from| of_wholes(from, example, query, stop)).transpose()?.flatten();
+    let by_charts = |from: &Registration| -> Result<Fitted, EngineError> {
+        let mapped = registered::map(from, example, query, stop)?;
+        Ok(Fitted { mapped, example: example.clone(), query: query.clone() })
+    };
+    let on: &ModelInner = query.model.inner.open()?;
+    let free = |side: &Side| {
+        matches!(side.encoded.encoding.facts.topology, Primitive::Disc | Primitive::Sphere) && on.laid.is_none()
+    };
+    if let Some(from) = from.as_ref().filter(|_| !free(example) || !free(query)) {
+        return by_charts(from);
     }
-    let mut best = whole;
-    for (extent, one, two) in parts(example, query, stop)? {
-        let Some(made) = laid(&extent, one, two, stop)? else { continue };
-        let least = best.as_ref().map_or(f64::INFINITY, |best| best.mapped.misfit * PART_MARGIN);
-        if made.mapped.misfit < least {
-            best = Some(made);
+    let (one, two) = (surface(example)?, surface(query)?);
+    let whole = from.as_ref().map(|from| registered::whole(from, example, query, stop)).transpose()?;
+    let whole = whole.map(|whole| Start { positions: whole.positions, mirrored: whole.mirrored });
+    let input = Arc::clone(&two.query.chart.mesh);
+    let relief = |rests: &Rests| whole.as_ref().and_then(|whole| rests.relief(whole)).unwrap_or(-1.0);
+    let settled = settled(whole.as_ref(), (example, &one), (query, &two), &input, &relief, stop)?;
+    match (settled, &from) {
+        (Some(rested), _) => rest(rested, (example, &one), (query, &two), beyond, stop),
+        (None, Some(from)) => by_charts(from),
+        (None, None) => {
+            let detail =
+                "expected an example of which a part matches the input, or the reverse, found none; choose another";
+            Err(EngineError::refused(Refusal::NotEncodable, detail))
         }
     }
-    let mut best = best.ok_or_else(|| {
-        let detail =
-            "expected an example of which a part matches the input, or the reverse, found none; choose another";
-        EngineError::refused(Refusal::NotEncodable, detail)
-    })?;
-    if beyond == Beyond::Extend {
-        extend(&mut best)?;
-    }
-    Ok(best)
 }
 
-/// The best pairs of parts, with what they leave of the two sides.
-fn parts(example: &Side, query: &Side, stop: &Stop) -> Result<Vec<(Extent, Side, Side)>, EngineError> {
-    let (one, two) = (surface(example)?, surface(query)?);
+/// The best place at which the example settles, if it is better than where the charts lay it.
+fn settled(
+    whole: Option<&Start>,
+    (example, one): (&Side, &Surface),
+    (query, two): (&Side, &Surface),
+    input: &TriMesh,
+    relief: &dyn Fn(&Rests) -> f64,
+    stop: &Stop,
+) -> Result<Option<Rested>, EngineError> {
+    let stopped = || stop.reason().is_some();
+    let mesh = &one.patch.mesh;
+    let Some(mut rests) = Rests::new(mesh, input) else { return Ok(None) };
+    let manners = [Manner::Whole, Manner::Following];
+    if let Some(whole) = whole {
+        rests.tries(whole, &manners, &stopped);
+    }
+    // Of two closed surfaces neither ends anywhere.
+    let closed = |side: &Side| side.encoded.encoding.facts.topology == Primitive::Sphere;
+    let may_be_part = !(closed(example) && closed(query));
+    if may_be_part && !rests.is_convincing() {
+        for start in parts(example, query, (one, two), stop)? {
+            rests.tries(&start, &manners, &stopped);
+            if rests.is_convincing() {
+                break;
+            }
+        }
+    }
+    if may_be_part && rests.best().is_none_or(|best| best.evidence.relief < DOUBTFUL) {
+        let posed = |mirrored: bool| {
+            let found = poses(mesh, input, if mirrored { -1.0 } else { 1.0 });
+            found.into_iter().map(move |positions| Start { positions, mirrored })
+        };
+        let aligned = rests.aligned(posed(false).chain(posed(true)).collect(), &stopped);
+        for start in aligned.iter().take(POSED) {
+            rests.tries(start, &[Manner::Whole], &stopped);
+            if rests.is_convincing() {
+                break;
+            }
+        }
+    }
+    stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
+    let least = relief(&rests) + SETTLED_MARGIN;
+    Ok(rests.into_best().filter(|best| best.evidence.relief > least))
+}
+
+/// The registration of all of both: the one given, unless that is of a part; `None` where the topologies differ.
+fn of_wholes(
+    from: &Registration,
+    example: &Side,
+    query: &Side,
+    stop: &Stop,
+) -> Result<Option<Registration>, EngineError> {
+    let registered: &Registered = from.inner.open()?;
+    if registered.entry.best().unfolded.is_whole() {
+        return Ok(Some(from.clone()));
+    }
+    let (one, two) = (fresh(&example.encoded.encoding)?, fresh(&query.encoded.encoding)?);
+    registration(one, two, stop)
+}
+
+/// Registers two surfaces that end alike; `None` where the topologies differ.
+fn registration(one: &Query, two: &Query, stop: &Stop) -> Result<Option<Registration>, EngineError> {
+    let stopped = || stop.reason().is_some();
+    let solver = LevenbergMarquardt::default();
+    let Some(mut entry) = Entry::coarse(two, one.encoding(), &solver, &stopped) else { return Ok(None) };
+    while entry.side() < SIDE {
+        entry.advance(two, one.encoding(), &solver, &stopped).map_err(internal)?;
+    }
+    entry.refine_poles(two, one.encoding(), &solver, &stopped).map_err(internal)?;
+    registered::checked(entry, stop).map(Some)
+}
+
+/// Starts from the best pairs of parts, each laid like surfaces that end alike.
+fn parts(
+    example: &Side,
+    query: &Side,
+    (one, two): (&Surface, &Surface),
+    stop: &Stop,
+) -> Result<Vec<Start>, EngineError> {
     let stopped = || stop.reason().is_some();
     let mut found: Vec<Extent> = Vec::new();
     for extent in extents(&one.query, &two.query, &LevenbergMarquardt::default(), &stopped) {
@@ -79,24 +186,40 @@ fn parts(example: &Side, query: &Side, stop: &Stop) -> Result<Vec<(Extent, Side,
         }
     }
     stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
-    let mut made = Vec::new();
+    let mut starts = Vec::new();
     for extent in found {
-        let first = match extent.one.is_whole() {
-            true => Some(example.clone()),
-            false => crop_between(&one, &extent.one).map(|c| of_example(example, c)).transpose()?,
-        };
-        let second = match extent.two.is_whole() {
-            true => Some(query.clone()),
-            false => crop(&two, &extent.two).map(|c| of_query(query, c)).transpose()?,
-        };
-        if let (Some(first), Some(second)) = (first, second) {
-            made.push((extent, first, second));
+        let first = if extent.one.is_whole() { None } else { Some(crop_between(one, &extent.one)) };
+        let second = if extent.two.is_whole() { None } else { Some(crop(two, &extent.two)) };
+        if matches!(first, Some(None)) || matches!(second, Some(None)) {
+            continue;
         }
-        if made.len() == LAID {
+        let (first, second) = (first.flatten(), second.flatten());
+        let part_of_one = first.as_ref().map(|first| first.segmented.parts[0].vertex_of.clone());
+        let example = first.map_or_else(|| Ok(example.clone()), |first| of_example(example, first))?;
+        let query = second.map_or_else(|| Ok(query.clone()), |second| of_query(query, second))?;
+        let (from, to) = (fresh(&example.encoded.encoding)?, fresh(&query.encoded.encoding)?);
+        let Some(registration) = registration(from, to, stop)? else { continue };
+        let laid = registered::whole(&registration, &example, &query, stop)?;
+        starts.push(Start {
+            positions: completed(&one.patch.mesh, part_of_one.as_deref(), laid.positions, laid.mirrored),
+            mirrored: laid.mirrored,
+        });
+        if starts.len() == LAID {
             break;
         }
     }
-    Ok(made)
+    Ok(starts)
+}
+
+/// Where each vertex of an example goes when those of a part of it are laid: the others follow the part as a whole.
+fn completed(example: &TriMesh, part: Option<&[u32]>, laid: Vec<Vec3>, mirrored: bool) -> Vec<Vec3> {
+    let Some(part) = part else { return laid };
+    let reflected = |x: &Vec3| if mirrored { Vec3::new(-x.x, x.y, x.z) } else { *x };
+    let pairs = part.iter().zip(&laid).map(|(&v, x)| (reflected(&example.positions[v as usize]), *x, 1.0));
+    let fit = Similarity::fit(pairs).unwrap_or_else(Similarity::identity);
+    let mut all: Vec<Vec3> = example.positions.iter().map(|x| fit.apply(&reflected(x))).collect();
+    part.iter().zip(&laid).for_each(|(&v, x)| all[v as usize] = *x);
+    all
 }
 
 fn surface(side: &Side) -> Result<Surface, EngineError> {
@@ -132,9 +255,7 @@ fn of_query(whole: &Side, cropped: Cropped) -> Result<Side, EngineError> {
 
 fn side(whole: &Side, of: &ModelInner, segmented: Segmented, query: Arc<Query>) -> Side {
     let inner = ModelInner { prepared: of.prepared.clone(), segmented, laid: None, is_part: true };
-    let bending =
-        inner.segmented.parts.first().map_or(0.0, |p| quadmuse_kernel::rank::bending::bending(&p.mesh) as f32);
-    let facts = facts(query.encoding(), inner.faces(0), bending);
+    let facts = facts(query.encoding(), inner.faces(0), 0.0);
     let encoding = Encoding { facts, inner: Opaque::new(Source::Fresh(query)) };
     Side {
         model: Arc::new(Model {
@@ -148,24 +269,73 @@ fn side(whole: &Side, of: &ModelInner, segmented: Segmented, query: Arc<Query>) 
     }
 }
 
-/// Registers and lays two sides that end alike.
-fn laid(extent: &Extent, example: Side, query: Side, stop: &Stop) -> Result<Option<Fitted>, EngineError> {
-    let stopped = || stop.reason().is_some();
-    let (one, two) = (fresh(&example.encoded.encoding)?, fresh(&query.encoded.encoding)?);
-    let solver = LevenbergMarquardt::default();
-    let Some(mut entry) = Entry::coarse(two, one.encoding(), &solver, &stopped) else { return Ok(None) };
-    while entry.side() < SIDE {
-        entry.advance(two, one.encoding(), &solver, &stopped).map_err(internal)?;
+/// The map of an example that has settled.
+fn rest(
+    rested: Rested,
+    (example, one): (&Side, &Surface),
+    (query, two): (&Side, &Surface),
+    beyond: Beyond,
+    stop: &Stop,
+) -> Result<Fitted, EngineError> {
+    let Rested { places, lost, mirrored, evidence } = rested;
+    let mut locations: Vec<Location> = places.into_iter().map(Location::from).collect();
+    let is_less = evidence.lost > LOST_MIN;
+    let less = if is_less { without(one, &lost) } else { None };
+    let (mut example, mut surface) = (example.clone(), one.clone());
+    let mut share = 1.0;
+    if let Some(less) = less {
+        locations = less.surface.patch.vertex_of.iter().map(|&v| locations[v as usize]).collect();
+        share = less.surface.patch.mesh.total_area() / one.patch.mesh.total_area();
+        surface = less.surface.clone();
+        example = of_example(&example, less)?;
     }
-    entry.refine_poles(two, one.encoding(), &solver, &stopped).map_err(internal)?;
-    let registration = registered::checked(entry, stop)?;
-    let mut mapped = registered::map(&registration, &example, &query, stop)?;
+    let chart = &two.query.chart;
+    let positions = locations.iter().map(|l| l.point(chart)).collect();
+    let mut cross = CrossMap { locations, positions };
+    untangle(&surface.patch.mesh, &mut cross, chart, registered::sign(mirrored), &OnceLock::new());
+    let registration = described(&surface, two, cross.clone(), mirrored)?;
+    let mut mapped = registered::map(&registration, &example, query, stop)?;
+    let field = within(&surface.patch.mesh, &cross.positions, &two.patch.mesh);
+    let rest = field.and_then(|field| rest_of(&two.patch.mesh, &field));
+    let covered = rest.as_ref().map_or(1.0, |rest| 1.0 - rest.mesh.total_area() / two.patch.mesh.total_area());
     mapped.reach = Reach {
-        covers: Covers { example: extent.one.share, input: extent.two.share },
-        kept: (!extent.one.is_whole()).then(|| kept(&example)).transpose()?,
+        covers: Covers { example: share, input: covered },
+        kept: (share < 1.0).then(|| kept(&example)).transpose()?,
         ..Reach::default()
     };
-    Ok(Some(Fitted { mapped, example, query }))
+    mapped.evidence = Some(MapEvidence {
+        relief: evidence.relief,
+        shear: evidence.shear,
+        scale_spread: evidence.scale_spread,
+        bend: evidence.bend,
+        residual: evidence.residual,
+        normal_disagreement: evidence.normal_disagreement,
+    });
+    (mapped.verdict, mapped.reasons) = judged(&evidence, mapped.folds as f64 / mapped.mesh.faces.len().max(1) as f64);
+    let mut fitted = Fitted { mapped, example, query: query.clone() };
+    if beyond == Beyond::Extend && covered < COVERED {
+        extend(&mut fitted, rest.as_ref());
+    }
+    Ok(fitted)
+}
+
+/// A registration that stands for a map given by places.
+fn described(one: &Surface, two: &Surface, cross: CrossMap, mirrored: bool) -> Result<Registration, EngineError> {
+    let flip = Flip { u: mirrored, v: false };
+    let (chart, tree) = (&two.query.chart, Bvh::new(&two.query.chart.mesh));
+    let (own, own_tree) = (&one.query, Bvh::new(&one.patch.mesh));
+    let taken = |uv: Uv| -> Option<Uv> {
+        let near = own_tree.closest(own.index().locate(&own.chart, uv).point(&own.chart));
+        let corners = one.patch.mesh.triangles.get(near.triangle as usize)?;
+        let to: Vec3 = (0..3).map(|k| cross.positions[corners[k] as usize] * near.barycentric[k]).sum();
+        Some(Location::from(tree.closest(to)).uv(chart))
+    };
+    let features = own.encoding().features.iter().filter_map(|f| Some((flip.apply(f.uv), taken(f.uv)?)));
+    let (p, q) = features.unzip();
+    let entry = Entry::laid(&two.query, flip, SIDE, p, q).ok_or_else(|| internal("expected an unfolded query"))?;
+    let of_whole = OnceLock::new();
+    let _ = of_whole.set(OfWhole::settled(&one.patch, cross, mirrored));
+    Ok(registered::describe(Registered { of_whole: Arc::new(of_whole), ..Registered::of(entry) }))
 }
 
 /// The vertices of an example's file that the faces of its segment use, in order.
@@ -180,29 +350,27 @@ fn kept(example: &Side) -> Result<Vec<u32>, EngineError> {
     Ok((0..used.len() as u32).filter(|&v| used[v as usize]).collect())
 }
 
-/// Continues a map to where the input ends, where it ends before.
-fn extend(fitted: &mut Fitted) -> Result<(), EngineError> {
-    let model: &ModelInner = fitted.query.model.inner.open()?;
-    let [_, rest] = &model.segmented.parts[..] else { return Ok(()) };
-    if !model.is_part || fitted.mapped.reach.covers.input >= 1.0 {
-        return Ok(());
-    }
-    let found = primitive(&rest.mesh, Components::Largest).ok();
+/// What of an input lies beyond the example.
+fn rest_of(input: &TriMesh, field: &[f64]) -> Option<Patch> {
+    let mut cut = segment_above(input, field).ok()?;
+    (cut.parts.len() > 1).then(|| cut.parts.swap_remove(1))
+}
+
+/// Continues a map to where the input ends.
+fn extend(fitted: &mut Fitted, rest: Option<&Patch>) {
+    let found = rest.and_then(|rest| primitive(&rest.mesh, Components::Largest).ok());
     let rest = found.filter(|rest| matches!(rest.topology, Topology::Annulus | Topology::Disc));
     let mapped = &mut fitted.mapped;
     let own = &mapped.mesh;
-    let Some(grown) = rest.and_then(|rest| continued(own, &rest)) else {
-        mapped
-            .reasons
-            .push("the rest of the scan is left bare: it has more openings than rows of quads can go round".into());
-        return Ok(());
+    let Some(grown) = rest.and_then(|rest| beyond::continued(own, &rest)) else {
+        mapped.reasons.push("the rest of the scan is left bare: rows of quads can't go round its openings".into());
+        return;
     };
     let (all, part) = (area(&grown), area(own));
     mapped.reach.own = Some((own.positions.len() as u64, own.faces.len() as u64));
     mapped.reach.inspired = Some(part / all.max(f64::MIN_POSITIVE));
     mapped.mesh = Arc::new(grown);
     mapped.part = Arc::clone(&mapped.mesh);
-    Ok(())
 }
 
 fn area(mesh: &PolyMesh) -> f64 {
@@ -211,4 +379,30 @@ fn area(mesh: &PolyMesh) -> f64 {
         (1..face.len().saturating_sub(1)).map(|k| (at(k) - at(0)).cross(&(at(k + 1) - at(0)))).sum::<Vec3>().norm()
     };
     0.5 * mesh.faces.iter().map(of).sum::<f64>()
+}
+
+/// Relief from which on a settled map is good, or fair; calibrated in tests/records.
+const RELIEF: [f64; 2] = [0.8, 0.65];
+/// Shear up to which it is good, or fair.
+const SHEAR: [f64; 2] = [0.35, 0.6];
+/// Share of folded faces up to which it is good, or fair.
+const FOLDED: [f64; 2] = [0.002, 0.02];
+
+/// The verdict on a map that has settled, with a sentence for each measure that is not good.
+fn judged(evidence: &Evidence, folded: f64) -> (Verdict, Vec<String>) {
+    let measures = [
+        (-evidence.relief, RELIEF.map(|x| -x), "bumps and hollows of the example lie on others of the scan"),
+        (evidence.shear, SHEAR, "the example is drawn out much to fit the scan"),
+        (folded, FOLDED, "some faces are folded over"),
+    ];
+    let (mut verdict, mut reasons) = (Verdict::Good, Vec::new());
+    for (value, [good, fair], why) in measures {
+        if value <= good {
+            continue;
+        }
+        reasons.push(why.to_owned());
+        let is_fair = value <= fair && verdict != Verdict::Poor;
+        verdict = if is_fair { Verdict::Fair } else { Verdict::Poor };
+    }
+    (verdict, reasons)
 }

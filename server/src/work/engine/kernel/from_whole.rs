@@ -18,9 +18,14 @@ use quadmuse_kernel::mesh::{TriMesh, Vec3};
 use quadmuse_kernel::topology::Patch;
 use quadmuse_proto::Location;
 
-/// The map of a part that the whole makes.
+/// A map that is given by where its vertices lie: that of a part where the whole was laid, or of an example that has settled.
 #[derive(Debug)]
 pub(super) struct OfWhole {
+    /// Whether it lies mirrored.
+    mirrored: bool,
+    /// Cost of the registration, and log of the ratio of the moduli.
+    cost: f64,
+    modulus_log: f64,
     /// As the whole lies, whose cuts are beside the segment's.
     as_laid: CrossMap,
     /// Within the segment, boundary on boundary.
@@ -40,11 +45,13 @@ pub(super) fn from_whole<'a>(
 ) -> Result<Option<(Laid<'a>, f64)>, EngineError> {
     let (of, on): (&ModelInner, &ModelInner) = (example.model.inner.open()?, query.model.inner.open()?);
     let is_its_part = example.segment == query.segment;
-    let Some(whole) = on.laid.as_ref().filter(|laid| is_its_part && laid.is_of(&example.model.mesh)) else {
-        return Ok(None);
+    let whole = on.laid.as_ref().filter(|laid| is_its_part && laid.is_of(&example.model.mesh));
+    let is_there = registered.of_whole.get().is_some();
+    let (patch, surface) = match whole {
+        None if !is_there => return Ok(None),
+        _ => (of.patch(example.segment)?, registered.surface(query)?),
     };
-    let (patch, surface) = (of.patch(example.segment)?, registered.surface(query)?);
-    if registered.of_whole.get().is_none() {
+    if let (Some(whole), false) = (whole, is_there) {
         let Some(made) = part_of(whole, patch, surface) else { return Ok(None) };
         let _ = registered.of_whole.set(made);
     }
@@ -60,7 +67,7 @@ pub(super) fn from_whole<'a>(
     }
     constraints.extend(registered::pinned(registered, &source.chart, &surface.chart));
     let pins: Vec<(Vec3, Place)> = registered.pinned.iter().map(|(_, (a, b))| (a.point(&source.chart), *b)).collect();
-    let within = own.bent(&pins, registered::sign(whole.mirrored)).map_err(|error| refused(registered, error))?;
+    let within = own.bent(&pins, registered::sign(of_whole.mirrored)).map_err(|error| refused(registered, error))?;
     // What the constraints leave alone is shown where the whole lies.
     let mut cross = of_whole.as_laid.clone();
     for (v, bent) in within.locations.iter().enumerate().filter(|(v, bent)| **bent != of_whole.cross.locations[*v]) {
@@ -71,9 +78,9 @@ pub(super) fn from_whole<'a>(
         as_part: Some(within.positions),
         way: Way::Whole,
         input: &surface.chart,
-        mirrored: whole.mirrored,
-        cost: whole.cost,
-        modulus_log: whole.modulus_log,
+        mirrored: of_whole.mirrored,
+        cost: of_whole.cost,
+        modulus_log: of_whole.modulus_log,
         constraints,
         registered: registered.clone(),
     };
@@ -91,7 +98,17 @@ fn part_of(whole: &WholeLaid, patch: &Patch, surface: &Surface) -> Option<OfWhol
     leave_fillings(&mut cross, chart);
     let as_laid = CrossMap { locations: cross.locations.clone(), positions: points };
     let laid_angle_p95_deg = measure::angle_distortion(&patch.mesh, &as_laid).p95;
-    Some(OfWhole { as_laid, cross, bvh: Bvh::new(&patch.mesh), laid_angle_p95_deg })
+    let WholeLaid { mirrored, cost, modulus_log, .. } = *whole;
+    Some(OfWhole { mirrored, cost, modulus_log, as_laid, cross, bvh: Bvh::new(&patch.mesh), laid_angle_p95_deg })
+}
+
+impl OfWhole {
+    /// A map that has settled.
+    pub(super) fn settled(patch: &Patch, cross: CrossMap, mirrored: bool) -> Self {
+        let laid_angle_p95_deg = measure::angle_distortion(&patch.mesh, &cross).p95;
+        let (as_laid, bvh) = (cross.clone(), Bvh::new(&patch.mesh));
+        Self { mirrored, cost: 0.0, modulus_log: 0.0, as_laid, cross, bvh, laid_angle_p95_deg }
+    }
 }
 
 fn refused(registered: &Registered, error: BendError) -> EngineError {

@@ -53,7 +53,8 @@ pub(super) fn measured(
         coverage,
     };
     let (word, reasons) = measure::verdict(&evidence);
-    let is_of_whole = matches!(laid.way, Way::Whole) && laid.registered.pinned.is_empty();
+    let on: &ModelInner = query.model.inner.open()?;
+    let is_of_whole = matches!(laid.way, Way::Whole) && on.laid.is_some() && laid.registered.pinned.is_empty();
     let flip = match laid.way {
         Way::Chart => from.flip,
         Way::Atlas(_) | Way::Whole => Flip { u: laid.mirrored, v: false },
@@ -78,7 +79,7 @@ pub(super) fn measured(
         },
         reasons,
         reach: Reach::default(),
-        misfit: evidence.cost * distortion.badness(),
+        evidence: None,
     })
 }
 

@@ -1,11 +1,11 @@
 //! Registrations of the kernel, and the maps they make.
 
-use super::super::{EngineError, Mapped, Opaque, Refusal, Registration, Side};
+use super::super::{Encoding, EngineError, Mapped, Opaque, Refusal, Registration, Side};
 use super::from_whole::{OfWhole, from_whole};
 use super::measured::{distortion, measured};
 use super::model::ModelInner;
 use super::settled::{Laying, Settled, settle};
-use super::{fresh, internal};
+use super::{Source, fresh, internal};
 use crate::pool::Stop;
 use quadmuse_kernel::encode::index::{Location as Place, PlanarIndex};
 use quadmuse_kernel::map::assemble::{Winding, assemble};
@@ -70,6 +70,21 @@ impl Surface {
 }
 
 impl Registered {
+    /// An entry of which nothing has been made yet.
+    pub(super) fn of(entry: Entry) -> Self {
+        Self {
+            entry,
+            edited: None,
+            names: Vec::new(),
+            input: Arc::default(),
+            example_bvh: Arc::default(),
+            atlas: Arc::default(),
+            of_whole: Arc::default(),
+            pinned: Vec::new(),
+            settled: Arc::default(),
+        }
+    }
+
     /// The registration to map with.
     pub(super) fn registration(&self) -> &quadmuse_kernel::register::Registration {
         self.edited.as_ref().unwrap_or(&self.entry.best().registration)
@@ -145,17 +160,15 @@ pub(super) fn checked(entry: Entry, stop: &Stop) -> Result<Registration, EngineE
     if let Some(reason) = stop.reason() {
         return Err(reason.into());
     }
-    Ok(describe(Registered {
-        entry,
-        edited: None,
-        names: Vec::new(),
-        input: Arc::default(),
-        example_bvh: Arc::default(),
-        atlas: Arc::default(),
-        of_whole: Arc::default(),
-        pinned: Vec::new(),
-        settled: Arc::default(),
-    }))
+    Ok(describe(Registered::of(entry)))
+}
+
+/// Registers all of an example with all of a query at the coarsest level.
+pub(super) fn wholes(example: &Encoding, query: &Encoding, stop: &Stop) -> Result<Registration, EngineError> {
+    let source: &Source = example.inner.open()?;
+    let stopped = || stop.reason().is_some();
+    let entry = Entry::coarse(fresh(query)?, source.encoding(), &LevenbergMarquardt::default(), &stopped);
+    checked(entry.ok_or_else(|| internal("expected surfaces of one topology"))?, stop)
 }
 
 /// The registration as the service sees it.

@@ -208,6 +208,6 @@ pub(super) fn template(query: &Side, stop: &Stop) -> Result<Mapped, EngineError>
         verdict: Verdict::Fair,
         reasons: vec!["a regular layout, made for this segment: no example was laid on it".into()],
         reach: Reach::default(),
-        misfit: 0.0,
+        evidence: None,
     })
 }

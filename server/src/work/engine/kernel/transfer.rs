@@ -28,7 +28,7 @@ pub(super) fn alike(engine: &KernelEngine, query: &Model, example: &Model, stop:
     }
     let sides = (side(engine, one, stop)?, side(engine, two, stop)?);
     let (first, second) = (&sides.0.encoded.encoding, &sides.1.encoded.encoding);
-    let mut registration = engine.coarse(first, second, stop)?;
+    let mut registration = registered::wholes(first, second, stop)?;
     while registration.level < SIDE {
         registration = engine.refine(&registration, first, second, 2 * registration.level, stop)?;
     }

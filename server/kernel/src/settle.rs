@@ -1,0 +1,340 @@
+//! Free-boundary registration: an example's mesh is laid on a scan of a like thing, from a rough start, wherever either of
+//! them ends.
+//!
+//! A similarity from the start (robust; what piles up on the input's rim has no say); then either the example as a whole
+//! comes to rest ([`Manner::Whole`]: iterated closest points, both ways) or it bends after the start
+//! ([`Manner::Following`], for limbs); then it bends onto the input from the scale 0.3 √area (following: 0.035) down to
+//! 0.018; then each vertex goes to the closest point. Units: the example's area is 1.
+//! *Sources:* the stages name theirs. *Ours, not the papers':* the start's rim, both ways, the two manners and the relief
+//! that chooses between them.
+
+mod align;
+mod elastic;
+mod evidence;
+mod ground;
+mod matches;
+mod place;
+mod rest;
+mod similarity;
+mod tree;
+
+pub use evidence::Evidence;
+pub use similarity::Similarity;
+
+use crate::mesh::Vec3;
+use crate::mesh::bvh::{Bvh, Closest};
+use crate::mesh::tri::TriMesh;
+use align::Rigid;
+use elastic::{Body, View};
+use evidence::Judged;
+use ground::{Ground, Samples, Seen};
+use rest::{Nodes, Pose, Rest};
+
+/// How the example comes from the start to the input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Manner {
+    /// As a whole: for what has no limbs; forgives a start that is off by 40°, 40 % or a quarter of the size.
+    Whole,
+    /// Bending after the start, which is nearly right: for what has limbs.
+    Following,
+    /// Both, and the one whose relief agrees better is taken.
+    Either,
+}
+
+/// What the registration weighs.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// How the example leaves the start.
+    pub manner: Manner,
+    /// Nodes at coarse, middle and fine scales.
+    pub nodes: [usize; 3],
+    /// Samples of the input at coarse and at fine scales.
+    pub samples: [usize; 2],
+    /// Samples of the input that look for the example.
+    pub sent: usize,
+    /// Rounds of the similarity stage at most.
+    pub rounds: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { manner: Manner::Whole, nodes: [500, 1200, 6000], samples: [6000, 24_000], sent: 2500, rounds: 50 }
+    }
+}
+
+/// An example that has come to rest on the input.
+#[derive(Clone, Debug)]
+pub struct Settled {
+    /// Of each vertex the closest point of the input, with triangle and weights.
+    pub places: Vec<Closest>,
+    /// The same points.
+    pub positions: Vec<Vec3>,
+    /// Vertices that have no place: the input ends before them.
+    pub lost: Vec<bool>,
+    /// What speaks for the map.
+    pub evidence: Evidence,
+    /// The manner that was taken; never [`Manner::Either`].
+    pub manner: Manner,
+}
+
+/// Where the example rests as a whole.
+#[derive(Clone, Copy, Debug)]
+pub struct Aligned {
+    /// From the example's own coordinates (mirrored at x = its centre where the map mirrors: see
+    /// [`Settler::rest_position`]) to the input's.
+    pub similarity: Similarity,
+    /// The share of the example that lies on the input and faces as it does, 0 to 1.
+    pub score: f64,
+}
+
+/// Scales r in √area, rounds at each, and which of the node sets bends.
+const SCALES: [(f64, usize, usize); 9] = [
+    (0.3, 4, 0),
+    (0.2, 2, 0),
+    (0.14, 2, 0),
+    (0.1, 2, 0),
+    (0.07, 2, 1),
+    (0.05, 2, 1),
+    (0.035, 2, 2),
+    (0.025, 2, 2),
+    (0.018, 2, 2),
+];
+/// Scales at which the example follows the start, three rounds each, and the scale from which it bends thereafter.
+const FOLLOWING: [(f64, usize); 6] = [(0.3, 0), (0.2, 0), (0.14, 0), (0.1, 0), (0.07, 1), (0.05, 1)];
+const FOLLOWING_ROUNDS: usize = 3;
+const FOLLOWED_FROM: f64 = 0.036;
+/// Scales below this see the fine samples.
+const FINE_BELOW: f64 = 0.06;
+/// Start vertices so near to the input's rim, in √area of the input, do not count, unless too few would be left.
+const PILED: f64 = 0.02;
+const COUNTED_MIN: f64 = 0.05;
+/// Rounds and σ (in medians) of the robust similarity.
+const ROBUST_ROUNDS: usize = 10;
+const ROBUST_SIGMA: f64 = 1.5;
+
+/// An example and an input, prepared once for many starts.
+#[derive(Clone, Debug)]
+pub struct Settler<'a> {
+    options: Options,
+    rest: Rest,
+    nodes: [Nodes; 3],
+    rigid: Rigid,
+    ground: Ground<'a>,
+    coarse: Samples,
+    fine: Samples,
+    sent: Samples,
+    tree: Bvh,
+}
+
+/// One start: weights of its vertices, and everything in the example's frame.
+struct Setting {
+    frame: Similarity,
+    weights: Vec<f64>,
+    coarse: Seen,
+    sent: Samples,
+    /// The input's area.
+    area: f64,
+}
+
+/// Lays an example on an input from a start, one position a vertex of the example. `mirror` is −1 where the map
+/// mirrors: the example is then mirrored at rest, so that the registration itself never mirrors. `None` when stopped,
+/// or where either has no area or the start has no extent.
+pub fn settle(
+    example: &TriMesh,
+    input: &TriMesh,
+    start: &[Vec3],
+    mirror: f64,
+    options: &Options,
+    stop: &dyn Fn() -> bool,
+) -> Option<Settled> {
+    Settler::new(example, input, mirror, options)?.settle(start, stop)
+}
+
+impl<'a> Settler<'a> {
+    /// Prepares; `None` where either has no area.
+    pub fn new(example: &TriMesh, input: &'a TriMesh, mirror: f64, options: &Options) -> Option<Self> {
+        let rest = Rest::new(example, mirror)?;
+        let ground = Ground::new(input);
+        if !(ground.area > 0.0 && ground.area.is_finite()) {
+            return None;
+        }
+        let nodes = options.nodes.map(|count| rest.nodes(count));
+        let rigid = Rigid::new(&rest, &nodes[1]);
+        let (coarse, fine) = (ground.samples(options.samples[0]), ground.samples(options.samples[1]));
+        let (sent, tree) = (ground.spread(options.sent), Bvh::new(input));
+        Some(Self { options: *options, rest, nodes, rigid, ground, coarse, fine, sent, tree })
+    }
+
+    /// The example's vertex at rest, from which [`Aligned::similarity`] leads to the input: centred, of unit area.
+    pub fn rest_position(&self, v: usize) -> Option<Vec3> {
+        self.rest.positions.get(v).copied()
+    }
+
+    /// The similarity stage alone: which of many rough starts is worth settling.
+    pub fn align(&self, start: &[Vec3], stop: &dyn Fn() -> bool) -> Option<Aligned> {
+        let setting = self.setting(start)?;
+        let found =
+            self.rigid.align(&setting.coarse, &setting.sent, self.share(&setting), self.options.rounds, stop)?;
+        let score = self.rigid.score(&setting.coarse, &found);
+        Some(Aligned { similarity: setting.frame.after(&found), score })
+    }
+
+    /// [`Evidence::relief`] of the start as it is.
+    pub fn relief(&self, start: &[Vec3]) -> Option<f64> {
+        let setting = self.setting(start)?;
+        let positions: Vec<Vec3> = start.iter().map(|x| setting.frame.undo(x)).collect();
+        let places: Vec<Closest> = start.iter().map(|x| self.tree.closest(*x)).collect();
+        let nodes = &self.nodes[1];
+        let judged = Judged {
+            rest: &self.rest,
+            ground: &self.ground,
+            frame: &setting.frame,
+            nodes,
+            pose: &Pose::of(&self.rest, nodes),
+            positions: &positions,
+            places: &places,
+            lost: &vec![false; start.len()],
+        };
+        Some(judged.relief(nodes, &setting.coarse.samples, 1.0))
+    }
+
+    /// The same example and input, laid in another manner.
+    pub fn in_manner(&self, manner: Manner) -> Self {
+        Self { options: Options { manner, ..self.options }, ..self.clone() }
+    }
+
+    /// Lays the example on the input; see [`settle`].
+    pub fn settle(&self, start: &[Vec3], stop: &dyn Fn() -> bool) -> Option<Settled> {
+        let setting = self.setting(start)?;
+        match self.options.manner {
+            Manner::Whole => self.whole(&setting, stop),
+            Manner::Following => self.following(&setting, start, stop),
+            Manner::Either => {
+                let whole = self.whole(&setting, stop);
+                let following = self.following(&setting, start, stop);
+                let relief = |s: &Option<Settled>| s.as_ref().map_or(f64::NEG_INFINITY, |s| s.evidence.relief);
+                if relief(&following) > relief(&whole) { following } else { whole }
+            }
+        }
+    }
+
+    fn whole(&self, setting: &Setting, stop: &dyn Fn() -> bool) -> Option<Settled> {
+        let found = self.rigid.align(&setting.coarse, &setting.sent, self.share(setting), self.options.rounds, stop)?;
+        let mut pose = Pose::of(&self.rest, &self.nodes[0]);
+        pose.places.iter_mut().for_each(|x| *x = found.apply(x));
+        pose.maps.iter_mut().for_each(|m| *m = found.rotation * found.scale);
+        self.bend(setting, pose, 0, f64::INFINITY, Manner::Whole, stop)
+    }
+
+    fn following(&self, setting: &Setting, start: &[Vec3], stop: &dyn Fn() -> bool) -> Option<Settled> {
+        let places: Vec<Vec3> = start.iter().map(|x| setting.frame.undo(x)).collect();
+        let mut pose = Pose::of(&self.rest, &self.nodes[0]);
+        let mut body = self.body(0)?;
+        let mut level = 0;
+        for (r, wanted) in FOLLOWING {
+            self.change(&mut pose, &mut body, &mut level, wanted)?;
+            body.follow(&mut pose, (&places, &setting.weights), (r, FOLLOWING_ROUNDS), stop)?;
+        }
+        self.bend(setting, pose, level, FOLLOWED_FROM, Manner::Following, stop)
+    }
+
+    fn body(&self, level: usize) -> Option<Body<'_>> {
+        Body::new(&self.rest, &self.nodes[level], &self.nodes[(level + 1).min(2)])
+    }
+
+    /// Hands the pose over to other nodes.
+    fn change<'s>(&'s self, pose: &mut Pose, body: &mut Body<'s>, level: &mut usize, wanted: usize) -> Option<()> {
+        if *level != wanted {
+            let all = pose.deformed(&self.rest, &self.nodes[*level]);
+            *pose = pose.on(&self.nodes[*level], &self.nodes[wanted], &all);
+            (*body, *level) = (self.body(wanted)?, wanted);
+        }
+        Some(())
+    }
+
+    /// Bends from the scale `from` down and finds the places.
+    fn bend(
+        &self,
+        setting: &Setting,
+        mut pose: Pose,
+        mut level: usize,
+        from: f64,
+        manner: Manner,
+        stop: &dyn Fn() -> bool,
+    ) -> Option<Settled> {
+        let fine = Seen::new(self.fine.seen_from(&setting.frame));
+        let mut body = self.body(level)?;
+        for (r, rounds, wanted) in SCALES.into_iter().filter(|s| s.0 <= from) {
+            self.change(&mut pose, &mut body, &mut level, wanted)?;
+            let seen = if r < FINE_BELOW { &fine } else { &setting.coarse };
+            let view = View { seen, sent: &setting.sent, share: self.share(setting) };
+            body.bend(&mut pose, view, (r, rounds), stop)?;
+        }
+        let nodes = &self.nodes[level];
+        let settled = pose.deformed(&self.rest, nodes);
+        let beyond: Vec<Vec3> = settled.iter().map(|x| setting.frame.apply(x)).collect();
+        let (places, lost) = place::places(&self.ground, &self.tree, &beyond, &self.rest.edge_lengths(&beyond));
+        let judged = Judged {
+            rest: &self.rest,
+            ground: &self.ground,
+            frame: &setting.frame,
+            nodes,
+            pose: &pose,
+            positions: &settled,
+            places: &places,
+            lost: &lost,
+        };
+        let evidence = judged.evidence(&self.nodes[1], &setting.coarse.samples);
+        let positions = places.iter().map(|p| p.point).collect();
+        Some(Settled { places, positions, lost, evidence, manner })
+    }
+
+    /// Area, in the frame, that a sample sent stands for.
+    fn share(&self, setting: &Setting) -> f64 {
+        setting.area / setting.sent.points.len().max(1) as f64
+    }
+
+    /// The robust similarity from the start, and the input as seen from there.
+    fn setting(&self, start: &[Vec3]) -> Option<Setting> {
+        if start.len() != self.rest.positions.len() || start.iter().any(|x| !x.iter().all(|c| c.is_finite())) {
+            return None;
+        }
+        let weights = self.counted(start);
+        let frame = self.robust(start, &weights)?;
+        let area = self.ground.area / (frame.scale * frame.scale);
+        let coarse = Seen::new(self.coarse.seen_from(&frame));
+        let sent = self.sent.seen_from(&frame);
+        Some(Setting { frame, weights, coarse, sent, area })
+    }
+
+    /// 0 for start vertices that pile up on the input's rim, else 1.
+    fn counted(&self, start: &[Vec3]) -> Vec<f64> {
+        let near = PILED * PILED * self.ground.area;
+        let free = |x: &Vec3| self.ground.along_rim.nearest(&[x.x, x.y, x.z]).is_none_or(|(_, squared)| squared > near);
+        let weights: Vec<f64> = start.iter().map(|x| f64::from(u8::from(free(x)))).collect();
+        let left: f64 = weights.iter().zip(&self.rest.areas).map(|(w, a)| w * a).sum();
+        if left < COUNTED_MIN { vec![1.0; start.len()] } else { weights }
+    }
+
+    /// min Σ a ρ(|s R e + t − x|), ρ Cauchy's, by reweighting.
+    fn robust(&self, start: &[Vec3], weights: &[f64]) -> Option<Similarity> {
+        let base: Vec<f64> = self.rest.areas.iter().zip(weights).map(|(a, w)| a * w).collect();
+        let mut now = base.clone();
+        let mut found = None;
+        for _ in 0..ROBUST_ROUNDS {
+            let pairs = self.rest.positions.iter().zip(start).zip(&now).map(|((e, x), w)| (*e, *x, *w));
+            let fit = Similarity::fit(pairs)?;
+            let distances: Vec<f64> =
+                self.rest.positions.iter().zip(start).map(|(e, x)| (fit.apply(e) - x).norm() / fit.scale).collect();
+            let sigma = matches::sigma(&distances, &self.rest.areas, 0.0) / matches::SIGMA * ROBUST_SIGMA + 1e-9;
+            now.iter_mut()
+                .zip(base.iter().zip(&distances))
+                .for_each(|(w, (b, d))| *w = b / (1.0 + (d / sigma).powi(2)).powi(2));
+            found = Some(fit);
+        }
+        found
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,143 @@
+//! Scalars that tell a right map from a wrong one. Compare them between maps of one pair only: no absolute threshold holds
+//! from pair to pair.
+//!
+//! Relief: h(x) = n·(x − Σ g y / Σ g)/σ, g = exp(−|x − y|²/2σ²) · max(n·n_y, 0) · area, at two σ; correlated between the
+//! example at rest and the input at its place, whose σ grows with the map's size. *Ours, not a paper's:* a mean over
+//! samples instead of a smoothing solve, so that the input's size does not matter.
+
+use super::ground::{Ground, Samples};
+use super::place::normal_at;
+use super::rest::{Nodes, Pose, Rest, vertex_normals};
+use super::similarity::{Similarity, singular_values};
+use crate::mesh::Vec3;
+use crate::mesh::bvh::Closest;
+
+/// What a map looks like. Lengths in √area of the example as the start has it laid.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Evidence {
+    /// Root mean square distance from the input before the projection, each at most 0.1.
+    pub residual: f64,
+    /// Mean of 1 − cos between the example's and the input's normals.
+    pub normal_disagreement: f64,
+    /// Mean |log of the local map's singular values − their mean|: right maps below some 0.25.
+    pub shear: f64,
+    /// Standard deviation of the log of the local size: right maps below some 0.15.
+    pub scale_spread: f64,
+    /// Σ w |L_i − L_j|² over the squared size: right maps below some 25.
+    pub bend: f64,
+    /// Correlation of relief, −1 to 1; the arbiter between maps of one pair.
+    pub relief: f64,
+    /// Share of the example's area that has no place on the input.
+    pub lost: f64,
+}
+
+/// σ of the relief, in √area.
+const RELIEF_SCALES: [f64; 2] = [0.04, 0.1];
+/// Distances count up to this.
+const RESIDUAL_MAX: f64 = 0.1;
+
+/// A settled map, to be judged. All but the ground in the example's frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Judged<'a> {
+    pub(super) rest: &'a Rest,
+    pub(super) ground: &'a Ground<'a>,
+    pub(super) frame: &'a Similarity,
+    pub(super) nodes: &'a Nodes,
+    pub(super) pose: &'a Pose,
+    pub(super) positions: &'a [Vec3],
+    pub(super) places: &'a [Closest],
+    pub(super) lost: &'a [bool],
+}
+
+impl Judged<'_> {
+    /// `probes`: vertices at which the relief is compared; `samples` of the input, in the frame.
+    pub(super) fn evidence(&self, probes: &Nodes, samples: &Samples) -> Evidence {
+        let kept: Vec<f64> =
+            self.rest.areas.iter().zip(self.lost).map(|(a, lost)| if *lost { 0.0 } else { *a }).collect();
+        let sum = kept.iter().sum::<f64>();
+        let (normals, _) = vertex_normals(self.positions, &self.rest.triangles);
+        let mut found = Evidence { lost: (1.0 - sum).max(0.0), ..Evidence::default() };
+        for v in (0..kept.len()).filter(|v| kept[*v] > 0.0) {
+            let w = kept[v] / sum;
+            found.residual += w * (self.places[v].distance / self.frame.scale).min(RESIDUAL_MAX).powi(2);
+            found.normal_disagreement += w * (1.0 - normals[v].dot(&self.normal(v)));
+        }
+        found.residual = found.residual.sqrt();
+        let size = self.strain(&mut found);
+        found.relief = self.relief(probes, samples, size);
+        found
+    }
+
+    fn normal(&self, v: usize) -> Vec3 {
+        self.frame.rotation.tr_mul(&normal_at(self.ground, &self.places[v]))
+    }
+
+    /// Fills in what the local maps say; returns the size of the map.
+    fn strain(&self, found: &mut Evidence) -> f64 {
+        let logs: Vec<[f64; 3]> = self.pose.maps.iter().map(|m| singular_values(m).map(|s| s.max(1e-6).ln())).collect();
+        let means: Vec<f64> = logs.iter().map(|l| l.iter().sum::<f64>() / 3.0).collect();
+        let weight = |k: usize| if self.lost[self.nodes.vertices[k] as usize] { 0.0 } else { self.nodes.areas[k] };
+        let sum: f64 = (0..means.len()).map(weight).sum::<f64>().max(f64::MIN_POSITIVE);
+        let mean = (0..means.len()).map(|k| weight(k) * means[k]).sum::<f64>() / sum;
+        let of = |value: &dyn Fn(usize) -> f64| (0..means.len()).map(|k| weight(k) * value(k)).sum::<f64>() / sum;
+        found.shear = of(&|k| logs[k].iter().map(|l| (l - means[k]).powi(2)).sum::<f64>().sqrt());
+        found.scale_spread = of(&|k| (means[k] - mean).powi(2)).sqrt();
+        let between = |(i, j, w): &(u32, u32, f64)| {
+            w * (self.pose.maps[*i as usize] - self.pose.maps[*j as usize]).norm_squared()
+        };
+        let size = mean.exp();
+        found.bend = self.nodes.edges.iter().map(between).sum::<f64>() / (size * size);
+        size
+    }
+
+    /// `size`: how much larger the example is laid than the frame has it.
+    pub(super) fn relief(&self, probes: &Nodes, samples: &Samples, size: f64) -> f64 {
+        let own = Samples {
+            points: probes.vertices.iter().map(|v| self.rest.positions[*v as usize]).collect(),
+            normals: probes.vertices.iter().map(|v| self.rest.normals[*v as usize]).collect(),
+            rim: Vec::new(),
+            shares: probes.areas.clone(),
+        };
+        let kept: Vec<usize> = (0..own.points.len()).filter(|k| !self.lost[probes.vertices[*k] as usize]).collect();
+        let mut sum = 0.0;
+        for scale in RELIEF_SCALES {
+            let of = |k: &usize| {
+                let v = probes.vertices[*k] as usize;
+                let at = self.frame.undo(&self.places[v].point);
+                let here = height(&own, &own.points[*k], &own.normals[*k], scale);
+                (here, height(samples, &at, &self.normal(v), scale * size), own.shares[*k])
+            };
+            sum += correlation(&kept.iter().map(of).collect::<Vec<_>>());
+        }
+        sum / RELIEF_SCALES.len() as f64
+    }
+}
+
+/// How far a point stands out from the mean of what is around it, in σ.
+fn height(around: &Samples, at: &Vec3, normal: &Vec3, sigma: f64) -> f64 {
+    let (mut weights, mut mean) = (0.0, Vec3::zeros());
+    let range = 9.0 * sigma * sigma;
+    for k in 0..around.points.len() {
+        let way = around.points[k] - at;
+        let squared = way.norm_squared();
+        if squared < range {
+            let g =
+                (-0.5 * squared / (sigma * sigma)).exp() * around.normals[k].dot(normal).max(0.0) * around.shares[k];
+            weights += g;
+            mean += way * g;
+        }
+    }
+    if weights > 0.0 { -normal.dot(&mean) / (weights * sigma) } else { 0.0 }
+}
+
+/// Of (a, b, weight); 0 where either is constant.
+fn correlation(values: &[(f64, f64, f64)]) -> f64 {
+    let sum = values.iter().map(|v| v.2).sum::<f64>().max(f64::MIN_POSITIVE);
+    let mean = values.iter().fold((0.0, 0.0), |m, v| (m.0 + v.2 * v.0 / sum, m.1 + v.2 * v.1 / sum));
+    let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);
+    for (a, b, w) in values {
+        let (a, b) = (a - mean.0, b - mean.1);
+        (ab, aa, bb) = (ab + w * a * b, aa + w * a * a, bb + w * b * b);
+    }
+    if aa > 0.0 && bb > 0.0 { ab / (aa * bb).sqrt() } else { 0.0 }
+}

@@ -1,0 +1,74 @@
+//! Correspondences, both ways: what the example's vertices meet on the input, and what the input's samples meet on the
+//! example.
+//!
+//! ω = exp(−(d/σ)²) · max(cos, 0)², σ = 3 × the median distance; 0 where the partner lies on the other surface's
+//! rim, as it then may have none. *Source:* Zhang 1994 (σ from the distances); Chetverikov et al. 2005 (free ends).
+
+use super::ground::{Samples, Seen, sixfold};
+use super::tree::KdTree;
+use crate::mesh::Vec3;
+
+/// σ in median distances.
+pub(super) const SIGMA: f64 = 3.0;
+
+/// For each of the example's points its target on the input.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Onto {
+    pub(super) targets: Vec<Vec3>,
+    pub(super) normals: Vec<Vec3>,
+    pub(super) weights: Vec<f64>,
+    pub(super) sigma: f64,
+}
+
+/// For each of the input's samples the example's point that meets it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Back {
+    pub(super) met: Vec<u32>,
+    pub(super) weights: Vec<f64>,
+}
+
+/// Targets of points with normals; σ is at least `floor`.
+pub(super) fn onto(seen: &Seen, points: &[Vec3], normals: &[Vec3], floor: f64) -> Onto {
+    let mut found = Onto::default();
+    let mut distances = Vec::with_capacity(points.len());
+    for (x, n) in points.iter().zip(normals) {
+        let near = seen.tree.nearest(&sixfold(x, n)).map_or(0, |f| f.0 as usize);
+        let (c, m) = (seen.samples.points[near], seen.samples.normals[near]);
+        distances.push((c - x).norm());
+        found.targets.push(c);
+        found.normals.push(m);
+        found.weights.push(if seen.samples.rim[near] { 0.0 } else { facing(n, &m) });
+    }
+    found.sigma = sigma(&distances, &found.weights, floor);
+    found.weights.iter_mut().zip(&distances).for_each(|(w, d)| *w *= (-(d / found.sigma).powi(2)).exp());
+    found
+}
+
+/// What the samples meet: `tree` holds the points with their normals; `rim` says where the example ends. The weights are
+/// without the distance, which the stages judge each in its way.
+pub(super) fn back(samples: &Samples, tree: &KdTree<6>, points: &[Vec3], normals: &[Vec3], rim: &[bool]) -> Back {
+    let mut found = Back::default();
+    for (y, n) in samples.points.iter().zip(&samples.normals) {
+        let met = tree.nearest(&sixfold(y, n)).map_or(0, |f| f.0);
+        let v = met as usize;
+        let ends = rim.get(v).copied().unwrap_or(true) || points.is_empty();
+        found.met.push(met);
+        found.weights.push(if ends { 0.0 } else { facing(n, &normals[v]) });
+    }
+    found
+}
+
+/// 3 × the median of the distances that count.
+pub(super) fn sigma(distances: &[f64], weights: &[f64], floor: f64) -> f64 {
+    let mut counted: Vec<f64> = distances.iter().zip(weights).filter(|(_, w)| **w > 0.0).map(|(d, _)| *d).collect();
+    if counted.is_empty() {
+        return 1.0;
+    }
+    let half = counted.len() / 2;
+    let (_, median, _) = counted.select_nth_unstable_by(half, f64::total_cmp);
+    (SIGMA * *median).max(floor)
+}
+
+fn facing(n: &Vec3, m: &Vec3) -> f64 {
+    n.dot(m).max(0.0).powi(2)
+}

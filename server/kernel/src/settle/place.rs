@@ -1,0 +1,44 @@
+//! Where the settled vertices lie on the input at full resolution, and which of them lie beyond its end.
+//!
+//! A vertex is lost where the nearest point of the input lies on its rim and the way there along the surface is more than
+//! τ mean edges of the vertex.
+
+use super::ground::Ground;
+use crate::mesh::Vec3;
+use crate::mesh::bvh::{Bvh, Closest};
+use crate::mesh::tri::NONE;
+
+/// τ.
+const BEYOND: f64 = 0.05;
+/// A barycentric coordinate below this is 0.
+const ON_EDGE: f64 = 1e-9;
+
+/// Places of the vertices, and whether each is lost. `edges`: mean edge length at each vertex.
+pub(super) fn places(ground: &Ground<'_>, tree: &Bvh, positions: &[Vec3], edges: &[f64]) -> (Vec<Closest>, Vec<bool>) {
+    let places: Vec<Closest> = positions.iter().map(|x| tree.closest(*x)).collect();
+    let lost = (places.iter().zip(positions).zip(edges))
+        .map(|((place, x), edge)| {
+            let way = x - place.point;
+            let normal = normal_at(ground, place);
+            on_rim(ground, place) && (way - normal * normal.dot(&way)).norm() > BEYOND * edge
+        })
+        .collect();
+    (places, lost)
+}
+
+/// The input's normal at a place.
+pub(super) fn normal_at(ground: &Ground<'_>, place: &Closest) -> Vec3 {
+    let Some(corners) = ground.mesh.triangles.get(place.triangle as usize) else { return Vec3::z() };
+    let sum: Vec3 = (0..3).map(|k| ground.normals[corners[k] as usize] * place.barycentric[k]).sum();
+    sum.try_normalize(0.0).unwrap_or_else(Vec3::z)
+}
+
+fn on_rim(ground: &Ground<'_>, place: &Closest) -> bool {
+    let Some(corners) = ground.mesh.triangles.get(place.triangle as usize) else { return true };
+    let w = place.barycentric;
+    (0..3).any(|k| {
+        let at_corner = w[k] > 1.0 - ON_EDGE && ground.rim[corners[k] as usize];
+        let on_edge = w[(k + 2) % 3] < ON_EDGE && ground.mesh.twin(3 * place.triangle + k as u32) == NONE;
+        at_corner || on_edge
+    })
+}
