@@ -255,7 +255,9 @@ pub async fn computed<T: Send + 'static>(
     // Who is over the share needn't send the rest.
     app.work.look(user)?;
     let bytes = arrived(&app.work, user, body, limit).await?;
-    let needed = if coding == Coding::Plain { 0 } else { UNPACKING_BYTES };
+    let unpacking = if coding == Coding::Plain { 0 } else { UNPACKING_BYTES };
+    // What comes after will need as much: who would be refused then is refused now, not after its turn in the queue.
+    let needed = unpacking.max(app.work.engine.memory_estimate(bytes.len() as u64));
     let job = app.work.admit(user, needed, REQUEST_TIME_MAX)?;
     let work = Arc::clone(&app.work);
     let compute = move |stop: &Stop| {
