@@ -12,8 +12,8 @@ use nalgebra::Matrix3;
 use std::f64::consts::TAU;
 
 /// Points of the larger surface that are tried, and turns about the normal at each.
-const PLACES: usize = 40;
-const TURNS: usize = 8;
+const PLACES: usize = 60;
+const TURNS: usize = 12;
 /// Areas of the smaller surface, laid, as shares of the larger's.
 const SHARES: [f64; 3] = [0.25, 0.4, 0.65];
 /// Samples by which a pose is scored.
@@ -23,7 +23,7 @@ const NEAR: f64 = 0.06;
 /// A mean normal is that of what lies so near about a point, in √area of the smaller as it is laid.
 const ABOUT: f64 = 0.4;
 /// Poses that are told.
-const TOLD: usize = 6;
+const TOLD: usize = 12;
 
 /// Where the vertices of `example` would lie on `input`, best first, one of the two being much the smaller; never mirrored.
 pub fn poses(example: &TriMesh, input: &TriMesh) -> Vec<Vec<Vec3>> {

@@ -36,7 +36,7 @@ const SAME_SHARE: f64 = 0.02;
 /// Below this relief rough poses are tried.
 const DOUBTFUL: f64 = 0.65;
 /// Poses that are settled.
-const POSED: usize = 3;
+const POSED: usize = 5;
 /// A map that settled must have so much more relief than the one of the charts, which keeps boundaries and sharp edges.
 const SETTLED_MARGIN: f64 = 0.01;
 /// Less of the example beyond the input is none.
