@@ -296,3 +296,60 @@ impl Grown {
         Some(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::within;
+    use crate::mesh::{Polygons, prepare};
+    use crate::segment::segment_above;
+    use crate::topology::tests::grid;
+    use std::collections::BTreeMap;
+
+    /// A square of n × n quads in the middle of the unit square, about half as wide.
+    fn cage(n: u32) -> PolyMesh {
+        let at = |i: u32, j: u32| j * (n + 1) + i;
+        let place = |k: u32| 0.26 + 0.47 * f64::from(k) / f64::from(n);
+        let positions = (0..=n).flat_map(|j| (0..=n).map(move |i| Vec3::new(place(i), place(j), 0.0))).collect();
+        let mut faces = Polygons::default();
+        (0..n * n).for_each(|k| {
+            let (i, j) = (k % n, k / n);
+            faces.push(&[at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]);
+        });
+        PolyMesh { positions, faces, ..PolyMesh::default() }
+    }
+
+    #[test]
+    fn a_cage_is_continued_to_the_end_of_the_sheet_without_an_extraordinary_vertex() {
+        let (mesh, sheet) = (cage(8), grid(40, 40, false, false));
+        let surface = prepare(&mesh).expect("quads").mesh;
+        let field = within(&surface, &surface.positions, &sheet).expect("a rim");
+        assert!(field[41 * 20 + 20] > 0.2 && field[0] < -0.3, "{} {}", field[41 * 20 + 20], field[0]);
+        let rest = segment_above(&sheet, &field).expect("a cut").parts.swap_remove(1);
+        let grown = continued(&mesh, &rest).expect("an annulus");
+        assert_eq!(&grown.positions[..81], &mesh.positions[..]);
+        assert!(grown.faces.iter().take(64).eq(mesh.faces.iter()));
+        let (rows, rest) = ((grown.faces.len() - 64) / 32, (grown.faces.len() - 64) % 32);
+        assert!(rows >= 3 && rest == 0, "{rows} {rest}");
+        let mut halfedges = BTreeMap::new();
+        for face in grown.faces.iter() {
+            (0..4).for_each(|k| *halfedges.entry((face[k], face[(k + 1) % 4])).or_insert(0) += 1);
+        }
+        assert!(halfedges.values().all(|count| *count == 1), "faces beside each other turn alike");
+        let open: Vec<_> = halfedges.keys().filter(|(a, b)| !halfedges.contains_key(&(*b, *a))).collect();
+        assert_eq!(open.len(), 32);
+        let end = |v: u32| {
+            let p = grown.positions[v as usize];
+            p.x.min(1.0 - p.x).min(p.y).min(1.0 - p.y)
+        };
+        assert!(open.iter().all(|(a, _)| end(*a) < 1e-6), "the last row lies where the sheet ends");
+    }
+
+    #[test]
+    fn u_that_comes_back_a_little_is_made_to_go_on() {
+        let run = untwisted(&[0.0, 0.3, 0.29, 0.6, 0.9]);
+        assert!(run.is_sorted() && run.last().is_some_and(|last| *last < 1.0), "{run:?}");
+        let back = untwisted(&[0.0, 0.7, 0.71, 0.4, 0.1]);
+        assert!(back.is_sorted_by(|a, b| a >= b), "{back:?}");
+    }
+}

@@ -75,3 +75,47 @@ impl View {
         picture
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::mesh::tri::TriMesh;
+    use crate::register::Query;
+    use crate::segment::segment_above;
+    use crate::topology::{tests::grid, whole};
+    use crate::unfold::UnfoldOptions;
+
+    /// A sheet with a hill beside its middle.
+    fn hill(n: u32) -> TriMesh {
+        let mut mesh = grid(n, n, false, false);
+        mesh.positions.iter_mut().for_each(|p| p.z = 0.5 * (-((p.x - 0.6).powi(2) + (p.y - 0.5).powi(2)) / 0.02).exp());
+        mesh
+    }
+
+    #[test]
+    fn the_upper_rows_show_what_the_part_cut_out_shows() {
+        let pole = vec![61 * 30 + 36];
+        let options = UnfoldOptions { poles: pole.clone() };
+        let patch = whole(&hill(60)).expect("a disc");
+        let query = Query::new(&patch, &options).expect("solvable");
+        let view = query.view(&pole, 128).expect("a conformal map");
+        let share = 0.5;
+        let below = query.shares_below(&pole).expect("a chart");
+        let field: Vec<f64> = below.iter().take(patch.mesh.positions.len()).map(|v| v - (1.0 - share)).collect();
+        let part = segment_above(&patch.mesh, &field).expect("a cut").parts.swap_remove(0);
+        let at = patch.mesh.positions[pole[0] as usize];
+        let near = |v: &usize| (part.mesh.positions[*v] - at).norm();
+        let own = (0..part.mesh.positions.len()).min_by(|a, b| near(a).total_cmp(&near(b))).expect("vertices") as u32;
+        let cut = Query::new(&part, &UnfoldOptions { poles: vec![own] }).expect("solvable");
+        let (shown, real) = (view.encoding(share, 32), cut.encoding());
+        assert!((shown.modulus / real.modulus - 1.0).abs() < 0.1, "{} {}", shown.modulus, real.modulus);
+        // u starts elsewhere: the best turn is taken.
+        let (a, b) = (&shown.pyramid[0].values, &real.pyramid[0].values);
+        let apart = |turn: usize| {
+            let at = |k: usize| (k / 32) * 32 + (k % 32 + turn) % 32;
+            (0..1024).map(|k| f64::from((a[at(k)] - b[k]).abs())).sum::<f64>() / 1024.0
+        };
+        let least = (0..32).map(apart).fold(f64::INFINITY, f64::min);
+        assert!(least < 0.1, "{least}");
+        assert!((shown.pyramid[0].mean() - 1.0).abs() < 1e-5);
+    }
+}
