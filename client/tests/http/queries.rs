@@ -181,7 +181,8 @@ async fn map_lays_the_best_entry_and_writes_the_format_of_the_extension() {
     let asked = server.asked();
     let posted = asked.iter().find(|asked| asked.line.starts_with("POST")).expect("a map was asked for");
     let body: serde_json::Value = serde_json::from_slice(&posted.body).expect("JSON");
-    assert_eq!(body, serde_json::json!({"segment": 0, "example": example_id(1).to_string(), "example_segment": 0}));
+    let expected = serde_json::json!({"segment": 0, "example": example_id(1).to_string(), "example_segment": 0, "beyond": "leave"});
+    assert_eq!(body, expected);
     assert!(asked.last().expect("a request").line.ends_with(&format!("/maps/{}/mesh?format=ply", map_id())));
 }
 
@@ -378,7 +379,7 @@ async fn retopo_like_an_example_lays_it_on_every_segment_and_tells_the_quads_bef
     let posted: Vec<Asked> = server.asked().into_iter().filter(|asked| asked.line.starts_with("POST")).collect();
     assert_eq!(posted[0].line, format!("POST /v1/queries?like={}", example_id(3)));
     let wanted = |k: usize| serde_json::from_slice::<serde_json::Value>(&posted[k].body).expect("JSON");
-    let map = |segment: u32, example: u8, of: u32| serde_json::json!({"segment": segment, "example": example_id(example).to_string(), "example_segment": of});
+    let map = |segment: u32, example: u8, of: u32| serde_json::json!({"segment": segment, "example": example_id(example).to_string(), "example_segment": of, "beyond": "extend"});
     assert_eq!([wanted(1), wanted(2), wanted(3)], [map(0, 3, 0), map(1, 2, 7), map(2, 3, 2)]);
     assert_eq!(wanted(4)["density"], 1);
     let kept = wanted(4)["keep"].clone();
