@@ -74,7 +74,10 @@ impl<'a> Rests<'a> {
             self.settle(start, start.mirrored, Manner::Following, stop);
         }
         if start.mirrored {
-            self.settle(start, false, Manner::Whole, stop);
+            // What is nearly its own mirror image lies about there unmirrored, too.
+            if let Some(positions) = self.settle(start, false, Manner::Whole, stop) {
+                self.settle(&Start { positions, mirrored: false }, false, Manner::Following, stop);
+            }
         }
     }
 
@@ -89,13 +92,15 @@ impl<'a> Rests<'a> {
         scored.into_iter().map(|(_, start)| start).collect()
     }
 
-    fn settle(&mut self, start: &Start, mirrored: bool, manner: Manner, stop: &dyn Fn() -> bool) {
+    /// Settles a start; where it came to rest.
+    fn settle(&mut self, start: &Start, mirrored: bool, manner: Manner, stop: &dyn Fn() -> bool) -> Option<Vec<Vec3>> {
         let settler = if mirrored { &self.mirrored } else { &self.plain };
-        let Some(found) = settler.in_manner(manner).settle(&start.positions, stop) else { return };
+        let found = settler.in_manner(manner).settle(&start.positions, stop)?;
         let made = Rested { places: found.places, lost: found.lost, mirrored, evidence: found.evidence };
         if self.best.as_ref().is_none_or(|best| worth(&made) > worth(best)) {
             self.best = Some(made);
         }
+        Some(found.positions)
     }
 
     /// How well an unsettled start agrees.

@@ -85,7 +85,14 @@ pub(super) fn fit(
     let relief = |rests: &Rests| whole.as_ref().and_then(|whole| rests.relief(whole)).unwrap_or(-1.0);
     let settled = settled(whole.as_ref(), (example, &one), (query, &two), &input, &relief, stop)?;
     match (settled, &from) {
-        (Some(rested), _) => rest(rested, (example, &one), (query, &two), beyond, stop),
+        (Some(rested), from) => {
+            let fitted = rest(rested, (example, &one), (query, &two), beyond, stop)?;
+            let covers = fitted.mapped.reach.covers;
+            // Where boundary on boundary is a good map, the two surfaces end alike.
+            let ends_elsewhere = covers.example < 1.0 || covers.input < COVERED;
+            let alike = from.as_ref().filter(|_| ends_elsewhere).map(by_charts).transpose()?;
+            Ok(alike.filter(|alike| alike.mapped.verdict == Verdict::Good).unwrap_or(fitted))
+        }
         (None, Some(from)) => by_charts(from),
         (None, None) => {
             let detail =
