@@ -90,8 +90,12 @@ pub(super) fn fit(
             let covers = fitted.mapped.reach.covers;
             // Where boundary on boundary is a good map, the two surfaces end alike.
             let ends_elsewhere = covers.example < 1.0 || covers.input < COVERED;
-            let alike = from.as_ref().filter(|_| ends_elsewhere).map(by_charts).transpose()?;
-            Ok(alike.filter(|alike| alike.mapped.verdict == Verdict::Good).unwrap_or(fitted))
+            let folds = fitted.mapped.folds;
+            let alike = from.as_ref().filter(|_| ends_elsewhere || folds > 0).map(by_charts).transpose()?;
+            let is_better = |alike: &Fitted| {
+                alike.mapped.verdict == Verdict::Good && (ends_elsewhere || alike.mapped.folds < folds)
+            };
+            Ok(alike.filter(is_better).unwrap_or(fitted))
         }
         (None, Some(from)) => by_charts(from),
         (None, None) => {
