@@ -20,12 +20,12 @@ pub struct NewMap {
     /// The example's segment.
     #[serde(default)]
     pub example_segment: u32,
-    /// What becomes of the input where it reaches beyond the example.
+    /// How the input is treated where it reaches beyond the example.
     #[serde(default)]
     pub beyond: Beyond,
 }
 
-/// What becomes of the input where it reaches beyond the example.
+/// Tells how the input is treated where it reaches beyond the example.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
@@ -100,7 +100,7 @@ pub struct Map {
     pub timings: MapTimings,
 }
 
-/// What speaks for a map, measured. Lengths are in √area of the example as it is laid.
+/// Measures that speak for or against a map. Lengths are in √area of the example as it is laid.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct MapEvidence {
