@@ -2,7 +2,7 @@
 
 use crate::{
     file::OutFile,
-    spec::{ConstraintSpec, ExampleRef, SegmentsSpec, TagEdit, UsePart},
+    spec::{ConstraintSpec, ExampleRef, LandmarkSpec, SegmentsSpec, TagEdit, UsePart},
 };
 use clap::{Args, Parser, Subcommand};
 use quadmuse_proto::{
@@ -241,6 +241,13 @@ pub struct MapArgs {
     /// A file for the numbers of the example's vertices that were kept, from 0, one a line: others lie beyond the input
     #[arg(long, value_name = "FILE")]
     pub kept: Option<PathBuf>,
+    /// A point of the example and the point of the scan where it belongs; may repeat. From three on they fix the pose. Ends as
+    /// with `constrain --set`
+    #[arg(long = "landmark", value_name = "X,Y,Z=X,Y,Z", allow_hyphen_values = true)]
+    pub landmark: Vec<LandmarkSpec>,
+    /// A file of landmarks: JSON, a list of `{"on_example": [x, y, z], "on_input": [x, y, z], "name": …}`
+    #[arg(long, value_name = "FILE")]
+    pub landmarks: Option<PathBuf>,
     /// The file to write; its extension chooses the format: obj, ply, off, stl, glb
     #[arg(short, long = "out", value_name = "OUT")]
     pub out: OutFile,

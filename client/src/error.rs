@@ -65,6 +65,17 @@ pub enum ClientError {
     /// As [`ClientError::Refused`], where programs have already read the problem in an event.
     #[error("{}", refusal(.0))]
     Told(Box<Problem>),
+    /// A file of landmarks holds none.
+    #[error(
+        "{}: expected a JSON list like [{{\"on_example\": [x, y, z], \"on_input\": [x, y, z]}}], found: {detail}",
+        file.display()
+    )]
+    LandmarksInvalid {
+        /// The file.
+        file: PathBuf,
+        /// Where it is wrong.
+        detail: String,
+    },
     /// The query was cancelled while it was followed.
     #[error("expected a ranking, found that query {query} was cancelled; start it again")]
     Cancelled {

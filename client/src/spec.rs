@@ -1,6 +1,6 @@
 //! The small languages of the command line: segments, tags, examples, constraints.
 
-use quadmuse_proto::{ExampleId, NewConstraint, Place, Segmentation, example::TAG_LENGTH_MAX};
+use quadmuse_proto::{ExampleId, Landmark, NewConstraint, Place, Segmentation, example::TAG_LENGTH_MAX};
 use std::{path::PathBuf, str::FromStr};
 
 /// A text of the command line that cannot be understood.
@@ -160,6 +160,21 @@ impl FromStr for ConstraintSpec {
     }
 }
 
+/// A landmark: `ON_EXAMPLE=ON_INPUT`, ends as those of a [`ConstraintSpec`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct LandmarkSpec(pub Landmark);
+
+impl FromStr for LandmarkSpec {
+    type Err = SpecError;
+
+    fn from_str(text: &str) -> Result<Self, SpecError> {
+        let expected = "a point of the example and one of the scan, like 1,2,3=4,5,6";
+        let ends = text.split_once('=').and_then(|(left, right)| Some((end(left)??, end(right)??)));
+        let Some((on_example, on_input)) = ends else { return refuse(expected, text) };
+        Ok(Self(Landmark { on_example, on_input, name: None }))
+    }
+}
+
 /// One end: `Some(None)` if it is left empty, `None` if it can't be understood.
 fn end(text: &str) -> Option<Option<Place>> {
     let text = text.trim();
@@ -228,6 +243,15 @@ mod tests {
             "{}x",
         ] {
             assert!(constraint(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_landmark_needs_both_ends() {
+        let found = "1,-2,3.5=4,5,6".parse::<LandmarkSpec>().expect("parses").0;
+        assert_eq!((found.on_example, found.on_input), (Place::Point([1.0, -2.0, 3.5]), Place::Point([4.0, 5.0, 6.0])));
+        for text in ["", "1,2,3", "1,2,3=", "=1,2,3", "1,2=3,4,5", "a:1,2,3=4,5,6"] {
+            assert!(text.parse::<LandmarkSpec>().is_err(), "{text}");
         }
     }
 

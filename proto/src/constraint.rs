@@ -81,6 +81,23 @@ pub struct NewConstraint {
     pub on_input: Option<Place>,
 }
 
+/// A point of the example that a caller holds on a point of the input before the map is made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Landmark {
+    /// Its end on the example (S₁).
+    pub on_example: Place,
+    /// Its end on the input (S₂).
+    pub on_input: Place,
+    /// What it is called, for the caller's own use.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+}
+
+/// Most landmarks a map.
+pub const LANDMARKS_MAX: usize = 32;
+
 /// `PATCH …/maps/{map}/constraints`: applied as a whole or not at all; removals first.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

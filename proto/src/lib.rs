@@ -24,7 +24,7 @@ pub mod token;
 mod schema;
 
 pub use composition::{Composition, CompositionPart, NewComposition};
-pub use constraint::{Constraint, ConstraintEdit, ConstraintOrigin, Location, NewConstraint, OnFold, Place};
+pub use constraint::{Constraint, ConstraintEdit, ConstraintOrigin, Landmark, Location, NewConstraint, OnFold, Place};
 pub use example::{Example, ExamplePatch, ExampleSegment, MeshCounts};
 pub use format::MeshFormat;
 pub use health::{Health, Readiness};

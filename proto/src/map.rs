@@ -1,14 +1,14 @@
 //! Maps: one corpus segment laid on one query segment.
 
 use crate::{
-    constraint::Constraint,
+    constraint::{Constraint, Landmark},
     id::{ExampleId, MapId, QueryId},
     ranking::Flip,
 };
 use serde::{Deserialize, Serialize};
 
 /// `POST /v1/queries/{id}/maps`.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct NewMap {
@@ -23,6 +23,9 @@ pub struct NewMap {
     /// How the input is treated where it reaches beyond the example.
     #[serde(default)]
     pub beyond: Beyond,
+    /// Points of the example that are held on points of the input, at most 32. From three on they fix pose and extent.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub landmarks: Vec<Landmark>,
 }
 
 /// Tells how the input is treated where it reaches beyond the example.

@@ -48,7 +48,8 @@ async fn outcome(data: &Path, threads: usize, add: &[&Sample], input: &Sample) -
     assert_eq!(board.state, QueryState::Done);
     let ranking = live.ranking(&board, 0, EXAMPLES).expect("a ranking");
     let best: (ExampleId, u32) = (ranking.entries[0].example, ranking.entries[0].example_segment);
-    let wanted = NewMap { segment: 0, example: best.0, example_segment: best.1, beyond: Beyond::Leave };
+    let wanted =
+        NewMap { segment: 0, example: best.0, example_segment: best.1, beyond: Beyond::Leave, landmarks: Vec::new() };
     let map = mapping::create(&work, &live, wanted).await.expect("a map");
     let vertices = &map.newest().mapped.mesh.positions;
     let entry = |e: &quadmuse_proto::Entry| {

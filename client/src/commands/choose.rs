@@ -30,7 +30,7 @@ pub(super) async fn finished(id: QueryId, api: &Api, ui: &mut Ui) -> Result<Quer
 }
 
 /// What to lay on a segment.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Choice {
     /// As it goes over the wire.
     pub(super) new: NewMap,
@@ -47,7 +47,13 @@ impl Choice {
 
 /// The options that a choice leaves as they are.
 fn unchosen() -> NewMap {
-    NewMap { segment: 0, example: ExampleId::TEMPLATE, example_segment: 0, beyond: Beyond::Leave }
+    NewMap {
+        segment: 0,
+        example: ExampleId::TEMPLATE,
+        example_segment: 0,
+        beyond: Beyond::Leave,
+        landmarks: Vec::new(),
+    }
 }
 
 /// What to lay on a segment: the example that is told, or else the best entry of the ranking.

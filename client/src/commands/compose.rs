@@ -41,7 +41,7 @@ pub(super) async fn retopo(args: &RetopoArgs, api: &Api, ui: &mut Ui) -> Result<
     let told = told(0, &args.compose).or(args.query.like.map(|example| ExampleRef { example, segment: Some(0) }));
     if told.is_some() {
         // Who chose an example wants it as it is.
-        let (map, name) = lay(&query, 0, told, args.compose.beyond, api, ui).await?;
+        let (map, name) = lay(&query, 0, told, (args.compose.beyond, Vec::new()), api, ui).await?;
         write_kept(&map, args.compose.kept.as_deref())?;
         return write_map(&map, Some(&name), &args.compose.out, api, ui).await;
     }
@@ -168,7 +168,7 @@ async fn stitch(query: &Query, args: &ComposeArgs, api: &Api, ui: &mut Ui) -> Re
     let bar = ui.bar(count as u64, "mapping");
     for (done, segment) in query.segments.iter().enumerate() {
         let (number, told) = (segment.segment, told(segment.segment, args));
-        let said = match lay(query, number, told, args.beyond, api, ui).await {
+        let said = match lay(query, number, told, (args.beyond, Vec::new()), api, ui).await {
             // What nobody asked for and is poor is left to the service, which says what takes its place.
             Ok((map, name)) if told.is_none() && map.verdict == Verdict::Poor => {
                 format!("the best example, {name}, fits poorly")

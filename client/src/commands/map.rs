@@ -13,7 +13,7 @@ use crate::{
     table,
     ui::Ui,
 };
-use quadmuse_proto::{Beyond, ConstraintEdit, Map, NewMap, Query, Verdict};
+use quadmuse_proto::{Beyond, ConstraintEdit, Landmark, Map, NewMap, Query, Verdict};
 use serde::Serialize;
 use std::path::Path;
 
@@ -27,10 +27,24 @@ pub(super) struct Written<'a, T> {
 
 pub(super) async fn map(args: &MapArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
     args.out.check()?;
+    let landmarks = landmarks(args)?;
     let query = finished(args.query, api, ui).await?;
-    let (map, name) = lay(&query, args.segment, args.example, args.beyond, api, ui).await?;
+    let (map, name) = lay(&query, args.segment, args.example, (args.beyond, landmarks), api, ui).await?;
     write_kept(&map, args.kept.as_deref())?;
     write_map(&map, Some(&name), &args.out, api, ui).await
+}
+
+/// The landmarks of the command line and of the file.
+fn landmarks(args: &MapArgs) -> Result<Vec<Landmark>, ClientError> {
+    let mut all: Vec<Landmark> = args.landmark.iter().map(|spec| spec.0.clone()).collect();
+    if let Some(file) = &args.landmarks {
+        let text = crate::file::read(file)?;
+        let found: Result<Vec<Landmark>, _> = serde_json::from_slice(&text);
+        all.extend(
+            found.map_err(|error| ClientError::LandmarksInvalid { file: file.clone(), detail: error.to_string() })?,
+        );
+    }
+    Ok(all)
 }
 
 /// Writes the numbers of the example's vertices that a map has, one a line.
@@ -47,7 +61,7 @@ pub(super) async fn lay(
     query: &Query,
     segment: u32,
     told: Option<ExampleRef>,
-    beyond: Beyond,
+    (beyond, landmarks): (Beyond, Vec<Landmark>),
     api: &Api,
     ui: &mut Ui,
 ) -> Result<(Map, String), ClientError> {
@@ -61,7 +75,7 @@ pub(super) async fn lay(
     };
     let choice = choose(query, found, told, api).await?;
     let spinner = ui.spinner("mapping");
-    let map = api.start_map(query.id, &NewMap { beyond, ..choice.new }).await;
+    let map = api.start_map(query.id, &NewMap { beyond, landmarks, ..choice.new }).await;
     spinner.finish_and_clear();
     Ok((map?, choice.name))
 }
@@ -78,12 +92,12 @@ pub(super) async fn lay_best(
     api: &Api,
     ui: &mut Ui,
 ) -> Result<(Map, String), ClientError> {
-    let best = lay(query, segment, None, beyond, api, ui).await?;
+    let best = lay(query, segment, None, (beyond, Vec::new()), api, ui).await?;
     if best.0.verdict != Verdict::Poor {
         return Ok(best);
     }
     for other in promising(query, segment, TRIES, api).await?.into_iter().skip(1) {
-        let found = lay(query, segment, Some(other), beyond, api, ui).await?;
+        let found = lay(query, segment, Some(other), (beyond, Vec::new()), api, ui).await?;
         if found.0.verdict != Verdict::Poor {
             return Ok(found);
         }

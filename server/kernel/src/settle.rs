@@ -12,13 +12,17 @@ mod align;
 mod elastic;
 mod evidence;
 mod ground;
+mod held;
 mod matches;
 mod place;
+mod poses;
 mod rest;
 mod similarity;
 mod tree;
 
 pub use evidence::Evidence;
+pub use held::Landmark;
+pub use poses::poses;
 pub use similarity::Similarity;
 
 use crate::mesh::Vec3;
@@ -28,6 +32,7 @@ use align::Rigid;
 use elastic::{Body, View};
 use evidence::Judged;
 use ground::{Ground, Samples, Seen};
+use held::{HELD_AS_WHOLE, Held};
 use rest::{Nodes, Pose, Rest};
 
 /// How the example comes from the start to the input.
@@ -108,6 +113,13 @@ const FINE_BELOW: f64 = 0.06;
 /// Start vertices so near to the input's rim, in √area of the input, do not count, unless too few would be left.
 const PILED: f64 = 0.02;
 const COUNTED_MIN: f64 = 0.05;
+/// From so many landmarks on they carry the example.
+const LANDMARKS_CARRY: usize = 3;
+/// Scale and rounds in which the example bends after its landmarks alone.
+const LEADING: (f64, usize) = (0.3, 6);
+/// Scales at which tips lead the example, and the scale from which it bends thereafter.
+const LED: [f64; 3] = [0.3, 0.2, 0.14];
+const LED_FROM: f64 = 0.21;
 /// Rounds and σ (in medians) of the robust similarity.
 const ROBUST_ROUNDS: usize = 10;
 const ROBUST_SIGMA: f64 = 1.5;
@@ -124,6 +136,7 @@ pub struct Settler<'a> {
     fine: Samples,
     sent: Samples,
     tree: Bvh,
+    landmarks: Vec<Landmark>,
 }
 
 /// One start: weights of its vertices, and everything in the example's frame.
@@ -134,6 +147,7 @@ struct Setting {
     sent: Samples,
     /// The input's area.
     area: f64,
+    held: Vec<Held>,
 }
 
 /// Lays an example on an input from a start, one position a vertex of the example. `mirror` is −1 where the map
@@ -162,7 +176,7 @@ impl<'a> Settler<'a> {
         let rigid = Rigid::new(&rest, &nodes[1]);
         let (coarse, fine) = (ground.samples(options.samples[0]), ground.samples(options.samples[1]));
         let (sent, tree) = (ground.spread(options.sent), Bvh::new(input));
-        Some(Self { options: *options, rest, nodes, rigid, ground, coarse, fine, sent, tree })
+        Some(Self { options: *options, rest, nodes, rigid, ground, coarse, fine, sent, tree, landmarks: Vec::new() })
     }
 
     /// The example's vertex at rest, from which [`Aligned::similarity`] leads to the input: centred, of unit area.
@@ -170,11 +184,29 @@ impl<'a> Settler<'a> {
         self.rest.positions.get(v).copied()
     }
 
+    /// The same, with landmarks held on their places.
+    pub fn holding(self, landmarks: &[Landmark]) -> Self {
+        Self { landmarks: landmarks.to_vec(), ..self }
+    }
+
+    /// By how much landmarks are missed when they carry the example as a whole, in parts of their spread; `None` where they are one
+    /// point.
+    pub fn missed(&self, landmarks: &[Landmark]) -> Option<f64> {
+        held::carried(&self.rest, &self.ground, landmarks).map(|found| found.1)
+    }
+
+    /// Where the vertices lie when the landmarks carry the example as a whole, and by how much these are missed, in parts of
+    /// their spread; `None` where they are fewer than three, or one point.
+    pub fn carried(&self) -> Option<(Vec<Vec3>, f64)> {
+        let landmarks = (self.landmarks.len() >= LANDMARKS_CARRY).then_some(&self.landmarks)?;
+        let (found, missed) = held::carried(&self.rest, &self.ground, landmarks)?;
+        Some((self.rest.positions.iter().map(|x| found.apply(x)).collect(), missed))
+    }
+
     /// The similarity stage alone: which of many rough starts is worth settling.
     pub fn align(&self, start: &[Vec3], stop: &dyn Fn() -> bool) -> Option<Aligned> {
         let setting = self.setting(start)?;
-        let found =
-            self.rigid.align(&setting.coarse, &setting.sent, self.share(&setting), self.options.rounds, stop)?;
+        let found = self.aligned(&setting, stop)?;
         let score = self.rigid.score(&setting.coarse, &found);
         Some(Aligned { similarity: setting.frame.after(&found), score })
     }
@@ -219,11 +251,38 @@ impl<'a> Settler<'a> {
     }
 
     fn whole(&self, setting: &Setting, stop: &dyn Fn() -> bool) -> Option<Settled> {
-        let found = self.rigid.align(&setting.coarse, &setting.sent, self.share(setting), self.options.rounds, stop)?;
+        let found = self.aligned(setting, stop)?;
         let mut pose = Pose::of(&self.rest, &self.nodes[0]);
         pose.places.iter_mut().for_each(|x| *x = found.apply(x));
         pose.maps.iter_mut().for_each(|m| *m = found.rotation * found.scale);
+        if setting.held.len() >= LANDMARKS_CARRY {
+            self.body(0)?.lead(&mut pose, &setting.held, LEADING, stop)?;
+        }
         self.bend(setting, pose, 0, f64::INFINITY, Manner::Whole, stop)
+    }
+
+    /// The example as a whole on the input.
+    fn aligned(&self, setting: &Setting, stop: &dyn Fn() -> bool) -> Option<Similarity> {
+        let count = setting.held.len().max(1) as f64;
+        let pair = |held: &Held| (held.at(&self.rest.positions), held.to, HELD_AS_WHOLE / count);
+        let held: Vec<(Vec3, Vec3, f64)> = setting.held.iter().map(pair).collect();
+        let (seen, sent, share) = (&setting.coarse, &setting.sent, self.share(setting));
+        self.rigid.align(seen, (sent, share), &held, self.options.rounds, stop)
+    }
+
+    /// Lays the example on the input after the landmarks, which lead it there and then let go of it: for tips that may have been
+    /// matched wrongly.
+    pub fn led(&self, landmarks: &[Landmark], stop: &dyn Fn() -> bool) -> Option<Settled> {
+        let (found, _) = held::carried(&self.rest, &self.ground, landmarks)?;
+        let start: Vec<Vec3> = self.rest.positions.iter().map(|x| found.apply(x)).collect();
+        let setting = self.setting(&start)?;
+        let held: Vec<Held> = landmarks.iter().map(|l| l.seen_from(&setting.frame)).collect();
+        let mut pose = Pose::of(&self.rest, &self.nodes[0]);
+        let body = self.body(0)?;
+        for r in LED {
+            body.lead(&mut pose, &held, (r, FOLLOWING_ROUNDS), stop)?;
+        }
+        self.bend(&setting, pose, 0, LED_FROM, Manner::Following, stop)
     }
 
     fn following(&self, setting: &Setting, start: &[Vec3], stop: &dyn Fn() -> bool) -> Option<Settled> {
@@ -233,7 +292,7 @@ impl<'a> Settler<'a> {
         let mut level = 0;
         for (r, wanted) in FOLLOWING {
             self.change(&mut pose, &mut body, &mut level, wanted)?;
-            body.follow(&mut pose, (&places, &setting.weights), (r, FOLLOWING_ROUNDS), stop)?;
+            body.follow(&mut pose, (&places, &setting.weights), &setting.held, (r, FOLLOWING_ROUNDS), stop)?;
         }
         self.bend(setting, pose, level, FOLLOWED_FROM, Manner::Following, stop)
     }
@@ -267,7 +326,7 @@ impl<'a> Settler<'a> {
         for (r, rounds, wanted) in SCALES.into_iter().filter(|s| s.0 <= from) {
             self.change(&mut pose, &mut body, &mut level, wanted)?;
             let seen = if r < FINE_BELOW { &fine } else { &setting.coarse };
-            let view = View { seen, sent: &setting.sent, share: self.share(setting) };
+            let view = View { seen, sent: &setting.sent, share: self.share(setting), held: &setting.held };
             body.bend(&mut pose, view, (r, rounds), stop)?;
         }
         let nodes = &self.nodes[level];
@@ -304,7 +363,8 @@ impl<'a> Settler<'a> {
         let area = self.ground.area / (frame.scale * frame.scale);
         let coarse = Seen::new(self.coarse.seen_from(&frame));
         let sent = self.sent.seen_from(&frame);
-        Some(Setting { frame, weights, coarse, sent, area })
+        let held = self.landmarks.iter().map(|l| l.seen_from(&frame)).collect();
+        Some(Setting { frame, weights, coarse, sent, area, held })
     }
 
     /// 0 for start vertices that pile up on the input's rim, else 1.

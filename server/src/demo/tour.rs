@@ -115,6 +115,7 @@ async fn quadrangulate(
         example: best.resident.example.id,
         example_segment: best.resident.segment,
         beyond: Beyond::Leave,
+        landmarks: Vec::new(),
     };
     let map = mapping::create(work, &live, wanted).await?;
     let state = map.newest();

@@ -210,8 +210,12 @@ async fn best_map(work: &Arc<Work>, live: &Arc<LiveQuery>, segment: u32) -> Resu
         let map = match there {
             Some(map) => map,
             None => {
-                mapping::create(work, live, NewMap { segment, example, example_segment, beyond: Beyond::Extend })
-                    .await?
+                mapping::create(
+                    work,
+                    live,
+                    NewMap { segment, example, example_segment, beyond: Beyond::Extend, landmarks: Vec::new() },
+                )
+                .await?
             }
         };
         if map.newest().mapped.verdict != Verdict::Poor {

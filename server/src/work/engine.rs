@@ -9,7 +9,7 @@ use quadmuse_kernel::rank::Shape;
 use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::spectra::Row;
 use quadmuse_proto::{
-    Beyond, Components, Constraint, ConstraintEdit, Covers, Distortion, Flip, MapEvidence, MeshFormat, Parts,
+    Beyond, Components, Constraint, ConstraintEdit, Covers, Distortion, Flip, Landmark, MapEvidence, MeshFormat, Parts,
     Segmentation, Topology, Verdict,
 };
 use std::any::Any;
@@ -489,19 +489,20 @@ pub trait Engine: Send + Sync + 'static {
     fn map(&self, from: &Registration, example: &Side, query: &Side, stop: &Stop) -> Result<Mapped, EngineError>;
 
     /// Lays an example's segment on the query's wherever it fits best: on all of it, on a part of it, or a part of the example on
-    /// it. `from` is the registration of both as wholes, where there is one.
+    /// it. `from` is the registration of both as wholes, where there is one. The `landmarks` are held on their places.
     ///
     /// # Errors
-    /// [`EngineError::Refused`] where the two can't be compared; [`EngineError::Stopped`].
+    /// [`EngineError::Refused`] where the two can't be compared, or a landmark names no point; [`EngineError::Stopped`].
     fn fit(
         &self,
         from: Option<&Registration>,
         example: &Side,
         query: &Side,
         beyond: Beyond,
+        landmarks: &[Landmark],
         stop: &Stop,
     ) -> Result<Fitted, EngineError> {
-        let _ = beyond;
+        let _ = (beyond, landmarks);
         let from = from.ok_or_else(|| EngineError::Internal("expected surfaces of one topology".into()))?;
         let mapped = self.map(from, example, query, stop)?;
         Ok(Fitted { mapped, example: example.clone(), query: query.clone() })

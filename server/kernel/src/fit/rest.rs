@@ -1,19 +1,24 @@
 //! The best of several rough places of an example on an input, each settled.
 //!
-//! How well the relief of the example agrees with that of the input where it lies ([`Evidence::relief`]) is the arbiter: of
-//! right maps it is high, of wrong ones low, whatever the shapes.
+//! How well the relief of the example agrees with that of the input where it lies, less what the map bends and how far normals
+//! disagree, is the arbiter ([`Evidence::confidence`]): of right maps it is high, of wrong ones low, whatever the shapes.
 
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Closest;
 use crate::mesh::tri::TriMesh;
-use crate::settle::{Evidence, Manner, Options, Settler};
+use crate::settle::{Evidence, Landmark, Manner, Options, Settled, Settler};
 
 /// From this relief on a map is convincing, and no other place is tried. *Untuned:* right maps have .72 to .98 and wrong ones
 /// up to .5 (tests/records).
 pub const CONVINCING: f64 = 0.8;
+/// Where all of the example lies on all of the input, [`Evidence::confidence`] is convincing from here on: a place on a part of
+/// either would leave something over, or bend. *Untuned:* what is called good.
+const CONVINCING_WHOLE: f64 = 0.4;
+/// Shares from which on it is all.
+const WHOLE: f64 = 0.97;
 /// A start of less relief is not followed: it is wrong. *Untuned.*
 const FOLLOWED: f64 = 0.1;
-/// A mirrored place must have so much more relief than one that is not: bodies and heads are nearly their own mirror image.
+/// A mirrored place must be so much surer than one that is not: bodies and heads are nearly their own mirror image.
 const MIRROR_MARGIN: f64 = 0.05;
 
 /// A rough place of an example.
@@ -52,6 +57,20 @@ impl<'a> Rests<'a> {
         Some(Self { plain: settler(1.0)?, mirrored: settler(-1.0)?, best: None })
     }
 
+    /// The same, with landmarks held on their places.
+    pub fn holding(self, landmarks: &[Landmark]) -> Self {
+        let (plain, mirrored) = (self.plain.holding(landmarks), self.mirrored.holding(landmarks));
+        Self { plain, mirrored, ..self }
+    }
+
+    /// Where the landmarks carry the example; `None` where they are fewer than three, or one point.
+    pub fn carried(&self) -> Option<Start> {
+        let (plain, missed) = self.plain.carried()?;
+        let (mirrored, missed_mirrored) = self.mirrored.carried()?;
+        let is_mirrored = missed_mirrored < missed;
+        Some(Start { positions: if is_mirrored { mirrored } else { plain }, mirrored: is_mirrored })
+    }
+
     /// The best so far.
     pub fn best(&self) -> Option<&Rested> {
         self.best.as_ref()
@@ -64,7 +83,11 @@ impl<'a> Rests<'a> {
 
     /// Whether the best so far needs no other.
     pub fn is_convincing(&self) -> bool {
-        self.best.as_ref().is_some_and(|best| best.evidence.relief >= CONVINCING)
+        self.best.as_ref().is_some_and(|best| {
+            let e = &best.evidence;
+            let is_whole = e.lost <= 1.0 - WHOLE && e.covered >= WHOLE;
+            e.relief >= CONVINCING || is_whole && e.confidence() >= CONVINCING_WHOLE
+        })
     }
 
     /// Settles a start as a whole, and bending after it where it is nearly right. A mirrored one is tried unmirrored too.
@@ -78,6 +101,16 @@ impl<'a> Rests<'a> {
             if let Some(positions) = self.settle(start, false, Manner::Whole, stop) {
                 self.settle(&Start { positions, mirrored: false }, false, Manner::Following, stop);
             }
+        }
+    }
+
+    /// Lays the example after tips that are matched, in the orientation in which these are carried better.
+    pub fn tries_led(&mut self, tips: &[Landmark], stop: &dyn Fn() -> bool) {
+        let (Some(plain), Some(mirrored)) = (self.plain.missed(tips), self.mirrored.missed(tips)) else { return };
+        let is_mirrored = mirrored < plain;
+        let settler = if is_mirrored { &self.mirrored } else { &self.plain };
+        if let Some(found) = settler.led(tips, stop) {
+            self.keep(found, is_mirrored);
         }
     }
 
@@ -96,11 +129,17 @@ impl<'a> Rests<'a> {
     fn settle(&mut self, start: &Start, mirrored: bool, manner: Manner, stop: &dyn Fn() -> bool) -> Option<Vec<Vec3>> {
         let settler = if mirrored { &self.mirrored } else { &self.plain };
         let found = settler.in_manner(manner).settle(&start.positions, stop)?;
+        let positions = found.positions.clone();
+        self.keep(found, mirrored);
+        Some(positions)
+    }
+
+    /// Keeps what has settled if it is the best so far.
+    fn keep(&mut self, found: Settled, mirrored: bool) {
         let made = Rested { places: found.places, lost: found.lost, mirrored, evidence: found.evidence };
         if self.best.as_ref().is_none_or(|best| worth(&made) > worth(best)) {
             self.best = Some(made);
         }
-        Some(found.positions)
     }
 
     /// How well an unsettled start agrees.
@@ -110,6 +149,7 @@ impl<'a> Rests<'a> {
 }
 
 fn worth(of: &Rested) -> f64 {
-    let relief = if of.evidence.relief.is_nan() { -1.0 } else { of.evidence.relief };
-    relief - if of.mirrored { MIRROR_MARGIN } else { 0.0 }
+    let sure = of.evidence.confidence();
+    let sure = if sure.is_nan() { -1.0 } else { sure };
+    sure - if of.mirrored { MIRROR_MARGIN } else { 0.0 }
 }

@@ -71,6 +71,43 @@ pub struct Atlas {
     pub cost: f64,
 }
 
+/// Ways to match the tips of two surfaces, at most `most` unmirrored and as many mirrored, best first: each a list of (vertex of
+/// the example's mesh, vertex of the query's). Empty where either has fewer than three, or they are no discs or spheres.
+pub fn likely_matches(
+    example: &Query,
+    query: &Query,
+    solver: &dyn Solver,
+    most: usize,
+    stop: &(dyn Fn() -> bool + Sync),
+) -> Vec<Vec<(u32, u32)>> {
+    let sides = [example, query];
+    let topology = example.encoding().topology;
+    if !matches!(topology, Topology::Disc | Topology::Sphere) || topology != query.encoding().topology {
+        return Vec::new();
+    }
+    let mut found: Vec<(f64, bool, Vec<(u32, u32)>)> = Vec::new();
+    for breadth in [Breadth::Limbs, Breadth::Fingers] {
+        if stop() || sides.iter().any(|side| side.tips(breadth).len() < TIPS_MIN) {
+            continue;
+        }
+        let matcher = Matcher::new(example, query, breadth, solver, stop);
+        let likely = matcher.likely().into_iter();
+        let many = likely.filter(|m| m.assignment.pairs.len() >= TIPS_MIN);
+        found.extend(many.map(|m| (m.cost, m.flip.is_mirror(), matcher.vertices(&m.assignment.pairs))));
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut matches: Vec<Vec<(u32, u32)>> = Vec::new();
+    let mut left = [most; 2];
+    for (_, is_mirrored, pairs) in found {
+        let left = &mut left[usize::from(is_mirrored)];
+        if *left > 0 && !matches.contains(&pairs) {
+            matches.push(pairs);
+            *left -= 1;
+        }
+    }
+    matches
+}
+
 impl Atlas {
     /// Matches two surfaces by their tips; `None` where either has fewer than three, or
     /// they are no discs or spheres, or the match is too poor to be one.

@@ -42,12 +42,12 @@ pub struct Ground<'a> {
 pub fn settle(mesh: &TriMesh, cross: &mut CrossMap, grounds: &[Ground], mirror: f64) -> usize {
     let Some(first) = grounds.first() else { return 0 };
     let tree = OnceLock::new();
-    let mut left = reembed(mesh, cross, grounds, mirror);
+    let mut left = lay_anew(mesh, cross, grounds, mirror);
     for _ in 0..PASSES_MAX {
         polish(mesh, cross, first.chart, mirror, &PolishOptions::default());
         left = untangle(mesh, cross, first.chart, mirror, &tree);
         if left > 0 {
-            left = reembed(mesh, cross, grounds, mirror);
+            left = lay_anew(mesh, cross, grounds, mirror);
         }
         if left == 0 {
             break;
@@ -58,7 +58,7 @@ pub fn settle(mesh: &TriMesh, cross: &mut CrossMap, grounds: &[Ground], mirror: 
 
 /// Lays the regions of `mesh` anew whose faces look inward; one that does not get better by it stays. Only on discs and
 /// spheres. Returns how many polygons still look inward.
-fn reembed(mesh: &TriMesh, cross: &mut CrossMap, grounds: &[Ground], mirror: f64) -> usize {
+pub fn lay_anew(mesh: &TriMesh, cross: &mut CrossMap, grounds: &[Ground], mirror: f64) -> usize {
     let Some(first) = grounds.first() else { return 0 };
     let mut turned = inward(mesh, cross, first.chart, mirror);
     if !matches!(first.chart.topology, Topology::Disc | Topology::Sphere) {

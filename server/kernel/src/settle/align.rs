@@ -44,12 +44,12 @@ impl Rigid {
     }
 
     /// At most `rounds` rounds from where the example rests; `None` when stopped. `share`: the area, in the frame, that
-    /// a sample of `sent` stands for.
+    /// a sample of `sent` stands for; `held`: points at rest, where they go, and what they count.
     pub(super) fn align(
         &self,
         seen: &Seen,
-        sent: &Samples,
-        share: f64,
+        (sent, share): (&Samples, f64),
+        held: &[(Vec3, Vec3, f64)],
         rounds: usize,
         stop: &dyn Fn() -> bool,
     ) -> Option<Similarity> {
@@ -61,6 +61,7 @@ impl Rigid {
             let (points, normals) = self.moved(&found);
             let mut pairs = self.onto(seen, &points, &normals);
             self.back(sent, share, &found, &mut pairs);
+            pairs.extend_from_slice(held);
             let Some(next) = Similarity::fit(pairs.iter().copied()) else { break };
             let step = self.points.iter().zip(&points).map(|(e, x)| (next.apply(e) - x).amax()).fold(0.0, f64::max);
             found = next;

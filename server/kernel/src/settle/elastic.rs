@@ -11,6 +11,7 @@
 //! tr/3 of each vertex's term, which all three share, so that one factor serves a whole scale.
 
 use super::ground::{Samples, Seen, sixfold};
+use super::held::{HELD, Held};
 use super::matches::{back, onto};
 use super::rest::{Nodes, Pose, Rest, vertex_normals};
 use super::similarity::nearest_scaled_rotation;
@@ -63,6 +64,7 @@ pub(super) struct View<'a> {
     pub(super) sent: &'a Samples,
     /// Area, in the frame, that a sample sent stands for.
     pub(super) share: f64,
+    pub(super) held: &'a [Held],
 }
 
 /// α, β, δ.
@@ -101,12 +103,14 @@ impl<'a> Body<'a> {
         &self,
         pose: &mut Pose,
         (places, weights): (&[Vec3], &[f64]),
+        held: &[Held],
         scale: (f64, usize),
         stop: &dyn Fn() -> bool,
     ) -> Option<()> {
         self.rounds(pose, scale, stop, |pose| {
             let all = pose.deformed(self.rest, self.nodes);
             let mut pull = self.no_pull();
+            self.hold(pose, &all, held, &mut pull);
             for (v, area) in self.data.vertices.iter().zip(&self.data.areas) {
                 let (v, k) = (*v as usize, self.nodes.owner[*v as usize] as usize);
                 let w = weights[v] * area;
@@ -115,6 +119,30 @@ impl<'a> Body<'a> {
             }
             pull
         })
+    }
+
+    /// Rounds at scale r after landmarks alone.
+    pub(super) fn lead(
+        &self,
+        pose: &mut Pose,
+        held: &[Held],
+        scale: (f64, usize),
+        stop: &dyn Fn() -> bool,
+    ) -> Option<()> {
+        self.rounds(pose, scale, stop, |pose| {
+            let mut pull = self.no_pull();
+            self.hold(pose, &pose.deformed(self.rest, self.nodes), held, &mut pull);
+            pull
+        })
+    }
+
+    /// Landmarks pull at the nodes that they belong to; `all` is where the vertices are.
+    fn hold(&self, pose: &Pose, all: &[Vec3], held: &[Held], pull: &mut Pull) {
+        for landmark in held {
+            let k = self.nodes.owner[landmark.vertex()] as usize;
+            pull.stiff[k] += Matrix3::from_diagonal_element(HELD);
+            pull.to[k] += (landmark.to - landmark.at(all) + pose.places[k]) * HELD;
+        }
     }
 
     fn no_pull(&self) -> Pull {
@@ -157,6 +185,7 @@ impl<'a> Body<'a> {
         let (points, normals) = (of(&all), of(&all_normals));
         let owner: Vec<usize> = self.data.vertices.iter().map(|v| self.nodes.owner[*v as usize] as usize).collect();
         let mut pull = self.no_pull();
+        self.hold(pose, &all, view.held, &mut pull);
         let met = onto(view.seen, &points, &normals, SIGMA_MIN);
         for i in 0..points.len() {
             let (n, w) = (met.normals[i], met.weights[i] * self.data.areas[i]);

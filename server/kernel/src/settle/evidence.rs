@@ -5,10 +5,11 @@
 //! example at rest and the input at its place, whose σ grows with the map's size. *Ours, not a paper's:* a mean over
 //! samples instead of a smoothing solve, so that the input's size does not matter.
 
-use super::ground::{Ground, Samples};
+use super::ground::{Ground, Samples, sixfold};
 use super::place::normal_at;
 use super::rest::{Nodes, Pose, Rest, vertex_normals};
 use super::similarity::{Similarity, singular_values};
+use super::tree::KdTree;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Closest;
 
@@ -29,10 +30,15 @@ pub struct Evidence {
     pub relief: f64,
     /// Share of the example's area that has no place on the input.
     pub lost: f64,
+    /// Share of the input's area that the example lies on.
+    pub covered: f64,
 }
 
 /// σ of the relief, in √area.
 const RELIEF_SCALES: [f64; 2] = [0.04, 0.1];
+/// What log₁₀ of the bend, and the disagreement of normals, count against relief.
+const BEND_WEIGHT: f64 = 0.2;
+const NORMAL_WEIGHT: f64 = 2.0;
 /// Distances count up to this.
 const RESIDUAL_MAX: f64 = 0.1;
 
@@ -49,6 +55,18 @@ pub(super) struct Judged<'a> {
     pub(super) lost: &'a [bool],
 }
 
+/// What is farther from the example, in √area, lies beyond it.
+const COVERS: f64 = 0.05;
+/// The same where the example ends.
+const AT_RIM: f64 = 0.02;
+
+impl Evidence {
+    /// How sure the map is: relief, less what its bend and its normals count. Below 1; right maps have some .3 to .9. *Untuned.*
+    pub fn confidence(&self) -> f64 {
+        self.relief - BEND_WEIGHT * self.bend.max(1.0).log10() - NORMAL_WEIGHT * self.normal_disagreement
+    }
+}
+
 impl Judged<'_> {
     /// `probes`: vertices at which the relief is compared; `samples` of the input, in the frame.
     pub(super) fn evidence(&self, probes: &Nodes, samples: &Samples) -> Evidence {
@@ -63,9 +81,23 @@ impl Judged<'_> {
             found.normal_disagreement += w * (1.0 - normals[v].dot(&self.normal(v)));
         }
         found.residual = found.residual.sqrt();
+        found.covered = self.covered(&normals, samples);
         let size = self.strain(&mut found);
         found.relief = self.relief(probes, samples, size);
         found
+    }
+
+    /// The share of the samples whose nearest vertex is near and lies within the example.
+    fn covered(&self, normals: &[Vec3], samples: &Samples) -> f64 {
+        let tree = KdTree::new(self.positions.iter().zip(normals).map(|(x, n)| sixfold(x, n)));
+        let is_on = |k: &usize| {
+            let near = tree.nearest(&sixfold(&samples.points[*k], &samples.normals[*k]));
+            near.is_some_and(|(v, squared)| {
+                let reach = if self.rest.rim[v as usize] { AT_RIM } else { COVERS };
+                squared < reach * reach
+            })
+        };
+        (0..samples.points.len()).filter(is_on).map(|k| samples.shares[k]).sum()
     }
 
     fn normal(&self, v: usize) -> Vec3 {
@@ -114,7 +146,7 @@ impl Judged<'_> {
 }
 
 /// How far a point stands out from the mean of what is around it, in σ.
-fn height(around: &Samples, at: &Vec3, normal: &Vec3, sigma: f64) -> f64 {
+pub(super) fn height(around: &Samples, at: &Vec3, normal: &Vec3, sigma: f64) -> f64 {
     let (mut weights, mut mean) = (0.0, Vec3::zeros());
     let range = 9.0 * sigma * sigma;
     for k in 0..around.points.len() {
@@ -131,7 +163,7 @@ fn height(around: &Samples, at: &Vec3, normal: &Vec3, sigma: f64) -> f64 {
 }
 
 /// Of (a, b, weight); 0 where either is constant.
-fn correlation(values: &[(f64, f64, f64)]) -> f64 {
+pub(super) fn correlation(values: &[(f64, f64, f64)]) -> f64 {
     let sum = values.iter().map(|v| v.2).sum::<f64>().max(f64::MIN_POSITIVE);
     let mean = values.iter().fold((0.0, 0.0), |m, v| (m.0 + v.2 * v.0 / sum, m.1 + v.2 * v.1 / sum));
     let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);

@@ -143,3 +143,72 @@ fn what_cannot_be_settled_is_refused_and_a_stop_is_heard() {
     };
     assert!(!run(&example, &input, &start, &stop) && asked.get() == 4);
 }
+
+/// Points of the half sheet held on the same points of the large one, three on a line but one.
+fn landmarks(half: &TriMesh, large: &TriMesh) -> Vec<Landmark> {
+    let tree = Bvh::new(large);
+    let near = |x: f64, y: f64| {
+        let away = |v: &usize| (half.positions[*v].xy() - nalgebra::Vector2::new(x, y)).norm();
+        (0..half.positions.len()).min_by(|a, b| away(a).total_cmp(&away(b))).expect("vertices")
+    };
+    let held = |v: usize| Landmark {
+        corners: [(v as u32, 1.0), (v as u32, 0.0), (v as u32, 0.0)],
+        to: tree.closest(half.positions[v]),
+    };
+    [(-0.6, -0.6), (0.4, -0.6), (0.4, 0.7), (-0.5, 0.6)].map(|(x, y)| held(near(x, y))).to_vec()
+}
+
+#[test]
+fn landmarks_carry_the_example_and_are_met() {
+    let (half, large) = (sheet(21, 25, [-0.8, 0.6]), sheet(121, 75, [-2.0, 2.0]));
+    let landmarks = landmarks(&half, &large);
+    let settler = Settler::new(&half, &large, 1.0, &Options::default()).expect("areas").holding(&landmarks);
+    let (start, missed) = settler.carried().expect("spread out");
+    assert!(missed < 0.02, "{missed}");
+    let settled = settler.settle(&start, &go).expect("to be settled");
+    let (mean, most) = off(&half, &settled);
+    assert!(mean < 0.01 && most < 0.06, "{mean} {most}");
+    for landmark in &landmarks {
+        let at = settled.positions[landmark.corners[0].0 as usize];
+        assert!((at - landmark.to.point).norm() < 0.01, "{at} {}", landmark.to.point);
+    }
+    // Mirrored, they can't all be met; two are no pose.
+    let mirrored = Settler::new(&half, &large, -1.0, &Options::default()).expect("areas").holding(&landmarks);
+    assert!(mirrored.carried().expect("spread out").1 > 3.0 * missed.max(0.05));
+    assert_eq!(settler.holding(&landmarks[..2]).carried(), None);
+}
+
+#[test]
+fn a_landmark_pulls_the_example_from_where_it_would_rest() {
+    let mesh = sheet(31, 25, [-1.2, 1.2]);
+    let tree = Bvh::new(&mesh);
+    let v = 12 * 31 + 15;
+    let to = tree.closest(mesh.positions[v] + Vec3::new(0.15, 0.0, 0.0));
+    let held = Landmark { corners: [(v as u32, 1.0), (v as u32, 0.0), (v as u32, 0.0)], to };
+    let plain = Settler::new(&mesh, &mesh, 1.0, &Options::default()).expect("areas");
+    let free = plain.settle(&mesh.positions, &go).expect("to be settled");
+    let pulled = plain.holding(&[held]).settle(&mesh.positions, &go).expect("to be settled");
+    let missed = |s: &Settled| (s.positions[v] - to.point).norm();
+    assert!(missed(&free) > 0.12 && missed(&pulled) < 0.02, "{} {}", missed(&free), missed(&pulled));
+}
+
+#[test]
+fn a_part_is_found_on_a_larger_surface_whatever_its_pose_and_size() {
+    let (part, whole) = (sheet(21, 21, [-0.2, 1.4]), sheet(121, 75, [-2.0, 2.0]));
+    let (sin, cos) = 2.1f64.sin_cos();
+    let turn = nalgebra::Matrix3::new(cos, 0.0, sin, 0.0, 1.0, 0.0, -sin, 0.0, cos);
+    let moved = part.positions.iter().map(|x| turn * x * 3.0 + Vec3::new(5.0, -1.0, 2.0)).collect();
+    let moved = TriMesh::from_triangles(moved, part.triangles.clone()).expect("a sheet");
+    let off = |pose: &Similarity, from: &TriMesh, to: &TriMesh| {
+        let d = from.positions.iter().zip(&to.positions).map(|(a, b)| (pose.apply(a) - b).norm());
+        d.sum::<f64>() / from.positions.len() as f64
+    };
+    let found = poses(&moved, &whole, [true, false], &go);
+    assert!(off(&found[0].1, &moved, &part) < 0.15, "{}", off(&found[0].1, &moved, &part));
+    // The same with the roles changed: the scan shows a part of the example.
+    let found = poses(&whole, &moved, [false, true], &go);
+    let back = found[0].1;
+    let undone: f64 = part.positions.iter().zip(&moved.positions).map(|(a, b)| (back.apply(a) - b).norm()).sum();
+    assert!(undone / (3.0 * part.positions.len() as f64) < 0.15, "{undone}");
+    assert!(poses(&moved, &whole, [true, false], &|| true).is_empty());
+}

@@ -29,7 +29,7 @@ use quadmuse_kernel::register::image::Image;
 use quadmuse_kernel::register::spectra::Row;
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
 use quadmuse_kernel::unfold::UnfoldOptions;
-use quadmuse_proto::{Beyond, MeshFormat, Topology};
+use quadmuse_proto::{Beyond, Landmark, MeshFormat, Topology};
 use registered::Registered;
 use std::sync::Arc;
 
@@ -221,9 +221,10 @@ impl Engine for KernelEngine {
         example: &Side,
         query: &Side,
         beyond: Beyond,
+        landmarks: &[Landmark],
         stop: &Stop,
     ) -> Result<Fitted, EngineError> {
-        fitted::fit(from, example, query, beyond, stop)
+        fitted::fit(from, example, query, (beyond, landmarks), stop)
     }
 
     fn ranked_against(&self, query: Topology) -> Vec<Topology> {

@@ -115,6 +115,20 @@ impl<'a> Matcher<'a> {
 
     /// The best unmirrored and the best mirrored match among the given flips.
     fn search(&self, flips: &[Flip]) -> [Option<Match>; 2] {
+        let mut best = [None, None];
+        for finalist in self.finalists(flips) {
+            best[usize::from(finalist.flip.is_mirror())].get_or_insert(finalist);
+        }
+        best
+    }
+
+    /// The likeliest matches of both orientations, best first.
+    pub(super) fn likely(&self) -> Vec<Match> {
+        self.finalists(&[Flip { u: false, v: false }, Flip { u: true, v: false }])
+    }
+
+    /// The likeliest matches among the given flips, best first.
+    fn finalists(&self, flips: &[Flip]) -> Vec<Match> {
         let anchors = usize::from(self.is_disc());
         let table = Assignments::new([&self.between[0], &self.between[1]], anchors);
         let mut found: Vec<Match> = Vec::new();
@@ -131,7 +145,7 @@ impl<'a> Matcher<'a> {
                 }
             }
         }
-        self.best_of(found)
+        self.looked_at(found)
     }
 
     fn is_disc(&self) -> bool {
@@ -171,9 +185,8 @@ impl<'a> Matcher<'a> {
         other.max_by(|&a, &b| from[pairs[a].0].total_cmp(&from[pairs[b].0])).unwrap_or(k)
     }
 
-    /// Looks at the best matches again in charts with poles at several of their tips, and takes the best unmirrored and
-    /// the best mirrored one.
-    fn best_of(&self, mut found: Vec<Match>) -> [Option<Match>; 2] {
+    /// Looks at the best matches again in charts with poles at several of their tips.
+    fn looked_at(&self, mut found: Vec<Match>) -> Vec<Match> {
         found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         let mut finalists: Vec<Match> = Vec::new();
         for one in found {
@@ -199,11 +212,7 @@ impl<'a> Matcher<'a> {
             }
         }
         finalists.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        let mut best = [None, None];
-        for finalist in finalists {
-            best[usize::from(finalist.flip.is_mirror())].get_or_insert(finalist);
-        }
-        best
+        finalists
     }
 
     /// Some pairs of a match, far from each other.

@@ -240,7 +240,13 @@ fn check_domain(u: f64, v: f64, end: &str) -> Result<(), EngineError> {
 }
 
 /// The place of a chart's mesh that the caller names.
-fn locate(place: &Place, side: &Side, chart: &Chart, bvh: &OnceLock<Bvh>, end: &str) -> Result<Location, EngineError> {
+pub(super) fn locate(
+    place: &Place,
+    side: &Side,
+    chart: &Chart,
+    bvh: &OnceLock<Bvh>,
+    end: &str,
+) -> Result<Location, EngineError> {
     let invalid = |detail: String| EngineError::refused(Refusal::ConstraintInvalid, format!("{end}: {detail}"));
     let point = match place {
         Place::Domain { u, v } => {

@@ -5,6 +5,7 @@
 //! out, and what of the input lies beyond the example is continued by rows of quads, where that is asked for.
 
 use super::super::{Encoded, Encoding, EngineError, Fitted, Model, Opaque, Reach, Refusal, Registration, Side};
+use super::constrain::{self, locate};
 use super::from_whole::OfWhole;
 use super::model::ModelInner;
 use super::registered::{self, Registered};
@@ -12,19 +13,23 @@ use super::{Source, facts, fresh, internal};
 use crate::pool::Stop;
 use quadmuse_kernel::encode::index::Location;
 use quadmuse_kernel::extent::{Crop, Extent, extents};
-use quadmuse_kernel::fit::poses::poses;
 use quadmuse_kernel::fit::rest::{Rested, Rests, Start};
 use quadmuse_kernel::fit::{Cropped, Surface, beyond, crop, crop_between, within, without};
 use quadmuse_kernel::map::CrossMap;
+use quadmuse_kernel::map::atlas::likely_matches;
+use quadmuse_kernel::map::bend::{Pin, bend};
+use quadmuse_kernel::map::reembed::{Ground, lay_anew};
 use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::mesh::{PolyMesh, TriMesh, Vec3};
 use quadmuse_kernel::register::{Entry, Flip, LevenbergMarquardt, Query};
 use quadmuse_kernel::segment::{Segmented, segment_above};
-use quadmuse_kernel::settle::{Evidence, Similarity};
+use quadmuse_kernel::settle::{Evidence, Landmark as KernelLandmark, Similarity, poses};
 use quadmuse_kernel::topology::{Components, Patch, Topology, primitive};
 use quadmuse_kernel::unfold::Uv;
-use quadmuse_proto::{Beyond, Covers, MapEvidence, Topology as Primitive, Verdict};
+use quadmuse_proto::{
+    Beyond, ConstraintEdit, Covers, Landmark, MapEvidence, NewConstraint, OnFold, Topology as Primitive, Verdict,
+};
 use std::sync::{Arc, OnceLock};
 
 /// The finest level at which parts are registered, in pixels a side.
@@ -33,12 +38,16 @@ const SIDE: usize = 128;
 const LAID: usize = 2;
 /// Extents of which neither share differs by more are the same.
 const SAME_SHARE: f64 = 0.02;
+/// Ways to match the tips that are tried, of either orientation.
+const LED: usize = 2;
 /// Below this relief rough poses are tried.
 const DOUBTFUL: f64 = 0.65;
 /// Poses that are settled.
 const POSED: usize = 5;
 /// A map that settled must have so much more relief than the one of the charts, which keeps boundaries and sharp edges.
 const SETTLED_MARGIN: f64 = 0.01;
+/// A landmark that is missed by less, in % of the √area of the input, is met.
+const MISSED_MIN_PERCENT: f64 = 0.05;
 /// Less of the example beyond the input is none.
 const LOST_MIN: f64 = 0.01;
 /// More of the input within the example is all of it.
@@ -63,12 +72,19 @@ pub(super) fn fit(
     from: Option<&Registration>,
     example: &Side,
     query: &Side,
-    beyond: Beyond,
+    (beyond, landmarks): (Beyond, &[Landmark]),
     stop: &Stop,
 ) -> Result<Fitted, EngineError> {
+    let held = held(landmarks, example, query)?;
     let from = from.map(|from| of_wholes(from, example, query, stop)).transpose()?.flatten();
     let by_charts = |from: &Registration| -> Result<Fitted, EngineError> {
-        let mapped = registered::map(from, example, query, stop)?;
+        let mut mapped = registered::map(from, example, query, stop)?;
+        if !landmarks.is_empty() {
+            let set = landmarks.iter().map(as_constraint).collect();
+            let edit = ConstraintEdit { set, on_fold: OnFold::Resolve, ..ConstraintEdit::default() };
+            let edited = constrain::edit(&mapped, &edit, example, query)?;
+            mapped = registered::map(&edited, example, query, stop)?;
+        }
         Ok(Fitted { mapped, example: example.clone(), query: query.clone() })
     };
     let on: &ModelInner = query.model.inner.open()?;
@@ -83,12 +99,15 @@ pub(super) fn fit(
     let whole = whole.map(|whole| Start { positions: whole.positions, mirrored: whole.mirrored });
     let input = Arc::clone(&two.query.chart.mesh);
     let relief = |rests: &Rests| whole.as_ref().and_then(|whole| rests.relief(whole)).unwrap_or(-1.0);
-    let settled = settled(whole.as_ref(), (example, &one), (query, &two), &input, &relief, stop)?;
+    let settled = settled(whole.as_ref(), (example, &one), (query, &two), (&input, &held), &relief, stop)?;
     match (settled, &from) {
         (Some(rested), from) => {
-            let fitted = rest(rested, (example, &one), (query, &two), beyond, stop)?;
+            let fitted = rest(rested, (example, &one), (query, &two), (beyond, &held), stop)?;
             let covers = fitted.mapped.reach.covers;
             // Where boundary on boundary is a good map, the two surfaces end alike.
+            if !held.is_empty() {
+                return Ok(fitted);
+            }
             let ends_elsewhere = covers.example < 1.0 || covers.input < COVERED;
             let folds = fitted.mapped.folds;
             let alike = from.as_ref().filter(|_| ends_elsewhere || folds > 0).map(by_charts).transpose()?;
@@ -111,15 +130,42 @@ fn settled(
     whole: Option<&Start>,
     (example, one): (&Side, &Surface),
     (query, two): (&Side, &Surface),
-    input: &TriMesh,
+    (input, held): (&TriMesh, &[Held]),
     relief: &dyn Fn(&Rests) -> f64,
     stop: &Stop,
 ) -> Result<Option<Rested>, EngineError> {
     let stopped = || stop.reason().is_some();
     let mesh = &one.patch.mesh;
     let Some(mut rests) = Rests::new(mesh, input) else { return Ok(None) };
+    if !held.is_empty() {
+        let trees = (Bvh::new(mesh), Bvh::new(input));
+        let landmarks: Vec<KernelLandmark> =
+            held.iter().filter_map(|h| on(mesh, (h.from, &trees.0), (h.at, &trees.1))).collect();
+        rests = rests.holding(&landmarks);
+    }
+    // What three points or more say of the pose is not sought.
+    if let Some(carried) = rests.carried() {
+        rests.tries(&carried, &stopped);
+        stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
+        return Ok(rests.into_best());
+    }
     if let Some(whole) = whole {
         rests.tries(whole, &stopped);
+    }
+    if !rests.is_convincing() {
+        let trees = (Bvh::new(mesh), Bvh::new(input));
+        let (own, there) = (&one.query.chart.mesh, &two.query.chart.mesh);
+        let solver = LevenbergMarquardt::default();
+        for tips in &likely_matches(&one.query, &two.query, &solver, LED, &stopped) {
+            let pair = |(a, b): &(u32, u32)| {
+                let (from, at) = (own.positions[*a as usize], there.positions[*b as usize]);
+                on(mesh, (from, &trees.0), (at, &trees.1))
+            };
+            rests.tries_led(&tips.iter().filter_map(pair).collect::<Vec<_>>(), &stopped);
+            if rests.is_convincing() {
+                break;
+            }
+        }
     }
     // Of two closed surfaces neither ends anywhere.
     let closed = |side: &Side| side.encoded.encoding.facts.topology == Primitive::Sphere;
@@ -133,10 +179,9 @@ fn settled(
         }
     }
     if may_be_part && rests.best().is_none_or(|best| best.evidence.relief < DOUBTFUL) {
-        let posed = poses(mesh, input).into_iter().map(|positions| Start { positions, mirrored: false });
-        let aligned = rests.aligned(posed.collect(), &stopped);
-        for start in aligned.iter().take(POSED) {
-            rests.tries(start, &stopped);
+        for (_, pose) in poses(mesh, input, [!closed(example), !closed(query)], &stopped).iter().take(POSED) {
+            let positions = mesh.positions.iter().map(|x| pose.apply(x)).collect();
+            rests.tries(&Start { positions, mirrored: false }, &stopped);
             if rests.is_convincing() {
                 break;
             }
@@ -281,7 +326,7 @@ fn rest(
     rested: Rested,
     (example, one): (&Side, &Surface),
     (query, two): (&Side, &Surface),
-    beyond: Beyond,
+    (beyond, held): (Beyond, &[Held]),
     stop: &Stop,
 ) -> Result<Fitted, EngineError> {
     let Rested { places, lost, mirrored, evidence } = rested;
@@ -299,8 +344,13 @@ fn rest(
     let chart = &two.query.chart;
     let positions = locations.iter().map(|l| l.point(chart)).collect();
     let mut cross = CrossMap { locations, positions };
-    untangle(&surface.patch.mesh, &mut cross, chart, registered::sign(mirrored), &OnceLock::new());
-    let registration = described(&surface, two, cross.clone(), mirrored)?;
+    let sign = registered::sign(mirrored);
+    if untangle(&surface.patch.mesh, &mut cross, chart, sign, &OnceLock::new()) > 0 {
+        let ground = Ground { chart, index: two.query.index() };
+        lay_anew(&surface.patch.mesh, &mut cross, &[ground], sign);
+    }
+    let (pinned, missed) = pinned(held, (&surface, &cross), two, mirrored);
+    let registration = described(&surface, two, (cross.clone(), pinned), mirrored)?;
     let mut mapped = registered::map(&registration, &example, query, stop)?;
     let field = within(&surface.patch.mesh, &cross.positions, &two.patch.mesh);
     let rest = field.and_then(|field| rest_of(&two.patch.mesh, &field));
@@ -319,6 +369,7 @@ fn rest(
         normal_disagreement: evidence.normal_disagreement,
     });
     (mapped.verdict, mapped.reasons) = judged(&evidence, mapped.folds as f64 / mapped.mesh.faces.len().max(1) as f64);
+    mapped.reasons.extend(missed);
     let mut fitted = Fitted { mapped, example, query: query.clone() };
     if beyond == Beyond::Extend && covered < COVERED {
         extend(&mut fitted, rest.as_ref());
@@ -326,8 +377,87 @@ fn rest(
     Ok(fitted)
 }
 
+/// A landmark with its ends found.
+struct Held {
+    /// The point of the example.
+    from: Vec3,
+    /// The place on the input's unfolded surface.
+    to: Location,
+    /// The point there.
+    at: Vec3,
+}
+
+/// A constraint of the caller's: its name and ends.
+type Pinned = (String, (Location, Location));
+
+/// The landmark between a point of the example's mesh and one of the input.
+fn on(mesh: &TriMesh, (from, tree): (Vec3, &Bvh), (at, input): (Vec3, &Bvh)) -> Option<KernelLandmark> {
+    let near = tree.closest(from);
+    let corners = mesh.triangles.get(near.triangle as usize)?;
+    Some(KernelLandmark { corners: [0, 1, 2].map(|k| (corners[k], near.barycentric[k])), to: input.closest(at) })
+}
+
+/// Finds the ends of landmarks.
+fn held(landmarks: &[Landmark], example: &Side, query: &Side) -> Result<Vec<Held>, EngineError> {
+    if landmarks.is_empty() {
+        return Ok(Vec::new());
+    }
+    let (one, two) = (&fresh(&example.encoded.encoding)?.chart, &fresh(&query.encoded.encoding)?.chart);
+    let trees = (OnceLock::new(), OnceLock::new());
+    let find = |(k, landmark): (usize, &Landmark)| {
+        let end = |end: &str| format!("landmarks[{k}].{end}");
+        let from = locate(&landmark.on_example, example, one, &trees.0, &end("on_example"))?.point(one);
+        let to = locate(&landmark.on_input, query, two, &trees.1, &end("on_input"))?;
+        Ok(Held { from, to, at: to.point(two) })
+    };
+    landmarks.iter().enumerate().map(find).collect()
+}
+
+fn as_constraint(landmark: &Landmark) -> NewConstraint {
+    let Landmark { on_example, on_input, .. } = landmark.clone();
+    NewConstraint { id: None, on_example: Some(on_example), on_input: Some(on_input) }
+}
+
+/// Landmarks as constraints of the map of a surface, and a sentence for each that is met nearly only: one whose face lies on the
+/// boundary, or that would fold the map.
+fn pinned(
+    held: &[Held],
+    (one, cross): (&Surface, &CrossMap),
+    two: &Surface,
+    mirrored: bool,
+) -> (Vec<Pinned>, Vec<String>) {
+    let own_tree = Bvh::new(&one.query.chart.mesh);
+    let (mesh, tree) = (&one.patch.mesh, Bvh::new(&one.patch.mesh));
+    let (chart, input) = (&two.query.chart, Bvh::new(&two.query.chart.mesh));
+    let (size, sign) = (chart.mesh.total_area().sqrt(), registered::sign(mirrored));
+    let pin = |held: &Held| Pin { on_example: tree.closest(held.from).into(), to: held.at };
+    let can_be = |pins: &[Pin]| bend(mesh, cross, pins, chart, sign, &input).is_ok();
+    let fit_together = can_be(&held.iter().map(pin).collect::<Vec<_>>());
+    let (mut kept, mut pins, mut missed): (Vec<Pinned>, Vec<Pin>, Vec<String>) = Default::default();
+    for (k, held) in held.iter().enumerate() {
+        pins.push(pin(held));
+        if fit_together || can_be(&pins) {
+            kept.push((format!("l{}", k + 1), (own_tree.closest(held.from).into(), held.to)));
+            continue;
+        }
+        let Some(Pin { on_example, .. }) = pins.pop() else { continue };
+        let corners = mesh.triangles.get(on_example.triangle as usize).copied().unwrap_or_default();
+        let at: Vec3 = (0..3).map(|k| cross.positions[corners[k] as usize] * on_example.barycentric[k]).sum();
+        let percent = 100.0 * (at - held.at).norm() / size;
+        if percent > MISSED_MIN_PERCENT {
+            missed.push(format!("landmark {} is met but for {percent:.2} % of the scan's size", k + 1));
+        }
+    }
+    (kept, missed)
+}
+
 /// A registration that stands for a map given by places.
-fn described(one: &Surface, two: &Surface, cross: CrossMap, mirrored: bool) -> Result<Registration, EngineError> {
+fn described(
+    one: &Surface,
+    two: &Surface,
+    (cross, pinned): (CrossMap, Vec<Pinned>),
+    mirrored: bool,
+) -> Result<Registration, EngineError> {
     let flip = Flip { u: mirrored, v: false };
     let (chart, tree) = (&two.query.chart, Bvh::new(&two.query.chart.mesh));
     let (own, own_tree) = (&one.query, Bvh::new(&one.patch.mesh));
@@ -342,7 +472,7 @@ fn described(one: &Surface, two: &Surface, cross: CrossMap, mirrored: bool) -> R
     let entry = Entry::laid(&two.query, flip, SIDE, p, q).ok_or_else(|| internal("expected an unfolded query"))?;
     let of_whole = OnceLock::new();
     let _ = of_whole.set(OfWhole::settled(&one.patch, cross, mirrored));
-    Ok(registered::describe(Registered { of_whole: Arc::new(of_whole), ..Registered::of(entry) }))
+    Ok(registered::describe(Registered { of_whole: Arc::new(of_whole), pinned, ..Registered::of(entry) }))
 }
 
 /// The vertices of an example's file that the faces of its segment use, in order.
@@ -390,15 +520,13 @@ fn area(mesh: &PolyMesh) -> f64 {
 
 /// Confidence from which on a settled map is good, or fair; calibrated in tests/records.
 const CONFIDENCE: [f64; 2] = [0.4, -0.08];
-/// Weight of log₁₀ bend in it.
-const BEND_WEIGHT: f64 = 0.2;
 /// Share of faces that look inward up to which it is good, or fair: hidden faces of bodies do in the truth too.
 const FOLDED: [f64; 2] = [0.02, 0.06];
 
 /// The verdict on a map that has settled, with a sentence for each measure that is not good. Relief falls where shapes
 /// differ, and bend grows where the map is wrong, so neither is told alone.
 fn judged(evidence: &Evidence, folded: f64) -> (Verdict, Vec<String>) {
-    let confidence = evidence.relief - BEND_WEIGHT * evidence.bend.max(1.0).log10();
+    let confidence = evidence.confidence();
     let mut reasons = Vec::new();
     let mut measure = |is_good: bool, is_fair: bool, why: &str| {
         if !is_good {
