@@ -263,6 +263,24 @@ pub struct Mapped {
     pub evidence: Option<MapEvidence>,
 }
 
+impl Mapped {
+    /// This map as an edit of another: what was kept of the example and how well the shapes agree stays; new folds make it worse.
+    #[must_use]
+    pub fn after(mut self, before: &Self) -> Self {
+        self.reach = Reach { covers: before.reach.covers, kept: before.reach.kept.clone(), ..Reach::default() };
+        if before.evidence.is_some() {
+            self.evidence = before.evidence;
+            let folds = self.folds > before.folds;
+            (self.verdict, self.reasons) = (before.verdict, before.reasons.clone());
+            if folds && self.verdict != Verdict::Poor {
+                self.verdict = Verdict::Fair;
+                self.reasons.push("the edit turns some faces over".into());
+            }
+        }
+        self
+    }
+}
+
 /// How much of an example lies on how much of an input.
 #[derive(Clone, Debug, Default)]
 pub struct Reach {
@@ -530,6 +548,21 @@ pub trait Engine: Send + Sync + 'static {
         query: &Side,
         stop: &Stop,
     ) -> Result<Registration, EngineError>;
+
+    /// Maps once more after an edit of the constraints of `before`.
+    ///
+    /// # Errors
+    /// As [`Engine::map`].
+    fn edited(
+        &self,
+        from: &Registration,
+        before: &Mapped,
+        example: &Side,
+        query: &Side,
+        stop: &Stop,
+    ) -> Result<Mapped, EngineError> {
+        Ok(self.map(from, example, query, stop)?.after(before))
+    }
 
     /// Puts one example whose segments were mapped on all of a query's segments together again, whole. `None` where the
     /// segments do not border on each other alike, so that they have to be stitched.

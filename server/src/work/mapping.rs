@@ -181,7 +181,7 @@ pub async fn constrain(
     let (engine, two, from) = (Arc::clone(&work.engine), map.query.clone(), Arc::clone(&before));
     let quantum = move |stop: &_| {
         let registration = engine.constrain(&from.mapped, &edit, &one, &two, stop)?;
-        engine.map(&registration, &one, &two, stop)
+        engine.edited(&registration, &from.mapped, &one, &two, stop)
     };
     let mapped = work.pool.run(&job, Lane::Edit, quantum).await??;
     let timings = MapTimings { register_ms: 0.0, map_ms: ms_since(start), total_ms: ms_since(start) };

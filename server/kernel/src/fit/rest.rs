@@ -104,6 +104,11 @@ impl<'a> Rests<'a> {
         }
     }
 
+    /// Settles a start as a whole alone: a pose, from which nothing bends.
+    pub fn tries_whole(&mut self, start: &Start, stop: &dyn Fn() -> bool) {
+        self.settle(start, start.mirrored, Manner::Whole, stop);
+    }
+
     /// Lays the example after tips that are matched, in the orientation in which these are carried better.
     pub fn tries_led(&mut self, tips: &[Landmark], stop: &dyn Fn() -> bool) {
         let (Some(plain), Some(mirrored)) = (self.plain.missed(tips), self.mirrored.missed(tips)) else { return };

@@ -241,9 +241,20 @@ impl Engine for KernelEngine {
         edit: &ConstraintEdit,
         example: &Side,
         query: &Side,
-        _: &Stop,
+        stop: &Stop,
     ) -> Result<Registration, EngineError> {
-        constrain::edit(from, edit, example, query)
+        constrain::edit(from, edit, example, query, stop)
+    }
+
+    fn edited(
+        &self,
+        from: &Registration,
+        before: &Mapped,
+        example: &Side,
+        query: &Side,
+        stop: &Stop,
+    ) -> Result<Mapped, EngineError> {
+        fitted::edited(from, before, example, query, stop)
     }
 
     fn rejoin(

@@ -2,7 +2,9 @@
 
 use super::super::{ConstraintEdit, EngineError, Mapped, Refusal, Registration, Side};
 use super::fresh;
+use super::from_whole;
 use super::registered::{Registered, describe};
+use crate::pool::Stop;
 use quadmuse_kernel::encode::features::distance_on;
 use quadmuse_kernel::encode::index::{Location, PlanarIndex};
 use quadmuse_kernel::map::edit::{self, EditError};
@@ -20,17 +22,16 @@ pub(super) fn edit(
     wanted: &ConstraintEdit,
     example: &Side,
     query: &Side,
+    stop: &Stop,
 ) -> Result<Registration, EngineError> {
     let registered: &Registered = from.registration.inner.open()?;
-    if registered.of_whole.get().is_some() {
+    // What several charts make has tips that no chart could move: it is bent where it lies.
+    let is_of_charts = registered.atlas.get().is_some_and(Option::is_some);
+    if is_of_charts || registered.of_whole.get().is_some() {
+        from_whole::keep(registered, example, query, stop)?;
         let (one, two) = (&fresh(&example.encoded.encoding)?.chart, &registered.surface(query)?.chart);
-        return edit_pinned(registered, wanted, &from.constraints, (example, one), (query, two));
-    }
-    if let Some(atlas) = registered.atlas.get().and_then(Option::as_ref) {
-        let (Some(one), Some(two)) = (atlas.example(), atlas.input()) else {
-            return Err(EngineError::Internal("expected an atlas with charts".into()));
-        };
-        return edit_pinned(registered, wanted, &from.constraints, (example, one), (query, two));
+        let (edited, touched) = edit_pinned(registered, wanted, &from.constraints, (example, one), (query, two))?;
+        return from_whole::fitted(edited, &touched, wanted.on_fold, example, query, stop).map(describe);
     }
     let topology = registered.entry.best().unfolded.encoding.topology;
     let input = registered.surface(query)?;
@@ -110,36 +111,50 @@ fn undo(
     Ok(())
 }
 
-/// Edits the constraints where features stay: each has a chart of its own, or lies where the whole was laid. The caller's come
-/// and go. `told` are the map's.
+/// Edits the constraints of a map that is given by places: a feature that is moved becomes one of the caller's. `told` are the
+/// map's. Returns which were set, too.
 fn edit_pinned(
     registered: &Registered,
     wanted: &ConstraintEdit,
     told: &[Constraint],
     (example, one): (&Side, &Chart),
     (query, two): (&Side, &Chart),
-) -> Result<Registration, EngineError> {
+) -> Result<(Registered, Vec<usize>), EngineError> {
     let mut pinned = registered.pinned.clone();
+    let feature = |id: &str| told.iter().find(|c| c.id == id && c.origin == ConstraintOrigin::Feature);
     let bvhs = (OnceLock::new(), OnceLock::new());
     let find = |pinned: &[(String, (Location, Location))], id: &str| -> Result<usize, EngineError> {
         if let Some(k) = pinned.iter().position(|(name, _)| name == id) {
             return Ok(k);
         }
-        let feature = told.iter().any(|c| c.id == id && c.origin == ConstraintOrigin::Feature);
-        let refusal = if feature { Refusal::ConstraintInvalid } else { Refusal::ConstraintUnknown };
-        let why =
-            if feature { "which is a matched feature and stays: add a constraint beside it" } else { "which is none" };
+        let (refusal, why) = match feature(id) {
+            Some(_) => (Refusal::ConstraintInvalid, "which is a matched feature and holds nothing: move it instead"),
+            None => (Refusal::ConstraintUnknown, "which is none"),
+        };
         Err(EngineError::refused(
             refusal,
-            format!("expected a constraint that was added, found `{}`, {why}", id.escape_default()),
+            format!("expected a constraint that was set, found `{}`, {why}", id.escape_default()),
         ))
     };
-    // What is pinned was added: to undo it is to remove it.
-    for id in wanted.undo.iter().chain(&wanted.remove) {
+    // To undo what was set is to remove it; a feature that nobody moved is as it was.
+    for id in &wanted.undo {
+        match find(&pinned, id) {
+            Ok(k) => drop(pinned.remove(k)),
+            Err(error) => feature(id).map(|_| ()).ok_or(error)?,
+        }
+    }
+    for id in &wanted.remove {
         let k = find(&pinned, id)?;
         pinned.remove(k);
     }
+    let mut touched = Vec::new();
     for new in &wanted.set {
+        let moved = new.id.as_deref().filter(|id| pinned.iter().all(|p| p.0 != *id)).and_then(feature);
+        if let Some(moved) = moved {
+            let at = |place: &quadmuse_proto::Location| Place::Point(place.point);
+            let from = locate(&at(&moved.on_example), example, one, &bvhs.0, "on_example")?;
+            pinned.push((moved.id.clone(), (from, locate(&at(&moved.on_input), query, two, &bvhs.1, "on_input")?)));
+        }
         let index = new.id.as_ref().map(|id| find(&pinned, id)).transpose()?;
         let old = index.and_then(|k| pinned.get(k)).map(|p| p.1);
         let on_example = match &new.on_example {
@@ -158,8 +173,9 @@ fn edit_pinned(
                 pinned.push((free_name(&names), (on_example, on_input)));
             }
         }
+        touched.push(index.unwrap_or(pinned.len() - 1));
     }
-    Ok(describe(Registered { pinned, ..registered.clone() }))
+    Ok((Registered { pinned, ..registered.clone() }, touched))
 }
 
 /// Of the constraints that were set, the one nearest to the fold is named; else the nearest of all.

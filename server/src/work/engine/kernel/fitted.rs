@@ -4,7 +4,7 @@
 //! input with its boundary free ([`Rests`]), until one is convincing. Faces of the example that lie beyond the input are left
 //! out, and what of the input lies beyond the example is continued by rows of quads, where that is asked for.
 
-use super::super::{Encoded, Encoding, EngineError, Fitted, Model, Opaque, Reach, Refusal, Registration, Side};
+use super::super::{Encoded, Encoding, EngineError, Fitted, Mapped, Model, Opaque, Reach, Refusal, Registration, Side};
 use super::constrain::{self, locate};
 use super::from_whole::OfWhole;
 use super::model::ModelInner;
@@ -82,7 +82,7 @@ pub(super) fn fit(
         if !landmarks.is_empty() {
             let set = landmarks.iter().map(as_constraint).collect();
             let edit = ConstraintEdit { set, on_fold: OnFold::Resolve, ..ConstraintEdit::default() };
-            let edited = constrain::edit(&mapped, &edit, example, query)?;
+            let edited = constrain::edit(&mapped, &edit, example, query, stop)?;
             mapped = registered::map(&edited, example, query, stop)?;
         }
         Ok(Fitted { mapped, example: example.clone(), query: query.clone() })
@@ -181,7 +181,7 @@ fn settled(
     if may_be_part && rests.best().is_none_or(|best| best.evidence.relief < DOUBTFUL) {
         for (_, pose) in poses(mesh, input, [!closed(example), !closed(query)], &stopped).iter().take(POSED) {
             let positions = mesh.positions.iter().map(|x| pose.apply(x)).collect();
-            rests.tries(&Start { positions, mirrored: false }, &stopped);
+            rests.tries_whole(&Start { positions, mirrored: false }, &stopped);
             if rests.is_convincing() {
                 break;
             }
@@ -491,6 +491,25 @@ fn kept(example: &Side) -> Result<Vec<u32>, EngineError> {
 fn rest_of(input: &TriMesh, field: &[f64]) -> Option<Patch> {
     let mut cut = segment_above(input, field).ok()?;
     (cut.parts.len() > 1).then(|| cut.parts.swap_remove(1))
+}
+
+/// The map after an edit, continued to where the input ends if it was before.
+pub(super) fn edited(
+    from: &Registration,
+    before: &Mapped,
+    example: &Side,
+    query: &Side,
+    stop: &Stop,
+) -> Result<Mapped, EngineError> {
+    let mapped = registered::map(from, example, query, stop)?.after(before);
+    let registered: &Registered = from.inner.open()?;
+    let (Some(of_whole), Some(_)) = (registered.of_whole.get(), before.reach.own) else { return Ok(mapped) };
+    let (of, on): (&ModelInner, &ModelInner) = (example.model.inner.open()?, query.model.inner.open()?);
+    let (one, two) = (&of.patch(example.segment)?.mesh, &on.patch(query.segment)?.mesh);
+    let field = within(one, of_whole.positions(), two);
+    let mut fitted = Fitted { mapped, example: example.clone(), query: query.clone() };
+    extend(&mut fitted, field.and_then(|field| rest_of(two, &field)).as_ref());
+    Ok(fitted.mapped)
 }
 
 /// Continues a map to where the input ends.

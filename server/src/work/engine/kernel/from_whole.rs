@@ -7,16 +7,23 @@ use super::super::{EngineError, Refusal, Side};
 use super::fresh;
 use super::model::{Laid as WholeLaid, ModelInner};
 use super::registered::{self, Laid, Registered, Surface, Way};
+use crate::pool::Stop;
 use quadmuse_kernel::encode::index::Location as Place;
 use quadmuse_kernel::map::bend::{BendError, Pin, bend};
 use quadmuse_kernel::map::placed::placed;
+use quadmuse_kernel::map::reembed::lay_anew;
 use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, leave_fillings};
 use quadmuse_kernel::measure;
 use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::mesh::{TriMesh, Vec3};
+use quadmuse_kernel::settle::{Landmark, Manner, Options, Settler};
 use quadmuse_kernel::topology::Patch;
-use quadmuse_proto::Location;
+use quadmuse_proto::{Location, OnFold};
+use std::sync::{Arc, OnceLock};
+
+/// Halvings by which the share of a way that can be gone is found.
+const SHARE_STEPS: usize = 5;
 
 /// A map that is given by where its vertices lie: that of a part where the whole was laid, or of an example that has settled.
 #[derive(Debug)]
@@ -59,6 +66,8 @@ pub(super) fn from_whole<'a>(
     let source = fresh(&example.encoded.encoding)?;
     let own = Own { part: &patch.mesh, of_whole, input: surface };
     let mut constraints = registered::constraints(registered.registration(), &registered.named(), source, surface);
+    // A feature that the caller moved is one of the caller's.
+    constraints.retain(|c| registered.pinned.iter().all(|p| p.0 != c.id));
     for c in &mut constraints {
         if let Some(there) = own.taken_to(Vec3::from(c.on_example.point)) {
             let [u, v] = there.uv(&surface.chart);
@@ -87,6 +96,66 @@ pub(super) fn from_whole<'a>(
     Ok(Some((laid, of_whole.laid_angle_p95_deg)))
 }
 
+/// Keeps where an atlas lays the example, so that it is bent there from now on.
+pub(super) fn keep(registered: &Registered, example: &Side, query: &Side, stop: &Stop) -> Result<(), EngineError> {
+    if registered.of_whole.get().is_some() {
+        return Ok(());
+    }
+    let stopped = || stop.reason().is_some();
+    let atlas = registered.atlas(example, query, &stopped)?;
+    let (laid, _) = registered::lay(atlas, registered, example, query, stop)?;
+    let model: &ModelInner = example.model.inner.open()?;
+    let _ = registered.of_whole.set(OfWhole::settled(model.patch(example.segment)?, laid.cross, laid.mirrored));
+    Ok(())
+}
+
+/// Sees to it that the constraints of a map that is given by places can be met; `touched` are those that were set. Where they
+/// would fold it, either the edit is refused, with the share of the way that does not, or the whole example settles anew, held at
+/// its constraints, and at last those that were set go as far as they can.
+pub(super) fn fitted(
+    registered: Registered,
+    touched: &[usize],
+    on_fold: OnFold,
+    example: &Side,
+    query: &Side,
+    stop: &Stop,
+) -> Result<Registered, EngineError> {
+    let (source, surface) = (fresh(&example.encoded.encoding)?, registered.surface(query)?);
+    let (of, on): (&ModelInner, &ModelInner) = (example.model.inner.open()?, query.model.inner.open()?);
+    let patch = of.patch(example.segment)?;
+    let Some(of_whole) = registered.of_whole.get() else { return Ok(registered) };
+    let own = Own { part: &patch.mesh, of_whole, input: surface };
+    let sign = registered::sign(of_whole.mirrored);
+    let pins = |of: &Registered| -> Vec<(Vec3, Place)> {
+        of.pinned.iter().map(|(_, (a, b))| (a.point(&source.chart), *b)).collect()
+    };
+    let wanted = pins(&registered);
+    let Err(error) = own.bent(&wanted, sign) else { return Ok(registered) };
+    // Boundaries of segments belong to their neighbours, too.
+    if on_fold == OnFold::Resolve && on.laid.is_none() && on.segmented.parts.len() == 1 {
+        if let Some(made) = own.settled_anew(&wanted, sign, stop) {
+            let fits = Own { part: &patch.mesh, of_whole: &made, input: surface }.bent(&wanted, sign).is_ok();
+            if fits {
+                let of_whole = OnceLock::new();
+                let _ = of_whole.set(made);
+                return Ok(Registered { of_whole: Arc::new(of_whole), ..registered });
+            }
+        }
+    }
+    let share = own.reached(&wanted, touched, sign);
+    if on_fold == OnFold::Refuse {
+        let EngineError::Refused { refusal, detail } = refused(&registered, error) else {
+            return Err(refused(&registered, error));
+        };
+        let way = format!("{detail}; {:.0} % of the way can be gone", 100.0 * share);
+        return Err(EngineError::refused(refusal, way));
+    }
+    let ends = own.on_the_way(&wanted, touched, share);
+    let mut pinned = registered.pinned.clone();
+    pinned.iter_mut().zip(ends).for_each(|(pin, end)| pin.1.1 = end.1);
+    Ok(Registered { pinned, ..registered })
+}
+
 /// The part of the whole on a segment's surface; `None` where a vertex has no place, or the boundaries differ.
 fn part_of(whole: &WholeLaid, patch: &Patch, surface: &Surface) -> Option<OfWhole> {
     let points: Option<Vec<Vec3>> =
@@ -105,8 +174,17 @@ fn part_of(whole: &WholeLaid, patch: &Patch, surface: &Surface) -> Option<OfWhol
 impl OfWhole {
     /// A map that has settled.
     pub(super) fn settled(patch: &Patch, cross: CrossMap, mirrored: bool) -> Self {
-        let laid_angle_p95_deg = measure::angle_distortion(&patch.mesh, &cross).p95;
-        let (as_laid, bvh) = (cross.clone(), Bvh::new(&patch.mesh));
+        Self::of(&patch.mesh, cross, mirrored)
+    }
+
+    /// Where the vertices of the example's part lie, before the caller's constraints.
+    pub(super) fn positions(&self) -> &[Vec3] {
+        &self.cross.positions
+    }
+
+    fn of(part: &TriMesh, cross: CrossMap, mirrored: bool) -> Self {
+        let laid_angle_p95_deg = measure::angle_distortion(part, &cross).p95;
+        let (as_laid, bvh) = (cross.clone(), Bvh::new(part));
         Self { mirrored, cost: 0.0, modulus_log: 0.0, as_laid, cross, bvh, laid_angle_p95_deg }
     }
 }
@@ -136,6 +214,52 @@ impl Own<'_> {
             (0..3).map(|k| self.of_whole.cross.positions[corners[k] as usize] * near.barycentric[k]).sum();
         let on = self.input.tree().closest(point);
         Some(on.into())
+    }
+
+    /// The example settled anew from where it lies, held at its constraints; `None` when stopped.
+    fn settled_anew(&self, pins: &[(Vec3, Place)], sign: f64, stop: &Stop) -> Option<OfWhole> {
+        let chart = &self.input.chart;
+        let landmark = |(from, to): &(Vec3, Place)| {
+            let near = self.of_whole.bvh.closest(*from);
+            let corners = self.part.triangles.get(near.triangle as usize)?;
+            let corners = [0, 1, 2].map(|k| (corners[k], near.barycentric[k]));
+            Some(Landmark { corners, to: self.input.tree().closest(to.point(chart)) })
+        };
+        let held: Vec<Landmark> = pins.iter().filter_map(landmark).collect();
+        let options = Options { manner: Manner::Following, ..Options::default() };
+        let settler = Settler::new(self.part, &chart.mesh, sign, &options)?.holding(&held);
+        let found = settler.settle(&self.of_whole.cross.positions, &|| stop.reason().is_some())?;
+        let locations: Vec<Place> = found.places.into_iter().map(Place::from).collect();
+        let mut cross = CrossMap { positions: found.positions, locations };
+        if untangle(self.part, &mut cross, chart, sign, &self.input.bvh) > 0 {
+            lay_anew(self.part, &mut cross, &[self.input.ground()], sign);
+        }
+        Some(OfWhole::of(self.part, cross, self.of_whole.mirrored))
+    }
+
+    /// The share of the way to where they were set that the touched pins can go without a fold: a multiple of 1/32.
+    fn reached(&self, pins: &[(Vec3, Place)], touched: &[usize], sign: f64) -> f64 {
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..SHARE_STEPS {
+            let share = 0.5 * (low + high);
+            let fits = self.bent(&self.on_the_way(pins, touched, share), sign).is_ok();
+            *(if fits { &mut low } else { &mut high }) = share;
+        }
+        low
+    }
+
+    /// The pins, of which the touched ones have gone a share of their way only.
+    fn on_the_way(&self, pins: &[(Vec3, Place)], touched: &[usize], share: f64) -> Vec<(Vec3, Place)> {
+        let chart = &self.input.chart;
+        let part_way = |(k, (from, to)): (usize, &(Vec3, Place))| {
+            let start = self.taken_to(*from).filter(|_| touched.contains(&k));
+            let end = start.map_or(*to, |start| {
+                let (a, b) = (start.point(chart), to.point(chart));
+                self.input.tree().closest(a + (b - a) * share).into()
+            });
+            (*from, end)
+        };
+        pins.iter().enumerate().map(part_way).collect()
     }
 
     /// The map with points of the example taken to places on the input.

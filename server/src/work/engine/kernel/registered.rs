@@ -249,7 +249,7 @@ pub(super) fn winding(laid: &Laid<'_>) -> Winding {
 
 /// Lays the example by the atlas, if there is one, and lets it settle. The number is the 95th percentile of the angle
 /// distortion before that, in degrees.
-fn lay<'a>(
+pub(super) fn lay<'a>(
     atlas: Option<&'a Atlas>,
     registered: &'a Registered,
     example: &Side,
