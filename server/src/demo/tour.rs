@@ -171,6 +171,7 @@ fn word(verdict: Verdict) -> &'static str {
         Verdict::Good => "good",
         Verdict::Fair => "fair",
         Verdict::Poor => "poor",
+        Verdict::Broken => "broken",
     }
 }
 

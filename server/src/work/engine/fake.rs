@@ -253,11 +253,18 @@ impl Engine for FakeEngine {
         let mesh = Arc::new(square(parts.len()));
         Ok(Stitched {
             mesh,
+            is_example: parts.iter().map(|part| !matches!(part, Part::Template(_) | Part::Poor { .. })).collect(),
             is_poor_kept: false,
             extraordinary_vertices: 0,
             extraordinary_before: 0,
             notes: Vec::new(),
         })
+    }
+
+    fn appraise(&self, _: &Model, made: &Stitched) -> Result<Appraisal, EngineError> {
+        let share = 1.0 / made.is_example.len().max(1) as f64;
+        let examples = made.is_example.iter().map(|is| if *is { share } else { 0.0 }).collect();
+        Ok(Appraisal { examples, covered: 1.0, ..Appraisal::default() })
     }
 
     fn template(&self, query: &Side, _: &Stop) -> Result<Mapped, EngineError> {
