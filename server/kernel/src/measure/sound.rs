@@ -55,12 +55,14 @@ pub struct Flaws {
 }
 
 /// Limits beyond which a mesh is broken. On 69 right meshes of heads, hands, bodies and animals nothing is astray, off,
-/// bare or collapsed, and at most 0.3 % look inward (tests/records).
-const ASTRAY_MAX: f64 = 0.01;
+/// bare or collapsed, and at most 0.3 % look inward. Of 35 maps the worst has 0.7 % astray, edges of 4 % of the diagonal
+/// among them (tests/records). One spike is enough, however small its share of the area.
+const SPIKE_MAX: f64 = 0.08;
+const ASTRAY_MAX: f64 = 0.02;
 const OFF_MAX: f64 = 0.02;
 const BARE_MAX: f64 = 0.1;
-const INWARD_MAX: f64 = 0.15;
-const COLLAPSED_MAX: f64 = 0.05;
+const INWARD_MAX: f64 = 0.1;
+const COLLAPSED_MAX: f64 = 0.1;
 
 impl Flaws {
     /// Why a mesh is broken, a sentence each; none where it is not. `left_out` is the share of the surface's area that the
@@ -76,6 +78,8 @@ impl Flaws {
         let (edges, area) = (self.astray_edges, percent(self.astray));
         let astray = format!("{edges} edges cut through the scan or leap over a gap, on {area} of the quads' area");
         is_wrong(self.astray, ASTRAY_MAX, astray);
+        let spike = format!("a spike: an edge as long as {} of the scan's diagonal leaves it", percent(self.spike));
+        is_wrong(self.spike, SPIKE_MAX, spike);
         is_wrong(self.off, OFF_MAX, format!("{} of the quads' area hangs off the scan", percent(self.off)));
         let bare = self.bare - left_out.clamp(0.0, 1.0);
         is_wrong(bare, BARE_MAX, format!("{} of the scan that should be covered has no quads near it", percent(bare)));
@@ -251,14 +255,18 @@ mod tests {
     fn an_edge_from_one_leg_to_the_other_is_found_with_both_ends_on_the_surface() {
         // The middle of row 2 goes to the other leg.
         let (flaws, reasons) = found(|mesh| mesh.positions[2 * 11 + 5].x = 0.15);
-        assert_eq!((flaws.astray_edges, flaws.faces.len(), reasons.len()), (4, 4, 1), "{flaws:?}");
+        assert_eq!((flaws.astray_edges, flaws.faces.len(), reasons.len()), (4, 4, 2), "{flaws:?}");
         assert!(reasons[0].contains("4 edges"), "{reasons:?}");
     }
 
     #[test]
     fn a_spike_is_found() {
         let (flaws, reasons) = found(|mesh| mesh.positions[2 * 11 + 5].x = -0.8);
-        assert!(flaws.astray_edges == 4 && flaws.spike > 0.3 && !reasons.is_empty(), "{flaws:?}");
+        assert!(flaws.astray_edges == 4 && flaws.spike > 0.3, "{flaws:?}");
+        assert!(reasons.iter().any(|why| why.contains("a spike")), "{reasons:?}");
+        // One is enough on a mesh of any size.
+        let alone = Flaws { spike: flaws.spike, astray: 1e-4, ..Flaws::default() };
+        assert_eq!(alone.reasons(0.0).len(), 1);
     }
 
     #[test]
@@ -299,10 +307,10 @@ mod tests {
 
     #[test]
     fn faces_that_have_collapsed_are_found() {
-        // Rows 0 to 3 fall together.
-        let fallen = |mesh: &mut PolyMesh| (11..4 * 11).for_each(|v| mesh.positions[v] = mesh.positions[v % 11]);
+        // Rows 0 to 6 fall together.
+        let fallen = |mesh: &mut PolyMesh| (11..7 * 11).for_each(|v| mesh.positions[v] = mesh.positions[v % 11]);
         let (flaws, reasons) = found(fallen);
-        assert!((flaws.collapsed - 3.0 / 40.0).abs() < 1e-9, "{flaws:?}");
+        assert!((flaws.collapsed - 6.0 / 40.0).abs() < 1e-9, "{flaws:?}");
         assert!(reasons.iter().any(|why| why.contains("collapsed")), "{reasons:?}");
     }
 
