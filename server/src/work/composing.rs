@@ -79,15 +79,17 @@ pub async fn create(
             && let Some(whole) = engine.rejoin(&model, example, parts, stop)?
         {
             let appraisal = engine.appraise(&model, &whole)?;
-            return Ok((whole, appraisal));
+            return Ok((whole, appraisal, Vec::new()));
         }
         stitched_sound(&*engine, &model, parts, &instead, how, stop)
     };
-    let (stitched, appraisal) = work.pool.run(&job, Lane::Edit, stitch).await??;
+    let (stitched, appraisal, gave_way) = work.pool.run(&job, Lane::Edit, stitch).await??;
     if stitched.is_poor_kept {
         summaries.append(&mut poor);
     }
     templates.extend(poor.iter().map(|part| part.segment));
+    templates.extend(&gave_way);
+    summaries.retain(|part| !gave_way.contains(&part.segment));
     templates.sort_unstable();
     let counts = super::ingest::counts_of(&stitched.mesh);
     let held = job.kept(counts.faces * MEMORY_PER_FACE_HELD);
@@ -117,7 +119,7 @@ pub async fn create(
 }
 
 /// Stitches, and measures the result. Where it is no use as it is, the examples on the segments that are to blame give way to
-/// regular layouts, unless they were chosen.
+/// regular layouts, unless they were chosen; the segments where they did.
 fn stitched_sound(
     engine: &dyn Engine,
     model: &Model,
@@ -125,33 +127,30 @@ fn stitched_sound(
     instead: &[Option<Arc<Encoded>>],
     how: Stitching,
     stop: &Stop,
-) -> Result<(Stitched, Appraisal), EngineError> {
+) -> Result<(Stitched, Appraisal, Vec<u32>), EngineError> {
     let made = engine.compose(model, &parts, how, stop)?;
     let appraisal = engine.appraise(model, &made)?;
-    if appraisal.flaws.is_empty() {
-        return Ok((made, appraisal));
-    }
     let is_example = |segment: &u32| made.is_example.get(*segment as usize) == Some(&true);
-    let flawed: Vec<u32> = appraisal.flawed.iter().copied().filter(is_example).collect();
-    let mut given_up = Vec::new();
-    for segment in flawed {
+    let mut gave_way = Vec::new();
+    for segment in appraisal.flawed.iter().copied().filter(|_| !appraisal.flaws.is_empty()).filter(is_example) {
         let slots = (parts.get_mut(segment as usize), instead.get(segment as usize));
         if let (Some(part), Some(Some(instead))) = slots {
             *part = Part::Template(Arc::clone(instead));
-            given_up.push(segment.to_string());
+            gave_way.push(segment);
         }
     }
-    if given_up.is_empty() {
-        return Ok((made, appraisal));
+    if gave_way.is_empty() {
+        return Ok((made, appraisal, gave_way));
     }
     let mut again = engine.compose(model, &parts, how, stop)?;
     let after = engine.appraise(model, &again)?;
     if !after.flaws.is_empty() {
-        return Ok((made, appraisal));
+        return Ok((made, appraisal, Vec::new()));
     }
-    let segments = given_up.join(", ");
-    again.notes.push(format!("examples gave way to regular layouts on segments {segments}: {}", appraisal.flaws[0]));
-    Ok((again, after))
+    let segments = gave_way.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+    let why = appraisal.flaws.join("; ");
+    again.notes.push(format!("examples gave way to regular layouts on segments {segments}: {why}"));
+    Ok((again, after, gave_way))
 }
 
 /// What is told of a map that takes part in a composition.

@@ -56,9 +56,10 @@ pub struct Flaws {
 
 /// Limits beyond which a mesh is broken. On 69 right meshes of heads, hands, bodies and animals nothing is astray, off,
 /// bare or collapsed, and at most 0.3 % look inward. Of 35 maps the worst has 0.7 % astray, edges of 4 % of the diagonal
-/// among them (tests/records). One spike is enough, however small its share of the area.
+/// among them; a regular layout that leaps the hollows of a skull has 2.4 % (tests/records). One spike is enough, however small
+/// its share of the area.
 const SPIKE_MAX: f64 = 0.08;
-const ASTRAY_MAX: f64 = 0.02;
+const ASTRAY_MAX: f64 = 0.04;
 const OFF_MAX: f64 = 0.02;
 const BARE_MAX: f64 = 0.1;
 const INWARD_MAX: f64 = 0.1;
@@ -255,8 +256,12 @@ mod tests {
     fn an_edge_from_one_leg_to_the_other_is_found_with_both_ends_on_the_surface() {
         // The middle of row 2 goes to the other leg.
         let (flaws, reasons) = found(|mesh| mesh.positions[2 * 11 + 5].x = 0.15);
-        assert_eq!((flaws.astray_edges, flaws.faces.len(), reasons.len()), (4, 4, 2), "{flaws:?}");
-        assert!(reasons[0].contains("4 edges"), "{reasons:?}");
+        assert_eq!((flaws.astray_edges, flaws.faces.len(), reasons.len()), (4, 4, 1), "{flaws:?}");
+        assert!(reasons[0].contains("a spike"), "{reasons:?}");
+        // A whole row of them.
+        let (flaws, reasons) = found(|mesh| mesh.positions[2 * 11..3 * 11].iter_mut().for_each(|p| p.x = 0.15));
+        assert_eq!(flaws.astray_edges, 22, "{flaws:?}");
+        assert!(reasons[0].contains("22 edges"), "{reasons:?}");
     }
 
     #[test]

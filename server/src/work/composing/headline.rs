@@ -67,7 +67,9 @@ fn without_example(brought: &[Option<Laid>]) -> &'static str {
     match (maps.clone().next(), maps.all(|laid| laid.verdict.is_poor())) {
         (None, _) => "no example was used: none of the corpus could be laid on it, so it is a regular layout",
         (_, true) => "no example was used: those that rank best fit poorly, so it is a regular layout",
-        (_, false) => "no example was used: what was laid could not be joined, so it is a regular layout",
+        (_, false) => {
+            "no example was used: what was laid could not be joined, or was broken, so it is a regular layout"
+        }
     }
 }
 

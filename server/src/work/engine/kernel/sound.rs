@@ -66,3 +66,57 @@ fn area(mesh: &PolyMesh, face: &[u32]) -> f64 {
     let fan = |k: usize| (at(k) - at(0)).cross(&(at(k + 1) - at(0)));
     0.5 * (1..face.len().saturating_sub(1)).map(fan).sum::<Vec3>().norm()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pool::Stop;
+    use crate::work::engine::{Cut, Engine, kernel::KernelEngine};
+    use std::fmt::Write;
+    use std::sync::Arc;
+
+    /// n × n quads on a dome, as OBJ.
+    fn dome(n: usize) -> String {
+        let at = |k: usize| 2.0 * k as f64 / n as f64 - 1.0;
+        let mut text = String::new();
+        for (x, y) in (0..=n).flat_map(|j| (0..=n).map(move |i| (at(i), at(j)))) {
+            let _ = writeln!(text, "v {x} {y} {}", 0.8 * (1.0 - x * x) * (1.0 - y * y));
+        }
+        for (i, j) in (0..n).flat_map(|j| (0..n).map(move |i| (i, j))) {
+            let v = |i: usize, j: usize| j * (n + 1) + i + 1;
+            let _ = writeln!(text, "f {} {} {} {}", v(i, j), v(i + 1, j), v(i + 1, j + 1), v(i, j + 1));
+        }
+        text
+    }
+
+    fn read(text: &str) -> Model {
+        let read = KernelEngine::default().read(text.as_bytes(), None, &Cut::default(), &Stop::new(None));
+        read.expect("a disc")
+    }
+
+    fn stitched(mesh: PolyMesh, is_example: bool) -> Stitched {
+        Stitched {
+            mesh: Arc::new(mesh),
+            is_example: vec![is_example],
+            is_poor_kept: false,
+            extraordinary_vertices: 0,
+            extraordinary_before: 0,
+            notes: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_composition_is_measured_and_its_flaws_are_found_where_they_are() {
+        let (input, layout) = (read(&dome(40)), read(&dome(12)));
+        let mesh = (*layout.mesh).clone();
+        let sound = appraise(&input, &stitched(mesh.clone(), true)).expect("measured");
+        assert!((sound.examples[0] - 1.0).abs() < 1e-9 && sound.covered > 0.999, "{sound:?}");
+        assert!(sound.flaws.is_empty() && sound.flawed.is_empty(), "{sound:?}");
+        assert_eq!(appraise(&input, &stitched(mesh.clone(), false)).expect("measured").examples, [0.0]);
+        // A vertex in one corner, drawn through below the dome to the other.
+        let mut torn = mesh;
+        torn.positions[14] = torn.positions[13 * 13 - 1];
+        let torn = appraise(&input, &stitched(torn, true)).expect("measured");
+        assert!(!torn.flaws.is_empty() && torn.flawed == [0], "{torn:?}");
+    }
+}
