@@ -10,7 +10,7 @@ pub use examples::{Added, ExampleFilter, ExampleUpload, Gain};
 pub use queries::{MeshSource, RankingView};
 
 use crate::{args::SegmentsArg, error::ClientError, file, spec::SegmentsSpec};
-use quadmuse_proto::{Code, MeshFormat, Problem, id::RequestId};
+use quadmuse_proto::{Code, MeshFormat, Page, Problem, id::RequestId, paging::LIMIT_MAX};
 use reqwest::{Method, RequestBuilder, Response, StatusCode, Url, header};
 use serde::de::DeserializeOwned;
 use std::{path::Path, time::Duration};
@@ -139,6 +139,29 @@ impl Api {
             let beginning: String = beginning.chars().take(FOUND_LENGTH_MAX).collect();
             ClientError::Unintelligible { url, expected, found: format!("`{beginning}` ({fault})") }
         })
+    }
+
+    /// All of a list, page by page.
+    async fn pages<T: DeserializeOwned>(
+        &self,
+        path: &[&str],
+        fixed: &[(&str, String)],
+        expected: &'static str,
+    ) -> Result<Vec<T>, ClientError> {
+        let mut items = Vec::new();
+        let mut cursor: Option<String> = None;
+        loop {
+            let mut query = vec![("limit", LIMIT_MAX.to_string())];
+            query.extend(fixed.iter().cloned());
+            query.extend(cursor.take().map(|cursor| ("cursor", cursor)));
+            let page: Page<T> = self.json(self.request(Method::GET, path).query(&query), expected).await?;
+            let is_empty = page.items.is_empty();
+            items.extend(page.items);
+            match page.next {
+                Some(next) if !is_empty => cursor = Some(next),
+                _ => return Ok(items),
+            }
+        }
     }
 
     async fn bytes(&self, request: RequestBuilder) -> Result<Vec<u8>, ClientError> {

@@ -2,12 +2,11 @@
 
 use crate::{
     file::OutFile,
-    spec::{ConstraintSpec, ExampleRef, LandmarkSpec, SegmentsSpec, TagEdit, UsePart},
+    spec::{ConstraintSpec, ExampleRef, LandmarkSpec, Name, Require, SegmentsSpec, TagEdit, UsePart},
 };
 use clap::{Args, Parser, Subcommand};
 use quadmuse_proto::{
-    Beyond, Components, ExampleId, MapId, OnFold, QueryId, Topology, composition, example::RELEVANCE_RANGE, query,
-    segment::Parts,
+    Beyond, Components, OnFold, Topology, composition, example::RELEVANCE_RANGE, query, segment::Parts,
 };
 use std::{ffi::OsString, path::PathBuf};
 
@@ -16,7 +15,7 @@ pub const SERVER_DEFAULT: &str = "http://127.0.0.1:7979";
 
 /// Finds quad layouts that artists made, and lays them on your shape.
 #[derive(Debug, Parser)]
-#[command(name = "quadmuse", version, max_term_width = 100, after_help = EXIT_CODES)]
+#[command(name = "quadmuse", version, max_term_width = 100, after_help = AFTER_HELP)]
 pub struct Cli {
     /// Address of the server
     #[arg(long, global = true, env = "QUADMUSE_SERVER", value_name = "URL", default_value = SERVER_DEFAULT)]
@@ -24,6 +23,10 @@ pub struct Cli {
     /// Token, where the server wants one
     #[arg(long, global = true, env = "QUADMUSE_TOKEN", value_name = "T", hide_env_values = true)]
     pub token: Option<String>,
+    /// Folder for what is remembered between commands: the last query, for `@last` [default: quadmuse in XDG_STATE_HOME, or
+    /// in ~/.local/state]
+    #[arg(long, global = true, env = "QUADMUSE_STATE", value_name = "DIR")]
+    pub state: Option<PathBuf>,
     /// Print JSON instead of tables: one value, or one a line
     #[arg(long, global = true)]
     pub json: bool,
@@ -45,7 +48,7 @@ impl Cli {
 /// Puts a `--` before the words of `tag` that are no flags, so that `-TAG` isn't taken for one wherever it stands.
 fn edits_last(words: Vec<OsString>) -> Vec<OsString> {
     let is_flag = |word: &OsString| word.to_string_lossy().starts_with("--") || word == "-h";
-    let takes_value = |word: &OsString| word == "--server" || word == "--token";
+    let takes_value = |word: &OsString| word == "--server" || word == "--token" || word == "--state";
     let (mut flags, mut others) = (Vec::new(), Vec::new());
     let mut rest = words.into_iter();
     flags.extend(rest.next());
@@ -74,7 +77,9 @@ fn edits_last(words: Vec<OsString>) -> Vec<OsString> {
     flags
 }
 
-const EXIT_CODES: &str = "Exit codes: 0 done, 1 refused or failed, 2 wrong usage, 3 server out of reach.";
+const AFTER_HELP: &str = "Wherever an id is asked for, its beginning will do where it is the only one; for an example also its \
+     name, or the beginning of that; for a query also @last, the last one that was started.\n\n\
+     Exit codes: 0 done, 1 refused or failed, 2 wrong usage, 3 server out of reach.";
 
 /// The verbs.
 #[derive(Debug, Subcommand)]
@@ -87,19 +92,19 @@ pub enum Command {
     Show {
         /// The example
         #[arg(value_name = "ID")]
-        id: ExampleId,
+        id: Name,
     },
     /// Remove examples from the corpus
     Remove {
         /// The examples
         #[arg(value_name = "ID", required = true)]
-        ids: Vec<ExampleId>,
+        ids: Vec<Name>,
     },
     /// Set an example's relevance
     Rate {
         /// The example
         #[arg(value_name = "ID")]
-        id: ExampleId,
+        id: Name,
         /// Its relevance, 0 to 5
         #[arg(value_name = "R", value_parser = relevance, allow_negative_numbers = true)]
         relevance: f64,
@@ -108,7 +113,7 @@ pub enum Command {
     Tag {
         /// The example
         #[arg(value_name = "ID")]
-        id: ExampleId,
+        id: Name,
         /// `+TAG` adds, `-TAG` takes off; without any, the tags are shown
         #[arg(value_name = "+T|-T")]
         edits: Vec<TagEdit>,
@@ -191,7 +196,7 @@ pub struct QueryArgs {
     pub deadline: Option<f64>,
     /// Cut the mesh as this example is cut; `retopo` then lays that example on each segment
     #[arg(long, value_name = "EXAMPLE", conflicts_with_all = ["segments", "parts"])]
-    pub like: Option<ExampleId>,
+    pub like: Option<Name>,
     /// How to cut the mesh into segments
     #[command(flatten)]
     pub segments: SegmentsArg,
@@ -213,7 +218,7 @@ pub struct QueryCommand {
 pub struct RankingArgs {
     /// The query
     #[arg(value_name = "QUERY")]
-    pub query: QueryId,
+    pub query: Name,
     /// Only this segment
     #[arg(long, value_name = "N")]
     pub segment: Option<u32>,
@@ -227,10 +232,10 @@ pub struct RankingArgs {
 pub struct MapArgs {
     /// The query
     #[arg(value_name = "QUERY")]
-    pub query: QueryId,
+    pub query: Name,
     /// The example, or `EXAMPLE:SEGMENT` [default: the best entry of the ranking]
     #[arg(value_name = "EXAMPLE")]
-    pub example: Option<ExampleRef>,
+    pub example: Option<ExampleRef<Name>>,
     /// The query's segment
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub segment: u32,
@@ -248,6 +253,10 @@ pub struct MapArgs {
     /// A file of landmarks: JSON, a list of `{"on_example": [x, y, z], "on_input": [x, y, z], "name": …}`
     #[arg(long, value_name = "FILE")]
     pub landmarks: Option<PathBuf>,
+    /// Exit with 1 where the result is less than this; it is written all the same. `inspired`: more than half of its area
+    /// has an example's quads; `fair`, `good`: its verdict is that or better. A broken result always exits with 1
+    #[arg(long, value_name = "inspired|fair|good")]
+    pub require: Option<Require>,
     /// The file to write; its extension chooses the format: obj, ply, off, stl, glb
     #[arg(short, long = "out", value_name = "OUT")]
     pub out: OutFile,
@@ -258,10 +267,10 @@ pub struct MapArgs {
 pub struct ConstrainArgs {
     /// The query
     #[arg(value_name = "QUERY")]
-    pub query: QueryId,
+    pub query: Name,
     /// The map
     #[arg(value_name = "MAP")]
-    pub map: MapId,
+    pub map: Name,
     /// `[ID:]ON_EXAMPLE=ON_INPUT`, each end `x,y,z` or `uU,vV` or `fFACE/w,w,w`; or the constraint as JSON
     #[arg(long = "set", value_name = "SPEC", required_unless_present_any = ["remove", "undo"], allow_hyphen_values = true)]
     pub set: Vec<ConstraintSpec>,
@@ -284,7 +293,7 @@ pub struct ConstrainArgs {
 pub struct ComposeArgs {
     /// `SEGMENT=EXAMPLE` or `SEGMENT=EXAMPLE:SEGMENT`: this example in place of the best (may be repeated)
     #[arg(long = "use", value_name = "SEGMENT=EXAMPLE")]
-    pub uses: Vec<UsePart>,
+    pub uses: Vec<UsePart<Name>>,
     /// Rounds of smoothing [default: 5]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=i64::from(composition::SMOOTHING_MAX)))]
     pub smoothing: Option<u32>,
@@ -298,6 +307,10 @@ pub struct ComposeArgs {
     /// A file for the numbers of the example's vertices that were kept, from 0, one a line: others lie beyond the input
     #[arg(long, value_name = "FILE")]
     pub kept: Option<PathBuf>,
+    /// Exit with 1 where the result is less than this; it is written all the same. `inspired`: more than half of its area
+    /// has an example's quads; `fair`, `good`: its verdict is that or better. A broken result always exits with 1
+    #[arg(long, value_name = "inspired|fair|good")]
+    pub require: Option<Require>,
     /// The file to write; its extension chooses the format: obj, ply, off, stl, glb
     #[arg(short, long = "out", value_name = "OUT")]
     pub out: OutFile,
@@ -308,7 +321,7 @@ pub struct ComposeArgs {
 pub struct ComposeCommand {
     /// The query
     #[arg(value_name = "QUERY")]
-    pub query: QueryId,
+    pub query: Name,
     /// What to stitch, and where to write it
     #[command(flatten)]
     pub compose: ComposeArgs,
@@ -399,6 +412,9 @@ mod tests {
             "quadmuse map ID -o out.obj",
             "quadmuse map ID ID --segment 2 -o out.ply",
             "quadmuse constrain ID ID --set 1,2,3=4,5,6 --remove f3 -o out.glb",
+            "quadmuse map ID -o out.obj --require inspired",
+            "quadmuse compose ID -o out.obj --require fair",
+            "quadmuse retopo scan.ply -o out.obj --require good",
             "quadmuse compose ID --use 0=ID --use 1=ID:2 -o out.off",
             "quadmuse retopo scan.ply -o out.obj --top 8 --use 0=ID --smoothing 3",
             "quadmuse --server http://x:1 --token t --json list",
@@ -415,7 +431,7 @@ mod tests {
             "quadmuse add",
             "quadmuse add a.obj --relevance 6",
             "quadmuse add a.obj --relevance -1",
-            "quadmuse show nonsense",
+            "quadmuse show",
             "quadmuse query a.obj --resolution 100",
             "quadmuse query a.obj --deadline nan",
             "quadmuse query a.obj --top 0",
@@ -427,6 +443,7 @@ mod tests {
             "quadmuse constrain ID ID --remove f1 --on-fold bend -o out.obj",
             "quadmuse query a.obj --components all",
             "quadmuse query a.obj --like ID --parts auto",
+            "quadmuse map ID -o out.obj --require poor",
             "quadmuse compose ID --use ID -o out.obj",
             "quadmuse tag ID hero",
             "quadmuse list --topology klein",

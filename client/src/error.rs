@@ -104,6 +104,36 @@ pub enum ClientError {
         /// Segments of the query.
         segments: usize,
     },
+    /// Nothing has this name.
+    #[error(
+        "expected the id of {}, its beginning or its name, found `{found}`, which none has; {}",
+        a(kind),
+        listed_by(kind)
+    )]
+    NoSuchName {
+        /// What was sought: `example`, `query` or `map`.
+        kind: &'static str,
+        /// The text.
+        found: String,
+    },
+    /// Several things have this name, or begin with it.
+    #[error("expected one {kind}, found `{found}`, which may be {candidates}; give more of its id")]
+    Ambiguous {
+        /// What was sought: `example`, `query` or `map`.
+        kind: &'static str,
+        /// The text.
+        found: String,
+        /// What it may be, with commas between.
+        candidates: String,
+    },
+    /// No query was started from here yet.
+    #[error(
+        "expected a query that was started on {server}, found that none is remembered; start one with `quadmuse query FILE`"
+    )]
+    NoLastQuery {
+        /// The server's address.
+        server: String,
+    },
     /// An example has no segment of the topology asked for.
     #[error(
         "expected an example with a segment that is {article} {topology}, found none in {example}; choose another from `quadmuse ranking`"
@@ -123,6 +153,28 @@ pub enum ClientError {
         failed: usize,
         /// Out of how many.
         total: usize,
+    },
+    /// The result is no use as it is; it was written all the same.
+    #[error("expected a mesh that can be used, found a broken one: {reasons}; it was written to {file} all the same")]
+    Broken {
+        /// The file.
+        file: String,
+        /// Why, with semicolons between.
+        reasons: String,
+    },
+    /// The result is less than `--require` asks; it was written all the same.
+    #[error(
+        "expected a result that is {required} (--require), found {verdict}, {percent} % of it an example's; it was written to {file} all the same"
+    )]
+    Below {
+        /// The word of the command line.
+        required: &'static str,
+        /// The result's verdict.
+        verdict: &'static str,
+        /// Share of it that is an example's.
+        percent: String,
+        /// The file.
+        file: String,
     },
     /// A file cannot be read.
     #[error("expected a file that can be read at {}, found none; check the path and its permissions", path.display())]
@@ -189,6 +241,20 @@ impl ClientError {
             Some(cause) => printable(&format!("{self} ({cause})")),
             None => printable(&self.to_string()),
         }
+    }
+}
+
+/// A kind of thing with its article.
+fn a(kind: &str) -> String {
+    format!("{} {kind}", if kind == "example" { "an" } else { "a" })
+}
+
+/// Where the names of a kind are to be seen.
+fn listed_by(kind: &str) -> &'static str {
+    match kind {
+        "example" => "see `quadmuse list`",
+        "query" => "`quadmuse query` prints it last; `@last` is the last",
+        _ => "`quadmuse map` prints it",
     }
 }
 

@@ -9,7 +9,9 @@ pub mod commands;
 pub mod error;
 pub mod file;
 pub mod follow;
+pub mod names;
 pub mod spec;
+pub mod state;
 pub mod stream;
 pub mod table;
 pub mod ui;
@@ -17,6 +19,7 @@ pub mod ui;
 use api::Api;
 use args::Cli;
 use error::ClientError;
+use state::State;
 use ui::Ui;
 
 /// Carries out the command line against standard output; answers with the exit code.
@@ -38,5 +41,5 @@ pub async fn run(cli: Cli) -> u8 {
 /// Whatever the command ran into; it has not been printed yet.
 pub async fn carry_out(cli: Cli, ui: &mut Ui) -> Result<(), ClientError> {
     let api = Api::new(&cli.server, cli.token.as_deref())?;
-    commands::dispatch(cli.command, &api, ui).await
+    commands::dispatch(cli.command, &api, &State::new(cli.state), ui).await
 }

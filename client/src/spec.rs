@@ -1,7 +1,7 @@
 //! The small languages of the command line: segments, tags, examples, constraints.
 
-use quadmuse_proto::{ExampleId, Landmark, NewConstraint, Place, Segmentation, example::TAG_LENGTH_MAX};
-use std::{path::PathBuf, str::FromStr};
+use quadmuse_proto::{ExampleId, Landmark, NewConstraint, Place, Segmentation, Verdict, example::TAG_LENGTH_MAX};
+use std::{fmt, path::PathBuf, str::FromStr};
 
 /// A text of the command line that cannot be understood.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -40,6 +40,50 @@ impl FromStr for SegmentsSpec {
         } else {
             refuse("auto, whole, groups, or a file like ./labels.txt", text)
         }
+    }
+}
+
+/// The least that a result has to be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Require {
+    /// More than half of its area has an example's quads, and it is not broken.
+    Inspired,
+    /// Its verdict is fair or better, and an example was used.
+    Fair,
+    /// Its verdict is good, and an example was used.
+    Good,
+}
+
+/// Share of a result's area that has to be an example's for it to be called inspired.
+pub const INSPIRED_MIN: f64 = 0.5;
+
+impl Require {
+    /// The word of the command line.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Inspired => "inspired",
+            Self::Fair => "fair",
+            Self::Good => "good",
+        }
+    }
+
+    /// Whether a result is at least this.
+    pub fn is_met(self, verdict: Verdict, inspired: f64) -> bool {
+        match self {
+            Self::Inspired => verdict < Verdict::Broken && inspired > INSPIRED_MIN,
+            Self::Fair => verdict <= Verdict::Fair && inspired > 0.0,
+            Self::Good => verdict == Verdict::Good && inspired > 0.0,
+        }
+    }
+}
+
+impl FromStr for Require {
+    type Err = SpecError;
+
+    fn from_str(text: &str) -> Result<Self, SpecError> {
+        let all = [Self::Inspired, Self::Fair, Self::Good];
+        let found = all.into_iter().find(|require| require.as_str() == text);
+        found.map_or_else(|| refuse("inspired, fair or good", text), Ok)
     }
 }
 
@@ -82,45 +126,62 @@ impl FromStr for TagEdit {
     }
 }
 
-/// `EXAMPLE` or `EXAMPLE:SEGMENT`.
+/// What stands where an id is asked for: an id, the beginning of one, an example's name or its beginning, or `@last`.
+/// [`names`](crate::names) tells which thing it is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Name(pub String);
+
+impl FromStr for Name {
+    type Err = SpecError;
+
+    fn from_str(text: &str) -> Result<Self, SpecError> {
+        if text.trim().is_empty() { refuse("an id or a name", text) } else { Ok(Self(text.into())) }
+    }
+}
+
+impl fmt::Display for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+/// `EXAMPLE` or `EXAMPLE:SEGMENT`; on the command line with a [`Name`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ExampleRef {
+pub struct ExampleRef<N = ExampleId> {
     /// The example.
-    pub example: ExampleId,
+    pub example: N,
     /// Its segment; the one that ranks best if absent.
     pub segment: Option<u32>,
 }
 
-impl FromStr for ExampleRef {
+impl FromStr for ExampleRef<Name> {
     type Err = SpecError;
 
     fn from_str(text: &str) -> Result<Self, SpecError> {
-        let (id, segment) = match text.split_once(':') {
-            Some((id, segment)) => (id, Some(segment)),
-            None => (text, None),
-        };
-        let segment = segment.map(str::parse::<u32>).transpose();
-        match (id.parse(), segment) {
-            (Ok(example), Ok(segment)) => Ok(Self { example, segment }),
-            _ => refuse("an example's id, or ID:SEGMENT", text),
+        // A name may have colons of its own; what follows the last is a segment where it is a number.
+        let split = text.rsplit_once(':').and_then(|(name, segment)| Some((name, segment.parse::<u32>().ok()?)));
+        let (name, segment) = split.map_or((text, None), |(name, segment)| (name, Some(segment)));
+        match name.parse() {
+            Ok(example) => Ok(Self { example, segment }),
+            Err(_) => refuse("an example, or EXAMPLE:SEGMENT", text),
         }
     }
 }
 
 /// `SEGMENT=EXAMPLE`: which example a segment of the query takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct UsePart {
+pub struct UsePart<N = ExampleId> {
     /// The query's segment.
     pub segment: u32,
     /// The example laid on it.
-    pub example: ExampleRef,
+    pub example: ExampleRef<N>,
 }
 
-impl FromStr for UsePart {
+impl FromStr for UsePart<Name> {
     type Err = SpecError;
 
     fn from_str(text: &str) -> Result<Self, SpecError> {
-        let expected = "SEGMENT=EXAMPLE, a number and an example's id";
+        let expected = "SEGMENT=EXAMPLE, a number and an example";
         let Some((segment, example)) = text.split_once('=') else { return refuse(expected, text) };
         match (segment.parse(), example.parse()) {
             (Ok(segment), Ok(example)) => Ok(Self { segment, example }),
@@ -274,13 +335,33 @@ mod tests {
     }
 
     #[test]
+    fn what_is_required_is_met_by_that_and_better() {
+        for (word, verdict, inspired, is_met) in [
+            ("inspired", Verdict::Poor, 0.51, true),
+            ("inspired", Verdict::Good, 0.5, false),
+            ("inspired", Verdict::Broken, 1.0, false),
+            ("fair", Verdict::Good, 0.0, false),
+            ("fair", Verdict::Fair, 0.1, true),
+            ("fair", Verdict::Poor, 1.0, false),
+            ("good", Verdict::Good, 1.0, true),
+            ("good", Verdict::Fair, 1.0, false),
+        ] {
+            let require: Require = word.parse().expect("a word");
+            assert_eq!(require.is_met(verdict, inspired), is_met, "{word}: {verdict:?}, {inspired}");
+        }
+        assert!("poor".parse::<Require>().is_err());
+    }
+
+    #[test]
     fn an_example_may_name_its_segment() {
-        let with: UsePart = format!("3={ID}:2").parse().expect("parses");
+        let with: UsePart<Name> = format!("3={ID}:2").parse().expect("parses");
         assert_eq!((with.segment, with.example.segment), (3, Some(2)));
-        let without: ExampleRef = ID.parse().expect("parses");
+        let without: ExampleRef<Name> = ID.parse().expect("parses");
         assert_eq!(without.segment, None);
-        for text in [format!("{ID}:"), format!("{ID}:x"), format!("x={ID}"), "3=short".into()] {
-            assert!(text.parse::<UsePart>().is_err(), "{text}");
+        let named: ExampleRef<Name> = "head: old:1".parse().expect("parses");
+        assert_eq!((named.example.0.as_str(), named.segment), ("head: old", Some(1)));
+        for text in [format!("x={ID}"), "3=".into(), "3=:2".into(), ID.into()] {
+            assert!(text.parse::<UsePart<Name>>().is_err(), "{text}");
         }
     }
 }

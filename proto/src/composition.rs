@@ -1,6 +1,9 @@
 //! Compositions: the maps of a query's segments, stitched into one mesh of quads.
 
-use crate::id::{CompositionId, MapId, QueryId};
+use crate::{
+    id::{CompositionId, MapId, QueryId},
+    map::{Covers, Verdict},
+};
 use serde::{Deserialize, Serialize};
 
 /// The largest `smoothing` that is accepted.
@@ -62,6 +65,16 @@ pub struct Composition {
     pub id: CompositionId,
     /// The query.
     pub query: QueryId,
+    /// Whether it is worth keeping: the worst of the maps that make up a share of it worth telling; `poor` where no example
+    /// was used.
+    pub verdict: Verdict,
+    /// Share of its area whose quads are an example's, 0–1.
+    pub inspired: f64,
+    /// Why, a sentence each.
+    pub reasons: Vec<String>,
+    /// How much of the examples and of the input it reaches.
+    #[serde(default)]
+    pub covers: Covers,
     /// Its parts.
     pub parts: Vec<CompositionPart>,
     /// Segments that are regular layouts.

@@ -165,8 +165,8 @@ pub struct Histogram {
     pub max: f64,
 }
 
-/// Whether a map is worth keeping.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+/// Whether a map or a composition is worth keeping; the better is the less.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum Verdict {
@@ -176,6 +176,8 @@ pub enum Verdict {
     Fair,
     /// Choose another example, or set constraints.
     Poor,
+    /// Its mesh is no use as it is: it leaves the input, crosses it, or collapses.
+    Broken,
 }
 
 impl Verdict {
@@ -185,7 +187,13 @@ impl Verdict {
             Self::Good => "good",
             Self::Fair => "fair",
             Self::Poor => "poor",
+            Self::Broken => "broken",
         }
+    }
+
+    /// Whether nobody should get it who did not choose it.
+    pub fn is_poor(self) -> bool {
+        self >= Self::Poor
     }
 }
 

@@ -12,6 +12,7 @@ pub mod examples;
 pub mod files;
 pub mod health;
 pub mod idempotency;
+pub mod known;
 pub mod maps;
 pub mod negotiate;
 pub mod openapi;
@@ -44,6 +45,7 @@ pub fn router(app: App) -> Router {
     let (documented, api) = documented().split_for_parts();
     // Set once: the routes are the same however often this is called.
     let _ = app.openapi.set(openapi::finished(&api));
+    let known = known::Known::of(&serde_json::to_value(&api).unwrap_or_default());
     // The body is limited on the wire here, and unpacked and limited again where it is read.
     let layers = ServiceBuilder::new()
         .layer(from_fn(watchful::identify))
@@ -53,6 +55,7 @@ pub fn router(app: App) -> Router {
         .layer(from_fn_with_state(app.clone(), origin::check))
         .layer(from_fn_with_state(app.clone(), caller::authorize))
         .layer(from_fn_with_state(app.clone(), caller::own))
+        .layer(from_fn_with_state(known, known::check))
         .layer(from_fn_with_state(app.clone(), body::limit));
     documented
         .route("/openapi.json", get(openapi::get))

@@ -6,7 +6,7 @@ import { Viewer } from "/web/viewer.js";
 
 const FORMATS = ["obj", "ply", "off", "stl", "glb"];
 const LAYERS = { quads: "Quads", wires: "Quads on the input", scan: "Input" };
-const VERDICTS = { good: "good", fair: "fair: look at it first", poor: "poor: choose another example, or move points" };
+const VERDICTS = { good: "good", fair: "fair: look at it first", poor: "poor: choose another example, or move points", broken: "broken: of no use as it is; choose another example" };
 
 const mesh = async (path) => readPly(await (await call(`${path}/mesh?format=ply`, { headers: { accept: "*/*" } })).arrayBuffer());
 
@@ -70,7 +70,7 @@ export async function showMap(query, map, name) {
     reasons.append(...map.reasons.map((reason) => make("li", reason)));
     lines.push(reasons);
   }
-  if (map.verdict === "poor" && query.segments.length === 1) {
+  if ((map.verdict === "poor" || map.verdict === "broken") && query.segments.length === 1) {
     const cut = make("p", "Where no example fits as a whole, some may fit its parts: ", { className: "soft" });
     const button = make("button", "Cut it into limbs, head and torso", { type: "button", className: "plain" });
     button.onclick = query.cut;
@@ -107,7 +107,14 @@ export async function showMap(query, map, name) {
 
 export async function showComposition(query, made) {
   [query.onmove, query.onpin] = [null, null];
-  const lines = [make("p", `${made.quads} quads on ${made.vertices} vertices, ${made.triangles} triangles left; ${made.extraordinary_vertices} extraordinary vertices (${made.extraordinary_before} in the examples)`)];
+  const word = made.inspired > 0 ? VERDICTS[made.verdict] : "no example used";
+  const lines = [make("p", `${word} · ${(100 * made.inspired).toFixed(0)} % of it an example's`, { className: made.verdict })];
+  if (made.reasons.length) {
+    const reasons = make("ul", undefined, { className: "soft" });
+    reasons.append(...made.reasons.map((reason) => make("li", sentence(reason))));
+    lines.push(reasons);
+  }
+  lines.push(make("p", `${made.quads} quads on ${made.vertices} vertices, ${made.triangles} triangles left; ${made.extraordinary_vertices} extraordinary vertices (${made.extraordinary_before} in the examples)`));
   const notes = make("ul", undefined, { className: "soft" });
   notes.append(...made.notes.map((note) => make("li", sentence(note))));
   await show(query, `/v1/queries/${query.id}/compositions/${made.id}`, "stitched", [...lines, notes], [], "quads");

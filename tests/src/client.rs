@@ -87,6 +87,8 @@ impl Client {
     pub fn command<S: AsRef<OsStr>>(&self, words: impl IntoIterator<Item = S>) -> Result<Command, ClientError> {
         let mut command = Command::new(program("quadmuse")?);
         command.env("QUADMUSE_SERVER", &self.url).env_remove("QUADMUSE_TOKEN").args(words).stdin(Stdio::null());
+        // What it remembers is none of the user's.
+        command.env("QUADMUSE_STATE", std::env::temp_dir().join("quadmuse-tests-state"));
         Ok(command)
     }
 

@@ -2,7 +2,7 @@
 
 use super::Api;
 use crate::{args::SegmentsArg, error::ClientError, file};
-use quadmuse_proto::{Example, ExampleId, ExamplePatch, Page, Topology, paging::LIMIT_MAX};
+use quadmuse_proto::{Example, ExampleId, ExamplePatch, Topology};
 use reqwest::{Method, StatusCode};
 use std::path::Path;
 
@@ -66,23 +66,10 @@ impl Api {
     /// # Errors
     /// The service refuses or is out of reach.
     pub async fn examples(&self, filter: &ExampleFilter) -> Result<Vec<Example>, ClientError> {
-        let mut fixed = vec![("limit", LIMIT_MAX.to_string())];
-        fixed.extend(filter.tags.iter().map(|tag| ("tag", tag.clone())));
-        fixed.extend(filter.topology.map(|topology| ("topology", topology.to_string())));
-        let mut items = Vec::new();
-        let mut cursor: Option<String> = None;
-        loop {
-            let mut query = fixed.clone();
-            query.extend(cursor.take().map(|cursor| ("cursor", cursor)));
-            let request = self.request(Method::GET, &["examples"]).query(&query);
-            let page: Page<Example> = self.json(request, "a page of examples").await?;
-            let is_empty = page.items.is_empty();
-            items.extend(page.items);
-            match page.next {
-                Some(next) if !is_empty => cursor = Some(next),
-                _ => return Ok(items),
-            }
-        }
+        let tags = filter.tags.iter().map(|tag| ("tag", tag.clone()));
+        let topology = filter.topology.map(|topology| ("topology", topology.to_string()));
+        let fixed: Vec<(&str, String)> = tags.chain(topology).collect();
+        self.pages(&["examples"], &fixed, "a page of examples").await
     }
 
     /// One example.

@@ -3,7 +3,8 @@
 use super::{Api, WORK_TIMEOUT};
 use crate::{args::QueryArgs, error::ClientError, stream::StreamFormat};
 use quadmuse_proto::{
-    Composition, CompositionId, ConstraintEdit, Map, MapId, MeshFormat, NewComposition, NewMap, Query, QueryId, Ranking,
+    Composition, CompositionId, ConstraintEdit, ExampleId, Map, MapId, MeshFormat, NewComposition, NewMap, Page, Query,
+    QueryId, Ranking,
 };
 use reqwest::{Method, Response, header};
 use std::time::Duration;
@@ -32,16 +33,16 @@ pub enum MeshSource {
 }
 
 impl Api {
-    /// Uploads a mesh to be ranked.
+    /// Uploads a mesh to be ranked, cut `like` an example is if one is told.
     ///
     /// # Errors
     /// The file cannot be read, or the service refuses it or is out of reach.
-    pub async fn start_query(&self, args: &QueryArgs) -> Result<Query, ClientError> {
+    pub async fn start_query(&self, args: &QueryArgs, like: Option<ExampleId>) -> Result<Query, ClientError> {
         let mut query: Vec<(&str, String)> = args.tags.iter().map(|tag| ("tag", tag.clone())).collect();
         query.extend(args.top.map(|top| ("top", top.to_string())));
         query.extend(args.resolution.map(|resolution| ("resolution", resolution.to_string())));
         query.extend(args.deadline.map(|seconds| ("deadline_ms", format!("{:.0}", (seconds * 1000.0).ceil()))));
-        query.extend(args.like.map(|example| ("like", example.to_string())));
+        query.extend(like.map(|example| ("like", example.to_string())));
         let request = self.request(Method::POST, &["queries"]).query(&query);
         let request = self.with_mesh(request, &args.file, &args.segments)?;
         self.json(request, "the query that was started").await
@@ -53,6 +54,24 @@ impl Api {
     /// The service refuses (there is none) or is out of reach.
     pub async fn query(&self, id: QueryId) -> Result<Query, ClientError> {
         self.json(self.request(Method::GET, &["queries", &id.to_string()]), "a query").await
+    }
+
+    /// The caller's queries that the service holds.
+    ///
+    /// # Errors
+    /// The service refuses or is out of reach.
+    pub async fn queries(&self) -> Result<Vec<Query>, ClientError> {
+        self.pages(&["queries"], &[], "a page of queries").await
+    }
+
+    /// The maps of a query.
+    ///
+    /// # Errors
+    /// The service refuses (there is no such query) or is out of reach.
+    pub async fn maps(&self, id: QueryId) -> Result<Vec<Map>, ClientError> {
+        let request = self.request(Method::GET, &["queries", &id.to_string(), "maps"]);
+        let page: Page<Map> = self.json(request, "a page of maps").await?;
+        Ok(page.items)
     }
 
     /// The ranking of one segment of a query, at once or when it is newer.

@@ -2,7 +2,7 @@
 
 use super::{
     choose::finished,
-    map::{Written, lay, lay_best, write_kept, write_map},
+    map::{Outcome, Written, is_enough, lay, lay_best, write_kept, write_map},
     rank::{check_segment, follow_upload, upload},
     screen::Wanted,
 };
@@ -10,12 +10,14 @@ use crate::{
     api::{Api, MeshSource},
     args::{ComposeArgs, ComposeCommand, QueryArgs, RetopoArgs},
     error::ClientError,
+    names,
     spec::{ExampleRef, UsePart},
+    state::State,
     table,
     ui::Ui,
 };
 use quadmuse_proto::{
-    Composition, CompositionPart, Map, NewComposition, Query, QuerySegment, Verdict,
+    Composition, CompositionPart, ExampleId, Map, NewComposition, Query, QuerySegment,
     composition::{AS_MAPPED, SMOOTHING_DEFAULT},
     segment::Parts,
 };
@@ -23,48 +25,62 @@ use quadmuse_proto::{
 /// A mesh with more small holes is a scan full of gaps, and is not cut where nobody asked for it.
 const HOLES_CUT_MAX: u32 = 8;
 
-pub(super) async fn compose(args: &ComposeCommand, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
-    args.compose.out.check()?;
-    let query = finished(args.query, api, ui).await?;
-    stitch(&query, &args.compose, api, ui).await
+/// How to compose: the flags, and the examples that they name.
+struct Wish<'a> {
+    args: &'a ComposeArgs,
+    uses: Vec<UsePart>,
 }
 
-pub(super) async fn retopo(args: &RetopoArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
+pub(super) async fn compose(args: &ComposeCommand, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
     args.compose.out.check()?;
-    let query = ranked(&args.query, api, ui).await?;
+    let wish = Wish { args: &args.compose, uses: names::uses(&args.compose.uses, api).await? };
+    let query = finished(names::query(&args.query, api, state).await?, api, ui).await?;
+    stitch(&query, &wish, api, ui).await
+}
+
+pub(super) async fn retopo(args: &RetopoArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
+    args.compose.out.check()?;
+    let wish = Wish { args: &args.compose, uses: names::uses(&args.compose.uses, api).await? };
+    let like = match &args.query.like {
+        Some(name) => Some(names::example(name, api).await?),
+        None => None,
+    };
+    let query = ranked(&args.query, api, state, ui).await?;
     if query.segments.len() > 1 || args.compose.density.is_some() {
-        return stitch(&query, &like_all(&query, args), api, ui).await;
+        return stitch(&query, &like_all(&query, wish, like), api, ui).await;
     }
-    for part in &args.compose.uses {
+    for part in &wish.uses {
         check_segment(&query, Some(part.segment))?;
     }
-    let told = told(0, &args.compose).or(args.query.like.map(|example| ExampleRef { example, segment: Some(0) }));
+    let told = told(0, &wish).or(like.map(|example| ExampleRef { example, segment: Some(0) }));
     if told.is_some() {
         // Who chose an example wants it as it is.
         let (map, name) = lay(&query, 0, told, (args.compose.beyond, Vec::new()), api, ui).await?;
         write_kept(&map, args.compose.kept.as_deref())?;
-        return write_map(&map, Some(&name), &args.compose.out, api, ui).await;
+        return write_map(&map, Some(&name), &args.compose.out, args.compose.require, api, ui).await;
     }
     let is_free = args.query.segments.segments.is_none() && args.query.segments.parts.is_none();
     match lay_best(&query, 0, args.compose.beyond, api, ui).await {
-        Ok((map, name)) if is_free && map.verdict == Verdict::Poor => in_parts(&query, map, &name, args, api, ui).await,
+        Ok((map, name)) if is_free && map.verdict.is_poor() => {
+            in_parts(&query, map, &name, (args, &wish), api, state, ui).await
+        }
         Ok((map, name)) => {
-            if map.verdict == Verdict::Poor {
+            if map.verdict.is_poor() {
                 ui.note(&format!("the best example, {name}, fits poorly"));
             }
-            settled(&query, map, &name, &args.compose, api, ui).await
+            settled(&query, map, &name, &wish, api, ui).await
         }
         Err(error @ ClientError::NothingRanked { .. }) => {
             ui.note(&error.message());
-            stitch(&query, &args.compose, api, ui).await
+            stitch(&query, &wish, api, ui).await
         }
         Err(error) => Err(error),
     }
 }
 
 /// Uploads, and follows the ranking to its end.
-async fn ranked(args: &QueryArgs, api: &Api, ui: &mut Ui) -> Result<Query, ClientError> {
-    let query = upload(args, api, ui).await?;
+async fn ranked(args: &QueryArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<Query, ClientError> {
+    let query = upload(args, api, state, ui).await?;
     Ok(follow_upload(&query, Wanted::Outcome, api, ui).await?.summary)
 }
 
@@ -74,25 +90,26 @@ async fn in_parts(
     whole: &Query,
     best: Map,
     name: &str,
-    args: &RetopoArgs,
+    (args, wish): (&RetopoArgs, &Wish<'_>),
     api: &Api,
+    state: &State,
     ui: &mut Ui,
 ) -> Result<(), ClientError> {
     let holes = whole.segments.first().map_or(0, |segment| segment.holes);
     if holes > HOLES_CUT_MAX {
         ui.note(&format!("the best example, {name}, fits poorly, and with {holes} holes the mesh is not cut"));
-        return settled(whole, best, name, &args.compose, api, ui).await;
+        return settled(whole, best, name, wish, api, ui).await;
     }
     ui.note(&format!("the best example, {name}, fits poorly as a whole; cutting the mesh into parts"));
     let mut again = args.query.clone();
     again.segments.parts = Some(Parts::Auto);
-    let query = ranked(&again, api, ui).await?;
+    let query = ranked(&again, api, state, ui).await?;
     match query.segments.len() {
         0 | 1 => {
             ui.note("no parts were found; the mesh stays whole");
-            settled(whole, best, name, &args.compose, api, ui).await
+            settled(whole, best, name, wish, api, ui).await
         }
-        _ => stitch(&query, &args.compose, api, ui).await,
+        _ => stitch(&query, wish, api, ui).await,
     }
 }
 
@@ -102,50 +119,50 @@ async fn settled(
     query: &Query,
     map: Map,
     name: &str,
-    args: &ComposeArgs,
+    wish: &Wish<'_>,
     api: &Api,
     ui: &mut Ui,
 ) -> Result<(), ClientError> {
-    let named = if map.verdict == Verdict::Poor { &[][..] } else { std::slice::from_ref(&map) };
+    let args = wish.args;
+    let named = if map.verdict.is_poor() { &[][..] } else { std::slice::from_ref(&map) };
     let spinner = ui.spinner("stitching");
-    let composition = api.start_composition(query.id, &new_composition(named, args)).await;
+    let composition = api.start_composition(query.id, &new_composition(named, wish)).await;
     spinner.finish_and_clear();
     let composition = composition?;
     write_kept(&map, args.kept.as_deref())?;
     if composition.notes.iter().any(|note| note == AS_MAPPED) {
-        return write_map(&map, Some(name), &args.out, api, ui).await;
+        return write_map(&map, Some(name), &args.out, args.require, api, ui).await;
     }
-    if let ([segment], false) = (&query.segments[..], map.verdict == Verdict::Poor) {
+    if let ([segment], false) = (&query.segments[..], map.verdict.is_poor()) {
         ui.note(&chosen(segment, 1, 1, &fitting(&map, name)));
     }
     let maps = if composition.parts.is_empty() { Vec::new() } else { vec![map] };
     write_composition(&composition, &maps, args, api, ui).await
 }
 
-fn new_composition(maps: &[Map], args: &ComposeArgs) -> NewComposition {
+fn new_composition(maps: &[Map], Wish { args, uses }: &Wish<'_>) -> NewComposition {
     NewComposition {
         parts: maps.iter().map(|map| CompositionPart { segment: map.segment, map: map.id }).collect(),
         smoothing: args.smoothing.unwrap_or(SMOOTHING_DEFAULT),
         density: args.density.unwrap_or_default(),
         // Who chose a part wants its layout.
-        keep: args.uses.iter().map(|part| part.segment).collect(),
+        keep: uses.iter().map(|part| part.segment).collect(),
     }
 }
 
 /// What was cut as an example is takes that example, segment by segment, where nothing else is told.
-fn like_all(query: &Query, args: &RetopoArgs) -> ComposeArgs {
-    let mut compose = args.compose.clone();
-    if let Some(example) = args.query.like {
+fn like_all<'a>(query: &Query, mut wish: Wish<'a>, like: Option<ExampleId>) -> Wish<'a> {
+    if let Some(example) = like {
         let segments = query.segments.iter().map(|s| s.segment);
         let part = |segment| UsePart { segment, example: ExampleRef { example, segment: Some(segment) } };
-        compose.uses = segments.map(part).chain(args.compose.uses.iter().copied()).collect();
+        wish.uses = segments.map(part).chain(wish.uses).collect();
     }
-    compose
+    wish
 }
 
 /// The example that the command line tells a segment to take; the last word counts.
-fn told(segment: u32, args: &ComposeArgs) -> Option<ExampleRef> {
-    args.uses.iter().rev().find(|part| part.segment == segment).map(|part| part.example)
+fn told(segment: u32, wish: &Wish<'_>) -> Option<ExampleRef> {
+    wish.uses.iter().rev().find(|part| part.segment == segment).map(|part| part.example)
 }
 
 /// What a segment takes, in a line.
@@ -159,18 +176,19 @@ fn fitting(map: &Map, name: &str) -> String {
 }
 
 /// Maps every segment, stitches the maps and writes the mesh.
-async fn stitch(query: &Query, args: &ComposeArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
-    for part in &args.uses {
+async fn stitch(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
+    let args = wish.args;
+    for part in &wish.uses {
         check_segment(query, Some(part.segment))?;
     }
     let mut maps = Vec::new();
     let count = query.segments.len();
     let bar = ui.bar(count as u64, "mapping");
     for (done, segment) in query.segments.iter().enumerate() {
-        let (number, told) = (segment.segment, told(segment.segment, args));
+        let (number, told) = (segment.segment, told(segment.segment, wish));
         let said = match lay(query, number, told, (args.beyond, Vec::new()), api, ui).await {
             // What nobody asked for and is poor is left to the service, which says what takes its place.
-            Ok((map, name)) if told.is_none() && map.verdict == Verdict::Poor => {
+            Ok((map, name)) if told.is_none() && map.verdict.is_poor() => {
                 format!("the best example, {name}, fits poorly")
             }
             Ok((map, name)) => {
@@ -192,7 +210,7 @@ async fn stitch(query: &Query, args: &ComposeArgs, api: &Api, ui: &mut Ui) -> Re
         ui.note(&table::expected_quads(&maps, count, density));
     }
     let spinner = ui.spinner("stitching");
-    let composition = api.start_composition(query.id, &new_composition(&maps, args)).await;
+    let composition = api.start_composition(query.id, &new_composition(&maps, wish)).await;
     spinner.finish_and_clear();
     write_composition(&composition?, &maps, args, api, ui).await
 }
@@ -210,5 +228,7 @@ async fn write_composition(
     let verdicts = table::verdicts(maps, composition.templates.len());
     let quads = composition.quads;
     ui.text(&format!("{}\nwritten     {file}: {quads} quads, {verdicts}", table::composition(composition)))?;
-    ui.value(&Written { file, message: composition })
+    ui.value(&Written { file: file.clone(), message: composition })?;
+    let Composition { verdict, inspired, reasons, .. } = composition;
+    is_enough(args.require, Outcome { verdict: *verdict, inspired: *inspired, reasons }, file)
 }

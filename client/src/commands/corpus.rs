@@ -4,7 +4,8 @@ use crate::{
     api::{Api, ExampleFilter},
     args::ListArgs,
     error::ClientError,
-    spec::TagEdit,
+    names,
+    spec::{Name, TagEdit},
     table,
     ui::Ui,
 };
@@ -33,9 +34,14 @@ fn print(example: &Example, ui: &mut Ui) -> Result<(), ClientError> {
     ui.text(&table::example(example, ui.room()))
 }
 
-pub(super) async fn remove(ids: &[ExampleId], api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
+pub(super) async fn remove(ids: &[Name], api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
+    // Names first: with one that is not clear nothing is removed.
+    let mut found = Vec::with_capacity(ids.len());
+    for id in ids {
+        found.push(names::example(id, api).await?);
+    }
     let mut failed = 0;
-    for &id in ids {
+    for &id in &found {
         match api.remove_example(id).await {
             Ok(()) => {
                 ui.value(&Removed { id, removed: true })?;

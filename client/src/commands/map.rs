@@ -9,7 +9,9 @@ use crate::{
     args::{ConstrainArgs, MapArgs},
     error::ClientError,
     file::OutFile,
-    spec::ExampleRef,
+    names,
+    spec::{ExampleRef, Require},
+    state::State,
     table,
     ui::Ui,
 };
@@ -25,13 +27,17 @@ pub(super) struct Written<'a, T> {
     pub(super) message: &'a T,
 }
 
-pub(super) async fn map(args: &MapArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
+pub(super) async fn map(args: &MapArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
     args.out.check()?;
     let landmarks = landmarks(args)?;
-    let query = finished(args.query, api, ui).await?;
-    let (map, name) = lay(&query, args.segment, args.example, (args.beyond, landmarks), api, ui).await?;
+    let told = match &args.example {
+        Some(told) => Some(names::example_ref(told, api).await?),
+        None => None,
+    };
+    let query = finished(names::query(&args.query, api, state).await?, api, ui).await?;
+    let (map, name) = lay(&query, args.segment, told, (args.beyond, landmarks), api, ui).await?;
     write_kept(&map, args.kept.as_deref())?;
-    write_map(&map, Some(&name), &args.out, api, ui).await
+    write_map(&map, Some(&name), &args.out, args.require, api, ui).await
 }
 
 /// The landmarks of the command line and of the file.
@@ -93,12 +99,12 @@ pub(super) async fn lay_best(
     ui: &mut Ui,
 ) -> Result<(Map, String), ClientError> {
     let best = lay(query, segment, None, (beyond, Vec::new()), api, ui).await?;
-    if best.0.verdict != Verdict::Poor {
+    if !best.0.verdict.is_poor() {
         return Ok(best);
     }
     for other in promising(query, segment, TRIES, api).await?.into_iter().skip(1) {
         let found = lay(query, segment, Some(other), (beyond, Vec::new()), api, ui).await?;
-        if found.0.verdict != Verdict::Poor {
+        if !found.0.verdict.is_poor() {
             return Ok(found);
         }
     }
@@ -110,6 +116,7 @@ pub(super) async fn write_map(
     map: &Map,
     name: Option<&str>,
     out: &OutFile,
+    require: Option<Require>,
     api: &Api,
     ui: &mut Ui,
 ) -> Result<(), ClientError> {
@@ -117,13 +124,32 @@ pub(super) async fn write_map(
     out.write(&mesh)?;
     let file = out.path.display().to_string();
     ui.text(&format!("{}\nwritten    {file}: {}, {} faces", table::map(map, name), map.verdict.as_str(), map.faces))?;
-    ui.value(&Written { file, message: map })
+    ui.value(&Written { file: file.clone(), message: map })?;
+    is_enough(require, Outcome { verdict: map.verdict, inspired: map.inspired, reasons: &map.reasons }, file)
 }
 
-pub(super) async fn constrain(args: ConstrainArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
+/// What stands at the top of a result.
+pub(super) struct Outcome<'a> {
+    pub(super) verdict: Verdict,
+    pub(super) inspired: f64,
+    pub(super) reasons: &'a [String],
+}
+
+/// Refuses, once all is written and printed, what is broken or less than is required.
+pub(super) fn is_enough(require: Option<Require>, of: Outcome<'_>, file: String) -> Result<(), ClientError> {
+    if of.verdict == Verdict::Broken {
+        return Err(ClientError::Broken { file, reasons: of.reasons.join("; ") });
+    }
+    let Some(require) = require.filter(|require| !require.is_met(of.verdict, of.inspired)) else { return Ok(()) };
+    let percent = format!("{:.0}", 100.0 * of.inspired);
+    Err(ClientError::Below { required: require.as_str(), verdict: of.verdict.as_str(), percent, file })
+}
+
+pub(super) async fn constrain(args: ConstrainArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
     args.out.check()?;
     let set = args.set.into_iter().map(|spec| spec.0).collect();
     let edit = ConstraintEdit { set, remove: args.remove, undo: args.undo, on_fold: args.on_fold };
-    let map = api.edit_constraints(args.query, args.map, &edit).await?;
-    write_map(&map, None, &args.out, api, ui).await
+    let query = names::query(&args.query, api, state).await?;
+    let map = api.edit_constraints(query, names::map(query, &args.map, api).await?, &edit).await?;
+    write_map(&map, None, &args.out, None, api, ui).await
 }

@@ -5,13 +5,15 @@ use crate::{
     api::{Api, RankingView},
     args::{QueryArgs, QueryCommand, RankingArgs},
     error::ClientError,
-    follow, table,
+    follow, names,
+    state::State,
+    table,
     ui::Ui,
 };
 use quadmuse_proto::{End, EndState, Query};
 
-pub(super) async fn query(args: &QueryCommand, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
-    let query = upload(&args.query, api, ui).await?;
+pub(super) async fn query(args: &QueryCommand, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
+    let query = upload(&args.query, api, state, ui).await?;
     if args.no_follow {
         ui.value(&query)?;
         ui.note(&format!("ranking goes on; see it with `quadmuse ranking {} --follow`", query.id));
@@ -21,12 +23,19 @@ pub(super) async fn query(args: &QueryCommand, api: &Api, ui: &mut Ui) -> Result
     ui.text(&query.id.to_string())
 }
 
-/// Uploads a mesh, and tells what was repaired in it.
-pub(super) async fn upload(args: &QueryArgs, api: &Api, ui: &mut Ui) -> Result<Query, ClientError> {
+/// Uploads a mesh, remembers its query, and tells what was repaired in it.
+pub(super) async fn upload(args: &QueryArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<Query, ClientError> {
+    let like = match &args.like {
+        Some(name) => Some(names::example(name, api).await?),
+        None => None,
+    };
     let spinner = ui.spinner("uploading");
-    let query = api.start_query(args).await;
+    let query = api.start_query(args, like).await;
     spinner.finish_and_clear();
     let query = query?;
+    if let Err(error) = state.keep_query(api.server(), query.id) {
+        ui.note(&format!("the query is not remembered for {}: {}", names::LAST, error.message()));
+    }
     for repair in &query.repairs {
         ui.note(&format!("{}: {repair}", args.file.display()));
     }
@@ -60,8 +69,8 @@ fn tell_end(end: &End, ui: &mut Ui) {
     }
 }
 
-pub(super) async fn ranking(args: &RankingArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
-    let query = api.query(args.query).await?;
+pub(super) async fn ranking(args: &RankingArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
+    let query = api.query(names::query(&args.query, api, state).await?).await?;
     check_segment(&query, args.segment)?;
     if args.follow {
         let mut screen = Screen::new(query.clone(), args.segment, Wanted::Ranking, ui);

@@ -1,12 +1,12 @@
 //! Maps and compositions: how good they are, and what they are made of.
 
 use super::{ranking::flip, word};
-use quadmuse_proto::{Composition, ConstraintOrigin, Histogram, Map, Verdict};
+use quadmuse_proto::{Composition, ConstraintOrigin, Covers, Histogram, Map, Verdict};
 
 /// What came of a map: the verdict first, then the reasons, then the figures; with the example's name, where it is known.
 pub fn map(map: &Map, name: Option<&str>) -> String {
     let set_by_user = map.constraints.iter().filter(|c| c.origin == ConstraintOrigin::User).count();
-    let mut lines = vec![format!("verdict    {}", verdict(map.verdict))];
+    let mut lines = vec![format!("verdict    {}", headline(map.verdict, map.inspired, map.covers))];
     lines.extend(map.reasons.iter().map(|reason| format!("           – {}", word(reason))));
     lines.push(format!("map        {} (revision {}) of query {}", map.id, map.revision, map.query));
     let id = map.example.to_string();
@@ -28,18 +28,29 @@ fn statistics(histogram: &Histogram, unit: &str) -> String {
     )
 }
 
-fn verdict(verdict: Verdict) -> &'static str {
-    match verdict {
+/// The headline: the verdict, how much is an example's, and how much is covered.
+fn headline(verdict: Verdict, inspired: f64, covers: Covers) -> String {
+    let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+    let scan = percent(covers.input);
+    if inspired <= 0.0 {
+        let word = if verdict == Verdict::Broken { "broken, and no" } else { "no" };
+        return format!("{word} example used: a regular layout on {scan} of the scan");
+    }
+    let word = match verdict {
         Verdict::Good => "good",
         Verdict::Fair => "fair: look at it first",
         Verdict::Poor => "poor: choose another example, or set constraints",
-    }
+        Verdict::Broken => "broken: of no use as it is",
+    };
+    let (own, example) = (percent(inspired), percent(covers.example));
+    format!("{word} ({own} of it an example's; {scan} of the scan and {example} of the example covered)")
 }
 
 /// What came of a composition.
 pub fn composition(composition: &Composition) -> String {
     let Composition { id, query, parts, vertices, quads, triangles, extraordinary_vertices, .. } = composition;
     let mut lines = vec![
+        format!("verdict     {}", headline(composition.verdict, composition.inspired, composition.covers)),
         format!("composition {id} of query {query}, {} of its segments", parts.len()),
         format!("mesh        {vertices} vertices, {quads} quads, {triangles} triangles left"),
         format!(
@@ -47,6 +58,8 @@ pub fn composition(composition: &Composition) -> String {
             composition.extraordinary_before
         ),
     ];
+    let reasons = composition.reasons.iter().map(|reason| format!("            – {}", word(reason)));
+    lines.splice(1..1, reasons);
     lines.extend(composition.notes.iter().map(|note| format!("note        {}", word(note))));
     lines.push(format!("took        {:.2} s", composition.total_ms / 1000.0));
     lines.join("\n")
@@ -78,6 +91,7 @@ pub fn verdicts(maps: &[Map], regular: usize) -> String {
         (of(Verdict::Good), Verdict::Good.as_str()),
         (of(Verdict::Fair), Verdict::Fair.as_str()),
         (of(Verdict::Poor), Verdict::Poor.as_str()),
+        (of(Verdict::Broken), Verdict::Broken.as_str()),
         (regular, "regular"),
     ];
     let said: Vec<String> = counted.iter().filter(|(n, _)| *n > 0).map(|(n, word)| format!("{n} {word}")).collect();
@@ -124,7 +138,8 @@ pub(crate) mod tests {
     fn a_map_is_told_by_its_verdict_and_the_reasons_first() {
         let text = map(&a_map(), Some("head 1"));
         let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines[0], "verdict    fair: look at it first");
+        let covered = "100 % of the scan and 100 % of the example covered";
+        assert_eq!(lines[0], format!("verdict    fair: look at it first (100 % of it an example's; {covered})"));
         assert_eq!(lines[1], "           – the largest angle changes by 40°");
         assert!(text.contains(" segment 0 of head 1, on segment 1"), "{text}");
         assert!(text.contains("u (mirror), shifted by 0.250"), "{text}");
@@ -139,6 +154,15 @@ pub(crate) mod tests {
         let coarser = "density -2: about 50 quads (one for 16 of the examples' 800, where their layouts allow), and those of 2 regular layouts";
         assert_eq!(expected_quads(&maps, 4, -2), coarser);
         assert!(expected_quads(&[], 1, 1).ends_with("and those of a regular layout"));
+    }
+
+    #[test]
+    fn a_result_without_an_example_says_so_first() {
+        let covers = Covers { example: 0.0, input: 0.998 };
+        let told = headline(Verdict::Poor, 0.0, covers);
+        assert_eq!(told, "no example used: a regular layout on 100 % of the scan");
+        assert!(headline(Verdict::Broken, 0.0, covers).starts_with("broken, and no example used"));
+        assert!(headline(Verdict::Broken, 0.4, covers).starts_with("broken: of no use as it is (40 % "));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 mod corpus;
 mod fake;
 mod messages;
+mod names;
 mod queries;
 
 use quadmuse_client::{
@@ -13,6 +14,7 @@ use quadmuse_client::{
 };
 use std::{
     io::{self, Write},
+    path::Path,
     sync::{Arc, Mutex},
 };
 
@@ -54,10 +56,16 @@ impl Ran {
     }
 }
 
-/// Runs a command line (split at blanks) against a server.
+/// Runs a command line (split at blanks) against a server; nothing is remembered of it.
 async fn run(server: &str, line: &str) -> Ran {
+    let state = tempfile::tempdir().expect("a folder");
+    run_with(server, state.path(), line).await
+}
+
+/// The same with a folder for what is remembered.
+async fn run_with(server: &str, state: &Path, line: &str) -> Ran {
     let words = ["quadmuse", "--server", server].into_iter().chain(line.split_whitespace()).map(Into::into);
-    let cli = Cli::read(words).expect(line);
+    let cli = Cli { state: Some(state.to_owned()), ..Cli::read(words).expect(line) };
     let audience = if cli.json { Audience::Programs } else { Audience::People };
     let (out, notes) = (Shared::default(), Shared::default());
     let mut ui = Ui::new(audience, None, out.clone(), notes.clone());

@@ -43,6 +43,10 @@ fn composition() -> Composition {
     Composition {
         id: CompositionId::from_bytes([60; 16]),
         query: query_id(),
+        verdict: Verdict::Good,
+        inspired: 0.8,
+        reasons: vec![],
+        covers: quadmuse_proto::Covers::default(),
         parts: vec![CompositionPart { segment: 0, map: map_id() }],
         templates: vec![],
         smoothing: 5,
@@ -176,7 +180,9 @@ async fn map_lays_the_best_entry_and_writes_the_format_of_the_extension() {
     let out = folder.path().join("out.ply");
     let ran = run(&server.url, &format!("map {} -o {}", query_id(), out.display())).await;
     assert_eq!(ran.code(), 0, "{}", ran.notes);
-    assert!(ran.out.starts_with("verdict    good\n           – little distortion\n"), "{}", ran.out);
+    let lines: Vec<&str> = ran.out.lines().collect();
+    assert!(lines[0].starts_with("verdict    good (100 % of it an example's; "), "{}", ran.out);
+    assert_eq!(lines[1], "           – little distortion");
     assert_eq!(std::fs::read(&out).expect("reads"), b"v 0 0 0\n");
     let asked = server.asked();
     let posted = asked.iter().find(|asked| asked.line.starts_with("POST")).expect("a map was asked for");
@@ -184,6 +190,44 @@ async fn map_lays_the_best_entry_and_writes_the_format_of_the_extension() {
     let expected = serde_json::json!({"segment": 0, "example": example_id(1).to_string(), "example_segment": 0, "beyond": "leave"});
     assert_eq!(body, expected);
     assert!(asked.last().expect("a request").line.ends_with(&format!("/maps/{}/mesh?format=ply", map_id())));
+}
+
+#[tokio::test]
+async fn less_than_is_required_is_written_and_exits_with_1() {
+    let mesh = mesh_file();
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.obj");
+    let (query, file) = (query_id(), out.display().to_string());
+    for (line, map_is, composition_is, code, said) in [
+        (format!("map {query} --require good -o {file}"), Verdict::Fair, Verdict::Good, 1, "that is good (--require)"),
+        (format!("map {query} --require fair -o {file}"), Verdict::Fair, Verdict::Good, 0, ""),
+        (format!("map {query} -o {file}"), Verdict::Broken, Verdict::Good, 1, "a broken one: little distortion"),
+        (format!("compose {query} --require inspired -o {file}"), Verdict::Good, Verdict::Poor, 1, "20 % of it"),
+        (format!("compose {query} --require inspired -o {file}"), Verdict::Good, Verdict::Good, 0, ""),
+        (format!("compose {query} -o {file}"), Verdict::Good, Verdict::Broken, 1, "a broken one: edges cross"),
+        (format!("retopo {} -o {file}", mesh.path().display()), Verdict::Good, Verdict::Broken, 1, "a broken one"),
+    ] {
+        let server = Fake::start(move |asked| match asked.line.rsplit('/').next() {
+            Some("maps") => Reply::json(201, &Map { verdict: map_is, ..map() }),
+            Some("compositions") => {
+                let inspired = if composition_is == Verdict::Poor { 0.2 } else { 0.8 };
+                let reasons = vec!["edges cross".to_owned()];
+                Reply::json(201, &Composition { verdict: composition_is, inspired, reasons, ..composition() })
+            }
+            _ => service(asked, 1),
+        });
+        let _ = std::fs::remove_file(&out);
+        let ran = run(&server.url, &format!("--json {line}")).await;
+        assert_eq!(ran.code(), code, "{line}: {}", ran.notes);
+        assert!(out.exists(), "{line}: it is written all the same");
+        assert!(ran.notes.contains(said) && (code == 0 || ran.notes.contains("all the same")), "{line}: {}", ran.notes);
+        let lines = ran.json_lines();
+        let answer = lines.last().expect("the result");
+        assert!(
+            answer["verdict"].is_string() && answer["inspired"].is_f64() && answer["reasons"].is_array(),
+            "{answer}"
+        );
+    }
 }
 
 #[tokio::test]

@@ -172,6 +172,7 @@ fn word(verdict: Verdict) -> &'static str {
         Verdict::Good => "good",
         Verdict::Fair => "fair",
         Verdict::Poor => "poor",
+        Verdict::Broken => "broken",
     }
 }
 

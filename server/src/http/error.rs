@@ -62,6 +62,16 @@ pub enum HttpError {
         /// What was given.
         found: String,
     },
+    /// The operation has no such parameter.
+    #[error("expected {}, found `{found}`{}", parameters(known), meant(nearest.as_deref()))]
+    ParameterUnknown {
+        /// The name that was given.
+        found: String,
+        /// The name that it is likely to be.
+        nearest: Option<String>,
+        /// Those that the operation has, with commas between.
+        known: String,
+    },
     /// The body is not what it should be.
     #[error("{0}")]
     BodyInvalid(String),
@@ -164,6 +174,16 @@ impl HttpError {
     }
 }
 
+/// What parameters there are.
+fn parameters(known: &str) -> String {
+    if known.is_empty() { "no parameters here".into() } else { format!("parameters out of {known}") }
+}
+
+/// What may have been meant.
+fn meant(nearest: Option<&str>) -> String {
+    nearest.map_or_else(String::new, |name| format!("; did you mean `{name}`?"))
+}
+
 fn words_of_beyond(beyond: Beyond) -> &'static str {
     match beyond {
         Beyond::All => "in all",
@@ -178,7 +198,9 @@ fn judge(error: &HttpError) -> (StatusCode, Code) {
         HttpError::NoRoute { .. } => (StatusCode::NOT_FOUND, Code::NotFound),
         HttpError::MethodNotAllowed { .. } => (StatusCode::METHOD_NOT_ALLOWED, Code::MethodNotAllowed),
         HttpError::NotAcceptable { .. } => (StatusCode::NOT_ACCEPTABLE, Code::NotAcceptable),
-        HttpError::Parameter { .. } => (StatusCode::BAD_REQUEST, Code::ParameterInvalid),
+        HttpError::Parameter { .. } | HttpError::ParameterUnknown { .. } => {
+            (StatusCode::BAD_REQUEST, Code::ParameterInvalid)
+        }
         HttpError::BodyInvalid(_) => (StatusCode::BAD_REQUEST, Code::BodyInvalid),
         HttpError::BodyFormat { .. } => (StatusCode::UNSUPPORTED_MEDIA_TYPE, Code::FormatUnknown),
         HttpError::BodyTooLarge { .. } => (StatusCode::PAYLOAD_TOO_LARGE, Code::BodyTooLarge),

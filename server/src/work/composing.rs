@@ -1,15 +1,19 @@
 //! Compositions: the maps chosen for a query's segments, stitched into one mesh of quads.
 
-use super::engine::{Model, ModelSegment, OnePart, Part, Stitching};
+mod headline;
+
+use super::engine::{Appraisal, Encoded, Engine, EngineError, Model, ModelSegment, OnePart, Part, Stitched, Stitching};
 use super::mapping::{self, LiveMap, get};
 use super::query::{LiveQuery, ms_since};
 use super::ranking::Candidate;
 use super::{REQUEST_TIME_MAX, Work, WorkError};
-use crate::pool::{Job, Lane};
+use crate::pool::{Job, Lane, Stop};
+use headline::{Laid, headline};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
 use quadmuse_proto::{
-    Beyond, Composition, CompositionId, CompositionPart, ConstraintOrigin, ExampleId, NewComposition, NewMap, Verdict,
+    Beyond, Composition, CompositionId, CompositionPart, ConstraintOrigin, ExampleId, Map, NewComposition, NewMap,
+    Verdict,
 };
 use std::sync::Arc;
 use std::time::Instant;
@@ -60,7 +64,8 @@ pub async fn create(
     if live.compositions().len() >= COMPOSITIONS_MAX {
         return Err(WorkError::TooMany { of: "compositions", limit: COMPOSITIONS_MAX });
     }
-    let Gathered { parts, mut summaries, mut templates, mut poor, maps } = gathered(work, live, &wanted, named).await?;
+    let Gathered { parts, mut summaries, mut templates, mut poor, maps, laid, instead } =
+        gathered(work, live, &wanted, named).await?;
     let faces = faces_at(&parts, wanted.density)?;
     let input = live.model.mesh.faces.len() as u64 * MEMORY_PER_INPUT_FACE;
     let needed = faces.max(FACES_LEAST) * MEMORY_PER_FACE + input;
@@ -73,21 +78,29 @@ pub async fn create(
         if let Some((example, parts)) = &one
             && let Some(whole) = engine.rejoin(&model, example, parts, stop)?
         {
-            return Ok(whole);
+            let appraisal = engine.appraise(&model, &whole)?;
+            return Ok((whole, appraisal, Vec::new()));
         }
-        engine.compose(&model, &parts, how, stop)
+        stitched_sound(&*engine, &model, parts, &instead, how, stop)
     };
-    let stitched = work.pool.run(&job, Lane::Edit, stitch).await??;
+    let (stitched, appraisal, gave_way) = work.pool.run(&job, Lane::Edit, stitch).await??;
     if stitched.is_poor_kept {
         summaries.append(&mut poor);
     }
     templates.extend(poor.iter().map(|part| part.segment));
+    templates.extend(&gave_way);
+    summaries.retain(|part| !gave_way.contains(&part.segment));
     templates.sort_unstable();
     let counts = super::ingest::counts_of(&stitched.mesh);
     let held = job.kept(counts.faces * MEMORY_PER_FACE_HELD);
+    let headline = headline(&laid, &appraisal);
     let summary = Composition {
         id: CompositionId::generate(),
         query: live.id,
+        verdict: headline.verdict,
+        inspired: headline.inspired,
+        reasons: headline.reasons,
+        covers: headline.covers,
         parts: summaries,
         templates,
         smoothing: wanted.smoothing,
@@ -105,6 +118,51 @@ pub async fn create(
     Ok(composition)
 }
 
+/// Stitches, and measures the result. Where it is no use as it is, the examples on the segments that are to blame give way to
+/// regular layouts, unless they were chosen; the segments where they did.
+fn stitched_sound(
+    engine: &dyn Engine,
+    model: &Model,
+    mut parts: Vec<Part>,
+    instead: &[Option<Arc<Encoded>>],
+    how: Stitching,
+    stop: &Stop,
+) -> Result<(Stitched, Appraisal, Vec<u32>), EngineError> {
+    let made = engine.compose(model, &parts, how, stop)?;
+    let appraisal = engine.appraise(model, &made)?;
+    let is_example = |segment: &u32| made.is_example.get(*segment as usize) == Some(&true);
+    let mut gave_way = Vec::new();
+    for segment in appraisal.flawed.iter().copied().filter(|_| !appraisal.flaws.is_empty()).filter(is_example) {
+        let slots = (parts.get_mut(segment as usize), instead.get(segment as usize));
+        if let (Some(part), Some(Some(instead))) = slots {
+            *part = Part::Template(Arc::clone(instead));
+            gave_way.push(segment);
+        }
+    }
+    if gave_way.is_empty() {
+        return Ok((made, appraisal, gave_way));
+    }
+    let mut again = engine.compose(model, &parts, how, stop)?;
+    let after = engine.appraise(model, &again)?;
+    if !after.flaws.is_empty() {
+        return Ok((made, appraisal, Vec::new()));
+    }
+    let segments = gave_way.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+    let why = appraisal.flaws.join("; ");
+    again.notes.push(format!("examples gave way to regular layouts on segments {segments}: {why}"));
+    Ok((again, after, gave_way))
+}
+
+/// What is told of a map that takes part in a composition.
+fn laid(map: &Map) -> Laid {
+    Laid {
+        verdict: map.verdict,
+        reasons: map.reasons.clone(),
+        inspired: map.inspired,
+        covers_example: map.covers.example,
+    }
+}
+
 /// What a composition is made of.
 #[derive(Default)]
 struct Gathered {
@@ -116,6 +174,10 @@ struct Gathered {
     poor: Vec<CompositionPart>,
     /// The map of each segment that has one that is not poor, or was chosen.
     maps: Vec<Option<Arc<LiveMap>>>,
+    /// What is told of the map of each segment that has one.
+    laid: Vec<Option<Laid>>,
+    /// Each segment that takes an example which may give way, for a regular layout.
+    instead: Vec<Option<Arc<Encoded>>>,
 }
 
 /// One part a segment: what is named, else the best map, else a regular layout.
@@ -135,20 +197,31 @@ async fn gathered(
         };
         let Some(map) = map else {
             all.maps.push(None);
+            all.laid.push(None);
+            all.instead.push(None);
             all.templates.push(segment);
             all.parts.push(Part::Template(live.encoded(segment).await?));
             continue;
         };
         let taken = CompositionPart { segment, map: map.id };
         let newest = map.newest();
+        all.laid.push((map.example_id() != ExampleId::TEMPLATE).then(|| laid(&newest.summary)));
         let (part, whole) = (Arc::clone(&newest.mapped.part), Arc::clone(&newest.mapped.mesh));
-        if !is_named && newest.mapped.verdict == Verdict::Poor {
+        if !is_named && newest.mapped.verdict.is_poor() {
             all.poor.push(taken);
             all.maps.push(None);
-            all.parts.push(Part::Poor { part, whole, instead: live.encoded(segment).await? });
+            all.instead.push(None);
+            let instead = live.encoded(segment).await?;
+            all.parts.push(match newest.mapped.verdict {
+                // Not even where it follows the input better.
+                Verdict::Broken => Part::Template(instead),
+                _ => Part::Poor { part, whole, instead },
+            });
             continue;
         }
         all.summaries.push(taken);
+        let may_give_way = !newest.mapped.is_of_whole && !wanted.keep.contains(&segment);
+        all.instead.push(if may_give_way { Some(live.encoded(segment).await?) } else { None });
         all.parts.push(if newest.mapped.is_of_whole {
             Part::OfWhole(part)
         } else if wanted.keep.contains(&segment) {
@@ -218,7 +291,7 @@ async fn best_map(work: &Arc<Work>, live: &Arc<LiveQuery>, segment: u32) -> Resu
                 .await?
             }
         };
-        if map.newest().mapped.verdict != Verdict::Poor {
+        if !map.newest().mapped.verdict.is_poor() {
             return Ok(Some(map));
         }
         best.get_or_insert(map);

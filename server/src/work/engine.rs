@@ -272,7 +272,11 @@ impl Mapped {
             self.evidence = before.evidence;
             let folds = self.folds > before.folds;
             (self.verdict, self.reasons) = (before.verdict, before.reasons.clone());
-            if folds && self.verdict != Verdict::Poor {
+            if self.verdict == Verdict::Broken {
+                // Whether it still is, is seen anew.
+                self.verdict = Verdict::Poor;
+            }
+            if folds && !self.verdict.is_poor() {
                 self.verdict = Verdict::Fair;
                 self.reasons.push("the edit turns some faces over".into());
             }
@@ -361,6 +365,8 @@ pub struct Stitching {
 pub struct Stitched {
     /// The mesh.
     pub mesh: Arc<PolyMesh>,
+    /// Whether an example's layout stands on each segment, in order.
+    pub is_example: Vec<bool>,
     /// Whether a [`Part::Poor`] was taken all the same.
     pub is_poor_kept: bool,
     /// Inner vertices with another number of edges than four.
@@ -369,6 +375,19 @@ pub struct Stitched {
     pub extraordinary_before: u64,
     /// What was done beyond plain stitching, a sentence each.
     pub notes: Vec<String>,
+}
+
+/// A stitched mesh, measured against its input.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Appraisal {
+    /// Of each segment the share of the mesh's area that an example's layout has there, 0–1.
+    pub examples: Vec<f64>,
+    /// Share of the input's area with faces near it, 0–1.
+    pub covered: f64,
+    /// What makes it no use as it is, a sentence each; none of a mesh that is sound.
+    pub flaws: Vec<String>,
+    /// Segments on which the faces stand that make it so.
+    pub flawed: Vec<u32>,
 }
 
 /// What an encoding is worth as bytes: a head that is read as a whole and its levels, each on its own.
@@ -587,6 +606,12 @@ pub trait Engine: Send + Sync + 'static {
     ///
     /// There is one part a segment, in their order.
     fn compose(&self, query: &Model, parts: &[Part], how: Stitching, stop: &Stop) -> Result<Stitched, EngineError>;
+
+    /// Measures a composition against its input.
+    ///
+    /// # Errors
+    /// [`EngineError::Internal`].
+    fn appraise(&self, query: &Model, made: &Stitched) -> Result<Appraisal, EngineError>;
 
     /// A regular layout on a query's segment, in place of an example.
     ///

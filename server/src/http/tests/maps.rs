@@ -116,6 +116,25 @@ async fn maps_are_composed() {
 }
 
 #[tokio::test]
+async fn examples_on_which_a_composition_is_broken_give_way_unless_they_were_chosen() {
+    let bench = Bench::stocked().await;
+    let headline = |made: &Value| (made["verdict"].clone(), made["inspired"].clone());
+    let path = bench.query("", "segment disc 2").await;
+    bench.ended(&path).await;
+    let sound = bench.post_json(&format!("{path}/compositions"), json!({})).await.json();
+    assert_eq!((headline(&sound), &sound["reasons"]), ((json!("good"), json!(1.0)), &json!([])));
+    let path = bench.query("", "segment disc 2\ntears").await;
+    bench.ended(&path).await;
+    let mended = bench.post_json(&format!("{path}/compositions"), json!({})).await.json();
+    assert_eq!(headline(&mended), (json!("poor"), json!(0.0)), "{mended}");
+    assert!(mended["reasons"][0].as_str().expect("a reason").starts_with("no example was used: "), "{mended}");
+    let note = "examples gave way to regular layouts on segments 0: it is torn";
+    assert_eq!((&mended["notes"], &mended["templates"]), (&json!([note]), &json!([0])), "{mended}");
+    let chosen = bench.post_json(&format!("{path}/compositions"), json!({"keep": [0]})).await.json();
+    assert_eq!((headline(&chosen), &chosen["reasons"]), ((json!("broken"), json!(1.0)), &json!(["it is torn"])));
+}
+
+#[tokio::test]
 async fn ended_queries_make_room_for_a_map_the_longest_unused_first() {
     // The fake engine asks for 1,000 bytes and those of the file; an ended query keeps that.
     // One user alone may have three of four parts.

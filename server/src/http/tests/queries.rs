@@ -53,6 +53,26 @@ async fn only_examples_with_the_tags_and_the_topology_are_ranked() {
 }
 
 #[tokio::test]
+async fn a_parameter_that_is_not_there_is_refused_with_the_nearest_name() {
+    let bench = Bench::stocked().await;
+    let path = bench.query("top=1&deadline_ms=60000", "segment disc 2.1").await;
+    for (answer, said) in [
+        (
+            bench.post("/v1/queries?resolutoin=64", "segment disc 1").await,
+            "found `resolutoin`; did you mean `resolution`?",
+        ),
+        (bench.post("/v1/examples?name=x&tags=y", "segment disc 1").await, "did you mean `tag`?"),
+        (bench.get(&format!("{path}/ranking?segments=0")).await, "did you mean `segment`?"),
+        (bench.get(&format!("{path}?colour=red")).await, "expected no parameters here, found `colour`"),
+        (bench.get("/v1/examples?colour=red").await, "parameters out of tag, topology, limit, cursor, found `colour`"),
+    ] {
+        let detail = answer.problem(400, "parameter_invalid");
+        assert!(detail.contains(said), "{detail}");
+    }
+    assert_eq!(bench.get("/healthz?from=probe").await.status, StatusCode::OK);
+}
+
+#[tokio::test]
 async fn options_outside_their_range_are_refused() {
     let bench = Bench::stocked().await;
     for wrong in ["top=0", "top=65", "top=x", "resolution=100", "deadline_ms=0", "deadline_ms=3600001", "segments=x"] {

@@ -2,7 +2,7 @@
 //!
 //! An upload is text, one directive a line: `segment TOPOLOGY NUMBER` (a segment whose encoding is NUMBER),
 //! `slow MS` (every registration takes so long), `encode-slow MS`, `panic WHERE` with `WHERE` one of `read`, `encode`,
-//! `refine`, and `refuse CODE`. Anything else is unreadable. The mesh is a unit square, one quad a segment.
+//! `refine`, `tears` (a composition on it is broken where an example stands), and `refuse CODE`. Anything else is unreadable. The mesh is a unit square, one quad a segment.
 
 use super::*;
 use quadmuse_kernel::encode::Picture;
@@ -23,6 +23,7 @@ struct Script {
     slow: Duration,
     encode_slow: Duration,
     panics: Vec<String>,
+    tears: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -96,6 +97,7 @@ impl Engine for FakeEngine {
                 }
                 ["slow", ms] => script.slow = Duration::from_secs_f64(number(ms)? / 1e3),
                 ["encode-slow", ms] => script.encode_slow = Duration::from_secs_f64(number(ms)? / 1e3),
+                ["tears"] => script.tears = true,
                 ["panic", "read"] => panic!("told to panic"),
                 ["panic", place] => script.panics.push((*place).into()),
                 ["refuse", code] => {
@@ -253,11 +255,21 @@ impl Engine for FakeEngine {
         let mesh = Arc::new(square(parts.len()));
         Ok(Stitched {
             mesh,
+            is_example: parts.iter().map(|part| !matches!(part, Part::Template(_) | Part::Poor { .. })).collect(),
             is_poor_kept: false,
             extraordinary_vertices: 0,
             extraordinary_before: 0,
             notes: Vec::new(),
         })
+    }
+
+    fn appraise(&self, query: &Model, made: &Stitched) -> Result<Appraisal, EngineError> {
+        let share = 1.0 / made.is_example.len().max(1) as f64;
+        let examples = made.is_example.iter().map(|is| if *is { share } else { 0.0 }).collect();
+        let is_torn = query.inner.open::<Script>()?.tears && made.is_example.contains(&true);
+        let flaws = if is_torn { vec!["it is torn".into()] } else { Vec::new() };
+        let flawed = if is_torn { (0..made.is_example.len() as u32).collect() } else { Vec::new() };
+        Ok(Appraisal { examples, covered: 1.0, flaws, flawed })
     }
 
     fn template(&self, query: &Side, _: &Stop) -> Result<Mapped, EngineError> {

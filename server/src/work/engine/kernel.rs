@@ -10,13 +10,14 @@ mod model;
 mod registered;
 mod rejoined;
 mod settled;
+mod sound;
 mod stitch;
 mod told;
 mod transfer;
 
 use super::{
-    ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Fitted, Mapped, Model, OnePart, Opaque, Packed,
-    PackedFeature, Part, Refusal, Registration, SegmentFacts, Side, Stitched, Stitching,
+    Appraisal, ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Fitted, Mapped, Model, OnePart, Opaque,
+    Packed, PackedFeature, Part, Refusal, Registration, SegmentFacts, Side, Stitched, Stitching,
 };
 use crate::pool::Stop;
 use model::{ModelInner, format_of, refused};
@@ -212,7 +213,9 @@ impl Engine for KernelEngine {
     }
 
     fn map(&self, from: &Registration, example: &Side, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
-        registered::map(from, example, query, stop)
+        let mut mapped = registered::map(from, example, query, stop)?;
+        sound::check(&mut mapped, query)?;
+        Ok(mapped)
     }
 
     fn fit(
@@ -224,7 +227,9 @@ impl Engine for KernelEngine {
         landmarks: &[Landmark],
         stop: &Stop,
     ) -> Result<Fitted, EngineError> {
-        fitted::fit(from, example, query, (beyond, landmarks), stop)
+        let mut fitted = fitted::fit(from, example, query, (beyond, landmarks), stop)?;
+        sound::check(&mut fitted.mapped, query)?;
+        Ok(fitted)
     }
 
     fn ranked_against(&self, query: Topology) -> Vec<Topology> {
@@ -254,7 +259,9 @@ impl Engine for KernelEngine {
         query: &Side,
         stop: &Stop,
     ) -> Result<Mapped, EngineError> {
-        fitted::edited(from, before, example, query, stop)
+        let mut mapped = fitted::edited(from, before, example, query, stop)?;
+        sound::check(&mut mapped, query)?;
+        Ok(mapped)
     }
 
     fn rejoin(
@@ -270,6 +277,10 @@ impl Engine for KernelEngine {
 
     fn compose(&self, query: &Model, parts: &[Part], how: Stitching, stop: &Stop) -> Result<Stitched, EngineError> {
         stitch::compose(query, parts, how, stop)
+    }
+
+    fn appraise(&self, query: &Model, made: &Stitched) -> Result<Appraisal, EngineError> {
+        sound::appraise(query, made)
     }
 
     fn template(&self, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {

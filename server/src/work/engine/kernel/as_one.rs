@@ -111,6 +111,7 @@ fn as_mapped(whole: &Arc<PolyMesh>) -> Stitched {
     Stitched {
         is_poor_kept: false,
         mesh: Arc::clone(whole),
+        is_example: vec![true],
         extraordinary_vertices: extraordinary,
         extraordinary_before: extraordinary,
         notes: vec![AS_MAPPED.into()],

@@ -22,7 +22,7 @@ pub(super) fn rejoin(query: &Model, example: &Model, parts: &[OnePart]) -> Resul
         && parts.len() == count
         && !parts.iter().any(by_itself)
     {
-        return Ok(Some(whole(laid.mesh.clone(), example)));
+        return Ok(Some(whole(laid.mesh.clone(), example, count)));
     }
     let mut mapped: Vec<Option<(u32, Arc<PolyMesh>)>> = vec![None; count];
     for part in parts {
@@ -49,13 +49,14 @@ pub(super) fn rejoin(query: &Model, example: &Model, parts: &[OnePart]) -> Resul
     let meshes: Vec<&PolyMesh> = mapped.iter().map(|m| &*m.1).collect();
     // Parts that do not fit together as the example's do are stitched like any others.
     let joined = rejoin::rejoin(&example.mesh, &part_of, &meshes, &on.segmented.mesh);
-    Ok(joined.ok().map(|mesh| whole(mesh, example)))
+    Ok(joined.ok().map(|mesh| whole(mesh, example, count)))
 }
 
-/// An example that came back whole.
-fn whole(mesh: PolyMesh, example: &Model) -> Stitched {
+/// An example that came back whole, on so many segments.
+fn whole(mesh: PolyMesh, example: &Model, segments: usize) -> Stitched {
     Stitched {
         is_poor_kept: false,
+        is_example: vec![true; segments],
         extraordinary_vertices: extraordinary(&mesh) as u64,
         extraordinary_before: extraordinary(&example.mesh) as u64,
         notes: vec!["one example on all segments: its own faces, put together again whole".into()],

@@ -84,11 +84,24 @@ pub(super) struct Made {
 }
 
 impl Made {
+    /// Whether what was brought for each segment stands there, and is an example's.
+    fn is_example(&self) -> Vec<bool> {
+        let report = &self.report;
+        let without = [&self.brought.poor, &self.brought.regular];
+        let gone = [&report.replaced, &report.too_dense, &report.missing, &report.own];
+        let is_in = |lists: &[&Vec<usize>], segment: usize| lists.iter().any(|list| list.contains(&segment));
+        let stands = |segment: usize| !is_in(&without, segment) && !is_in(&gone, segment);
+        let is_input = report.way == compose::Way::InputSubdivided;
+        (0..report.subdivided.len()).map(|segment| !is_input && stands(segment)).collect()
+    }
+
     pub(super) fn told(self) -> Stitched {
+        let is_example = self.is_example();
         let mut notes = told::brought(&self.brought);
         notes.extend(told::made(&self.report, self.mesh.faces.len()));
         Stitched {
             is_poor_kept: false,
+            is_example,
             extraordinary_vertices: self.report.extraordinary_after as u64,
             extraordinary_before: self.report.extraordinary_before as u64,
             mesh: Arc::new(self.mesh),
@@ -206,7 +219,7 @@ pub(super) fn template(query: &Side, stop: &Stop) -> Result<Mapped, EngineError>
         distance_max: 0.0,
         distortion: Distortion { angle: none(), area: none() },
         verdict: Verdict::Fair,
-        reasons: vec!["a regular layout, made for this segment: no example was laid on it".into()],
+        reasons: vec!["no example was used: a regular layout was made for this segment".into()],
         reach: Reach::default(),
         evidence: None,
     })

@@ -1,0 +1,146 @@
+//! What stands for an id on the command line: the id itself, the beginning of one, an example's name, or `@last`.
+//!
+//! The service takes ids only; names are looked up in its lists. What an id may be is not looked up.
+
+use crate::{
+    api::{Api, ExampleFilter},
+    error::ClientError,
+    spec::{ExampleRef, Name, UsePart},
+    state::State,
+};
+use quadmuse_proto::{ExampleId, MapId, QueryId};
+use std::fmt::Display;
+
+/// The word for the last query that was started.
+pub const LAST: &str = "@last";
+
+/// Candidates of a name that is not clear which are told.
+const CANDIDATES_TOLD: usize = 8;
+
+/// Something that a text may stand for.
+struct Thing<I> {
+    id: I,
+    /// Empty where it has none.
+    name: String,
+}
+
+/// The example that a text stands for.
+///
+/// # Errors
+/// [`ClientError::NoSuchName`], [`ClientError::Ambiguous`]; the service refuses or is out of reach.
+pub async fn example(name: &Name, api: &Api) -> Result<ExampleId, ClientError> {
+    if let Ok(id) = name.0.parse() {
+        return Ok(id);
+    }
+    let all = api.examples(&ExampleFilter::default()).await?;
+    one("example", &name.0, all.into_iter().map(|example| Thing { id: example.id, name: example.name }).collect())
+}
+
+/// The example, and its segment, that a text stands for.
+///
+/// # Errors
+/// As [`example`].
+pub async fn example_ref(told: &ExampleRef<Name>, api: &Api) -> Result<ExampleRef, ClientError> {
+    Ok(ExampleRef { example: example(&told.example, api).await?, segment: told.segment })
+}
+
+/// The examples that segments are to take.
+///
+/// # Errors
+/// As [`example`].
+pub async fn uses(told: &[UsePart<Name>], api: &Api) -> Result<Vec<UsePart>, ClientError> {
+    let mut all = Vec::with_capacity(told.len());
+    for part in told {
+        all.push(UsePart { segment: part.segment, example: example_ref(&part.example, api).await? });
+    }
+    Ok(all)
+}
+
+/// The query that a text stands for.
+///
+/// # Errors
+/// As [`example`]; [`ClientError::NoLastQuery`].
+pub async fn query(name: &Name, api: &Api, state: &State) -> Result<QueryId, ClientError> {
+    if name.0 == LAST {
+        return state.last_query(api.server()).ok_or_else(|| ClientError::NoLastQuery { server: api.server().into() });
+    }
+    if let Ok(id) = name.0.parse() {
+        return Ok(id);
+    }
+    let all = api.queries().await?;
+    one("query", &name.0, all.into_iter().map(|query| Thing { id: query.id, name: String::new() }).collect())
+}
+
+/// The map of a query that a text stands for.
+///
+/// # Errors
+/// As [`example`].
+pub async fn map(query: QueryId, name: &Name, api: &Api) -> Result<MapId, ClientError> {
+    if let Ok(id) = name.0.parse() {
+        return Ok(id);
+    }
+    let all = api.maps(query).await?;
+    one("map", &name.0, all.into_iter().map(|map| Thing { id: map.id, name: String::new() }).collect())
+}
+
+/// The one thing that has this name, or else whose name or id alone begins so.
+fn one<I: Copy + Display>(kind: &'static str, found: &str, all: Vec<Thing<I>>) -> Result<I, ClientError> {
+    // Ids are written in capitals.
+    let upper = found.to_uppercase();
+    let named: Vec<&Thing<I>> = all.iter().filter(|thing| thing.name == found).collect();
+    let begins = |thing: &&Thing<I>| {
+        (!thing.name.is_empty() && thing.name.starts_with(found)) || thing.id.to_string().starts_with(&upper)
+    };
+    let candidates = if named.is_empty() { all.iter().filter(begins).collect() } else { named };
+    match candidates[..] {
+        [] => Err(ClientError::NoSuchName { kind, found: found.into() }),
+        [one] => Ok(one.id),
+        _ => {
+            let told = candidates.iter().take(CANDIDATES_TOLD).map(|thing| match thing.name.as_str() {
+                "" => thing.id.to_string(),
+                name => format!("{} ({name})", thing.id),
+            });
+            let more = candidates.len().saturating_sub(CANDIDATES_TOLD);
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            let candidates = format!("{}{more}", told.collect::<Vec<_>>().join(", "));
+            Err(ClientError::Ambiguous { kind, found: found.into(), candidates })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn things(names: &[(u8, &str)]) -> Vec<Thing<ExampleId>> {
+        names.iter().map(|&(k, name)| Thing { id: ExampleId::from_bytes([k; 16]), name: name.into() }).collect()
+    }
+
+    #[test]
+    fn a_whole_name_goes_before_beginnings() {
+        let all = || things(&[(1, "head"), (2, "head old"), (3, "hand")]);
+        assert_eq!(one("example", "head", all()).expect("the first"), ExampleId::from_bytes([1; 16]));
+        assert_eq!(one("example", "ha", all()).expect("the third"), ExampleId::from_bytes([3; 16]));
+        let id = ExampleId::from_bytes([2; 16]).to_string();
+        assert_eq!(one("example", &id[..9].to_lowercase(), all()).expect("the second").to_string(), id);
+    }
+
+    #[test]
+    fn what_is_not_clear_names_its_candidates() {
+        let error = one("example", "he", things(&[(1, "head"), (2, "heel"), (3, "hand")])).expect_err("two");
+        let said = error.to_string();
+        assert!(matches!(error, ClientError::Ambiguous { .. }), "{said}");
+        assert!(said.contains("(head), ") && said.contains("(heel)") && !said.contains("hand"), "{said}");
+        // Two of one name are told by their ids.
+        let error = one("example", "head", things(&[(1, "head"), (2, "head")])).expect_err("two");
+        assert!(matches!(error, ClientError::Ambiguous { .. }), "{error}");
+        let many: Vec<(u8, &str)> = (1..=20).map(|k| (k, "head")).collect();
+        assert!(one("example", "head", things(&many)).expect_err("many").to_string().contains("and 12 more"));
+    }
+
+    #[test]
+    fn what_is_not_there_is_refused() {
+        let error = one("example", "foot", things(&[(1, ""), (2, "head")])).expect_err("none");
+        assert!(matches!(error, ClientError::NoSuchName { .. }), "{error}");
+    }
+}

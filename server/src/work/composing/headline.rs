@@ -1,0 +1,125 @@
+//! The headline of a composition: its verdict, how much of it is an example's, and why.
+
+use super::super::engine::Appraisal;
+use quadmuse_proto::{Covers, Verdict};
+
+/// A map that makes up less of a composition than this does not decide what it is called.
+const SHARE_TOLD: f64 = 0.03;
+/// Below this share of examples a composition is fair at best: most of it is nobody's layout.
+const INSPIRED_GOOD: f64 = 0.5;
+/// Reasons that a composition takes over from one map.
+const REASONS_EACH: usize = 2;
+
+/// The map that was brought for a segment.
+#[derive(Clone, Debug)]
+pub(super) struct Laid {
+    pub(super) verdict: Verdict,
+    pub(super) reasons: Vec<String>,
+    /// Share of it that is the example's.
+    pub(super) inspired: f64,
+    /// Share of the example that lies on the input.
+    pub(super) covers_example: f64,
+}
+
+/// What stands at the top of a composition.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Headline {
+    pub(super) verdict: Verdict,
+    pub(super) inspired: f64,
+    pub(super) reasons: Vec<String>,
+    pub(super) covers: Covers,
+}
+
+/// Of what was brought for each segment, and what came of it.
+pub(super) fn headline(brought: &[Option<Laid>], appraisal: &Appraisal) -> Headline {
+    let used = || {
+        let all = (0u32..).zip(brought.iter().zip(&appraisal.examples));
+        all.filter_map(|(segment, (laid, share))| Some((segment, laid.as_ref()?, *share))).filter(|part| part.2 > 0.0)
+    };
+    let whole: f64 = used().map(|part| part.2).sum();
+    let inspired = used().map(|(_, laid, share)| share * laid.inspired).sum::<f64>().clamp(0.0, 1.0);
+    let mean = used().map(|(_, laid, share)| share * laid.covers_example).sum::<f64>() / whole.max(f64::MIN_POSITIVE);
+    let covers = Covers { example: if whole > 0.0 { mean } else { 0.0 }, input: appraisal.covered };
+    let (mut verdict, mut reasons) = (Verdict::Good, appraisal.flaws.clone());
+    if !reasons.is_empty() {
+        verdict = Verdict::Broken;
+    }
+    if inspired <= 0.0 {
+        reasons.push(without_example(brought).into());
+        return Headline { verdict: verdict.max(Verdict::Poor), inspired, reasons, covers };
+    }
+    let told = |share: f64| share >= SHARE_TOLD * whole;
+    for (segment, laid, _) in used().filter(|part| told(part.2) && part.1.verdict > Verdict::Good) {
+        verdict = verdict.max(laid.verdict.min(Verdict::Poor));
+        let of = if brought.len() > 1 { format!("segment {segment}: ") } else { String::new() };
+        reasons.extend(laid.reasons.iter().take(REASONS_EACH).map(|reason| format!("{of}{reason}")));
+    }
+    if inspired < INSPIRED_GOOD {
+        verdict = verdict.max(Verdict::Fair);
+        reasons.push(format!("examples make up {:.0} % of it; the rest is regular layouts", 100.0 * inspired));
+    }
+    Headline { verdict, inspired, reasons, covers }
+}
+
+/// Why no example was used.
+fn without_example(brought: &[Option<Laid>]) -> &'static str {
+    let mut maps = brought.iter().flatten();
+    match (maps.clone().next(), maps.all(|laid| laid.verdict.is_poor())) {
+        (None, _) => "no example was used: none of the corpus could be laid on it, so it is a regular layout",
+        (_, true) => "no example was used: those that rank best fit poorly, so it is a regular layout",
+        (_, false) => {
+            "no example was used: what was laid could not be joined, or was broken, so it is a regular layout"
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn laid(verdict: Verdict) -> Option<Laid> {
+        let reasons = if verdict == Verdict::Good { Vec::new() } else { vec!["its ears differ".to_owned()] };
+        Some(Laid { verdict, reasons, inspired: 1.0, covers_example: 0.8 })
+    }
+
+    fn of(examples: &[f64]) -> Appraisal {
+        Appraisal { examples: examples.to_vec(), covered: 0.99, ..Appraisal::default() }
+    }
+
+    #[test]
+    fn the_worst_map_of_a_share_worth_telling_decides() {
+        let brought = [laid(Verdict::Good), laid(Verdict::Fair), None];
+        let told = headline(&brought, &of(&[0.6, 0.2, 0.0]));
+        assert_eq!((told.verdict, &told.reasons[..]), (Verdict::Fair, &["segment 1: its ears differ".to_owned()][..]));
+        assert!((told.inspired - 0.8).abs() < 1e-12 && (told.covers.example - 0.8).abs() < 1e-12, "{told:?}");
+        // The same map on a sliver.
+        let told = headline(&brought, &of(&[0.6, 0.01, 0.0]));
+        assert_eq!((told.verdict, told.reasons.len()), (Verdict::Good, 0));
+    }
+
+    #[test]
+    fn what_is_mostly_regular_is_fair_and_what_has_no_example_poor() {
+        let brought = [laid(Verdict::Good), None];
+        let told = headline(&brought, &of(&[0.3, 0.0]));
+        assert_eq!((told.verdict, told.inspired), (Verdict::Fair, 0.3));
+        assert!(told.reasons[0].contains("30 %"), "{told:?}");
+        for (brought, why) in [
+            ([None, None], "none of the corpus"),
+            ([laid(Verdict::Poor), None], "fit poorly"),
+            ([laid(Verdict::Good), None], "could not be joined"),
+        ] {
+            let told = headline(&brought, &of(&[0.0, 0.0]));
+            assert_eq!((told.verdict, told.inspired), (Verdict::Poor, 0.0));
+            assert!(told.reasons[0].starts_with("no example was used: ") && told.reasons[0].contains(why), "{told:?}");
+        }
+    }
+
+    #[test]
+    fn a_mesh_that_is_no_use_is_broken_whatever_its_maps_are() {
+        let flaws = vec!["edges cross".to_owned()];
+        let told = headline(&[laid(Verdict::Good)], &Appraisal { flaws: flaws.clone(), ..of(&[1.0]) });
+        assert_eq!((told.verdict, told.reasons, told.inspired), (Verdict::Broken, flaws, 1.0));
+        // A map that was broken by itself may have been mended as it was stitched.
+        assert_eq!(headline(&[laid(Verdict::Broken)], &of(&[1.0])).verdict, Verdict::Poor);
+    }
+}
