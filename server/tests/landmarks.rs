@@ -1,7 +1,9 @@
 //! Landmarks: what a caller says of the pose is taken, and each is met by the map.
 
 use quadmuse_kernel::mesh::{Format, PolyMesh, Vec3, write};
-use quadmuse_proto::{Beyond, ConstraintOrigin, ExampleId, Landmark, MeshFormat, NewMap, Place};
+use quadmuse_proto::{
+    Beyond, ConstraintEdit, ConstraintOrigin, ExampleId, Landmark, MeshFormat, NewConstraint, NewMap, OnFold, Place,
+};
 use quadmuse_server::demo;
 use quadmuse_server::pool::{Admission, Pool};
 use quadmuse_server::work::corpus::stored::StoredCorpus;
@@ -83,6 +85,32 @@ async fn landmarks_are_met_and_become_constraints() {
     }
     let by_caller = state.mapped.constraints.iter().filter(|c| c.origin == ConstraintOrigin::User).count();
     assert!(by_caller > 0 && by_caller <= chosen.len(), "{by_caller}");
+
+    // A feature can be dragged and put back; what would fold is led elsewhere, not refused.
+    let plain = map(&work, &live, id, Vec::new()).await.expect("a map");
+    let features = plain.newest().mapped.constraints.clone();
+    let feature = features.iter().find(|c| c.origin == ConstraintOrigin::Feature).expect("features");
+    let near = |share: f64| {
+        let from = Vec3::from(feature.on_input.point);
+        let apart = |p: &Vec3| ((p - from).norm() / size - share).abs();
+        *input.positions.iter().min_by(|a, b| apart(a).total_cmp(&apart(b))).expect("vertices")
+    };
+    let drag = |to: Vec3, on_fold: OnFold| ConstraintEdit {
+        set: vec![NewConstraint { id: Some(feature.id.clone()), on_example: None, on_input: Some(place(&to)) }],
+        on_fold,
+        ..ConstraintEdit::default()
+    };
+    let to = near(0.02);
+    let edited = mapping::constrain(&work, &live, plain.id, drag(to, OnFold::Resolve)).await.expect("an edit");
+    let moved = edited.mapped.constraints.iter().find(|c| c.id == feature.id).expect("the same id");
+    assert_eq!(moved.origin, ConstraintOrigin::User);
+    assert!((Vec3::from(moved.on_input.point) - to).norm() / size < 0.01);
+    assert_eq!(edited.mapped.constraints.len(), features.len());
+    mapping::constrain(&work, &live, plain.id, drag(near(0.4), OnFold::Resolve)).await.expect("not refused");
+    let undo = ConstraintEdit { undo: vec![feature.id.clone()], ..ConstraintEdit::default() };
+    let undone = mapping::constrain(&work, &live, plain.id, undo).await.expect("undone");
+    let back = undone.mapped.constraints.iter().find(|c| c.id == feature.id).expect("the same id");
+    assert_eq!(back.origin, ConstraintOrigin::Feature);
 
     let far = Landmark { on_example: Place::Point([f64::NAN; 3]), ..landmarks[0].clone() };
     let refused = map(&work, &live, id, vec![landmarks[0].clone(), far]).await.map(|_| ()).expect_err("no point");

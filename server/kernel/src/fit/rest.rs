@@ -158,3 +158,42 @@ fn worth(of: &Rested) -> f64 {
     let sure = if sure.is_nan() { -1.0 } else { sure };
     sure - if of.mirrored { MIRROR_MARGIN } else { 0.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::bvh::Bvh;
+    use crate::topology::tests::grid;
+
+    /// A bumpy sheet, like nothing mirrored; `sign` −1 mirrors it.
+    fn sheet(n: usize, sign: f64) -> TriMesh {
+        let flat = grid(n, n, false, false);
+        let bump = |p: &Vec3| 0.2 * (5.0 * p.x + 0.4).sin() * (3.9 * p.y).cos() + 0.1 * (7.1 * p.y + 2.0 * p.x).sin();
+        let positions = flat.positions.iter().map(|p| Vec3::new(sign * p.x, p.y, bump(p))).collect();
+        let turn = |t: &[u32; 3]| if sign < 0.0 { [t[0], t[2], t[1]] } else { *t };
+        TriMesh::from_triangles(positions, flat.triangles.iter().map(turn).collect()).expect("a sheet")
+    }
+
+    #[test]
+    fn tips_decide_whether_an_example_lies_mirrored() {
+        let example = sheet(24, 1.0);
+        for sign in [1.0, -1.0] {
+            let input = sheet(60, sign);
+            let tree = Bvh::new(&input);
+            let place = |p: &Vec3| Vec3::new(sign * p.x, p.y, p.z);
+            let tip = |v: &usize| Landmark {
+                corners: [(*v as u32, 1.0), (*v as u32, 0.0), (*v as u32, 0.0)],
+                to: tree.closest(place(&example.positions[*v])),
+            };
+            let n = example.positions.len();
+            let tips: Vec<Landmark> = [30, n / 2 + 7, n - 40, n - 27].iter().map(tip).collect();
+            let mut rests = Rests::new(&example, &input).expect("areas");
+            rests.tries_led(&tips, &|| false);
+            assert!(rests.is_convincing());
+            let best = rests.into_best().expect("settled");
+            assert_eq!(best.mirrored, sign < 0.0);
+            let off = best.places.iter().zip(&example.positions).map(|(at, p)| (at.point - place(p)).norm());
+            assert!(off.sum::<f64>() / (n as f64) < 0.01);
+        }
+    }
+}

@@ -193,6 +193,19 @@ fn a_landmark_pulls_the_example_from_where_it_would_rest() {
 }
 
 #[test]
+fn tips_lead_the_example_and_let_go_of_it() {
+    let (half, large) = (sheet(21, 25, [-0.8, 0.6]), sheet(121, 75, [-2.0, 2.0]));
+    let mut tips = landmarks(&half, &large);
+    let tree = Bvh::new(&large);
+    tips[0].to = tree.closest(tips[0].to.point + Vec3::new(0.1, 0.0, 0.0));
+    let settler = Settler::new(&half, &large, 1.0, &Options::default()).expect("areas");
+    let settled = settler.led(&tips, &go).expect("to be settled");
+    let (mean, most) = off(&half, &settled);
+    assert!(mean < 0.02 && most < 0.1, "{mean} {most}");
+    assert!(settled.evidence.confidence() > 0.8 && settled.evidence.covered < 0.5, "{:?}", settled.evidence);
+}
+
+#[test]
 fn a_part_is_found_on_a_larger_surface_whatever_its_pose_and_size() {
     let (part, whole) = (sheet(21, 21, [-0.2, 1.4]), sheet(121, 75, [-2.0, 2.0]));
     let (sin, cos) = 2.1f64.sin_cos();
