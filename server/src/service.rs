@@ -76,6 +76,7 @@ pub struct Running {
 /// # Errors
 /// [`StartError`].
 pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, StartError> {
+    ignore_file_size_signal();
     let tokens = Arc::new(Tokens::beside(&config.data));
     check_open(config, &tokens)?;
     let listen = config.listen;
@@ -103,7 +104,6 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     let serving = tokio::spawn(serve(listener, router, connections, stopping.clone()));
     let background = tokio::spawn(reencode::run(Arc::clone(&work), stopping.clone()));
     tokio::spawn(scrub::run(Arc::clone(&work), stopping.clone()));
-    ignore_file_size_signal();
     tracing::info!(%address, threads = work.pool.threads(), version = env!("CARGO_PKG_VERSION"), "serving");
     Ok(Running { address, work, stopping, serving, background })
 }

@@ -20,6 +20,7 @@ pub mod reencode;
 pub mod scrub;
 pub mod search;
 pub mod texts;
+pub mod worth;
 
 pub use error::WorkError;
 

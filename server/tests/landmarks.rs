@@ -66,7 +66,7 @@ async fn landmarks_are_met_and_become_constraints() {
     let options = QueryOptions { top: 1, resolution: 64, deadline: None, tags: Vec::new(), like: None };
     let live = search::start(&work, Caller::default(), upload(&input), options).await.expect("started");
     live.wait_for(|_| false).await;
-    let id = added.id;
+    let id = added.0.id;
 
     // On a symmetric thing, the landmarks of the mirror image turn the map round.
     let chosen = spread(&sample.mesh, 5);

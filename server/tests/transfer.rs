@@ -214,7 +214,7 @@ fn an_edit_bends_what_the_whole_laid_near_the_constraint() {
     assert!(undone.is_of_whole && moves(&before, &undone).iter().all(|d| *d == 0.0));
     let feature = ConstraintEdit { remove: vec!["f0".into()], ..ConstraintEdit::default() };
     let refused = engine.constrain(&before, &feature, &one, &two, &stop).expect_err("features stay");
-    assert!(refused.to_string().contains("add a constraint beside it"), "{refused}");
+    assert!(refused.to_string().contains("move it instead"), "{refused}");
 }
 
 #[test]

@@ -51,11 +51,27 @@ impl Server {
     /// # Errors
     /// [`ServerError`].
     pub fn start(data: &Path) -> Result<Self, ServerError> {
+        Self::start_under(&[], data)
+    }
+
+    /// The same by way of another command, which is to run what follows its words: one that sets a limit, say.
+    ///
+    /// # Errors
+    /// [`ServerError`].
+    pub fn start_under(words: &[&str], data: &Path) -> Result<Self, ServerError> {
         let program = program("quadmuse-server")?;
         let address = TcpListener::bind("127.0.0.1:0")?.local_addr()?;
         let log = data.with_extension("log");
         let output = File::options().create(true).append(true).open(&log)?;
-        let process = Command::new(program)
+        let mut command = match words {
+            [] => Command::new(program),
+            [first, rest @ ..] => {
+                let mut command = Command::new(first);
+                command.args(rest).arg(program);
+                command
+            }
+        };
+        let process = command
             .args(["serve", "--listen", &address.to_string(), "--data"])
             .arg(data)
             .env("NO_COLOR", "1")

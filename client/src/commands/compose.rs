@@ -175,6 +175,9 @@ fn fitting(map: &Map, name: &str) -> String {
     format!("{name}, {} faces, {}", map.faces, map.verdict.as_str())
 }
 
+/// A mesh of more segments is a rag: what nobody told is left to the service, which maps only what is worth it.
+const SEGMENTS_MAX: usize = 32;
+
 /// Maps every segment, stitches the maps and writes the mesh.
 async fn stitch(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
     let args = wish.args;
@@ -182,9 +185,15 @@ async fn stitch(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Resul
         check_segment(query, Some(part.segment))?;
     }
     let mut maps = Vec::new();
-    let count = query.segments.len();
+    let is_rag = query.segments.len() > SEGMENTS_MAX;
+    let mapped: Vec<&QuerySegment> =
+        query.segments.iter().filter(|s| !is_rag || told(s.segment, wish).is_some()).collect();
+    if is_rag {
+        ui.note(&format!("of {} segments the service maps those that are worth it", query.segments.len()));
+    }
+    let count = mapped.len();
     let bar = ui.bar(count as u64, "mapping");
-    for (done, segment) in query.segments.iter().enumerate() {
+    for (done, segment) in mapped.into_iter().enumerate() {
         let (number, told) = (segment.segment, told(segment.segment, wish));
         let said = match lay(query, number, told, (args.beyond, Vec::new()), api, ui).await {
             // What nobody asked for and is poor is left to the service, which says what takes its place.

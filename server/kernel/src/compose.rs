@@ -43,6 +43,7 @@ mod tests;
 use crate::encode::index::PlanarIndex;
 use crate::mesh::PolyMesh;
 use crate::mesh::tri::TriMesh;
+use crate::numerics::stop;
 use crate::unfold::Chart;
 use check::{Broken, check_structure, extraordinary};
 use fit::{Fit, Measured};
@@ -194,6 +195,10 @@ pub enum ComposeError {
 const STEPS_LEAST: u64 = 4_000_000;
 const STEPS_PER_FACE: u64 = 200;
 
+/// An input of more segments is a rag, and of its components only so many, those of most area, are worth that work.
+const SEGMENTS_FEW: usize = 32;
+const WORTH_MAX: usize = 16;
+
 /// The work that a composition is worth, in steps, all components together.
 fn steps_for(input: Input<'_>, pieces: &[Piece<'_>]) -> u64 {
     let faces_of = |piece: &Piece<'_>| match piece {
@@ -204,7 +209,7 @@ fn steps_for(input: Input<'_>, pieces: &[Piece<'_>]) -> u64 {
     STEPS_LEAST.saturating_add(STEPS_PER_FACE.saturating_mul(faces as u64))
 }
 
-/// Stitches what is brought for the segments, and checks the result. `stop` is asked before each try.
+/// Stitches what is brought for the segments, and checks the result. `stopped` is asked before each try.
 ///
 /// # Errors
 /// [`ComposeError`]; none but [`ComposeError::Stopped`] for one piece a segment of a valid surface.
@@ -212,7 +217,7 @@ pub fn compose(
     input: Input<'_>,
     pieces: &[Piece<'_>],
     options: Options,
-    stop: &dyn Fn() -> bool,
+    stopped: &dyn Fn() -> bool,
 ) -> Result<Composed, ComposeError> {
     if pieces.len() != input.count {
         return Err(ComposeError::Parts { expected: input.count, found: pieces.len() });
@@ -221,11 +226,15 @@ pub fn compose(
         return Err(ComposeError::Owners { expected: input.surface.triangles.len(), found: input.owner.len() });
     }
     let scale = apart::scale(&apart::owned(input));
-    let late_at = crate::numerics::stop::steps().saturating_add(steps_for(input, pieces));
+    let late_at = stop::steps().saturating_add(steps_for(input, pieces));
     let mut made = Vec::new();
-    for component in apart::apart(input) {
+    let components = apart::apart(input);
+    let worth = apart::worth(&components, SEGMENTS_FEW, WORTH_MAX);
+    for (component, is_worth_it) in components.iter().zip(worth) {
+        // A scrap is late from the start.
+        let late_at = if is_worth_it { late_at } else { 0 };
         let of_it: Vec<Piece<'_>> = component.segments.iter().map(|&s| pieces[s]).collect();
-        made.push((component.segments.clone(), composed(component.input(), &of_it, options, scale, late_at, stop)?));
+        made.push((component.segments.clone(), composed(component.input(), &of_it, options, scale, late_at, stopped)?));
     }
     let (mesh, mut report) = apart::together(made, pieces.len());
     report.extraordinary_after = extraordinary(&mesh);

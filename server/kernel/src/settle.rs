@@ -108,6 +108,8 @@ const SCALES: [(f64, usize, usize); 9] = [
 const FOLLOWING: [(f64, usize); 6] = [(0.3, 0), (0.2, 0), (0.14, 0), (0.1, 0), (0.07, 1), (0.05, 1)];
 const FOLLOWING_ROUNDS: usize = 3;
 const FOLLOWED_FROM: f64 = 0.036;
+/// The scale to which a start is laid roughly.
+const ROUGH: f64 = 0.05;
 /// Scales below this see the fine samples.
 const FINE_BELOW: f64 = 0.06;
 /// Start vertices so near to the input's rim, in √area of the input, do not count, unless too few would be left.
@@ -230,27 +232,36 @@ impl<'a> Settler<'a> {
         Some(judged.relief(nodes, &setting.coarse.samples, 1.0))
     }
 
-    /// The same example and input, laid in another manner.
-    pub fn in_manner(&self, manner: Manner) -> Self {
-        Self { options: Options { manner, ..self.options }, ..self.clone() }
-    }
-
     /// Lays the example on the input; see [`settle`].
     pub fn settle(&self, start: &[Vec3], stop: &dyn Fn() -> bool) -> Option<Settled> {
+        self.settle_to(start, (self.options.manner, 0.0), stop)
+    }
+
+    /// Lays the example in a manner other than that of the options.
+    pub fn fine(&self, start: &[Vec3], manner: Manner, stop: &dyn Fn() -> bool) -> Option<Settled> {
+        self.settle_to(start, (manner, 0.0), stop)
+    }
+
+    /// Lays the example roughly, in a third of the time: enough to compare starts.
+    pub fn rough(&self, start: &[Vec3], manner: Manner, stop: &dyn Fn() -> bool) -> Option<Settled> {
+        self.settle_to(start, (manner, ROUGH), stop)
+    }
+
+    fn settle_to(&self, start: &[Vec3], (manner, finest): (Manner, f64), stop: &dyn Fn() -> bool) -> Option<Settled> {
         let setting = self.setting(start)?;
-        match self.options.manner {
-            Manner::Whole => self.whole(&setting, stop),
-            Manner::Following => self.following(&setting, start, stop),
+        match manner {
+            Manner::Whole => self.whole(&setting, finest, stop),
+            Manner::Following => self.following(&setting, start, finest, stop),
             Manner::Either => {
-                let whole = self.whole(&setting, stop);
-                let following = self.following(&setting, start, stop);
+                let whole = self.whole(&setting, finest, stop);
+                let following = self.following(&setting, start, finest, stop);
                 let relief = |s: &Option<Settled>| s.as_ref().map_or(f64::NEG_INFINITY, |s| s.evidence.relief);
                 if relief(&following) > relief(&whole) { following } else { whole }
             }
         }
     }
 
-    fn whole(&self, setting: &Setting, stop: &dyn Fn() -> bool) -> Option<Settled> {
+    fn whole(&self, setting: &Setting, finest: f64, stop: &dyn Fn() -> bool) -> Option<Settled> {
         let found = self.aligned(setting, stop)?;
         let mut pose = Pose::of(&self.rest, &self.nodes[0]);
         pose.places.iter_mut().for_each(|x| *x = found.apply(x));
@@ -258,7 +269,7 @@ impl<'a> Settler<'a> {
         if setting.held.len() >= LANDMARKS_CARRY {
             self.body(0)?.lead(&mut pose, &setting.held, LEADING, stop)?;
         }
-        self.bend(setting, pose, 0, f64::INFINITY, Manner::Whole, stop)
+        self.bend(setting, pose, 0, [finest, f64::INFINITY], Manner::Whole, stop)
     }
 
     /// The example as a whole on the input.
@@ -273,6 +284,15 @@ impl<'a> Settler<'a> {
     /// Lays the example on the input after the landmarks, which lead it there and then let go of it: for tips that may have been
     /// matched wrongly.
     pub fn led(&self, landmarks: &[Landmark], stop: &dyn Fn() -> bool) -> Option<Settled> {
+        self.led_to(landmarks, 0.0, stop)
+    }
+
+    /// The same roughly.
+    pub fn led_roughly(&self, landmarks: &[Landmark], stop: &dyn Fn() -> bool) -> Option<Settled> {
+        self.led_to(landmarks, ROUGH, stop)
+    }
+
+    fn led_to(&self, landmarks: &[Landmark], finest: f64, stop: &dyn Fn() -> bool) -> Option<Settled> {
         let (found, _) = held::carried(&self.rest, &self.ground, landmarks)?;
         let start: Vec<Vec3> = self.rest.positions.iter().map(|x| found.apply(x)).collect();
         let setting = self.setting(&start)?;
@@ -282,10 +302,10 @@ impl<'a> Settler<'a> {
         for r in LED {
             body.lead(&mut pose, &held, (r, FOLLOWING_ROUNDS), stop)?;
         }
-        self.bend(&setting, pose, 0, LED_FROM, Manner::Following, stop)
+        self.bend(&setting, pose, 0, [finest, LED_FROM], Manner::Following, stop)
     }
 
-    fn following(&self, setting: &Setting, start: &[Vec3], stop: &dyn Fn() -> bool) -> Option<Settled> {
+    fn following(&self, setting: &Setting, start: &[Vec3], finest: f64, stop: &dyn Fn() -> bool) -> Option<Settled> {
         let places: Vec<Vec3> = start.iter().map(|x| setting.frame.undo(x)).collect();
         let mut pose = Pose::of(&self.rest, &self.nodes[0]);
         let mut body = self.body(0)?;
@@ -294,7 +314,8 @@ impl<'a> Settler<'a> {
             self.change(&mut pose, &mut body, &mut level, wanted)?;
             body.follow(&mut pose, (&places, &setting.weights), &setting.held, (r, FOLLOWING_ROUNDS), stop)?;
         }
-        self.bend(setting, pose, level, FOLLOWED_FROM, Manner::Following, stop)
+        let scales = [finest, FOLLOWED_FROM.max(finest)];
+        self.bend(setting, pose, level, scales, Manner::Following, stop)
     }
 
     fn body(&self, level: usize) -> Option<Body<'_>> {
@@ -311,19 +332,19 @@ impl<'a> Settler<'a> {
         Some(())
     }
 
-    /// Bends from the scale `from` down and finds the places.
+    /// Bends from one scale down to another and finds the places.
     fn bend(
         &self,
         setting: &Setting,
         mut pose: Pose,
         mut level: usize,
-        from: f64,
+        [finest, from]: [f64; 2],
         manner: Manner,
         stop: &dyn Fn() -> bool,
     ) -> Option<Settled> {
         let fine = Seen::new(self.fine.seen_from(&setting.frame));
         let mut body = self.body(level)?;
-        for (r, rounds, wanted) in SCALES.into_iter().filter(|s| s.0 <= from) {
+        for (r, rounds, wanted) in SCALES.into_iter().filter(|s| (finest..=from).contains(&s.0)) {
             self.change(&mut pose, &mut body, &mut level, wanted)?;
             let seen = if r < FINE_BELOW { &fine } else { &setting.coarse };
             let view = View { seen, sent: &setting.sent, share: self.share(setting), held: &setting.held };

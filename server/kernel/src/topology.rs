@@ -130,6 +130,7 @@ pub fn connected<L: PartialEq>(mesh: &TriMesh, label_of: &[L]) -> Vec<Vec<u32>> 
         let (mut set, mut next) = (vec![seed], 0);
         while let Some(&t) = set.get(next) {
             next += 1;
+            stop::pass(1);
             for k in 0..3 {
                 let g = mesh.twin(3 * t + k);
                 if g == NONE || seen[g as usize / 3] || label_of[g as usize / 3] != label_of[seed as usize] {

@@ -2,10 +2,11 @@
 
 mod headline;
 
-use super::engine::{Appraisal, Encoded, Engine, EngineError, Model, ModelSegment, OnePart, Part, Stitched, Stitching};
+use super::engine::{Appraisal, Encoded, Engine, EngineError, Model, OnePart, Part, Stitched, Stitching};
 use super::mapping::{self, LiveMap, get};
 use super::query::{LiveQuery, ms_since};
 use super::ranking::Candidate;
+use super::worth::is_worth_an_example;
 use super::{REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, Stop};
 use headline::{Laid, headline};
@@ -192,7 +193,9 @@ async fn gathered(
         let is_named = named.is_some();
         let map = match named {
             Some(map) => Some(map),
-            None if is_worth_a_map(live, segment) => best_map(work, live, segment).await?,
+            None if is_worth_an_example(&live.model.segments, segment as usize) => {
+                best_map(work, live, segment).await?
+            }
             None => None,
         };
         let Some(map) = map else {
@@ -249,18 +252,6 @@ fn faces_at(parts: &[Part], density: i32) -> Result<u64, WorkError> {
         return Err(WorkError::parameter("density", expected, format!("{density}, at which they have {faces}")));
     }
     Ok(faces)
-}
-
-/// Segments that are given maps nobody named. Beyond them it is rags, and each map costs about a second: a file of a few
-/// kilobytes in a hundred pieces took minutes.
-const MAPPED_MAX: usize = 32;
-
-/// Whether a segment is among those of most faces, the first of equals.
-fn is_worth_a_map(live: &LiveQuery, segment: u32) -> bool {
-    let all = &live.model.segments;
-    let Some(own) = all.get(segment as usize).map(|s| s.faces) else { return false };
-    let before = |(at, s): &(usize, &ModelSegment)| s.faces > own || (s.faces == own && *at < segment as usize);
-    all.len() <= MAPPED_MAX || all.iter().enumerate().filter(before).count() < MAPPED_MAX
 }
 
 /// The first map that is not poor of the few best entries of a segment's ranking, or else the first of all, each made if it

@@ -6,7 +6,7 @@
 //! segment publishes a whole ranking. The result doesn't depend on the number of threads: each registration is a
 //! sequential computation of its own, and the results are combined in the order of the candidates.
 //! A query with a deadline gives each level at most half of the time that is left, the most promising first; `top` are
-//! registered at each level in any case.
+//! registered at each level in any case. Of a rag only some segments go on to be registered ([`worth`](super::worth)).
 
 mod coarse;
 
@@ -15,6 +15,7 @@ use super::engine::{Cut, Encoding, Engine, Model, Registration};
 use super::ingest::{self, Upload, encode, normal_tags};
 use super::query::{LiveQuery, QueryOptions, ms_since};
 use super::ranking::{Candidate, Depth, levels_up_to, mark, order, registered_at};
+use super::worth::is_worth_an_example;
 use super::{Caller, REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, PoolError, Stop, StopReason};
 use coarse::Selection;
@@ -147,8 +148,11 @@ async fn rank_all(work: &Arc<Work>, live: &Arc<LiveQuery>, corpus: Vec<Selection
         let query = live.encoded(segment as u32).await?;
         let search = SegmentSearch { work, live, segment, query: Arc::new(query.encoding.clone()) };
         let candidates = search.coarse(corpus).await?;
-        search.publish(LEVEL_COARSEST, Some(LEVEL_COARSEST), candidates);
-        searches.push(search);
+        let is_worth_it = is_worth_an_example(&live.model.segments, segment);
+        search.publish(LEVEL_COARSEST, is_worth_it.then_some(LEVEL_COARSEST), candidates);
+        if is_worth_it {
+            searches.push(search);
+        }
     }
     for level in levels_up_to(resolution) {
         let next = LEVELS.into_iter().find(|next| *next > level && *next <= resolution);

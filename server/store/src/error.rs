@@ -161,12 +161,13 @@ impl StoreError {
         move |source| StoreError::Io { doing, path: path.to_path_buf(), source }
     }
 
-    /// Whether the cause is a full file system.
+    /// Whether the cause is a full file system, a quota or a limit on the size of files.
     pub fn is_full(&self) -> bool {
         match self {
             StoreError::Full { .. } => true,
             StoreError::Io { source, .. } => {
-                matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
+                use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
+                matches!(source.kind(), StorageFull | QuotaExceeded | FileTooLarge)
             }
             _ => false,
         }

@@ -156,7 +156,13 @@ impl Writer {
                 Ok(many @ Request { work: Work::AddAll(_), .. }) => self.commit(vec![many]),
                 Ok(first) => carried = self.serve(first),
                 Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => return,
+                Err(RecvTimeoutError::Disconnected) => {
+                    // What was refused is not to come back with the next start, if the disk lets it be taken out.
+                    if self.shared.fault().is_some() {
+                        self.resume();
+                    }
+                    return;
+                }
             }
             if self.shared.fault().is_some() && self.tried.elapsed() >= REOPEN_EVERY {
                 self.resume();
@@ -205,7 +211,7 @@ impl Writer {
         let mut refused = Vec::new();
         let result = self.shared.engine().and_then(|engine| {
             for Request { work, reply } in batch {
-                refused.extend(added_by(&work));
+                refused.extend(self.changed_by(&work));
                 let removal = if let Work::Remove { id } = work { Some(id) } else { None };
                 match self.stage(&engine, work) {
                     Ok((stage, done)) => {
@@ -474,13 +480,31 @@ impl Writer {
         Ok(Done::Unit)
     }
 
-    /// Takes out what of refused examples was written before the failure.
+    /// The examples that a request would add or change, with the revisions that it would give them.
+    fn changed_by(&self, work: &Work) -> Vec<(ExampleId, u32)> {
+        let of = |rows: &NewRows| (rows.record.id, rows.record.revision);
+        match work {
+            Work::Add(rows) => vec![of(rows)],
+            Work::AddAll(all) => all.iter().map(of).collect(),
+            Work::Annotate { id, .. } => {
+                self.shared.index().record(*id).map(|record| (*id, record.revision + 1)).into_iter().collect()
+            }
+            Work::Remove { .. } | Work::PutDerived { .. } | Work::Compact | Work::Reopen => Vec::new(),
+        }
+    }
+
+    /// Takes out what was written of refused changes before the failure: rows of new examples go, those of others become what
+    /// they were.
     fn forget_refused(&self, engine: &Engine) -> Result<(), StoreError> {
         let mut refused = self.shared.refused.lock().unwrap_or_else(PoisonError::into_inner);
         for &(id, revision) in refused.iter() {
             let failed =
                 |failure: Failure| StoreError::Engine { doing: "remove a row", reason: failure.reason().into() };
-            engine.remove_row(id).map_err(failed)?;
+            let kept = self.shared.index().record(id).cloned().filter(|kept| kept.revision < revision);
+            match kept {
+                Some(kept) => engine.put_record(&kept, &files::encode(&kept)?).map_err(failed)?,
+                None => engine.remove_row(id).map_err(failed)?,
+            }
             self.shared.ground.remove(id, revision)?;
         }
         refused.clear();
@@ -505,18 +529,6 @@ impl Writer {
         shared.replace_index(index);
         *slot = Some(Arc::new(engine));
         Ok(report)
-    }
-}
-
-/// The examples that a request would add, with their revisions.
-fn added_by(work: &Work) -> Vec<(ExampleId, u32)> {
-    let of = |rows: &NewRows| (rows.record.id, rows.record.revision);
-    match work {
-        Work::Add(rows) => vec![of(rows)],
-        Work::AddAll(all) => all.iter().map(of).collect(),
-        Work::Annotate { .. } | Work::Remove { .. } | Work::PutDerived { .. } | Work::Compact | Work::Reopen => {
-            Vec::new()
-        }
     }
 }
 

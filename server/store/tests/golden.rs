@@ -11,14 +11,9 @@ use quadmuse_store::{ChartRecord, Feature, NewSegmentation, Patch, Segmentation,
 
 #[path = "support/sample.rs"]
 mod sample;
+#[path = "support/golden.rs"]
+mod stored;
 use sample::{Sample, options, segment_of};
-
-/// Unpacked, a golden store is at most this large.
-const UNPACKED_MAX: usize = 64 << 20;
-
-fn golden(schema: u32) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../tests/golden/schema_{schema}/store.bin.zst"))
-}
 
 fn files(dir: &Path, out: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(dir).unwrap() {
@@ -45,28 +40,6 @@ fn pack(dir: &Path) -> Vec<u8> {
         out.extend_from_slice(&content);
     }
     zstd::bulk::compress(&out, 19).unwrap()
-}
-
-fn unpack(packed: &[u8], dir: &Path) {
-    let bytes = zstd::bulk::decompress(packed, UNPACKED_MAX).unwrap();
-    let mut rest = &bytes[..];
-    let mut take = |count: usize| {
-        let (taken, next) = rest.split_at(count);
-        rest = next;
-        (taken, next.is_empty())
-    };
-    loop {
-        let name_length = u16::from_le_bytes(take(2).0.try_into().unwrap());
-        let name = std::str::from_utf8(take(name_length.into()).0).unwrap();
-        let length = u64::from_le_bytes(take(8).0.try_into().unwrap());
-        let path = dir.join(name);
-        fs::create_dir_all(path.parent().unwrap()).unwrap();
-        let (content, last) = take(length as usize);
-        fs::write(path, content).unwrap();
-        if last {
-            return;
-        }
-    }
 }
 
 fn first() -> Sample {
@@ -142,13 +115,13 @@ fn a_store_of_any_schema_reads_as_it_was_written() {
     if std::env::var("QUADMUSE_WRITE_GOLDEN").is_ok() {
         let dir = tempfile::tempdir().unwrap();
         write(dir.path());
-        fs::create_dir_all(golden(newest).parent().unwrap()).unwrap();
-        fs::write(golden(newest), pack(dir.path())).unwrap();
+        fs::create_dir_all(stored::path(newest).parent().unwrap()).unwrap();
+        fs::write(stored::path(newest), pack(dir.path())).unwrap();
     }
     for schema in 1..=newest {
-        let packed = fs::read(golden(schema)).unwrap();
+        let packed = fs::read(stored::path(schema)).unwrap();
         let dir = tempfile::tempdir().unwrap();
-        unpack(&packed, dir.path());
+        stored::unpack_bytes(&packed, dir.path());
         let size: usize = contents(dir.path()).iter().map(|(_, content)| content.len()).sum();
         println!("golden store of schema {schema}: {} bytes packed, {size} unpacked", packed.len());
         read(dir.path());

@@ -102,6 +102,42 @@ fn shared_hostile_files_never_cost_the_server_its_life() {
     assert!(refused >= 20, "only {refused} of {} were refused", files.len());
 }
 
+/// `count` triangles anywhere, none of which touches another, as binary STL.
+fn rag(count: u32) -> Vec<u8> {
+    let mut bytes = vec![0; 80];
+    bytes.extend(count.to_le_bytes());
+    let mut state = 1u32;
+    let mut random = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as f32 / (1u32 << 24) as f32
+    };
+    for _ in 0..count {
+        bytes.extend([0; 12]);
+        (0..9).for_each(|_| bytes.extend(random().to_le_bytes()));
+        bytes.extend([0; 2]);
+    }
+    bytes
+}
+
+#[test]
+fn a_rag_of_loose_triangles_is_composed_without_a_map_for_each() {
+    let place = Place::new();
+    let (mut server, client) = place.serve();
+    crate::run(&client, &["add"], &[&place.heads(1)[0]]).ok().expect("added");
+    let (input, out) = (place.path("rag.stl"), place.path("out.obj"));
+    std::fs::write(&input, rag(40)).expect("writes");
+    let query = crate::values(&client, &["query"], &[&input]).remove(0);
+    let id = crate::text(&query, "query").to_owned();
+    let ran = crate::run(&client, &["compose", &id, "-o"], &[&out]);
+    assert_eq!(ran.code, Some(0), "{}", ran.notes);
+    let maps = http::get(server.address(), &format!("/v1/queries/{id}/maps")).expect("an answer").text();
+    let maps: Value = serde_json::from_str(&maps).expect("JSON");
+    assert_eq!(maps["items"].as_array().map(Vec::len), Some(0), "{maps}");
+    let made = std::fs::read_to_string(&out).expect("written");
+    assert!(made.lines().filter(|line| line.starts_with("f ")).all(|face| face.split(' ').count() == 5));
+    assert!(server.is_alive(), "{}", server.log());
+}
+
 fn media_type(path: &Path) -> &'static str {
     let format = quadmuse_proto::MeshFormat::from_file_name(&path.to_string_lossy());
     format.map_or("application/octet-stream", quadmuse_proto::MeshFormat::media_type)

@@ -1,6 +1,7 @@
 //! The whole path over HTTP: the real server, the real client, a store on disk.
 
 mod crash;
+mod disks;
 mod hostile;
 mod path;
 mod shutdown;

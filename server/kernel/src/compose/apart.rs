@@ -5,6 +5,7 @@ use super::stitching::Scale;
 use super::{Composed, Input, Report, Way, check};
 use crate::mesh::PolyMesh;
 use crate::mesh::tri::TriMesh;
+use crate::numerics::stop;
 use crate::topology::{components, submesh};
 use std::borrow::Cow;
 
@@ -40,6 +41,7 @@ pub fn apart(input: Input<'_>) -> Vec<Component> {
         c
     };
     for (&c, &s) in component_of.iter().zip(input.owner) {
+        stop::pass(1);
         let Some(slot) = first.get_mut(s as usize) else { continue };
         let c = find(&root, c as usize);
         let other = find(&root, *slot.get_or_insert(c));
@@ -53,6 +55,20 @@ pub fn apart(input: Input<'_>) -> Vec<Component> {
     }
     triangles.retain(|list| !list.is_empty());
     triangles.iter().map(|list| component(input, list)).collect()
+}
+
+/// For each component whether it is worth work beyond what it needs: all are where there are at most `few` segments, else those
+/// of most area, `most` of them.
+pub fn worth(components: &[Component], few: usize, most: usize) -> Vec<bool> {
+    if components.iter().map(|c| c.segments.len()).sum::<usize>() <= few {
+        return vec![true; components.len()];
+    }
+    let mut by_area: Vec<(f64, usize)> =
+        components.iter().enumerate().map(|(k, c)| (c.surface.total_area(), k)).collect();
+    by_area.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let mut worth = vec![false; components.len()];
+    by_area.iter().take(most).for_each(|&(_, k)| worth[k] = true);
+    worth
 }
 
 /// The triangles that belong to segments.
@@ -147,6 +163,14 @@ mod tests {
         // A segment on both keeps them together.
         let owner: Vec<u32> = owner.iter().map(|s| s / 2).collect();
         assert_eq!(apart(Input { surface: &surface, owner: &owner, count: 2 }).len(), 1);
+    }
+
+    #[test]
+    fn of_a_rag_the_largest_components_are_worth_it() {
+        let (surface, owner) = two_sheets();
+        let found = apart(Input { surface: &surface, owner: &owner, count: 4 });
+        assert_eq!(worth(&found, 3, 1), [true, true]);
+        assert_eq!(worth(&found, 2, 1), [true, false]);
     }
 
     #[test]

@@ -7,6 +7,7 @@
 
 use crate::mesh::Vec3;
 use crate::mesh::tri::{NONE, TriMesh, nearest_share};
+use crate::numerics::stop;
 use crate::topology::submesh;
 use std::collections::BTreeMap;
 
@@ -65,6 +66,7 @@ pub struct Layout {
 
 /// The curves of a surface whose triangle t belongs to segment `owner[t]`, of `count`.
 pub fn layout(surface: &TriMesh, owner: &[u32], count: usize) -> Layout {
+    stop::ask();
     let junctions = junctions(surface, owner);
     let mut members: Vec<Vec<u32>> = vec![Vec::new(); count];
     for (t, &s) in owner.iter().enumerate() {

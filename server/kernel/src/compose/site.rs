@@ -78,6 +78,11 @@ impl Charted<'_> {
     fn harmonics(&self) -> Option<&Harmonics> {
         self.harmonics.get_or_init(|| Harmonics::new(&self.chart)).as_ref()
     }
+
+    /// Leaves it at rings.
+    fn without_rectangles(&mut self) {
+        self.harmonics = OnceLock::from(None);
+    }
 }
 
 /// A segment with what stands on it.
@@ -135,6 +140,13 @@ impl<'a> Site<'a> {
             site.take_own(input.surface);
         }
         site
+    }
+
+    /// Leaves a regular layout at rings: the search for the best rectangle takes as long on a scrap as on a large segment.
+    pub fn keep_plain(&mut self) {
+        if let Some(charted) = &mut self.charted {
+            charted.without_rectangles();
+        }
     }
 
     /// Whether an example stands on it that is to keep its density.

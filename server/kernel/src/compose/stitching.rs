@@ -164,7 +164,12 @@ impl<'a> Stitching<'a> {
             .collect();
         let edge = (self.scale.area / REGULAR_QUADS).sqrt() * self.options.edge_scale;
         let sites = pieces.iter().zip(nets).enumerate();
-        sites.map(|(s, (piece, net))| Site::new(self.input, s, *piece, net, edge)).collect()
+        let mut sites: Vec<Site<'p>> =
+            sites.map(|(s, (piece, net))| Site::new(self.input, s, *piece, net, edge)).collect();
+        if self.is_late() {
+            sites.iter_mut().for_each(Site::keep_plain);
+        }
+        sites
     }
 
     /// A part as a net, its faces turned as the segment's.

@@ -6,6 +6,7 @@
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Closest;
 use crate::mesh::tri::{NONE, next};
+use crate::numerics::stop;
 use crate::unfold::{Chart, Uv};
 
 /// A place on the surface.
@@ -95,6 +96,7 @@ impl PlanarIndex {
         let cells = ((count as f64).sqrt() as usize).clamp(4, CELLS_MAX);
         let mut starts = vec![0u32; cells * cells + 1];
         for t in 0..count as u32 {
+            stop::pass(1);
             for_each_cell(chart, t, cells, |c| starts[c + 1] += 1);
         }
         for c in 0..cells * cells {
@@ -103,6 +105,7 @@ impl PlanarIndex {
         let mut filled = starts.clone();
         let mut triangles = vec![0; starts[cells * cells] as usize];
         for t in 0..count as u32 {
+            stop::pass(1);
             for_each_cell(chart, t, cells, |c| {
                 triangles[filled[c] as usize] = t;
                 filled[c] += 1;

@@ -5,6 +5,7 @@
 //! triangle costs what its outline costs; the picture's mean is 1 up to rounding. *Source:* METHOD §3.
 
 use super::Picture;
+use crate::numerics::stop;
 use crate::topology::Topology;
 use crate::unfold::{Chart, Uv};
 
@@ -21,6 +22,9 @@ pub enum Shape {
     /// With a pole as a corner it is the quad between its opposite edge and the pole's line.
     Pole([Uv; 4]),
 }
+
+/// A shape takes as long as so many elements of other passes, about.
+const SHAPE_ELEMENTS: usize = 16;
 
 /// The conformal factor of a chart at `side` × `side` pixels.
 pub fn conformal_factor(chart: &Chart, side: usize) -> Picture {
@@ -51,6 +55,7 @@ pub fn picture(topology: Topology, side: usize, shapes: impl Iterator<Item = (Sh
     let mut canvas = Canvas::new(side, topology);
     let pixels = (side * side) as f64;
     for (shape, share) in shapes {
+        stop::pass(SHAPE_ELEMENTS);
         match shape {
             Shape::Triangle(corners) => canvas.spread(&corners, share * pixels),
             Shape::Pole(corners) => canvas.spread(&corners, share * pixels),

@@ -1,4 +1,4 @@
-//! The best of several rough places of an example on an input, each settled.
+//! The best of several rough places of an example on an input: each is laid roughly, and the best settles.
 //!
 //! How well the relief of the example agrees with that of the input where it lies, less what the map bends and how far normals
 //! disagree, is the arbiter ([`Evidence::confidence`]): of right maps it is high, of wrong ones low, whatever the shapes.
@@ -13,13 +13,18 @@ use crate::settle::{Evidence, Landmark, Manner, Options, Settled, Settler};
 pub const CONVINCING: f64 = 0.8;
 /// Where all of the example lies on all of the input, [`Evidence::confidence`] is convincing from here on: a place on a part of
 /// either would leave something over, or bend. *Untuned:* what is called good.
-const CONVINCING_WHOLE: f64 = 0.4;
+const CONVINCING_WHOLE: f64 = 0.45;
 /// Shares from which on it is all.
 const WHOLE: f64 = 0.97;
 /// A start of less relief is not followed: it is wrong. *Untuned.*
 const FOLLOWED: f64 = 0.1;
 /// A mirrored place must be so much surer than one that is not: bodies and heads are nearly their own mirror image.
 const MIRROR_MARGIN: f64 = 0.05;
+/// Places that are less sure than the best by no more than this settle too, so many at most.
+const NEAR: f64 = 0.15;
+const FINALISTS: usize = 3;
+/// Places whose vertices are less apart in the mean, in √area of the input, are one.
+const SAME: f64 = 0.03;
 
 /// A rough place of an example.
 #[derive(Clone, Debug)]
@@ -30,7 +35,7 @@ pub struct Start {
     pub mirrored: bool,
 }
 
-/// An example at rest.
+/// An example on an input.
 #[derive(Clone, Debug)]
 pub struct Rested {
     /// Of each vertex the place on the input.
@@ -43,18 +48,36 @@ pub struct Rested {
     pub evidence: Evidence,
 }
 
+/// From where an example was laid.
+#[derive(Clone, Debug)]
+enum From {
+    Start(Vec<Vec3>, Manner),
+    Tips(Vec<Landmark>),
+}
+
+/// What has been laid roughly: how it lies, where its vertices are, and from where it came.
+#[derive(Debug)]
+struct Laid {
+    rested: Rested,
+    positions: Vec<Vec3>,
+    from: From,
+}
+
 /// An example and an input, prepared for many starts.
 pub struct Rests<'a> {
     plain: Settler<'a>,
     mirrored: Settler<'a>,
-    best: Option<Rested>,
+    /// What has been laid roughly.
+    laid: Vec<Laid>,
+    /// The input's area.
+    area: f64,
 }
 
 impl<'a> Rests<'a> {
     /// Prepares; `None` where either has no area.
     pub fn new(example: &TriMesh, input: &'a TriMesh) -> Option<Self> {
         let settler = |mirror| Settler::new(example, input, mirror, &Options::default());
-        Some(Self { plain: settler(1.0)?, mirrored: settler(-1.0)?, best: None })
+        Some(Self { plain: settler(1.0)?, mirrored: settler(-1.0)?, laid: Vec::new(), area: input.total_area() })
     }
 
     /// The same, with landmarks held on their places.
@@ -73,17 +96,34 @@ impl<'a> Rests<'a> {
 
     /// The best so far.
     pub fn best(&self) -> Option<&Rested> {
-        self.best.as_ref()
+        let all = self.laid.iter().map(|laid| &laid.rested);
+        all.max_by(|a, b| worth(a).total_cmp(&worth(b)))
     }
 
-    /// The best of all.
-    pub fn into_best(self) -> Option<Rested> {
-        self.best
+    /// The best of all, settled; `None` when stopped. The best few settle where they are near: roughly laid, what is nearly its own
+    /// mirror image, or faces backwards, can't be told from it.
+    pub fn into_best(self, stop: &dyn Fn() -> bool) -> Option<Rested> {
+        let near = worth(self.best()?) - NEAR;
+        let mut finalists: Vec<Laid> = self.laid.into_iter().filter(|laid| worth(&laid.rested) >= near).collect();
+        finalists.sort_by(|a, b| worth(&b.rested).total_cmp(&worth(&a.rested)));
+        let mut settled: Option<Rested> = None;
+        for Laid { rested: Rested { mirrored, .. }, from, .. } in finalists.into_iter().take(FINALISTS) {
+            let settler = if mirrored { &self.mirrored } else { &self.plain };
+            let found = match &from {
+                From::Start(start, manner) => settler.fine(start, *manner, stop)?,
+                From::Tips(tips) => settler.led(tips, stop)?,
+            };
+            let made = Rested { places: found.places, lost: found.lost, mirrored, evidence: found.evidence };
+            if settled.as_ref().is_none_or(|settled| worth(&made) > worth(settled)) {
+                settled = Some(made);
+            }
+        }
+        settled
     }
 
     /// Whether the best so far needs no other.
     pub fn is_convincing(&self) -> bool {
-        self.best.as_ref().is_some_and(|best| {
+        self.best().is_some_and(|best| {
             let e = &best.evidence;
             let is_whole = e.lost <= 1.0 - WHOLE && e.covered >= WHOLE;
             e.relief >= CONVINCING || is_whole && e.confidence() >= CONVINCING_WHOLE
@@ -114,8 +154,8 @@ impl<'a> Rests<'a> {
         let (Some(plain), Some(mirrored)) = (self.plain.missed(tips), self.mirrored.missed(tips)) else { return };
         let is_mirrored = mirrored < plain;
         let settler = if is_mirrored { &self.mirrored } else { &self.plain };
-        if let Some(found) = settler.led(tips, stop) {
-            self.keep(found, is_mirrored);
+        if let Some(found) = settler.led_roughly(tips, stop) {
+            self.keep(found, is_mirrored, From::Tips(tips.to_vec()));
         }
     }
 
@@ -133,17 +173,26 @@ impl<'a> Rests<'a> {
     /// Settles a start; where it came to rest.
     fn settle(&mut self, start: &Start, mirrored: bool, manner: Manner, stop: &dyn Fn() -> bool) -> Option<Vec<Vec3>> {
         let settler = if mirrored { &self.mirrored } else { &self.plain };
-        let found = settler.in_manner(manner).settle(&start.positions, stop)?;
+        let found = settler.rough(&start.positions, manner, stop)?;
         let positions = found.positions.clone();
-        self.keep(found, mirrored);
+        self.keep(found, mirrored, From::Start(start.positions.clone(), manner));
         Some(positions)
     }
 
     /// Keeps what has settled if it is the best so far.
-    fn keep(&mut self, found: Settled, mirrored: bool) {
-        let made = Rested { places: found.places, lost: found.lost, mirrored, evidence: found.evidence };
-        if self.best.as_ref().is_none_or(|best| worth(&made) > worth(best)) {
-            self.best = Some(made);
+    fn keep(&mut self, found: Settled, mirrored: bool, from: From) {
+        let Settled { places, lost, evidence, positions, .. } = found;
+        let reach = SAME * self.area.sqrt() * positions.len() as f64;
+        let same = |laid: &Laid| {
+            let apart = laid.positions.iter().zip(&positions).map(|(a, b)| (a - b).norm()).sum::<f64>();
+            laid.rested.mirrored == mirrored && apart <= reach
+        };
+        let known = self.laid.iter().position(same);
+        let laid = Laid { rested: Rested { places, lost, mirrored, evidence }, positions, from };
+        match known {
+            Some(k) if worth(&laid.rested) <= worth(&self.laid[k].rested) => {}
+            Some(k) => self.laid[k] = laid,
+            None => self.laid.push(laid),
         }
     }
 
@@ -166,7 +215,7 @@ mod tests {
     use crate::topology::tests::grid;
 
     /// A bumpy sheet, like nothing mirrored; `sign` −1 mirrors it.
-    fn sheet(n: usize, sign: f64) -> TriMesh {
+    fn sheet(n: u32, sign: f64) -> TriMesh {
         let flat = grid(n, n, false, false);
         let bump = |p: &Vec3| 0.2 * (5.0 * p.x + 0.4).sin() * (3.9 * p.y).cos() + 0.1 * (7.1 * p.y + 2.0 * p.x).sin();
         let positions = flat.positions.iter().map(|p| Vec3::new(sign * p.x, p.y, bump(p))).collect();
@@ -190,7 +239,7 @@ mod tests {
             let mut rests = Rests::new(&example, &input).expect("areas");
             rests.tries_led(&tips, &|| false);
             assert!(rests.is_convincing());
-            let best = rests.into_best().expect("settled");
+            let best = rests.into_best(&|| false).expect("settled");
             assert_eq!(best.mirrored, sign < 0.0);
             let off = best.places.iter().zip(&example.positions).map(|(at, p)| (at.point - place(p)).norm());
             assert!(off.sum::<f64>() / (n as f64) < 0.01);

@@ -240,7 +240,7 @@ mod tests {
         let (mesh, chart, mut cross) = turned_about();
         let index = PlanarIndex::new(&chart);
         assert!(inward(&mesh, &cross, &chart, 1.0).len() > 10);
-        assert_eq!(reembed(&mesh, &mut cross, &[Ground { chart: &chart, index: &index }], 1.0), 0);
+        assert_eq!(lay_anew(&mesh, &mut cross, &[Ground { chart: &chart, index: &index }], 1.0), 0);
         for (v, location) in cross.locations.iter().enumerate() {
             assert!((location.point(&chart) - cross.positions[v]).norm() < 1e-12);
         }

@@ -64,6 +64,7 @@ impl Bvh {
                 let node: &mut Node = &mut nodes[parent];
                 node.link = number;
             }
+            stop::pass(end - start);
             let slice = &mut order[start..end];
             let (low, high) = bounds(slice.iter().flat_map(|t| corners[*t as usize]));
             let is_leaf = slice.len() <= LEAF_SIZE;

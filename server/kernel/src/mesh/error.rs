@@ -105,7 +105,7 @@ pub enum MeshError {
         /// What to do.
         remedy: &'static str,
     },
-    /// An edge with more than two faces.
+    /// An edge with more faces than can be told apart.
     #[error(
         "expected at most two faces at an edge, found {count} (faces {}) at the edge between vertices {} and {} (all \
          counted from 1), which lie at ({}, {}, {}) and ({}, {}, {}); split or delete the faces that meet there",

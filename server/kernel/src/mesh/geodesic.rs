@@ -10,6 +10,7 @@ use std::collections::BinaryHeap;
 
 use super::Vec3;
 use super::tri::{NONE, TriMesh, prev};
+use crate::numerics::stop;
 
 /// Distances on one surface, from any sources.
 #[derive(Debug)]
@@ -34,6 +35,7 @@ impl<'a> Marcher<'a> {
             heap.push(Reverse((0u64, s)));
         }
         while let Some(Reverse((key, v))) = heap.pop() {
+            stop::pass(1);
             if f64::from_bits(key) > distance[v as usize] {
                 continue;
             }

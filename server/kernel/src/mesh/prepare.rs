@@ -1,8 +1,9 @@
 //! From polygons to a triangle mesh that can be computed with.
 //!
-//! Safe repairs are made, in this order, and each is reported: repeated corners, duplicate faces, unwelded seams, faces
-//! wound against their neighbours, closed surfaces inside out, pinched vertices, edges without length, isolated vertices.
-//! What is not safe is refused with the element's number: edges with more than two faces, one-sided surfaces.
+//! Safe repairs are made, in this order, and each is reported: repeated corners, duplicate faces, edges of three or four
+//! faces, unwelded seams, faces wound against their neighbours, closed surfaces inside out, pinched vertices, edges
+//! without length, isolated vertices. What is not safe is refused with the element's number: edges with more faces,
+//! one-sided surfaces.
 //!
 //! The upload stays as it is. In particular a closed surface whose normals point inwards is turned here only, so that two
 //! surfaces agree about which side is out when one is laid on the other; what the artist gets back keeps the file's
@@ -13,6 +14,7 @@ mod disjoint;
 mod duplicates;
 mod ears;
 mod orient;
+mod shared;
 mod stitch;
 mod surface;
 mod tessellate;
@@ -59,8 +61,7 @@ pub fn prepare(poly: &PolyMesh) -> Result<Prepared, MeshError> {
         return Err(MeshError::NoExtent { diagonal, remedy });
     }
     surface = duplicates::leave_out(surface, &mut repairs);
-    surface.pair(&poly.positions)?;
-    let mut sides = orient::sides(&surface)?;
+    let (mut surface, mut sides) = shared::paired(surface, &poly.positions, &mut repairs)?;
     stitch::stitch(&mut surface, &mut sides, &poly.positions, diagonal);
     let turned = orient::turn(&mut surface, sides, &poly.positions, &mut repairs);
     let mut reversed = vec![false; poly.faces.len()];

@@ -24,6 +24,10 @@ pub enum RepairKind {
     CollapsedFaces,
     /// Faces that repeat another are left out.
     DuplicateFaces,
+    /// Edges of three or four faces: two go on into each other, and so may the other two; what is left over ends there.
+    SharedEdges,
+    /// Faces of small sheets that stood on the surface at such edges are left out.
+    StandingFaces,
     /// Vertices with equal positions along open boundaries are joined.
     WeldedVertices,
     /// Vertices with nearly equal positions along open boundaries are joined.
@@ -62,6 +66,14 @@ impl RepairKind {
                 ("face with fewer than 3 corners left out", "faces with fewer than 3 corners left out", FACE)
             }
             Self::DuplicateFaces => ("duplicate face left out", "duplicate faces left out", FACE),
+            Self::SharedEdges => {
+                ("edge of three or four faces set apart", "edges of three or four faces set apart", VERTEX)
+            }
+            Self::StandingFaces => (
+                "face of a small sheet that stood on the surface left out",
+                "faces of small sheets that stood on the surface left out",
+                FACE,
+            ),
             Self::WeldedVertices => {
                 ("duplicate vertex joined along a seam", "duplicate vertices joined along seams", VERTEX)
             }

@@ -4,6 +4,7 @@
 //! tessellation inserted it into a polygon. *Source:* paper §6.
 
 use super::Vec3;
+use crate::numerics::stop;
 
 /// "No element" in any index array of the kernel.
 pub const NONE: u32 = u32::MAX;
@@ -62,7 +63,9 @@ pub fn pair_halfedges(triangles: &[[u32; 3]]) -> Result<Vec<u32>, BadEdge> {
             keyed.push((key, (3 * t + k) as u32));
         }
     }
+    stop::pass(keyed.len());
     keyed.sort_unstable();
+    stop::pass(keyed.len());
     let mut twins = vec![NONE; 3 * triangles.len()];
     for run in keyed.chunk_by(|x, y| x.0 == y.0) {
         let bad = BadEdge { vertices: [(run[0].0 >> 32) as u32, run[0].0 as u32], halfedges: run.len() as u32 };

@@ -71,6 +71,7 @@ impl Pattern {
             }
             column_starts.push(rows.len() as u32);
         }
+        stop::ask();
         let view = SymbolicSparseColMatRef::new_checked(n, n, &column_starts, None, &rows);
         let params = CholeskySymbolicParams {
             // Measured a tenth faster than the simplicial one from 7,000 triangles on.
@@ -118,6 +119,7 @@ impl Pattern {
                 values[at] += w;
             }
         }
+        stop::ask();
         let n = self.dim();
         let view = SymbolicSparseColMatRef::new_checked(n, n, &self.column_starts, None, &self.rows);
         let matrix = SparseColMatRef::new(view, &values);

@@ -16,9 +16,13 @@ pub type Ask = Rc<dyn Fn()>;
 /// A poll asks once in so many.
 const ASK_EVERY: u64 = 16;
 
+/// Passing asks once in so many elements; at some ten to a hundred nanoseconds each, within a fraction of a millisecond.
+const PASS_EVERY: u64 = 4096;
+
 thread_local! {
     static ASK: RefCell<Option<Ask>> = const { RefCell::new(None) };
     static STEPS: Cell<u64> = const { Cell::new(0) };
+    static PASSED: Cell<u64> = const { Cell::new(0) };
 }
 
 /// Puts back what was asked before, also when the computation unwinds.
@@ -42,6 +46,19 @@ pub fn poll() {
     let steps = STEPS.get().wrapping_add(1);
     STEPS.set(steps);
     if steps.is_multiple_of(ASK_EVERY) {
+        ask();
+    }
+}
+
+/// Asks whether to go on once in a while as a pass over many elements comes by so many of them. Counts no steps: how much
+/// work is allowed does not depend on where passes are interrupted.
+#[inline]
+pub fn pass(elements: usize) {
+    let passed = PASSED.get() + elements as u64;
+    if passed < PASS_EVERY {
+        PASSED.set(passed);
+    } else {
+        PASSED.set(0);
         ask();
     }
 }
@@ -87,9 +104,22 @@ mod tests {
     }
 
     #[test]
+    fn a_pass_is_interrupted_too() {
+        let mut passed = 0;
+        let ask: Ask = Rc::new(|| resume_unwind(Box::new(())));
+        let endless = || loop {
+            passed += 1;
+            pass(1);
+        };
+        let ended: Result<(), _> = catch_unwind(AssertUnwindSafe(|| within(ask, endless)));
+        assert!(ended.is_err() && passed <= PASS_EVERY, "{passed}");
+    }
+
+    #[test]
     fn steps_count_the_polls_of_this_thread() {
         let before = steps();
         (0..100).for_each(|_| poll());
+        pass(1_000_000);
         std::thread::spawn(|| (0..100).for_each(|_| poll())).join().expect("it ends");
         assert_eq!(steps() - before, 100);
     }

@@ -8,6 +8,7 @@
 use super::distance::{neighbours, spread};
 use crate::mesh::geodesic::Marcher;
 use crate::mesh::tri::TriMesh;
+use crate::numerics::stop;
 
 /// Terms of the sum.
 const SAMPLES: usize = 20;
@@ -33,6 +34,7 @@ pub(super) fn centrality(mesh: &TriMesh) -> Vec<f64> {
     }
     let neighbours = neighbours(mesh);
     for _ in 0..ROUNDS {
+        stop::ask();
         let mean = |v: usize| {
             let around: f64 = neighbours[v].iter().map(|&w| f[w as usize]).sum();
             0.5 * (f[v] + around / neighbours[v].len().max(1) as f64)

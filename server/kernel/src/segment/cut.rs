@@ -6,6 +6,7 @@
 use super::refined::{Builder, Refined, pieces};
 use super::smooth::{Shares, winner};
 use crate::mesh::tri::NONE;
+use crate::numerics::stop;
 
 /// How near to an end an edge is cut, as a share of its length.
 const END: f64 = 0.12;
@@ -27,6 +28,7 @@ pub(super) fn cut(refined: &Refined, shares: &[Shares]) -> (Refined, Vec<u32>) {
     let on = out.split_edges(&splits);
     let mut label_of = Vec::new();
     for t in 0..mesh.triangles.len() as u32 {
+        stop::pass(1);
         let corners = mesh.triangles[t as usize];
         let of = corners.map(|v| labels[v as usize]);
         if (0..3).all(|k| on[3 * t as usize + k] != NONE) {

@@ -3,6 +3,7 @@
 use crate::mesh::Vec3;
 use crate::mesh::split;
 use crate::mesh::tri::{NONE, TriMesh, pair_halfedges};
+use crate::numerics::stop;
 
 /// On what a vertex lies: a vertex (twice the same number), an edge (its vertices, the lower first), or the inside of a
 /// triangle ([`INSIDE`]).
@@ -50,6 +51,7 @@ impl Refined {
         let mut out = Builder::new(self);
         let on = out.split_edges(splits);
         for t in 0..self.mesh.triangles.len() as u32 {
+            stop::pass(1);
             let pieces = pieces(&self.mesh, t, &on, &out.positions);
             out.extend(t, pieces);
         }

@@ -6,6 +6,7 @@
 
 use super::distance::neighbours;
 use crate::mesh::tri::TriMesh;
+use crate::numerics::stop;
 
 /// How strongly borders are smoothed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +30,7 @@ pub(super) fn smooth(mesh: &TriMesh, label_of: &[u32], strength: Strength) -> Ve
         }
         let band = band(&shares, &neighbours, strength.steps);
         for _ in 0..strength.steps {
+            stop::ask();
             let next: Vec<Shares> = band.iter().map(|&v| averaged(v, &shares, &neighbours)).collect();
             band.iter().zip(next).for_each(|(&v, s)| shares[v as usize] = s);
         }
@@ -47,6 +49,7 @@ fn indicators(mesh: &TriMesh, label_of: &[u32]) -> Vec<Shares> {
     let mut shares: Vec<Shares> = vec![Vec::new(); mesh.positions.len()];
     for (t, corners) in mesh.triangles.iter().enumerate() {
         let area = mesh.area(t).max(1e-300);
+        stop::pass(1);
         corners.iter().for_each(|&v| add(&mut shares[v as usize], label_of[t], area));
     }
     shares.iter_mut().for_each(normalise);

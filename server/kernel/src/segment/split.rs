@@ -11,6 +11,7 @@ use super::region::Region;
 use super::tour;
 use crate::mesh::geodesic::Marcher;
 use crate::mesh::tri::{NONE, TriMesh, next, prev};
+use crate::numerics::stop;
 use crate::topology::{self, Topology, invariants};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -156,6 +157,7 @@ fn shortest_loop(mesh: &TriMesh, base: u32) -> Option<(f64, Vec<u32>)> {
     edges.sort_by(|x, y| y.0.total_cmp(&x.0).then(x.1.cmp(&y.1)));
     let mut shortest = None;
     for (length, h) in edges {
+        stop::pass(1);
         let beyond = if mesh.twin(h) == NONE { face_beyond[h as usize] } else { mesh.twin(h) / 3 };
         let (a, b) = (find(&mut leader, h / 3), find(&mut leader, beyond));
         match a == b {
@@ -198,6 +200,7 @@ fn edge_paths(mesh: &TriMesh, base: u32) -> (Vec<f64>, Vec<u32>) {
     distance[base as usize] = 0.0;
     let mut heap = BinaryHeap::from([Reverse((0u64, base))]);
     while let Some(Reverse((key, v))) = heap.pop() {
+        stop::pass(1);
         let d = f64::from_bits(key);
         if d > distance[v as usize] {
             continue;

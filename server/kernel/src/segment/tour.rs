@@ -11,6 +11,7 @@ use super::distance::neighbours;
 use super::order::order;
 use crate::mesh::geodesic::Marcher;
 use crate::mesh::tri::{NONE, TriMesh};
+use crate::numerics::stop;
 use crate::topology::{self, Topology};
 
 /// Beyond so many loops the surface is better halved first.
@@ -137,6 +138,7 @@ fn path(
         heap.push(Reverse((0u64, v)));
     }
     while let Some(Reverse((key, v))) = heap.pop() {
+        stop::pass(1);
         let d = f64::from_bits(key);
         if d > distance[v as usize] {
             continue;

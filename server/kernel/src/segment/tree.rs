@@ -7,6 +7,7 @@
 
 use super::centrality::vertex_areas;
 use crate::mesh::tri::{NONE, TriMesh};
+use crate::numerics::stop;
 
 /// Levels at which girths are measured.
 pub(super) const LEVELS: usize = 384;
@@ -66,6 +67,7 @@ impl Tree {
         let (leader, arc) = (vec![NONE; n], vec![NONE; n]);
         let mut sweep = Sweep { f, dropped, persistence_min, leader, arc, arcs: Vec::new(), twig: Vec::new() };
         for &v in &order {
+            stop::pass(1);
             let mut met: Vec<u32> = Vec::new();
             for &w in &neighbours[v as usize] {
                 if sweep.leader[w as usize] != NONE {
@@ -110,9 +112,11 @@ impl Tree {
         let mut profiles: Vec<Profile> =
             self.live.iter().map(|live| Profile { girth: levels(live), area: levels(live) }).collect();
         for corners in &mesh.triangles {
+            stop::pass(8);
             self.measure(mesh, f, scale, *corners, unit, &mut profiles);
         }
         for (v, mass) in vertex_areas(mesh).into_iter().enumerate() {
+            stop::pass(8);
             let mut a = self.arc_of[v];
             for j in (0..=scale.below(f[v])).rev() {
                 a = self.at_level(a, scale.level(j));

@@ -63,7 +63,12 @@ const AT_RIM: f64 = 0.02;
 impl Evidence {
     /// How sure the map is: relief, less what its bend and its normals count. Below 1; right maps have some .3 to .9. *Untuned.*
     pub fn confidence(&self) -> f64 {
-        self.relief - BEND_WEIGHT * self.bend.max(1.0).log10() - NORMAL_WEIGHT * self.normal_disagreement
+        self.agreement() - NORMAL_WEIGHT * self.normal_disagreement
+    }
+
+    /// The same but for the normals, which tell the places of one example from each other, and between two species say little.
+    pub fn agreement(&self) -> f64 {
+        self.relief - BEND_WEIGHT * self.bend.max(1.0).log10()
     }
 }
 

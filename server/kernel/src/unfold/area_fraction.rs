@@ -5,6 +5,7 @@
 //! levels. *Ours, not the paper's* (its Eq. 3 on v): METHOD §2.
 
 use crate::mesh::tri::TriMesh;
+use crate::numerics::stop;
 
 /// Shares of the area between which a sphere's modulus looks, and below the second of which a disc's does. *Source:* METHOD §2.
 pub const MODULUS_SHARES: [f64; 2] = [0.1, 0.9];
@@ -42,6 +43,7 @@ impl AreaFraction {
             let x = [low.min(c), low.max(high.min(c)), high.max(c)];
             let area = mesh.area(t);
             let first = levels.partition_point(|&l| l <= x[0]).saturating_sub(1).min(bins - 1);
+            stop::pass(1);
             let mut done = 0.0;
             for bin in first..bins {
                 let share = if bin + 1 == bins { 1.0 } else { share_below(x, levels[bin + 1]) };
@@ -89,14 +91,19 @@ fn quantiles(v: &[f64], levels_max: usize) -> Vec<f64> {
 
 /// Share of a triangle with corner values x₀ ≤ x₁ ≤ x₂ that lies below `level`.
 fn share_below(x: [f64; 3], level: f64) -> f64 {
+    // Far out on a ribbon v has decayed so far that products of it are none.
+    let share = |part: f64, p: f64, q: f64| match p * q {
+        product if product >= f64::MIN_POSITIVE => part * part / product,
+        _ => (part / p) * (part / q),
+    };
     if level >= x[2] {
         1.0
     } else if level <= x[0] {
         0.0
     } else if level <= x[1] {
-        (level - x[0]) * (level - x[0]) / ((x[1] - x[0]) * (x[2] - x[0]))
+        share(level - x[0], x[1] - x[0], x[2] - x[0])
     } else {
-        1.0 - (x[2] - level) * (x[2] - level) / ((x[2] - x[1]) * (x[2] - x[0]))
+        1.0 - share(x[2] - level, x[2] - x[1], x[2] - x[0])
     }
 }
 
@@ -121,6 +128,12 @@ mod tests {
             assert!((fraction.at(x) - x).abs() < 1e-12);
         }
         assert!((fraction.level(0.9) - 0.9).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_has_decayed_far_is_shared_out_as_what_has_not() {
+        let shares = [1.0, 1e-200, 1e-300].map(|unit| share_below([0.0, unit, 3.0 * unit], 2.0 * unit));
+        assert!(shares.iter().all(|share| (share - 5.0 / 6.0).abs() < 1e-9), "{shares:?}");
     }
 
     #[test]

@@ -185,7 +185,8 @@ impl Solver {
         let mut orphans: Vec<u32> = (0..n as u32).filter(|&v| held[v as usize] && !poles.contains(&v)).collect();
         if rim.is_empty() {
             let ground = ground.filter(|&g| !held[g as usize]).or_else(|| (0..n as u32).find(|&v| !held[v as usize]));
-            held.iter_mut().enumerate().for_each(|(v, held)| *held |= Some(v as u32) == ground);
+            // The faces of a pole in a ribbon span it: what they part is held at a vertex each.
+            self.one_of_each(&weights, &held, ground).into_iter().for_each(|v| held[v as usize] = true);
         } else {
             orphans.retain(|&v| !self.on_boundary[v as usize]);
             let first = rim.iter().find(|(v, _)| Some(*v) == ground).map_or(0.0, |(_, u)| *u);
@@ -216,6 +217,32 @@ impl Solver {
         }
         self.adopt(&orphans, poles, carried, &mut right);
         Ok(right)
+    }
+
+    /// A vertex of each set of free vertices that is connected by weights, `ground` for its own.
+    fn one_of_each(&self, weights: &[f64], held: &[bool], ground: Option<u32>) -> Vec<u32> {
+        let t = &self.laplacian.triangulation;
+        let mut leader: Vec<u32> = (0..held.len() as u32).collect();
+        let find = |leader: &mut [u32], mut v: u32| {
+            while leader[v as usize] != v {
+                leader[v as usize] = leader[leader[v as usize] as usize];
+                v = leader[v as usize];
+            }
+            v
+        };
+        for h in (0..weights.len()).filter(|&h| weights[h] != 0.0) {
+            let (a, b) = (find(&mut leader, t.tails[h]), find(&mut leader, t.head(h as u32)));
+            leader[a.max(b) as usize] = a.min(b);
+        }
+        let mut found: Vec<u32> = ground.into_iter().collect();
+        let mut is_grounded = vec![false; held.len()];
+        found.iter().for_each(|&v| is_grounded[find(&mut leader, v) as usize] = true);
+        for v in (0..held.len() as u32).filter(|&v| !held[v as usize]) {
+            if !std::mem::replace(&mut is_grounded[find(&mut leader, v) as usize], true) {
+                found.push(v);
+            }
+        }
+        found
     }
 
     /// Turns an annulus's second loop against its first until ∫∇u · ∇v = 0: u + tv is as harmonic as u.

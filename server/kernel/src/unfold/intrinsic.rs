@@ -5,6 +5,7 @@
 //! is degenerate (Sharp & Crane 2020), and flips are recorded so that a cochain can be carried along afterwards.
 
 use crate::mesh::tri::{NONE, TriMesh, next, prev};
+use crate::numerics::stop;
 
 /// A triangulation that is known by its connectivity and edge lengths alone.
 #[derive(Clone, Debug)]
@@ -75,6 +76,7 @@ impl Intrinsic {
         queue.iter().for_each(|&h| queued[h as usize] = true);
         let budget = FLIPS_PER_EDGE_MAX * queue.len();
         while let Some(h) = queue.pop() {
+            stop::pass(1);
             queued[h as usize] = false;
             let g = self.twins[h as usize];
             if g == NONE || self.cotangent(h) + self.cotangent(g) >= -DELAUNAY_SLACK || self.flips.len() >= budget {

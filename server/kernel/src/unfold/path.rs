@@ -4,6 +4,7 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 
 use crate::mesh::tri::{NONE, TriMesh, prev};
+use crate::numerics::stop;
 
 /// Distances along edges from the sources, and the halfedge by which each vertex was reached ([`NONE`] for sources
 /// and for what cannot be reached).
@@ -18,6 +19,7 @@ pub fn distances(mesh: &TriMesh, sources: &[u32]) -> (Vec<f64>, Vec<u32>) {
         heap.push(Reverse((0u64, s)));
     }
     while let Some(Reverse((key, v))) = heap.pop() {
+        stop::pass(1);
         let d = f64::from_bits(key);
         if d > distance[v as usize] {
             continue;
@@ -40,6 +42,7 @@ pub fn within(mesh: &TriMesh, outgoing: &[u32], centre: u32, radius: f64) -> BTr
     let mut settled = BTreeMap::new();
     let mut heap = BinaryHeap::from([Reverse((0u64, centre))]);
     while let Some(Reverse((key, v))) = heap.pop() {
+        stop::pass(1);
         let d = f64::from_bits(key);
         if d > radius {
             break;

@@ -43,7 +43,7 @@ pub enum Breadth {
     Fingers,
 }
 
-/// Poles of a disc, best first.
+/// Poles of a disc, best first; at least one.
 pub fn disc_candidates(solver: &Solver, smoother: &Smoother) -> Vec<u32> {
     let first = torsion_centre(solver);
     let harmonic = solver.v(&[first]);
@@ -55,7 +55,9 @@ pub fn disc_candidates(solver: &Solver, smoother: &Smoother) -> Vec<u32> {
         if solver.on_boundary[v] { f64::NEG_INFINITY } else { smooth[v] + inside.max(GAP_MIN).ln() }
     };
     let radius: Vec<f64> = (0..raw.len()).map(log_radius).collect();
-    local_maxima(solver, &radius)
+    let found = local_maxima(solver, &radius);
+    // On a ribbon the scale falls by so much that no vertex stands out.
+    if found.is_empty() { vec![first] } else { found }
 }
 
 /// Tips of protrusions (fingers, limbs): maxima of the smoothed log √(A₃/A₂) that rise by [`PROMINENCE`] over the

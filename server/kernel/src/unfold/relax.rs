@@ -9,6 +9,7 @@
 use super::{corner_uvs, signed_area};
 use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
+use crate::numerics::stop;
 use crate::topology;
 
 /// Rings about turned triangles that are laid anew with them, each number tried on what the one before left.
@@ -98,6 +99,7 @@ impl Region {
         };
         let mut kept = places(at);
         for _ in 0..SWEEPS_MAX / SWEEPS_BETWEEN {
+            stop::pass(SWEEPS_BETWEEN * movable.len());
             for (x, around) in (0..SWEEPS_BETWEEN).flat_map(|_| &movable) {
                 let all: f64 = around.iter().map(|n| n.weight).sum();
                 let mean = |of: &dyn Fn(&Neighbour) -> f64| around.iter().map(|n| n.weight * of(n)).sum::<f64>() / all;

@@ -438,8 +438,12 @@ impl From<StoreError> for CorpusError {
             StoreError::ReadOnly { .. } => Self::ReadOnly(error.to_string()),
             StoreError::Busy => Self::Busy,
             StoreError::Io { .. } if error.is_full() => Self::Full(error.to_string()),
-            StoreError::Io { .. }
-            | StoreError::Engine { .. }
+            // The paths are nobody's business but the log's.
+            StoreError::Io { .. } => {
+                tracing::error!(error = &error as &dyn std::error::Error, "the disk fails");
+                Self::ReadOnly("expected a disk that works, found one that fails; try again later".into())
+            }
+            StoreError::Engine { .. }
             | StoreError::Newer { .. }
             | StoreError::Locked { .. }
             | StoreError::Migration(_)

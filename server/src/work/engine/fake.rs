@@ -10,7 +10,7 @@ use quadmuse_kernel::mesh::{Polygons, Vec3};
 use quadmuse_kernel::register::image::Image;
 use quadmuse_kernel::register::spectra::Spectrum;
 use quadmuse_proto::constraint::Place;
-use quadmuse_proto::{ConstraintOrigin, Histogram, Location, MeshFormat};
+use quadmuse_proto::{Constraint, ConstraintOrigin, Distortion, Histogram, Location, MeshFormat, Verdict};
 use std::time::{Duration, Instant};
 
 /// The fake.

@@ -7,6 +7,7 @@
 
 use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
+use crate::numerics::stop;
 use crate::topology::Topology;
 use crate::unfold::{Chart, Uv};
 
@@ -53,6 +54,7 @@ impl Levels {
             let low = corners.iter().map(|c| c[1]).fold(f64::INFINITY, f64::min);
             let high = corners.iter().map(|c| c[1]).fold(f64::NEG_INFINITY, f64::max);
             let (from, to) = (v.partition_point(|&x| x < low), v.partition_point(|&x| x <= high));
+            stop::pass(1 + to - from);
             for l in from.saturating_sub(1)..(to + 1).min(LEVELS + 1) {
                 let x = v[l].clamp(INSIDE, 1.0 - INSIDE);
                 pieces[l].extend(crossing(&chart.mesh, t, corners, x));

@@ -17,6 +17,7 @@ use super::ramps::Ramps;
 use super::{Given, Regular};
 use crate::mesh::Vec3;
 use crate::numerics::Factored;
+use crate::numerics::stop;
 use crate::topology::Topology;
 use crate::unfold::Chart;
 use crate::unfold::laplacian::Laplacian;
@@ -28,6 +29,10 @@ const TURN_EDGES: usize = 2;
 const SHORT_SIDES: [f64; 3] = [0.5, 0.35, 0.2];
 /// A shorter side than these is tried where the number of quads that is wanted asks for it.
 const OBLONG_MAX: f64 = 0.18;
+/// One with a shorter side than this is a ribbon: no other shape is tried on it, and its turns are found by its boundary,
+/// looked at in so many places.
+const RIBBON_MAX: f64 = 0.01;
+const RIBBON_SAMPLES: usize = 64;
 /// Factor, as a power of two, by which the number of quads may miss what is wanted before such layouts are sought as have it.
 const COUNT_MISSED: f64 = 0.3;
 /// How far outside a triangle a point still counts as in it.
@@ -254,18 +259,36 @@ impl Search<'_> {
     fn run(&mut self, oblong: Option<f64>) -> Option<Net> {
         self.seen.clear();
         let m = self.rings[0].points.len() / 2;
-        for share in SHORT_SIDES.into_iter().chain(oblong) {
+        let ribbon = oblong.filter(|share| *share < RIBBON_MAX);
+        let usual = if ribbon.is_some() { &[][..] } else { &SHORT_SIDES };
+        for share in usual.iter().copied().chain(oblong) {
             let a = ((share * m as f64).round() as usize).max(1);
             // Turned by half its width, all of a narrow one is sheared.
             let most = if Some(share) == oblong { a / TURN_EDGES } else { m };
             let step = (m / TURNS).min(most).max(1);
+            let turns = if ribbon.is_some() { self.ribbon_turns(a) } else { (0..m).step_by(step).collect() };
             let starts: Vec<Tried> =
-                (0..m).step_by(step).filter_map(|turn| self.try_outer(Corners::new(turn, a, m))).collect();
+                turns.into_iter().filter_map(|turn| self.try_outer(Corners::new(turn, a, m))).collect();
             if let Some(start) = starts.into_iter().min_by(|a, b| a.badness.total_cmp(&b.badness)) {
                 self.climb(start, (m / TURNS).max(1));
             }
         }
         self.best.take().map(|best| best.1)
+    }
+
+    /// The turns of a ribbon at which its long sides lie nearest to each other: each that is tried costs solves of the whole.
+    fn ribbon_turns(&self, a: usize) -> Vec<usize> {
+        let points = &self.rings[0].points;
+        let (round, m) = (points.len(), points.len() / 2);
+        let step = (m / RIBBON_SAMPLES).max(1);
+        let apart = |turn: usize| -> f64 {
+            let across = |i: usize| points[(turn + a + i) % round] - points[(turn + round - i) % round];
+            (0..=m - a.min(m)).step_by(step).map(|i| across(i).norm_squared()).sum()
+        };
+        let mut turns: Vec<(f64, usize)> = (0..m).map(|turn| (apart(turn), turn)).collect();
+        turns.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
+        turns.truncate(TURNS);
+        turns.into_iter().map(|(_, turn)| turn).collect()
     }
 
     fn climb(&mut self, mut now: Tried, mut step: usize) {
@@ -297,6 +320,7 @@ impl Search<'_> {
             return None;
         }
         self.seen.push(frame);
+        stop::ask();
         let net = self.laid(frame).filter(|net| smallest_share(net) > SMALLEST_SHARE)?;
         let badness = badness(&net, self.harmonics.area, self.edge);
         if self.best.as_ref().is_none_or(|b| badness < b.0) {
@@ -323,7 +347,9 @@ impl Search<'_> {
                 let high = p.iter().map(|q| q[k]).fold(f64::NEG_INFINITY, f64::max) + OUTSIDE;
                 low.ceil().max(1.0) as usize..high.floor().clamp(0.0, most as f64 - 1.0) as usize + 1
             };
+            stop::pass(1);
             for j in range(1, b) {
+                stop::pass(a);
                 for i in range(0, a) {
                     let number = grid.number(i, j) as usize;
                     if number < boundary || number >= grid.vertices || stands[number].is_some() {

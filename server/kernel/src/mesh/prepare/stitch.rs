@@ -79,7 +79,7 @@ fn join_edges(
 }
 
 /// Takes back the stitches at vertices that they made bad, until none is.
-fn take_back_bad(surface: &mut Surface, sides: &mut Sides, mut made: Vec<[u32; 2]>) {
+pub(super) fn take_back_bad(surface: &mut Surface, sides: &mut Sides, mut made: Vec<[u32; 2]>) {
     for round in 0.. {
         let fan_of = fans(surface, |c, d| sides.opposed(surface.row_of[c as usize], surface.row_of[d as usize]));
         let bad = bad_fans(surface, &fan_of);

@@ -2,9 +2,11 @@
 //!
 //! Halfedge `c` runs from corner `c` to the next corner of its row.
 
+use super::shared::FACES_MAX;
 use crate::mesh::error::MeshError;
 use crate::mesh::repair::{RepairKind, Repairs};
 use crate::mesh::{NONE, PolyMesh, Polygons, Vec3};
+use crate::numerics::stop;
 
 /// Rows of corners. A row is what is left of a face of the upload.
 pub(super) struct Surface {
@@ -22,6 +24,7 @@ impl Surface {
     pub(super) fn cleaned(poly: &PolyMesh, repairs: &mut Repairs) -> Self {
         let (mut rows, mut face_of, mut row) = (Polygons::default(), Vec::new(), Vec::new());
         for (f, face) in poly.faces.iter().enumerate() {
+            stop::pass(face.len());
             let kept = reduce(face, &mut row);
             if kept.len() < 3 {
                 repairs.note(RepairKind::CollapsedFaces, f as u32);
@@ -76,13 +79,15 @@ impl Surface {
         self.tail(self.next(c))
     }
 
-    /// Pairs the halfedges that run between the same vertices.
+    /// Pairs the halfedges that run between the same vertices. Those of edges with a few more than two are left open, and
+    /// returned, a row an edge.
     ///
     /// # Errors
-    /// [`MeshError::EdgeShared`] at the lowest edge with more than two faces.
-    pub(super) fn pair(&mut self, positions: &[Vec3]) -> Result<(), MeshError> {
+    /// [`MeshError::EdgeShared`] at the lowest edge with more faces.
+    pub(super) fn pair(&mut self, positions: &[Vec3]) -> Result<Vec<Vec<u32>>, MeshError> {
         const FACES_NAMED: usize = 6;
         let keyed = self.keyed_edges();
+        let mut shared = Vec::new();
         for run in keyed.chunk_by(|x, y| x.0 == y.0) {
             match run {
                 [_] => {}
@@ -90,6 +95,7 @@ impl Surface {
                     self.twins[*c as usize] = *d;
                     self.twins[*d as usize] = *c;
                 }
+                [_, ..] if run.len() <= FACES_MAX => shared.push(run.iter().map(|(_, c)| *c).collect()),
                 [(key, _), ..] => {
                     let vertices = [(*key >> 32) as u32, *key as u32];
                     let named = run.iter().take(FACES_NAMED);
@@ -103,13 +109,15 @@ impl Surface {
                 [] => {}
             }
         }
-        Ok(())
+        Ok(shared)
     }
 
     /// All halfedges under the key of their edge, sorted.
     pub(super) fn keyed_edges(&self) -> Vec<(u64, u32)> {
         let mut keyed: Vec<_> = (0..self.corner_count()).map(|c| (edge_key(self.tail(c), self.head(c)), c)).collect();
+        stop::pass(keyed.len());
         keyed.sort_unstable();
+        stop::pass(keyed.len());
         keyed
     }
 

@@ -191,9 +191,12 @@ fn a_triangle_without_area_is_kept_and_told() {
 fn what_is_not_safe_is_refused_with_its_number() {
     let refusal = |positions: &[[f64; 3]], faces: &[&[u32]]| prepare(&poly(positions, faces)).expect_err("refused");
     let mut positions: Vec<[f64; 3]> = SQUARE.into();
-    positions.push([0.5, 0.5, 1.0]);
-    let book = refusal(&positions, &[&[0, 1, 2], &[1, 0, 3], &[0, 1, 4]]);
-    assert!(book.to_string().contains("faces 1, 2, 3") && book.to_string().contains("vertices 1 and 2"), "{book}");
+    positions.extend([[0.5, 0.5, 1.0], [0.5, 0.5, 2.0], [0.5, 0.5, 3.0]]);
+    let book = refusal(&positions, &[&[0, 1, 2], &[1, 0, 3], &[0, 1, 4], &[0, 1, 5], &[0, 1, 6]]);
+    assert!(
+        book.to_string().contains("faces 1, 2, 3, 4, 5") && book.to_string().contains("vertices 1 and 2"),
+        "{book}"
+    );
     let strip: Vec<[f64; 3]> = (0..10).map(|k| [f64::from(k / 2), f64::from(k % 2), f64::from(k * k)]).collect();
     let moebius: [&[u32]; 5] = [&[0, 1, 3, 2], &[2, 3, 5, 4], &[4, 5, 7, 6], &[6, 7, 9, 8], &[8, 9, 0, 1]];
     let one_sided = refusal(&strip, &moebius);
@@ -208,4 +211,51 @@ fn what_is_not_safe_is_refused_with_its_number() {
         refusal(&[[0.0; 3], [1e61, 0.0, 0.0], [0.0; 3]], &[&[0, 1, 2]]),
         MeshError::NotFinite { vertex: 1, .. }
     ));
+}
+
+#[test]
+fn a_sheet_that_stands_on_a_body_comes_off_and_the_body_stays_closed() {
+    // A cube with a wing at one of its edges, and a wall of two triangles across its inside.
+    let mut positions = cube_corners();
+    positions.extend([[2.0, -1.0, 0.0], [2.0, -1.0, 1.0]]);
+    let mut faces = CUBE.to_vec();
+    faces.extend([&[1, 5, 9, 8][..], &[0, 3, 7], &[0, 7, 4]]);
+    let prepared = prepared(&positions, &faces);
+    assert_eq!(repairs(&prepared)[0], (RepairKind::SharedEdges, 3));
+    let mesh = &prepared.mesh;
+    let open = |polygon: u32| {
+        (0..mesh.twins.len()).filter(|&h| mesh.polygon_of[h / 3] == polygon && mesh.twins[h] == NONE).count()
+    };
+    assert_eq!((0..6).map(open).sum::<usize>(), 0, "the body is closed");
+    assert_eq!((6..9).map(open).collect::<Vec<_>>(), [4, 2, 2], "what stood on it has a boundary of its own");
+    assert_eq!((mesh.triangles.len(), mesh.boundary_loops().len()), (16, 2));
+}
+
+#[test]
+fn a_small_sheet_that_stands_on_a_body_is_left_out() {
+    let mut positions = cube_corners();
+    positions.push([1.0, 1.05, 0.5]);
+    let mut faces = CUBE.to_vec();
+    faces.push(&[3, 7, 8]);
+    let prepared = prepared(&positions, &faces);
+    assert_eq!(repairs(&prepared), [(RepairKind::SharedEdges, 1), (RepairKind::StandingFaces, 1)]);
+    assert_eq!((prepared.mesh.triangles.len(), prepared.mesh.boundary_loops().len()), (12, 0));
+    assert_eq!(prepared.vertex_of[8], NONE);
+}
+
+#[test]
+fn bodies_that_touch_along_an_edge_are_two_and_of_three_leaves_the_largest_two_are_one() {
+    let mut positions = cube_corners();
+    positions.extend(cube_corners().iter().map(|p| [p[0] + 1.0, p[1] + 1.0, p[2]]));
+    // The second cube's edge above (1, 1) is the first one's.
+    let number = |v: u32| [3, 9, 10, 11, 7, 13, 14, 15][v as usize];
+    let second: Vec<Vec<u32>> = CUBE.iter().map(|f| f.iter().map(|&v| number(v)).collect()).collect();
+    let faces: Vec<&[u32]> = CUBE.into_iter().chain(second.iter().map(Vec::as_slice)).collect();
+    let two = prepared(&positions, &faces);
+    assert_eq!((two.mesh.positions.len(), two.mesh.boundary_loops().len()), (16, 0));
+    // A book of three leaves, the middle one the smallest.
+    let leaves = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 2.0, 0.0], [0.5, 0.0, 0.3], [0.5, -2.0, 0.0]];
+    let book = prepared(&leaves, &[&[0, 1, 2], &[0, 1, 3], &[1, 0, 4]]);
+    let apart: Vec<bool> = book.mesh.twins.chunks(3).map(|t| t.iter().all(|&twin| twin == NONE)).collect();
+    assert_eq!(apart, [false, true, false]);
 }

@@ -7,11 +7,13 @@ use super::disjoint::Sets;
 use super::surface::Surface;
 use crate::mesh::repair::{RepairKind, Repairs};
 use crate::mesh::{NONE, Vec3};
+use crate::numerics::stop;
 
 /// For each corner, the smallest corner of its fan. `same_way` tells whether two paired halfedges run the same way.
 pub(super) fn fans(surface: &Surface, mut same_way: impl FnMut(u32, u32) -> bool) -> Vec<u32> {
     let mut sets = Sets::new(surface.corner_count() as usize);
     for c in 0..surface.corner_count() {
+        stop::pass(1);
         let d = surface.twins[c as usize];
         if d == NONE || d < c {
             continue;

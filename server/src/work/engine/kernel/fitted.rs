@@ -147,7 +147,7 @@ fn settled(
     if let Some(carried) = rests.carried() {
         rests.tries(&carried, &stopped);
         stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
-        return Ok(rests.into_best());
+        return Ok(rests.into_best(&stopped));
     }
     if let Some(whole) = whole {
         rests.tries(whole, &stopped);
@@ -189,7 +189,9 @@ fn settled(
     }
     stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
     let least = relief(&rests) + SETTLED_MARGIN;
-    Ok(rests.into_best().filter(|best| best.evidence.relief > least))
+    let best = rests.into_best(&stopped);
+    stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
+    Ok(best.filter(|best| best.evidence.relief > least))
 }
 
 /// The registration of all of both: the one given, unless that is of a part; `None` where the topologies differ.
@@ -545,7 +547,7 @@ const FOLDED: [f64; 2] = [0.02, 0.06];
 /// The verdict on a map that has settled, with a sentence for each measure that is not good. Relief falls where shapes
 /// differ, and bend grows where the map is wrong, so neither is told alone.
 fn judged(evidence: &Evidence, folded: f64) -> (Verdict, Vec<String>) {
-    let confidence = evidence.confidence();
+    let confidence = evidence.agreement();
     let mut reasons = Vec::new();
     let mut measure = |is_good: bool, is_fair: bool, why: &str| {
         if !is_good {

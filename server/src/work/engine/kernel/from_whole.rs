@@ -132,15 +132,13 @@ pub(super) fn fitted(
     let wanted = pins(&registered);
     let Err(error) = own.bent(&wanted, sign) else { return Ok(registered) };
     // Boundaries of segments belong to their neighbours, too.
-    if on_fold == OnFold::Resolve && on.laid.is_none() && on.segmented.parts.len() == 1 {
-        if let Some(made) = own.settled_anew(&wanted, sign, stop) {
-            let fits = Own { part: &patch.mesh, of_whole: &made, input: surface }.bent(&wanted, sign).is_ok();
-            if fits {
-                let of_whole = OnceLock::new();
-                let _ = of_whole.set(made);
-                return Ok(Registered { of_whole: Arc::new(of_whole), ..registered });
-            }
-        }
+    let is_alone = on.laid.is_none() && on.segmented.parts.len() == 1;
+    let made = (on_fold == OnFold::Resolve && is_alone).then(|| own.settled_anew(&wanted, sign, stop)).flatten();
+    let fits = |made: &OfWhole| Own { part: &patch.mesh, of_whole: made, input: surface }.bent(&wanted, sign).is_ok();
+    if let Some(made) = made.filter(fits) {
+        let of_whole = OnceLock::new();
+        let _ = of_whole.set(made);
+        return Ok(Registered { of_whole: Arc::new(of_whole), ..registered });
     }
     let share = own.reached(&wanted, touched, sign);
     if on_fold == OnFold::Refuse {

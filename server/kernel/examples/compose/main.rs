@@ -1,7 +1,10 @@
 //! Cuts meshes, lays the best fitting part of some examples (or a regular layout) on each part, stitches, and tells.
 //!
 //! `compose OUT_DIR [--examples A.obj,B.obj,…] [--parts auto|N] FILE…`: one line a file, and OUT_DIR/NAME.obj to be judged
-//! from outside. Ends with 1 if a mesh could not be composed.
+//! from outside. Ends with 1 if a mesh could not be composed. Standard error has the steps that composing took, and how
+//! long a cancellation at a random moment would have waited, from reading on ([`asked`]).
+
+mod asked;
 
 use std::sync::OnceLock;
 use std::time::Instant;
@@ -55,7 +58,9 @@ fn main() -> std::io::Result<()> {
     let mut failures = 0;
     for file in files {
         let start = Instant::now();
-        match one(file, parts, &examples, out) {
+        let (made, gaps) = asked::asked(|stopped| one(file, parts, &examples, out, stopped));
+        gaps.tell(file);
+        match made {
             Ok(row) => println!("{row} {:.1} |", start.elapsed().as_secs_f64()),
             Err(why) => {
                 failures += 1;
@@ -89,17 +94,25 @@ fn example(file: &str, parts: PartCount) -> Vec<ExamplePart> {
     made.collect()
 }
 
-fn one(file: &str, parts: PartCount, examples: &[ExamplePart], out: &str) -> Result<String, String> {
+type Stopped<'a> = &'a dyn Fn() -> bool;
+
+fn one(
+    file: &str,
+    parts: PartCount,
+    examples: &[ExamplePart],
+    out: &str,
+    stopped: Stopped<'_>,
+) -> Result<String, String> {
     let surface = surface(file)?;
     let mended = Segmented::mended(&surface).filter(|_| parts == PartCount::AsNeeded);
     let cut = mended.map_or_else(|| segment(&surface, parts), Ok).map_err(|e| e.to_string())?;
     let ground = Ground::of(&cut);
     let input = ground.input();
     let laid: Vec<(Option<(String, PolyMesh)>, Option<Query>)> =
-        cut.parts.iter().map(|patch| lay(patch, examples)).collect();
+        cut.parts.iter().map(|patch| lay(patch, examples, stopped)).collect();
     let pieces: Vec<Piece<'_>> = laid.iter().map(piece_of).collect();
     let (steps, begun) = (stop::steps(), Instant::now());
-    let made = compose::compose(input, &pieces, Options::default(), &|| false).map_err(|e| e.to_string())?;
+    let made = compose::compose(input, &pieces, Options::default(), stopped).map_err(|e| e.to_string())?;
     let (steps, seconds) = (stop::steps() - steps, begun.elapsed().as_secs_f64());
     eprintln!("{file}: {steps} steps in {seconds:.1} s");
     check::check(&made.mesh, check::Shape::of(&apart::owned(input))).map_err(|e| e.to_string())?;
@@ -139,21 +152,22 @@ fn piece_of(laid: &(Option<(String, PolyMesh)>, Option<Query>)) -> Piece<'_> {
 }
 
 /// The best example on a part, mapped; and the part, encoded, where it can be.
-fn lay(patch: &Patch, examples: &[ExamplePart]) -> (Option<(String, PolyMesh)>, Option<Query>) {
-    let Ok(query) = Query::new(patch, &UnfoldOptions::default()) else { return (None, None) };
-    let (solver, never) = (LevenbergMarquardt::default(), || false);
+fn lay(patch: &Patch, examples: &[ExamplePart], stopped: Stopped<'_>) -> (Option<(String, PolyMesh)>, Option<Query>) {
+    let made = Query::new(patch, &UnfoldOptions::default());
+    let Ok(query) = made.inspect_err(|error| eprintln!("a part is not unfolded: {error}")) else { return (None, None) };
+    let solver = LevenbergMarquardt::default();
     let mut entries: Vec<(f64, &ExamplePart, Entry)> = examples
         .iter()
         .filter(|e| e.patch.topology == patch.topology)
         .filter_map(|e| {
-            let entry = Entry::coarse(&query, &e.encoding, &solver, &never)?;
+            let entry = Entry::coarse(&query, &e.encoding, &solver, stopped)?;
             Some((rated(&entry, e), e, entry))
         })
         .collect();
     entries.sort_by(|a, b| a.0.total_cmp(&b.0));
     entries.truncate(FINALISTS);
     for (rating, e, entry) in &mut entries {
-        while entry.side() < SIDE && entry.advance(&query, &e.encoding, &solver, &never).is_ok() {}
+        while entry.side() < SIDE && entry.advance(&query, &e.encoding, &solver, stopped).is_ok() {}
         *rating = rated(entry, e);
     }
     entries.sort_by(|a, b| a.0.total_cmp(&b.0));

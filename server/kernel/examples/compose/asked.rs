@@ -1,0 +1,101 @@
+//! How long a computation goes on after it is cancelled.
+//!
+//! Whoever cancels at a random moment waits until the computation asks again. So the gaps between its questions, in its
+//! own processor time, tell the distribution of that wait without cancelling: a wait is above x with the probability
+//! Σ max(0, gap − x) / Σ gap.
+
+use quadmuse_kernel::numerics::stop;
+use std::backtrace::Backtrace;
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::time::Instant;
+
+/// Gaps of more are told with where they end.
+const TOLD_MS: f64 = 20.0;
+/// So many of them at most.
+const TOLD_MAX: usize = 12;
+/// Lines of the kernel that are told of each.
+const PLACES_TOLD: usize = 7;
+
+/// The gaps between questions, in milliseconds, and where the long ones ended.
+#[derive(Default)]
+pub(crate) struct Gaps {
+    all_ms: Vec<f64>,
+    long: Vec<(f64, String)>,
+}
+
+impl Gaps {
+    /// The wait that a share of all moments does not exceed.
+    fn quantile_ms(&self, share: f64) -> f64 {
+        let total: f64 = self.all_ms.iter().sum();
+        let above = |x: f64| self.all_ms.iter().map(|gap| (gap - x).max(0.0)).sum::<f64>();
+        let (mut low, mut high) = (0.0, self.all_ms.iter().copied().fold(0.0, f64::max));
+        for _ in 0..50 {
+            let middle = 0.5 * (low + high);
+            if above(middle) > (1.0 - share) * total { low = middle } else { high = middle }
+        }
+        high
+    }
+
+    /// Writes what was found to standard error.
+    pub(crate) fn tell(mut self, name: &str) {
+        let (total, longest) = (self.all_ms.iter().sum::<f64>(), self.all_ms.iter().copied().fold(0.0, f64::max));
+        let [median, late] = [0.5, 0.99].map(|share| self.quantile_ms(share));
+        eprintln!(
+            "{name}: {total:.0} ms, a cancellation waits {median:.2} ms (p50), {late:.1} ms (p99), {longest:.1} ms at most"
+        );
+        self.long.sort_by(|a, b| b.0.total_cmp(&a.0));
+        self.long.iter().take(TOLD_MAX).for_each(|(gap, place)| eprintln!("  {gap:.1} ms before {place}"));
+    }
+}
+
+/// Processor time of this thread, in milliseconds; real time where the system doesn't tell.
+fn now_ms(begun: Instant) -> f64 {
+    let told = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
+    let nanoseconds = told.as_deref().and_then(|text| text.split(' ').next()?.parse::<f64>().ok());
+    nanoseconds.map_or(begun.elapsed().as_secs_f64() * 1e3, |ns| ns / 1e6)
+}
+
+/// The lines of the kernel that were under way, the innermost first.
+fn place() -> String {
+    let frames = Backtrace::force_capture().to_string();
+    let line = |frame: &str| Some(frame.split_once("server/kernel/src/")?.1.trim_end().to_owned());
+    let mut lines: Vec<String> = frames.lines().filter_map(line).collect();
+    lines.retain(|line| !line.starts_with("numerics/stop"));
+    lines.truncate(PLACES_TOLD);
+    lines.join(" < ")
+}
+
+/// Runs a computation and tells its gaps; `stopped` is what it is to be given to ask beside its polls.
+pub(crate) fn asked<T>(work: impl FnOnce(&dyn Fn() -> bool) -> T) -> (T, Gaps) {
+    let begun = Instant::now();
+    let state = Rc::new(RefCell::new((Gaps::default(), begun, now_ms(begun))));
+    let inner = Rc::clone(&state);
+    let ask = Rc::new(move || {
+        let (gaps, real, cpu) = &mut *inner.borrow_mut();
+        // Cheap first: most gaps are far too short to matter.
+        if real.elapsed().as_secs_f64() < 1e-3 {
+            return;
+        }
+        let now = now_ms(begun);
+        let gap = now - *cpu;
+        gaps.all_ms.push(gap);
+        if gap > TOLD_MS {
+            gaps.long.push((gap, place()));
+        }
+        // What telling took is not the computation's.
+        (*real, *cpu) = (Instant::now(), now_ms(begun));
+    });
+    let own = Rc::clone(&ask);
+    let made = stop::within(ask, || {
+        let made = work(&|| {
+            own();
+            false
+        });
+        stop::ask();
+        made
+    });
+    drop(own);
+    let gaps = std::mem::take(&mut state.borrow_mut().0);
+    (made, gaps)
+}

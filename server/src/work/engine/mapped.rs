@@ -1,0 +1,82 @@
+//! Maps as the engine makes them.
+
+use super::{Registration, Side};
+use quadmuse_kernel::mesh::PolyMesh;
+use quadmuse_proto::{Constraint, Covers, Distortion, MapEvidence, Verdict};
+use std::sync::Arc;
+
+/// An example's segment on a query's segment.
+#[derive(Clone, Debug)]
+pub struct Mapped {
+    /// The example's mesh on the input: the same vertex order, faces, UVs and groups. Segments of the example that
+    /// were not mapped are left out.
+    pub mesh: Arc<PolyMesh>,
+    /// The same as a part to be stitched: the polygons of the segment alone, manifold.
+    pub part: Arc<PolyMesh>,
+    /// The registration that was used, with the caller's constraints.
+    pub registration: Registration,
+    /// Whether it is a part of the example that the query was cut alike, where the whole was laid.
+    pub is_of_whole: bool,
+    /// The pairs of points that fix it.
+    pub constraints: Vec<Constraint>,
+    /// Faces flipped on the input beyond the example's own.
+    pub folds: u64,
+    /// Largest distance of a vertex to the input's surface, in units of √area.
+    pub distance_max: f64,
+    /// How it distorts the example.
+    pub distortion: Distortion,
+    /// Whether it is worth keeping.
+    pub verdict: Verdict,
+    /// Why, a sentence each.
+    pub reasons: Vec<String>,
+    /// How much of each surface the other reaches.
+    pub reach: Reach,
+    /// The measures behind the verdict, where the example has settled on the input.
+    pub evidence: Option<MapEvidence>,
+}
+
+impl Mapped {
+    /// This map as an edit of another: what was kept of the example and how well the shapes agree stays; new folds make it worse.
+    #[must_use]
+    pub fn after(mut self, before: &Self) -> Self {
+        self.reach = Reach { covers: before.reach.covers, kept: before.reach.kept.clone(), ..Reach::default() };
+        if before.evidence.is_some() {
+            self.evidence = before.evidence;
+            let folds = self.folds > before.folds;
+            (self.verdict, self.reasons) = (before.verdict, before.reasons.clone());
+            if self.verdict == Verdict::Broken {
+                // Whether it still is, is seen anew.
+                self.verdict = Verdict::Poor;
+            }
+            if folds && !self.verdict.is_poor() {
+                self.verdict = Verdict::Fair;
+                self.reasons.push("the edit turns some faces over".into());
+            }
+        }
+        self
+    }
+}
+
+/// How much of an example lies on how much of an input.
+#[derive(Clone, Debug, Default)]
+pub struct Reach {
+    /// Shares of the areas.
+    pub covers: Covers,
+    /// The example's vertices that the mesh has; `None`: all of them.
+    pub kept: Option<Vec<u32>>,
+    /// The example's own vertices and faces of the mesh, which come first; `None`: all of it.
+    pub own: Option<(u64, u64)>,
+    /// Share of the mesh's area that its own faces have; `None`: all of it.
+    pub inspired: Option<f64>,
+}
+
+/// An example laid where it fits best, with what there is left of either surface.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// The map.
+    pub mapped: Mapped,
+    /// The example, or what is left of it.
+    pub example: Side,
+    /// The query, or what is left of it.
+    pub query: Side,
+}
