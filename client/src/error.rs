@@ -111,7 +111,7 @@ pub enum ClientError {
         listed_by(kind)
     )]
     NoSuchName {
-        /// What was sought: `example`, `query` or `map`.
+        /// The kind of thing sought: `example`, `query` or `map`.
         kind: &'static str,
         /// The text.
         found: String,
@@ -119,11 +119,11 @@ pub enum ClientError {
     /// Several things have this name, or begin with it.
     #[error("expected one {kind}, found `{found}`, which may be {candidates}; give more of its id")]
     Ambiguous {
-        /// What was sought: `example`, `query` or `map`.
+        /// The kind of thing sought: `example`, `query` or `map`.
         kind: &'static str,
         /// The text.
         found: String,
-        /// What it may be, with commas between.
+        /// The things that the text may stand for, with commas between.
         candidates: String,
     },
     /// No query was started from here yet.

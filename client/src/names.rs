@@ -1,4 +1,4 @@
-//! What stands for an id on the command line: the id itself, the beginning of one, an example's name, or `@last`.
+//! Names on the command line stand for ids. A name is the id itself, the beginning of one, an example's name, or `@last`.
 //!
 //! The service takes ids only; names are looked up in its lists. What an id may be is not looked up.
 

@@ -67,7 +67,7 @@ impl Require {
         }
     }
 
-    /// Whether a result is at least this.
+    /// Tells whether a result is at least this.
     pub fn is_met(self, verdict: Verdict, inspired: f64) -> bool {
         match self {
             Self::Inspired => verdict < Verdict::Broken && inspired > INSPIRED_MIN,
@@ -126,7 +126,7 @@ impl FromStr for TagEdit {
     }
 }
 
-/// What stands where an id is asked for: an id, the beginning of one, an example's name or its beginning, or `@last`.
+/// Names a thing where an id is asked for: by its id, the beginning of one, an example's name or its beginning, or `@last`.
 /// [`names`](crate::names) tells which thing it is.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Name(pub String);

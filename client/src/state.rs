@@ -1,4 +1,4 @@
-//! What is remembered between commands: the last query of each server, in the user's state folder.
+//! The client remembers the last query of each server between commands, in the user's state folder.
 //!
 //! A file of JSON, an object from a server's address to the query's id. That it can't be written is no failure: it only
 //! makes `@last` unknown.
@@ -17,7 +17,7 @@ const FILE: &str = "last-query.json";
 /// Servers that are remembered at most; beyond them all are forgotten but the newest.
 const SERVERS_MAX: usize = 64;
 
-/// What is remembered.
+/// Remembers the last query of each server.
 #[derive(Clone, Debug)]
 pub struct State {
     folder: Option<PathBuf>,

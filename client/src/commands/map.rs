@@ -128,7 +128,7 @@ pub(super) async fn write_map(
     is_enough(require, Outcome { verdict: map.verdict, inspired: map.inspired, reasons: &map.reasons }, file)
 }
 
-/// What stands at the top of a result.
+/// Tells how good a result is: the lines at its top.
 pub(super) struct Outcome<'a> {
     pub(super) verdict: Verdict,
     pub(super) inspired: f64,

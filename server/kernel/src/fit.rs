@@ -4,7 +4,6 @@
 //! own boundary, registered and laid as surfaces that end alike are.
 
 pub mod beyond;
-
 pub mod rest;
 
 use std::collections::BTreeMap;

@@ -159,18 +159,7 @@ impl<'a> Rests<'a> {
         }
     }
 
-    /// Starts in the order in which the example, moved as a whole, comes to lie on the input: the best first.
-    pub fn aligned(&self, starts: Vec<Start>, stop: &dyn Fn() -> bool) -> Vec<Start> {
-        let score = |start: &Start| {
-            let settler = if start.mirrored { &self.mirrored } else { &self.plain };
-            settler.align(&start.positions, stop).map_or(0.0, |aligned| aligned.score)
-        };
-        let mut scored: Vec<(f64, Start)> = starts.into_iter().map(|start| (score(&start), start)).collect();
-        scored.sort_by(|a, b| b.0.total_cmp(&a.0));
-        scored.into_iter().map(|(_, start)| start).collect()
-    }
-
-    /// Settles a start; where it came to rest.
+    /// Lays a start roughly; returns where its vertices lie.
     fn settle(&mut self, start: &Start, mirrored: bool, manner: Manner, stop: &dyn Fn() -> bool) -> Option<Vec<Vec3>> {
         let settler = if mirrored { &self.mirrored } else { &self.plain };
         let found = settler.rough(&start.positions, manner, stop)?;
@@ -179,7 +168,7 @@ impl<'a> Rests<'a> {
         Some(positions)
     }
 
-    /// Keeps what has settled if it is the best so far.
+    /// Keeps what was laid; of places that are one, the surer.
     fn keep(&mut self, found: Settled, mirrored: bool, from: From) {
         let Settled { places, lost, evidence, positions, .. } = found;
         let reach = SAME * self.area.sqrt() * positions.len() as f64;

@@ -14,6 +14,7 @@ use super::CrossMap;
 use super::polish::{PolishOptions, polish};
 use super::untangle::{inward, untangle};
 use crate::encode::index::PlanarIndex;
+use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::TriMesh;
 use crate::topology::{self, Topology};
 use crate::unfold::relax::half_tangent;
@@ -56,9 +57,17 @@ pub fn settle(mesh: &TriMesh, cross: &mut CrossMap, grounds: &[Ground], mirror: 
     left
 }
 
+/// Turns back the faces of a map that look inward, and lays the regions of `mesh` anew where that is not enough. The boundary stays.
+/// `tree` is that of the input's mesh, made where it is needed and is not there yet.
+pub fn turn_back(mesh: &TriMesh, cross: &mut CrossMap, ground: &Ground, mirror: f64, tree: &OnceLock<Bvh>) {
+    if untangle(mesh, cross, ground.chart, mirror, tree) > 0 {
+        lay_anew(mesh, cross, std::slice::from_ref(ground), mirror);
+    }
+}
+
 /// Lays the regions of `mesh` anew whose faces look inward; one that does not get better by it stays. Only on discs and
 /// spheres. Returns how many polygons still look inward.
-pub fn lay_anew(mesh: &TriMesh, cross: &mut CrossMap, grounds: &[Ground], mirror: f64) -> usize {
+fn lay_anew(mesh: &TriMesh, cross: &mut CrossMap, grounds: &[Ground], mirror: f64) -> usize {
     let Some(first) = grounds.first() else { return 0 };
     let mut turned = inward(mesh, cross, first.chart, mirror);
     if !matches!(first.chart.topology, Topology::Disc | Topology::Sphere) {

@@ -9,6 +9,7 @@ use super::rest::Rest;
 use super::similarity::Similarity;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Closest;
+use crate::mesh::tri::TriMesh;
 
 /// What a landmark pulls with in the elastic stage; all the example's vertices together pull with 1.
 pub(super) const HELD: f64 = 0.05;
@@ -35,19 +36,25 @@ pub(super) struct Held {
 }
 
 impl Landmark {
+    /// Holds a place of the example's mesh on a point of the input; `None` where the place is none.
+    pub fn between(example: &TriMesh, from: &Closest, to: Closest) -> Option<Self> {
+        let corners = example.triangles.get(from.triangle as usize)?;
+        Some(Self { corners: [0, 1, 2].map(|k| (corners[k], from.barycentric[k])), to })
+    }
+
     pub(super) fn seen_from(&self, frame: &Similarity) -> Held {
         Held { corners: self.corners, to: frame.undo(&self.to.point) }
     }
 
     fn of(&self, values: &[Vec3]) -> Vec3 {
-        self.corners.iter().map(|(v, w)| values[*v as usize] * *w).sum()
+        weighted(&self.corners, values)
     }
 }
 
 impl Held {
     /// Where it is.
     pub(super) fn at(&self, positions: &[Vec3]) -> Vec3 {
-        self.corners.iter().map(|(v, w)| positions[*v as usize] * *w).sum()
+        weighted(&self.corners, positions)
     }
 
     /// The vertex with the greatest weight.
@@ -55,6 +62,10 @@ impl Held {
         let first = self.corners[0];
         self.corners.iter().fold(first, |a, b| if b.1 > a.1 { *b } else { a }).0 as usize
     }
+}
+
+fn weighted(corners: &[(u32, f64); 3], values: &[Vec3]) -> Vec3 {
+    corners.iter().map(|(v, w)| values[*v as usize] * *w).sum()
 }
 
 /// The similarity that carries the landmarks from where the example rests to the input best, and by how much it misses them, in

@@ -9,6 +9,7 @@ use super::constrain::{self, locate};
 use super::from_whole::OfWhole;
 use super::model::ModelInner;
 use super::registered::{self, Registered};
+use super::sound;
 use super::{Source, facts, fresh, internal};
 use crate::pool::Stop;
 use quadmuse_kernel::encode::index::Location;
@@ -18,8 +19,7 @@ use quadmuse_kernel::fit::{Cropped, Surface, beyond, crop, crop_between, within,
 use quadmuse_kernel::map::CrossMap;
 use quadmuse_kernel::map::atlas::likely_matches;
 use quadmuse_kernel::map::bend::{Pin, bend};
-use quadmuse_kernel::map::reembed::{Ground, lay_anew};
-use quadmuse_kernel::map::untangle::untangle;
+use quadmuse_kernel::map::reembed::{Ground, turn_back};
 use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::mesh::{PolyMesh, TriMesh, Vec3};
 use quadmuse_kernel::register::{Entry, Flip, LevenbergMarquardt, Query};
@@ -139,8 +139,8 @@ fn settled(
     let Some(mut rests) = Rests::new(mesh, input) else { return Ok(None) };
     if !held.is_empty() {
         let trees = (Bvh::new(mesh), Bvh::new(input));
-        let landmarks: Vec<KernelLandmark> =
-            held.iter().filter_map(|h| on(mesh, (h.from, &trees.0), (h.at, &trees.1))).collect();
+        let at = |h: &Held| KernelLandmark::between(mesh, &trees.0.closest(h.from), trees.1.closest(h.at));
+        let landmarks: Vec<KernelLandmark> = held.iter().filter_map(at).collect();
         rests = rests.holding(&landmarks);
     }
     // What three points or more say of the pose is not sought.
@@ -158,8 +158,8 @@ fn settled(
         let solver = LevenbergMarquardt::default();
         for tips in &likely_matches(&one.query, &two.query, &solver, LED, &stopped) {
             let pair = |(a, b): &(u32, u32)| {
-                let (from, at) = (own.positions[*a as usize], there.positions[*b as usize]);
-                on(mesh, (from, &trees.0), (at, &trees.1))
+                let (from, at) = (own.positions.get(*a as usize)?, there.positions.get(*b as usize)?);
+                KernelLandmark::between(mesh, &trees.0.closest(*from), trees.1.closest(*at))
             };
             rests.tries_led(&tips.iter().filter_map(pair).collect::<Vec<_>>(), &stopped);
             if rests.is_convincing() {
@@ -347,10 +347,8 @@ fn rest(
     let positions = locations.iter().map(|l| l.point(chart)).collect();
     let mut cross = CrossMap { locations, positions };
     let sign = registered::sign(mirrored);
-    if untangle(&surface.patch.mesh, &mut cross, chart, sign, &OnceLock::new()) > 0 {
-        let ground = Ground { chart, index: two.query.index() };
-        lay_anew(&surface.patch.mesh, &mut cross, &[ground], sign);
-    }
+    let ground = Ground { chart, index: two.query.index() };
+    turn_back(&surface.patch.mesh, &mut cross, &ground, sign, &OnceLock::new());
     let (pinned, missed) = pinned(held, (&surface, &cross), two, mirrored);
     let registration = described(&surface, two, (cross.clone(), pinned), mirrored)?;
     let mut mapped = registered::map(&registration, &example, query, stop)?;
@@ -391,13 +389,6 @@ struct Held {
 
 /// A constraint of the caller's: its name and ends.
 type Pinned = (String, (Location, Location));
-
-/// The landmark between a point of the example's mesh and one of the input.
-fn on(mesh: &TriMesh, (from, tree): (Vec3, &Bvh), (at, input): (Vec3, &Bvh)) -> Option<KernelLandmark> {
-    let near = tree.closest(from);
-    let corners = mesh.triangles.get(near.triangle as usize)?;
-    Some(KernelLandmark { corners: [0, 1, 2].map(|k| (corners[k], near.barycentric[k])), to: input.closest(at) })
-}
 
 /// Finds the ends of landmarks.
 fn held(landmarks: &[Landmark], example: &Side, query: &Side) -> Result<Vec<Held>, EngineError> {
@@ -532,11 +523,7 @@ fn extend(fitted: &mut Fitted, rest: Option<&Patch>) {
 }
 
 fn area(mesh: &PolyMesh) -> f64 {
-    let of = |face: &[u32]| {
-        let at = |k: usize| mesh.positions[face[k] as usize];
-        (1..face.len().saturating_sub(1)).map(|k| (at(k) - at(0)).cross(&(at(k + 1) - at(0)))).sum::<Vec3>().norm()
-    };
-    0.5 * mesh.faces.iter().map(of).sum::<f64>()
+    mesh.faces.iter().map(|face| sound::area(mesh, face)).sum()
 }
 
 /// Confidence from which on a settled map is good, or fair; calibrated in tests/records.

@@ -11,7 +11,7 @@ use crate::pool::Stop;
 use quadmuse_kernel::encode::index::Location as Place;
 use quadmuse_kernel::map::bend::{BendError, Pin, bend};
 use quadmuse_kernel::map::placed::placed;
-use quadmuse_kernel::map::reembed::lay_anew;
+use quadmuse_kernel::map::reembed::turn_back;
 use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, leave_fillings};
 use quadmuse_kernel::measure;
@@ -126,10 +126,7 @@ pub(super) fn fitted(
     let Some(of_whole) = registered.of_whole.get() else { return Ok(registered) };
     let own = Own { part: &patch.mesh, of_whole, input: surface };
     let sign = registered::sign(of_whole.mirrored);
-    let pins = |of: &Registered| -> Vec<(Vec3, Place)> {
-        of.pinned.iter().map(|(_, (a, b))| (a.point(&source.chart), *b)).collect()
-    };
-    let wanted = pins(&registered);
+    let wanted: Vec<(Vec3, Place)> = registered.pinned.iter().map(|(_, (a, b))| (a.point(&source.chart), *b)).collect();
     let Err(error) = own.bent(&wanted, sign) else { return Ok(registered) };
     // Boundaries of segments belong to their neighbours, too.
     let is_alone = on.laid.is_none() && on.segmented.parts.len() == 1;
@@ -142,11 +139,12 @@ pub(super) fn fitted(
     }
     let share = own.reached(&wanted, touched, sign);
     if on_fold == OnFold::Refuse {
-        let EngineError::Refused { refusal, detail } = refused(&registered, error) else {
-            return Err(refused(&registered, error));
-        };
-        let way = format!("{detail}; {:.0} % of the way can be gone", 100.0 * share);
-        return Err(EngineError::refused(refusal, way));
+        return Err(match refused(&registered, error) {
+            EngineError::Refused { refusal, detail } => {
+                EngineError::refused(refusal, format!("{detail}; {:.0} % of the way can be gone", 100.0 * share))
+            }
+            other => other,
+        });
     }
     let ends = own.on_the_way(&wanted, touched, share);
     let mut pinned = registered.pinned.clone();
@@ -218,10 +216,7 @@ impl Own<'_> {
     fn settled_anew(&self, pins: &[(Vec3, Place)], sign: f64, stop: &Stop) -> Option<OfWhole> {
         let chart = &self.input.chart;
         let landmark = |(from, to): &(Vec3, Place)| {
-            let near = self.of_whole.bvh.closest(*from);
-            let corners = self.part.triangles.get(near.triangle as usize)?;
-            let corners = [0, 1, 2].map(|k| (corners[k], near.barycentric[k]));
-            Some(Landmark { corners, to: self.input.tree().closest(to.point(chart)) })
+            Landmark::between(self.part, &self.of_whole.bvh.closest(*from), self.input.tree().closest(to.point(chart)))
         };
         let held: Vec<Landmark> = pins.iter().filter_map(landmark).collect();
         let options = Options { manner: Manner::Following, ..Options::default() };
@@ -229,9 +224,7 @@ impl Own<'_> {
         let found = settler.settle(&self.of_whole.cross.positions, &|| stop.reason().is_some())?;
         let locations: Vec<Place> = found.places.into_iter().map(Place::from).collect();
         let mut cross = CrossMap { positions: found.positions, locations };
-        if untangle(self.part, &mut cross, chart, sign, &self.input.bvh) > 0 {
-            lay_anew(self.part, &mut cross, &[self.input.ground()], sign);
-        }
+        turn_back(self.part, &mut cross, &self.input.ground(), sign, &self.input.bvh);
         Some(OfWhole::of(self.part, cross, self.of_whole.mirrored))
     }
 

@@ -61,7 +61,8 @@ fn middle(mesh: &PolyMesh, face: &[u32]) -> Vec3 {
     face.iter().map(|&v| mesh.positions[v as usize]).sum::<Vec3>() / face.len().max(1) as f64
 }
 
-fn area(mesh: &PolyMesh, face: &[u32]) -> f64 {
+/// The area of a face.
+pub(super) fn area(mesh: &PolyMesh, face: &[u32]) -> f64 {
     let at = |k: usize| mesh.positions[face[k] as usize];
     let fan = |k: usize| (at(k) - at(0)).cross(&(at(k + 1) - at(0)));
     0.5 * (1..face.len().saturating_sub(1)).map(fan).sum::<Vec3>().norm()
