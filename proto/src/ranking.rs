@@ -60,6 +60,10 @@ pub struct Entry {
     pub resolution: u32,
     /// Whether it goes on.
     pub state: EntryState,
+    /// How well the surface itself lies on the input in its best rough pose, 0–1; absent where the pictures alone decide. Where
+    /// it decides, entries stand in its order, each with the score of its place.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub likeness: Option<f64>,
     /// The rank of an entry above that it nearly duplicates.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub similar_to: Option<u32>,

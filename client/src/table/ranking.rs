@@ -205,6 +205,7 @@ pub(crate) mod tests {
             shift_u: 0.125,
             resolution: 64,
             state: if rank < 3 { EntryState::Refining } else { EntryState::Locked },
+            likeness: None,
             similar_to: (rank == 3).then_some(1),
             template: None,
         }

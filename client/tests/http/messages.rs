@@ -85,6 +85,7 @@ pub(crate) fn ranking(segment: u32, revision: u64, level: u32, state: QueryState
         shift_u: 0.0,
         resolution: level,
         state: EntryState::Refining,
+        likeness: None,
         similar_to: None,
         template: None,
     };

@@ -20,9 +20,9 @@ use crate::mesh::bvh::{Bvh, Closest};
 use crate::mesh::tri::{NONE, TriMesh, nearest_share};
 use crate::register::entry::{Hypothesis, PROTRUSIONS_MANY};
 use crate::register::{Entry, Query, Solver};
-use crate::segment::{Segmented, segment_above, segment_polygons};
+use crate::segment::{Segmented, segment_above, segment_labels};
 use crate::settle::Similarity;
-use crate::topology::{Components, Patch, Topology, primitive};
+use crate::topology::{Components, Patch, Topology, connected, primitive};
 use crate::unfold::{Chart, UnfoldError, UnfoldOptions};
 
 /// Level to which everything is registered.
@@ -157,7 +157,7 @@ pub fn crop_between(surface: &Surface, crop: &Crop) -> Option<Cropped> {
 }
 
 /// What is left of an example's surface without the polygons most of whose vertices are `lost`; `None` where that is no
-/// disc.
+/// disc. Lost pieces that are surrounded by what stays, stay.
 pub fn without(surface: &Surface, lost: &[bool]) -> Option<Cropped> {
     let mesh = &surface.patch.mesh;
     let mut counts: BTreeMap<u32, [u32; 2]> = BTreeMap::new();
@@ -165,7 +165,22 @@ pub fn without(surface: &Surface, lost: &[bool]) -> Option<Cropped> {
         let count = counts.entry(*f).or_default();
         corners.iter().for_each(|&v| count[usize::from(lost.get(v as usize) == Some(&true))] += 1);
     }
-    let mut segmented = segment_polygons(mesh, &|f| counts.get(&f).is_none_or(|[kept, gone]| kept >= gone));
+    let is_gone: Vec<bool> =
+        mesh.polygon_of.iter().map(|f| counts.get(f).is_some_and(|[kept, gone]| gone > kept)).collect();
+    let area = |set: &Vec<u32>| set.iter().map(|&t| mesh.area(t as usize)).sum::<f64>();
+    let mut pieces: Vec<Vec<u32>> =
+        connected(mesh, &is_gone).into_iter().filter(|set| is_gone[set[0] as usize]).collect();
+    // A closed surface opens where its largest piece goes.
+    pieces.sort_by(|a, b| area(b).total_cmp(&area(a)).then(a.cmp(b)));
+    let is_closed = mesh.twins.iter().all(|twin| *twin != NONE);
+    let has_rim = |set: &[u32]| set.iter().any(|t| (0..3).any(|side| mesh.twin(3 * t + side) == NONE));
+    // What stays is 0, each piece that goes has a number of its own.
+    let mut label_of = vec![0; mesh.triangles.len()];
+    let goes = |(k, set): &(usize, &Vec<u32>)| (is_closed && *k == 0) || has_rim(set);
+    for ((_, set), label) in pieces.iter().enumerate().filter(goes).zip(1..) {
+        set.iter().for_each(|&t| label_of[t as usize] = label);
+    }
+    let mut segmented = segment_labels(mesh, label_of);
     let part = segmented.parts.first()?;
     let found = primitive(&part.mesh, Components::Crumbs).ok().filter(|p| p.topology == Topology::Disc)?;
     let patch = Patch { topology: found.topology, holes: found.holes, ..part.clone() };

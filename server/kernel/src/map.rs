@@ -47,8 +47,9 @@ pub fn cross_map(registration: &Registration, example: &Chart, input: &Chart, in
     CrossMap { locations, positions }
 }
 
-/// Moves vertices that lie on the filling of a hole to the nearest point of the surface; returns how many.
-pub fn leave_fillings(cross: &mut CrossMap, input: &Chart) -> usize {
+/// Moves vertices that lie on the filling of a hole to the nearest point of the surface, unless that is farther than `reach`:
+/// those bridge the hole. Returns how many lay on fillings.
+pub fn leave_fillings(cross: &mut CrossMap, input: &Chart, reach: f64) -> usize {
     let on_filling = |l: &Location| is_filling(&input.mesh, l.triangle);
     let count = cross.locations.iter().filter(|l| on_filling(l)).count();
     if count == 0 {
@@ -62,7 +63,7 @@ pub fn leave_fillings(cross: &mut CrossMap, input: &Chart) -> usize {
             continue;
         }
         let closest = bvh.closest(*position);
-        if let Some(&triangle) = own.get(closest.triangle as usize) {
+        if let Some(&triangle) = own.get(closest.triangle as usize).filter(|_| closest.distance <= reach) {
             *location = Location { triangle, barycentric: closest.barycentric };
             *position = closest.point;
         }

@@ -135,12 +135,11 @@ pub fn segment_above(surface: &TriMesh, field: &[f64]) -> Result<Segmented, Topo
     Ok(Segmented::assemble(surface, cut, &labels, Order::Labels))
 }
 
-/// Cuts a surface between polygons: those that `keep` names by their number come first; pieces beside the largest of either go
-/// to the other.
-pub fn segment_polygons(surface: &TriMesh, keep: &dyn Fn(u32) -> bool) -> Segmented {
-    let mut of_triangle: Vec<u32> = surface.polygon_of.iter().map(|&f| u32::from(!keep(f))).collect();
-    merge::absorb_crumbs(surface, &mut of_triangle);
-    Segmented::assemble(surface, Refined::of(surface), &of_triangle, Order::Labels)
+/// Cuts a surface between its triangles, each of which has a label; the parts are in order of labels. Pieces beside the largest
+/// of a label go to their neighbours.
+pub fn segment_labels(surface: &TriMesh, mut label_of: Vec<u32>) -> Segmented {
+    merge::absorb_crumbs(surface, &mut label_of);
+    Segmented::assemble(surface, Refined::of(surface), &label_of, Order::Labels)
 }
 
 /// An error that names the first label whose triangles are no primitive.

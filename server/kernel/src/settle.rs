@@ -18,12 +18,14 @@ mod place;
 mod poses;
 mod rest;
 mod similarity;
+mod span;
 mod tree;
 
 pub use evidence::Evidence;
 pub use held::Landmark;
-pub use poses::poses;
+pub use poses::{Posed, poses};
 pub use similarity::Similarity;
+pub use span::spanned;
 
 use crate::mesh::Vec3;
 use crate::mesh::bvh::{Bvh, Closest};
@@ -76,6 +78,8 @@ pub struct Settled {
     pub positions: Vec<Vec3>,
     /// Vertices that have no place: the input ends before them.
     pub lost: Vec<bool>,
+    /// Vertices that came to rest off the input: it has nothing there, and their places say little.
+    pub off: Vec<bool>,
     /// What speaks for the map.
     pub evidence: Evidence,
     /// The manner that was taken; never [`Manner::Either`].
@@ -354,6 +358,8 @@ impl<'a> Settler<'a> {
         let settled = pose.deformed(&self.rest, nodes);
         let beyond: Vec<Vec3> = settled.iter().map(|x| setting.frame.apply(x)).collect();
         let (places, lost) = place::places(&self.ground, &self.tree, &beyond, &self.rest.edge_lengths(&beyond));
+        let lost = place::with_hidden(&self.rest, (&self.ground, setting.frame.scale), &beyond, &places, lost);
+        let off = place::off(&self.rest, setting.frame.scale, &places);
         let judged = Judged {
             rest: &self.rest,
             ground: &self.ground,
@@ -366,7 +372,7 @@ impl<'a> Settler<'a> {
         };
         let evidence = judged.evidence(&self.nodes[1], &setting.coarse.samples);
         let positions = places.iter().map(|p| p.point).collect();
-        Some(Settled { places, positions, lost, evidence, manner })
+        Some(Settled { places, positions, lost, off, evidence, manner })
     }
 
     /// Area, in the frame, that a sample sent stands for.

@@ -72,6 +72,8 @@ pub async fn create(
     let needed = faces.max(FACES_LEAST) * MEMORY_PER_FACE + input;
     let job = work.admit(live.caller.user, needed, REQUEST_TIME_MAX)?;
     let (engine, model) = (Arc::clone(&work.engine), Arc::clone(&live.model));
+    let spans = maps.iter().flatten().map(|map| map.newest().mapped.reach.spanned);
+    let spanned = spans.fold(0.0, f64::max);
     let how = Stitching { smoothing: wanted.smoothing, density: wanted.density };
     let one = one_example(&maps).filter(|_| wanted.density == 0);
     let stitch = move |stop: &_| {
@@ -79,10 +81,10 @@ pub async fn create(
         if let Some((example, parts)) = &one
             && let Some(whole) = engine.rejoin(&model, example, parts, stop)?
         {
-            let appraisal = engine.appraise(&model, &whole)?;
+            let appraisal = engine.appraise(&model, &whole, spanned)?;
             return Ok((whole, appraisal, Vec::new()));
         }
-        stitched_sound(&*engine, &model, parts, &instead, how, stop)
+        stitched_sound(&*engine, &model, (parts, &instead), (how, spanned), stop)
     };
     let (stitched, appraisal, gave_way) = work.pool.run(&job, Lane::Edit, stitch).await??;
     if stitched.is_poor_kept {
@@ -124,13 +126,12 @@ pub async fn create(
 fn stitched_sound(
     engine: &dyn Engine,
     model: &Model,
-    mut parts: Vec<Part>,
-    instead: &[Option<Arc<Encoded>>],
-    how: Stitching,
+    (mut parts, instead): (Vec<Part>, &[Option<Arc<Encoded>>]),
+    (how, spanned): (Stitching, f64),
     stop: &Stop,
 ) -> Result<(Stitched, Appraisal, Vec<u32>), EngineError> {
     let made = engine.compose(model, &parts, how, stop)?;
-    let appraisal = engine.appraise(model, &made)?;
+    let appraisal = engine.appraise(model, &made, spanned)?;
     let is_example = |segment: &u32| made.is_example.get(*segment as usize) == Some(&true);
     let mut gave_way = Vec::new();
     for segment in appraisal.flawed.iter().copied().filter(|_| !appraisal.flaws.is_empty()).filter(is_example) {
@@ -144,7 +145,7 @@ fn stitched_sound(
         return Ok((made, appraisal, gave_way));
     }
     let mut again = engine.compose(model, &parts, how, stop)?;
-    let after = engine.appraise(model, &again)?;
+    let after = engine.appraise(model, &again, spanned)?;
     if !after.flaws.is_empty() {
         return Ok((made, appraisal, Vec::new()));
     }

@@ -469,6 +469,24 @@ pub trait Engine: Send + Sync + 'static {
         Ok(Fitted { mapped, example: example.clone(), query: query.clone() })
     }
 
+    /// A segment made ready for [`Engine::likeness`]; `None` where it can't be compared so.
+    ///
+    /// # Errors
+    /// [`EngineError::Internal`].
+    fn posed(&self, model: &Model, segment: u32) -> Result<Option<Opaque>, EngineError> {
+        let _ = (model, segment);
+        Ok(None)
+    }
+
+    /// How well one surface lies on the other in its best rigid pose, 0–1: the shapes themselves, not their pictures.
+    ///
+    /// # Errors
+    /// [`EngineError::Stopped`], [`EngineError::Internal`].
+    fn likeness(&self, one: &Opaque, two: &Opaque, stop: &Stop) -> Result<f64, EngineError> {
+        let _ = (one, two);
+        stop.reason().map_or(Ok(0.0), |reason| Err(reason.into()))
+    }
+
     /// The topologies of the examples that a query of some topology is ranked against, its own first.
     fn ranked_against(&self, query: Topology) -> Vec<Topology> {
         vec![query]
@@ -531,11 +549,11 @@ pub trait Engine: Send + Sync + 'static {
     /// There is one part a segment, in their order.
     fn compose(&self, query: &Model, parts: &[Part], how: Stitching, stop: &Stop) -> Result<Stitched, EngineError>;
 
-    /// Measures a composition against its input.
+    /// Measures a composition against its input. `spanned`: the largest share of a map's faces that lie flat on purpose.
     ///
     /// # Errors
     /// [`EngineError::Internal`].
-    fn appraise(&self, query: &Model, made: &Stitched) -> Result<Appraisal, EngineError>;
+    fn appraise(&self, query: &Model, made: &Stitched, spanned: f64) -> Result<Appraisal, EngineError>;
 
     /// A regular layout on a query's segment, in place of an example.
     ///

@@ -5,8 +5,8 @@
 use super::engine::{Encoding, EngineError, Mapped, Refusal, Side};
 use super::ingest::{self, encode};
 use super::query::{LiveQuery, MAPS_MAX, ms_since};
-use super::ranking::{Candidate, levels_up_to};
-use super::search::{Step, advanced, newcomer};
+use super::ranking::Candidate;
+use super::search::{caught_up, newcomer};
 use super::{REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane};
 use quadmuse_proto::constraint::{CONSTRAINTS_MAX, LANDMARKS_MAX};
@@ -219,15 +219,8 @@ async fn registered(
             newcomer(work, job, Arc::clone(resident), Arc::clone(query)).await?
         }
     };
-    let missed: Vec<u32> =
-        levels_up_to(live.options.resolution).filter(|level| *level > candidate.registration.level).collect();
-    for level in &missed {
-        candidate = advanced(work, job, Lane::Edit, candidate, Arc::clone(query), Step::Refine, *level).await.1?;
-    }
     let was_done = candidate.state == EntryState::Done;
-    // What is finished already is so at no cost.
-    let resolution = live.options.resolution;
-    candidate = advanced(work, job, Lane::Edit, candidate, Arc::clone(query), Step::Finish, resolution).await.1?;
+    candidate = caught_up(work, job, Lane::Edit, candidate, query, live.options.resolution).await?;
     // While the query goes on, its own schedule decides what stands in the ranking.
     if !was_done && live.is_final() {
         let resumed = Candidate { state: EntryState::Done, ..candidate.clone() };

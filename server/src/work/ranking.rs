@@ -3,6 +3,8 @@
 //! *Source:* paper §5.2 and Eq. 8; METHOD §6. *Ours, not the paper's:* scores of different levels can't be compared,
 //! so a candidate that is passed over keeps its place below all that went on: its score is lifted with all others that
 //! were passed over, by the same amount, until the best of them is not better than the worst that went on.
+//! Where the pictures leave it open who is best, those that lie on the query best in a rough pose come first, with the
+//! scores of the places they come to.
 //! A near-duplicate that was passed over for a better one stands behind that one, though not among the best `top`, which
 //! are as many choices: it would rank like it, if it were registered as finely.
 
@@ -27,6 +29,8 @@ pub struct Candidate {
     pub state: EntryState,
     /// How it came by its registration.
     pub depth: Depth,
+    /// How well the surface itself lies on the query's, where that was asked.
+    pub likeness: Option<f64>,
     /// A better candidate that it nearly duplicates: only that one goes on.
     pub similar_to: Option<(ExampleId, u32)>,
 }
@@ -132,8 +136,32 @@ pub fn mark(candidates: &mut [Candidate], level: u32, next: Option<usize>, top: 
     }
 }
 
-/// Puts a candidate that was resumed into its place among those of its level.
+/// Another's likeness overturns that of the first if it is so many times as large: poses are rough.
+const OVERTURNS: f64 = 1.3;
+
+/// Puts those candidates first that lie on the query best, if one of them does so far better than the first. Each takes the
+/// score of the place it comes to. Returns whether the order changed.
+pub fn by_likeness(candidates: &mut [Candidate]) -> bool {
+    let of = |c: &Candidate| c.likeness.unwrap_or(0.0);
+    let best = candidates.iter().map(of).fold(0.0, f64::max);
+    if candidates.first().is_none_or(|first| best <= OVERTURNS * of(first)) {
+        return false;
+    }
+    let scores: Vec<f64> = candidates.iter().map(|c| c.score).collect();
+    candidates.sort_by(|a, b| of(b).total_cmp(&of(a)));
+    candidates.iter_mut().zip(scores).for_each(|(c, score)| c.score = score);
+    true
+}
+
+/// Puts a candidate that was resumed into its place among those of its level; where the shapes gave the order, it keeps the
+/// place and the score that it had.
 pub fn resume(candidates: &mut Vec<Candidate>, resumed: Candidate, top: usize) {
+    if candidates.iter().any(|c| c.likeness.is_some()) {
+        if let Some(own) = candidates.iter_mut().find(|c| c.key() == resumed.key()) {
+            *own = Candidate { score: own.score, likeness: own.likeness, similar_to: own.similar_to, ..resumed };
+        }
+        return;
+    }
     candidates.retain(|c| c.key() != resumed.key());
     let level = resumed.registration.level;
     candidates.push(resumed);
@@ -160,6 +188,7 @@ pub fn entries(candidates: &[Candidate], limit: usize) -> Vec<Entry> {
         shift_u: c.registration.shift_u,
         resolution: c.registration.level,
         state: c.state,
+        likeness: c.likeness,
         similar_to: c.similar_to.and_then(|key| above(key, place)),
         template: c.resident.example.template.clone(),
     };
@@ -182,6 +211,7 @@ pub fn template_entry(entries: &[Entry], topology: Topology) -> Entry {
         shift_u: 0.0,
         resolution: 0,
         state: EntryState::Done,
+        likeness: None,
         similar_to: None,
         template: Some(topology.as_str().to_owned()),
     }
@@ -218,6 +248,7 @@ mod tests {
             score,
             state: EntryState::Refining,
             depth: Depth::Registered,
+            likeness: None,
             similar_to: None,
         }
     }
@@ -296,6 +327,27 @@ mod tests {
         mark(&mut all, 32, None, 2);
         use EntryState::{Done, Locked};
         assert_eq!(all.iter().map(|c| c.state).collect::<Vec<_>>(), [Done, Done, Locked]);
+    }
+
+    #[test]
+    fn what_lies_far_better_on_the_query_comes_first_with_the_scores_of_the_places() {
+        let likened = |values: [f64; 3]| -> Vec<Candidate> {
+            let of = |(hash, likeness): (&str, f64)| Candidate { likeness: Some(likeness), ..candidate(hash, 1.0) };
+            let mut all: Vec<Candidate> = ["a", "b", "c"].into_iter().zip(values).map(of).collect();
+            all.iter_mut().zip([1.0, 2.0, 3.0]).for_each(|(c, score)| c.score = score);
+            all
+        };
+        let mut all = likened([0.2, 0.25, 0.24]);
+        assert!(!by_likeness(&mut all) && hashes(&all) == "abc");
+        let mut all = likened([0.2, 0.25, 0.5]);
+        assert!(by_likeness(&mut all) && hashes(&all) == "cba");
+        assert_eq!(all.iter().map(|c| c.score).collect::<Vec<_>>(), [1.0, 2.0, 3.0]);
+        // One that is resumed keeps its place, however it scores.
+        let mut resumed = all[1].clone();
+        (resumed.score, resumed.state) = (0.1, EntryState::Done);
+        resume(&mut all, resumed, 2);
+        assert_eq!((hashes(&all).as_str(), all[1].score, all[1].state), ("cba", 2.0, EntryState::Done));
+        assert!(!by_likeness(&mut []));
     }
 
     #[test]

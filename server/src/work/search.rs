@@ -5,10 +5,12 @@
 //! until the best `top` reach the resolution asked for. Near-duplicates of a better one don't go on. Each level of each
 //! segment publishes a whole ranking. The result doesn't depend on the number of threads: each registration is a
 //! sequential computation of its own, and the results are combined in the order of the candidates.
+//! At last the shapes themselves decide where the pictures leave it open ([`likened`]).
 //! A query with a deadline gives each level at most half of the time that is left, the most promising first; `top` are
 //! registered at each level in any case. Of a rag only some segments go on to be registered ([`worth`](super::worth)).
 
 mod coarse;
+mod likened;
 
 use super::catalogue::{LEVEL_COARSEST, Resident};
 use super::engine::{Cut, Encoding, Engine, Model, Registration};
@@ -170,6 +172,9 @@ async fn rank_all(work: &Arc<Work>, live: &Arc<LiveQuery>, corpus: Vec<Selection
         let start = Instant::now();
         let (candidates, fresh) = search.each(Step::Finish, resolution).await?;
         search.publish(resolution, None, (candidates, fresh, ms_since(start)));
+    }
+    for search in &mut searches {
+        search.by_likeness().await?;
     }
     Ok(())
 }
@@ -346,6 +351,22 @@ pub(super) async fn advanced(
     (candidate, result.map_err(WorkError::from).and_then(|advanced| advanced))
 }
 
+/// A candidate registered at every level up to `resolution` and finished; what is so already costs nothing.
+pub(super) async fn caught_up(
+    work: &Arc<Work>,
+    job: &Job,
+    lane: Lane,
+    mut candidate: Candidate,
+    query: &Arc<Encoding>,
+    resolution: u32,
+) -> Result<Candidate, WorkError> {
+    let missed: Vec<u32> = levels_up_to(resolution).filter(|level| *level > candidate.registration.level).collect();
+    for level in missed {
+        candidate = advanced(work, job, lane, candidate, Arc::clone(query), Step::Refine, level).await.1?;
+    }
+    advanced(work, job, lane, candidate, Arc::clone(query), Step::Finish, resolution).await.1
+}
+
 /// A candidate that the ranking doesn't hold (added meanwhile): registered at the coarsest level.
 pub(super) async fn newcomer(
     work: &Arc<Work>,
@@ -362,6 +383,7 @@ pub(super) async fn newcomer(
             score: f64::MAX,
             state: EntryState::Refining,
             depth: Depth::Registered,
+            likeness: None,
             similar_to: None,
         };
         Ok(scored(&*this.engine, from, registration, &query))

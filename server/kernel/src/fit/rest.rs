@@ -42,6 +42,8 @@ pub struct Rested {
     pub places: Vec<Closest>,
     /// Vertices that the input ends before.
     pub lost: Vec<bool>,
+    /// Vertices that came to rest off the input.
+    pub off: Vec<bool>,
     /// Whether it lies mirrored.
     pub mirrored: bool,
     /// What speaks for it.
@@ -113,7 +115,8 @@ impl<'a> Rests<'a> {
                 From::Start(start, manner) => settler.fine(start, *manner, stop)?,
                 From::Tips(tips) => settler.led(tips, stop)?,
             };
-            let made = Rested { places: found.places, lost: found.lost, mirrored, evidence: found.evidence };
+            let made =
+                Rested { places: found.places, lost: found.lost, off: found.off, mirrored, evidence: found.evidence };
             if settled.as_ref().is_none_or(|settled| worth(&made) > worth(settled)) {
                 settled = Some(made);
             }
@@ -170,14 +173,14 @@ impl<'a> Rests<'a> {
 
     /// Keeps what was laid; of places that are one, the surer.
     fn keep(&mut self, found: Settled, mirrored: bool, from: From) {
-        let Settled { places, lost, evidence, positions, .. } = found;
+        let Settled { places, lost, off, evidence, positions, .. } = found;
         let reach = SAME * self.area.sqrt() * positions.len() as f64;
         let same = |laid: &Laid| {
             let apart = laid.positions.iter().zip(&positions).map(|(a, b)| (a - b).norm()).sum::<f64>();
             laid.rested.mirrored == mirrored && apart <= reach
         };
         let known = self.laid.iter().position(same);
-        let laid = Laid { rested: Rested { places, lost, mirrored, evidence }, positions, from };
+        let laid = Laid { rested: Rested { places, lost, off, mirrored, evidence }, positions, from };
         match known {
             Some(k) if worth(&laid.rested) <= worth(&self.laid[k].rested) => {}
             Some(k) => self.laid[k] = laid,

@@ -9,12 +9,15 @@ use crate::compose::fit::Measured;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::{NONE, TriMesh};
 use crate::mesh::{PolyMesh, Vec3};
+use crate::unfold::holes::is_filling;
 
 /// An edge that leaves the surface by less than this share of the diagonal runs along it.
 const LEAVES_MIN: f64 = 0.012;
 /// The same as a share of the usual edge near by. The chord over half a circle, in a cross-section of two edges, leaves it by
 /// half its length.
 const LEAVES_EDGES: f64 = 0.5;
+/// An edge that leaves the surface and is so many times as long as the usual one near by is a spike.
+const SPIKE_EDGES: f64 = 2.0;
 /// Where edges are looked at, besides their ends.
 const ALONG: [f64; 3] = [0.25, 0.5, 0.75];
 /// A face's centre, or a point of the surface, farther from the other than this share of the diagonal lies off it …
@@ -40,7 +43,7 @@ pub struct Flaws {
     pub astray: f64,
     /// Number of those edges.
     pub astray_edges: usize,
-    /// Length of the longest of them, as a share of the surface's diagonal.
+    /// Length of the longest of them that is long for its place, as a share of the surface's diagonal.
     pub spike: f64,
     /// Of the mesh's area: faces that lie off the surface.
     pub off: f64,
@@ -67,8 +70,8 @@ const COLLAPSED_MAX: f64 = 0.1;
 
 impl Flaws {
     /// Why a mesh is broken, a sentence each; none where it is not. `left_out` is the share of the surface's area that the
-    /// mesh is not meant to cover.
-    pub fn reasons(&self, left_out: f64) -> Vec<String> {
+    /// mesh is not meant to cover, `spanned` the share of the faces that lie flat on purpose.
+    pub fn reasons(&self, left_out: f64, spanned: f64) -> Vec<String> {
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
         let mut reasons = Vec::new();
         let mut is_wrong = |share: f64, most: f64, why: String| {
@@ -86,7 +89,7 @@ impl Flaws {
         is_wrong(bare, BARE_MAX, format!("{} of the scan that should be covered has no quads near it", percent(bare)));
         is_wrong(self.inward, INWARD_MAX, format!("{} of the quads' area is inside out", percent(self.inward)));
         let collapsed = format!("{} of the quads have collapsed to lines or points", percent(self.collapsed));
-        is_wrong(self.collapsed, COLLAPSED_MAX, collapsed);
+        is_wrong(self.collapsed - spanned, COLLAPSED_MAX, collapsed);
         reasons
     }
 }
@@ -101,6 +104,21 @@ impl Grounds {
             .fold((Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY)), |(a, b), p| (a.inf(p), b.sup(p)));
         let diagonal = (high - low).norm().max(f64::MIN_POSITIVE);
         Self { tree: Bvh::new(&surface), measured: Measured::new(&surface), diagonal, surface }
+    }
+
+    /// The same with gaps that faces may bridge: the fillings among the triangles of these meshes.
+    pub fn with_gaps(mut self, filled: impl Iterator<Item = TriMesh>) -> Self {
+        let count = self.surface.triangles.len();
+        for mesh in filled {
+            let first = self.surface.positions.len() as u32;
+            let fillings = (0u32..).zip(&mesh.triangles).filter(|(t, _)| is_filling(&mesh, *t));
+            self.surface.triangles.extend(fillings.map(|(_, corners)| corners.map(|v| v + first)));
+            self.surface.positions.extend(&mesh.positions);
+        }
+        if self.surface.triangles.len() > count {
+            self.tree = Bvh::new(&self.surface);
+        }
+        self
     }
 
     /// Measures a mesh of polygons; one without faces lies nowhere.
@@ -130,7 +148,10 @@ impl Grounds {
             let mut gone = 0;
             for [a, b] in edges.filter(|edge| self.leaves(*edge, leaves)) {
                 gone += 1;
-                spike = f64::max(spike, (b - a).norm() / self.diagonal);
+                let length = (b - a).norm();
+                if length > SPIKE_EDGES * usual {
+                    spike = f64::max(spike, length / self.diagonal);
+                }
             }
             astray_edges += gone;
             astray += if gone > 0 { area } else { 0.0 };
@@ -236,7 +257,7 @@ mod tests {
         let mut mesh = bent(40);
         change(&mut mesh);
         let flaws = grounds().flaws(&mesh);
-        let reasons = flaws.reasons(0.0);
+        let reasons = flaws.reasons(0.0, 0.0);
         (flaws, reasons)
     }
 
@@ -245,11 +266,33 @@ mod tests {
         for along in [40, 12] {
             let flaws = grounds().flaws(&bent(along));
             assert_eq!(
-                (flaws.reasons(0.0), flaws.astray_edges, flaws.inward),
+                (flaws.reasons(0.0, 0.0), flaws.astray_edges, flaws.inward),
                 (Vec::new(), 0, 0.0),
                 "{along}: {flaws:?}"
             );
         }
+    }
+
+    #[test]
+    fn faces_may_bridge_a_gap_and_nothing_else() {
+        use crate::topology::{Components, primitive};
+        use crate::unfold::holes::filled;
+        let whole = prepare(&bent(200)).expect("a disc").mesh;
+        // A window in one leg, and pinholes that make a rag of it.
+        let is_hole = |f: &u32| (10..40).contains(&(f / 10)) && (3..7).contains(&(f % 10)) || matches!(f, 915 | 955);
+        let kept: Vec<u32> =
+            (0..whole.triangles.len() as u32).filter(|t| !is_hole(&whole.polygon_of[*t as usize])).collect();
+        let rag = crate::topology::submesh(&whole, &kept).0;
+        let patch = primitive(&rag, Components::default()).expect("a disc with gaps");
+        assert_eq!(patch.holes.len(), 3);
+        let mesh = bent(40);
+        let bare = Grounds::new(rag.clone());
+        assert!(!bare.flaws(&mesh).reasons(0.0, 0.0).is_empty());
+        let bridged = bare.with_gaps(std::iter::once(filled(&patch.mesh, &patch.holes)));
+        assert_eq!(bridged.flaws(&mesh).reasons(0.0, 0.0), Vec::<String>::new());
+        let mut torn = mesh;
+        torn.positions[2 * 11 + 5].x = 0.15;
+        assert!(!bridged.flaws(&torn).reasons(0.0, 0.0).is_empty());
     }
 
     #[test]
@@ -272,7 +315,7 @@ mod tests {
         assert!(reasons.iter().any(|why| why.contains("a spike")), "{reasons:?}");
         // One is enough on a mesh of any size.
         let alone = Flaws { spike: flaws.spike, astray: 1e-4, ..Flaws::default() };
-        assert_eq!(alone.reasons(0.0).len(), 1);
+        assert_eq!(alone.reasons(0.0, 0.0).len(), 1);
     }
 
     #[test]
@@ -292,7 +335,7 @@ mod tests {
         let (flaws, reasons) = found(halved);
         assert!((0.4..0.5).contains(&flaws.bare), "{flaws:?}");
         assert!(reasons.len() == 1 && reasons[0].contains("no quads near it"), "{reasons:?}");
-        assert!(flaws.reasons(0.5).is_empty(), "{flaws:?}");
+        assert!(flaws.reasons(0.5, 0.0).is_empty(), "{flaws:?}");
     }
 
     #[test]
@@ -324,6 +367,6 @@ mod tests {
     fn a_mesh_that_is_not_finite_or_has_no_face_is_broken() {
         let (_, reasons) = found(|mesh| mesh.positions[..100].iter_mut().for_each(|p| p.x = f64::NAN));
         assert!(!reasons.is_empty());
-        assert!(!grounds().flaws(&PolyMesh::default()).reasons(0.0).is_empty());
+        assert!(!grounds().flaws(&PolyMesh::default()).reasons(0.0, 0.0).is_empty());
     }
 }

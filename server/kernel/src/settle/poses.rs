@@ -14,18 +14,42 @@ use crate::mesh::tri::TriMesh;
 use nalgebra::Matrix3;
 use std::f64::consts::TAU;
 
-/// Points of the larger surface that are tried, and turns about the normal at each.
-const PLACES: usize = 100;
-const TURNS: usize = 12;
-/// Areas of the smaller surface, laid, as shares of the larger's.
-const SHARES: [f64; 7] = [0.14, 0.2, 0.28, 0.4, 0.56, 0.78, 1.1];
-/// Samples of the larger surface.
-const LARGE: usize = 3000;
-/// Samples of the smaller one by which a pose is sifted, brought to rest roughly, and brought to rest.
-const SMALL: [usize; 3] = [32, 64, 256];
-/// Poses of one size that are brought to rest roughly, and finely; rounds.
-const KEPT: [usize; 2] = [240, 24];
-const ROUNDS: [usize; 2] = [4, 12];
+/// How thoroughly poses are sought.
+#[derive(Clone, Copy, Debug)]
+struct Effort {
+    /// Points of the larger surface that are tried, and turns about the normal at each.
+    places: usize,
+    turns: usize,
+    /// Areas of the smaller surface, laid, as shares of the larger's.
+    shares: &'static [f64],
+    /// Samples of the larger surface.
+    large: usize,
+    /// Samples of the smaller one by which a pose is sifted.
+    sifted_by: usize,
+    /// Poses of one size that are brought to rest, by how many samples of the smaller surface, in how many rounds.
+    rests: &'static [(usize, usize, usize)],
+}
+
+/// To lay an example.
+const FULL: Effort = Effort {
+    places: 100,
+    turns: 12,
+    shares: &[0.14, 0.2, 0.28, 0.4, 0.56, 0.78, 1.1],
+    large: 3000,
+    sifted_by: 32,
+    rests: &[(240, 64, 4), (24, 256, 12)],
+};
+/// To tell which of many examples are worth it.
+const QUICK: Effort = Effort {
+    places: 60,
+    turns: 12,
+    shares: &[0.2, 0.4, 0.8],
+    large: 1500,
+    sifted_by: 24,
+    rests: &[(48, 64, 4), (6, 128, 6)],
+};
+/// Samples of the smaller surface.
+const SMALL: usize = 256;
 /// Distance at which a sample counts 1/e, in √area of the smaller.
 const NEAR: f64 = 0.06;
 /// A mean normal is that of what lies so near about a point, in √area of the smaller.
@@ -48,22 +72,50 @@ pub fn poses(
     may_be_small: [bool; 2],
     stop: &dyn Fn() -> bool,
 ) -> Vec<(f64, Similarity)> {
-    let mut found = Vec::new();
-    if may_be_small[0] {
-        found.extend(tried(example, input, stop));
-    }
-    if may_be_small[1] {
-        found.extend(tried(input, example, stop).into_iter().map(|(score, onto)| (score, inverse(&onto))));
-    }
-    found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let unit = (middle(example), example.total_area().sqrt());
+    let [one, two] = [(example, may_be_small[0]), (input, may_be_small[1])].map(|s| Posed::new(s.0, s.1, &FULL));
     let mut kept: Vec<(f64, Similarity)> = Vec::new();
-    for (score, pose) in found {
+    let unit = (middle(example), example.total_area().sqrt());
+    for (score, pose) in found(&one, &two, stop) {
         if kept.len() < TOLD && !stop() && kept.iter().all(|(_, k)| is_other(k, &pose, &unit)) {
             kept.push((score, pose));
         }
     }
     kept
+}
+
+/// A surface, made ready to be compared with many others by how well one lies on the other.
+#[derive(Debug)]
+pub struct Posed {
+    small: Option<Small>,
+    large: Vec<Large>,
+    effort: &'static Effort,
+}
+
+impl Posed {
+    /// Of a surface that may be a part of another, or, being closed, may not.
+    pub fn quick(mesh: &TriMesh, may_be_small: bool) -> Self {
+        Self::new(mesh, may_be_small, &QUICK)
+    }
+
+    fn new(mesh: &TriMesh, may_be_small: bool, effort: &'static Effort) -> Self {
+        let ground = Ground::new(mesh);
+        let large = effort.shares.iter().map(|share| Large::new(&ground, *share, effort.large)).collect();
+        Self { small: may_be_small.then(|| Small::new(&ground, effort.large)), large, effort }
+    }
+
+    /// The score of the best pose on another, or of the other on it, at most 1; 0 where there is none, or when stopped.
+    pub fn likeness(&self, other: &Self, stop: &dyn Fn() -> bool) -> f64 {
+        found(self, other, stop).first().map_or(0.0, |best| best.0)
+    }
+}
+
+/// All poses of `one` on `two`, best first.
+fn found(one: &Posed, two: &Posed, stop: &dyn Fn() -> bool) -> Vec<(f64, Similarity)> {
+    let tried = |of: &Posed, on: &Posed| of.small.as_ref().map_or(Vec::new(), |small| small.tried(on, stop));
+    let mut found = tried(one, two);
+    found.extend(tried(two, one).into_iter().map(|(score, onto)| (score, inverse(&onto))));
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    found
 }
 
 fn inverse(of: &Similarity) -> Similarity {
@@ -84,6 +136,7 @@ fn is_other(a: &Similarity, b: &Similarity, (middle, size): &(Vec3, f64)) -> boo
 }
 
 /// The smaller surface: samples with their relief, centred, of unit area.
+#[derive(Debug)]
 struct Small {
     points: Vec<Vec3>,
     normals: Vec<Vec3>,
@@ -93,6 +146,7 @@ struct Small {
 }
 
 /// The larger surface as seen from the smaller, laid at one size.
+#[derive(Debug)]
 struct Large {
     seen: Seen,
     relief: Vec<[f64; 3]>,
@@ -111,12 +165,12 @@ fn relief(samples: &Samples) -> Vec<[f64; 3]> {
 }
 
 impl Small {
-    fn new(ground: &Ground<'_>) -> Self {
-        let all = ground.spread(LARGE);
+    fn new(ground: &Ground<'_>, count: usize) -> Self {
+        let all = ground.spread(count);
         let frame = frame_of(&all, ground.area.sqrt());
         let all = all.seen_from(&frame);
         let of = relief(&all);
-        let few = spread(&all.points, SMALL[2]);
+        let few = spread(&all.points, SMALL);
         Self {
             points: few.iter().map(|k| all.points[*k]).collect(),
             normals: few.iter().map(|k| all.normals[*k]).collect(),
@@ -127,8 +181,8 @@ impl Small {
 }
 
 impl Large {
-    fn new(ground: &Ground<'_>, share: f64) -> Self {
-        let all = ground.spread(LARGE);
+    fn new(ground: &Ground<'_>, share: f64, count: usize) -> Self {
+        let all = ground.spread(count);
         let frame = frame_of(&all, (share * ground.area).sqrt());
         let all = all.seen_from(&frame);
         let relief = relief(&all);
@@ -176,44 +230,46 @@ fn axes(z: Vec3) -> Matrix3<f64> {
     Matrix3::from_columns(&[x, z.cross(&x), z])
 }
 
-/// The best poses of a part on a larger surface, with their scores.
-fn tried(part: &TriMesh, whole: &TriMesh, stop: &dyn Fn() -> bool) -> Vec<(f64, Similarity)> {
-    let (small, ground) = (Small::new(&Ground::new(part)), Ground::new(whole));
-    let normal = small.normals.iter().sum::<Vec3>().try_normalize(0.0).unwrap_or_else(Vec3::z);
-    let own = axes(normal).transpose();
-    let mut found = Vec::new();
-    for share in SHARES {
-        let large = Large::new(&ground, share);
-        let mut rough = Vec::new();
-        for k in spread(&large.seen.samples.points, PLACES) {
-            let (to, along) = large.about(large.seen.samples.points[k]);
-            let there = axes(along);
-            for turn in 0..TURNS {
-                let (sin, cos) = (TAU * turn as f64 / TURNS as f64).sin_cos();
-                let rotation = there * Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0) * own;
-                let motion = Motion { rotation, shift: to };
-                rough.push((small.nearness(&large, SMALL[0], &motion), motion));
-            }
-        }
-        for (kept, rounds, samples) in [(KEPT[0], ROUNDS[0], SMALL[1]), (KEPT[1], ROUNDS[1], SMALL[2])] {
-            rough.sort_by(|a, b| b.0.total_cmp(&a.0));
-            rough.truncate(kept);
-            for (score, motion) in &mut rough {
+impl Small {
+    /// The best poses on a larger surface, with their scores. Empty when stopped.
+    fn tried(&self, whole: &Posed, stop: &dyn Fn() -> bool) -> Vec<(f64, Similarity)> {
+        let effort = whole.effort;
+        let normal = self.normals.iter().sum::<Vec3>().try_normalize(0.0).unwrap_or_else(Vec3::z);
+        let own = axes(normal).transpose();
+        let mut found = Vec::new();
+        for large in &whole.large {
+            let mut rough = Vec::new();
+            for k in spread(&large.seen.samples.points, effort.places) {
                 if stop() {
                     return Vec::new();
                 }
-                *motion = small.rest(&large, samples, *motion, rounds);
-                *score = small.score(&large, samples, motion);
+                let (to, along) = large.about(large.seen.samples.points[k]);
+                let there = axes(along);
+                for turn in 0..effort.turns {
+                    let (sin, cos) = (TAU * turn as f64 / effort.turns as f64).sin_cos();
+                    let rotation = there * Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0) * own;
+                    let motion = Motion { rotation, shift: to };
+                    rough.push((self.nearness(large, effort.sifted_by, &motion), motion));
+                }
             }
+            for (kept, samples, rounds) in effort.rests {
+                rough.sort_by(|a, b| b.0.total_cmp(&a.0));
+                rough.truncate(*kept);
+                for (score, motion) in &mut rough {
+                    if stop() {
+                        return Vec::new();
+                    }
+                    *motion = self.rest(large, *samples, *motion, *rounds);
+                    *score = self.score(large, *samples, motion);
+                }
+            }
+            let pose = |m: &Motion| Similarity { scale: 1.0, rotation: m.rotation, shift: m.shift };
+            let undo = inverse(&self.frame);
+            found.extend(rough.iter().map(|(score, m)| (*score, large.frame.after(&pose(m)).after(&undo))));
         }
-        let pose = |m: &Motion| Similarity { scale: 1.0, rotation: m.rotation, shift: m.shift };
-        let undo = inverse(&small.frame);
-        found.extend(rough.iter().map(|(score, m)| (*score, large.frame.after(&pose(m)).after(&undo))));
+        found
     }
-    found
-}
 
-impl Small {
     /// What sample `k` meets: its place and normal, the number of the partner, and how it counts.
     fn meets(&self, large: &Large, k: usize, motion: &Motion) -> (Vec3, Vec3, usize, f64) {
         let (x, n) = (motion.rotation * self.points[k] + motion.shift, motion.rotation * self.normals[k]);

@@ -85,6 +85,20 @@ impl Rest {
         Some(Self { positions, triangles, normals, areas, rim, starts, beside })
     }
 
+    /// A set of vertices grown along edges into those that `may` join.
+    pub(super) fn grown(&self, mut set: Vec<bool>, may: impl Fn(usize) -> bool) -> Vec<bool> {
+        let mut todo: Vec<u32> = (0..set.len() as u32).filter(|v| set[*v as usize]).collect();
+        while let Some(v) = todo.pop() {
+            for &u in self.around(v) {
+                if !set[u as usize] && may(u as usize) {
+                    set[u as usize] = true;
+                    todo.push(u);
+                }
+            }
+        }
+        set
+    }
+
     fn around(&self, v: u32) -> &[u32] {
         &self.beside[self.starts[v as usize] as usize..self.starts[v as usize + 1] as usize]
     }

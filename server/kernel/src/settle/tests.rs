@@ -75,6 +75,24 @@ fn what_reaches_beyond_an_open_input_is_lost_and_nothing_else() {
 }
 
 #[test]
+fn the_back_of_what_is_seen_from_the_front_is_lost() {
+    // A sheet rolled to a tube of radius 0.5, and the front half of it.
+    let rolled = |mesh: TriMesh| {
+        let at = |p: &Vec3| Vec3::new((2.0 * p.x).sin(), 2.0 * p.y, (2.0 * p.x).cos()) * (0.5 + 0.5 * p.z);
+        TriMesh::from_triangles(mesh.positions.iter().map(at).collect(), mesh.triangles).expect("a tube")
+    };
+    let (flat, input) = (sheet(61, 25, [-1.5, 1.5]), rolled(sheet(81, 75, [-0.8, 0.8])));
+    let example = rolled(flat.clone());
+    let settled = settle(&example, &input, &example.positions, 1.0, &Options::default(), &go).expect("to be settled");
+    let is_wrong = |v: &usize| {
+        let p = &flat.positions[*v];
+        (p.x.abs() - 0.8).abs() > 0.12 && p.y.abs() < 0.9 && settled.lost[*v] != (p.x.abs() > 0.8)
+    };
+    let wrong: Vec<usize> = (0..flat.positions.len()).filter(is_wrong).collect();
+    assert_eq!(wrong.len(), 0, "{:?}", wrong.iter().map(|v| flat.positions[*v]).take(9).collect::<Vec<_>>());
+}
+
+#[test]
 fn a_mirrored_example_settles_without_mirroring() {
     let (example, input) = (sheet(31, 25, [-1.2, 1.2]), sheet(91, 75, [-1.2, 1.2]));
     let turned = example.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();

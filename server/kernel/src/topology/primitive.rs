@@ -2,7 +2,7 @@
 //!
 //! A scan has gaps where the scanner saw nothing, and specks that float beside it. A boundary loop of length ℓ encloses
 //! at most ℓ²/4π; where that is little of the surface's area, or ℓ is short beside the longest loop, it is a hole and no
-//! end of the surface. Holes are filled where the surface is unfolded, and only there: the patch keeps its own triangles.
+//! end of the surface. Of a rag with many loops all but the longest are holes. Holes are filled where the surface is unfolded, and only there: the patch keeps its own triangles.
 //! A surface that is a primitive as it is stays so, whatever its loops. *Ours, not the paper's.*
 
 use super::{Patch, Topology, TopologyError, classify, components, submesh};
@@ -12,6 +12,8 @@ use crate::mesh::tri::TriMesh;
 const HOLE_AREA_SHARE: f64 = 0.01;
 /// So are loops shorter than this share of the longest.
 const HOLE_LENGTH_SHARE: f64 = 0.2;
+/// A surface with more loops is a rag: only the longest of them is its end, the others are gaps.
+const RAG_LOOPS: usize = 12;
 /// Components beside the largest are crumbs if together they have at most this share of the area.
 const CRUMB_AREA_SHARE: f64 = 0.1;
 
@@ -83,9 +85,10 @@ fn holes(mesh: &TriMesh) -> (Vec<Vec<u32>>, usize) {
     let lengths: Vec<f64> = loops.iter().map(|l| l.iter().map(edge).sum()).collect();
     let longest = lengths.iter().copied().fold(0.0, f64::max);
     let area = mesh.total_area();
+    let is_rag = lengths.len() > RAG_LOOPS;
     let is_hole = |length: f64| {
         let enclosed = length * length / (4.0 * std::f64::consts::PI);
-        enclosed < HOLE_AREA_SHARE * area || length < HOLE_LENGTH_SHARE * longest
+        enclosed < HOLE_AREA_SHARE * area || length < HOLE_LENGTH_SHARE * longest || (is_rag && length < longest)
     };
     let ends = lengths.iter().filter(|l| !is_hole(**l)).count();
     (loops.into_iter().zip(&lengths).filter(|(_, l)| is_hole(**l)).map(|(l, _)| l).collect(), ends)
@@ -121,6 +124,23 @@ mod tests {
         let patch =
             primitive(&without(&grid(20, 20, false, false), &[405]), Components::default()).expect("an annulus");
         assert_eq!((patch.topology, patch.holes.len()), (Topology::Annulus, 0));
+    }
+
+    #[test]
+    fn of_a_rag_all_loops_but_the_longest_are_gaps() {
+        // One window, a fifth of the sheet, alone and among pinholes.
+        let window = |t: &u32| matches!(t / 2 % 20, 2..11) && (4..14).contains(&(t / 40));
+        let with = |pinholes: usize| -> Vec<u32> {
+            let is_hole = |t: &u32| window(t) || (t % 2 == 0 && t / 2 % 20 > 12 && t / 40 % 4 == 1);
+            let mut gone: Vec<u32> = (0..800).filter(is_hole).collect();
+            let small: Vec<u32> = gone.iter().copied().filter(|t| !window(t)).skip(pinholes).collect();
+            gone.retain(|t| !small.contains(t));
+            gone
+        };
+        let of = |gone: &[u32]| primitive(&without(&grid(20, 20, false, false), gone), Components::default());
+        let told = |pinholes: usize| of(&with(pinholes)).map(|p| (p.topology, p.holes.len()));
+        assert_eq!(told(3), Ok((Topology::Annulus, 3)));
+        assert_eq!(told(14), Ok((Topology::Disc, 15)));
     }
 
     #[test]

@@ -11,6 +11,7 @@ mod registered;
 mod rejoined;
 mod settled;
 mod sound;
+mod spanned;
 mod stitch;
 mod told;
 mod transfer;
@@ -29,6 +30,7 @@ use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::image::Image;
 use quadmuse_kernel::register::spectra::Row;
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
+use quadmuse_kernel::settle::Posed;
 use quadmuse_kernel::unfold::UnfoldOptions;
 use quadmuse_proto::{Beyond, Landmark, MeshFormat, Topology};
 use registered::Registered;
@@ -232,6 +234,19 @@ impl Engine for KernelEngine {
         Ok(fitted)
     }
 
+    fn posed(&self, model: &Model, segment: u32) -> Result<Option<Opaque>, EngineError> {
+        let inner: &ModelInner = model.inner.open()?;
+        let patch = inner.patch(segment)?;
+        let has_rim = patch.topology == kernel::topology::Topology::Disc;
+        let is_closed = patch.topology == kernel::topology::Topology::Sphere;
+        Ok((has_rim || is_closed).then(|| Opaque::new(Posed::quick(&patch.mesh, has_rim))))
+    }
+
+    fn likeness(&self, one: &Opaque, two: &Opaque, stop: &Stop) -> Result<f64, EngineError> {
+        let found = one.open::<Posed>()?.likeness(two.open()?, &|| stop.reason().is_some());
+        stop.reason().map_or(Ok(found), |reason| Err(EngineError::Stopped(reason)))
+    }
+
     fn ranked_against(&self, query: Topology) -> Vec<Topology> {
         fitted::ranked_against(query)
     }
@@ -279,8 +294,8 @@ impl Engine for KernelEngine {
         stitch::compose(query, parts, how, stop)
     }
 
-    fn appraise(&self, query: &Model, made: &Stitched) -> Result<Appraisal, EngineError> {
-        sound::appraise(query, made)
+    fn appraise(&self, query: &Model, made: &Stitched, spanned: f64) -> Result<Appraisal, EngineError> {
+        sound::appraise(query, made, spanned)
     }
 
     fn template(&self, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {

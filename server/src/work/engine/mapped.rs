@@ -68,6 +68,8 @@ pub struct Reach {
     pub own: Option<(u64, u64)>,
     /// Share of the mesh's area that its own faces have; `None`: all of it.
     pub inspired: Option<f64>,
+    /// Share of the example's faces for which the scan has nothing: they are spanned flat.
+    pub spanned: f64,
 }
 
 /// An example laid where it fits best, with what there is left of either surface.

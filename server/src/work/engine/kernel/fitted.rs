@@ -10,6 +10,7 @@ use super::from_whole::OfWhole;
 use super::model::ModelInner;
 use super::registered::{self, Registered};
 use super::sound;
+use super::spanned::span;
 use super::{Source, facts, fresh, internal};
 use crate::pool::Stop;
 use quadmuse_kernel::encode::index::Location;
@@ -20,6 +21,7 @@ use quadmuse_kernel::map::CrossMap;
 use quadmuse_kernel::map::atlas::likely_matches;
 use quadmuse_kernel::map::bend::{Pin, bend};
 use quadmuse_kernel::map::reembed::{Ground, turn_back};
+use quadmuse_kernel::map::untangle::inward;
 use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::mesh::{PolyMesh, TriMesh, Vec3};
 use quadmuse_kernel::register::{Entry, Flip, LevenbergMarquardt, Query};
@@ -48,6 +50,8 @@ const POSED: usize = 5;
 const SETTLED_MARGIN: f64 = 0.01;
 /// A landmark that is missed by less, in % of the √area of the input, is met.
 const MISSED_MIN_PERCENT: f64 = 0.05;
+/// A larger share of faces that are spanned is told.
+const SPANNED_TOLD: f64 = 0.02;
 /// Less of the example beyond the input is none.
 const LOST_MIN: f64 = 0.01;
 /// More of the input within the example is all of it.
@@ -331,24 +335,30 @@ fn rest(
     (beyond, held): (Beyond, &[Held]),
     stop: &Stop,
 ) -> Result<Fitted, EngineError> {
-    let Rested { places, lost, mirrored, evidence } = rested;
+    let Rested { places, lost, off, mirrored, evidence } = rested;
     let mut locations: Vec<Location> = places.into_iter().map(Location::from).collect();
+    let mut bare: Vec<bool> = lost.iter().zip(&off).map(|(lost, off)| *lost || *off).collect();
     let is_less = evidence.lost > LOST_MIN;
     let less = if is_less { without(one, &lost) } else { None };
     let (mut example, mut surface) = (example.clone(), one.clone());
     let mut share = 1.0;
     if let Some(less) = less {
-        locations = less.surface.patch.vertex_of.iter().map(|&v| locations[v as usize]).collect();
+        let left = &less.surface.patch.vertex_of;
+        locations = left.iter().map(|&v| locations[v as usize]).collect();
+        bare = left.iter().map(|&v| bare[v as usize]).collect();
         share = less.surface.patch.mesh.total_area() / one.patch.mesh.total_area();
         surface = less.surface.clone();
         example = of_example(&example, less)?;
     }
     let chart = &two.query.chart;
-    let positions = locations.iter().map(|l| l.point(chart)).collect();
+    let positions: Vec<Vec3> = locations.iter().map(|l| l.point(chart)).collect();
     let mut cross = CrossMap { locations, positions };
+    let spanned = span(&mut cross, &surface.patch.mesh, &bare, chart);
     let sign = registered::sign(mirrored);
     let ground = Ground { chart, index: two.query.index() };
     turn_back(&surface.patch.mesh, &mut cross, &ground, sign, &OnceLock::new());
+    let turned = inward(&surface.patch.mesh, &cross, chart, sign);
+    let turned_there = turned.iter().filter(|f| spanned.binary_search(f).is_ok()).count();
     let (pinned, missed) = pinned(held, (&surface, &cross), two, mirrored);
     let registration = described(&surface, two, (cross.clone(), pinned), mirrored)?;
     let mut mapped = registered::map(&registration, &example, query, stop)?;
@@ -358,6 +368,7 @@ fn rest(
     mapped.reach = Reach {
         covers: Covers { example: share, input: covered },
         kept: (share < 1.0).then(|| kept(&example)).transpose()?,
+        spanned: spanned.len() as f64 / mapped.mesh.faces.len().max(1) as f64,
         ..Reach::default()
     };
     mapped.evidence = Some(MapEvidence {
@@ -368,7 +379,16 @@ fn rest(
         residual: evidence.residual,
         normal_disagreement: evidence.normal_disagreement,
     });
-    (mapped.verdict, mapped.reasons) = judged(&evidence, mapped.folds as f64 / mapped.mesh.faces.len().max(1) as f64);
+    // What is spanned is flat, and which way it looks says nothing.
+    let (folds, faces) = (mapped.folds as f64 - turned_there as f64, mapped.mesh.faces.len() as f64);
+    let folded = folds.max(0.0) / (faces - spanned.len() as f64).max(1.0);
+    (mapped.verdict, mapped.reasons) = judged(&evidence, folded);
+    if mapped.reach.spanned > SPANNED_TOLD {
+        let percent = 100.0 * mapped.reach.spanned;
+        mapped
+            .reasons
+            .push(format!("the scan has nothing for {percent:.0} % of the example's faces: they are spanned flat"));
+    }
     mapped.reasons.extend(missed);
     let mut fitted = Fitted { mapped, example, query: query.clone() };
     if beyond == Beyond::Extend && covered < COVERED {

@@ -160,7 +160,7 @@ fn part_of(whole: &WholeLaid, patch: &Patch, surface: &Surface) -> Option<OfWhol
     let points = points?;
     let mut cross = placed(patch, &points, chart, surface.tree(), mirror)?;
     untangle(&patch.mesh, &mut cross, chart, mirror, &surface.bvh);
-    leave_fillings(&mut cross, chart);
+    leave_fillings(&mut cross, chart, f64::INFINITY);
     let as_laid = CrossMap { locations: cross.locations.clone(), positions: points };
     let laid_angle_p95_deg = measure::angle_distortion(&patch.mesh, &as_laid).p95;
     let WholeLaid { mirrored, cost, modulus_log, .. } = *whole;

@@ -12,6 +12,9 @@ use quadmuse_kernel::numerics::side_by_side;
 use quadmuse_proto::{Distortion, Flip, Histogram, Verdict};
 use std::sync::Arc;
 
+/// A vertex over a gap of the scan that is farther from its rim, in √area of the scan, bridges the gap.
+const BRIDGED: f64 = 0.01;
+
 /// What was laid, measured; `laid_angle_p95_deg` is the 95th percentile of the angle distortion before it settled.
 pub(super) fn measured(
     mut laid: Laid<'_>,
@@ -20,7 +23,10 @@ pub(super) fn measured(
     example: &Side,
     query: &Side,
 ) -> Result<Mapped, EngineError> {
-    leave_fillings(&mut laid.cross, laid.input);
+    // What has settled bridges the gaps of a scan as the example does; drawn to their rims its faces would collapse.
+    let has_settled = matches!(laid.way, Way::Whole) && model_of(query)?.laid.is_none();
+    let size = laid.input.mesh.total_area().sqrt();
+    leave_fillings(&mut laid.cross, laid.input, if has_settled { BRIDGED * size } else { f64::INFINITY });
     let model: &ModelInner = example.model.inner.open()?;
     let patch = model.patch(example.segment)?;
     let chart = &fresh(&example.encoded.encoding)?.chart;
@@ -53,7 +59,7 @@ pub(super) fn measured(
         coverage,
     };
     let (word, reasons) = measure::verdict(&evidence);
-    let on: &ModelInner = query.model.inner.open()?;
+    let on = model_of(query)?;
     let is_of_whole = matches!(laid.way, Way::Whole) && on.laid.is_some() && laid.registered.pinned.is_empty();
     let flip = match laid.way {
         Way::Chart => from.flip,
@@ -81,6 +87,10 @@ pub(super) fn measured(
         reach: Reach::default(),
         evidence: None,
     })
+}
+
+fn model_of(side: &Side) -> Result<&ModelInner, EngineError> {
+    side.model.inner.open()
 }
 
 /// Polygons that a map given by places turns over in the input's chart; those wider than a quarter of a period, which are at

@@ -230,7 +230,7 @@ pub(super) fn whole(from: &Registration, example: &Side, query: &Side, stop: &St
     let atlas = registered.atlas(example, query, &|| stop.reason().is_some())?;
     let (mut laid, _) = lay(atlas, registered, example, query, stop)?;
     let positions = laid.cross.positions.clone();
-    leave_fillings(&mut laid.cross, laid.input);
+    leave_fillings(&mut laid.cross, laid.input, f64::INFINITY);
     let mesh = assembled(&laid, example)?;
     Ok(Whole { positions, mesh, mirrored: laid.mirrored, cost: laid.cost, modulus_log: laid.modulus_log })
 }
@@ -313,7 +313,7 @@ fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Res
     let mut cross = cross_map(registration, &source.chart, &input.chart, &input.index);
     let mesh = &model.patch(example.segment)?.mesh;
     untangle(mesh, &mut cross, &input.chart, mirror, &input.bvh);
-    leave_fillings(&mut cross, &input.chart);
+    leave_fillings(&mut cross, &input.chart, f64::INFINITY);
     Ok(Laid {
         cross,
         as_part: None,
@@ -360,7 +360,7 @@ fn by_atlas<'a>(
     let model: &ModelInner = example_side.model.inner.open()?;
     let mirror = sign(atlas.mirrored);
     untangle(&model.patch(example_side.segment)?.mesh, &mut cross, input, mirror, &OnceLock::new());
-    leave_fillings(&mut cross, input);
+    leave_fillings(&mut cross, input, f64::INFINITY);
     let at_vertex = |chart: &Chart, v: u32| Location {
         point: chart.mesh.positions[v as usize].into(),
         u: chart.uv[v as usize][0],

@@ -7,6 +7,7 @@ use quadmuse_kernel::compose::apart::owned;
 use quadmuse_kernel::measure::sound::Grounds;
 use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::mesh::{NONE, PolyMesh, TriMesh, Vec3};
+use quadmuse_kernel::unfold::holes::filled;
 use quadmuse_proto::Verdict;
 
 /// Calls a map broken whose mesh is, and says why before all else.
@@ -14,10 +15,10 @@ pub(super) fn check(mapped: &mut Mapped, query: &Side) -> Result<(), EngineError
     let inner: &ModelInner = query.model.inner.open()?;
     let flaws = if inner.laid.is_some() {
         // A part of what was laid whole ends beside its segment.
-        Grounds::new(owned(inner.ground().input()).into_owned()).flaws(&mapped.mesh).reasons(1.0)
+        Grounds::new(owned(inner.ground().input()).into_owned()).flaws(&mapped.mesh).reasons(1.0, 0.0)
     } else {
         let surface: &TriMesh = &fresh(&query.encoded.encoding)?.chart.mesh;
-        Grounds::new(surface.clone()).flaws(&mapped.mesh).reasons(1.0 - mapped.reach.covers.input)
+        Grounds::new(surface.clone()).flaws(&mapped.mesh).reasons(1.0 - mapped.reach.covers.input, mapped.reach.spanned)
     };
     if !flaws.is_empty() {
         mapped.verdict = Verdict::Broken;
@@ -26,12 +27,14 @@ pub(super) fn check(mapped: &mut Mapped, query: &Side) -> Result<(), EngineError
     Ok(())
 }
 
-/// Measures a composition.
-pub(super) fn appraise(query: &Model, made: &Stitched) -> Result<Appraisal, EngineError> {
+/// Measures a composition; see [`Engine::appraise`](super::super::Engine::appraise).
+pub(super) fn appraise(query: &Model, made: &Stitched, spanned: f64) -> Result<Appraisal, EngineError> {
     let inner: &ModelInner = query.inner.open()?;
     let ground = inner.ground();
     let surface = owned(ground.input());
-    let flaws = Grounds::new(surface.into_owned()).flaws(&made.mesh);
+    let with_gaps = inner.segmented.parts.iter().filter(|part| !part.holes.is_empty());
+    let filled = with_gaps.map(|part| filled(&part.mesh, &part.holes));
+    let flaws = Grounds::new(surface.into_owned()).with_gaps(filled).flaws(&made.mesh);
     let tree = Bvh::new(ground.input().surface);
     // The segment on which a face stands: that at its middle.
     let segment_of = |face: &[u32]| {
@@ -54,7 +57,7 @@ pub(super) fn appraise(query: &Model, made: &Stitched) -> Result<Appraisal, Engi
         flaws.faces.iter().filter_map(|&f| segment_of(made.mesh.faces.face(f as usize))).collect();
     flawed.sort_unstable();
     flawed.dedup();
-    Ok(Appraisal { examples, covered: 1.0 - flaws.bare, flaws: flaws.reasons(0.0), flawed })
+    Ok(Appraisal { examples, covered: 1.0 - flaws.bare, flaws: flaws.reasons(0.0, spanned), flawed })
 }
 
 fn middle(mesh: &PolyMesh, face: &[u32]) -> Vec3 {
@@ -110,14 +113,14 @@ mod tests {
     fn a_composition_is_measured_and_its_flaws_are_found_where_they_are() {
         let (input, layout) = (read(&dome(40)), read(&dome(12)));
         let mesh = (*layout.mesh).clone();
-        let sound = appraise(&input, &stitched(mesh.clone(), true)).expect("measured");
+        let sound = appraise(&input, &stitched(mesh.clone(), true), 0.0).expect("measured");
         assert!((sound.examples[0] - 1.0).abs() < 1e-9 && sound.covered > 0.999, "{sound:?}");
         assert!(sound.flaws.is_empty() && sound.flawed.is_empty(), "{sound:?}");
-        assert_eq!(appraise(&input, &stitched(mesh.clone(), false)).expect("measured").examples, [0.0]);
+        assert_eq!(appraise(&input, &stitched(mesh.clone(), false), 0.0).expect("measured").examples, [0.0]);
         // A vertex in one corner, drawn through below the dome to the other.
         let mut torn = mesh;
         torn.positions[14] = torn.positions[13 * 13 - 1];
-        let torn = appraise(&input, &stitched(torn, true)).expect("measured");
+        let torn = appraise(&input, &stitched(torn, true), 0.0).expect("measured");
         assert!(!torn.flaws.is_empty() && torn.flawed == [0], "{torn:?}");
     }
 }

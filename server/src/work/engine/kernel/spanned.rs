@@ -1,0 +1,28 @@
+//! Pieces of an example for which the scan has nothing are spanned where they are surrounded by what lies on it.
+
+use quadmuse_kernel::map::CrossMap;
+use quadmuse_kernel::mesh::TriMesh;
+use quadmuse_kernel::mesh::bvh::Bvh;
+use quadmuse_kernel::settle::spanned;
+use quadmuse_kernel::unfold::Chart;
+
+/// Spans the vertices that are `bare`, for which the input has nothing, between those around them. The example's rim stays.
+/// Returns the polygons that move, in order.
+pub(super) fn span(cross: &mut CrossMap, mesh: &TriMesh, bare: &[bool], chart: &Chart) -> Vec<u32> {
+    let rim = mesh.boundary_vertices();
+    let free: Vec<bool> = bare.iter().zip(rim).map(|(bare, rim)| *bare && !rim).collect();
+    if !free.contains(&true) {
+        return Vec::new();
+    }
+    let tree = Bvh::new(&chart.mesh);
+    let positions = spanned(mesh, &cross.positions, &free);
+    for v in (0..free.len()).filter(|v| free[*v]) {
+        let place = tree.closest(positions[v]);
+        (cross.locations[v], cross.positions[v]) = (place.into(), place.point);
+    }
+    let moves = mesh.triangles.iter().zip(&mesh.polygon_of).filter(|(t, _)| t.iter().any(|&v| free[v as usize]));
+    let mut polygons: Vec<u32> = moves.map(|(_, f)| *f).collect();
+    polygons.sort_unstable();
+    polygons.dedup();
+    polygons
+}
