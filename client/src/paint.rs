@@ -20,10 +20,10 @@ const YELLOW: &str = "33";
 const BOLD_RED: &str = "1;31";
 
 impl Paint {
-    /// Colours are for terminals that have some, where `NO_COLOR` (<https://no-color.org>) is not set to anything.
-    pub fn of(is_terminal: bool, no_color: Option<&OsStr>, term: Option<&OsStr>) -> Self {
+    /// What a terminal gets, by the variables `NO_COLOR` (<https://no-color.org>; empty, it counts as none) and `TERM`.
+    pub fn of_terminal(no_color: Option<&OsStr>, term: Option<&OsStr>) -> Self {
         let is_refused = no_color.is_some_and(|value| !value.is_empty());
-        if is_terminal && !is_refused && term.is_none_or(|term| term != "dumb") { Self::Coloured } else { Self::Plain }
+        if is_refused || term.is_some_and(|term| term == "dumb") { Self::Plain } else { Self::Coloured }
     }
 
     fn with(self, codes: &str, text: &str) -> String {
@@ -69,14 +69,13 @@ mod tests {
 
     #[test]
     fn colours_are_for_terminals_whose_user_wants_them() {
-        let of = |is_terminal, no_color: Option<&str>, term: Option<&str>| {
-            Paint::of(is_terminal, no_color.map(OsStr::new), term.map(OsStr::new))
+        let of = |no_color: Option<&str>, term: Option<&str>| {
+            Paint::of_terminal(no_color.map(OsStr::new), term.map(OsStr::new))
         };
-        assert_eq!(of(true, None, Some("xterm")), Paint::Coloured);
-        assert_eq!(of(true, Some(""), None), Paint::Coloured, "an empty variable counts as none");
-        assert_eq!(of(true, Some("0"), Some("xterm")), Paint::Plain, "whatever its value");
-        assert_eq!(of(true, None, Some("dumb")), Paint::Plain);
-        assert_eq!(of(false, None, Some("xterm")), Paint::Plain);
+        assert_eq!(of(None, Some("xterm")), Paint::Coloured);
+        assert_eq!(of(Some(""), None), Paint::Coloured, "an empty variable counts as none");
+        assert_eq!(of(Some("0"), Some("xterm")), Paint::Plain, "whatever its value");
+        assert_eq!(of(None, Some("dumb")), Paint::Plain);
     }
 
     #[test]

@@ -76,16 +76,16 @@ impl Ui {
         let (out, err) = (console::Term::stdout(), console::Term::stderr());
         let audience = if json { Audience::Programs } else { Audience::People };
         let (no_color, term) = (env::var_os("NO_COLOR"), env::var_os("TERM"));
-        let paint = |is_terminal| Paint::of(is_terminal && !json, no_color.as_deref(), term.as_deref());
+        let coloured = Paint::of_terminal(no_color.as_deref(), term.as_deref());
         let terminal = (out.is_term() && !json).then(|| {
             let size = out.size_checked();
             let (height, width) = (size.map(|size| size.0), size.map(|size| size.1));
-            Room { width, height, paint: paint(true) }
+            Room { width, height, paint: coloured }
         });
         let bars = if err.is_term() && !json { Bars::Shown } else { Bars::Hidden };
         let is_dialogue = io::stdin().is_terminal() && err.is_term() && !json;
         let answers = is_dialogue.then(|| Box::new(io::BufReader::new(io::stdin())) as Box<dyn BufRead + Send>);
-        let notes_paint = paint(err.is_term());
+        let notes_paint = if err.is_term() && !json { coloured } else { Paint::Plain };
         let (out, notes) = (Box::new(io::stdout()), Box::new(io::stderr()));
         Self { audience, out, notes, terminal, answers, sides: Sides::Out, notes_paint, bars, drawn_lines: 0 }
     }

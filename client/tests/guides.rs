@@ -4,7 +4,7 @@ use quadmuse_client::args::Cli;
 use std::{fs, path::Path};
 
 /// Command lines that there are at least: fewer mean that they are no longer found.
-const LINES_MIN: usize = 60;
+const LINES_MIN: usize = 40;
 
 /// The words and operators of a shell line; quotes hold words together, and a comment ends it.
 fn words(line: &str) -> Vec<String> {

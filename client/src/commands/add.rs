@@ -34,6 +34,15 @@ enum FileAnswer<'a> {
     },
 }
 
+/// What is told of a file that was added.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Detail {
+    /// A line.
+    Line,
+    /// What was repaired in it, too.
+    Repairs,
+}
+
 pub(super) async fn add(args: &AddArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
     if args.name.is_some() && args.files.len() > 1 {
         return Err(ClientError::OneNameForMany { files: args.files.len() });
@@ -44,6 +53,7 @@ pub(super) async fn add(args: &AddArgs, api: &Api, ui: &mut Ui) -> Result<(), Cl
         relevance: args.relevance,
         segments: args.segments.clone(),
     };
+    let detail = if args.verbose { Detail::Repairs } else { Detail::Line };
     let bar = ui.bar(args.files.len() as u64, "adding");
     let uploads = args.files.iter().map(|file| {
         let (upload, bar) = (&upload, &bar);
@@ -58,7 +68,7 @@ pub(super) async fn add(args: &AddArgs, api: &Api, ui: &mut Ui) -> Result<(), Cl
     let mut failed = 0;
     while let Some((file, answer)) = answers.next().await {
         match answer {
-            Ok(added) => bar.suspend(|| tell_added(file, &added, args.verbose, ui))?,
+            Ok(added) => bar.suspend(|| tell_added(file, &added, detail, ui))?,
             // Without a server every other file would fail alike.
             Err(error @ ClientError::Unreachable { .. }) => {
                 bar.finish_and_clear();
@@ -77,8 +87,8 @@ pub(super) async fn add(args: &AddArgs, api: &Api, ui: &mut Ui) -> Result<(), Cl
     }
 }
 
-/// A line a file; with `is_verbose` its repairs below it.
-fn tell_added(file: &Path, added: &Added, is_verbose: bool, ui: &mut Ui) -> Result<(), ClientError> {
+/// A line a file; with its repairs below it where they are wanted.
+fn tell_added(file: &Path, added: &Added, detail: Detail, ui: &mut Ui) -> Result<(), ClientError> {
     let Example { id, counts, segments, repairs, .. } = &added.example;
     ui.value(&FileAnswer::Added { file: file.display().to_string(), example: &added.example })?;
     let how = match added.how {
@@ -95,7 +105,7 @@ fn tell_added(file: &Path, added: &Added, is_verbose: bool, ui: &mut Ui) -> Resu
         n => format!(", {n} repairs"),
     };
     ui.text(&format!("{id}  {how}: {} ({segments}, {} faces{repaired})", file.display(), counts.faces))?;
-    if is_verbose {
+    if detail == Detail::Repairs {
         repairs.iter().for_each(|repair| ui.note(&format!("  {repair}")));
     }
     Ok(())
