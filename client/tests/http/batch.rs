@@ -100,3 +100,12 @@ async fn a_folder_without_scans_is_told() {
     assert_eq!(ran.code(), 1);
     assert!(ran.notes.contains("expected mesh files in"), "{}", ran.notes);
 }
+
+#[tokio::test]
+async fn without_a_server_no_other_scan_is_tried() {
+    let folder = scans();
+    let line = format!("batch {0} -o {0}/out", folder.path().display());
+    let ran = run("http://127.0.0.1:1", &line).await;
+    assert_eq!((ran.code(), ran.out.as_str()), (3, ""), "{}", ran.notes);
+    assert_eq!(ran.notes.matches("error:").count(), 1, "{}", ran.notes);
+}
