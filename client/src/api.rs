@@ -9,7 +9,12 @@ mod queries;
 pub use examples::{Added, ExampleFilter, ExampleUpload, Gain};
 pub use queries::{MeshSource, RankingView};
 
-use crate::{args::SegmentsArg, error::ClientError, file, spec::SegmentsSpec};
+use crate::{
+    args::SegmentsArg,
+    error::ClientError,
+    file::{self, MeshBytes, Packing},
+    spec::SegmentsSpec,
+};
 use quadmuse_proto::{Code, MeshFormat, Page, Problem, id::RequestId, paging::LIMIT_MAX};
 use reqwest::{Method, RequestBuilder, Response, StatusCode, Url, header};
 use serde::de::DeserializeOwned;
@@ -176,9 +181,8 @@ impl Api {
         mesh: &Path,
         how: &SegmentsArg,
     ) -> Result<RequestBuilder, ClientError> {
-        let bytes = file::read(mesh)?;
-        let media_type = MeshFormat::from_file_name(&mesh.to_string_lossy())
-            .map_or("application/octet-stream", MeshFormat::media_type);
+        let found = MeshBytes::read(mesh)?;
+        let media_type = found.format.map_or("application/octet-stream", MeshFormat::media_type);
         let request = request.timeout(WORK_TIMEOUT);
         let request = match how.parts {
             None => request,
@@ -188,21 +192,24 @@ impl Api {
             None => request,
             Some(components) => request.query(&[("components", components.as_str())]),
         };
-        Ok(match &how.segments {
-            None => request.header(header::CONTENT_TYPE, media_type).body(bytes),
-            Some(SegmentsSpec::Rule(rule)) => {
-                request.query(&[("segments", rule.as_str())]).header(header::CONTENT_TYPE, media_type).body(bytes)
-            }
+        let request = match &how.segments {
+            None => request,
+            Some(SegmentsSpec::Rule(rule)) => request.query(&[("segments", rule.as_str())]),
             Some(SegmentsSpec::Labels(labels)) => {
-                let form = multipart::Form::new().part("mesh", media_type, &bytes).part(
+                let form = multipart::Form::new().part("mesh", media_type, &found.unpacked(mesh)?).part(
                     "segments",
                     "text/plain",
                     &file::read(labels)?,
                 );
                 let (content_type, body) = form.finish();
-                request.header(header::CONTENT_TYPE, content_type).body(body)
+                return Ok(request.header(header::CONTENT_TYPE, content_type).body(body));
             }
-        })
+        };
+        let request = match found.packing {
+            Packing::Plain => request,
+            Packing::Gzip => request.header(header::CONTENT_ENCODING, "gzip"),
+        };
+        Ok(request.header(header::CONTENT_TYPE, media_type).body(found.bytes))
     }
 }
 

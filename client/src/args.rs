@@ -5,8 +5,9 @@ use crate::{
     spec::{ConstraintSpec, ExampleRef, LandmarkSpec, Name, Require, SegmentsSpec, TagEdit, UsePart},
 };
 use clap::{Args, Parser, Subcommand};
+use clap_complete::Shell;
 use quadmuse_proto::{
-    Beyond, Components, OnFold, Topology, composition, example::RELEVANCE_RANGE, query, segment::Parts,
+    Beyond, Components, MeshFormat, OnFold, Topology, composition, example::RELEVANCE_RANGE, query, segment::Parts,
 };
 use std::{ffi::OsString, path::PathBuf};
 
@@ -94,12 +95,8 @@ pub enum Command {
         #[arg(value_name = "ID")]
         id: Name,
     },
-    /// Remove examples from the corpus
-    Remove {
-        /// The examples
-        #[arg(value_name = "ID", required = true)]
-        ids: Vec<Name>,
-    },
+    /// Remove examples from the corpus; on a terminal it asks first
+    Remove(RemoveArgs),
     /// Set an example's relevance
     Rate {
         /// The example
@@ -130,20 +127,49 @@ pub enum Command {
     Compose(ComposeCommand),
     /// All in one go: upload, rank, map or compose, download
     Retopo(RetopoArgs),
+    /// `retopo` for every scan of a folder, with a report
+    Batch(BatchArgs),
+    /// Print the address of the page that shows a query, and open it where there is a screen
+    Open {
+        /// The query
+        #[arg(value_name = "QUERY")]
+        query: Name,
+    },
+    /// Print the completions of a shell
+    Completions {
+        /// The shell
+        #[arg(value_name = "SHELL")]
+        shell: Shell,
+    },
+    /// Print a manual page, or write all of them to a folder
+    Man {
+        /// The command whose page to print [default: that of quadmuse itself]
+        #[arg(value_name = "COMMAND")]
+        command: Option<String>,
+        /// Write a page a command to this folder: `quadmuse.1`, `quadmuse-add.1`, …
+        #[arg(long, value_name = "DIR", conflicts_with = "command")]
+        dir: Option<PathBuf>,
+    },
 }
 
 /// `add`.
 #[derive(Debug, Args)]
 pub struct AddArgs {
-    /// Mesh files: OBJ, PLY, OFF, STL, glTF
+    /// Mesh files: OBJ, PLY, OFF, STL, glTF, each compressed by gzip or not; `-` is standard input
     #[arg(value_name = "FILE", required = true)]
     pub files: Vec<PathBuf>,
     /// A tag for all of them (may be repeated)
     #[arg(long = "tag", value_name = "T")]
     pub tags: Vec<String>,
+    /// The example's name, where there is one file [default: the file's name without its extension]
+    #[arg(long, value_name = "NAME")]
+    pub name: Option<String>,
     /// Their relevance, 0 to 5
     #[arg(long, value_name = "R", value_parser = relevance, allow_negative_numbers = true)]
     pub relevance: Option<f64>,
+    /// Tell what was repaired in each mesh
+    #[arg(short, long)]
+    pub verbose: bool,
     /// How to cut them into segments
     #[command(flatten)]
     pub segments: SegmentsArg,
@@ -165,6 +191,21 @@ pub struct SegmentsArg {
     pub components: Option<Components>,
 }
 
+/// `remove`.
+#[derive(Debug, Args)]
+pub struct RemoveArgs {
+    /// The examples
+    #[arg(value_name = "ID", required_unless_present = "tags")]
+    pub ids: Vec<Name>,
+    /// All examples with this tag in their place (may be repeated: with all of them); without a terminal to ask on it
+    /// takes --yes
+    #[arg(long = "tag", value_name = "T", conflicts_with = "ids")]
+    pub tags: Vec<String>,
+    /// Don't ask
+    #[arg(short, long)]
+    pub yes: bool,
+}
+
 /// `list`.
 #[derive(Debug, Args)]
 pub struct ListArgs {
@@ -176,12 +217,20 @@ pub struct ListArgs {
     pub topology: Option<Topology>,
 }
 
-/// The flags of an upload that is to be ranked.
+/// An upload that is to be ranked.
 #[derive(Clone, Debug, Args)]
 pub struct QueryArgs {
-    /// The mesh: OBJ, PLY, OFF, STL, glTF
+    /// The mesh: OBJ, PLY, OFF, STL, glTF, compressed by gzip or not; `-` is standard input
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
+    /// How to rank it
+    #[command(flatten)]
+    pub rank: RankArgs,
+}
+
+/// How an upload is ranked.
+#[derive(Clone, Debug, Args)]
+pub struct RankArgs {
     /// Entries a segment that are ranked at full resolution [default: 4]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(query::TOP_MAX)))]
     pub top: Option<u32>,
@@ -227,6 +276,31 @@ pub struct RankingArgs {
     pub follow: bool,
 }
 
+/// Where a mesh is written.
+#[derive(Clone, Debug, Args)]
+pub struct OutArgs {
+    /// The file to write; its extension chooses the format: obj, ply, off, stl, glb; with .gz behind it, it is compressed.
+    /// `-` is standard output
+    #[arg(short, long = "out", value_name = "OUT")]
+    pub out: OutFile,
+    /// The format, whatever the extension; `-` has none, and is obj otherwise
+    #[arg(long, value_name = "obj|ply|off|stl|glb")]
+    pub format: Option<MeshFormat>,
+    /// Overwrite a file without asking. Who is at no terminal is not asked
+    #[arg(long)]
+    pub force: bool,
+    /// Draw the result, too: to a PNG file
+    #[arg(long, value_name = "FILE.png", value_parser = picture)]
+    pub picture: Option<PathBuf>,
+}
+
+impl OutArgs {
+    /// The file, in the format that is asked for.
+    pub fn file(&self) -> OutFile {
+        OutFile { format: self.format.unwrap_or(self.out.format), ..self.out.clone() }
+    }
+}
+
 /// `map`.
 #[derive(Debug, Args)]
 pub struct MapArgs {
@@ -257,9 +331,9 @@ pub struct MapArgs {
     /// has an example's quads; `fair`, `good`: its verdict is that or better. A broken result always exits with 1
     #[arg(long, value_name = "inspired|fair|good")]
     pub require: Option<Require>,
-    /// The file to write; its extension chooses the format: obj, ply, off, stl, glb
-    #[arg(short, long = "out", value_name = "OUT")]
-    pub out: OutFile,
+    /// Where to write it
+    #[command(flatten)]
+    pub out: OutArgs,
 }
 
 /// `constrain`.
@@ -271,7 +345,8 @@ pub struct ConstrainArgs {
     /// The map
     #[arg(value_name = "MAP")]
     pub map: Name,
-    /// `[ID:]ON_EXAMPLE=ON_INPUT`, each end `x,y,z` or `uU,vV` or `fFACE/w,w,w`; or the constraint as JSON
+    /// `ON_EXAMPLE=ON_INPUT` adds a constraint, which the service names; `ID:ON_EXAMPLE=ON_INPUT` moves one that the map
+    /// has, and an end left empty stays. Each end is `x,y,z` or `uU,vV` or `fFACE/w,w,w`. Or the constraint as JSON
     #[arg(long = "set", value_name = "SPEC", required_unless_present_any = ["remove", "undo"], allow_hyphen_values = true)]
     pub set: Vec<ConstraintSpec>,
     /// A constraint to remove
@@ -283,17 +358,14 @@ pub struct ConstrainArgs {
     /// Where the map would fold: `refuse` the edit, or `resolve`: constraints that are not named make room
     #[arg(long, value_name = "refuse|resolve", value_parser = on_fold, default_value = "refuse")]
     pub on_fold: OnFold,
-    /// The file to write; its extension chooses the format: obj, ply, off, stl, glb
-    #[arg(short, long = "out", value_name = "OUT")]
-    pub out: OutFile,
+    /// Where to write it
+    #[command(flatten)]
+    pub out: OutArgs,
 }
 
-/// The flags of a composition.
+/// How a scan takes what is laid on it.
 #[derive(Clone, Debug, Args)]
-pub struct ComposeArgs {
-    /// `SEGMENT=EXAMPLE` or `SEGMENT=EXAMPLE:SEGMENT`: this example in place of the best (may be repeated)
-    #[arg(long = "use", value_name = "SEGMENT=EXAMPLE")]
-    pub uses: Vec<UsePart<Name>>,
+pub struct LayArgs {
     /// Rounds of smoothing [default: 5]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=i64::from(composition::SMOOTHING_MAX)))]
     pub smoothing: Option<u32>,
@@ -304,16 +376,27 @@ pub struct ComposeArgs {
     /// faces alone
     #[arg(long, value_name = "extend|leave", value_parser = beyond, default_value = "extend")]
     pub beyond: Beyond,
-    /// A file for the numbers of the example's vertices that were kept, from 0, one a line: others lie beyond the input
-    #[arg(long, value_name = "FILE")]
-    pub kept: Option<PathBuf>,
     /// Exit with 1 where the result is less than this; it is written all the same. `inspired`: more than half of its area
     /// has an example's quads; `fair`, `good`: its verdict is that or better. A broken result always exits with 1
     #[arg(long, value_name = "inspired|fair|good")]
     pub require: Option<Require>,
-    /// The file to write; its extension chooses the format: obj, ply, off, stl, glb
-    #[arg(short, long = "out", value_name = "OUT")]
-    pub out: OutFile,
+}
+
+/// The flags of a composition.
+#[derive(Clone, Debug, Args)]
+pub struct ComposeArgs {
+    /// `SEGMENT=EXAMPLE` or `SEGMENT=EXAMPLE:SEGMENT`: this example in place of the best (may be repeated)
+    #[arg(long = "use", value_name = "SEGMENT=EXAMPLE")]
+    pub uses: Vec<UsePart<Name>>,
+    /// How to lay it
+    #[command(flatten)]
+    pub lay: LayArgs,
+    /// A file for the numbers of the example's vertices that were kept, from 0, one a line: others lie beyond the input
+    #[arg(long, value_name = "FILE")]
+    pub kept: Option<PathBuf>,
+    /// Where to write it
+    #[command(flatten)]
+    pub out: OutArgs,
 }
 
 /// `compose`.
@@ -336,6 +419,38 @@ pub struct RetopoArgs {
     /// What to lay on it, and where to write it
     #[command(flatten)]
     pub compose: ComposeArgs,
+}
+
+/// `batch`.
+#[derive(Debug, Args)]
+pub struct BatchArgs {
+    /// The folder of the scans; folders in it are left out
+    #[arg(value_name = "DIR")]
+    pub dir: PathBuf,
+    /// The folder to write to: a mesh a scan, and `report.csv`. It is made where there is none
+    #[arg(short, long = "out", value_name = "DIR")]
+    pub out: PathBuf,
+    /// The format of the meshes
+    #[arg(long, value_name = "obj|ply|off|stl|glb", default_value = "obj")]
+    pub format: MeshFormat,
+    /// Draw each result, too: to a PNG file beside it
+    #[arg(long)]
+    pub pictures: bool,
+    /// Overwrite files without asking. Who is at no terminal is not asked
+    #[arg(long)]
+    pub force: bool,
+    /// How to rank them
+    #[command(flatten)]
+    pub rank: RankArgs,
+    /// What to lay on them
+    #[command(flatten)]
+    pub lay: LayArgs,
+}
+
+fn picture(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let is_png = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("png"));
+    if is_png { Ok(path) } else { Err("expected a file name that ends in .png".into()) }
 }
 
 fn beyond(text: &str) -> Result<Beyond, String> {
@@ -377,99 +492,4 @@ fn seconds(text: &str) -> Result<f64, String> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use clap::CommandFactory;
-
-    const ID: &str = "01ARZ3NDEKTSV4RRFFQ69G5FAV";
-
-    fn parse(line: &str) -> Result<Cli, clap::Error> {
-        Cli::read(line.replace("ID", ID).split_whitespace().map(OsString::from))
-    }
-
-    #[test]
-    fn the_commands_are_consistent() {
-        Cli::command().debug_assert();
-    }
-
-    #[test]
-    fn every_verb_of_the_interface_is_there() {
-        for line in [
-            "quadmuse add a.obj b.ply --tag head --tag hero --relevance 4 --segments whole",
-            "quadmuse add a.obj --parts 8",
-            "quadmuse retopo a.obj -o b.obj --parts auto",
-            "quadmuse query a.obj --components refuse",
-            "quadmuse retopo a.obj -o b.obj --like ID",
-            "quadmuse constrain ID ID --undo f2 -o out.obj",
-            "quadmuse constrain ID ID --set f1:1,2,3=4,5,6 --on-fold resolve -o out.obj",
-            "quadmuse list --tag head --topology disc",
-            "quadmuse show ID",
-            "quadmuse remove ID ID",
-            "quadmuse rate ID 4.5",
-            "quadmuse tag ID +hero -wip",
-            "quadmuse query a.ply --top 4 --tag head --resolution 128 --deadline 2.5 --segments groups --no-follow",
-            "quadmuse ranking ID --segment 1 --follow",
-            "quadmuse map ID -o out.obj",
-            "quadmuse map ID ID --segment 2 -o out.ply",
-            "quadmuse constrain ID ID --set 1,2,3=4,5,6 --remove f3 -o out.glb",
-            "quadmuse map ID -o out.obj --require inspired",
-            "quadmuse compose ID -o out.obj --require fair",
-            "quadmuse retopo scan.ply -o out.obj --require good",
-            "quadmuse compose ID --use 0=ID --use 1=ID:2 -o out.off",
-            "quadmuse retopo scan.ply -o out.obj --top 8 --use 0=ID --smoothing 3",
-            "quadmuse --server http://x:1 --token t --json list",
-            "quadmuse list --json --server http://x:1",
-        ] {
-            assert!(parse(line).is_ok(), "{line}: {}", parse(line).expect_err("just seen"));
-        }
-    }
-
-    #[test]
-    fn wrong_usage_is_refused_with_exit_code_2() {
-        for line in [
-            "quadmuse",
-            "quadmuse add",
-            "quadmuse add a.obj --relevance 6",
-            "quadmuse add a.obj --relevance -1",
-            "quadmuse show",
-            "quadmuse query a.obj --resolution 100",
-            "quadmuse query a.obj --deadline nan",
-            "quadmuse query a.obj --top 0",
-            "quadmuse map ID",
-            "quadmuse map ID -o out.docx",
-            "quadmuse constrain ID ID -o out.obj",
-            "quadmuse constrain ID ID --set 1,2=3,4,5 -o out.obj",
-            "quadmuse constrain ID ID --on-fold resolve -o out.obj",
-            "quadmuse constrain ID ID --remove f1 --on-fold bend -o out.obj",
-            "quadmuse query a.obj --components all",
-            "quadmuse query a.obj --like ID --parts auto",
-            "quadmuse map ID -o out.obj --require poor",
-            "quadmuse compose ID --use ID -o out.obj",
-            "quadmuse tag ID hero",
-            "quadmuse list --topology klein",
-        ] {
-            let error = parse(line).expect_err(line);
-            assert_eq!(error.exit_code(), i32::from(crate::error::EXIT_USAGE), "{line}");
-        }
-    }
-
-    #[test]
-    fn a_tag_may_be_taken_off_although_it_looks_like_a_flag() {
-        for line in [
-            "quadmuse tag ID -wip +hero",
-            "quadmuse tag ID -wip --json +hero --server http://x",
-            "quadmuse --server tag tag ID -- -wip +hero",
-        ] {
-            let Command::Tag { edits, .. } = parse(line).expect(line).command else {
-                panic!("{line}: another command")
-            };
-            assert_eq!(edits, [TagEdit::Remove("wip".into()), TagEdit::Add("hero".into())]);
-        }
-        assert!(parse("quadmuse tag ID -wip --json").expect("parses").json);
-    }
-
-    #[test]
-    fn the_address_is_the_local_one_unless_told() {
-        assert_eq!(parse("quadmuse list").expect("parses").server, SERVER_DEFAULT);
-    }
-}
+mod tests;

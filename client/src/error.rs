@@ -65,6 +65,18 @@ pub enum ClientError {
     /// As [`ClientError::Refused`], where programs have already read the problem in an event.
     #[error("{}", refusal(.0))]
     Told(Box<Problem>),
+    /// A map has no such constraint.
+    #[error(
+        "expected the id of a constraint that the map has ({known}), found `{found}`; leave the id out to add one: --set ON_EXAMPLE=ON_INPUT"
+    )]
+    NoSuchConstraint {
+        /// The id.
+        found: String,
+        /// The ids that there are, with commas between.
+        known: String,
+        /// What the service answered with.
+        problem: Box<Problem>,
+    },
     /// A file of landmarks holds none.
     #[error(
         "{}: expected a JSON list like [{{\"on_example\": [x, y, z], \"on_input\": [x, y, z]}}], found: {detail}",
@@ -147,7 +159,7 @@ pub enum ClientError {
         article: &'static str,
     },
     /// Some of several files or examples were refused; each was named when it happened.
-    #[error("{failed} of {total} failed; the others are done")]
+    #[error("{}", failures(*.failed, *.total))]
     SomeFailed {
         /// How many were refused.
         failed: usize,
@@ -175,6 +187,51 @@ pub enum ClientError {
         percent: String,
         /// The file.
         file: String,
+    },
+    /// Who was asked said no.
+    #[error("nothing was {done}")]
+    Declined {
+        /// What would have been done: `removed`, `written`.
+        done: &'static str,
+    },
+    /// Many examples would go, and nobody can be asked.
+    #[error("expected --yes, as there is no terminal to ask on, found none; {count} examples would be removed")]
+    NotAsked {
+        /// How many.
+        count: usize,
+    },
+    /// One name for several files.
+    #[error("expected one file with --name, found {files}; add them one by one, or name them by their files")]
+    OneNameForMany {
+        /// How many.
+        files: usize,
+    },
+    /// There is no such command.
+    #[error("expected a command of quadmuse, found `{found}`; `quadmuse help` lists them")]
+    NoSuchCommand {
+        /// The word.
+        found: String,
+    },
+    /// No example has the tags.
+    #[error("expected examples with {tags}, found none; `quadmuse list` shows all")]
+    NoneTagged {
+        /// `the tag x`, or `the tags x and y`.
+        tags: String,
+    },
+    /// A folder of scans holds none.
+    #[error(
+        "expected mesh files in {}, found none; they end in .obj, .ply, .off, .stl, .gltf or .glb, with .gz behind it or without",
+        folder.display()
+    )]
+    NoScans {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// A batch would overwrite its own scans.
+    #[error("expected another folder to write to than that of the scans, found {} for both; give another with -o", folder.display())]
+    SameFolder {
+        /// The folder.
+        folder: PathBuf,
     },
     /// A file cannot be read.
     #[error("expected a file that can be read at {}, found none; check the path and its permissions", path.display())]
@@ -210,21 +267,30 @@ impl ClientError {
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Unreachable { .. } | Self::BrokenOff { .. } => EXIT_UNREACHABLE,
-            Self::Address { .. } => EXIT_USAGE,
+            Self::Address { .. }
+            | Self::NotAsked { .. }
+            | Self::SameFolder { .. }
+            | Self::OneNameForMany { .. }
+            | Self::NoSuchCommand { .. } => EXIT_USAGE,
             Self::Output(source) if source.kind() == io::ErrorKind::BrokenPipe => EXIT_DONE,
             _ => EXIT_FAILED,
         }
     }
 
-    /// Whether there is nobody to tell: the reader of standard output has gone (as in `quadmuse list | head`).
+    /// Whether there is nothing to tell, or nobody: the one file that failed was told, or the reader of standard output has
+    /// gone (as in `quadmuse list | head`).
     pub fn is_silent(&self) -> bool {
-        matches!(self, Self::Output(source) if source.kind() == io::ErrorKind::BrokenPipe)
+        match self {
+            Self::Output(source) => source.kind() == io::ErrorKind::BrokenPipe,
+            Self::SomeFailed { total, .. } => *total == 1,
+            _ => false,
+        }
     }
 
     /// The problem, if the service answered with one that has not been told yet.
     pub fn problem(&self) -> Option<&Problem> {
         match self {
-            Self::Refused(problem) => Some(problem),
+            Self::Refused(problem) | Self::NoSuchConstraint { problem, .. } => Some(problem),
             _ => None,
         }
     }
@@ -241,6 +307,15 @@ impl ClientError {
             Some(cause) => printable(&format!("{self} ({cause})")),
             None => printable(&self.to_string()),
         }
+    }
+}
+
+/// How many failed, and what became of the others.
+fn failures(failed: usize, total: usize) -> String {
+    match total.saturating_sub(failed) {
+        0 => format!("all {total} failed"),
+        1 => format!("{failed} of {total} failed; the other one is done"),
+        others => format!("{failed} of {total} failed; the other {others} are done"),
     }
 }
 
@@ -262,7 +337,7 @@ fn listed_by(kind: &str) -> &'static str {
 fn refusal(problem: &Problem) -> String {
     let detail = if problem.detail.is_empty() { &problem.title } else { &problem.detail };
     let hint = match problem.code {
-        Code::CorpusEmpty => "; fill the corpus with `quadmuse add FILE…`",
+        Code::CorpusEmpty => "; `quadmuse list` shows what is there, `quadmuse add FILE…` adds",
         Code::Unauthorized => "; give a token with --token or QUADMUSE_TOKEN",
         Code::Overloaded | Code::Unavailable => "; try again later",
         _ => "",
@@ -316,5 +391,16 @@ mod tests {
     #[test]
     fn escape_sequences_from_outside_do_not_reach_the_terminal() {
         assert_eq!(printable("a\x1b[31mb\u{9b}c"), "a\u{fffd}[31mb\u{fffd}c");
+    }
+
+    #[test]
+    fn nothing_is_said_of_others_where_there_are_none() {
+        let said = |failed, total| ClientError::SomeFailed { failed, total }.message();
+        assert_eq!(said(3, 3), "all 3 failed");
+        assert_eq!(said(1, 2), "1 of 2 failed; the other one is done");
+        assert_eq!(said(1, 4), "1 of 4 failed; the other 3 are done");
+        // The only one was told when it happened.
+        assert!(ClientError::SomeFailed { failed: 1, total: 1 }.is_silent());
+        assert!(!ClientError::SomeFailed { failed: 2, total: 2 }.is_silent());
     }
 }

@@ -10,6 +10,7 @@ pub mod error;
 pub mod file;
 pub mod follow;
 pub mod names;
+pub mod paint;
 pub mod spec;
 pub mod state;
 pub mod stream;
@@ -40,6 +41,9 @@ pub async fn run(cli: Cli) -> u8 {
 /// # Errors
 /// Whatever the command ran into; it has not been printed yet.
 pub async fn carry_out(cli: Cli, ui: &mut Ui) -> Result<(), ClientError> {
+    if commands::without_server(&cli.command, ui)? {
+        return Ok(());
+    }
     let api = Api::new(&cli.server, cli.token.as_deref())?;
     commands::dispatch(cli.command, &api, &State::new(cli.state), ui).await
 }

@@ -201,8 +201,7 @@ impl FromStr for ConstraintSpec {
     type Err = SpecError;
 
     fn from_str(text: &str) -> Result<Self, SpecError> {
-        let expected =
-            "[ID:]ON_EXAMPLE=ON_INPUT with ends like 1,2,3 or u0.25,v0.5 or f7/0.5,0.25,0.25, or a constraint as JSON";
+        let expected = "ON_EXAMPLE=ON_INPUT with ends like 1,2,3 or u0.25,v0.5 or f7/0.5,0.25,0.25, ID: before it where the map has that constraint, or a constraint as JSON";
         if text.trim_start().starts_with('{') {
             return serde_json::from_str(text).map(Self).or_else(|_| refuse(expected, text));
         }

@@ -4,7 +4,7 @@ mod corpus;
 mod outcome;
 mod ranking;
 
-pub use corpus::{example, examples};
+pub use corpus::{example, examples, sought};
 pub use outcome::{composition, expected_quads, map, verdicts};
 pub use ranking::{first_entries, ranking, revision, summary};
 
@@ -65,6 +65,15 @@ fn word(text: &str) -> String {
     printable(&text.replace('\n', " "))
 }
 
+/// A time in milliseconds, as people say it.
+pub fn time(ms: f64) -> String {
+    match ms {
+        ..0.5 => "less than 1 ms".into(),
+        ..100.0 => format!("{ms:.0} ms"),
+        _ => format!("{:.2} s", ms / 1000.0),
+    }
+}
+
 /// Bytes, as people say them.
 fn size(bytes: u64) -> String {
     match bytes {
@@ -81,6 +90,12 @@ pub(crate) mod tests {
         corpus::tests::head,
         ranking::tests::{query, with_entries},
     };
+
+    #[test]
+    fn no_time_is_told_as_none_at_all() {
+        let told = [0.0, 0.4, 3.4, 99.0, 4_321.0].map(time);
+        assert_eq!(told, ["less than 1 ms", "less than 1 ms", "3 ms", "99 ms", "4.32 s"]);
+    }
 
     #[test]
     fn sizes_are_told_in_the_unit_that_fits() {

@@ -2,11 +2,15 @@
 //!
 //! A terminal gets bars, and tables that are drawn over; anything else gets plain text.
 
-use crate::error::{ClientError, printable};
+use crate::{
+    error::{ClientError, printable},
+    paint::Paint,
+};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 use std::{
-    io::{self, Write},
+    env,
+    io::{self, BufRead, IsTerminal, Write},
     time::Duration,
 };
 
@@ -19,13 +23,16 @@ pub enum Audience {
     Programs,
 }
 
-/// How much room there is; `None` where there is no end to it (a file, a pipe).
+/// What is printed on: how much room there is, `None` where there is no end to it (a file, a pipe), and whether it shows
+/// colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Room {
     /// Columns.
     pub width: Option<u16>,
     /// Lines.
     pub height: Option<u16>,
+    /// Colours.
+    pub paint: Paint,
 }
 
 /// Where things are printed.
@@ -34,6 +41,11 @@ pub struct Ui {
     out: Box<dyn Write + Send>,
     notes: Box<dyn Write + Send>,
     terminal: Option<Room>,
+    /// Whom to ask; nobody where there is no terminal, or where programs read.
+    answers: Option<Box<dyn BufRead + Send>>,
+    /// Whether `out` is for data alone, so that all texts go to `notes`.
+    sides: Sides,
+    notes_paint: Paint,
     bars: Bars,
     /// Lines of the drawing that the next one replaces.
     drawn_lines: usize,
@@ -41,6 +53,15 @@ pub struct Ui {
 
 /// How often a sign of life moves.
 const SPINNER_TICK: Duration = Duration::from_millis(100);
+
+/// Where texts and values go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Sides {
+    /// To standard output.
+    Out,
+    /// To standard error: standard output takes a mesh.
+    Notes,
+}
 
 /// Whether progress bars are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,13 +75,19 @@ impl Ui {
     pub fn stdout(json: bool) -> Self {
         let (out, err) = (console::Term::stdout(), console::Term::stderr());
         let audience = if json { Audience::Programs } else { Audience::People };
-        let terminal = (out.is_term() && !json).then(|| match out.size_checked() {
-            Some((height, width)) => Room { width: Some(width), height: Some(height) },
-            None => Room::default(),
+        let (no_color, term) = (env::var_os("NO_COLOR"), env::var_os("TERM"));
+        let coloured = Paint::of_terminal(no_color.as_deref(), term.as_deref());
+        let terminal = (out.is_term() && !json).then(|| {
+            let size = out.size_checked();
+            let (height, width) = (size.map(|size| size.0), size.map(|size| size.1));
+            Room { width, height, paint: coloured }
         });
         let bars = if err.is_term() && !json { Bars::Shown } else { Bars::Hidden };
+        let is_dialogue = io::stdin().is_terminal() && err.is_term() && !json;
+        let answers = is_dialogue.then(|| Box::new(io::BufReader::new(io::stdin())) as Box<dyn BufRead + Send>);
+        let notes_paint = if err.is_term() && !json { coloured } else { Paint::Plain };
         let (out, notes) = (Box::new(io::stdout()), Box::new(io::stderr()));
-        Self { audience, out, notes, terminal, bars, drawn_lines: 0 }
+        Self { audience, out, notes, terminal, answers, sides: Sides::Out, notes_paint, bars, drawn_lines: 0 }
     }
 
     /// Two writers in place of the standard ones; `terminal` is what to take the first for.
@@ -70,7 +97,69 @@ impl Ui {
         out: impl Write + Send + 'static,
         notes: impl Write + Send + 'static,
     ) -> Self {
-        Self { audience, out: Box::new(out), notes: Box::new(notes), terminal, bars: Bars::Hidden, drawn_lines: 0 }
+        Self {
+            audience,
+            out: Box::new(out),
+            notes: Box::new(notes),
+            terminal,
+            answers: None,
+            sides: Sides::Out,
+            notes_paint: terminal.unwrap_or_default().paint,
+            bars: Bars::Hidden,
+            drawn_lines: 0,
+        }
+    }
+
+    /// Somewhere to print where nobody reads.
+    pub fn silent() -> Self {
+        Self::new(Audience::People, None, io::sink(), io::sink())
+    }
+
+    /// With somebody who answers questions, a line each.
+    pub fn answering(self, answers: impl BufRead + Send + 'static) -> Self {
+        Self { answers: Some(Box::new(answers)), ..self }
+    }
+
+    /// Whether there is somebody who can answer.
+    pub fn is_dialogue(&self) -> bool {
+        self.answers.is_some()
+    }
+
+    /// Asks whether to do something; `y` and `yes` do, anything else does not. `None` where nobody can be asked.
+    ///
+    /// # Errors
+    /// [`ClientError::Output`].
+    pub fn ask(&mut self, question: &str) -> Result<Option<bool>, ClientError> {
+        let Some(answers) = &mut self.answers else { return Ok(None) };
+        self.drawn_lines = 0;
+        write!(self.notes, "{} [y/N] ", printable(question))?;
+        self.notes.flush()?;
+        let mut answer = String::new();
+        answers.read_line(&mut answer)?;
+        Ok(Some(matches!(answer.trim().to_lowercase().as_str(), "y" | "yes")))
+    }
+
+    /// From here on standard output is for data alone: texts and values go to standard error.
+    pub fn leave_out_to_data(&mut self) {
+        self.sides = Sides::Notes;
+        self.terminal = None;
+    }
+
+    /// Where texts and values go.
+    fn side(&mut self) -> &mut dyn Write {
+        match self.sides {
+            Sides::Out => &mut self.out,
+            Sides::Notes => &mut self.notes,
+        }
+    }
+
+    /// Writes data to standard output, as they are.
+    ///
+    /// # Errors
+    /// [`ClientError::Output`].
+    pub fn data(&mut self, bytes: &[u8]) -> Result<(), ClientError> {
+        self.out.write_all(bytes)?;
+        Ok(self.out.flush()?)
     }
 
     /// Whether people read.
@@ -95,7 +184,7 @@ impl Ui {
     pub fn text(&mut self, text: &str) -> Result<(), ClientError> {
         if self.is_for_people() {
             self.settle();
-            writeln!(self.out, "{}", text.trim_end_matches('\n'))?;
+            writeln!(self.side(), "{}", text.trim_end_matches('\n'))?;
         }
         Ok(())
     }
@@ -106,8 +195,8 @@ impl Ui {
     /// [`ClientError::Output`].
     pub fn value(&mut self, value: &impl Serialize) -> Result<(), ClientError> {
         if !self.is_for_people() {
-            serde_json::to_writer(&mut self.out, value).map_err(io::Error::from)?;
-            self.out.write_all(b"\n")?;
+            serde_json::to_writer(self.side(), value).map_err(io::Error::from)?;
+            self.side().write_all(b"\n")?;
             self.out.flush()?;
         }
         Ok(())
@@ -159,7 +248,7 @@ impl Ui {
     /// A sentence about a failure, to whomever.
     pub fn complain(&mut self, text: &str) {
         self.settle();
-        let _ = writeln!(self.notes, "error: {}", printable(text));
+        let _ = writeln!(self.notes, "{} {}", self.notes_paint.failure("error:"), printable(text));
     }
 
     /// A progress bar of `length` steps; it is hidden unless standard error is a terminal.
@@ -256,5 +345,40 @@ pub(crate) mod tests {
         let value: serde_json::Value = serde_json::from_str(&out.text()).expect("JSON");
         assert_eq!(value["code"], "not_found");
         assert_eq!(notes.text(), "error: expected x, found none (not_found)\n");
+    }
+
+    #[test]
+    fn only_a_yes_is_one_and_without_a_terminal_nobody_is_asked() {
+        let notes = Shared::default();
+        let answers = io::Cursor::new("y\nno\n\nYES\n");
+        let mut ui = Ui::new(Audience::People, None, io::sink(), notes.clone()).answering(answers);
+        let said: Vec<Option<bool>> = (0..5).map(|_| ui.ask("remove \x1b[2Jit?").expect("asks")).collect();
+        assert_eq!(said, [Some(true), Some(false), Some(false), Some(true), Some(false)]);
+        assert!(notes.text().starts_with("remove \u{fffd}[2Jit? [y/N] "), "{}", notes.text());
+        assert_eq!(Ui::silent().ask("?").expect("asks nobody"), None);
+    }
+
+    #[test]
+    fn where_the_output_is_data_texts_and_values_stand_beside_it() {
+        for (audience, said) in [(Audience::People, "text\n"), (Audience::Programs, "7\n")] {
+            let (out, notes) = (Shared::default(), Shared::default());
+            let mut ui = Ui::new(audience, Some(Room::default()), out.clone(), notes.clone());
+            ui.leave_out_to_data();
+            ui.text("text").expect("prints");
+            ui.draw("table").expect("prints");
+            ui.value(&7).expect("prints");
+            ui.data(b"v 0 0 0\n").expect("writes");
+            assert_eq!((out.text().as_str(), notes.text().as_str()), ("v 0 0 0\n", said));
+        }
+    }
+
+    #[test]
+    fn failures_are_coloured_on_a_terminal_alone() {
+        for (paint, expected) in [(Paint::Plain, "error: x\n"), (Paint::Coloured, "\x1b[1;31merror:\x1b[0m x\n")] {
+            let notes = Shared::default();
+            let room = Room { paint, ..Room::default() };
+            Ui::new(Audience::People, Some(room), io::sink(), notes.clone()).complain("x");
+            assert_eq!(notes.text(), expected);
+        }
     }
 }

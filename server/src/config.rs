@@ -145,7 +145,7 @@ pub struct ServeArgs {
 /// The flags of `demo`.
 #[derive(Clone, Debug, Args)]
 pub struct DemoArgs {
-    /// Directory for the mapped mesh and its picture.
+    /// Directory for the mapped meshes and their pictures, and for the samples: `examples/` and `scans/`.
     #[arg(long, env = "QUADMUSE_OUT", default_value = "quadmuse-demo")]
     pub out: PathBuf,
     /// Keep the service running afterwards.

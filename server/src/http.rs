@@ -91,6 +91,7 @@ fn documented() -> OpenApiRouter<App> {
         .routes(routes!(compositions::create))
         .routes(routes!(compositions::get))
         .routes(routes!(compositions::mesh))
+        .routes(routes!(compositions::preview))
         .routes(routes!(admin::status))
         .routes(routes!(admin::check))
         .routes(routes!(admin::backup))

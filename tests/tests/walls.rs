@@ -1,10 +1,10 @@
 //! The walls hold in this tree, and each of them bites.
 
 use quadmuse_tests::walls::{
-    habits,
+    guides, habits,
     manifest::{self, CRATE_WALLS},
     modules,
-    tree::{SourceFile, files},
+    tree::{SourceFile, files, root},
 };
 
 fn sources() -> Vec<SourceFile> {
@@ -50,6 +50,41 @@ fn modules_name_only_what_stands_before_them() {
 fn sources_are_short_and_finished() {
     let found = sources().iter().flat_map(|file| habits::complaints(&file.path, &file.text)).collect::<Vec<_>>();
     assert_none(&found);
+}
+
+#[test]
+fn guides_are_in_their_index_and_links_lead_somewhere() {
+    let pages = files(".md").expect("the pages can be read");
+    assert_none(&guides::unlinked(&pages));
+    let exists = |path: &str| root().join(path).exists();
+    assert_none(&pages.iter().flat_map(|page| guides::dead(page, &pages, &exists)).collect::<Vec<_>>());
+}
+
+#[test]
+fn the_walls_of_guides_bite() {
+    let page = |path: &str, text: &str| SourceFile { path: path.into(), text: text.into() };
+    let guide = page("docs/a.md", "# One, two\n[up](../README.md) [here](#one-two)\n```\n[no](link)\n```\n");
+    let all = |index: &str, front: &str| [guide.clone(), page("docs/README.md", index), page("README.md", front)];
+    assert_none(&guides::unlinked(&all("[a](a.md#one-two)", "[guides](docs/README.md)")));
+    let found = guides::unlinked(&all("[b](b.md)", "[a](docs/a.md)"));
+    assert_eq!(found.len(), 2, "{found:?}");
+    assert!(
+        found[0].contains("does not link docs/a.md") && found[1].contains("does not link docs/README.md"),
+        "{found:?}"
+    );
+
+    let pages = all("", "");
+    let exists = |path: &str| pages.iter().any(|page| page.path == path);
+    assert_none(&guides::dead(&guide, &pages, &exists));
+    for (text, expected) in [
+        ("[b](b.md)", "where nothing is"),
+        ("![p](../docs/p.png)", "where nothing is"),
+        ("[a](docs/a.md#three)", "a heading that docs/a.md has not"),
+    ] {
+        let path = if text.contains("docs/a") { "README.md" } else { "docs/b.md" };
+        let found = guides::dead(&page(path, text), &pages, &exists);
+        assert!(found.len() == 1 && found[0].contains(expected), "{text}: {found:?}");
+    }
 }
 
 /// Each broken sample, and what the complaint about it must say.

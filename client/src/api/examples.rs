@@ -9,6 +9,8 @@ use std::path::Path;
 /// What an example is given along with its mesh.
 #[derive(Clone, Debug, Default)]
 pub struct ExampleUpload {
+    /// Its name; that of its file if absent.
+    pub name: Option<String>,
     /// Its tags.
     pub tags: Vec<String>,
     /// Its relevance, 0–5.
@@ -50,7 +52,8 @@ impl Api {
     /// # Errors
     /// The file cannot be read, or the service refuses it or is out of reach.
     pub async fn add_example(&self, mesh: &Path, upload: &ExampleUpload) -> Result<Added, ClientError> {
-        let mut query = vec![("name", file::example_name(mesh))];
+        let name = upload.name.clone().unwrap_or_else(|| file::example_name(mesh));
+        let mut query = vec![("name", name)];
         query.extend(upload.tags.iter().map(|tag| ("tag", tag.clone())));
         query.extend(upload.relevance.map(|relevance| ("relevance", relevance.to_string())));
         let request = self.request(Method::POST, &["examples"]).query(&query);

@@ -6,8 +6,11 @@ use quadmuse_proto::{
     Composition, CompositionId, ConstraintEdit, ExampleId, Map, MapId, MeshFormat, NewComposition, NewMap, Page, Query,
     QueryId, Ranking,
 };
-use reqwest::{Method, Response, header};
+use reqwest::{Method, RequestBuilder, Response, header};
 use std::time::Duration;
+
+/// Side of a picture of a result, in pixels: the most that the service draws.
+pub(super) const PICTURE_SIDE: u32 = 1024;
 
 /// What a long poll may take beyond its waiting time.
 const POLL_SLACK: Duration = Duration::from_secs(30);
@@ -38,13 +41,14 @@ impl Api {
     /// # Errors
     /// The file cannot be read, or the service refuses it or is out of reach.
     pub async fn start_query(&self, args: &QueryArgs, like: Option<ExampleId>) -> Result<Query, ClientError> {
-        let mut query: Vec<(&str, String)> = args.tags.iter().map(|tag| ("tag", tag.clone())).collect();
-        query.extend(args.top.map(|top| ("top", top.to_string())));
-        query.extend(args.resolution.map(|resolution| ("resolution", resolution.to_string())));
-        query.extend(args.deadline.map(|seconds| ("deadline_ms", format!("{:.0}", (seconds * 1000.0).ceil()))));
+        let rank = &args.rank;
+        let mut query: Vec<(&str, String)> = rank.tags.iter().map(|tag| ("tag", tag.clone())).collect();
+        query.extend(rank.top.map(|top| ("top", top.to_string())));
+        query.extend(rank.resolution.map(|resolution| ("resolution", resolution.to_string())));
+        query.extend(rank.deadline.map(|seconds| ("deadline_ms", format!("{:.0}", (seconds * 1000.0).ceil()))));
         query.extend(like.map(|example| ("like", example.to_string())));
         let request = self.request(Method::POST, &["queries"]).query(&query);
-        let request = self.with_mesh(request, &args.file, &args.segments)?;
+        let request = self.with_mesh(request, &args.file, &rank.segments)?;
         self.json(request, "the query that was started").await
     }
 
@@ -54,6 +58,11 @@ impl Api {
     /// The service refuses (there is none) or is out of reach.
     pub async fn query(&self, id: QueryId) -> Result<Query, ClientError> {
         self.json(self.request(Method::GET, &["queries", &id.to_string()]), "a query").await
+    }
+
+    /// The address of the service's page that shows a query.
+    pub fn page(&self, id: QueryId) -> String {
+        format!("{}/#{id}", self.server())
     }
 
     /// The caller's queries that the service holds.
@@ -147,13 +156,23 @@ impl Api {
     /// # Errors
     /// The service refuses or is out of reach.
     pub async fn mesh(&self, id: QueryId, source: MeshSource, format: MeshFormat) -> Result<Vec<u8>, ClientError> {
-        let query = id.to_string();
-        let request = match source {
-            MeshSource::Map(map) => self.request(Method::GET, &["queries", &query, "maps", &map.to_string(), "mesh"]),
-            MeshSource::Composition(composition) => {
-                self.request(Method::GET, &["queries", &query, "compositions", &composition.to_string(), "mesh"])
-            }
+        self.bytes(self.of_source(id, source, "mesh").query(&[("format", format.as_str())])).await
+    }
+
+    /// Downloads a shaded picture of a mesh, with its quads: a PNG of 1024² pixels.
+    ///
+    /// # Errors
+    /// The service refuses or is out of reach.
+    pub async fn picture(&self, id: QueryId, source: MeshSource) -> Result<Vec<u8>, ClientError> {
+        self.bytes(self.of_source(id, source, "preview.png").query(&[("size", PICTURE_SIDE)])).await
+    }
+
+    /// A request for what belongs to a map or a composition.
+    fn of_source(&self, id: QueryId, source: MeshSource, what: &str) -> RequestBuilder {
+        let (kind, of) = match source {
+            MeshSource::Map(map) => ("maps", map.to_string()),
+            MeshSource::Composition(composition) => ("compositions", composition.to_string()),
         };
-        self.bytes(request.query(&[("format", format.as_str())])).await
+        self.request(Method::GET, &["queries", &id.to_string(), kind, &of, what])
     }
 }

@@ -34,11 +34,26 @@ enum FileAnswer<'a> {
     },
 }
 
-/// Repairs of a file that are told when it was added; `show` tells all.
-const REPAIRS_TOLD: usize = 3;
+/// What is told of a file that was added.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Detail {
+    /// A line.
+    Line,
+    /// What was repaired in it, too.
+    Repairs,
+}
 
 pub(super) async fn add(args: &AddArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
-    let upload = ExampleUpload { tags: args.tags.clone(), relevance: args.relevance, segments: args.segments.clone() };
+    if args.name.is_some() && args.files.len() > 1 {
+        return Err(ClientError::OneNameForMany { files: args.files.len() });
+    }
+    let upload = ExampleUpload {
+        name: args.name.clone(),
+        tags: args.tags.clone(),
+        relevance: args.relevance,
+        segments: args.segments.clone(),
+    };
+    let detail = if args.verbose { Detail::Repairs } else { Detail::Line };
     let bar = ui.bar(args.files.len() as u64, "adding");
     let uploads = args.files.iter().map(|file| {
         let (upload, bar) = (&upload, &bar);
@@ -53,7 +68,7 @@ pub(super) async fn add(args: &AddArgs, api: &Api, ui: &mut Ui) -> Result<(), Cl
     let mut failed = 0;
     while let Some((file, answer)) = answers.next().await {
         match answer {
-            Ok(added) => bar.suspend(|| tell_added(file, &added, ui))?,
+            Ok(added) => bar.suspend(|| tell_added(file, &added, detail, ui))?,
             // Without a server every other file would fail alike.
             Err(error @ ClientError::Unreachable { .. }) => {
                 bar.finish_and_clear();
@@ -72,23 +87,26 @@ pub(super) async fn add(args: &AddArgs, api: &Api, ui: &mut Ui) -> Result<(), Cl
     }
 }
 
-fn tell_added(file: &Path, added: &Added, ui: &mut Ui) -> Result<(), ClientError> {
-    let example = &added.example;
-    ui.value(&FileAnswer::Added { file: file.display().to_string(), example })?;
+/// A line a file; with its repairs below it where they are wanted.
+fn tell_added(file: &Path, added: &Added, detail: Detail, ui: &mut Ui) -> Result<(), ClientError> {
+    let Example { id, counts, segments, repairs, .. } = &added.example;
+    ui.value(&FileAnswer::Added { file: file.display().to_string(), example: &added.example })?;
     let how = match added.how {
         Gain::New => "added",
         Gain::AlreadyThere => "already there",
     };
-    let segments = match example.segments.as_slice() {
+    let segments = match segments.as_slice() {
         [one] => one.topology.to_string(),
         several => format!("{} segments", several.len()),
     };
-    ui.text(&format!("{}  {how}: {} ({segments}, {} faces)", example.id, file.display(), example.counts.faces))?;
-    for repair in example.repairs.iter().take(REPAIRS_TOLD) {
-        ui.note(&format!("{}: {repair}", file.display()));
-    }
-    if let more @ 1.. = example.repairs.len().saturating_sub(REPAIRS_TOLD) {
-        ui.note(&format!("{}: … and {more} more, see `quadmuse show {}`", file.display(), example.id));
+    let repaired = match repairs.len() {
+        0 => String::new(),
+        1 => ", 1 repair".into(),
+        n => format!(", {n} repairs"),
+    };
+    ui.text(&format!("{id}  {how}: {} ({segments}, {} faces{repaired})", file.display(), counts.faces))?;
+    if detail == Detail::Repairs {
+        repairs.iter().for_each(|repair| ui.note(&format!("  {repair}")));
     }
     Ok(())
 }

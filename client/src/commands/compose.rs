@@ -2,13 +2,14 @@
 
 use super::{
     choose::finished,
-    map::{Outcome, Written, is_enough, lay, lay_best, write_kept, write_map},
+    deliver::{Delivered, Target, write_composition, write_kept, write_map},
+    map::{lay, lay_best},
     rank::{check_segment, follow_upload, upload},
     screen::Wanted,
 };
 use crate::{
-    api::{Api, MeshSource},
-    args::{ComposeArgs, ComposeCommand, QueryArgs, RetopoArgs},
+    api::Api,
+    args::{ComposeArgs, ComposeCommand, LayArgs, QueryArgs, RetopoArgs},
     error::ClientError,
     names,
     spec::{ExampleRef, UsePart},
@@ -17,7 +18,7 @@ use crate::{
     ui::Ui,
 };
 use quadmuse_proto::{
-    Composition, CompositionPart, ExampleId, Map, NewComposition, Query, QuerySegment,
+    CompositionPart, ExampleId, Map, NewComposition, Query, QuerySegment,
     composition::{AS_MAPPED, SMOOTHING_DEFAULT},
     segment::Parts,
 };
@@ -25,28 +26,51 @@ use quadmuse_proto::{
 /// A mesh with more small holes is a scan full of gaps, and is not cut where nobody asked for it.
 const HOLES_CUT_MAX: u32 = 8;
 
-/// How to compose: the flags, and the examples that they name.
-struct Wish<'a> {
-    args: &'a ComposeArgs,
-    uses: Vec<UsePart>,
+/// How to compose: the flags, the examples that they name, and where it goes.
+pub(super) struct Wish<'a> {
+    /// The flags.
+    pub(super) lay: &'a LayArgs,
+    /// Which segments take which examples.
+    pub(super) uses: Vec<UsePart>,
+    /// Where the result goes.
+    pub(super) target: Target,
 }
 
 pub(super) async fn compose(args: &ComposeCommand, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
-    args.compose.out.check()?;
-    let wish = Wish { args: &args.compose, uses: names::uses(&args.compose.uses, api).await? };
+    let wish = wish(&args.compose, api, ui).await?;
     let query = finished(names::query(&args.query, api, state).await?, api, ui).await?;
-    stitch(&query, &wish, api, ui).await
+    stitch(&query, &wish, api, ui).await?.is_enough(wish.lay.require)
 }
 
 pub(super) async fn retopo(args: &RetopoArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
-    args.compose.out.check()?;
-    let wish = Wish { args: &args.compose, uses: names::uses(&args.compose.uses, api).await? };
-    let like = match &args.query.like {
+    let wish = wish(&args.compose, api, ui).await?;
+    let require = wish.lay.require;
+    make(&args.query, wish, api, state, ui).await?.is_enough(require)
+}
+
+async fn wish<'a>(args: &'a ComposeArgs, api: &Api, ui: &mut Ui) -> Result<Wish<'a>, ClientError> {
+    let target = Target::of(&args.out, args.kept.as_deref());
+    target.prepare(ui)?;
+    Ok(Wish { lay: &args.lay, uses: names::uses(&args.uses, api).await?, target })
+}
+
+/// All of it in one go: uploads a scan, ranks, maps or composes, and writes the mesh.
+///
+/// # Errors
+/// The scan can't be read, the service refuses or is out of reach, or a file can't be written.
+pub(super) async fn make(
+    args: &QueryArgs,
+    wish: Wish<'_>,
+    api: &Api,
+    state: &State,
+    ui: &mut Ui,
+) -> Result<Delivered, ClientError> {
+    let like = match &args.rank.like {
         Some(name) => Some(names::example(name, api).await?),
         None => None,
     };
-    let query = ranked(&args.query, api, state, ui).await?;
-    if query.segments.len() > 1 || args.compose.density.is_some() {
+    let query = ranked(args, api, state, ui).await?;
+    if query.segments.len() > 1 || wish.lay.density.is_some() {
         return stitch(&query, &like_all(&query, wish, like), api, ui).await;
     }
     for part in &wish.uses {
@@ -55,12 +79,11 @@ pub(super) async fn retopo(args: &RetopoArgs, api: &Api, state: &State, ui: &mut
     let told = told(0, &wish).or(like.map(|example| ExampleRef { example, segment: Some(0) }));
     if told.is_some() {
         // Who chose an example wants it as it is.
-        let (map, name) = lay(&query, 0, told, (args.compose.beyond, Vec::new()), api, ui).await?;
-        write_kept(&map, args.compose.kept.as_deref())?;
-        return write_map(&map, Some(&name), &args.compose.out, args.compose.require, api, ui).await;
+        let (map, name) = lay(&query, 0, told, (wish.lay.beyond, Vec::new()), api, ui).await?;
+        return write_map(&map, Some(&name), &wish.target, api, ui).await;
     }
-    let is_free = args.query.segments.segments.is_none() && args.query.segments.parts.is_none();
-    match lay_best(&query, 0, args.compose.beyond, api, ui).await {
+    let is_free = args.rank.segments.segments.is_none() && args.rank.segments.parts.is_none();
+    match lay_best(&query, 0, wish.lay.beyond, api, ui).await {
         Ok((map, name)) if is_free && map.verdict.is_poor() => {
             in_parts(&query, map, &name, (args, &wish), api, state, ui).await
         }
@@ -90,19 +113,19 @@ async fn in_parts(
     whole: &Query,
     best: Map,
     name: &str,
-    (args, wish): (&RetopoArgs, &Wish<'_>),
+    (args, wish): (&QueryArgs, &Wish<'_>),
     api: &Api,
     state: &State,
     ui: &mut Ui,
-) -> Result<(), ClientError> {
+) -> Result<Delivered, ClientError> {
     let holes = whole.segments.first().map_or(0, |segment| segment.holes);
     if holes > HOLES_CUT_MAX {
         ui.note(&format!("the best example, {name}, fits poorly, and with {holes} holes the mesh is not cut"));
         return settled(whole, best, name, wish, api, ui).await;
     }
     ui.note(&format!("the best example, {name}, fits poorly as a whole; cutting the mesh into parts"));
-    let mut again = args.query.clone();
-    again.segments.parts = Some(Parts::Auto);
+    let mut again = args.clone();
+    again.rank.segments.parts = Some(Parts::Auto);
     let query = ranked(&again, api, state, ui).await?;
     match query.segments.len() {
         0 | 1 => {
@@ -122,29 +145,28 @@ async fn settled(
     wish: &Wish<'_>,
     api: &Api,
     ui: &mut Ui,
-) -> Result<(), ClientError> {
-    let args = wish.args;
+) -> Result<Delivered, ClientError> {
     let named = if map.verdict.is_poor() { &[][..] } else { std::slice::from_ref(&map) };
     let spinner = ui.spinner("stitching");
     let composition = api.start_composition(query.id, &new_composition(named, wish)).await;
     spinner.finish_and_clear();
     let composition = composition?;
-    write_kept(&map, args.kept.as_deref())?;
     if composition.notes.iter().any(|note| note == AS_MAPPED) {
-        return write_map(&map, Some(name), &args.out, args.require, api, ui).await;
+        return write_map(&map, Some(name), &wish.target, api, ui).await;
     }
+    write_kept(&map, &wish.target)?;
     if let ([segment], false) = (&query.segments[..], map.verdict.is_poor()) {
         ui.note(&chosen(segment, 1, 1, &fitting(&map, name)));
     }
     let maps = if composition.parts.is_empty() { Vec::new() } else { vec![map] };
-    write_composition(&composition, &maps, args, api, ui).await
+    write_composition(&composition, &maps, &wish.target, api, ui).await
 }
 
-fn new_composition(maps: &[Map], Wish { args, uses }: &Wish<'_>) -> NewComposition {
+fn new_composition(maps: &[Map], Wish { lay, uses, .. }: &Wish<'_>) -> NewComposition {
     NewComposition {
         parts: maps.iter().map(|map| CompositionPart { segment: map.segment, map: map.id }).collect(),
-        smoothing: args.smoothing.unwrap_or(SMOOTHING_DEFAULT),
-        density: args.density.unwrap_or_default(),
+        smoothing: lay.smoothing.unwrap_or(SMOOTHING_DEFAULT),
+        density: lay.density.unwrap_or_default(),
         // Who chose a part wants its layout.
         keep: uses.iter().map(|part| part.segment).collect(),
     }
@@ -179,8 +201,7 @@ fn fitting(map: &Map, name: &str) -> String {
 const SEGMENTS_MAX: usize = 32;
 
 /// Maps every segment, stitches the maps and writes the mesh.
-async fn stitch(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
-    let args = wish.args;
+async fn stitch(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Result<Delivered, ClientError> {
     for part in &wish.uses {
         check_segment(query, Some(part.segment))?;
     }
@@ -195,7 +216,7 @@ async fn stitch(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Resul
     let bar = ui.bar(count as u64, "mapping");
     for (done, segment) in mapped.into_iter().enumerate() {
         let (number, told) = (segment.segment, told(segment.segment, wish));
-        let said = match lay(query, number, told, (args.beyond, Vec::new()), api, ui).await {
+        let said = match lay(query, number, told, (wish.lay.beyond, Vec::new()), api, ui).await {
             // What nobody asked for and is poor is left to the service, which says what takes its place.
             Ok((map, name)) if told.is_none() && map.verdict.is_poor() => {
                 format!("the best example, {name}, fits poorly")
@@ -215,29 +236,11 @@ async fn stitch(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Resul
         bar.inc(1);
     }
     bar.finish_and_clear();
-    if let Some(density) = args.density {
+    if let Some(density) = wish.lay.density {
         ui.note(&table::expected_quads(&maps, count, density));
     }
     let spinner = ui.spinner("stitching");
     let composition = api.start_composition(query.id, &new_composition(&maps, wish)).await;
     spinner.finish_and_clear();
-    write_composition(&composition?, &maps, args, api, ui).await
-}
-
-async fn write_composition(
-    composition: &Composition,
-    maps: &[Map],
-    args: &ComposeArgs,
-    api: &Api,
-    ui: &mut Ui,
-) -> Result<(), ClientError> {
-    let mesh = api.mesh(composition.query, MeshSource::Composition(composition.id), args.out.format).await?;
-    args.out.write(&mesh)?;
-    let file = args.out.path.display().to_string();
-    let verdicts = table::verdicts(maps, composition.templates.len());
-    let quads = composition.quads;
-    ui.text(&format!("{}\nwritten     {file}: {quads} quads, {verdicts}", table::composition(composition)))?;
-    ui.value(&Written { file: file.clone(), message: composition })?;
-    let Composition { verdict, inspired, reasons, .. } = composition;
-    is_enough(args.require, Outcome { verdict: *verdict, inspired: *inspired, reasons }, file)
+    write_composition(&composition?, &maps, &wish.target, api, ui).await
 }

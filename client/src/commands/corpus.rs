@@ -2,7 +2,7 @@
 
 use crate::{
     api::{Api, ExampleFilter},
-    args::ListArgs,
+    args::{ListArgs, RemoveArgs},
     error::ClientError,
     names,
     spec::{Name, TagEdit},
@@ -20,9 +20,10 @@ struct Removed {
 }
 
 pub(super) async fn list(args: ListArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
+    let sought = table::sought(&args.tags, args.topology);
     let examples = api.examples(&ExampleFilter { tags: args.tags, topology: args.topology }).await?;
     ui.value(&examples)?;
-    ui.text(&table::examples(&examples, ui.room()))
+    ui.text(&table::examples(&examples, &sought, ui.room()))
 }
 
 pub(super) async fn show(id: ExampleId, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
@@ -34,20 +35,22 @@ fn print(example: &Example, ui: &mut Ui) -> Result<(), ClientError> {
     ui.text(&table::example(example, ui.room()))
 }
 
-pub(super) async fn remove(ids: &[Name], api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
-    // Names first: with one that is not clear nothing is removed.
-    let mut found = Vec::with_capacity(ids.len());
-    for id in ids {
-        found.push(names::example(id, api).await?);
+/// Names of examples that are told before they are removed.
+const NAMES_TOLD: usize = 8;
+
+pub(super) async fn remove(args: &RemoveArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
+    let found = if args.tags.is_empty() { named(&args.ids, api).await? } else { tagged(&args.tags, api).await? };
+    if !args.yes {
+        confirm(&found, args, api, ui).await?;
     }
-    let mut failed = 0;
-    for &id in &found {
+    let (mut failed, total) = (0, found.len());
+    for id in found {
         match api.remove_example(id).await {
             Ok(()) => {
                 ui.value(&Removed { id, removed: true })?;
                 ui.text(&format!("{id}  removed"))?;
             }
-            Err(error @ ClientError::Refused(_)) if ids.len() > 1 => {
+            Err(error @ ClientError::Refused(_)) if total > 1 => {
                 failed += 1;
                 ui.value(&Removed { id, removed: false })?;
                 ui.complain(&format!("{id}: {}", error.message()));
@@ -55,7 +58,43 @@ pub(super) async fn remove(ids: &[Name], api: &Api, ui: &mut Ui) -> Result<(), C
             Err(error) => return Err(error),
         }
     }
-    if failed == 0 { Ok(()) } else { Err(ClientError::SomeFailed { failed, total: ids.len() }) }
+    if failed == 0 { Ok(()) } else { Err(ClientError::SomeFailed { failed, total }) }
+}
+
+/// Names first: with one that is not clear nothing is removed.
+async fn named(names: &[Name], api: &Api) -> Result<Vec<ExampleId>, ClientError> {
+    let mut found = Vec::with_capacity(names.len());
+    for name in names {
+        found.push(names::example(name, api).await?);
+    }
+    Ok(found)
+}
+
+async fn tagged(tags: &[String], api: &Api) -> Result<Vec<ExampleId>, ClientError> {
+    let all = api.examples(&ExampleFilter { tags: tags.to_vec(), topology: None }).await?;
+    match all.is_empty() {
+        true => Err(ClientError::NoneTagged { tags: table::sought(tags, None) }),
+        false => Ok(all.into_iter().map(|example| example.id).collect()),
+    }
+}
+
+/// Asks at a terminal. Elsewhere ids are taken at their word, as scripts give them; what a tag takes with it is not.
+async fn confirm(found: &[ExampleId], args: &RemoveArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
+    if !ui.is_dialogue() {
+        let count = found.len();
+        return if args.tags.is_empty() { Ok(()) } else { Err(ClientError::NotAsked { count }) };
+    }
+    let mut names = Vec::new();
+    for &id in found.iter().take(NAMES_TOLD) {
+        let name = api.example(id).await?.name;
+        names.push(if name.is_empty() { id.to_string() } else { name });
+    }
+    let more = found.len().saturating_sub(NAMES_TOLD);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    match ui.ask(&format!("remove {}{more} for good?", names.join(", ")))? {
+        Some(false) => Err(ClientError::Declined { done: "removed" }),
+        _ => Ok(()),
+    }
 }
 
 pub(super) async fn rate(id: ExampleId, relevance: f64, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {

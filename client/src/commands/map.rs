@@ -2,33 +2,23 @@
 
 use super::{
     choose::{choose, finished, promising},
+    deliver::{Target, write_map},
     rank::check_segment,
 };
 use crate::{
-    api::{Api, MeshSource},
+    api::Api,
     args::{ConstrainArgs, MapArgs},
     error::ClientError,
-    file::OutFile,
     names,
-    spec::{ExampleRef, Require},
+    spec::ExampleRef,
     state::State,
-    table,
     ui::Ui,
 };
-use quadmuse_proto::{Beyond, ConstraintEdit, Landmark, Map, NewMap, Query, Verdict};
-use serde::Serialize;
-use std::path::Path;
-
-/// What programs get: the message, and the file that was written.
-#[derive(Serialize)]
-pub(super) struct Written<'a, T> {
-    pub(super) file: String,
-    #[serde(flatten)]
-    pub(super) message: &'a T,
-}
+use quadmuse_proto::{Beyond, Code, ConstraintEdit, Landmark, Map, MapId, NewMap, Problem, Query, QueryId};
 
 pub(super) async fn map(args: &MapArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
-    args.out.check()?;
+    let target = Target::of(&args.out, args.kept.as_deref());
+    target.prepare(ui)?;
     let landmarks = landmarks(args)?;
     let told = match &args.example {
         Some(told) => Some(names::example_ref(told, api).await?),
@@ -36,8 +26,7 @@ pub(super) async fn map(args: &MapArgs, api: &Api, state: &State, ui: &mut Ui) -
     };
     let query = finished(names::query(&args.query, api, state).await?, api, ui).await?;
     let (map, name) = lay(&query, args.segment, told, (args.beyond, landmarks), api, ui).await?;
-    write_kept(&map, args.kept.as_deref())?;
-    write_map(&map, Some(&name), &args.out, args.require, api, ui).await
+    write_map(&map, Some(&name), &target, api, ui).await?.is_enough(args.require)
 }
 
 /// The landmarks of the command line and of the file.
@@ -51,15 +40,6 @@ fn landmarks(args: &MapArgs) -> Result<Vec<Landmark>, ClientError> {
         );
     }
     Ok(all)
-}
-
-/// Writes the numbers of the example's vertices that a map has, one a line.
-pub(super) fn write_kept(map: &Map, file: Option<&Path>) -> Result<(), ClientError> {
-    let Some(file) = file else { return Ok(()) };
-    let all: Vec<u32> = (0..u32::try_from(map.own_vertices).unwrap_or(u32::MAX)).collect();
-    let kept = map.kept.as_ref().unwrap_or(&all);
-    let text: String = kept.iter().map(|v| format!("{v}\n")).collect();
-    crate::file::write(file, text.as_bytes())
 }
 
 /// Lays an example (the best, unless one is told) on a segment; the map, and the example's name.
@@ -111,45 +91,35 @@ pub(super) async fn lay_best(
     Ok(best)
 }
 
-/// Downloads the mesh of a map, writes it, and tells how good it is; with the example's name, where it is known.
-pub(super) async fn write_map(
-    map: &Map,
-    name: Option<&str>,
-    out: &OutFile,
-    require: Option<Require>,
-    api: &Api,
-    ui: &mut Ui,
-) -> Result<(), ClientError> {
-    let mesh = api.mesh(map.query, MeshSource::Map(map.id), out.format).await?;
-    out.write(&mesh)?;
-    let file = out.path.display().to_string();
-    ui.text(&format!("{}\nwritten    {file}: {}, {} faces", table::map(map, name), map.verdict.as_str(), map.faces))?;
-    ui.value(&Written { file: file.clone(), message: map })?;
-    is_enough(require, Outcome { verdict: map.verdict, inspired: map.inspired, reasons: &map.reasons }, file)
-}
-
-/// Tells how good a result is: the lines at its top.
-pub(super) struct Outcome<'a> {
-    pub(super) verdict: Verdict,
-    pub(super) inspired: f64,
-    pub(super) reasons: &'a [String],
-}
-
-/// Refuses, once all is written and printed, what is broken or less than is required.
-pub(super) fn is_enough(require: Option<Require>, of: Outcome<'_>, file: String) -> Result<(), ClientError> {
-    if of.verdict == Verdict::Broken {
-        return Err(ClientError::Broken { file, reasons: of.reasons.join("; ") });
-    }
-    let Some(require) = require.filter(|require| !require.is_met(of.verdict, of.inspired)) else { return Ok(()) };
-    let percent = format!("{:.0}", 100.0 * of.inspired);
-    Err(ClientError::Below { required: require.as_str(), verdict: of.verdict.as_str(), percent, file })
-}
-
 pub(super) async fn constrain(args: ConstrainArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
-    args.out.check()?;
+    let target = Target::of(&args.out, None);
+    target.prepare(ui)?;
     let set = args.set.into_iter().map(|spec| spec.0).collect();
     let edit = ConstraintEdit { set, remove: args.remove, undo: args.undo, on_fold: args.on_fold };
     let query = names::query(&args.query, api, state).await?;
-    let map = api.edit_constraints(query, names::map(query, &args.map, api).await?, &edit).await?;
-    write_map(&map, None, &args.out, None, api, ui).await
+    let id = names::map(query, &args.map, api).await?;
+    let map = match api.edit_constraints(query, id, &edit).await {
+        Err(ClientError::Refused(problem)) if problem.code == Code::NotFound => {
+            return Err(unknown(problem, (query, id), &edit, api).await);
+        }
+        answer => answer?,
+    };
+    write_map(&map, None, &target, api, ui).await?.is_enough(None)
+}
+
+/// What is not there: where it is a constraint, it is told with those that are.
+async fn unknown(
+    problem: Box<Problem>,
+    (query, id): (QueryId, MapId),
+    edit: &ConstraintEdit,
+    api: &Api,
+) -> ClientError {
+    let named = edit.set.iter().filter_map(|new| new.id.as_ref()).chain(&edit.remove).chain(&edit.undo);
+    let maps = api.maps(query).await.unwrap_or_default();
+    let Some(map) = maps.into_iter().find(|map| map.id == id) else { return ClientError::Refused(problem) };
+    let known: Vec<String> = map.constraints.into_iter().map(|constraint| constraint.id).collect();
+    match named.into_iter().find(|id| !known.contains(id)) {
+        Some(found) => ClientError::NoSuchConstraint { found: found.clone(), known: known.join(", "), problem },
+        None => ClientError::Refused(problem),
+    }
 }

@@ -25,7 +25,7 @@ pub(super) async fn query(args: &QueryCommand, api: &Api, state: &State, ui: &mu
 
 /// Uploads a mesh, remembers its query, and tells what was repaired in it.
 pub(super) async fn upload(args: &QueryArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<Query, ClientError> {
-    let like = match &args.like {
+    let like = match &args.rank.like {
         Some(name) => Some(names::example(name, api).await?),
         None => None,
     };
@@ -64,8 +64,8 @@ fn tell_end(end: &End, ui: &mut Ui) {
         ui.note("the deadline came before the last level; this is the best ranking so far");
     }
     if let Some(first_ms) = timings.first_ranking_ms {
-        let (first, all) = (first_ms / 1000.0, timings.total_ms / 1000.0);
-        ui.note(&format!("first ranking after {first:.2} s, the last after {all:.2} s"));
+        let (first, all) = (table::time(first_ms), table::time(timings.total_ms));
+        ui.note(&format!("first ranking after {first}, the last after {all}"));
     }
 }
 

@@ -1,7 +1,7 @@
 //! What is shown of a query while it is ranked.
 
 use crate::{error::ClientError, follow::Watcher, table, ui::Ui};
-use quadmuse_proto::{Event, Query, Ranking};
+use quadmuse_proto::{Event, Query, QueryState, Ranking};
 
 /// What a command is run for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,13 +52,22 @@ impl<'a> Screen<'a> {
         }
     }
 
-    /// Shows what it came to, where nothing could be drawn over.
-    fn show_last(&mut self) -> Result<(), ClientError> {
-        if self.ui.is_live() || self.wanted == Wanted::Outcome {
+    /// Shows what it came to. The last revision of a ranking was told while the query still ranked.
+    fn show_last(&mut self, state: QueryState) -> Result<(), ClientError> {
+        for ranking in self.rankings.iter_mut().flatten() {
+            ranking.state = state;
+        }
+        if self.wanted == Wanted::Outcome {
             return Ok(());
         }
+        let is_one = self.query.segments.len() <= 1 || self.only.is_some();
+        let room = self.ui.room();
         for ranking in self.rankings.iter().flatten() {
-            self.ui.text(&format!("\n{}", table::first_entries(ranking, self.query.top)))?;
+            match self.ui.is_live() {
+                true if is_one => self.ui.draw(&table::ranking(ranking, room))?,
+                true => {}
+                false => self.ui.text(&format!("\n{}", table::first_entries(ranking, self.query.top)))?,
+            }
         }
         Ok(())
     }
@@ -69,7 +78,7 @@ impl Watcher for Screen<'_> {
         match event {
             Event::Level(ranking) if self.only.is_some_and(|only| only != ranking.segment) => return Ok(()),
             Event::Level(ranking) => self.show(ranking)?,
-            Event::End(_) => self.show_last()?,
+            Event::End(end) => self.show_last(end.summary.state)?,
             Event::Begin(_) | Event::Error(_) => {}
         }
         self.ui.value(event)
@@ -83,7 +92,7 @@ mod tests {
         table::tests::{query, with_entries},
         ui::{Audience, Room, tests::Shared},
     };
-    use quadmuse_proto::{End, EndState, QueryState};
+    use quadmuse_proto::{End, EndState};
 
     fn revision(segment: u32, revision: u64, level: u32, entries: u32) -> Event {
         Event::Level(Ranking { segment, revision, level, ..with_entries(entries) })
@@ -126,6 +135,19 @@ mod tests {
         // A table is a title, a header, a rule, four entries and their rest, with a blank line before it.
         assert_eq!(lines.len(), 6 + 3 * 9, "{all}");
         assert_eq!(all.matches("… and 38 more").count(), 3, "{all}");
+    }
+
+    #[test]
+    fn what_is_done_is_not_called_under_way() {
+        let piped = printed(None, Wanted::Ranking);
+        assert_eq!((piped.matches("ranked · done").count(), piped.matches("· ranking").count()), (3, 0), "{piped}");
+        let out = Shared::default();
+        let mut ui = Ui::new(Audience::People, Some(Room::default()), out.clone(), std::io::sink());
+        let mut screen = Screen::new(query(1), None, Wanted::Ranking, &mut ui);
+        screen.see(&revision(0, 1, 128, 2)).expect("prints");
+        screen.see(&end(1)).expect("prints");
+        let last = out.text().rsplit("\x1b[0J").next().expect("some text").to_owned();
+        assert!(last.contains("ranked · done") && last.contains("head 1"), "{last}");
     }
 
     #[test]

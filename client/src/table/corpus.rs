@@ -2,13 +2,15 @@
 
 use super::{Column, line, new_table, size, word};
 use crate::ui::Room;
-use quadmuse_proto::Example;
+use quadmuse_proto::{Example, Topology};
 use std::{collections::BTreeMap, fmt::Write};
 
-/// A table of examples, and how many there are.
-pub fn examples(examples: &[Example], room: Room) -> String {
-    if examples.is_empty() {
-        return "no examples; add some with `quadmuse add FILE…`".into();
+/// A table of examples, and how many there are. `sought` says which were asked for, and is empty where all were.
+pub fn examples(examples: &[Example], sought: &str, room: Room) -> String {
+    match (examples.is_empty(), sought) {
+        (true, "") => return "the corpus is empty; add examples with `quadmuse add FILE…`".into(),
+        (true, _) => return format!("no example with {sought}; `quadmuse list` shows all"),
+        _ => {}
     }
     let columns = [
         Column::Ids("id"),
@@ -33,7 +35,21 @@ pub fn examples(examples: &[Example], room: Room) -> String {
         1 => "1 example".to_owned(),
         n => format!("{n} examples"),
     };
-    format!("{table}\n{count}")
+    format!("{}\n{count}", room.paint.table(&table.to_string()))
+}
+
+/// What examples are asked to have, in words: `the tags x and y, and a segment that is a disc`; empty where nothing is.
+pub fn sought(tags: &[String], topology: Option<Topology>) -> String {
+    let tags = match tags {
+        [] => None,
+        [one] => Some(format!("the tag {}", word(one))),
+        [all @ .., last] => Some(format!("the tags {} and {}", word(&all.join(", ")), word(last))),
+    };
+    let topology = topology.map(|topology| {
+        let article = if topology == Topology::Annulus { "an" } else { "a" };
+        format!("a segment that is {article} {topology}")
+    });
+    tags.into_iter().chain(topology).collect::<Vec<_>>().join(", and ")
 }
 
 /// The topologies of an example's segments: `disc`, or `2 disc, 1 annulus`.
@@ -90,13 +106,13 @@ pub fn example(example: &Example, room: Room) -> String {
             segment.features.to_string(),
         ]));
     }
-    format!("{text}{table}")
+    format!("{text}{}", room.paint.table(&table.to_string()))
 }
 
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use quadmuse_proto::{ExampleId, ExampleSegment, MeshCounts, Topology};
+    use quadmuse_proto::{ExampleId, ExampleSegment, MeshCounts};
 
     pub(crate) fn head() -> Example {
         let segment = |segment, topology| ExampleSegment { segment, topology, k: 0.4, faces: 200, features: 9 };
@@ -118,7 +134,7 @@ pub(crate) mod tests {
 
     #[test]
     fn a_list_names_each_example_and_counts_them() {
-        let text = examples(&[head()], Room::default());
+        let text = examples(&[head()], "", Room::default());
         assert!(text.contains("01ARZ3NDEKTSV4RRFFQ69G5FAV"), "{text}");
         assert!(text.contains("film hero"), "{text}");
         assert!(text.contains("2 disc, 1 annulus"), "{text}");
@@ -128,13 +144,24 @@ pub(crate) mod tests {
 
     #[test]
     fn a_list_keeps_to_the_width_of_the_terminal() {
-        let text = examples(&[head()], Room { width: Some(60), height: None });
+        let text = examples(&[head()], "", Room { width: Some(60), ..Room::default() });
         assert!(text.lines().all(|line| line.chars().count() <= 60), "{text}");
     }
 
     #[test]
     fn an_empty_corpus_is_told_with_the_way_out() {
-        assert!(examples(&[], Room::default()).contains("quadmuse add"));
+        assert!(examples(&[], "", Room::default()).contains("quadmuse add"));
+    }
+
+    #[test]
+    fn a_filter_that_nothing_passes_is_no_empty_corpus() {
+        let tags = ["x".to_owned(), "y".to_owned()];
+        let text = examples(&[], &sought(&tags, Some(Topology::Annulus)), Room::default());
+        assert_eq!(
+            text,
+            "no example with the tags x and y, and a segment that is an annulus; `quadmuse list` shows all"
+        );
+        assert_eq!((sought(&tags[..1], None).as_str(), sought(&[], None).as_str()), ("the tag x", ""));
     }
 
     #[test]

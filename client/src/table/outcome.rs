@@ -1,12 +1,13 @@
 //! Maps and compositions: how good they are, and what they are made of.
 
-use super::{ranking::flip, word};
+use super::{ranking::flip, time, word};
+use crate::paint::Paint;
 use quadmuse_proto::{Composition, ConstraintOrigin, Covers, Histogram, Map, Verdict};
 
 /// What came of a map: the verdict first, then the reasons, then the figures; with the example's name, where it is known.
-pub fn map(map: &Map, name: Option<&str>) -> String {
+pub fn map(map: &Map, name: Option<&str>, paint: Paint) -> String {
     let set_by_user = map.constraints.iter().filter(|c| c.origin == ConstraintOrigin::User).count();
-    let mut lines = vec![format!("verdict    {}", headline(map.verdict, map.inspired, map.covers))];
+    let mut lines = vec![format!("verdict    {}", headline(map.verdict, map.inspired, map.covers, paint))];
     lines.extend(map.reasons.iter().map(|reason| format!("           – {}", word(reason))));
     lines.push(format!("map        {} (revision {}) of query {}", map.id, map.revision, map.query));
     let id = map.example.to_string();
@@ -17,7 +18,7 @@ pub fn map(map: &Map, name: Option<&str>) -> String {
     lines.push(format!("angles     {}", statistics(&map.distortion.angle, "°")));
     lines.push(format!("areas      {} (log₂)", statistics(&map.distortion.area, "")));
     lines.push(format!("constraints {} ({set_by_user} set by hand), energy {:.4}", map.constraints.len(), map.energy));
-    lines.push(format!("took       {:.2} s", map.timings.total_ms / 1000.0));
+    lines.push(format!("took       {}", time(map.timings.total_ms)));
     lines.join("\n")
 }
 
@@ -29,28 +30,30 @@ fn statistics(histogram: &Histogram, unit: &str) -> String {
 }
 
 /// The headline: the verdict, how much is an example's, and how much is covered.
-fn headline(verdict: Verdict, inspired: f64, covers: Covers) -> String {
+fn headline(verdict: Verdict, inspired: f64, covers: Covers, paint: Paint) -> String {
     let percent = |share: f64| format!("{:.0} %", 100.0 * share);
     let scan = percent(covers.input);
     if inspired <= 0.0 {
         let word = if verdict == Verdict::Broken { "broken, and no" } else { "no" };
-        return format!("{word} example used: a regular layout on {scan} of the scan");
+        let word = paint.verdict(verdict, &format!("{word} example used"));
+        return format!("{word}: a regular layout on {scan} of the scan");
     }
-    let word = match verdict {
-        Verdict::Good => "good",
-        Verdict::Fair => "fair: look at it first",
-        Verdict::Poor => "poor: choose another example, or set constraints",
-        Verdict::Broken => "broken: of no use as it is",
+    let advice = match verdict {
+        Verdict::Good => "",
+        Verdict::Fair => ": look at it first",
+        Verdict::Poor => ": choose another example, or set constraints",
+        Verdict::Broken => ": of no use as it is",
     };
+    let word = paint.verdict(verdict, verdict.as_str());
     let (own, example) = (percent(inspired), percent(covers.example));
-    format!("{word} ({own} of it an example's; {scan} of the scan and {example} of the example covered)")
+    format!("{word}{advice} ({own} of it an example's; {scan} of the scan and {example} of the example covered)")
 }
 
 /// What came of a composition.
-pub fn composition(composition: &Composition) -> String {
+pub fn composition(composition: &Composition, paint: Paint) -> String {
     let Composition { id, query, parts, vertices, quads, triangles, extraordinary_vertices, .. } = composition;
     let mut lines = vec![
-        format!("verdict     {}", headline(composition.verdict, composition.inspired, composition.covers)),
+        format!("verdict     {}", headline(composition.verdict, composition.inspired, composition.covers, paint)),
         format!("composition {id} of query {query}, {} of its segments", parts.len()),
         format!("mesh        {vertices} vertices, {quads} quads, {triangles} triangles left"),
         format!(
@@ -61,7 +64,7 @@ pub fn composition(composition: &Composition) -> String {
     let reasons = composition.reasons.iter().map(|reason| format!("            – {}", word(reason)));
     lines.splice(1..1, reasons);
     lines.extend(composition.notes.iter().map(|note| format!("note        {}", word(note))));
-    lines.push(format!("took        {:.2} s", composition.total_ms / 1000.0));
+    lines.push(format!("took        {}", time(composition.total_ms)));
     lines.join("\n")
 }
 
@@ -136,7 +139,7 @@ pub(crate) mod tests {
 
     #[test]
     fn a_map_is_told_by_its_verdict_and_the_reasons_first() {
-        let text = map(&a_map(), Some("head 1"));
+        let text = map(&a_map(), Some("head 1"), Paint::Plain);
         let lines: Vec<&str> = text.lines().collect();
         let covered = "100 % of the scan and 100 % of the example covered";
         assert_eq!(lines[0], format!("verdict    fair: look at it first (100 % of it an example's; {covered})"));
@@ -145,6 +148,13 @@ pub(crate) mod tests {
         assert!(text.contains("u (mirror), shifted by 0.250"), "{text}");
         assert!(text.contains("95 % 7.00°"), "{text}");
         assert!(text.contains("1.23 s"), "{text}");
+    }
+
+    #[test]
+    fn the_word_of_the_verdict_alone_is_coloured() {
+        let text = map(&a_map(), None, Paint::Coloured);
+        assert!(text.starts_with("verdict    \x1b[33mfair\x1b[0m: look at it first (100 %"), "{text}");
+        assert_eq!(text.matches('\x1b').count(), 2, "{text}");
     }
 
     #[test]
@@ -159,10 +169,10 @@ pub(crate) mod tests {
     #[test]
     fn a_result_without_an_example_says_so_first() {
         let covers = Covers { example: 0.0, input: 0.998 };
-        let told = headline(Verdict::Poor, 0.0, covers);
+        let told = headline(Verdict::Poor, 0.0, covers, Paint::Plain);
         assert_eq!(told, "no example used: a regular layout on 100 % of the scan");
-        assert!(headline(Verdict::Broken, 0.0, covers).starts_with("broken, and no example used"));
-        assert!(headline(Verdict::Broken, 0.4, covers).starts_with("broken: of no use as it is (40 % "));
+        assert!(headline(Verdict::Broken, 0.0, covers, Paint::Plain).starts_with("broken, and no example used"));
+        assert!(headline(Verdict::Broken, 0.4, covers, Paint::Plain).starts_with("broken: of no use as it is (40 % "));
     }
 
     #[test]

@@ -51,6 +51,7 @@ fn shortened(ranking: &Ranking, shown: usize, room: Room) -> String {
     let is_narrow = room.width.is_some_and(|width| width < WIDTH_OF_ALL_COLUMNS);
     let entries = ranking.entries.iter().take(shown);
     let table = if is_narrow { narrow_table(entries, room) } else { wide_table(entries, room) };
+    let table = room.paint.table(&table.to_string());
     let rest = usize::try_from(ranking.corpus_size).unwrap_or(usize::MAX).saturating_sub(shown);
     if rest > 0 { format!("{title}\n{table}\n… and {rest} more") } else { format!("{title}\n{table}") }
 }
@@ -148,7 +149,8 @@ pub fn summary(query: &Query, rankings: &[Option<Ranking>], room: Room) -> Strin
         ]));
     }
     let rest = query.segments.len() - shown;
-    if rest > 0 { format!("{table}\n… and {rest} more segments") } else { table.to_string() }
+    let table = room.paint.table(&table.to_string());
+    if rest > 0 { format!("{table}\n… and {rest} more segments") } else { table }
 }
 
 fn name(entry: &Entry) -> String {
@@ -268,10 +270,10 @@ pub(crate) mod tests {
 
     #[test]
     fn a_ranking_is_cut_to_the_height_of_the_terminal() {
-        let text = ranking(&with_entries(60), Room { width: None, height: Some(24) });
+        let text = ranking(&with_entries(60), Room { height: Some(24), ..Room::default() });
         assert_eq!(text.lines().count(), 23, "{text}");
         assert!(text.contains("… and 43 more"), "{text}");
-        let tiny = ranking(&with_entries(60), Room { width: None, height: Some(1) });
+        let tiny = ranking(&with_entries(60), Room { height: Some(1), ..Room::default() });
         assert!(tiny.contains("head 1 "), "{tiny}");
     }
 
@@ -279,7 +281,7 @@ pub(crate) mod tests {
     fn a_narrow_terminal_sees_whole_ids_and_a_line_an_entry() {
         let mut narrow = with_entries(12);
         narrow.entries[0].name = "a name that is far too long for any table of eighty columns".into();
-        let text = ranking(&narrow, Room { width: Some(80), height: Some(24) });
+        let text = ranking(&narrow, Room { width: Some(80), height: Some(24), ..Room::default() });
         assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
         assert_eq!(text.lines().count(), 3 + 12 + 1, "{text}");
         assert!(narrow.entries.iter().all(|entry| text.contains(&entry.example.to_string())), "{text}");

@@ -1,11 +1,11 @@
 //! `add`, `list`, `remove`, `rate`, `tag`, and what is said when things go wrong.
 
 use crate::{
-    fake::{Fake, Reply},
+    fake::{Asked, Fake, Reply},
     messages::{example, example_id},
-    run,
+    run, run_answering,
 };
-use quadmuse_proto::{Code, Page};
+use quadmuse_proto::{Code, Example, Page};
 use std::{
     path::PathBuf,
     sync::atomic::{AtomicU32, Ordering},
@@ -186,4 +186,114 @@ async fn the_problem_reaches_programs_too() {
     assert_eq!(ran.code(), 1);
     assert_eq!(ran.json_lines()[0]["code"], "unauthorized");
     assert!(ran.notes.contains("--token or QUADMUSE_TOKEN"), "{}", ran.notes);
+}
+
+/// A corpus of three examples, each of which can be removed.
+fn of_three(asked: &Asked) -> Reply {
+    let listed = asked.line.contains("/v1/examples?");
+    match asked.line.split(' ').next().unwrap_or_default() {
+        "DELETE" => Reply { status: 204, headers: Vec::new(), body: Vec::new() },
+        "GET" if listed && asked.line.contains("tag=none") => {
+            Reply::json(200, &Page::<Example> { items: Vec::new(), next: None })
+        }
+        "GET" if listed => Reply::json(200, &Page { items: vec![example(1), example(2), example(3)], next: None }),
+        "GET" => Reply::json(200, &example(1)),
+        _ => Reply::problem(Code::NotFound, 404, &asked.line),
+    }
+}
+
+fn removals(server: &Fake) -> usize {
+    server.lines().iter().filter(|line| line.starts_with("DELETE")).count()
+}
+
+#[tokio::test]
+async fn remove_asks_at_a_terminal_and_takes_only_a_yes() {
+    for (answers, flags, removed, code) in
+        [("n\n", "", 0, 1), ("\n", "", 0, 1), ("y\n", "", 1, 0), ("n\n", "--yes", 1, 0)]
+    {
+        let server = Fake::start(of_three);
+        let ran = run_answering(&server.url, &format!("remove {} {flags}", example_id(1)), answers).await;
+        assert_eq!((removals(&server), ran.code()), (removed, code), "{answers:?} {flags}: {}", ran.notes);
+        assert_eq!(ran.notes.contains("remove example 1 for good? [y/N]"), flags.is_empty(), "{}", ran.notes);
+    }
+}
+
+#[tokio::test]
+async fn remove_takes_all_of_a_tag_once_somebody_has_said_yes() {
+    let server = Fake::start(of_three);
+    let ran = run(&server.url, "remove --tag head").await;
+    assert_eq!((removals(&server), ran.code()), (0, 2), "{}", ran.notes);
+    assert!(ran.notes.contains("--yes") && ran.notes.contains("3 examples would be removed"), "{}", ran.notes);
+    let ran = run(&server.url, "remove --tag head --yes").await;
+    assert_eq!((removals(&server), ran.code()), (3, 0), "{}", ran.notes);
+    let ran = run_answering(&server.url, "remove --tag head", "yes\n").await;
+    assert_eq!((removals(&server), ran.code()), (6, 0), "{}", ran.notes);
+    let ran = run(&server.url, "remove --tag none --yes").await;
+    assert_eq!(ran.code(), 1);
+    assert!(ran.notes.contains("expected examples with the tag none, found none"), "{}", ran.notes);
+}
+
+#[tokio::test]
+async fn add_takes_a_line_a_file_and_tells_repairs_where_they_are_asked_for() {
+    let repaired = || Example { repairs: vec!["a hole was filled".into(); 5], ..example(1) };
+    let server = Fake::start(move |_| Reply::json(201, &repaired()));
+    let (folder, _) = files(&["a.obj", "b.obj"]);
+    let line = format!("add {0}/a.obj {0}/b.obj", folder.path().display());
+    let ran = run(&server.url, &line).await;
+    assert_eq!((ran.out.lines().count(), ran.notes.as_str()), (2, ""), "{}", ran.out);
+    assert_eq!(ran.out.matches("4 faces, 5 repairs)").count(), 2, "{}", ran.out);
+    let ran = run(&server.url, &format!("{line} --verbose")).await;
+    assert_eq!(ran.notes.matches("a hole was filled").count(), 10, "{}", ran.notes);
+}
+
+#[tokio::test]
+async fn a_compressed_mesh_travels_as_it_is_and_beside_labels_unpacked() {
+    let server = Fake::start(|_| Reply::json(201, &example(1)));
+    let (folder, _) = files(&["labels.txt"]);
+    let at = folder.path().display();
+    let mut packer = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+    std::io::Write::write_all(&mut packer, b"v 0 0 0").expect("packs");
+    let packed = packer.finish().expect("packs");
+    std::fs::write(folder.path().join("head.obj.gz"), &packed).expect("writes");
+    for flags in [String::new(), format!("--segments {at}/labels.txt")] {
+        let ran = run(&server.url, &format!("add {at}/head.obj.gz {flags}")).await;
+        assert_eq!(ran.code(), 0, "{}", ran.notes);
+    }
+    let [plain, labelled] = &server.asked()[..] else { panic!("two requests") };
+    assert!(plain.line.contains("name=head") && !plain.line.contains("name=head."), "{}", plain.line);
+    let kinds = (plain.header("content-encoding"), plain.header("content-type"));
+    assert_eq!((kinds, &plain.body), ((Some("gzip"), Some("model/obj")), &packed));
+    assert_eq!(labelled.header("content-encoding"), None);
+    assert!(String::from_utf8_lossy(&labelled.body).contains("v 0 0 0"));
+}
+
+#[tokio::test]
+async fn one_name_is_for_one_file() {
+    let server = Fake::start(|_| Reply::json(201, &example(1)));
+    let (folder, _) = files(&["a.obj", "b.obj"]);
+    let at = folder.path().display();
+    assert_eq!(run(&server.url, &format!("add {at}/a.obj --name nose")).await.code(), 0);
+    assert!(server.lines()[0].contains("name=nose"), "{:?}", server.lines());
+    let ran = run(&server.url, &format!("add {at}/a.obj {at}/b.obj --name nose")).await;
+    assert_eq!((ran.code(), server.lines().len()), (2, 1), "{}", ran.notes);
+}
+
+#[tokio::test]
+async fn a_filter_that_nothing_passes_is_not_called_an_empty_corpus() {
+    let server = Fake::start(of_three);
+    let ran = run(&server.url, "list --tag none --topology disc").await;
+    assert_eq!(ran.out, "no example with the tag none, and a segment that is a disc; `quadmuse list` shows all\n");
+    let server =
+        Fake::start(|_| Reply::problem(Code::CorpusEmpty, 409, "expected examples with tags [\"x\"], found none"));
+    let ran = run(&server.url, "list").await;
+    assert!(ran.notes.contains("`quadmuse list` shows what is there"), "{}", ran.notes);
+    assert!(!ran.notes.contains("fill the corpus"), "{}", ran.notes);
+}
+
+#[tokio::test]
+async fn the_only_file_that_fails_is_told_once() {
+    let server = Fake::start(|_| Reply::problem(Code::MeshEmpty, 422, "expected a face, found none"));
+    let (folder, _) = files(&["a.obj"]);
+    let ran = run(&server.url, &format!("add {}/a.obj", folder.path().display())).await;
+    assert_eq!((ran.code(), ran.notes.lines().count()), (1, 1), "{}", ran.notes);
 }

@@ -1,9 +1,11 @@
 //! The verbs against a server that answers as it is told to.
 
+mod batch;
 mod corpus;
 mod fake;
 mod messages;
 mod names;
+mod output;
 mod queries;
 
 use quadmuse_client::{
@@ -64,11 +66,24 @@ async fn run(server: &str, line: &str) -> Ran {
 
 /// The same with a folder for what is remembered.
 async fn run_with(server: &str, state: &Path, line: &str) -> Ran {
+    run_before(server, state, line, None).await
+}
+
+/// The same before somebody at a terminal who answers questions, a line each.
+async fn run_answering(server: &str, line: &str, answers: &'static str) -> Ran {
+    let state = tempfile::tempdir().expect("a folder");
+    run_before(server, state.path(), line, Some(answers)).await
+}
+
+async fn run_before(server: &str, state: &Path, line: &str, answers: Option<&'static str>) -> Ran {
     let words = ["quadmuse", "--server", server].into_iter().chain(line.split_whitespace()).map(Into::into);
     let cli = Cli { state: Some(state.to_owned()), ..Cli::read(words).expect(line) };
     let audience = if cli.json { Audience::Programs } else { Audience::People };
     let (out, notes) = (Shared::default(), Shared::default());
     let mut ui = Ui::new(audience, None, out.clone(), notes.clone());
+    if let Some(answers) = answers {
+        ui = ui.answering(io::Cursor::new(answers));
+    }
     let end = carry_out(cli, &mut ui).await;
     if let Err(error) = &end {
         ui.report(error);

@@ -5,7 +5,7 @@ use crate::{
     messages::{example, example_id, map, map_id, query, query_id},
     run_with,
 };
-use quadmuse_proto::{Code, Example, Page, QueryState};
+use quadmuse_proto::{Code, Constraint, ConstraintOrigin, Example, Location, Map, Page, QueryState};
 
 /// A corpus of a head, a hand and two feet, and one query with one map.
 fn service(asked: &Asked) -> Reply {
@@ -61,4 +61,34 @@ async fn the_last_query_goes_by_a_name_of_its_own() {
         let asked = format!("/v1/queries/{}/maps/{}/constraints", query_id(), map_id());
         assert!(server.lines().iter().any(|line| line.contains(&asked)), "{line}");
     }
+}
+
+#[tokio::test]
+async fn a_constraint_that_the_map_has_not_is_told_with_those_it_has() {
+    let place = || Location { point: [0.0; 3], u: 0.0, v: 0.0 };
+    let has = move |id: &str| Constraint {
+        id: id.into(),
+        origin: ConstraintOrigin::Feature,
+        on_example: place(),
+        on_input: place(),
+    };
+    let server = Fake::start(move |asked| match asked.line.starts_with("PATCH") {
+        true => Reply::problem(Code::NotFound, 404, "expected a constraint that was set, found `nose`, which is none"),
+        false => Reply::json(
+            200,
+            &Page { items: vec![Map { constraints: vec![has("f0"), has("c1")], ..map() }], next: None },
+        ),
+    });
+    let state = tempfile::tempdir().expect("a folder");
+    let out = state.path().join("out.obj");
+    let line = format!("constrain {} {} --set nose:1,2,3=4,5,6 -o {}", query_id(), map_id(), out.display());
+    let ran = run_with(&server.url, state.path(), &line).await;
+    assert_eq!(ran.code(), 1);
+    assert!(
+        ran.notes.contains("that the map has (f0, c1), found `nose`; leave the id out to add one"),
+        "{}",
+        ran.notes
+    );
+    let ran = run_with(&server.url, state.path(), &format!("--json {line}")).await;
+    assert_eq!(ran.json_lines()[0]["code"], "not_found");
 }

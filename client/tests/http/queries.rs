@@ -15,7 +15,7 @@ use std::sync::{
 };
 
 /// A service whose ranking is refined with every poll, until it is done at revision 3.
-fn service(asked: &Asked, segments: u32) -> Reply {
+pub(crate) fn service(asked: &Asked, segments: u32) -> Reply {
     let path = asked.line.split(['?', ' ']).nth(1).unwrap_or_default();
     let parameter = |name: &str| {
         let (_, rest) = asked.line.split_once(&format!("{name}="))?;
@@ -35,11 +35,12 @@ fn service(asked: &Asked, segments: u32) -> Reply {
         ("PATCH", rest) if rest.ends_with("/constraints") => Reply::json(200, &map()),
         ("POST", "/Q/compositions") => Reply::json(201, &composition()),
         ("GET", rest) if rest.ends_with("/mesh") => Reply::bytes("model/obj", "v 0 0 0\n"),
+        ("GET", rest) if rest.ends_with("/preview.png") => Reply::bytes("image/png", rest),
         _ => Reply::problem(Code::NotFound, 404, &asked.line),
     }
 }
 
-fn composition() -> Composition {
+pub(crate) fn composition() -> Composition {
     Composition {
         id: CompositionId::from_bytes([60; 16]),
         query: query_id(),
@@ -61,7 +62,7 @@ fn composition() -> Composition {
     }
 }
 
-fn mesh_file() -> tempfile::NamedTempFile {
+pub(crate) fn mesh_file() -> tempfile::NamedTempFile {
     let file = tempfile::Builder::new().suffix(".ply").tempfile().expect("a file");
     std::fs::write(file.path(), "ply").expect("writes");
     file

@@ -64,9 +64,10 @@ pub async fn run(out: &Path, data: &Path) -> Result<Running, TourError> {
     say(&format!("A service of its own listens on http://{}", running.address));
     let samples = super::corpus();
     add_all(&running.work, &samples).await?;
-    let mut written = Vec::new();
-    for input in super::inputs() {
-        written.extend(quadrangulate(&running.work, &samples, &input, out).await?);
+    let inputs = super::inputs();
+    let mut written = vec![put_all(&out.join("examples"), &samples)?, put_all(&out.join("scans"), &inputs)?];
+    for input in &inputs {
+        written.extend(quadrangulate(&running.work, &samples, input, out).await?);
     }
     say("\nWritten:");
     for path in &written {
@@ -136,6 +137,18 @@ async fn quadrangulate(
     let mirrored = is_mirror(&state.mapped.registration);
     put(&picture_path, &picture(example, &input.mesh, &state.mapped.mesh, mirrored, &name).to_png())?;
     Ok(vec![mesh_path, picture_path])
+}
+
+/// Writes samples to a folder, each as NAME.obj, for whoever wants to go on with them; answers with the folder.
+///
+/// # Errors
+/// [`TourError::File`], [`TourError::Mesh`].
+pub(super) fn put_all(folder: &Path, samples: &[Sample]) -> Result<PathBuf, TourError> {
+    std::fs::create_dir_all(folder).map_err(|source| TourError::File { path: folder.into(), source })?;
+    for sample in samples {
+        put(&folder.join(&sample.name).with_extension("obj"), &write(&sample.mesh, Format::Obj)?)?;
+    }
+    Ok(folder.into())
 }
 
 /// Prints the ranking each time it is refined.

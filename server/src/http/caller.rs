@@ -95,8 +95,8 @@ pub async fn authorize(State(app): State<App>, mut request: Request, next: Next)
             next.run(request).await
         }
         Err(refused) => {
-            if matches!(refused, HttpError::Unauthorized) {
-                // Whoever tries tokens has few tries; the answer is the same.
+            if matches!(refused, HttpError::Unauthorized { .. }) {
+                // Whoever tries tokens has few tries.
                 let _ = app.rates.take(caller.user, COST_REFUSED, None);
             }
             refused.into_response()
@@ -137,7 +137,11 @@ fn allowed(request: &Request, found: Option<&TokenRecord>, is_open: bool) -> Res
         // Nobody is an admin by being first: whoever has the machine creates the first token at its console.
         None if is_open && needed == Role::Admin => Err(HttpError::AdminNeedsToken),
         None if is_open => Ok(()),
-        None => Err(HttpError::Unauthorized),
+        // Whether a token is of no use is known to whoever sent it; which of the three it is, is told to nobody.
+        None if bearer(request.headers()).is_some() => {
+            Err(HttpError::Unauthorized { found: "one that is unknown, expired or revoked" })
+        }
+        None => Err(HttpError::Unauthorized { found: "none" }),
     }
 }
 

@@ -2,12 +2,12 @@
 
 use super::body::Message;
 use super::error::HttpError;
-use super::files::{mesh_answer, wanted_format};
+use super::files::{mesh_answer, picture_answer, wanted_format};
 use super::idempotency::{Key, Turn};
 use super::negotiate::{Wants, if_none_match};
 use super::params::{Params, PathIds};
 use crate::app::App;
-use crate::work::{composing, ingest};
+use crate::work::{composing, ingest, pictures};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
@@ -78,6 +78,31 @@ pub async fn mesh(
     let (tag, name) = (format!("\"{composition}-{format}\""), composition.to_string());
     mesh_answer(format, &tag, if_none_match(&headers).as_deref(), &name, async || {
         Ok(ingest::mesh_file(&app.work, live.caller.user, &found.mesh, format).await?)
+    })
+    .await
+}
+
+/// A shaded picture of the stitched mesh.
+#[utoipa::path(
+    get, path = "/v1/queries/{id}/compositions/{composition}/preview.png", tag = "compositions",
+    params(
+        ("id" = QueryId, Path), ("composition" = CompositionId, Path),
+        ("size" = Option<u32>, Query, minimum = 16, maximum = 1024, description = "Side in pixels; default 256")
+    ),
+    responses((status = 200, description = "A picture", content_type = "image/png", body = Vec<u8>))
+)]
+pub async fn preview(
+    State(app): State<App>,
+    PathIds((id, composition)): PathIds<(QueryId, CompositionId)>,
+    params: Params,
+    headers: HeaderMap,
+) -> Result<Response, HttpError> {
+    let live = app.work.queries.get(id)?;
+    let found = composing::find(&live, composition)?;
+    let size = params.get("size", "from 16 to 1024")?.unwrap_or(pictures::SIZE_DEFAULT);
+    let tag = format!("\"{composition}-{size}\"");
+    picture_answer(&tag, if_none_match(&headers).as_deref(), async || {
+        Ok(pictures::preview(&app.work, live.caller.user, &found.mesh, size).await?)
     })
     .await
 }

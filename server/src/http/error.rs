@@ -102,9 +102,12 @@ pub enum HttpError {
     KeyReused(String),
     /// There is no token, or a wrong one.
     #[error(
-        "expected a valid token in `authorization: Bearer`, found none; create one by `quadmuse-server token create`"
+        "expected a valid token in `authorization: Bearer`, found {found}; create one by `quadmuse-server token create`"
     )]
-    Unauthorized,
+    Unauthorized {
+        /// What came in its place.
+        found: &'static str,
+    },
     /// The token's role is not enough.
     #[error("expected a token of role {needed}, found {found}")]
     Forbidden {
@@ -206,7 +209,7 @@ fn judge(error: &HttpError) -> (StatusCode, Code) {
         HttpError::BodyTooLarge { .. } => (StatusCode::PAYLOAD_TOO_LARGE, Code::BodyTooLarge),
         HttpError::BodyTimeout { .. } => (StatusCode::REQUEST_TIMEOUT, Code::Timeout),
         HttpError::KeyReused(_) => (StatusCode::CONFLICT, Code::Conflict),
-        HttpError::Unauthorized => (StatusCode::UNAUTHORIZED, Code::Unauthorized),
+        HttpError::Unauthorized { .. } => (StatusCode::UNAUTHORIZED, Code::Unauthorized),
         HttpError::Forbidden { .. } | HttpError::AdminNeedsToken | HttpError::CrossOrigin { .. } => {
             (StatusCode::FORBIDDEN, Code::Forbidden)
         }

@@ -102,6 +102,9 @@ async fn maps_are_composed() {
     );
     assert_eq!(bench.get(made.header("location")).await.json(), composition);
     assert_eq!(bench.get(&format!("{}/mesh?format=obj", made.header("location"))).await.text(), "obj with 2 faces");
+    let picture = format!("{}/preview.png", made.header("location"));
+    assert!(bench.get(&format!("{picture}?size=32")).await.bytes.starts_with(b"\x89PNG"));
+    bench.get(&format!("{picture}?size=2048")).await.problem(400, "parameter_invalid");
     // Segments that are not named take their best example.
     let filled = bench.post_json(&compositions, json!({})).await.json();
     assert_eq!(filled["parts"].as_array().map(Vec::len), Some(2));

@@ -92,9 +92,11 @@ async fn tokens_open_what_their_role_allows() {
         bench.request(method, path, &[("authorization", &bearer)], "segment disc 1").await
     };
     let refused = bench.get("/v1/examples").await;
-    refused.problem(401, "unauthorized");
+    assert!(refused.problem(401, "unauthorized").contains("found none"));
     assert_eq!(refused.header("www-authenticate"), "Bearer");
-    ask("qm_wrong", Method::GET, "/v1/examples").await.problem(401, "unauthorized");
+    // A token that lets nobody in is not called none.
+    let wrong = ask("qm_wrong", Method::GET, "/v1/examples").await.problem(401, "unauthorized");
+    assert!(wrong.contains("found one that is unknown, expired or revoked"), "{wrong}");
     assert_eq!(ask(&reader, Method::GET, "/v1/examples").await.status, StatusCode::OK);
     ask(&reader, Method::POST, "/v1/examples").await.problem(403, "forbidden");
     assert_eq!(ask(&contributor, Method::POST, "/v1/examples").await.status, StatusCode::CREATED);

@@ -1,0 +1,185 @@
+//! What a command makes reaches its user: the mesh, its picture, and how good it is.
+
+use crate::{
+    api::{Api, MeshSource},
+    args::OutArgs,
+    error::ClientError,
+    file::{self, OutFile},
+    spec::Require,
+    table,
+    ui::Ui,
+};
+use quadmuse_proto::{Composition, Map, QueryId, Verdict};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// What programs get: the message, and the file that was written.
+#[derive(Serialize)]
+struct Written<'a, T> {
+    file: String,
+    #[serde(flatten)]
+    message: &'a T,
+}
+
+/// What becomes of files that are there already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Overwriting {
+    /// Whoever sits at a terminal is asked. A script is not: it wrote to the same file the last time, too.
+    Asks,
+    /// They are replaced.
+    Silent,
+}
+
+/// Where a result goes.
+pub(super) struct Target {
+    out: OutFile,
+    kept: Option<PathBuf>,
+    picture: Option<PathBuf>,
+    overwriting: Overwriting,
+}
+
+impl Target {
+    /// What the command line says; `kept` is the file for the numbers of the vertices that were kept.
+    pub(super) fn of(args: &OutArgs, kept: Option<&Path>) -> Self {
+        let overwriting = if args.force { Overwriting::Silent } else { Overwriting::Asks };
+        let kept = kept.map(Path::to_owned);
+        Self { out: args.file(), kept, picture: args.picture.clone(), overwriting }
+    }
+
+    /// A file, and a picture, about which nobody is asked.
+    pub(super) fn silent(out: OutFile, picture: Option<PathBuf>) -> Self {
+        Self { out, kept: None, picture, overwriting: Overwriting::Silent }
+    }
+
+    /// Sees to it, before the work, that what it makes can be written.
+    ///
+    /// # Errors
+    /// [`ClientError::Unwritable`] where there is no such folder, [`ClientError::Declined`] where the user wants to keep a
+    /// file.
+    pub(super) fn prepare(&self, ui: &mut Ui) -> Result<(), ClientError> {
+        self.out.check()?;
+        let others = || [&self.kept, &self.picture].into_iter().flatten();
+        others().try_for_each(|path| file::check_folder(path))?;
+        if self.overwriting == Overwriting::Asks {
+            let out = Some(&self.out.path).filter(|_| !self.out.is_standard());
+            let all = out.into_iter().chain(others());
+            let there: Vec<String> = all.filter(|path| path.is_file()).map(|path| path.display().to_string()).collect();
+            may_overwrite(&there, ui)?;
+        }
+        if self.out.is_standard() {
+            ui.leave_out_to_data();
+        }
+        Ok(())
+    }
+
+    /// Downloads a mesh, writes it, and draws it where that is asked for.
+    async fn put(&self, query: QueryId, source: MeshSource, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
+        let mesh = api.mesh(query, source, self.out.format).await?;
+        self.out.write(&mesh, ui)?;
+        match &self.picture {
+            Some(path) => file::write(path, &api.picture(query, source).await?),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Asks whether files may be replaced; nobody is asked where nobody can be.
+///
+/// # Errors
+/// [`ClientError::Declined`].
+pub(super) fn may_overwrite(there: &[String], ui: &mut Ui) -> Result<(), ClientError> {
+    let question = match there {
+        [] => return Ok(()),
+        [one] => format!("{one} is there already; overwrite it?"),
+        [first, others @ ..] => format!("{first} and {} more are there already; overwrite them?", others.len()),
+    };
+    if ui.ask(&question)? == Some(false) { Err(ClientError::Declined { done: "written" }) } else { Ok(()) }
+}
+
+/// What came of a command: how good its result is, and where that was written.
+pub(super) struct Delivered {
+    /// The query it was made of.
+    pub(super) query: QueryId,
+    /// How good it is.
+    pub(super) verdict: Verdict,
+    /// Share of its area that is an example's, 0–1.
+    pub(super) inspired: f64,
+    /// Why the verdict is what it is.
+    pub(super) reasons: Vec<String>,
+    /// Its faces.
+    pub(super) faces: u64,
+    /// The file, as it is told.
+    pub(super) file: String,
+}
+
+impl Delivered {
+    /// Refuses, once all is written and printed, what is broken or less than is required.
+    ///
+    /// # Errors
+    /// [`ClientError::Broken`], [`ClientError::Below`].
+    pub(super) fn is_enough(&self, require: Option<Require>) -> Result<(), ClientError> {
+        let file = self.file.clone();
+        if self.verdict == Verdict::Broken {
+            return Err(ClientError::Broken { file, reasons: self.reasons.join("; ") });
+        }
+        let missed = require.filter(|require| !require.is_met(self.verdict, self.inspired));
+        let Some(require) = missed else { return Ok(()) };
+        let percent = format!("{:.0}", 100.0 * self.inspired);
+        Err(ClientError::Below { required: require.as_str(), verdict: self.verdict.as_str(), percent, file })
+    }
+}
+
+/// Downloads the mesh of a map, writes it, and tells how good it is; with the example's name, where it is known.
+///
+/// # Errors
+/// The service refuses or is out of reach, or a file can't be written.
+pub(super) async fn write_map(
+    map: &Map,
+    name: Option<&str>,
+    target: &Target,
+    api: &Api,
+    ui: &mut Ui,
+) -> Result<Delivered, ClientError> {
+    write_kept(map, target)?;
+    target.put(map.query, MeshSource::Map(map.id), api, ui).await?;
+    let file = target.out.name();
+    let told = table::map(map, name, ui.room().paint);
+    ui.text(&format!("{told}\nwritten    {file}: {}, {} faces", map.verdict.as_str(), map.faces))?;
+    ui.value(&Written { file: file.clone(), message: map })?;
+    let Map { query, verdict, inspired, faces, .. } = *map;
+    Ok(Delivered { query, verdict, inspired, reasons: map.reasons.clone(), faces, file })
+}
+
+/// Writes the numbers of the example's vertices that a map has, one a line, where they are asked for.
+///
+/// # Errors
+/// [`ClientError::Unwritable`].
+pub(super) fn write_kept(map: &Map, target: &Target) -> Result<(), ClientError> {
+    let Some(file) = &target.kept else { return Ok(()) };
+    let all: Vec<u32> = (0..u32::try_from(map.own_vertices).unwrap_or(u32::MAX)).collect();
+    let kept = map.kept.as_ref().unwrap_or(&all);
+    let text: String = kept.iter().map(|v| format!("{v}\n")).collect();
+    file::write(file, text.as_bytes())
+}
+
+/// Downloads the mesh of a composition of `maps`, writes it, and tells how good it is.
+///
+/// # Errors
+/// As [`write_map`].
+pub(super) async fn write_composition(
+    composition: &Composition,
+    maps: &[Map],
+    target: &Target,
+    api: &Api,
+    ui: &mut Ui,
+) -> Result<Delivered, ClientError> {
+    target.put(composition.query, MeshSource::Composition(composition.id), api, ui).await?;
+    let file = target.out.name();
+    let verdicts = table::verdicts(maps, composition.templates.len());
+    let Composition { query, verdict, inspired, quads, triangles, .. } = *composition;
+    let told = table::composition(composition, ui.room().paint);
+    ui.text(&format!("{told}\nwritten     {file}: {quads} quads, {verdicts}"))?;
+    ui.value(&Written { file: file.clone(), message: composition })?;
+    let reasons = composition.reasons.clone();
+    Ok(Delivered { query, verdict, inspired, reasons, faces: quads + triangles, file })
+}

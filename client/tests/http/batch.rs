@@ -1,0 +1,111 @@
+//! `batch`.
+
+use crate::{
+    fake::{Asked, Fake, Reply},
+    messages::{map, query_id},
+    queries::{composition, service},
+    run, run_answering,
+};
+use quadmuse_proto::{Code, Composition, Map, Verdict, composition::AS_MAPPED};
+use std::fs;
+use tempfile::TempDir;
+
+/// A folder of three scans and something else.
+fn scans() -> TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    for name in ["a.ply", "bad.obj", "c.stl", "notes.txt"] {
+        fs::write(folder.path().join(name), name).expect("writes");
+    }
+    folder
+}
+
+/// A service that refuses one of the scans, and lays an example fairly on the others.
+fn refusing_one(asked: &Asked) -> Reply {
+    if asked.line.starts_with("POST /v1/queries") && asked.body == b"bad.obj" {
+        return Reply::problem(Code::MeshUnreadable, 422, "expected a vertex number, found \"x\"");
+    }
+    if asked.line.ends_with("/maps") {
+        return Reply::json(201, &Map { verdict: Verdict::Fair, inspired: 0.75, ..map() });
+    }
+    if asked.line.ends_with("/compositions") {
+        return Reply::json(201, &Composition { notes: vec![AS_MAPPED.into()], ..composition() });
+    }
+    service(asked, 1)
+}
+
+#[tokio::test]
+async fn a_batch_goes_on_past_a_bad_scan_and_reports_all() {
+    let (server, folder) = (Fake::start(refusing_one), scans());
+    let out = folder.path().join("out");
+    let ran = run(&server.url, &format!("batch {} -o {} --pictures", folder.path().display(), out.display())).await;
+    assert_eq!(ran.code(), 1, "{}", ran.notes);
+    assert!(ran.notes.contains("1 of 3 failed; the other 2 are done"), "{}", ran.notes);
+    let lines: Vec<&str> = ran.out.lines().collect();
+    assert_eq!(lines.len(), 3, "{}", ran.out);
+    assert!(lines[1].starts_with("bad.obj  failed  expected a vertex number"), "{}", ran.out);
+    for name in ["a.obj", "a.png", "c.obj", "c.png"] {
+        assert!(out.join(name).is_file(), "{name}");
+    }
+    let report = fs::read_to_string(out.join("report.csv")).expect("a report");
+    let rows: Vec<&str> = report.split("\r\n").collect();
+    assert_eq!(rows[0], "scan,file,verdict,faces,inspired,seconds,query,reasons,error");
+    assert_eq!((rows.len(), rows[4]), (5, ""), "{report}");
+    assert!(rows[2].starts_with("bad.obj,,,,,") && rows[2].contains(r#"found ""x"""#), "{report}");
+    assert!(!out.join("bad.obj").exists());
+}
+
+#[tokio::test]
+async fn what_is_less_than_is_required_counts_as_failed_and_is_written() {
+    let (server, folder) = (Fake::start(refusing_one), scans());
+    fs::remove_file(folder.path().join("bad.obj")).expect("is there");
+    let out = folder.path().join("out");
+    let line = format!("batch {} -o {} --require", folder.path().display(), out.display());
+    for (required, code) in [("inspired", 0), ("fair", 0), ("good", 1)] {
+        let ran = run(&server.url, &format!("{line} {required} --json")).await;
+        assert_eq!(ran.code(), code, "{required}: {}", ran.notes);
+        let lines = ran.json_lines();
+        assert_eq!(lines.len(), 2, "{}", ran.out);
+        assert_eq!((lines[0]["scan"].as_str(), lines[0]["verdict"].as_str()), (Some("a.ply"), Some("fair")));
+        assert_eq!((lines[0]["inspired"].as_f64(), lines[0]["faces"].as_u64()), (Some(0.75), Some(4)));
+        assert_eq!(lines[0]["query"], query_id().to_string());
+        assert_eq!(lines[0]["error"].is_null(), code == 0, "{}", ran.out);
+        assert!(out.join("a.obj").is_file());
+    }
+}
+
+#[tokio::test]
+async fn a_batch_overwrites_nothing_that_its_user_wants_to_keep() {
+    let (server, folder) = (Fake::start(refusing_one), scans());
+    let out = folder.path().join("out");
+    fs::create_dir(&out).expect("makes");
+    fs::write(out.join("c.obj"), "old").expect("writes");
+    let line = format!("batch {} -o {}", folder.path().display(), out.display());
+    let ran = run_answering(&server.url, &line, "n\n").await;
+    assert_eq!((ran.code(), server.lines().len()), (1, 0), "{}", ran.notes);
+    assert_eq!(fs::read(out.join("c.obj")).expect("reads"), b"old");
+    // Results in the folder of the scans would replace scans.
+    let same = format!(
+        "batch {0} -o {0}/../{1}",
+        folder.path().display(),
+        folder.path().file_name().expect("a name").display()
+    );
+    let ran = run(&server.url, &same).await;
+    assert_eq!((ran.code(), server.lines().len()), (2, 0), "{}", ran.notes);
+}
+
+#[tokio::test]
+async fn a_folder_without_scans_is_told() {
+    let (server, folder) = (Fake::start(refusing_one), tempfile::tempdir().expect("a folder"));
+    let ran = run(&server.url, &format!("batch {0} -o {0}/out", folder.path().display())).await;
+    assert_eq!(ran.code(), 1);
+    assert!(ran.notes.contains("expected mesh files in"), "{}", ran.notes);
+}
+
+#[tokio::test]
+async fn without_a_server_no_other_scan_is_tried() {
+    let folder = scans();
+    let line = format!("batch {0} -o {0}/out", folder.path().display());
+    let ran = run("http://127.0.0.1:1", &line).await;
+    assert_eq!((ran.code(), ran.out.as_str()), (3, ""), "{}", ran.notes);
+    assert_eq!(ran.notes.matches("error:").count(), 1, "{}", ran.notes);
+}
