@@ -213,10 +213,16 @@ async fn stitch(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Resul
         ui.note(&format!("of {} segments the service maps those that are worth it", query.segments.len()));
     }
     let count = mapped.len();
+    let faces: u64 = query.segments.iter().map(|s| s.faces).sum();
     let bar = ui.bar(count as u64, "mapping");
     for (done, segment) in mapped.into_iter().enumerate() {
         let (number, told) = (segment.segment, told(segment.segment, wish));
-        let said = match lay(query, number, told, (wish.lay.beyond, Vec::new()), api, ui).await {
+        // What is most of the scan is worth several tries; a part between others is not.
+        let laid = match told.is_none() && 2 * segment.faces >= faces {
+            true => lay_best(query, number, wish.lay.beyond, api, ui).await,
+            false => lay(query, number, told, (wish.lay.beyond, Vec::new()), api, ui).await,
+        };
+        let said = match laid {
             // What nobody asked for and is poor is left to the service, which says what takes its place.
             Ok((map, name)) if told.is_none() && map.verdict.is_poor() => {
                 format!("the best example, {name}, fits poorly")

@@ -2,7 +2,7 @@
 
 mod headline;
 
-use super::engine::{Appraisal, Encoded, Engine, EngineError, Model, OnePart, Part, Stitched, Stitching};
+use super::engine::{Allowed, Appraisal, Encoded, Engine, EngineError, Model, OnePart, Part, Stitched, Stitching};
 use super::mapping::{self, LiveMap, get};
 use super::query::{LiveQuery, ms_since};
 use super::ranking::Candidate;
@@ -10,8 +10,9 @@ use super::worth::is_worth_an_example;
 use super::{REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, Stop};
 use headline::{Laid, headline};
+use quadmuse_kernel::compose::check::extraordinary;
 use quadmuse_kernel::mesh::PolyMesh;
-use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
+use quadmuse_proto::composition::{AS_MAPPED, DENSITY_MAX, SMOOTHING_MAX};
 use quadmuse_proto::{
     Beyond, Composition, CompositionId, CompositionPart, ConstraintOrigin, ExampleId, Map, NewComposition, NewMap,
     Verdict,
@@ -72,19 +73,23 @@ pub async fn create(
     let needed = faces.max(FACES_LEAST) * MEMORY_PER_FACE + input;
     let job = work.admit(live.caller.user, needed, REQUEST_TIME_MAX)?;
     let (engine, model) = (Arc::clone(&work.engine), Arc::clone(&live.model));
-    let spans = maps.iter().flatten().map(|map| map.newest().mapped.reach.spanned);
-    let spanned = spans.fold(0.0, f64::max);
+    let allowed = allowed(&maps);
     let how = Stitching { smoothing: wanted.smoothing, density: wanted.density };
     let one = one_example(&maps).filter(|_| wanted.density == 0);
+    let lone = lone(&maps, allowed.bare).filter(|_| wanted.density == 0);
     let stitch = move |stop: &_| {
+        if let Some(map) = lone {
+            let appraisal = engine.appraise(&model, &map, allowed)?;
+            return Ok((map, appraisal, Vec::new()));
+        }
         // One example on all segments needs no stitching: it comes back whole.
         if let Some((example, parts)) = &one
             && let Some(whole) = engine.rejoin(&model, example, parts, stop)?
         {
-            let appraisal = engine.appraise(&model, &whole, spanned)?;
+            let appraisal = engine.appraise(&model, &whole, allowed)?;
             return Ok((whole, appraisal, Vec::new()));
         }
-        stitched_sound(&*engine, &model, (parts, &instead), (how, spanned), stop)
+        stitched_sound(&*engine, &model, (parts, &instead), (how, allowed), stop)
     };
     let (stitched, appraisal, gave_way) = work.pool.run(&job, Lane::Edit, stitch).await??;
     if stitched.is_poor_kept {
@@ -127,11 +132,11 @@ fn stitched_sound(
     engine: &dyn Engine,
     model: &Model,
     (mut parts, instead): (Vec<Part>, &[Option<Arc<Encoded>>]),
-    (how, spanned): (Stitching, f64),
+    (how, allowed): (Stitching, Allowed),
     stop: &Stop,
 ) -> Result<(Stitched, Appraisal, Vec<u32>), EngineError> {
     let made = engine.compose(model, &parts, how, stop)?;
-    let appraisal = engine.appraise(model, &made, spanned)?;
+    let appraisal = engine.appraise(model, &made, allowed)?;
     let is_example = |segment: &u32| made.is_example.get(*segment as usize) == Some(&true);
     let mut gave_way = Vec::new();
     for segment in appraisal.flawed.iter().copied().filter(|_| !appraisal.flaws.is_empty()).filter(is_example) {
@@ -145,7 +150,7 @@ fn stitched_sound(
         return Ok((made, appraisal, gave_way));
     }
     let mut again = engine.compose(model, &parts, how, stop)?;
-    let after = engine.appraise(model, &again, spanned)?;
+    let after = engine.appraise(model, &again, allowed)?;
     if !after.flaws.is_empty() {
         return Ok((made, appraisal, Vec::new()));
     }
@@ -153,6 +158,39 @@ fn stitched_sound(
     let why = appraisal.flaws.join("; ");
     again.notes.push(format!("examples gave way to regular layouts on segments {segments}: {why}"));
     Ok((again, after, gave_way))
+}
+
+/// More of the scan left bare than this is beyond what a layout can be made to follow.
+const BARE_MIN: f64 = 0.05;
+
+/// The one map of a query, as it is, where it leaves some of the scan bare: nothing else is there that it could be joined with, and
+/// the scan is not to be followed where the map does not lie.
+fn lone(maps: &[Option<Arc<LiveMap>>], bare: f64) -> Option<Stitched> {
+    let [Some(map)] = maps else { return None };
+    let mesh = Arc::clone(&map.newest().mapped.mesh);
+    let extraordinary = extraordinary(&mesh) as u64;
+    (bare > BARE_MIN).then(|| Stitched {
+        mesh,
+        is_example: vec![true],
+        is_poor_kept: false,
+        extraordinary_vertices: extraordinary,
+        extraordinary_before: extraordinary,
+        notes: vec![AS_MAPPED.into()],
+    })
+}
+
+/// What the maps of all segments are on purpose. A map that leaves some of the scan bare does so alone: beside others the rest is
+/// theirs.
+fn allowed(maps: &[Option<Arc<LiveMap>>]) -> Allowed {
+    let spanned = maps.iter().flatten().map(|map| map.newest().mapped.reach.spanned).fold(0.0, f64::max);
+    let bare = match maps {
+        [Some(map)] => {
+            let reach = &map.newest().mapped.reach;
+            if reach.own.is_some() { 0.0 } else { 1.0 - reach.covers.input }
+        }
+        _ => 0.0,
+    };
+    Allowed { spanned, bare }
 }
 
 /// What is told of a map that takes part in a composition.

@@ -301,6 +301,15 @@ pub struct Stitched {
     pub notes: Vec<String>,
 }
 
+/// What is no flaw of a composition, since its maps are so on purpose. Shares from 0 to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Allowed {
+    /// Of the faces: those that are spanned flat where the scan has nothing.
+    pub spanned: f64,
+    /// Of the scan's area: what is left bare.
+    pub bare: f64,
+}
+
 /// A stitched mesh, measured against its input.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Appraisal {
@@ -549,11 +558,11 @@ pub trait Engine: Send + Sync + 'static {
     /// There is one part a segment, in their order.
     fn compose(&self, query: &Model, parts: &[Part], how: Stitching, stop: &Stop) -> Result<Stitched, EngineError>;
 
-    /// Measures a composition against its input. `spanned`: the largest share of a map's faces that lie flat on purpose.
+    /// Measures a composition against its input.
     ///
     /// # Errors
     /// [`EngineError::Internal`].
-    fn appraise(&self, query: &Model, made: &Stitched, spanned: f64) -> Result<Appraisal, EngineError>;
+    fn appraise(&self, query: &Model, made: &Stitched, allowed: Allowed) -> Result<Appraisal, EngineError>;
 
     /// A regular layout on a query's segment, in place of an example.
     ///

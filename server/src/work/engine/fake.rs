@@ -263,7 +263,7 @@ impl Engine for FakeEngine {
         })
     }
 
-    fn appraise(&self, query: &Model, made: &Stitched, _: f64) -> Result<Appraisal, EngineError> {
+    fn appraise(&self, query: &Model, made: &Stitched, _: Allowed) -> Result<Appraisal, EngineError> {
         let share = 1.0 / made.is_example.len().max(1) as f64;
         let examples = made.is_example.iter().map(|is| if *is { share } else { 0.0 }).collect();
         let is_torn = query.inner.open::<Script>()?.tears && made.is_example.contains(&true);

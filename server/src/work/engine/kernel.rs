@@ -17,8 +17,8 @@ mod told;
 mod transfer;
 
 use super::{
-    Appraisal, ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Fitted, Mapped, Model, OnePart, Opaque,
-    Packed, PackedFeature, Part, Refusal, Registration, SegmentFacts, Side, Stitched, Stitching,
+    Allowed, Appraisal, ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Fitted, Mapped, Model, OnePart,
+    Opaque, Packed, PackedFeature, Part, Refusal, Registration, SegmentFacts, Side, Stitched, Stitching,
 };
 use crate::pool::Stop;
 use model::{ModelInner, format_of, refused};
@@ -32,7 +32,7 @@ use quadmuse_kernel::register::spectra::Row;
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
 use quadmuse_kernel::settle::Posed;
 use quadmuse_kernel::unfold::UnfoldOptions;
-use quadmuse_proto::{Beyond, Landmark, MeshFormat, Topology};
+use quadmuse_proto::{Beyond, Landmark, MeshFormat, Topology, Verdict};
 use registered::Registered;
 use std::sync::Arc;
 
@@ -230,7 +230,14 @@ impl Engine for KernelEngine {
         stop: &Stop,
     ) -> Result<Fitted, EngineError> {
         let mut fitted = fitted::fit(from, example, query, (beyond, landmarks), stop)?;
+        let own = fitted::own(&fitted.mapped);
         sound::check(&mut fitted.mapped, query)?;
+        if let (Verdict::Broken, Some(mut own)) = (fitted.mapped.verdict, own) {
+            sound::check(&mut own, query)?;
+            if own.verdict != Verdict::Broken {
+                fitted.mapped = own;
+            }
+        }
         Ok(fitted)
     }
 
@@ -294,8 +301,8 @@ impl Engine for KernelEngine {
         stitch::compose(query, parts, how, stop)
     }
 
-    fn appraise(&self, query: &Model, made: &Stitched, spanned: f64) -> Result<Appraisal, EngineError> {
-        sound::appraise(query, made, spanned)
+    fn appraise(&self, query: &Model, made: &Stitched, allowed: Allowed) -> Result<Appraisal, EngineError> {
+        sound::appraise(query, made, allowed)
     }
 
     fn template(&self, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {

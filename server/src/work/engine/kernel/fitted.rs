@@ -18,6 +18,7 @@ use quadmuse_kernel::extent::{Crop, Extent, extents};
 use quadmuse_kernel::fit::rest::{Rested, Rests, Start};
 use quadmuse_kernel::fit::{Cropped, Surface, beyond, crop, crop_between, within, without};
 use quadmuse_kernel::map::CrossMap;
+use quadmuse_kernel::map::assemble::select;
 use quadmuse_kernel::map::atlas::likely_matches;
 use quadmuse_kernel::map::bend::{Pin, bend};
 use quadmuse_kernel::map::reembed::{Ground, turn_back};
@@ -523,6 +524,17 @@ pub(super) fn edited(
     let mut fitted = Fitted { mapped, example: example.clone(), query: query.clone() };
     extend(&mut fitted, field.and_then(|field| rest_of(two, &field)).as_ref());
     Ok(fitted.mapped)
+}
+
+/// A map without the rows that continue it; `None` where it has none.
+pub(super) fn own(mapped: &Mapped) -> Option<Mapped> {
+    let (_, faces) = mapped.reach.own?;
+    let keep: Vec<bool> = (0..mapped.mesh.faces.len() as u64).map(|f| f < faces).collect();
+    let mesh = Arc::new(select(&mapped.mesh, &keep));
+    let mut own = Mapped { part: Arc::clone(&mesh), mesh, ..mapped.clone() };
+    (own.reach.own, own.reach.inspired) = (None, None);
+    own.reasons.push("the rest of the scan is left bare: rows of quads would leave it".into());
+    Some(own)
 }
 
 /// Continues a map to where the input ends.

@@ -1,6 +1,6 @@
 //! The last look at what is delivered: whether its mesh can be used at all, whatever was thought of it before.
 
-use super::super::{Appraisal, EngineError, Mapped, Model, Side, Stitched};
+use super::super::{Allowed, Appraisal, EngineError, Mapped, Model, Side, Stitched};
 use super::fresh;
 use super::model::ModelInner;
 use quadmuse_kernel::compose::apart::owned;
@@ -28,7 +28,7 @@ pub(super) fn check(mapped: &mut Mapped, query: &Side) -> Result<(), EngineError
 }
 
 /// Measures a composition; see [`Engine::appraise`](super::super::Engine::appraise).
-pub(super) fn appraise(query: &Model, made: &Stitched, spanned: f64) -> Result<Appraisal, EngineError> {
+pub(super) fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Result<Appraisal, EngineError> {
     let inner: &ModelInner = query.inner.open()?;
     let ground = inner.ground();
     let surface = owned(ground.input());
@@ -57,7 +57,7 @@ pub(super) fn appraise(query: &Model, made: &Stitched, spanned: f64) -> Result<A
         flaws.faces.iter().filter_map(|&f| segment_of(made.mesh.faces.face(f as usize))).collect();
     flawed.sort_unstable();
     flawed.dedup();
-    Ok(Appraisal { examples, covered: 1.0 - flaws.bare, flaws: flaws.reasons(0.0, spanned), flawed })
+    Ok(Appraisal { examples, covered: 1.0 - flaws.bare, flaws: flaws.reasons(allowed.bare, allowed.spanned), flawed })
 }
 
 fn middle(mesh: &PolyMesh, face: &[u32]) -> Vec3 {
@@ -113,14 +113,17 @@ mod tests {
     fn a_composition_is_measured_and_its_flaws_are_found_where_they_are() {
         let (input, layout) = (read(&dome(40)), read(&dome(12)));
         let mesh = (*layout.mesh).clone();
-        let sound = appraise(&input, &stitched(mesh.clone(), true), 0.0).expect("measured");
+        let sound = appraise(&input, &stitched(mesh.clone(), true), Allowed::default()).expect("measured");
         assert!((sound.examples[0] - 1.0).abs() < 1e-9 && sound.covered > 0.999, "{sound:?}");
         assert!(sound.flaws.is_empty() && sound.flawed.is_empty(), "{sound:?}");
-        assert_eq!(appraise(&input, &stitched(mesh.clone(), false), 0.0).expect("measured").examples, [0.0]);
+        assert_eq!(
+            appraise(&input, &stitched(mesh.clone(), false), Allowed::default()).expect("measured").examples,
+            [0.0]
+        );
         // A vertex in one corner, drawn through below the dome to the other.
         let mut torn = mesh;
         torn.positions[14] = torn.positions[13 * 13 - 1];
-        let torn = appraise(&input, &stitched(torn, true), 0.0).expect("measured");
+        let torn = appraise(&input, &stitched(torn, true), Allowed::default()).expect("measured");
         assert!(!torn.flaws.is_empty() && torn.flawed == [0], "{torn:?}");
     }
 }
