@@ -131,8 +131,9 @@ mod tests {
         // One window, a fifth of the sheet, alone and among pinholes.
         let window = |t: &u32| matches!(t / 2 % 20, 2..11) && (4..14).contains(&(t / 40));
         let with = |pinholes: usize| -> Vec<u32> {
-            let is_pinhole =
-                |t: &u32| t % 2 == 0 && matches!(t / 2 % 20, 13 | 15 | 17) && matches!(t / 40, 1 | 3 | 5 | 7 | 9 | 11);
+            let is_pinhole = |t: &u32| {
+                t.is_multiple_of(2) && matches!(t / 2 % 20, 13 | 15 | 17) && matches!(t / 40, 1 | 3 | 5 | 7 | 9 | 11)
+            };
             let is_hole = |t: &u32| window(t) || is_pinhole(t);
             let mut gone: Vec<u32> = (0..800).filter(is_hole).collect();
             let small: Vec<u32> = gone.iter().copied().filter(|t| !window(t)).skip(pinholes).collect();

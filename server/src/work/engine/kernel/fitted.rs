@@ -381,8 +381,8 @@ fn rest(
         normal_disagreement: evidence.normal_disagreement,
     });
     // What is spanned is flat, and which way it looks says nothing.
-    let (folds, faces) = (mapped.folds as f64 - turned_there as f64, mapped.mesh.faces.len() as f64);
-    let folded = folds.max(0.0) / (faces - spanned.len() as f64).max(1.0);
+    mapped.folds = mapped.folds.saturating_sub(turned_there as u64);
+    let folded = mapped.folds as f64 / (mapped.mesh.faces.len() as f64 - spanned.len() as f64).max(1.0);
     (mapped.verdict, mapped.reasons) = judged(&evidence, folded);
     if mapped.reach.spanned > SPANNED_TOLD {
         let percent = 100.0 * mapped.reach.spanned;
