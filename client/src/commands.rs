@@ -41,7 +41,7 @@ pub async fn dispatch(command: Command, api: &Api, state: &State, ui: &mut Ui) -
 /// Carries out a verb that needs no server; answers with `false` where it needs one.
 ///
 /// # Errors
-/// What it ran into; it has not been printed yet.
+/// [`ClientError`]; it has not been printed yet.
 pub fn without_server(command: &Command, ui: &mut Ui) -> Result<bool, ClientError> {
     match command {
         Command::Completions { shell } => manual::completions(*shell, ui)?,

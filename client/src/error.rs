@@ -74,7 +74,7 @@ pub enum ClientError {
         found: String,
         /// The ids that there are, with commas between.
         known: String,
-        /// What the service answered with.
+        /// The service's answer.
         problem: Box<Problem>,
     },
     /// A file of landmarks holds none.
@@ -191,7 +191,7 @@ pub enum ClientError {
     /// Who was asked said no.
     #[error("nothing was {done}")]
     Declined {
-        /// What would have been done: `removed`, `written`.
+        /// The action that was declined: `removed`, `written`.
         done: &'static str,
     },
     /// Many examples would go, and nobody can be asked.

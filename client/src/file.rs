@@ -17,7 +17,7 @@ pub const STANDARD: &str = "-";
 /// The extension of what gzip has compressed.
 const GZIP_EXTENSION: &str = "gz";
 
-/// What all that gzip has compressed begins with (RFC 1952, 2.3.1).
+/// Every gzip file begins with these bytes (RFC 1952, 2.3.1).
 const GZIP_BEGINS: [u8; 2] = [0x1f, 0x8b];
 
 /// Whether bytes are compressed.

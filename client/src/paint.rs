@@ -20,7 +20,7 @@ const YELLOW: &str = "33";
 const BOLD_RED: &str = "1;31";
 
 impl Paint {
-    /// What a terminal gets, by the variables `NO_COLOR` (<https://no-color.org>; empty, it counts as none) and `TERM`.
+    /// Chooses colours for a terminal by the variables `NO_COLOR` (<https://no-color.org>; empty, it counts as none) and `TERM`.
     pub fn of_terminal(no_color: Option<&OsStr>, term: Option<&OsStr>) -> Self {
         let is_refused = no_color.is_some_and(|value| !value.is_empty());
         if is_refused || term.is_some_and(|term| term == "dumb") { Self::Plain } else { Self::Coloured }
@@ -38,7 +38,7 @@ impl Paint {
         self.with(BOLD_RED, text)
     }
 
-    /// What stands above others.
+    /// Marks a heading.
     pub fn heading(self, text: &str) -> String {
         self.with(BOLD, text)
     }

@@ -23,8 +23,7 @@ pub enum Audience {
     Programs,
 }
 
-/// What is printed on: how much room there is, `None` where there is no end to it (a file, a pipe), and whether it shows
-/// colours.
+/// Describes the screen: its size, `None` where it has no end (a file, a pipe), and whether it shows colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Room {
     /// Columns.

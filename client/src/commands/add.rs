@@ -14,7 +14,7 @@ use std::path::Path;
 /// Uploads under way at a time.
 const PARALLEL_UPLOADS: usize = 4;
 
-/// What programs get for each file: the example, or the problem.
+/// The JSON output for each file: the example, or the problem.
 #[derive(Serialize)]
 #[serde(untagged)]
 enum FileAnswer<'a> {
@@ -34,12 +34,12 @@ enum FileAnswer<'a> {
     },
 }
 
-/// What is told of a file that was added.
+/// Decides how much `add` prints for a file that was added.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Detail {
     /// A line.
     Line,
-    /// What was repaired in it, too.
+    /// A line, and a line for each repair.
     Repairs,
 }
 

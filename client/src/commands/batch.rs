@@ -26,7 +26,7 @@ use std::{
 /// The name of the report, in the folder of the results.
 const REPORT: &str = "report.csv";
 
-/// What came of a scan.
+/// Tells the result for one scan: a row of the report.
 #[derive(Serialize)]
 struct Line {
     scan: String,

@@ -12,7 +12,7 @@ use crate::{
 use quadmuse_proto::{Example, ExampleId, ExamplePatch};
 use serde::Serialize;
 
-/// What programs get for each example that was removed.
+/// The JSON output for each example that was removed.
 #[derive(Serialize)]
 struct Removed {
     id: ExampleId,

@@ -1,4 +1,4 @@
-//! What a command makes reaches its user: the mesh, its picture, and how good it is.
+//! Delivers the result of a command: writes the mesh and its picture, and prints its verdict.
 
 use crate::{
     api::{Api, MeshSource},
@@ -13,7 +13,7 @@ use quadmuse_proto::{Composition, Map, QueryId, Verdict};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// What programs get: the message, and the file that was written.
+/// The JSON output: the message, and the file that was written.
 #[derive(Serialize)]
 struct Written<'a, T> {
     file: String,
@@ -21,7 +21,7 @@ struct Written<'a, T> {
     message: &'a T,
 }
 
-/// What becomes of files that are there already.
+/// Decides whether existing files are replaced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Overwriting {
     /// Whoever sits at a terminal is asked. A script is not: it wrote to the same file the last time, too.
@@ -39,7 +39,7 @@ pub(super) struct Target {
 }
 
 impl Target {
-    /// What the command line says; `kept` is the file for the numbers of the vertices that were kept.
+    /// Reads the flags; `kept` is the file for the numbers of the vertices that were kept.
     pub(super) fn of(args: &OutArgs, kept: Option<&Path>) -> Self {
         let overwriting = if args.force { Overwriting::Silent } else { Overwriting::Asks };
         let kept = kept.map(Path::to_owned);
@@ -96,7 +96,7 @@ pub(super) fn may_overwrite(there: &[String], ui: &mut Ui) -> Result<(), ClientE
     if ui.ask(&question)? == Some(false) { Err(ClientError::Declined { done: "written" }) } else { Ok(()) }
 }
 
-/// What came of a command: how good its result is, and where that was written.
+/// Tells how good a command's result is, and where it was written.
 pub(super) struct Delivered {
     /// The query it was made of.
     pub(super) query: QueryId,

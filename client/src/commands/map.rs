@@ -107,7 +107,7 @@ pub(super) async fn constrain(args: ConstrainArgs, api: &Api, state: &State, ui:
     write_map(&map, None, &target, api, ui).await?.is_enough(None)
 }
 
-/// What is not there: where it is a constraint, it is told with those that are.
+/// Names what was not found; for an unknown constraint the error lists those that the map has.
 async fn unknown(
     problem: Box<Problem>,
     (query, id): (QueryId, MapId),

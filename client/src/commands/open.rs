@@ -9,7 +9,7 @@ use std::{
     process::{Command, Stdio},
 };
 
-/// What programs get.
+/// The JSON output of `open`.
 #[derive(Serialize)]
 struct Opened {
     query: QueryId,

@@ -38,7 +38,7 @@ pub fn examples(examples: &[Example], sought: &str, room: Room) -> String {
     format!("{}\n{count}", room.paint.table(&table.to_string()))
 }
 
-/// What examples are asked to have, in words: `the tags x and y, and a segment that is a disc`; empty where nothing is.
+/// Tells in words what the listed examples must have: `the tags x and y, and a segment that is a disc`; empty where nothing is.
 pub fn sought(tags: &[String], topology: Option<Topology>) -> String {
     let tags = match tags {
         [] => None,

@@ -7,13 +7,12 @@
 use super::{SegmentSearch, caught_up};
 use crate::pool::{Lane, Stop};
 use crate::work::WorkError;
-use crate::work::engine::Model;
+use crate::work::engine::Opaque;
 use crate::work::ingest;
 use crate::work::query::ms_since;
 use crate::work::ranking::{Candidate, by_likeness};
 use futures_util::{StreamExt, stream};
-use quadmuse_proto::{EntryState, ExampleId, LevelTiming, Topology};
-use std::collections::HashMap;
+use quadmuse_proto::{EntryState, LevelTiming, Topology};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -34,36 +33,39 @@ impl SegmentSearch<'_> {
         if !self.is_open(&newest.candidates) {
             return Ok(());
         }
-        let (engine, model, segment) = (&self.work.engine, Arc::clone(&self.live.model), self.segment as u32);
-        let posed = {
-            let engine = Arc::clone(engine);
-            self.work.pool.run(&self.live.job, Lane::Fine, move |_| engine.posed(&model, segment)).await??
-        };
+        let (engine, model, segment) =
+            (Arc::clone(&self.work.engine), Arc::clone(&self.live.model), self.segment as u32);
+        let posed = self.work.pool.run(&self.live.job, Lane::Fine, move |_| engine.posed(&model, segment)).await??;
         let Some(own) = posed else { return Ok(()) };
-        let (mut laid, passed_over): (Vec<Candidate>, Vec<Candidate>) = self.chosen(&newest.candidates);
-        let models = self.models(&laid).await;
-        let one = |candidate: &Candidate| {
-            let (engine, own) = (Arc::clone(engine), own.clone());
-            let (example, segment) = candidate.key();
-            let model = models.get(&example).cloned();
-            async move {
-                let Some(model) = model else { return Ok(None) };
-                let quantum = move |stop: &Stop| match engine.posed(&model, segment)? {
-                    Some(posed) => engine.likeness(&posed, &own, stop).map(Some),
-                    None => Ok(None),
-                };
-                Ok::<_, WorkError>(self.work.pool.run(&self.live.job, Lane::Fine, quantum).await??)
+        let (mut laid, passed_over) = self.chosen(&newest.candidates);
+        let tasks: Vec<_> = laid.iter().map(|candidate| self.likeness(candidate, &own)).collect();
+        let found: Vec<Result<f64, WorkError>> = stream::iter(tasks).buffered(self.window()).collect().await;
+        for (candidate, likeness) in laid.iter_mut().zip(found) {
+            candidate.likeness = Some(likeness?);
+        }
+        match by_likeness(laid, passed_over) {
+            Some(candidates) => self.published(candidates, start).await,
+            None => Ok(()),
+        }
+    }
+
+    /// How well an example, which is read again and let go of, lies on the query; 0 where it can't be read or compared.
+    async fn likeness(&self, candidate: &Candidate, own: &Opaque) -> Result<f64, WorkError> {
+        let (example, segment) = (&candidate.resident.example, candidate.resident.segment);
+        let model = match ingest::model(self.work, &self.live.job, Lane::Fine, example).await {
+            Ok(model) => model,
+            Err(error) if error.stop_reason().is_some() => return Err(error),
+            Err(error) => {
+                tracing::warn!(query = %self.live.id, example = %example.id, %error, "not laid");
+                return Ok(0.0);
             }
         };
-        let tasks: Vec<_> = laid.iter().map(one).collect();
-        let found: Vec<Result<Option<f64>, WorkError>> = stream::iter(tasks).buffered(self.window()).collect().await;
-        for (candidate, likeness) in laid.iter_mut().zip(found) {
-            candidate.likeness = Some(likeness?.unwrap_or(0.0));
-        }
-        if by_likeness(&mut laid) {
-            self.published(laid, passed_over, start).await?;
-        }
-        Ok(())
+        let (engine, own) = (Arc::clone(&self.work.engine), own.clone());
+        let quantum = move |stop: &Stop| match engine.posed(&model, segment)? {
+            Some(posed) => engine.likeness(&posed, &own, stop),
+            None => Ok(0.0),
+        };
+        Ok(self.work.pool.run(&self.live.job, Lane::Fine, quantum).await??)
     }
 
     /// Whether the pictures leave it open who is best. What is closed lies on closed examples as a whole, which poses of parts
@@ -87,47 +89,21 @@ impl SegmentSearch<'_> {
         })
     }
 
-    /// The examples, read again; what can't be read is left out.
-    async fn models(&self, candidates: &[Candidate]) -> HashMap<ExampleId, Arc<Model>> {
-        let mut models = HashMap::new();
-        for candidate in candidates {
-            let example = &candidate.resident.example;
-            if models.contains_key(&example.id) {
+    /// Finishes those that came to the top, and publishes the ranking.
+    async fn published(&self, mut candidates: Vec<Candidate>, start: Instant) -> Result<(), WorkError> {
+        let (top, level) = (self.live.options.top as usize, self.live.options.resolution);
+        let laid = candidates.iter().filter(|candidate| candidate.likeness.is_some()).count();
+        for (place, candidate) in candidates.iter_mut().enumerate() {
+            if place >= top.min(laid) {
+                candidate.state = EntryState::Locked;
                 continue;
             }
-            match ingest::model(self.work, &self.live.job, Lane::Fine, example).await {
-                Ok(model) => {
-                    models.insert(example.id, model);
-                }
-                Err(error) => tracing::warn!(query = %self.live.id, example = %example.id, %error, "not laid"),
-            }
-        }
-        models
-    }
-
-    /// Finishes those that came to the top, and publishes the ranking.
-    async fn published(
-        &self,
-        mut laid: Vec<Candidate>,
-        passed_over: Vec<Candidate>,
-        start: Instant,
-    ) -> Result<(), WorkError> {
-        let options = &self.live.options;
-        for candidate in laid.iter_mut().take(options.top as usize) {
             let (score, likeness) = (candidate.score, candidate.likeness);
             let from = candidate.clone();
-            let done = caught_up(self.work, &self.live.job, Lane::Fine, from, &self.query, options.resolution).await?;
+            let done = caught_up(self.work, &self.live.job, Lane::Fine, from, &self.query, level).await?;
             *candidate = Candidate { score, likeness, state: EntryState::Done, ..done };
         }
-        let top = (options.top as usize).min(laid.len());
-        let (level, entries) = (options.resolution, laid.len() as u64);
-        let mut candidates = laid;
-        candidates.extend(passed_over);
-        candidates.iter_mut().skip(top).for_each(|candidate| candidate.state = EntryState::Locked);
-        let mut scores: Vec<f64> = candidates.iter().map(|candidate| candidate.score).collect();
-        scores.sort_by(f64::total_cmp);
-        candidates.iter_mut().zip(scores).for_each(|(candidate, score)| candidate.score = score);
-        let timing = LevelTiming { segment: self.segment as u32, level, entries, ms: ms_since(start) };
+        let timing = LevelTiming { segment: self.segment as u32, level, entries: laid as u64, ms: ms_since(start) };
         self.live.publish(self.segment, level, candidates, timing);
         Ok(())
     }
