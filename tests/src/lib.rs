@@ -1,6 +1,7 @@
 //! What the end-to-end tests, the walls and the runner on real input share.
 
 pub mod binaries;
+pub mod bounds;
 pub mod client;
 pub mod http;
 pub mod judge;
