@@ -46,7 +46,9 @@ fn vertex(text: &mut String, [x, y, z]: [f64; 3]) {
 
 fn face(text: &mut String, corners: &[usize]) {
     text.push('f');
-    corners.iter().for_each(|corner| drop(write!(text, " {}", corner + 1)));
+    for corner in corners {
+        let _ = write!(text, " {}", corner + 1);
+    }
     text.push('\n');
 }
 
