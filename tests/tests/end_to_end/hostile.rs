@@ -129,7 +129,8 @@ fn composed_without_maps(name: &str, bytes: &[u8]) -> String {
     let query = crate::values(&client, &["query"], &[&input]).remove(0);
     let id = crate::text(&query, "query").to_owned();
     let ran = crate::run(&client, &["compose", &id, "-o"], &[&out]);
-    assert_eq!(ran.code, Some(0), "{}", ran.notes);
+    // What is of no use as it is ends with 1, and is written all the same.
+    assert!(matches!(ran.code, Some(0 | 1)), "{}", ran.notes);
     let maps = http::get(server.address(), &format!("/v1/queries/{id}/maps")).expect("an answer").text();
     let maps: Value = serde_json::from_str(&maps).expect("JSON");
     assert_eq!(maps["items"].as_array().map(Vec::len), Some(0), "{maps}");

@@ -80,18 +80,6 @@ fn fresh(encoding: &Encoding) -> Result<&Arc<Query>, EngineError> {
     }
 }
 
-/// An input of fewer triangles has no form to settle on: its chart is all there is to go by, and settling takes as long as on
-/// a scan.
-const FORM_TRIANGLES: usize = 128;
-
-/// The registration, where the input has no form and both surfaces are whole.
-fn formless<'a>(from: &'a Registration, query: &Side) -> Result<Option<&'a Registration>, EngineError> {
-    let model: &ModelInner = query.model.inner.open()?;
-    let is_formless = model.patch(query.segment)?.mesh.triangles.len() < FORM_TRIANGLES;
-    let registered: &Registered = from.inner.open()?;
-    Ok((is_formless && registered.entry.best().unfolded.is_whole()).then_some(from))
-}
-
 impl Engine for KernelEngine {
     fn version(&self) -> u32 {
         kernel::encode::ENCODER_VERSION
@@ -239,15 +227,7 @@ impl Engine for KernelEngine {
         landmarks: &[Landmark],
         stop: &Stop,
     ) -> Result<Fitted, EngineError> {
-        let free = from.filter(|_| landmarks.is_empty());
-        let by_charts = free.map(|from| formless(from, query)).transpose()?.flatten();
-        let mut fitted = match by_charts {
-            Some(from) => {
-                let mapped = registered::map(from, example, query, stop)?;
-                Fitted { mapped, example: example.clone(), query: query.clone() }
-            }
-            None => fitted::fit(from, example, query, (beyond, landmarks), stop)?,
-        };
+        let mut fitted = fitted::fit(from, example, query, (beyond, landmarks), stop)?;
         sound::check(&mut fitted.mapped, query)?;
         Ok(fitted)
     }
