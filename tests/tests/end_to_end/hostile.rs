@@ -145,10 +145,8 @@ fn a_rag_of_loose_triangles_is_composed_without_a_map_for_each() {
 }
 
 #[test]
-fn a_triangle_is_composed_without_a_map_however_often_it_is_written() {
-    let mut text = String::from("v 0 0 0\nv 1 0 0\nv 0 1 0\n");
-    (0..1000).for_each(|_| text.push_str("f 1 2 3\n"));
-    let made = composed_without_maps("triangle.obj", text.as_bytes());
+fn a_triangle_is_composed_without_a_map() {
+    let made = composed_without_maps("triangle.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     assert!(made.lines().any(|line| line.starts_with("f ")), "{made}");
 }
 
