@@ -6,7 +6,7 @@ use super::engine::{Allowed, Appraisal, Encoded, Engine, EngineError, Model, One
 use super::mapping::{self, LiveMap, get};
 use super::query::{LiveQuery, ms_since};
 use super::ranking::Candidate;
-use super::worth::is_worth_an_example;
+use super::worth::tries;
 use super::{REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, Stop};
 use headline::{Laid, headline};
@@ -28,10 +28,6 @@ const FACES_MAX: u64 = 4_000_000;
 
 /// Faces that a composition is taken to have at least: regular layouts, and subdividing to follow the input, make some.
 const FACES_LEAST: u64 = 16_000;
-
-/// Entries of a ranking that are tried where a query has one segment and it is not named. Of several segments only the
-/// first is: a regular layout between its neighbours has better angles than an example that fits but fairly.
-const TRIES: usize = 3;
 
 /// Memory that stitching takes for each face, at most.
 const MEMORY_PER_FACE: u64 = 1500;
@@ -232,10 +228,10 @@ async fn gathered(
         let is_named = named.is_some();
         let map = match named {
             Some(map) => Some(map),
-            None if is_worth_an_example(&live.model.segments, segment as usize) => {
-                best_map(work, live, segment).await?
-            }
-            None => None,
+            None => match tries(&live.model.segments, segment as usize) {
+                0 => None,
+                tries => best_map(work, live, segment, tries).await?,
+            },
         };
         let Some(map) = map else {
             all.maps.push(None);
@@ -293,12 +289,16 @@ fn faces_at(parts: &[Part], density: i32) -> Result<u64, WorkError> {
     Ok(faces)
 }
 
-/// The first map that is not poor of the few best entries of a segment's ranking, or else the first of all, each made if it
+/// The first map that is not poor of the best `tries` entries of a segment's ranking, or else the first of all, each made if it
 /// is not there yet; `None` where there is no entry.
-async fn best_map(work: &Arc<Work>, live: &Arc<LiveQuery>, segment: u32) -> Result<Option<Arc<LiveMap>>, WorkError> {
+async fn best_map(
+    work: &Arc<Work>,
+    live: &Arc<LiveQuery>,
+    segment: u32,
+    tries: usize,
+) -> Result<Option<Arc<LiveMap>>, WorkError> {
     // Only a ranking that will not change any more tells the best.
     live.wait_for(|_| false).await;
-    let tries = if live.model.segments.len() > 1 { 1 } else { TRIES };
     let entries: Vec<(ExampleId, u32)> = live.board().rankings.get(segment as usize).map_or(Vec::new(), |ranking| {
         let differing = ranking.candidates.iter().filter(|candidate| candidate.similar_to.is_none());
         differing.take(tries).map(Candidate::key).collect()

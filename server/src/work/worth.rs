@@ -2,8 +2,9 @@
 //!
 //! A rag falls into a hundred pieces of a few faces. Each would be registered, mapped and charted like any other, which for a file
 //! of a few kilobytes took minutes. So of a query of many segments only some are ranked beyond the coarsest level and given
-//! maps unasked: those of most faces, as many as the mesh has faces for. The others take regular layouts; a map that is asked
-//! for is made all the same.
+//! maps unasked: those of most faces, as many as the mesh has faces for. A handful of faces has no form that an example could be
+//! laid on, and a coarse mesh little to choose between examples by: laying one costs the same as on a scan of a million. The others
+//! take regular layouts; a map that is asked for is made all the same.
 
 use super::engine::ModelSegment;
 
@@ -13,8 +14,12 @@ const FEW: usize = 8;
 const MANY: usize = 32;
 /// Faces of the mesh for each segment beyond the few.
 const FACES_PER_SEGMENT: u64 = 256;
-/// Faces of a segment, where there are more than a few.
+/// Faces of a segment that is given a map, or ranked where there are more than a few.
 const FACES_MIN: u64 = 16;
+/// Entries of a ranking that are tried where a query has one segment and it is not named.
+const TRIES: usize = 3;
+/// Faces of a segment for which more than one entry is tried.
+const FACES_CHOSEN_MIN: u64 = 256;
 
 /// Whether a segment, by its number, is worth it.
 pub fn is_worth_an_example(segments: &[ModelSegment], segment: usize) -> bool {
@@ -26,6 +31,17 @@ pub fn is_worth_an_example(segments: &[ModelSegment], segment: usize) -> bool {
     let most = usize::try_from(faces / FACES_PER_SEGMENT).unwrap_or(MANY).clamp(FEW, MANY);
     let is_before = |(at, s): &(usize, &ModelSegment)| s.faces > own || (s.faces == own && *at < segment);
     own >= FACES_MIN && segments.iter().enumerate().filter(is_before).count() < most
+}
+
+/// How many examples of a segment's ranking are laid on it unasked, until one is not poor. Of several segments only the
+/// first is: a regular layout between its neighbours has better angles than an example that fits but fairly.
+pub fn tries(segments: &[ModelSegment], segment: usize) -> usize {
+    match segments.get(segment).map(|s| s.faces) {
+        Some(faces) if faces >= FACES_MIN && is_worth_an_example(segments, segment) => {
+            if segments.len() == 1 && faces >= FACES_CHOSEN_MIN { TRIES } else { 1 }
+        }
+        _ => 0,
+    }
 }
 
 #[cfg(test)]
@@ -49,5 +65,15 @@ mod tests {
         let mut mixed = vec![1; 100];
         mixed.extend([900; 10]);
         assert_eq!(worth(&mixed), 10);
+    }
+
+    #[test]
+    fn examples_are_laid_on_what_has_form_and_tried_where_there_is_something_to_choose_by() {
+        let tries = |faces: &[u64]| {
+            let segment = |&faces: &u64| ModelSegment { topology: Topology::Disc, faces, holes: 0 };
+            tries(&faces.iter().map(segment).collect::<Vec<_>>(), 0)
+        };
+        assert_eq!([tries(&[]), tries(&[1]), tries(&[12]), tries(&[100]), tries(&[50_000])], [0, 0, 0, 1, TRIES]);
+        assert_eq!([tries(&[1000, 1000]), tries(&[1, 1000])], [1, 0]);
     }
 }

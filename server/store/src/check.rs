@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use quadmuse_proto::id::ExampleId;
 
-use crate::engine::{Failure, Pointer};
+use crate::engine::Pointer;
 use crate::error::StoreError;
 use crate::keys::SegmentKey;
 use crate::record::ExampleRecord;
@@ -90,7 +90,7 @@ impl Store {
     pub fn check_dir(dir: &Path, scratch: &Path, progress: &mut dyn FnMut(usize)) -> Result<CheckReport, StoreError> {
         let _lock = shared_lock(dir)?;
         let copied = Scratch::of(dir, scratch)?;
-        let options = OpenOptions { keeps_files: true, reserve_bytes: 0, ..OpenOptions::default() };
+        let options = OpenOptions { keeps_files: true, reserve_bytes: 0, spare_bytes: 0, ..OpenOptions::default() };
         let (store, _) = Store::open(&copied.dir, &options)?;
         store.check(progress)
     }
@@ -169,8 +169,7 @@ impl Store {
                 Ok(Err(reason)) => reason,
                 Err(failure) => {
                     self.shared().failed(&failure);
-                    let (Failure::Damaged(reason) | Failure::Panic(reason) | Failure::Io(reason)) = failure;
-                    reason
+                    failure.reason().to_owned()
                 }
             };
             // Replaced or removed meanwhile: not damaged.

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use crate::derived::Part;
-use crate::engine::Engine;
+use crate::engine::{Engine, Failure};
 use crate::error::StoreError;
 use crate::files::{self, sync_dir};
 use crate::recover::{INDEX_DIR, remove_tree};
@@ -46,7 +46,7 @@ pub(crate) fn copy(shared: &Shared, engine: &Engine) -> Result<(), StoreError> {
         }
         fresh.commit()
     };
-    copy().map_err(|failure| StoreError::Engine { doing: "be copied", reason: failure.reason().to_owned() })?;
+    copy().map_err(|failure: Failure| failure.into_error("be copied"))?;
     fs::rename(&dir, shared.dir.join(NEXT_DIR)).map_err(StoreError::io("rename", &dir))?;
     sync_dir(&shared.dir)
 }

@@ -8,12 +8,15 @@ use std::fs::{self, File};
 use std::io::ErrorKind;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
 
+use quadmuse_migrations::MigrationError;
 use quadmuse_proto::id::ExampleId;
 use serde::{Deserialize, Serialize};
 
 use crate::derived::{Part, PartKind, PartSource};
-use crate::error::StoreError;
+use crate::error::{StoreError, is_full};
 use crate::files::{self, sync_dir};
 use crate::frame::{seal, unseal};
 use crate::keys::{self, CHUNK_BYTES, Generation, SegmentKey};
@@ -28,6 +31,10 @@ const COLLECT_ROWS: usize = 512;
 /// Empty rows behind each segment's: as many as make a leaf split, so that what is written next doesn't write the segment's last
 /// chunks again.
 const GUARD_KEYS: u16 = 17;
+
+/// How often the disk is tried while the first commit waits for it, and how long that may take.
+const TRY_EVERY: Duration = Duration::from_secs(1);
+const COMMIT_DEADLINE: Duration = Duration::from_secs(300);
 
 /// Threads that read records at an opening, at most.
 const READERS_MAX: usize = 4;
@@ -78,27 +85,57 @@ pub(crate) enum Failure {
     Panic(String),
     /// The file system refused something; it may not the next time.
     Io(String),
+    /// The file system has no room.
+    Full(String),
 }
 
 impl Failure {
     pub(crate) fn reason(&self) -> &str {
-        let (Failure::Damaged(reason) | Failure::Panic(reason) | Failure::Io(reason)) = self;
+        let (Failure::Damaged(reason) | Failure::Panic(reason) | Failure::Io(reason) | Failure::Full(reason)) = self;
         reason
     }
+
+    /// The same as an error of the store, met while doing something.
+    pub(crate) fn into_error(self, doing: &'static str) -> StoreError {
+        match self {
+            Failure::Full(reason) => StoreError::IndexFull { doing, reason },
+            other => StoreError::Engine { doing, reason: other.reason().to_owned() },
+        }
+    }
 }
+
+impl From<&std::io::Error> for Failure {
+    fn from(error: &std::io::Error) -> Self {
+        if is_full(error) { Failure::Full(error.to_string()) } else { Failure::Io(error.to_string()) }
+    }
+}
+
+impl From<&MigrationError> for Failure {
+    fn from(error: &MigrationError) -> Self {
+        match error {
+            MigrationError::Io { source, .. } | MigrationError::Index { source: sled::Error::Io(source), .. } => {
+                source.into()
+            }
+            other => Failure::Io(other.to_string()),
+        }
+    }
+}
+
+/// How the database's panics tell of a full disk: they hold nothing but words.
+const FULL_WORDS: [&str; 2] = ["No space left on device", "StorageFull"];
 
 /// Calls the database, and makes a panic of its an error.
 fn guarded<T>(call: impl FnOnce() -> sled::Result<T>) -> Result<T, Failure> {
     match catch_unwind(AssertUnwindSafe(call)) {
         Ok(Ok(value)) => Ok(value),
-        Ok(Err(sled::Error::Io(error))) if error.kind() != ErrorKind::UnexpectedEof => {
-            Err(Failure::Io(error.to_string()))
-        }
+        Ok(Err(sled::Error::Io(error))) if error.kind() != ErrorKind::UnexpectedEof => Err((&error).into()),
         Ok(Err(error)) => Err(Failure::Damaged(error.to_string())),
         Err(panic) => {
             let text =
                 panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
-            Err(Failure::Panic(format!("panic: {}", text.unwrap_or("without a message"))))
+            let text = format!("panic: {}", text.unwrap_or("without a message"));
+            let is_full = FULL_WORDS.iter().any(|words| text.contains(words));
+            Err(if is_full { Failure::Full(text) } else { Failure::Panic(text) })
         }
     }
 }
@@ -119,16 +156,15 @@ pub(crate) struct Engine {
 impl Engine {
     /// Opens or creates the index in `dir`, and carries out pending migrations of the store around it.
     pub(crate) fn open(store: &Path, dir: &Path, cache_bytes: u64) -> Result<Engine, Failure> {
-        let other = |error: &dyn std::fmt::Display| Failure::Io(error.to_string());
         let config =
             sled::Config::new().path(dir).segment_size(SEGMENT_BYTES).cache_capacity(cache_bytes).flush_every_ms(None);
         let new = !dir.join("db").exists();
         let db = guarded(|| config.open())?;
         let migrate =
             || Ok(quadmuse_migrations::run(store, &db, &mut |progress| tracing::info!(?progress, "migrating")));
-        guarded(migrate)?.map_err(|error| other(&error))?;
+        guarded(migrate)?.map_err(|error| Failure::from(&error))?;
         let tree = |name: &str| guarded(|| db.open_tree(name));
-        let file = File::open(dir.join("db")).map_err(|error| other(&error))?;
+        let file = File::open(dir.join("db")).map_err(|error| Failure::from(&error))?;
         let engine = Engine {
             manifest: tree("manifest")?,
             body: tree("body")?,
@@ -142,9 +178,9 @@ impl Engine {
         if new {
             engine.commit()?;
             let sync = || File::open(dir.join("conf"))?.sync_all();
-            sync().map_err(|error| other(&error))?;
+            sync().map_err(|error| Failure::from(&error))?;
             for dir in [dir.join(BLOBS), dir.to_path_buf(), store.to_path_buf()] {
-                sync_dir(&dir).map_err(|error| other(&error))?;
+                sync_dir(&dir).map_err(|error| Failure::Io(error.to_string()))?;
             }
         }
         Ok(engine)
@@ -153,7 +189,39 @@ impl Engine {
     /// Makes everything written so far durable, power cuts included.
     pub(crate) fn commit(&self) -> Result<(), Failure> {
         guarded(|| self.db.flush())?;
-        self.file.sync_all().map_err(|error| Failure::Io(error.to_string()))
+        self.file.sync_all().map_err(|error| Failure::from(&error))
+    }
+
+    /// The first [`Engine::commit`] after an opening, which may never end: the database forgets what failed while it opened, and
+    /// then waits for what will not be written. So the disk is tried when it takes long.
+    pub(crate) fn first_commit(&self) -> Result<(), Failure> {
+        let (db, file) = (self.db.clone(), self.file.try_clone().map_err(|error| Failure::from(&error))?);
+        let (sender, receiver) = mpsc::sync_channel(1);
+        let flush = move || {
+            let synced = || file.sync_all().map_err(|error| Failure::from(&error));
+            let _ = sender.send(guarded(|| db.flush()).and_then(|_| synced()));
+        };
+        let thread = std::thread::Builder::new().name("store-flush".into()).spawn(flush);
+        thread.map_err(|error| Failure::from(&error))?;
+        let begun = Instant::now();
+        loop {
+            match receiver.recv_timeout(TRY_EVERY) {
+                Ok(result) => return result,
+                Err(mpsc::RecvTimeoutError::Disconnected) => return Err(Failure::Panic("its thread ended".into())),
+                Err(mpsc::RecvTimeoutError::Timeout) => self.try_disk().map_err(|error| Failure::from(&error))?,
+            }
+            if begun.elapsed() > COMMIT_DEADLINE {
+                return Err(Failure::Io("it was not written in time".into()));
+            }
+        }
+    }
+
+    /// Writes a little beside the index, and removes it.
+    fn try_disk(&self) -> std::io::Result<()> {
+        let path = self.dir.join("tried");
+        let tried = fs::write(&path, [1; CHUNK_BYTES]);
+        let removed = fs::remove_file(&path);
+        tried.and(removed)
     }
 
     /// Bytes on disk, and files among the database's unsynced side files (there must be none).

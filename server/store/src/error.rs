@@ -130,6 +130,28 @@ pub enum StoreError {
         /// The database's words.
         reason: String,
     },
+    /// The embedded database met a full disk.
+    #[error("expected the index to {doing}, found the disk full ({reason}); free space, writing resumes by itself")]
+    IndexFull {
+        /// What was attempted.
+        doing: &'static str,
+        /// The database's words.
+        reason: String,
+    },
+    /// The store can't be opened: the disk is full. What is in it stays as it is.
+    #[error(
+        "expected room to open the store in {}, found its disk full ({available} bytes free); free some {wanted} bytes there, or move the folder to a larger disk, and start again: nothing in it is lost", dir.display()
+    )]
+    NoRoom {
+        /// The store's directory.
+        dir: PathBuf,
+        /// Bytes free on its file system.
+        available: u64,
+        /// Bytes free with which it opens.
+        wanted: u64,
+        /// What met the full disk.
+        source: Box<StoreError>,
+    },
     /// A backup can't be read or written.
     #[error("expected a whole backup, found {found} at byte {at}; use another copy")]
     Backup {
@@ -164,12 +186,16 @@ impl StoreError {
     /// Whether the cause is a full file system, a quota or a limit on the size of files.
     pub fn is_full(&self) -> bool {
         match self {
-            StoreError::Full { .. } => true,
-            StoreError::Io { source, .. } => {
-                use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
-                matches!(source.kind(), StorageFull | QuotaExceeded | FileTooLarge)
-            }
+            StoreError::Full { .. } | StoreError::IndexFull { .. } | StoreError::NoRoom { .. } => true,
+            StoreError::Io { source, .. } => is_full(source),
+            StoreError::Migration(quadmuse_migrations::MigrationError::Io { source, .. }) => is_full(source),
             _ => false,
         }
     }
+}
+
+/// Whether a file system refused something for want of room.
+pub(crate) fn is_full(error: &io::Error) -> bool {
+    use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
+    matches!(error.kind(), StorageFull | QuotaExceeded | FileTooLarge)
 }

@@ -12,6 +12,7 @@
 //! quarantined/<id>           why an example is damaged
 //! objects.keep               there while objects may belong to records that are missing: none is collected
 //! restoring                  there while a restore has not ended: nothing is served
+//! spare                      room for a start on a full disk, which needs some
 //! index/                     the database (trees: see quadmuse-migrations, `v1`)
 //! ```
 //!
@@ -33,6 +34,7 @@ mod record;
 mod recover;
 mod rows;
 mod shared;
+mod spare;
 mod stats;
 mod store;
 mod writer;

@@ -18,6 +18,8 @@ use crate::files::{self, Ground, Objects};
 use crate::index::{Change, Index};
 use crate::quarantine::Quarantine;
 use crate::record::ExampleRecord;
+use crate::shared::OpenOptions;
+use crate::{compact, writer};
 
 /// Name of the index's directory.
 pub(crate) const INDEX_DIR: &str = "index";
@@ -52,14 +54,39 @@ pub struct OpenReport {
     pub took_ms: u64,
 }
 
+/// Opens the index, and brings it and the ground files into line.
+pub(crate) fn load(
+    dir: &Path,
+    options: &OpenOptions,
+    ground: &Ground,
+    objects: &Objects,
+    collect: Collect,
+) -> Result<(Engine, Index, OpenReport), StoreError> {
+    compact::switch(dir)?;
+    let mut report = OpenReport::default();
+    let engine = open_index(dir, options, &mut report)?;
+    match reconcile(dir, &engine, ground, objects, collect, &mut report) {
+        Ok(index) => Ok((engine, index, report)),
+        Err(error) => {
+            // What failed to be written makes it panic when it is dropped.
+            let _ = writer::close(Arc::new(engine));
+            Err(error)
+        }
+    }
+}
+
 /// Opens the index; when it can't be read, first without what it can do without, then by a new one.
-pub(crate) fn open_index(store: &Path, cache_bytes: u64, report: &mut OpenReport) -> Result<Engine, StoreError> {
-    let dir = store.join(INDEX_DIR);
+pub(crate) fn open_index(store: &Path, options: &OpenOptions, report: &mut OpenReport) -> Result<Engine, StoreError> {
+    let (dir, cache_bytes) = (store.join(INDEX_DIR), options.cache_bytes);
     let refused = match open_in_time(store, &dir, cache_bytes) {
         Ok(engine) => return Ok(engine),
-        Err(Failure::Io(reason)) => return Err(StoreError::Engine { doing: "open", reason }),
+        Err(failure @ (Failure::Io(_) | Failure::Full(_))) => return Err(failure.into_error("open")),
         Err(Failure::Damaged(reason) | Failure::Panic(reason)) => reason,
     };
+    // What the database says on a full disk is no proof of damage, and another index couldn't be built anyway.
+    if options.is_short(store) {
+        return Err(StoreError::IndexFull { doing: "open", reason: refused });
+    }
     tracing::warn!(reason = refused, "the index can't be opened; trying without its snapshot");
     drop_accessories(&dir)?;
     if let Ok(engine) = open_in_time(store, &dir, cache_bytes) {
@@ -71,8 +98,7 @@ pub(crate) fn open_index(store: &Path, cache_bytes: u64, report: &mut OpenReport
     fs::rename(&dir, &aside).map_err(StoreError::io("move aside", &dir))?;
     files::sync_dir(store)?;
     report.index_rebuilt = Some(refused);
-    open_in_time(store, &dir, cache_bytes)
-        .map_err(|failure| StoreError::Engine { doing: "build", reason: failure.reason().to_owned() })
+    open_in_time(store, &dir, cache_bytes).map_err(|failure| failure.into_error("build"))
 }
 
 /// The database's own settings and snapshot are written anew from its log when they are gone.
@@ -102,7 +128,7 @@ fn open_in_time(store: &Path, dir: &Path, cache_bytes: u64) -> Result<Engine, Fa
         let (store, dir) = (store.to_path_buf(), dir.to_path_buf());
         let open = move || drop(sender.send(Engine::open(&store, &dir, cache_bytes)));
         let thread = std::thread::Builder::new().name("store-open".into()).spawn(open);
-        thread.map_err(|error| Failure::Io(error.to_string()))?;
+        thread.map_err(|error| Failure::from(&error))?;
         match receiver.recv_timeout(deadline) {
             Ok(Err(Failure::Io(reason)))
                 if reason.contains("could not acquire lock") && begun.elapsed() < LOCK_WAIT =>
@@ -117,7 +143,7 @@ fn open_in_time(store: &Path, dir: &Path, cache_bytes: u64) -> Result<Engine, Fa
 }
 
 fn engine_error(doing: &'static str) -> impl Fn(Failure) -> StoreError {
-    move |failure| StoreError::Engine { doing, reason: failure.reason().to_owned() }
+    move |failure| failure.into_error(doing)
 }
 
 /// When files that nothing names may be collected.
@@ -173,7 +199,7 @@ pub(crate) fn reconcile(
     work.pointers(&mut index)?;
     work.garbage(&index, collect)?;
     let intact = !work.damage;
-    engine.commit().map_err(engine_error("commit"))?;
+    engine.first_commit().map_err(engine_error("commit"))?;
     files::sync_dir(ground.dir())?;
     if intact {
         remove_tree(&store.join(ASIDE_DIR))?;

@@ -24,6 +24,8 @@ pub struct OpenOptions {
     pub cache_bytes: u64,
     /// Free space that adding leaves alone, in bytes, so that removals work on a full disk.
     pub reserve_bytes: u64,
+    /// Space kept in a file of the store for a start on a full disk, in bytes; 0 for none.
+    pub spare_bytes: u64,
     /// Whether this opening is that of a restore, which finds an unfinished one.
     pub restores: bool,
     /// Whether files that nothing names are left alone.
@@ -37,10 +39,31 @@ impl Default for OpenOptions {
         Self {
             cache_bytes: 256 << 20,
             reserve_bytes: 128 << 20,
+            spare_bytes: 64 << 20,
             restores: false,
             keeps_files: false,
             free_space: Arc::new(free_space),
         }
+    }
+}
+
+/// Free space that opening an index needs, in bytes; less if the reserve is smaller.
+const OPENING_BYTES: u64 = 32 << 20;
+
+impl OpenOptions {
+    /// Free space with which an index can be opened, in bytes.
+    pub(crate) fn opening_bytes(&self) -> u64 {
+        OPENING_BYTES.min(self.reserve_bytes)
+    }
+
+    /// Bytes free where the store is; 0 if they can't be told.
+    pub(crate) fn available(&self, dir: &Path) -> u64 {
+        (self.free_space)(dir).unwrap_or(0)
+    }
+
+    /// Whether the disk has too little room to open an index on.
+    pub(crate) fn is_short(&self, dir: &Path) -> bool {
+        self.available(dir) < self.opening_bytes()
     }
 }
 
@@ -55,6 +78,8 @@ pub(crate) struct Fault {
     pub(crate) reason: String,
     /// The index must be copied, without what can't be read, before writing goes on.
     pub(crate) damaged: Damaged,
+    /// Free space with which writing goes on, in bytes.
+    pub(crate) room: u64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -182,8 +207,16 @@ impl Shared {
         let mut fault = lock(&self.fault);
         if fault.as_ref().is_none_or(|fault| fault.damaged == Damaged::No && damaged == Damaged::Index) {
             tracing::error!(reason, "the store goes read-only");
-            *fault = Some(Fault { reason: reason.to_owned(), damaged });
+            let room = fault.as_ref().map_or(self.options.opening_bytes(), |fault| fault.room);
+            *fault = Some(Fault { reason: reason.to_owned(), damaged, room });
         }
+    }
+
+    /// Suspends writing after an opening that had to use the room kept for it, until as much is free as writes leave alone.
+    pub(crate) fn suspend_full(&self) {
+        let reason = "the disk was full at the start".to_owned();
+        tracing::error!(reason, dir = %self.dir.display(), "the store goes read-only");
+        *lock(&self.fault) = Some(Fault { reason, damaged: Damaged::No, room: self.options.reserve_bytes });
     }
 
     /// Suspends writing after a failure of the database.
@@ -218,7 +251,7 @@ impl Shared {
         if !error.is_full() {
             return error;
         }
-        let available = (self.options.free_space)(&self.dir).unwrap_or(0);
+        let available = self.options.available(&self.dir);
         StoreError::Full { needed, reserve: self.options.reserve_bytes, available }
     }
 

@@ -10,7 +10,6 @@ use std::time::{Duration, Instant, SystemTime};
 
 use quadmuse_proto::id::ExampleId;
 
-use crate::compact;
 use crate::derived::{self, ChartRecord, Coarse, DerivedSegment, Level, PackedLevels};
 use crate::engine::{Engine, Pointer, Reader};
 use crate::error::StoreError;
@@ -22,6 +21,7 @@ use crate::record::{
 };
 use crate::recover::{self, OpenReport};
 use crate::shared::{OpenOptions, Shared};
+use crate::spare;
 use crate::writer::{Done, NewRows, Packed, QUEUE_MAX, Request, Work, Writer, close};
 
 /// Most examples of one page of a list.
@@ -141,8 +141,21 @@ impl Store {
     ///
     /// # Errors
     /// [`StoreError::Newer`] for a store of a newer release, without changing a byte; [`StoreError::Locked`] if another process has it open;
-    /// [`StoreError::Migration`], [`StoreError::Io`] and [`StoreError::Engine`] if it can't be opened.
+    /// [`StoreError::NoRoom`] on a full disk, where the room kept for that is gone, too; [`StoreError::Migration`], [`StoreError::Io`] and
+    /// [`StoreError::Engine`] if it can't be opened.
     pub fn open(dir: &Path, options: &OpenOptions) -> Result<(Store, OpenReport), StoreError> {
+        Self::open_dir(dir, options).map_err(|error| match error.is_full() {
+            true => StoreError::NoRoom {
+                dir: dir.to_path_buf(),
+                available: options.available(dir),
+                wanted: options.opening_bytes() + options.spare_bytes,
+                source: Box::new(error),
+            },
+            false => error,
+        })
+    }
+
+    fn open_dir(dir: &Path, options: &OpenOptions) -> Result<(Store, OpenReport), StoreError> {
         let begun = Instant::now();
         check_schema(dir)?;
         let existed = dir.join(quadmuse_migrations::SCHEMA_FILE).exists();
@@ -156,12 +169,15 @@ impl Store {
         let (objects, ground) = (Objects::new(dir.join("objects")), Ground::new(dir.join("ground")));
         create_dir(objects.dir())?;
         create_dir(ground.dir())?;
-        compact::switch(dir)?;
-        let mut report = OpenReport::default();
-        let engine = recover::open_index(dir, options.cache_bytes, &mut report)?;
-        let index = recover::reconcile(dir, &engine, &ground, &objects, collect, &mut report)?;
+        let load = || recover::load(dir, options, &ground, &objects, collect);
+        let ((engine, index, mut report), is_short) = spare::used_if_full(dir, options, load)?;
         report.took_ms = begun.elapsed().as_millis() as u64;
         let shared = Arc::new(Shared::new(dir.to_path_buf(), options.clone(), objects, ground, engine, index));
+        if is_short {
+            shared.suspend_full();
+        } else {
+            spare::keep(dir, options);
+        }
         let (requests, receiver) = sync_channel(QUEUE_MAX);
         let writer = Writer { shared: shared.clone(), requests: receiver, tried: Instant::now() };
         let thread = std::thread::Builder::new().name("store-writer".into()).spawn(move || writer.run());

@@ -20,7 +20,7 @@ use crate::keys::{Generation, SegmentKey};
 use crate::record::{ContentHash, ExampleRecord, Patch};
 use crate::recover::{Collect, OpenReport, open_index, reconcile};
 use crate::shared::{Damaged, InFlight, Shared};
-use crate::{Added, compact};
+use crate::{Added, compact, spare};
 
 /// Writes that may wait; more are refused as [`StoreError::Busy`].
 pub(crate) const QUEUE_MAX: usize = 64;
@@ -31,8 +31,6 @@ const SYNCED_SINGLY_MAX: usize = 8;
 /// How often a suspended store looks whether it can go on.
 const TICK: Duration = Duration::from_millis(250);
 const REOPEN_EVERY: Duration = Duration::from_secs(1);
-/// Free space that reopening needs, in bytes; less if the reserve is smaller.
-const REOPEN_BYTES: u64 = 32 << 20;
 /// How long readers may hold on to an index that is to be closed.
 const READERS_WAIT: Duration = Duration::from_secs(5);
 /// How long an index may take to close.
@@ -449,9 +447,7 @@ impl Writer {
     /// Tries to close and reopen a failed index.
     fn resume(&self) {
         let Some(fault) = self.shared.fault() else { return };
-        let wanted = REOPEN_BYTES.min(self.shared.options.reserve_bytes);
-        let available = (self.shared.options.free_space)(&self.shared.dir).unwrap_or(0);
-        if available < wanted {
+        if self.shared.options.available(&self.shared.dir) < fault.room {
             return;
         }
         if fault.damaged == Damaged::Index
@@ -463,6 +459,7 @@ impl Writer {
         match self.reopen() {
             Ok(report) => {
                 self.shared.clear_fault();
+                spare::keep(&self.shared.dir, &self.shared.options);
                 tracing::info!(?report, "the store writes again");
             }
             Err(error) => tracing::warn!(%error, "the index can't be reopened yet"),
@@ -498,8 +495,7 @@ impl Writer {
     fn forget_refused(&self, engine: &Engine) -> Result<(), StoreError> {
         let mut refused = self.shared.refused.lock().unwrap_or_else(PoisonError::into_inner);
         for &(id, revision) in refused.iter() {
-            let failed =
-                |failure: Failure| StoreError::Engine { doing: "remove a row", reason: failure.reason().into() };
+            let failed = |failure: Failure| failure.into_error("remove a row");
             let kept = self.shared.index().record(id).cloned().filter(|kept| kept.revision < revision);
             match kept {
                 Some(kept) => engine.put_record(&kept, &files::encode(&kept)?).map_err(failed)?,
@@ -523,7 +519,7 @@ impl Writer {
         }
         compact::switch(&shared.dir)?;
         let mut report = OpenReport::default();
-        let engine = open_index(&shared.dir, shared.options.cache_bytes, &mut report)?;
+        let engine = open_index(&shared.dir, &shared.options, &mut report)?;
         self.forget_refused(&engine)?;
         let index = reconcile(&shared.dir, &engine, &shared.ground, &shared.objects, Collect::RowsOnly, &mut report)?;
         shared.replace_index(index);

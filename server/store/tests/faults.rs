@@ -67,6 +67,14 @@ fn in_a_child() {
                 std::process::exit(REFUSED);
             }
         }
+        "open_full" => {
+            if let Err(error) = Store::open(dir, &options()) {
+                println!("refused: {error}");
+                assert!(error.is_full(), "a full disk is told as one: {error:?}");
+                assert!(error.to_string().contains(&dir.display().to_string()), "the folder is named: {error}");
+                std::process::exit(REFUSED);
+            }
+        }
         "each" => each_change_fails_in_turn(dir, order),
         "all" => all_changes_fail_for_a_while(dir, order),
         other => panic!("no part {other}"),
@@ -241,5 +249,46 @@ fn a_store_opens_on_a_disk_that_takes_nothing_or_says_why_not() {
         assert!(status.success() || status.code() == Some(REFUSED), "change {number}: {status}");
         let (_, report) = Store::open(&root, &options()).unwrap();
         assert_eq!((report.examples, report.quarantined.len()), (2, 0), "change {number}: {report:?}");
+    }
+}
+
+/// A store of three examples as a stopped process leaves it: the next opening has things to write.
+fn stopped(root: &Path) {
+    let (store, _) = Store::open(root, &options()).unwrap();
+    for seed in 0..3 {
+        store.add(&Sample::new(seed).example()).unwrap();
+    }
+}
+
+#[test]
+fn a_start_on_a_full_disk_is_refused_in_words_and_loses_nothing() {
+    if std::env::var(DIR).is_ok() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let Some(layer) = layer(dir.path()) else { return };
+    for (what, examples) in [("stopped", 3), ("new", 0)] {
+        let mut refused = 0;
+        for number in 1..CHANGES_MAX {
+            let root = dir.path().join(format!("{what}-{number}"));
+            if examples > 0 {
+                stopped(&root);
+            }
+            let status = child(&layer, &root, "open_full", Some(&format!("full {number}")));
+            let when = format!("a {what} store, full from change {number} on");
+            assert!(status.success() || status.code() == Some(REFUSED), "{when}: {status}");
+            refused += usize::from(!status.success());
+            let (store, report) = Store::open(&root, &options()).unwrap();
+            assert_eq!((report.examples, report.quarantined.len()), (examples, 0), "{when}: {report:?}");
+            assert!(report.index_rebuilt.is_none() && report.missing_derived.is_empty(), "{when}: {report:?}");
+            assert_eq!(store.check(&mut |_| ()).unwrap().problems, [], "{when}");
+            drop(store);
+            fs::remove_dir_all(&root).unwrap();
+            if status.success() {
+                break;
+            }
+        }
+        println!("{what}: refused at each of {refused} changes");
+        assert!(refused > 0, "{what}: an opening met no full disk");
     }
 }

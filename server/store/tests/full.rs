@@ -68,6 +68,56 @@ fn child() {
         survive(dir, &root, &options, blind.is_some());
         fs::remove_dir_all(&root).unwrap();
     }
+    start_full(dir, &dir.join("start"));
+}
+
+/// What a start needs is kept for it, whoever fills the disk while the store is closed.
+fn start_full(disk: &Path, root: &Path) {
+    let options = OpenOptions { reserve_bytes: 8 << 20, spare_bytes: 40 << 20, ..options() };
+    let mut kept: Vec<(u64, ExampleId)> = Vec::new();
+    {
+        let (store, _) = Store::open(root, &options).unwrap();
+        for seed in 0..6 {
+            kept.push((seed, store.add(&Sample::new(seed).example()).unwrap().record().id));
+        }
+    }
+    fill(disk);
+    let (store, report) = Store::open(root, &options).unwrap();
+    assert_eq!((report.examples, report.quarantined.len(), report.missing_derived.len()), (6, 0, 0), "{report:?}");
+    assert!(report.index_rebuilt.is_none(), "{report:?}");
+    assert!(store.unwritable().is_some());
+    // Whoever filled the disk takes what was given for the start, too.
+    fill(disk);
+    check(&store, &kept);
+    let refused = store.add(&Sample::new(50).example()).unwrap_err();
+    assert!(matches!(refused, StoreError::Full { .. }), "{refused}");
+    let (_, removed) = kept.remove(2);
+    store.remove(removed).unwrap();
+    check(&store, &kept);
+    fs::remove_file(disk.join("filler")).unwrap();
+    kept.push((50, added_again(&store, 50)));
+    drop(store);
+    // The room is kept for the next such start.
+    fill(disk);
+    let (store, report) = Store::open(root, &options).unwrap();
+    assert_eq!((report.examples, report.missing_derived.len()), (kept.len(), 0), "{report:?}");
+    assert!(matches!(store.get(removed), Err(StoreError::NotFound { .. })));
+    check(&store, &kept);
+}
+
+/// Adds an example as soon as the store writes again.
+fn added_again(store: &Store, seed: u64) -> ExampleId {
+    let begun = Instant::now();
+    loop {
+        match store.add(&Sample::new(seed).example()) {
+            Ok(added) => {
+                println!("writes again after {} ms", begun.elapsed().as_millis());
+                return added.record().id;
+            }
+            Err(error) => assert!(begun.elapsed() < RESUME, "still refused after {RESUME:?}: {error}"),
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
 }
 
 fn survive(disk: &Path, root: &Path, options: &OpenOptions, blind: bool) {
@@ -114,16 +164,7 @@ fn survive(disk: &Path, root: &Path, options: &OpenOptions, blind: bool) {
     // Space returns, and writing with it.
     fs::remove_file(disk.join("filler")).unwrap();
     let _ = fs::remove_file(root.join("lie"));
-    let begun = Instant::now();
-    let added = loop {
-        match store.add(&Sample::new(1000).example()) {
-            Ok(added) => break added.record().id,
-            Err(error) => assert!(begun.elapsed() < RESUME, "still refused after {RESUME:?}: {error}"),
-        }
-        std::thread::sleep(Duration::from_millis(50));
-    };
-    println!("writes again after {} ms", begun.elapsed().as_millis());
-    kept.push((1000, added));
+    kept.push((1000, added_again(&store, 1000)));
     check(&store, &kept);
     drop(store);
     let (store, report) = Store::open(root, options).unwrap();

@@ -119,13 +119,13 @@ fn rag(count: u32) -> Vec<u8> {
     bytes
 }
 
-#[test]
-fn a_rag_of_loose_triangles_is_composed_without_a_map_for_each() {
+/// Composes an input, sees that nothing was mapped for it, and returns what was written.
+fn composed_without_maps(name: &str, bytes: &[u8]) -> String {
     let place = Place::new();
     let (mut server, client) = place.serve();
     crate::run(&client, &["add"], &[&place.heads(1)[0]]).ok().expect("added");
-    let (input, out) = (place.path("rag.stl"), place.path("out.obj"));
-    std::fs::write(&input, rag(40)).expect("writes");
+    let (input, out) = (place.path(name), place.path("out.obj"));
+    std::fs::write(&input, bytes).expect("writes");
     let query = crate::values(&client, &["query"], &[&input]).remove(0);
     let id = crate::text(&query, "query").to_owned();
     let ran = crate::run(&client, &["compose", &id, "-o"], &[&out]);
@@ -133,9 +133,14 @@ fn a_rag_of_loose_triangles_is_composed_without_a_map_for_each() {
     let maps = http::get(server.address(), &format!("/v1/queries/{id}/maps")).expect("an answer").text();
     let maps: Value = serde_json::from_str(&maps).expect("JSON");
     assert_eq!(maps["items"].as_array().map(Vec::len), Some(0), "{maps}");
-    let made = std::fs::read_to_string(&out).expect("written");
-    assert!(made.lines().filter(|line| line.starts_with("f ")).all(|face| face.split(' ').count() == 5));
     assert!(server.is_alive(), "{}", server.log());
+    std::fs::read_to_string(&out).expect("written")
+}
+
+#[test]
+fn a_rag_of_loose_triangles_is_composed_without_a_map_for_each() {
+    let made = composed_without_maps("rag.stl", &rag(40));
+    assert!(made.lines().filter(|line| line.starts_with("f ")).all(|face| face.split(' ').count() == 5));
 }
 
 fn media_type(path: &Path) -> &'static str {

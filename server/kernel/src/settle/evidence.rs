@@ -12,6 +12,7 @@ use super::similarity::{Similarity, singular_values};
 use super::tree::KdTree;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Closest;
+use crate::numerics::stop;
 
 /// What a map looks like. Lengths in √area of the example as the start has it laid.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -152,6 +153,7 @@ impl Judged<'_> {
 
 /// How far a point stands out from the mean of what is around it, in σ.
 pub(super) fn height(around: &Samples, at: &Vec3, normal: &Vec3, sigma: f64) -> f64 {
+    stop::pass(around.points.len());
     let (mut weights, mut mean) = (0.0, Vec3::zeros());
     let range = 9.0 * sigma * sigma;
     for k in 0..around.points.len() {

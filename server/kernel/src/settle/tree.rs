@@ -4,6 +4,8 @@
 //! axis each is kept. Bounds grow by one axis at a time. *Source:* Bentley 1975; Arya and Mount 1993 (incremental
 //! distance). Ties go to the point with the lowest number, so that the answer does not depend on the tree.
 
+use crate::numerics::stop;
+
 /// Points in a leaf.
 const LEAF_SIZE: usize = 8;
 
@@ -43,6 +45,7 @@ impl<const D: usize> KdTree<D> {
 
     /// The number of the nearest point and its squared distance; `None` for a tree without points.
     pub(super) fn nearest(&self, point: &[f64; D]) -> Option<(u32, f64)> {
+        stop::poll();
         let mut query = Query { tree: self, point, best: (f64::INFINITY, u32::MAX) };
         query.visit(0, self.points.len(), [0.0; D], 0.0);
         (query.best.1 != u32::MAX).then_some((query.best.1, query.best.0))

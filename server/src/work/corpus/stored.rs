@@ -434,7 +434,9 @@ impl From<StoreError> for CorpusError {
                 Self::NoEncoding(error.to_string())
             }
             StoreError::Invalid { .. } => Self::Invalid(error.to_string()),
-            StoreError::Full { .. } => Self::Full(error.to_string()),
+            StoreError::Full { .. } | StoreError::IndexFull { .. } | StoreError::NoRoom { .. } => {
+                Self::Full(error.to_string())
+            }
             StoreError::ReadOnly { .. } => Self::ReadOnly(error.to_string()),
             StoreError::Busy => Self::Busy,
             StoreError::Io { .. } if error.is_full() => Self::Full(error.to_string()),

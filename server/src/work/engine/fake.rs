@@ -93,7 +93,8 @@ impl Engine for FakeEngine {
                 ["segment", topology, value] => {
                     script.numbers.push(number(value)?);
                     let topology = topology.parse().map_err(|_| unreadable(at + 1, line))?;
-                    segments.push(ModelSegment { topology, faces: 1, holes: 0 });
+                    // As many as make it worth an example.
+                    segments.push(ModelSegment { topology, faces: 100, holes: 0 });
                 }
                 ["slow", ms] => script.slow = Duration::from_secs_f64(number(ms)? / 1e3),
                 ["encode-slow", ms] => script.encode_slow = Duration::from_secs_f64(number(ms)? / 1e3),

@@ -7,7 +7,7 @@ use quadmuse_store::{
 
 /// Options for tests: a small cache and a small reserve.
 pub(crate) fn options() -> OpenOptions {
-    OpenOptions { cache_bytes: 16 << 20, reserve_bytes: 1 << 20, ..OpenOptions::default() }
+    OpenOptions { cache_bytes: 16 << 20, reserve_bytes: 1 << 20, spare_bytes: 0, ..OpenOptions::default() }
 }
 
 /// A number in 0–1, from a seed and a counter.
