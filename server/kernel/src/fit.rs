@@ -4,6 +4,7 @@
 //! own boundary, registered and laid as surfaces that end alike are.
 
 pub mod beyond;
+pub mod mend;
 pub mod rest;
 
 use std::collections::BTreeMap;

@@ -2,6 +2,7 @@
 
 pub mod coverage;
 pub mod sound;
+mod way;
 
 use crate::encode::index::PlanarIndex;
 use crate::map::untangle::inward;

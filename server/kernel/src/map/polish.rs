@@ -242,7 +242,7 @@ fn best_rotation(rest: &[[f64; 2]; 3], mapped: &[[f64; 2]; 3], weights: &[f64; 3
 }
 
 /// A triangle laid flat; mirrored if `mirror` is negative.
-fn flat(p: [Vec3; 3], mirror: f64) -> [[f64; 2]; 3] {
+pub fn flat(p: [Vec3; 3], mirror: f64) -> [[f64; 2]; 3] {
     let (e, f) = (p[1] - p[0], p[2] - p[0]);
     let length = e.norm();
     let along = if length > 0.0 { e.dot(&f) / length } else { 0.0 };

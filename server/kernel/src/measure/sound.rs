@@ -5,6 +5,9 @@
 //! are compared with the surface's diagonal and with the mesh's own edges near by, so that a coarse layout, whose chords
 //! leave the surface by a share of their length, is not taken for a broken one. *Ours, not the paper's.*
 
+use std::sync::OnceLock;
+
+use super::way::Ways;
 use crate::compose::fit::Measured;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::{NONE, TriMesh};
@@ -18,6 +21,9 @@ const LEAVES_MIN: f64 = 0.012;
 const LEAVES_EDGES: f64 = 0.5;
 /// An edge that leaves the surface and is so many times as long as the usual one near by is a spike.
 const SPIKE_EDGES: f64 = 2.0;
+/// Such an edge leaps where the way between its ends along the edges of the surface is longer than it by this factor: half a
+/// circle is 1.6 times its chord, and a way along edges up to 1.3 times the straightest.
+const LEAP: f64 = 2.5;
 /// Where edges are looked at, besides their ends.
 const ALONG: [f64; 3] = [0.25, 0.5, 0.75];
 /// A face's centre, or a point of the surface, farther from the other than this share of the diagonal lies off it …
@@ -34,6 +40,7 @@ pub struct Grounds {
     tree: Bvh,
     measured: Measured,
     diagonal: f64,
+    ways: OnceLock<Ways>,
 }
 
 /// What is wrong with a mesh, as shares from 0 to 1.
@@ -43,7 +50,8 @@ pub struct Flaws {
     pub astray: f64,
     /// Number of those edges.
     pub astray_edges: usize,
-    /// Length of the longest of them that is long for its place, as a share of the surface's diagonal.
+    /// Length of the longest of them that is long for its place and leaps to another part of the surface, as a share of the
+    /// surface's diagonal.
     pub spike: f64,
     /// Of the mesh's area: faces that lie off the surface.
     pub off: f64,
@@ -103,7 +111,7 @@ impl Grounds {
             .filter(|p| p.iter().all(|x| x.is_finite()))
             .fold((Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY)), |(a, b), p| (a.inf(p), b.sup(p)));
         let diagonal = (high - low).norm().max(f64::MIN_POSITIVE);
-        Self { tree: Bvh::new(&surface), measured: Measured::new(&surface), diagonal, surface }
+        Self { tree: Bvh::new(&surface), measured: Measured::new(&surface), diagonal, surface, ways: OnceLock::new() }
     }
 
     /// The same with gaps that faces may bridge: the fillings among the triangles of these meshes.
@@ -117,15 +125,39 @@ impl Grounds {
         }
         if self.surface.triangles.len() > count {
             self.tree = Bvh::new(&self.surface);
+            self.ways = OnceLock::new();
         }
         self
     }
 
+    /// Those of some edges of a mesh that leap from one part of the surface to another, in order: they leave it and are long for
+    /// their place, and the way along the surface is far longer.
+    pub fn leaps(&self, positions: &[Vec3], edges: &[[u32; 2]]) -> Vec<[u32; 2]> {
+        let usual = usual_edges(positions.len(), edges.iter().copied(), positions);
+        let is_leap = |edge: &&[u32; 2]| {
+            let usual = edge.iter().map(|v| usual[*v as usize]).fold(0.0, f64::max);
+            let ends = edge.map(|v| positions[v as usize]);
+            let is_long = (ends[1] - ends[0]).norm() > SPIKE_EDGES * usual;
+            is_long && self.leaves(ends, (LEAVES_MIN * self.diagonal).max(LEAVES_EDGES * usual)) && self.is_leap(ends)
+        };
+        edges.iter().filter(is_leap).copied().collect()
+    }
+
+    /// Whether the way between two points along the surface is far longer than the straight line.
+    fn is_leap(&self, [a, b]: [Vec3; 2]) -> bool {
+        let ways = self.ways.get_or_init(|| Ways::new(&self.surface));
+        let ends = [self.tree.closest(a), self.tree.closest(b)];
+        // An end that hangs off the surface is as far from the other as it is off.
+        let limit = LEAP * ((b - a).norm() - ends[0].distance - ends[1].distance);
+        !ways.is_within(&self.surface, [&ends[0], &ends[1]], limit)
+    }
+
     /// Measures a mesh of polygons; one without faces lies nowhere.
     pub fn flaws(&self, mesh: &PolyMesh) -> Flaws {
-        let usual = usual_edges(mesh);
+        let usual = usual_edges(mesh.positions.len(), mesh.faces.iter().flat_map(sides), &mesh.positions);
         let (mut all, mut off, mut inward, mut astray) = (0.0, 0.0, 0.0, 0.0);
-        let (mut astray_edges, mut spike, mut collapsed) = (0usize, 0.0, 0usize);
+        let (mut astray_edges, mut collapsed) = (0usize, 0usize);
+        let mut long: Vec<(f64, [Vec3; 2])> = Vec::new();
         let mut faces = Vec::new();
         for (face, f) in mesh.faces.iter().zip(0u32..) {
             let points: Vec<Vec3> = face.iter().map(|&v| mesh.positions[v as usize]).collect();
@@ -150,7 +182,7 @@ impl Grounds {
                 gone += 1;
                 let length = (b - a).norm();
                 if length > SPIKE_EDGES * usual {
-                    spike = f64::max(spike, length / self.diagonal);
+                    long.push((length, [a, b]));
                 }
             }
             astray_edges += gone;
@@ -159,6 +191,8 @@ impl Grounds {
                 faces.push(f);
             }
         }
+        long.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let spike = long.iter().find(|(_, edge)| self.is_leap(*edge)).map_or(0.0, |(length, _)| length / self.diagonal);
         let all = all.max(f64::MIN_POSITIVE);
         Flaws {
             astray: astray / all,
@@ -192,15 +226,12 @@ impl Grounds {
 
 /// Twice-ringed medians: the usual length of edges about each vertex, in the unit of the positions; 0 where there is none.
 /// A median over two rings is not moved by one vertex that is drawn out.
-fn usual_edges(mesh: &PolyMesh) -> Vec<f64> {
-    let mut around: Vec<Vec<(u32, f64)>> = vec![Vec::new(); mesh.positions.len()];
-    for face in mesh.faces.iter() {
-        for (k, &a) in face.iter().enumerate() {
-            let b = face[(k + 1) % face.len()];
-            let length = (mesh.positions[b as usize] - mesh.positions[a as usize]).norm();
-            around[a as usize].push((b, length));
-            around[b as usize].push((a, length));
-        }
+fn usual_edges(count: usize, edges: impl Iterator<Item = [u32; 2]>, positions: &[Vec3]) -> Vec<f64> {
+    let mut around: Vec<Vec<(u32, f64)>> = vec![Vec::new(); count];
+    for [a, b] in edges {
+        let length = (positions[b as usize] - positions[a as usize]).norm();
+        around[a as usize].push((b, length));
+        around[b as usize].push((a, length));
     }
     let mut lengths = Vec::new();
     let mut median = |v: usize| {
@@ -210,7 +241,12 @@ fn usual_edges(mesh: &PolyMesh) -> Vec<f64> {
         let middle = lengths.len() / 2;
         if lengths.is_empty() { 0.0 } else { *lengths.select_nth_unstable_by(middle, f64::total_cmp).1 }
     };
-    (0..mesh.positions.len()).map(&mut median).collect()
+    (0..count).map(&mut median).collect()
+}
+
+/// The sides of a polygon.
+fn sides(face: &[u32]) -> impl Iterator<Item = [u32; 2]> + '_ {
+    face.iter().enumerate().map(|(k, &a)| [a, face[(k + 1) % face.len()]])
 }
 
 /// The area vector of a polygon; its length is the area.

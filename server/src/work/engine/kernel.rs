@@ -2,6 +2,7 @@
 
 mod as_one;
 mod constrain;
+mod continued;
 mod fitted;
 mod from_whole;
 mod grouped;
@@ -9,6 +10,7 @@ mod measured;
 mod model;
 mod registered;
 mod rejoined;
+mod rested;
 mod settled;
 mod sound;
 mod spanned;
@@ -230,7 +232,7 @@ impl Engine for KernelEngine {
         stop: &Stop,
     ) -> Result<Fitted, EngineError> {
         let mut fitted = fitted::fit(from, example, query, (beyond, landmarks), stop)?;
-        let own = fitted::own(&fitted.mapped);
+        let own = continued::own(&fitted.mapped);
         sound::check(&mut fitted.mapped, query)?;
         if let (Verdict::Broken, Some(mut own)) = (fitted.mapped.verdict, own) {
             sound::check(&mut own, query)?;
@@ -281,7 +283,7 @@ impl Engine for KernelEngine {
         query: &Side,
         stop: &Stop,
     ) -> Result<Mapped, EngineError> {
-        let mut mapped = fitted::edited(from, before, example, query, stop)?;
+        let mut mapped = continued::edited(from, before, example, query, stop)?;
         sound::check(&mut mapped, query)?;
         Ok(mapped)
     }

@@ -1,0 +1,161 @@
+//! Mending what a settled map leaves torn or folded.
+//!
+//! An example settles as a body in space, and each vertex then goes to the nearest point of the input. A tip that lies beside
+//! another limb goes there ([`islands`] finds it, to be spanned), and thin or crumpled pieces fold. About faces that look inward
+//! vertices come to rest on the input in the shapes of the example ([`mend`]). *Ours, not the paper's.*
+
+use crate::map::CrossMap;
+use crate::map::polish::{Faces, PolishOptions, flat, settle};
+use crate::map::untangle::inward;
+use crate::measure::sound::Grounds;
+use crate::mesh::Vec3;
+use crate::mesh::tri::{NONE, TriMesh};
+use crate::topology::{connected, widen};
+use crate::unfold::Chart;
+
+/// A piece of the example's area up to this share that nothing but leaps and bare vertices join to the rest is an island.
+const ISLAND: f64 = 0.05;
+/// Rings about the faces that look inward, each tried on what the one before left.
+const RINGS: [usize; 3] = [1, 3, 6];
+
+/// Marks the vertices of small pieces that lie on the input by chance, beside those that are `bare`: edges that leap across the
+/// input join them to the rest, or bare vertices do. `positions`: of the vertices of `mesh` on the input.
+pub fn islands(mesh: &TriMesh, positions: &[Vec3], bare: &mut [bool], grounds: &Grounds) {
+    let edges: Vec<[u32; 2]> = (0..mesh.twins.len() as u32)
+        .filter(|&h| !mesh.phantom[h as usize] && (mesh.twin(h) == NONE || h < mesh.twin(h)))
+        .map(|h| [mesh.tail(h), mesh.head(h)])
+        .collect();
+    let mut leaps = grounds.leaps(positions, &edges);
+    leaps.iter_mut().for_each(|edge| edge.sort_unstable());
+    leaps.sort_unstable();
+    if leaps.is_empty() && !bare.contains(&true) {
+        return;
+    }
+    let joins = |[a, b]: [u32; 2]| {
+        !bare[a as usize] && !bare[b as usize] && leaps.binary_search(&[a.min(b), a.max(b)]).is_err()
+    };
+    let mut piece: Vec<u32> = (0..positions.len() as u32).collect();
+    fn root(piece: &mut [u32], v: u32) -> u32 {
+        let mut at = v;
+        while piece[at as usize] != at {
+            piece[at as usize] = piece[piece[at as usize] as usize];
+            at = piece[at as usize];
+        }
+        at
+    }
+    for &edge in edges.iter().filter(|edge| joins(**edge)) {
+        let [a, b] = edge.map(|v| root(&mut piece, v));
+        piece[a.max(b) as usize] = a.min(b);
+    }
+    let mut areas = vec![0.0; positions.len()];
+    for (t, corners) in mesh.triangles.iter().enumerate() {
+        for v in corners {
+            areas[root(&mut piece, *v) as usize] += mesh.area(t) / 3.0;
+        }
+    }
+    let all = mesh.total_area();
+    for v in 0..positions.len() {
+        let piece = root(&mut piece, v as u32);
+        bare[v] |= areas[piece as usize] <= ISLAND * all;
+    }
+}
+
+/// Lets the vertices about faces that look inward come to rest on the input, where fewer do after it. `mirror` is −1 for mirrored
+/// maps. The boundary stays.
+pub fn mend(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64) {
+    let laid = |cross: &CrossMap| -> f64 {
+        let area = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|v| cross.positions[v as usize]);
+            0.5 * (b - a).cross(&(c - a)).norm()
+        };
+        mesh.triangles.iter().map(area).sum()
+    };
+    let growth = laid(cross) / mesh.total_area().max(f64::MIN_POSITIVE);
+    let boundary = mesh.boundary_vertices();
+    for rings in RINGS {
+        let turned = inward(mesh, cross, input, mirror);
+        if turned.is_empty() {
+            return;
+        }
+        let mut inside: Vec<bool> = mesh.polygon_of.iter().map(|f| turned.binary_search(f).is_ok()).collect();
+        widen(mesh, &mut inside, rings);
+        let mut fixed = boundary.clone();
+        for (corners, _) in mesh.triangles.iter().zip(&inside).filter(|(_, inside)| !**inside) {
+            corners.iter().for_each(|&v| fixed[v as usize] = true);
+        }
+        let triangles: Vec<[u32; 3]> =
+            mesh.triangles.iter().zip(&inside).filter(|(_, inside)| **inside).map(|(t, _)| *t).collect();
+        let rest = triangles.iter().map(|t| flat(t.map(|v| mesh.positions[v as usize]), mirror)).collect();
+        // The area for which the input has room is that which the example takes.
+        let faces = Faces { triangles: &triangles, rest, fixed, area: input.mesh.total_area() / growth };
+        let before = cross.clone();
+        settle(faces, cross, input, &PolishOptions { size_freedom: 1.0, ..PolishOptions::default() });
+        let after = inward(mesh, cross, input, mirror);
+        // A region that did not get better by it stays as it was.
+        for region in connected(mesh, &inside).into_iter().filter(|set| inside[set[0] as usize]) {
+            let count =
+                |of: &[u32]| region.iter().filter(|t| of.binary_search(&mesh.polygon_of[**t as usize]).is_ok()).count();
+            if count(&after) >= count(&turned) {
+                for v in region.iter().flat_map(|t| mesh.triangles[*t as usize]) {
+                    cross.locations[v as usize] = before.locations[v as usize];
+                    cross.positions[v as usize] = before.positions[v as usize];
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::encode::index::Location;
+    use crate::mesh::bvh::Bvh;
+    use crate::topology::{tests::grid, whole};
+    use crate::unfold::{UnfoldOptions, unfold};
+
+    #[test]
+    fn faces_that_are_pushed_over_each_other_come_to_rest() {
+        let mesh = grid(20, 20, false, false);
+        let chart =
+            unfold(&whole(&grid(40, 40, false, false)).expect("a disc"), &UnfoldOptions::default()).expect("solvable");
+        let bvh = Bvh::new(&chart.mesh);
+        let size = mesh.total_area().sqrt();
+        let middle = mesh.positions.iter().sum::<Vec3>() / mesh.positions.len() as f64;
+        let pushed = |p: &Vec3| {
+            let near = (1.0 - (p - middle).norm() / (0.2 * size)).max(0.0);
+            bvh.closest(p + Vec3::new(0.3 * size * near, 0.0, 0.0))
+        };
+        let (locations, positions) =
+            mesh.positions.iter().map(|p| (Location::from(pushed(p)), pushed(p).point)).unzip();
+        let mut cross = CrossMap { locations, positions };
+        let before = inward(&mesh, &cross, &chart, 1.0).len();
+        assert!(before > 8, "{before}");
+        mend(&mesh, &mut cross, &chart, 1.0);
+        assert_eq!(inward(&mesh, &cross, &chart, 1.0).len(), 0);
+    }
+
+    #[test]
+    fn a_tip_that_lies_on_another_limb_is_an_island_and_a_stretched_one_is_not() {
+        // A sheet bent to a U, its legs .2 apart; the example is the same.
+        let mut bent = grid(10, 60, false, false);
+        let high = bent.positions.iter().map(|p| p.y).fold(0.0, f64::max);
+        for p in &mut bent.positions {
+            let along = (p.y / high - 0.5) * 2.0;
+            let angle = along.clamp(-0.2, 0.2) / 0.2 * std::f64::consts::FRAC_PI_2;
+            *p = Vec3::new(0.1 * angle.sin(), p.x, 0.1 * (1.0 - angle.cos()) + along.abs() - along.abs().min(0.2));
+        }
+        let grounds = Grounds::new(bent.clone());
+        let mut positions = bent.positions.clone();
+        let far = positions.iter().map(|p| p.z).fold(0.0, f64::max);
+        let tip: Vec<bool> = bent.positions.iter().map(|p| p.x < 0.0 && p.z > 0.95 * far).collect();
+        for (p, _) in positions.iter_mut().zip(&tip).filter(|(_, tip)| **tip) {
+            p.x = 0.1;
+        }
+        let mut bare = vec![false; positions.len()];
+        islands(&bent, &positions, &mut bare, &grounds);
+        assert_eq!(bare, tip);
+        let mut none = vec![false; positions.len()];
+        islands(&bent, &bent.positions, &mut none, &grounds);
+        assert!(!none.contains(&true));
+    }
+}

@@ -1,0 +1,70 @@
+//! Maps continued by rows of quads to where the input ends.
+
+use super::super::{EngineError, Fitted, Mapped, Registration, Side};
+use super::model::ModelInner;
+use super::registered::{self, Registered};
+use super::sound;
+use crate::pool::Stop;
+use quadmuse_kernel::fit::{beyond, within};
+use quadmuse_kernel::map::assemble::select;
+use quadmuse_kernel::mesh::{PolyMesh, TriMesh};
+use quadmuse_kernel::segment::segment_above;
+use quadmuse_kernel::topology::{Components, Patch, Topology, primitive};
+use std::sync::Arc;
+
+/// What of an input lies beyond the example.
+pub(super) fn rest_of(input: &TriMesh, field: &[f64]) -> Option<Patch> {
+    let mut cut = segment_above(input, field).ok()?;
+    (cut.parts.len() > 1).then(|| cut.parts.swap_remove(1))
+}
+
+/// The map after an edit, continued to where the input ends if it was before.
+pub(super) fn edited(
+    from: &Registration,
+    before: &Mapped,
+    example: &Side,
+    query: &Side,
+    stop: &Stop,
+) -> Result<Mapped, EngineError> {
+    let mapped = registered::map(from, example, query, stop)?.after(before);
+    let registered: &Registered = from.inner.open()?;
+    let (Some(of_whole), Some(_)) = (registered.of_whole.get(), before.reach.own) else { return Ok(mapped) };
+    let (of, on): (&ModelInner, &ModelInner) = (example.model.inner.open()?, query.model.inner.open()?);
+    let (one, two) = (&of.patch(example.segment)?.mesh, &on.patch(query.segment)?.mesh);
+    let field = within(one, of_whole.positions(), two);
+    let mut fitted = Fitted { mapped, example: example.clone(), query: query.clone() };
+    extend(&mut fitted, field.and_then(|field| rest_of(two, &field)).as_ref());
+    Ok(fitted.mapped)
+}
+
+/// A map without the rows that continue it; `None` where it has none.
+pub(super) fn own(mapped: &Mapped) -> Option<Mapped> {
+    let (_, faces) = mapped.reach.own?;
+    let keep: Vec<bool> = (0..mapped.mesh.faces.len() as u64).map(|f| f < faces).collect();
+    let mesh = Arc::new(select(&mapped.mesh, &keep));
+    let mut own = Mapped { part: Arc::clone(&mesh), mesh, ..mapped.clone() };
+    (own.reach.own, own.reach.inspired) = (None, None);
+    own.reasons.push("the rest of the scan is left bare: rows of quads would leave it".into());
+    Some(own)
+}
+
+/// Continues a map to where the input ends.
+pub(super) fn extend(fitted: &mut Fitted, rest: Option<&Patch>) {
+    let found = rest.and_then(|rest| primitive(&rest.mesh, Components::Largest).ok());
+    let rest = found.filter(|rest| matches!(rest.topology, Topology::Annulus | Topology::Disc));
+    let mapped = &mut fitted.mapped;
+    let own = &mapped.mesh;
+    let Some(grown) = rest.and_then(|rest| beyond::continued(own, &rest)) else {
+        mapped.reasons.push("the rest of the scan is left bare: rows of quads can't go round its openings".into());
+        return;
+    };
+    let (all, part) = (area(&grown), area(own));
+    mapped.reach.own = Some((own.positions.len() as u64, own.faces.len() as u64));
+    mapped.reach.inspired = Some(part / all.max(f64::MIN_POSITIVE));
+    mapped.mesh = Arc::new(grown);
+    mapped.part = Arc::clone(&mapped.mesh);
+}
+
+fn area(mesh: &PolyMesh) -> f64 {
+    mesh.faces.iter().map(|face| sound::area(mesh, face)).sum()
+}

@@ -1,0 +1,234 @@
+//! The map of an example that has settled: what it lacks is spanned or left out, its folds are mended, and it is judged.
+
+use super::super::{EngineError, Fitted, Reach, Registration, Side};
+use super::continued::{extend, rest_of};
+use super::fitted::{COVERED, Held, of_example};
+use super::from_whole::OfWhole;
+use super::model::ModelInner;
+use super::registered::{self, Registered};
+use super::spanned::span;
+use super::internal;
+use crate::pool::Stop;
+use quadmuse_kernel::encode::index::Location;
+use quadmuse_kernel::fit::mend::{islands, mend};
+use quadmuse_kernel::fit::rest::Rested;
+use quadmuse_kernel::fit::{Surface, within, without};
+use quadmuse_kernel::map::CrossMap;
+use quadmuse_kernel::map::bend::{Pin, bend};
+use quadmuse_kernel::map::reembed::{Ground, turn_back};
+use quadmuse_kernel::map::untangle::inward;
+use quadmuse_kernel::measure::sound::Grounds;
+use quadmuse_kernel::mesh::bvh::Bvh;
+use quadmuse_kernel::mesh::{TriMesh, Vec3};
+use quadmuse_kernel::register::{Entry, Flip};
+use quadmuse_kernel::settle::Evidence;
+use quadmuse_kernel::unfold::Uv;
+use quadmuse_proto::{Beyond, Covers, MapEvidence, Verdict};
+use std::sync::{Arc, OnceLock};
+
+/// The finest level at which parts are registered, in pixels a side.
+const SIDE: usize = 128;
+/// A landmark that is missed by less, in % of the √area of the input, is met.
+const MISSED_MIN_PERCENT: f64 = 0.05;
+/// A larger share of faces that are spanned is told.
+const SPANNED_TOLD: f64 = 0.02;
+/// Less of the example beyond the input is none.
+const LOST_MIN: f64 = 0.01;
+
+/// A constraint of the caller's: its name and ends.
+type Pinned = (String, (Location, Location));
+
+/// The map of an example that has settled.
+pub(super) fn rest(
+    rested: Rested,
+    (example, one): (&Side, &Surface),
+    (query, two): (&Side, &Surface),
+    (beyond, held): (Beyond, &[Held]),
+    stop: &Stop,
+) -> Result<Fitted, EngineError> {
+    let Rested { places, lost, off, mirrored, evidence } = rested;
+    let mut locations: Vec<Location> = places.into_iter().map(Location::from).collect();
+    let mut bare: Vec<bool> = lost.iter().zip(&off).map(|(lost, off)| *lost || *off).collect();
+    let chart = &two.query.chart;
+    let positions: Vec<Vec3> = locations.iter().map(|l| l.point(chart)).collect();
+    islands(&one.patch.mesh, &positions, &mut bare, &Grounds::new((*chart.mesh).clone()));
+    let is_less = evidence.lost > LOST_MIN;
+    let less = if is_less { without(one, &lost) } else { None };
+    let (mut example, mut surface) = (example.clone(), one.clone());
+    let mut kept_share = 1.0;
+    if let Some(less) = less {
+        let left = &less.surface.patch.vertex_of;
+        locations = left.iter().map(|&v| locations[v as usize]).collect();
+        bare = left.iter().map(|&v| bare[v as usize]).collect();
+        kept_share = less.surface.patch.mesh.total_area() / one.patch.mesh.total_area();
+        surface = less.surface.clone();
+        example = of_example(&example, less)?;
+    }
+    let positions: Vec<Vec3> = locations.iter().map(|l| l.point(chart)).collect();
+    let mut cross = CrossMap { locations, positions };
+    let spanned = span(&mut cross, &surface.patch.mesh, &bare, chart);
+    let sign = registered::sign(mirrored);
+    let ground = Ground { chart, index: two.query.index() };
+    turn_back(&surface.patch.mesh, &mut cross, &ground, sign, &OnceLock::new());
+    mend(&surface.patch.mesh, &mut cross, chart, sign);
+    let mut turned = inward(&surface.patch.mesh, &cross, chart, sign);
+    let before = turned.len();
+    // What is spanned is flat, and which way it looks says nothing.
+    turned.retain(|f| spanned.binary_search(f).is_err());
+    let turned_there = before - turned.len();
+    let (pinned, missed) = pinned(held, (&surface, &cross), two, mirrored);
+    let registration = described(&surface, two, (cross.clone(), pinned), mirrored)?;
+    let mut mapped = registered::map(&registration, &example, query, stop)?;
+    let field = within(&surface.patch.mesh, &cross.positions, &two.patch.mesh);
+    let rest = field.and_then(|field| rest_of(&two.patch.mesh, &field));
+    let covered = rest.as_ref().map_or(1.0, |rest| 1.0 - rest.mesh.total_area() / two.patch.mesh.total_area());
+    mapped.reach = Reach {
+        covers: Covers { example: kept_share, input: covered },
+        kept: (kept_share < 1.0).then(|| kept(&example)).transpose()?,
+        spanned: spanned.len() as f64 / mapped.mesh.faces.len().max(1) as f64,
+        ..Reach::default()
+    };
+    mapped.evidence = Some(MapEvidence {
+        relief: evidence.relief,
+        shear: evidence.shear,
+        scale_spread: evidence.scale_spread,
+        bend: evidence.bend,
+        residual: evidence.residual,
+        normal_disagreement: evidence.normal_disagreement,
+    });
+    mapped.folds = mapped.folds.saturating_sub(turned_there as u64);
+    let folded = share(&surface.patch.mesh, &cross.positions, &turned);
+    (mapped.verdict, mapped.reasons) = judged(&evidence, folded);
+    if mapped.reach.spanned > SPANNED_TOLD {
+        let percent = 100.0 * mapped.reach.spanned;
+        mapped
+            .reasons
+            .push(format!("the scan has nothing for {percent:.0} % of the example's faces: they are spanned flat"));
+    }
+    mapped.reasons.extend(missed);
+    let mut fitted = Fitted { mapped, example, query: query.clone() };
+    if beyond == Beyond::Extend && covered < COVERED {
+        extend(&mut fitted, rest.as_ref());
+    }
+    Ok(fitted)
+}
+
+/// Landmarks as constraints of the map of a surface, and a sentence for each that is met nearly only: one whose face lies on the
+/// boundary, or that would fold the map.
+fn pinned(
+    held: &[Held],
+    (one, cross): (&Surface, &CrossMap),
+    two: &Surface,
+    mirrored: bool,
+) -> (Vec<Pinned>, Vec<String>) {
+    let own_tree = Bvh::new(&one.query.chart.mesh);
+    let (mesh, tree) = (&one.patch.mesh, Bvh::new(&one.patch.mesh));
+    let (chart, input) = (&two.query.chart, Bvh::new(&two.query.chart.mesh));
+    let (size, sign) = (chart.mesh.total_area().sqrt(), registered::sign(mirrored));
+    let pin = |held: &Held| Pin { on_example: tree.closest(held.from).into(), to: held.at };
+    let can_be = |pins: &[Pin]| bend(mesh, cross, pins, chart, sign, &input).is_ok();
+    let fit_together = can_be(&held.iter().map(pin).collect::<Vec<_>>());
+    let (mut kept, mut pins, mut missed): (Vec<Pinned>, Vec<Pin>, Vec<String>) = Default::default();
+    for (k, held) in held.iter().enumerate() {
+        pins.push(pin(held));
+        if fit_together || can_be(&pins) {
+            kept.push((format!("l{}", k + 1), (own_tree.closest(held.from).into(), held.to)));
+            continue;
+        }
+        let Some(Pin { on_example, .. }) = pins.pop() else { continue };
+        let corners = mesh.triangles.get(on_example.triangle as usize).copied().unwrap_or_default();
+        let at: Vec3 = (0..3).map(|k| cross.positions[corners[k] as usize] * on_example.barycentric[k]).sum();
+        let percent = 100.0 * (at - held.at).norm() / size;
+        if percent > MISSED_MIN_PERCENT {
+            missed.push(format!("landmark {} is met but for {percent:.2} % of the scan's size", k + 1));
+        }
+    }
+    (kept, missed)
+}
+
+/// A registration that stands for a map given by places.
+fn described(
+    one: &Surface,
+    two: &Surface,
+    (cross, pinned): (CrossMap, Vec<Pinned>),
+    mirrored: bool,
+) -> Result<Registration, EngineError> {
+    let flip = Flip { u: mirrored, v: false };
+    let (chart, tree) = (&two.query.chart, Bvh::new(&two.query.chart.mesh));
+    let (own, own_tree) = (&one.query, Bvh::new(&one.patch.mesh));
+    let taken = |uv: Uv| -> Option<Uv> {
+        let near = own_tree.closest(own.index().locate(&own.chart, uv).point(&own.chart));
+        let corners = one.patch.mesh.triangles.get(near.triangle as usize)?;
+        let to: Vec3 = (0..3).map(|k| cross.positions[corners[k] as usize] * near.barycentric[k]).sum();
+        Some(Location::from(tree.closest(to)).uv(chart))
+    };
+    let features = own.encoding().features.iter().filter_map(|f| Some((flip.apply(f.uv), taken(f.uv)?)));
+    let (p, q) = features.unzip();
+    let entry = Entry::laid(&two.query, flip, SIDE, p, q).ok_or_else(|| internal("expected an unfolded query"))?;
+    let of_whole = OnceLock::new();
+    let _ = of_whole.set(OfWhole::settled(&one.patch, cross, mirrored));
+    Ok(registered::describe(Registered { of_whole: Arc::new(of_whole), pinned, ..Registered::of(entry) }))
+}
+
+/// The vertices of an example's file that the faces of its segment use, in order.
+fn kept(example: &Side) -> Result<Vec<u32>, EngineError> {
+    let inner: &ModelInner = example.model.inner.open()?;
+    let mesh = &example.model.mesh;
+    let mut used = vec![false; mesh.positions.len()];
+    for &t in &inner.patch(example.segment)?.triangle_of {
+        let face = inner.segmented.mesh.polygon_of[t as usize] as usize;
+        mesh.faces.face(face).iter().for_each(|&v| used[v as usize] = true);
+    }
+    Ok((0..used.len() as u32).filter(|&v| used[v as usize]).collect())
+}
+
+/// The share of the area that some polygons, in order, take of a mesh whose vertices lie at `positions`.
+fn share(mesh: &TriMesh, positions: &[Vec3], polygons: &[u32]) -> f64 {
+    let area = |t: usize| {
+        let [a, b, c] = mesh.triangles[t].map(|v| positions[v as usize]);
+        0.5 * (b - a).cross(&(c - a)).norm()
+    };
+    let all: f64 = (0..mesh.triangles.len()).map(area).sum();
+    let is_one = |t: &usize| polygons.binary_search(&mesh.polygon_of[*t]).is_ok();
+    (0..mesh.triangles.len()).filter(is_one).map(area).sum::<f64>() / all.max(f64::MIN_POSITIVE)
+}
+
+/// Confidence from which on a settled map is good, or fair; calibrated in tests/records.
+const CONFIDENCE: [f64; 2] = [0.4, -0.08];
+/// Share of the area of faces that look inward up to which it is good, or fair: hidden faces of bodies do in the truth too.
+const FOLDED: [f64; 2] = [0.02, 0.06];
+
+/// The verdict on a map that has settled, with a sentence for each measure that is not good. Relief falls where shapes
+/// differ, and bend grows where the map is wrong, so neither is told alone.
+fn judged(evidence: &Evidence, folded: f64) -> (Verdict, Vec<String>) {
+    let confidence = evidence.agreement();
+    let mut reasons = Vec::new();
+    let mut measure = |is_good: bool, is_fair: bool, why: &str| {
+        if !is_good {
+            reasons.push(why.to_owned());
+        }
+        if is_good {
+            Verdict::Good
+        } else if is_fair {
+            Verdict::Fair
+        } else {
+            Verdict::Poor
+        }
+    };
+    let [good, fair] = CONFIDENCE;
+    let alike =
+        measure(confidence >= good, confidence >= fair, "bumps and hollows of the example lie on others of the scan");
+    let [good, fair] = FOLDED;
+    let smooth = measure(folded <= good, folded <= fair, "some faces look into the scan");
+    (worse(alike, smooth), reasons)
+}
+
+fn worse(a: Verdict, b: Verdict) -> Verdict {
+    if a == Verdict::Poor || b == Verdict::Poor {
+        Verdict::Poor
+    } else if a == Verdict::Fair || b == Verdict::Fair {
+        Verdict::Fair
+    } else {
+        Verdict::Good
+    }
+}
