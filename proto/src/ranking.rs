@@ -31,6 +31,18 @@ pub struct Ranking {
     pub corpus_size: u64,
 }
 
+/// The entries that are worth laying in turn until one fits: the first `count` that are no near-duplicates of one above, then as
+/// many more, those that lie on the input best. A regular layout is one only where nothing is better.
+pub fn promising(entries: &[Entry], count: usize) -> Vec<&Entry> {
+    let mut own: Vec<&Entry> =
+        entries.iter().filter(|e| e.similar_to.is_none() && (e.template.is_none() || e.rank == 1)).collect();
+    let mut others = own.split_off(count.min(own.len()));
+    others.retain(|entry| entry.likeness.is_some());
+    others.sort_by(|a, b| b.likeness.unwrap_or(0.0).total_cmp(&a.likeness.unwrap_or(0.0)));
+    own.extend(others.into_iter().take(count));
+    own
+}
+
 /// A corpus segment in a ranking.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
@@ -60,8 +72,8 @@ pub struct Entry {
     pub resolution: u32,
     /// Whether it goes on.
     pub state: EntryState,
-    /// How well the surface itself lies on the input in its best rough pose, 0–1; absent where the pictures alone decide. Where
-    /// it decides, entries stand in its order, each with the score of its place.
+    /// How well the surface itself lies on the input in its best rough pose, 0–1; absent where the pictures are sure. Where
+    /// it is far better of one than of the first, entries stand in its order, each with the score of its place.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub likeness: Option<f64>,
     /// The rank of an entry above that it nearly duplicates.
@@ -100,4 +112,39 @@ pub enum EntryState {
     Locked,
     /// It was registered at the finest level asked for.
     Done,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_lies_on_the_input_best_is_promising_after_the_first() {
+        let entry = |rank: u32, likeness: Option<f64>| Entry {
+            rank,
+            example: ExampleId::generate(),
+            example_segment: 0,
+            name: rank.to_string(),
+            score: f64::from(rank),
+            energy: 0.0,
+            k: 0.5,
+            relevance: 3.0,
+            flip: Flip::default(),
+            shift_u: 0.0,
+            resolution: 128,
+            state: EntryState::Done,
+            likeness,
+            similar_to: None,
+            template: None,
+        };
+        let regular = |rank: u32| Entry { template: Some("disc".into()), ..entry(rank, None) };
+        let near = Entry { similar_to: Some(1), ..entry(2, Some(0.9)) };
+        let all =
+            [entry(1, Some(0.2)), near, entry(3, Some(0.1)), entry(4, Some(0.3)), entry(5, Some(0.5)), regular(6)];
+        let ranks = |all: &[Entry], count| promising(all, count).iter().map(|e| e.rank).collect::<Vec<_>>();
+        assert_eq!(ranks(&all, 1), [1, 5]);
+        assert_eq!(ranks(&all, 2), [1, 3, 5, 4]);
+        assert_eq!(ranks(&[entry(1, None), entry(2, None), regular(3)], 2), [1, 2]);
+        assert_eq!(ranks(&[regular(1), entry(2, None)], 2), [1, 2]);
+    }
 }

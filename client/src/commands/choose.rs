@@ -7,6 +7,7 @@ use crate::{
     spec::ExampleRef,
     ui::Ui,
 };
+use quadmuse_proto::ranking::{self, Entry};
 use quadmuse_proto::{Beyond, Event, Example, ExampleId, NewMap, Query, QueryId, QuerySegment, Ranking, Topology};
 
 /// A watcher that only waits.
@@ -78,7 +79,7 @@ pub(super) async fn choose(
     }
 }
 
-/// The first few entries of the ranking that are no near-duplicates of one above and no regular layouts.
+/// The entries of the ranking that are laid in turn until one fits.
 pub(super) async fn promising(
     query: &Query,
     segment: u32,
@@ -86,12 +87,8 @@ pub(super) async fn promising(
     api: &Api,
 ) -> Result<Vec<ExampleRef>, ClientError> {
     let ranking = api.ranking(query.id, RankingView { segment, after: None, wait_ms: 0 }).await?;
-    Ok(differing(&ranking, count))
-}
-
-fn differing(ranking: &Ranking, count: usize) -> Vec<ExampleRef> {
-    let own = ranking.entries.iter().filter(|entry| entry.similar_to.is_none() && entry.template.is_none());
-    own.take(count).map(|e| ExampleRef { example: e.example, segment: Some(e.example_segment) }).collect()
+    let named = |e: &Entry| ExampleRef { example: e.example, segment: Some(e.example_segment) };
+    Ok(ranking::promising(&ranking.entries, count).into_iter().map(named).collect())
 }
 
 /// The best entry of the ranking, or the best of the example that is told.

@@ -3,7 +3,7 @@
 use super::{
     choose::finished,
     deliver::{Delivered, Target, write_composition, write_kept, write_map},
-    map::{lay, lay_best},
+    map::{is_late, lay, lay_best},
     rank::{check_segment, follow_upload, upload},
     screen::Wanted,
 };
@@ -93,7 +93,7 @@ pub(super) async fn make(
             }
             settled(&query, map, &name, &wish, api, ui).await
         }
-        Err(error @ ClientError::NothingRanked { .. }) => {
+        Err(error) if matches!(error, ClientError::NothingRanked { .. }) || is_late(&error) => {
             ui.note(&error.message());
             stitch(&query, &wish, api, ui).await
         }
@@ -233,6 +233,7 @@ async fn stitch(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Resul
                 said
             }
             Err(error @ ClientError::NothingRanked { .. }) => error.message(),
+            Err(error) if told.is_none() && is_late(&error) => error.message(),
             Err(error) => {
                 bar.finish_and_clear();
                 return Err(error);

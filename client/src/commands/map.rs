@@ -83,12 +83,19 @@ pub(super) async fn lay_best(
         return Ok(best);
     }
     for other in promising(query, segment, TRIES, api).await?.into_iter().skip(1) {
-        let found = lay(query, segment, Some(other), (beyond, Vec::new()), api, ui).await?;
-        if !found.0.verdict.is_poor() {
-            return Ok(found);
+        match lay(query, segment, Some(other), (beyond, Vec::new()), api, ui).await {
+            Ok(found) if !found.0.verdict.is_poor() => return Ok(found),
+            Ok(_) => {}
+            Err(error) if is_late(&error) => break,
+            Err(error) => return Err(error),
         }
     }
     Ok(best)
+}
+
+/// Whether the service gave up since the time of a request was over.
+pub(super) fn is_late(error: &ClientError) -> bool {
+    matches!(error, ClientError::Refused(problem) if problem.code == Code::Deadline)
 }
 
 pub(super) async fn constrain(args: ConstrainArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {

@@ -158,8 +158,8 @@ pub fn crop_between(surface: &Surface, crop: &Crop) -> Option<Cropped> {
 }
 
 /// What is left of an example's surface without the polygons most of whose vertices are `lost`; `None` where that is no
-/// disc. Lost pieces that are surrounded by what stays, stay.
-pub fn without(surface: &Surface, lost: &[bool]) -> Option<Cropped> {
+/// disc, or no more goes than a share `least` of the area. Lost pieces that are surrounded by what stays, stay.
+pub fn without(surface: &Surface, lost: &[bool], least: f64) -> Option<Cropped> {
     let mesh = &surface.patch.mesh;
     let mut counts: BTreeMap<u32, [u32; 2]> = BTreeMap::new();
     for (corners, f) in mesh.triangles.iter().zip(&mesh.polygon_of) {
@@ -178,6 +178,9 @@ pub fn without(surface: &Surface, lost: &[bool]) -> Option<Cropped> {
     // What stays is 0, each piece that goes has a number of its own.
     let mut label_of = vec![0; mesh.triangles.len()];
     let goes = |(k, set): &(usize, &Vec<u32>)| (is_closed && *k == 0) || has_rim(set);
+    if pieces.iter().enumerate().filter(goes).map(|(_, set)| area(set)).sum::<f64>() <= least * mesh.total_area() {
+        return None;
+    }
     for ((_, set), label) in pieces.iter().enumerate().filter(goes).zip(1..) {
         set.iter().for_each(|&t| label_of[t as usize] = label);
     }

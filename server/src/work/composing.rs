@@ -2,17 +2,20 @@
 
 mod headline;
 
-use super::engine::{Allowed, Appraisal, Encoded, Engine, EngineError, Model, OnePart, Part, Stitched, Stitching};
+use super::engine::{
+    Allowed, Appraisal, Encoded, Engine, EngineError, Model, ModelSegment, OnePart, Part, Stitched, Stitching,
+};
 use super::mapping::{self, LiveMap, get};
 use super::query::{LiveQuery, ms_since};
-use super::ranking::Candidate;
+use super::ranking::entries;
 use super::worth::tries;
 use super::{REQUEST_TIME_MAX, Work, WorkError};
-use crate::pool::{Job, Lane, Stop};
+use crate::pool::{Job, Lane, Stop, StopReason};
 use headline::{Laid, headline};
 use quadmuse_kernel::compose::check::extraordinary;
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::composition::{AS_MAPPED, DENSITY_MAX, SMOOTHING_MAX};
+use quadmuse_proto::ranking::promising;
 use quadmuse_proto::{
     Beyond, Composition, CompositionId, CompositionPart, ConstraintOrigin, ExampleId, Map, NewComposition, NewMap,
     Verdict,
@@ -73,31 +76,43 @@ pub async fn create(
     let how = Stitching { smoothing: wanted.smoothing, density: wanted.density };
     let one = one_example(&maps).filter(|_| wanted.density == 0);
     let lone = lone(&maps, allowed.bare).filter(|_| wanted.density == 0);
-    let stitch = move |stop: &_| {
+    let most = most(&live.model, &maps).filter(|_| wanted.density == 0);
+    let stitch = move |stop: &Stop| -> Result<Sound, EngineError> {
         if let Some(map) = lone {
             let appraisal = engine.appraise(&model, &map, allowed)?;
-            return Ok((map, appraisal, Vec::new()));
+            return Ok(Sound::of(map, appraisal));
         }
         // One example on all segments needs no stitching: it comes back whole.
         if let Some((example, parts)) = &one
             && let Some(whole) = engine.rejoin(&model, example, parts, stop)?
         {
             let appraisal = engine.appraise(&model, &whole, allowed)?;
-            return Ok((whole, appraisal, Vec::new()));
+            return Ok(Sound::of(whole, appraisal));
         }
-        stitched_sound(&*engine, &model, (parts, &instead), (how, allowed), stop)
+        let sound = stitched_sound(&*engine, &model, (parts, &instead), (how, allowed), stop)?;
+        let Some((segment, map)) = most.filter(|_| !sound.appraisal.flaws.is_empty()) else { return Ok(sound) };
+        let appraisal = engine.appraise(&model, &map, Allowed { bare: 1.0, ..allowed })?;
+        Ok(if appraisal.flaws.is_empty() { Sound::alone(map, appraisal, segment) } else { sound })
     };
-    let (stitched, appraisal, gave_way) = work.pool.run(&job, Lane::Edit, stitch).await??;
+    let Sound { made: stitched, appraisal, gave_way, alone } = work.pool.run(&job, Lane::Edit, stitch).await??;
     if stitched.is_poor_kept {
         summaries.append(&mut poor);
     }
     templates.extend(poor.iter().map(|part| part.segment));
     templates.extend(&gave_way);
     summaries.retain(|part| !gave_way.contains(&part.segment));
+    if let Some(segment) = alone {
+        summaries.retain(|part| part.segment == segment);
+        templates.clear();
+    }
     templates.sort_unstable();
     let counts = super::ingest::counts_of(&stitched.mesh);
     let held = job.kept(counts.faces * MEMORY_PER_FACE_HELD);
-    let headline = headline(&laid, &appraisal);
+    let mut headline = headline(&laid, &appraisal);
+    if alone.is_some() {
+        headline.verdict = headline.verdict.max(Verdict::Fair);
+        headline.reasons.push(ALONE.into());
+    }
     let summary = Composition {
         id: CompositionId::generate(),
         query: live.id,
@@ -122,15 +137,38 @@ pub async fn create(
     Ok(composition)
 }
 
+/// What is said of a composition that is but the map of most of the scan.
+const ALONE: &str = "the smaller parts of the scan are left bare: a mesh of all of it was broken";
+
+/// What a composition came to.
+struct Sound {
+    made: Stitched,
+    appraisal: Appraisal,
+    /// Segments whose examples gave way to regular layouts.
+    gave_way: Vec<u32>,
+    /// The segment on which alone there is a mesh.
+    alone: Option<u32>,
+}
+
+impl Sound {
+    fn of(made: Stitched, appraisal: Appraisal) -> Self {
+        Self { made, appraisal, gave_way: Vec::new(), alone: None }
+    }
+
+    fn alone(made: Stitched, appraisal: Appraisal, segment: u32) -> Self {
+        Self { alone: Some(segment), ..Self::of(made, appraisal) }
+    }
+}
+
 /// Stitches, and measures the result. Where it is no use as it is, the examples on the segments that are to blame give way to
-/// regular layouts, unless they were chosen; the segments where they did.
+/// regular layouts, unless they were chosen.
 fn stitched_sound(
     engine: &dyn Engine,
     model: &Model,
     (mut parts, instead): (Vec<Part>, &[Option<Arc<Encoded>>]),
     (how, allowed): (Stitching, Allowed),
     stop: &Stop,
-) -> Result<(Stitched, Appraisal, Vec<u32>), EngineError> {
+) -> Result<Sound, EngineError> {
     let made = engine.compose(model, &parts, how, stop)?;
     let appraisal = engine.appraise(model, &made, allowed)?;
     let is_example = |segment: &u32| made.is_example.get(*segment as usize) == Some(&true);
@@ -143,17 +181,17 @@ fn stitched_sound(
         }
     }
     if gave_way.is_empty() {
-        return Ok((made, appraisal, gave_way));
+        return Ok(Sound::of(made, appraisal));
     }
     let mut again = engine.compose(model, &parts, how, stop)?;
     let after = engine.appraise(model, &again, allowed)?;
     if !after.flaws.is_empty() {
-        return Ok((made, appraisal, Vec::new()));
+        return Ok(Sound::of(made, appraisal));
     }
     let segments = gave_way.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
     let why = appraisal.flaws.join("; ");
     again.notes.push(format!("examples gave way to regular layouts on segments {segments}: {why}"));
-    Ok((again, after, gave_way))
+    Ok(Sound { gave_way, ..Sound::of(again, after) })
 }
 
 /// More of the scan left bare than this is beyond what a layout can be made to follow.
@@ -163,16 +201,32 @@ const BARE_MIN: f64 = 0.05;
 /// the scan is not to be followed where the map does not lie.
 fn lone(maps: &[Option<Arc<LiveMap>>], bare: f64) -> Option<Stitched> {
     let [Some(map)] = maps else { return None };
+    (bare > BARE_MIN).then(|| as_mapped(map, 1, 0))
+}
+
+/// A segment with this share of a scan's faces is most of it.
+const MOST: f64 = 0.5;
+
+/// The map of the one of several segments that is most of a scan, as it is, with its segment.
+fn most(model: &Model, maps: &[Option<Arc<LiveMap>>]) -> Option<(u32, Stitched)> {
+    let all: u64 = model.segments.iter().map(|segment| segment.faces).sum();
+    let is_most = |segment: &ModelSegment| segment.faces as f64 >= MOST * all as f64;
+    let found = maps.iter().zip(&model.segments).position(|(map, segment)| map.is_some() && is_most(segment))?;
+    (maps.len() > 1).then(|| Some((found as u32, as_mapped(maps[found].as_ref()?, maps.len(), found)))).flatten()
+}
+
+/// A map as a composition of `count` segments.
+fn as_mapped(map: &LiveMap, count: usize, segment: usize) -> Stitched {
     let mesh = Arc::clone(&map.newest().mapped.mesh);
     let extraordinary = extraordinary(&mesh) as u64;
-    (bare > BARE_MIN).then(|| Stitched {
+    Stitched {
         mesh,
-        is_example: vec![true],
+        is_example: (0..count).map(|k| k == segment).collect(),
         is_poor_kept: false,
         extraordinary_vertices: extraordinary,
         extraordinary_before: extraordinary,
         notes: vec![AS_MAPPED.into()],
-    })
+    }
 }
 
 /// What the maps of all segments are on purpose. A map that leaves some of the scan bare does so alone: beside others the rest is
@@ -289,7 +343,7 @@ fn faces_at(parts: &[Part], density: i32) -> Result<u64, WorkError> {
     Ok(faces)
 }
 
-/// The first map that is not poor of the best `tries` entries of a segment's ranking, or else the first of all, each made if it
+/// The first map that is not poor of those entries of a segment's ranking that are the most [`promising`], or else the first of all, each made if it
 /// is not there yet; `None` where there is no entry.
 async fn best_map(
     work: &Arc<Work>,
@@ -300,8 +354,8 @@ async fn best_map(
     // Only a ranking that will not change any more tells the best.
     live.wait_for(|_| false).await;
     let entries: Vec<(ExampleId, u32)> = live.board().rankings.get(segment as usize).map_or(Vec::new(), |ranking| {
-        let differing = ranking.candidates.iter().filter(|candidate| candidate.similar_to.is_none());
-        differing.take(tries).map(Candidate::key).collect()
+        let entries = entries(&ranking.candidates, ranking.candidates.len());
+        promising(&entries, tries).into_iter().map(|entry| (entry.example, entry.example_segment)).collect()
     });
     let mut best = None;
     for (example, example_segment) in entries {
@@ -313,12 +367,13 @@ async fn best_map(
         let map = match there {
             Some(map) => map,
             None => {
-                mapping::create(
-                    work,
-                    live,
-                    NewMap { segment, example, example_segment, beyond: Beyond::Extend, landmarks: Vec::new() },
-                )
-                .await?
+                let new = NewMap { segment, example, example_segment, beyond: Beyond::Extend, landmarks: Vec::new() };
+                match mapping::create(work, live, new).await {
+                    Ok(map) => map,
+                    // Another would take as long; a regular layout is there at once.
+                    Err(error) if error.stop_reason() == Some(StopReason::Deadline) => break,
+                    Err(error) => return Err(error),
+                }
             }
         };
         if !map.newest().mapped.verdict.is_poor() {

@@ -139,18 +139,24 @@ pub fn mark(candidates: &mut [Candidate], level: u32, next: Option<usize>, top: 
 /// Another's likeness overturns that of the first if it is so many times as large: poses are rough.
 const OVERTURNS: f64 = 1.3;
 
-/// All candidates, those of `laid` first that lie on the query best, if one of them does so far better than the first; else
-/// `None`. Each takes the score of the place it comes to.
-pub fn by_likeness(mut laid: Vec<Candidate>, passed_over: Vec<Candidate>) -> Option<Vec<Candidate>> {
+/// All candidates: those of `laid` first that lie on the query best, if one of them does so far better than the first, each with
+/// the score of the place it comes to; else as they stood, in increasing score.
+pub fn by_likeness(mut laid: Vec<Candidate>, passed_over: Vec<Candidate>) -> Vec<Candidate> {
     let of = |c: &Candidate| c.likeness.unwrap_or(0.0);
     let best = laid.iter().map(of).fold(0.0, f64::max);
-    laid.first().filter(|first| best > OVERTURNS * of(first))?;
-    laid.sort_by(|a, b| of(b).total_cmp(&of(a)));
+    let overturned = laid.first().is_some_and(|first| best > OVERTURNS * of(first));
+    if overturned {
+        laid.sort_by(|a, b| of(b).total_cmp(&of(a)));
+    }
     laid.extend(passed_over);
-    let mut scores: Vec<f64> = laid.iter().map(|c| c.score).collect();
-    scores.sort_by(f64::total_cmp);
-    laid.iter_mut().zip(scores).for_each(|(c, score)| c.score = score);
-    Some(laid)
+    if overturned {
+        let mut scores: Vec<f64> = laid.iter().map(|c| c.score).collect();
+        scores.sort_by(f64::total_cmp);
+        laid.iter_mut().zip(scores).for_each(|(c, score)| c.score = score);
+    } else {
+        laid.sort_by(|a, b| a.score.total_cmp(&b.score));
+    }
+    laid
 }
 
 /// Puts a candidate that was resumed into its place among those of its level; where the shapes gave the order, it keeps the
@@ -337,9 +343,11 @@ mod tests {
             all.iter_mut().zip([1.0, 2.0, 3.0]).for_each(|(c, score)| c.score = score);
             all
         };
-        assert!(by_likeness(likened([0.2, 0.25, 0.24]), Vec::new()).is_none());
-        let other = Candidate { score: 1.5, ..candidate("d", 1.5) };
-        let mut all = by_likeness(likened([0.2, 0.25, 0.5]), vec![other]).expect("another order");
+        let other = || vec![Candidate { score: 1.5, ..candidate("d", 1.5) }];
+        let same = by_likeness(likened([0.2, 0.25, 0.24]), other());
+        assert_eq!(hashes(&same), "adbc");
+        assert_eq!(same.iter().map(|c| c.score).collect::<Vec<_>>(), [1.0, 1.5, 2.0, 3.0]);
+        let mut all = by_likeness(likened([0.2, 0.25, 0.5]), other());
         assert_eq!(hashes(&all), "cbad");
         assert_eq!(all.iter().map(|c| c.score).collect::<Vec<_>>(), [1.0, 1.5, 2.0, 3.0]);
         // One that is resumed keeps its place, however it scores.
@@ -347,7 +355,7 @@ mod tests {
         (resumed.score, resumed.state) = (0.1, EntryState::Done);
         resume(&mut all, resumed, 2);
         assert_eq!((hashes(&all).as_str(), all[1].score, all[1].state), ("cbad", 1.5, EntryState::Done));
-        assert!(by_likeness(Vec::new(), Vec::new()).is_none());
+        assert!(by_likeness(Vec::new(), Vec::new()).is_empty());
     }
 
     #[test]

@@ -138,6 +138,23 @@ async fn examples_on_which_a_composition_is_broken_give_way_unless_they_were_cho
 }
 
 #[tokio::test]
+async fn where_no_mesh_of_the_whole_is_sound_the_map_of_most_of_it_is_delivered_alone() {
+    let bench = Bench::stocked().await;
+    let path = bench.query("", "segment disc 2\nsegment disc 9\nrag").await;
+    bench.ended(&path).await;
+    let alone = bench.post_json(&format!("{path}/compositions"), json!({})).await.json();
+    assert_eq!((&alone["verdict"], &alone["templates"]), (&json!("fair"), &json!([])), "{alone}");
+    assert_eq!(alone["parts"].as_array().map(Vec::len), Some(1), "{alone}");
+    let why = "the smaller parts of the scan are left bare: a mesh of all of it was broken";
+    assert_eq!(alone["reasons"].as_array().and_then(|all| all.last()), Some(&json!(why)), "{alone}");
+    // Of three alike none is most of it.
+    let path = bench.query("", "segment disc 2\nsegment disc 9\nsegment disc 9\nrag").await;
+    bench.ended(&path).await;
+    let broken = bench.post_json(&format!("{path}/compositions"), json!({})).await.json();
+    assert_eq!(broken["verdict"], json!("broken"), "{broken}");
+}
+
+#[tokio::test]
 async fn ended_queries_make_room_for_a_map_the_longest_unused_first() {
     // The fake engine asks for 1,000 bytes and those of the file; an ended query keeps that.
     // One user alone may have three of four parts.

@@ -2,7 +2,7 @@
 //!
 //! An upload is text, one directive a line: `segment TOPOLOGY NUMBER` (a segment whose encoding is NUMBER),
 //! `slow MS` (every registration takes so long), `encode-slow MS`, `panic WHERE` with `WHERE` one of `read`, `encode`,
-//! `refine`, `tears` (a composition on it is broken where an example stands), and `refuse CODE`. Anything else is unreadable. The mesh is a unit square, one quad a segment.
+//! `refine`, `tears` (a composition on it is broken where an example stands), `rag` (one is broken but for a map as it is), and `refuse CODE`. Anything else is unreadable. The mesh is a unit square, one quad a segment.
 
 use super::*;
 use quadmuse_kernel::encode::Picture;
@@ -24,6 +24,7 @@ struct Script {
     encode_slow: Duration,
     panics: Vec<String>,
     tears: bool,
+    rag: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -99,6 +100,7 @@ impl Engine for FakeEngine {
                 ["slow", ms] => script.slow = Duration::from_secs_f64(number(ms)? / 1e3),
                 ["encode-slow", ms] => script.encode_slow = Duration::from_secs_f64(number(ms)? / 1e3),
                 ["tears"] => script.tears = true,
+                ["rag"] => script.rag = true,
                 ["panic", "read"] => panic!("told to panic"),
                 ["panic", place] => script.panics.push((*place).into()),
                 ["refuse", code] => {
@@ -267,7 +269,9 @@ impl Engine for FakeEngine {
     fn appraise(&self, query: &Model, made: &Stitched, _: Allowed) -> Result<Appraisal, EngineError> {
         let share = 1.0 / made.is_example.len().max(1) as f64;
         let examples = made.is_example.iter().map(|is| if *is { share } else { 0.0 }).collect();
-        let is_torn = query.inner.open::<Script>()?.tears && made.is_example.contains(&true);
+        let script = query.inner.open::<Script>()?;
+        let is_stitched = !made.notes.iter().any(|note| note == quadmuse_proto::composition::AS_MAPPED);
+        let is_torn = script.tears && made.is_example.contains(&true) || script.rag && is_stitched;
         let flaws = if is_torn { vec!["it is torn".into()] } else { Vec::new() };
         let flawed = if is_torn { (0..made.is_example.len() as u32).collect() } else { Vec::new() };
         Ok(Appraisal { examples, covered: 1.0, flaws, flawed })

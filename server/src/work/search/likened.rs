@@ -43,10 +43,7 @@ impl SegmentSearch<'_> {
         for (candidate, likeness) in laid.iter_mut().zip(found) {
             candidate.likeness = Some(likeness?);
         }
-        match by_likeness(laid, passed_over) {
-            Some(candidates) => self.published(candidates, start).await,
-            None => Ok(()),
-        }
+        self.published(by_likeness(laid, passed_over), start).await
     }
 
     /// How well an example, which is read again and let go of, lies on the query; 0 where it can't be read or compared.

@@ -4,10 +4,10 @@ use super::super::{EngineError, Fitted, Reach, Registration, Side};
 use super::continued::{extend, rest_of};
 use super::fitted::{COVERED, Held, of_example};
 use super::from_whole::OfWhole;
+use super::internal;
 use super::model::ModelInner;
 use super::registered::{self, Registered};
 use super::spanned::span;
-use super::internal;
 use crate::pool::Stop;
 use quadmuse_kernel::encode::index::Location;
 use quadmuse_kernel::fit::mend::{islands, mend};
@@ -19,10 +19,10 @@ use quadmuse_kernel::map::reembed::{Ground, turn_back};
 use quadmuse_kernel::map::untangle::inward;
 use quadmuse_kernel::measure::sound::Grounds;
 use quadmuse_kernel::mesh::bvh::Bvh;
-use quadmuse_kernel::mesh::{TriMesh, Vec3};
+use quadmuse_kernel::mesh::{NONE, TriMesh, Vec3};
 use quadmuse_kernel::register::{Entry, Flip};
 use quadmuse_kernel::settle::Evidence;
-use quadmuse_kernel::unfold::Uv;
+use quadmuse_kernel::unfold::{Chart, Uv};
 use quadmuse_proto::{Beyond, Covers, MapEvidence, Verdict};
 use std::sync::{Arc, OnceLock};
 
@@ -47,27 +47,26 @@ pub(super) fn rest(
     stop: &Stop,
 ) -> Result<Fitted, EngineError> {
     let Rested { places, lost, off, mirrored, evidence } = rested;
-    let mut locations: Vec<Location> = places.into_iter().map(Location::from).collect();
+    let (chart, sign) = (&two.query.chart, registered::sign(mirrored));
+    let (locations, positions) = places.into_iter().map(|p| (Location::from(p), p.point)).unzip();
+    let mut cross = CrossMap { locations, positions };
     let mut bare: Vec<bool> = lost.iter().zip(&off).map(|(lost, off)| *lost || *off).collect();
-    let chart = &two.query.chart;
-    let positions: Vec<Vec3> = locations.iter().map(|l| l.point(chart)).collect();
-    islands(&one.patch.mesh, &positions, &mut bare, &Grounds::new((*chart.mesh).clone()));
-    let is_less = evidence.lost > LOST_MIN;
-    let less = if is_less { without(one, &lost) } else { None };
+    islands(&one.patch.mesh, &cross.positions, &mut bare, &Grounds::new((*chart.mesh).clone()));
+    let lost = with_turned(&one.patch.mesh, &cross, chart, sign, lost);
     let (mut example, mut surface) = (example.clone(), one.clone());
     let mut kept_share = 1.0;
-    if let Some(less) = less {
+    if let Some(less) = without(one, &lost, LOST_MIN) {
         let left = &less.surface.patch.vertex_of;
-        locations = left.iter().map(|&v| locations[v as usize]).collect();
+        cross = CrossMap {
+            locations: left.iter().map(|&v| cross.locations[v as usize]).collect(),
+            positions: left.iter().map(|&v| cross.positions[v as usize]).collect(),
+        };
         bare = left.iter().map(|&v| bare[v as usize]).collect();
         kept_share = less.surface.patch.mesh.total_area() / one.patch.mesh.total_area();
         surface = less.surface.clone();
         example = of_example(&example, less)?;
     }
-    let positions: Vec<Vec3> = locations.iter().map(|l| l.point(chart)).collect();
-    let mut cross = CrossMap { locations, positions };
     let spanned = span(&mut cross, &surface.patch.mesh, &bare, chart);
-    let sign = registered::sign(mirrored);
     let ground = Ground { chart, index: two.query.index() };
     turn_back(&surface.patch.mesh, &mut cross, &ground, sign, &OnceLock::new());
     mend(&surface.patch.mesh, &mut cross, chart, sign);
@@ -180,6 +179,22 @@ fn kept(example: &Side) -> Result<Vec<u32>, EngineError> {
         mesh.faces.face(face).iter().for_each(|&v| used[v as usize] = true);
     }
     Ok((0..used.len() as u32).filter(|&v| used[v as usize]).collect())
+}
+
+/// The vertices that are `lost`, and those about which most faces look into the input: where they reach the example's rim, it goes
+/// on around the input's end and comes back behind it. A closed example has no rim but about what it lost.
+fn with_turned(mesh: &TriMesh, cross: &CrossMap, chart: &Chart, sign: f64, mut lost: Vec<bool>) -> Vec<bool> {
+    if !lost.contains(&true) && !mesh.twins.contains(&NONE) {
+        return lost;
+    }
+    let turned = inward(mesh, cross, chart, sign);
+    let mut counts = vec![[0u32; 2]; lost.len()];
+    for (corners, f) in mesh.triangles.iter().zip(&mesh.polygon_of) {
+        let is_turned = turned.binary_search(f).is_ok();
+        corners.iter().for_each(|&v| counts[v as usize][usize::from(is_turned)] += 1);
+    }
+    lost.iter_mut().zip(counts).for_each(|(lost, [out, into])| *lost |= into > out);
+    lost
 }
 
 /// The share of the area that some polygons, in order, take of a mesh whose vertices lie at `positions`.
