@@ -31,7 +31,7 @@ pub(crate) fn example(n: u8) -> Example {
         format: "obj".into(),
         bytes: 100,
         counts: MeshCounts { vertices: 9, faces: 4, triangles: 0, quads: 4 },
-        segments: vec![ExampleSegment { segment: 0, topology: Topology::Disc, k: 0.5, faces: 4, features: 3 }],
+        segments: vec![ExampleSegment { segment: 0, is_part: false, topology: Topology::Disc, k: 0.5, faces: 4, features: 3 }],
         repairs: Vec::new(),
         created: "2025-01-01T00:00:00Z".into(),
         template: None,
