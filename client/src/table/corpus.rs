@@ -123,14 +123,8 @@ pub(crate) mod tests {
     use quadmuse_proto::{ExampleId, MeshCounts};
 
     pub(crate) fn head() -> Example {
-        let segment = |segment, topology| ExampleSegment {
-            segment,
-            is_part: false,
-            topology,
-            k: 0.4,
-            faces: 200,
-            features: 9,
-        };
+        let segment =
+            |segment, topology| ExampleSegment { segment, is_part: false, topology, k: 0.4, faces: 200, features: 9 };
         Example {
             id: "01ARZ3NDEKTSV4RRFFQ69G5FAV".parse::<ExampleId>().expect("an id"),
             name: "head\x1b[2J".into(),

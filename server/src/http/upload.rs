@@ -107,13 +107,8 @@ impl Asked {
                 count,
             ));
         }
-        let cut = Cut {
-            way: self.way,
-            labels: parts.labels,
-            parts: count,
-            components: self.components,
-            ..Cut::default()
-        };
+        let cut =
+            Cut { way: self.way, labels: parts.labels, parts: count, components: self.components, ..Cut::default() };
         let besides = if self.count.is_none() && !cut.is_asked_for() { Besides::Sought } else { Besides::Nothing };
         let upload = Upload { bytes, format: self.format.or(parts.format), cut };
         Ok(MeshUpload { upload, besides, fingerprint: hasher.finalize() })

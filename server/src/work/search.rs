@@ -83,11 +83,11 @@ pub async fn start(
     Ok(live)
 }
 
-/// What a query is ranked against: one that falls into parts, against parts too.
+/// What a query is ranked against: one that falls into parts, against parts too. One that is whole has the wholes for it, and a
+/// part of an example has less to tell it by.
 fn stocks_for(model: &Model) -> &'static [Stock] {
-    let both = std::env::var("QM_TEMP_BOTH").is_ok();
     match model.segments.as_slice() {
-        [_] if !both => &[Stock::Wholes],
+        [_] => &[Stock::Wholes],
         _ => &[Stock::Wholes, Stock::Parts],
     }
 }

@@ -49,7 +49,8 @@ pub use error::StoreError;
 pub use index::{Filter, Page, Snapshot};
 pub use record::{
     ContentHash, ExampleRecord, FORMAT_BYTES_MAX, NAME_BYTES_MAX, NewSegmentation, Patch, RELEVANCE_MAX,
-    REPAIR_BYTES_MAX, REPAIRS_MAX, SEGMENTS_MAX, SegmentSummary, Segmentation, TAG_BYTES_MAX, TAGS_MAX, Topology, identity,
+    REPAIR_BYTES_MAX, REPAIRS_MAX, SEGMENTS_MAX, SegmentSummary, Segmentation, TAG_BYTES_MAX, TAGS_MAX, Topology,
+    identity,
 };
 pub use recover::OpenReport;
 pub use rows::SegmentRow;

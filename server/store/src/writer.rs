@@ -304,8 +304,13 @@ impl Writer {
         if let Some(existing) = existing {
             // The caller has just written the objects anew where they were damaged; parts that another release found are not
             // among them.
-            if let Some(labels) = existing.segmentation.labels().filter(|_| existing.segmentation != record.segmentation) {
-                self.shared.objects.get(labels)?.map_err(|reason| StoreError::Quarantined { id: existing.id, reason })?;
+            if let Some(labels) =
+                existing.segmentation.labels().filter(|_| existing.segmentation != record.segmentation)
+            {
+                self.shared
+                    .objects
+                    .get(labels)?
+                    .map_err(|reason| StoreError::Quarantined { id: existing.id, reason })?;
             }
             stage.changes.push(Change::Healed(existing.id));
             return Ok(Added::Exists(existing));

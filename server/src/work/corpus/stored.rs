@@ -200,7 +200,9 @@ impl Corpus for StoredCorpus {
         let own = segmentation_in(cut, labels.as_deref());
         // Whole and by its parts, or whole alone: it is one example, as it was added first.
         let ways = match own {
-            NewSegmentation::Auto | NewSegmentation::Parted(_) => vec![NewSegmentation::Parted(&[]), NewSegmentation::Auto],
+            NewSegmentation::Auto | NewSegmentation::Parted(_) => {
+                vec![NewSegmentation::Parted(&[]), NewSegmentation::Auto]
+            }
             _ => vec![own],
         };
         let found = ways.into_iter().find_map(|way| self.store.find(bytes, way, None));

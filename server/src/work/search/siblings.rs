@@ -10,11 +10,7 @@ use std::collections::{HashMap, HashSet};
 
 /// The places, ascending, of all whose segments could be among the best `kept` where an example counts once: `owner` tells the
 /// example of a place that has siblings.
-pub(super) fn could_be_kept(
-    bounds: &[Bounds],
-    kept: usize,
-    owner: impl Fn(usize) -> Option<ExampleId>,
-) -> Vec<usize> {
+pub(super) fn could_be_kept(bounds: &[Bounds], kept: usize, owner: impl Fn(usize) -> Option<ExampleId>) -> Vec<usize> {
     let mut least: HashMap<ExampleId, f32> = HashMap::new();
     let mut highs = Vec::new();
     for (place, bound) in bounds.iter().enumerate().filter(|(_, bound)| bound.high.is_finite()) {

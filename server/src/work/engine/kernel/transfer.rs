@@ -17,7 +17,7 @@ pub(super) fn alike(engine: &KernelEngine, query: &Model, example: &Model, stop:
     let (on, of): (&ModelInner, &ModelInner) = (query.inner.open()?, example.inner.open()?);
     if of.segmented.parts.len() < 2 {
         let detail = "expected `like` to name an example of several segments, found one that is whole; \
-                      leave `like` out, or add the example cut";
+                      leave `like` out, or add the example in parts alone";
         return Err(EngineError::refused(Refusal::Unlike, detail));
     }
     let (one, two) = (whole(example, of, "the example")?, whole(query, on, "the input")?);
