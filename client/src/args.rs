@@ -170,6 +170,9 @@ pub struct AddArgs {
     /// Tell what was repaired in each mesh
     #[arg(short, long)]
     pub verbose: bool,
+    /// Keep each whole alone, without its parts beside it
+    #[arg(long, conflicts_with_all = ["segments", "parts"])]
+    pub whole_only: bool,
     /// How to cut them into segments
     #[command(flatten)]
     pub segments: SegmentsArg,
@@ -182,7 +185,7 @@ pub struct SegmentsArg {
     #[arg(long = "segments", value_name = "auto|whole|groups|FILE")]
     pub segments: Option<SegmentsSpec>,
     /// Segments that the server aims at when it cuts: a number from 1 to 64, or `auto`, one a protrusion [default: as
-    /// few as can be]
+    /// few as can be; an example that can stay whole is kept whole and by its parts]
     #[arg(long, value_name = "N|auto")]
     pub parts: Option<Parts>,
     /// What becomes of small components beside the largest: `largest` leaves them out, `refuse` refuses the mesh

@@ -4,7 +4,7 @@ mod corpus;
 mod outcome;
 mod ranking;
 
-pub use corpus::{example, examples, sought};
+pub use corpus::{example, examples, parts, sought};
 pub use outcome::{composition, expected_quads, map, verdicts};
 pub use ranking::{first_entries, ranking, revision, summary};
 

@@ -66,6 +66,9 @@ pub struct MeshCounts {
 pub struct ExampleSegment {
     /// Its number in the example.
     pub segment: u32,
+    /// Whether it is a part of segment 0, which is the example whole. Left out where it is not.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_part: bool,
     /// Its topology.
     pub topology: Topology,
     /// Its modulus (the paper's k, made independent of the mesh size).

@@ -121,7 +121,7 @@ pub struct QuerySegment {
     /// The level its ranking has reached, in pixels a side; absent before the first ranking.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub level: Option<u32>,
-    /// Corpus segments of its topology that it is ranked against.
+    /// Corpus segments that it is ranked against; an example that is there whole and by its parts counts once.
     pub corpus_size: u64,
 }
 

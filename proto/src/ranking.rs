@@ -27,7 +27,7 @@ pub struct Ranking {
     pub state: QueryState,
     /// The best entries, best first.
     pub entries: Vec<Entry>,
-    /// Corpus segments ranked, of which `entries` are the best.
+    /// Corpus segments ranked, of which `entries` are the best; an example that is there whole and by its parts counts once.
     pub corpus_size: u64,
 }
 

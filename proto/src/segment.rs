@@ -86,9 +86,12 @@ impl Components {
 /// The most segments that `parts=` can ask for.
 pub const PARTS_MAX: u32 = 64;
 
-/// How many segments automatic segmentation aims at (`parts=`). Without it a mesh that is a primitive stays whole.
+/// How many segments automatic segmentation aims at (`parts=`). Without it an input that is a primitive stays whole, and an
+/// example that is one is kept whole and by its parts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Parts {
+    /// No parts of what can stay whole (`none`).
+    None,
     /// One for each protrusion, and what is left into as few as can be (`auto`).
     Auto,
     /// So many, if the topology allows.
@@ -99,19 +102,22 @@ impl FromStr for Parts {
     type Err = UnknownWord;
 
     fn from_str(text: &str) -> Result<Self, UnknownWord> {
-        if text == "auto" {
-            return Ok(Self::Auto);
+        match text {
+            "auto" => return Ok(Self::Auto),
+            "none" => return Ok(Self::None),
+            _ => {}
         }
         let count = text.parse().ok().filter(|n| (1..=PARTS_MAX).contains(n));
         count
             .map(Self::Count)
-            .ok_or_else(|| UnknownWord { expected: "auto, or a number from 1 to 64", found: text.into() })
+            .ok_or_else(|| UnknownWord { expected: "auto, none, or a number from 1 to 64", found: text.into() })
     }
 }
 
 impl fmt::Display for Parts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::None => f.pad("none"),
             Self::Auto => f.pad("auto"),
             Self::Count(n) => n.fmt(f),
         }
@@ -192,8 +198,8 @@ mod tests {
     }
 
     #[test]
-    fn a_number_of_parts_is_auto_or_within_its_limits() {
-        for parts in [Parts::Auto, Parts::Count(1), Parts::Count(PARTS_MAX)] {
+    fn a_number_of_parts_is_a_word_or_within_its_limits() {
+        for parts in [Parts::None, Parts::Auto, Parts::Count(1), Parts::Count(PARTS_MAX)] {
             assert_eq!(parts.to_string().parse::<Parts>(), Ok(parts));
         }
         for text in ["0", "65", "-1", "many", ""] {

@@ -8,7 +8,7 @@
 use futures_util::{StreamExt, stream};
 use quadmuse_proto::{ExampleId, QueryState};
 use quadmuse_server::pool::{Admission, Lane, Pool, Stop};
-use quadmuse_server::work::catalogue::Resident;
+use quadmuse_server::work::catalogue::{Resident, Stock};
 use quadmuse_server::work::corpus::stored::StoredCorpus;
 use quadmuse_server::work::engine::Cut;
 use quadmuse_server::work::engine::kernel::KernelEngine;
@@ -53,7 +53,7 @@ async fn one(work: &Arc<Work>, input: &str) {
     let leader = |c: &quadmuse_server::work::ranking::Candidate| c.similar_to.unwrap_or_else(|| c.key());
     let snapshot = work.catalogue.snapshot();
     let topology = live.model.segments[0].topology;
-    let chunks = snapshot.shelf(topology).expect("segments of this topology").chunks().iter();
+    let chunks = snapshot.shelf(topology, Stock::Wholes).expect("segments of this topology").chunks().iter();
     let residents: Vec<Arc<Resident>> = chunks.flat_map(|chunk| chunk.residents().iter().flatten().cloned()).collect();
     let scored = residents.iter().map(|resident| {
         let (this, query, resident) = (Arc::clone(work), Arc::clone(&live), Arc::clone(resident));

@@ -8,7 +8,7 @@ use quadmuse_kernel::rank::coarse::{Bounds, CoarseQuery, Facts, could_be_kept};
 use quadmuse_kernel::register::spectra::{Block, LANES, Row, SIDE, VALUES};
 use quadmuse_proto::Topology;
 use quadmuse_server::pool::Stop;
-use quadmuse_server::work::catalogue::Catalogue;
+use quadmuse_server::work::catalogue::{Catalogue, Stock};
 use quadmuse_server::work::corpus::stored::StoredCorpus;
 use quadmuse_server::work::engine::kernel::KernelEngine;
 use quadmuse_server::work::engine::{Cut, Engine};
@@ -65,7 +65,7 @@ fn main() {
         begun.elapsed().as_secs_f64() - opened
     );
     let snapshot = catalogue.snapshot();
-    let shelf = snapshot.shelf(Topology::Disc).expect("discs");
+    let shelf = snapshot.shelf(Topology::Disc, Stock::Wholes).expect("discs");
     let chunks = shelf.chunks().iter();
     let known: Vec<(Row, Facts)> = chunks
         .flat_map(|chunk| (0..LANES).filter_map(|lane| chunk.row(lane)))

@@ -90,7 +90,9 @@ function add() {
   choice.parameters.set("name", choice.file.name.replace(/\.[^.]*$/, ""));
   upload("/v1/examples", choice, async (response) => {
     const example = await response.json();
-    const segments = example.segments.length === 1 ? `a ${example.segments[0].topology}` : `${example.segments.length} segments`;
+    const parts = example.segments.filter((s) => s.is_part).length;
+    const whole = parts || example.segments.length === 1 ? `a ${example.segments[0].topology}` : `${example.segments.length} segments`;
+    const segments = parts ? `${whole} and ${parts} parts of it` : whole;
     tell(`${example.name}: ${response.status === 201 ? "added" : "was there already"} (${segments}, ${example.counts.faces} faces).`, "good");
     showCorpus();
     showHealth();

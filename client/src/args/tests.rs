@@ -19,6 +19,7 @@ fn every_verb_of_the_interface_is_there() {
     for line in [
         "quadmuse add a.obj b.ply --tag head --tag hero --relevance 4 --segments whole",
         "quadmuse add a.obj --parts 8",
+        "quadmuse add a.obj --whole-only --components refuse",
         "quadmuse retopo a.obj -o b.obj --parts auto",
         "quadmuse query a.obj --components refuse",
         "quadmuse retopo a.obj -o b.obj --like ID",
@@ -75,6 +76,9 @@ fn wrong_usage_is_refused_with_exit_code_2() {
         "quadmuse constrain ID ID --remove f1 --on-fold bend -o out.obj",
         "quadmuse query a.obj --components all",
         "quadmuse query a.obj --like ID --parts auto",
+        "quadmuse add a.obj --whole-only --parts 3",
+        "quadmuse add a.obj --whole-only --segments groups",
+        "quadmuse query a.obj --whole-only",
         "quadmuse map ID -o out.obj --require poor",
         "quadmuse compose ID --use ID -o out.obj",
         "quadmuse tag ID hero",

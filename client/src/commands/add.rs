@@ -2,12 +2,13 @@
 
 use crate::{
     api::{Added, Api, ExampleUpload, Gain},
-    args::AddArgs,
+    args::{AddArgs, SegmentsArg},
     error::ClientError,
+    table,
     ui::Ui,
 };
 use futures_util::StreamExt;
-use quadmuse_proto::{Example, Problem};
+use quadmuse_proto::{Example, Parts, Problem};
 use serde::Serialize;
 use std::path::Path;
 
@@ -51,7 +52,10 @@ pub(super) async fn add(args: &AddArgs, api: &Api, ui: &mut Ui) -> Result<(), Cl
         name: args.name.clone(),
         tags: args.tags.clone(),
         relevance: args.relevance,
-        segments: args.segments.clone(),
+        segments: match args.whole_only {
+            true => SegmentsArg { parts: Some(Parts::None), ..args.segments.clone() },
+            false => args.segments.clone(),
+        },
     };
     let detail = if args.verbose { Detail::Repairs } else { Detail::Line };
     let bar = ui.bar(args.files.len() as u64, "adding");
@@ -95,9 +99,10 @@ fn tell_added(file: &Path, added: &Added, detail: Detail, ui: &mut Ui) -> Result
         Gain::New => "added",
         Gain::AlreadyThere => "already there",
     };
-    let segments = match segments.as_slice() {
-        [one] => one.topology.to_string(),
-        several => format!("{} segments", several.len()),
+    let segments = match (segments.as_slice(), table::parts(segments)) {
+        ([whole, ..], parts) if parts > 0 => format!("{} and {parts} parts of it", whole.topology),
+        ([one], _) => one.topology.to_string(),
+        (several, _) => format!("{} segments", several.len()),
     };
     let repaired = match repairs.len() {
         0 => String::new(),

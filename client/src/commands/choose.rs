@@ -98,12 +98,15 @@ fn best(ranking: &Ranking, segment: u32, told: Option<ExampleRef>) -> Option<Cho
     Some(Choice::new(new, &entry.name))
 }
 
-/// The first segment of the example that has the topology, or that can be laid on a part of the input.
+/// The first segment of the example that has the topology, or that can be laid on a part of the input; a part of what is there
+/// whole, too, only at last.
 fn fitting(example: &Example, segment: u32, topology: Topology) -> Result<Choice, ClientError> {
     // Of a disc and a closed surface one may lie on a part of the other.
     let has_caps = |topology| matches!(topology, Topology::Disc | Topology::Sphere);
-    let same = example.segments.iter().find(|candidate| candidate.topology == topology);
-    let found = same.or_else(|| example.segments.iter().find(|c| has_caps(c.topology) && has_caps(topology)));
+    let (parts, wholes): (Vec<_>, Vec<_>) = example.segments.iter().partition(|segment| segment.is_part);
+    let same = wholes.iter().find(|candidate| candidate.topology == topology);
+    let found = same.or_else(|| wholes.iter().find(|c| has_caps(c.topology) && has_caps(topology)));
+    let found = found.or_else(|| parts.iter().find(|candidate| candidate.topology == topology));
     let Some(found) = found else {
         let article = if topology == Topology::Annulus { "an" } else { "a" };
         let (example, topology) = (example.id.to_string(), topology.to_string());
@@ -137,6 +140,11 @@ mod tests {
         assert_eq!((annulus.new.segment, annulus.new.example_segment), (4, 1));
         let cap = fitting(&head(), 4, Topology::Sphere).expect("a disc may lie on a part of it");
         assert_eq!((cap.new.segment, cap.new.example_segment), (4, 0));
+        let mut animal = head();
+        animal.segments[0].topology = Topology::Sphere;
+        animal.segments[1..].iter_mut().for_each(|segment| segment.is_part = true);
+        let chosen = |topology| fitting(&animal, 0, topology).expect("it can be laid").new.example_segment;
+        assert_eq!([Topology::Sphere, Topology::Disc, Topology::Annulus].map(chosen), [0, 0, 1]);
         let error = fitting(&head(), 4, Topology::Torus).expect_err("it has none");
         assert!(error.to_string().contains("a torus"), "{error}");
     }

@@ -2,7 +2,7 @@
 
 use super::{Column, line, new_table, size, word};
 use crate::ui::Room;
-use quadmuse_proto::{Example, Topology};
+use quadmuse_proto::{Example, ExampleSegment, Topology};
 use std::{collections::BTreeMap, fmt::Write};
 
 /// A table of examples, and how many there are. `sought` says which were asked for, and is empty where all were.
@@ -52,8 +52,16 @@ pub fn sought(tags: &[String], topology: Option<Topology>) -> String {
     tags.into_iter().chain(topology).collect::<Vec<_>>().join(", and ")
 }
 
-/// The topologies of an example's segments: `disc`, or `2 disc, 1 annulus`.
+/// How many of an example's segments are parts of one that is there whole.
+pub fn parts(segments: &[ExampleSegment]) -> usize {
+    segments.iter().filter(|segment| segment.is_part).count()
+}
+
+/// The topologies of an example's segments: `disc`, `2 disc, 1 annulus`, or `sphere and 6 parts` of one that is there whole, too.
 fn topologies(example: &Example) -> String {
+    if let (Some(whole), parts @ 1..) = (example.segments.first(), parts(&example.segments)) {
+        return format!("{} and {parts} parts", whole.topology);
+    }
     let mut counts = BTreeMap::new();
     for segment in &example.segments {
         *counts.entry(segment.topology).or_insert(0_u32) += 1;
@@ -100,7 +108,7 @@ pub fn example(example: &Example, room: Room) -> String {
     for segment in &example.segments {
         table.add_row(line([
             segment.segment.to_string(),
-            segment.topology.to_string(),
+            if segment.is_part { format!("{}, part of 0", segment.topology) } else { segment.topology.to_string() },
             format!("{:.3}", segment.k),
             segment.faces.to_string(),
             segment.features.to_string(),
@@ -112,10 +120,11 @@ pub fn example(example: &Example, room: Room) -> String {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use quadmuse_proto::{ExampleId, ExampleSegment, MeshCounts};
+    use quadmuse_proto::{ExampleId, MeshCounts};
 
     pub(crate) fn head() -> Example {
-        let segment = |segment, topology| ExampleSegment { segment, topology, k: 0.4, faces: 200, features: 9 };
+        let segment =
+            |segment, topology| ExampleSegment { segment, is_part: false, topology, k: 0.4, faces: 200, features: 9 };
         Example {
             id: "01ARZ3NDEKTSV4RRFFQ69G5FAV".parse::<ExampleId>().expect("an id"),
             name: "head\x1b[2J".into(),
@@ -162,6 +171,17 @@ pub(crate) mod tests {
             "no example with the tags x and y, and a segment that is an annulus; `quadmuse list` shows all"
         );
         assert_eq!((sought(&tags[..1], None).as_str(), sought(&[], None).as_str()), ("the tag x", ""));
+    }
+
+    #[test]
+    fn an_example_that_is_whole_and_in_parts_says_which_is_which() {
+        let mut both = head();
+        both.segments[0].topology = Topology::Sphere;
+        both.segments[1..].iter_mut().for_each(|segment| segment.is_part = true);
+        let listed = examples(std::slice::from_ref(&both), "", Room::default());
+        assert!(listed.contains("sphere and 2 parts"), "{listed}");
+        let shown = example(&both, Room::default());
+        assert!(shown.contains("annulus, part of 0") && !shown.contains("sphere, part"), "{shown}");
     }
 
     #[test]

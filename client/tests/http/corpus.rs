@@ -5,7 +5,7 @@ use crate::{
     messages::{example, example_id},
     run, run_answering,
 };
-use quadmuse_proto::{Code, Example, Page};
+use quadmuse_proto::{Code, Example, ExampleSegment, Page};
 use std::{
     path::PathBuf,
     sync::atomic::{AtomicU32, Ordering},
@@ -67,6 +67,27 @@ async fn programs_get_a_line_a_file_in_the_order_of_the_files() {
     assert_eq!(lines[0]["id"], example_id(1).to_string());
     assert_eq!((lines[1]["code"].as_str(), lines[1]["status"].as_u64()), (Some("mesh_empty"), Some(422)));
     assert!(lines[1]["file"].as_str().expect("a name").ends_with("b.obj"));
+}
+
+#[tokio::test]
+async fn an_example_is_kept_whole_alone_where_that_is_asked_and_its_parts_are_told() {
+    let server = Fake::start(|asked| {
+        let mut added = example(1);
+        if !asked.line.contains("parts=none") {
+            let part = |segment| ExampleSegment { segment, is_part: true, ..added.segments[0].clone() };
+            let parts = [part(1), part(2)];
+            added.segments.extend(parts);
+        }
+        Reply::json(201, &added)
+    });
+    let (folder, _) = files(&["a.obj"]);
+    let at = folder.path().display();
+    let both = run(&server.url, &format!("add {at}/a.obj")).await;
+    assert!(both.out.contains("(disc and 2 parts of it, "), "{}", both.out);
+    let whole = run(&server.url, &format!("add {at}/a.obj --whole-only")).await;
+    assert!(whole.out.contains("(disc, "), "{}", whole.out);
+    let lines: Vec<String> = server.asked().into_iter().map(|asked| asked.line).collect();
+    assert_eq!(lines, ["POST /v1/examples?name=a", "POST /v1/examples?name=a&parts=none"]);
 }
 
 #[tokio::test]

@@ -4,7 +4,7 @@ use super::Sample;
 use crate::config::Config;
 use crate::service::{self, Running, StartError};
 use crate::work::engine::kernel::KernelEngine;
-use crate::work::engine::{Cut, EngineError, Registration};
+use crate::work::engine::{Besides, Cut, EngineError, Registration};
 use crate::work::ingest::{self, Annotation, Upload};
 use crate::work::picture::{Palette, Picture, Poles, View, Wires, render, side_by_side_captioned};
 use crate::work::query::{Board, LiveQuery, QueryOptions};
@@ -82,7 +82,9 @@ async fn add_all(work: &Arc<Work>, samples: &[Sample]) -> Result<(), TourError> 
     for sample in samples {
         let annotation =
             Annotation { name: sample.name.clone(), tags: sample.tags.clone(), relevance: f64::from(sample.relevance) };
-        ingest::add(work, Caller::default(), upload(&sample.mesh)?, annotation).await?;
+        let cut = Cut { besides: Besides::Sought, ..Cut::default() };
+        let upload = Upload { cut, ..upload(&sample.mesh)? };
+        ingest::add(work, Caller::default(), upload, annotation).await?;
     }
     let quads: usize = samples.iter().map(|s| s.mesh.faces.len()).sum();
     let seconds = start.elapsed().as_secs_f64();

@@ -10,6 +10,8 @@ use super::params::{Params, PathIds};
 use super::upload::MeshUpload;
 use crate::app::App;
 use crate::work::corpus::Put;
+use crate::work::engine::Cut;
+use crate::work::ingest::Upload;
 use crate::work::{ingest, pictures};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
@@ -26,7 +28,7 @@ use std::sync::Arc;
         ("relevance" = Option<f64>, Query, minimum = 0, maximum = 5, description = "How good it is; default 3"),
         ("segments" = Option<quadmuse_proto::Segmentation>, Query, description = "How to cut the mesh"),
         ("components" = Option<quadmuse_proto::Components>, Query, description = "What becomes of small components beside the largest"),
-        ("parts" = Option<String>, Query, description = "Segments that automatic segmentation aims at: a number from 1 to 64, or `auto`, one a protrusion; without it a primitive stays whole"),
+        ("parts" = Option<String>, Query, description = "Segments that automatic segmentation aims at: a number from 1 to 64, or `auto`, one a protrusion; without it a mesh that is one primitive is kept whole, as segment 0, and by its parts, as segments 1 and up; `none` keeps it whole alone"),
         ("format" = Option<quadmuse_proto::MeshFormat>, Query, description = "The body's format; else by Content-Type, else recognised"),
         ("Idempotency-Key" = Option<String>, Header, description = "Sent again with the same key, nothing new is made"),
     ),
@@ -53,7 +55,8 @@ pub async fn add(
         tags: params.all("tag"),
         relevance: params.get("relevance", "from 0 to 5")?.unwrap_or(ingest::RELEVANCE_DEFAULT),
     };
-    let (example, put) = ingest::add(&app.work, caller, mesh.upload, annotation).await?;
+    let upload = Upload { cut: Cut { besides: mesh.besides, ..mesh.upload.cut }, ..mesh.upload };
+    let (example, put) = ingest::add(&app.work, caller, upload, annotation).await?;
     claim.made(&example.id);
     let status = match put {
         Put::Added => StatusCode::CREATED,
@@ -71,7 +74,7 @@ fn answer(wants: &Wants, status: StatusCode, example: &Example) -> Result<Respon
     get, path = "/v1/examples", tag = "examples",
     params(
         ("tag" = Option<Vec<String>>, Query, description = "Only examples with this tag; may repeat"),
-        ("topology" = Option<Topology>, Query, description = "Only examples with such a segment"),
+        ("topology" = Option<Topology>, Query, description = "Only examples with such a segment; parts of one that is there whole don't count"),
         ("limit" = Option<u32>, Query, minimum = 1, maximum = 500, description = "Examples a page; default 50"),
         ("cursor" = Option<String>, Query, description = "`next` of the page before"),
     ),
@@ -84,7 +87,7 @@ pub async fn list(State(app): State<App>, wants: Wants, params: Params) -> Resul
     let snapshot = app.work.catalogue.snapshot();
     let fits = |example: &&Arc<Example>| {
         tags.iter().all(|tag| example.tags.contains(tag))
-            && topology.is_none_or(|t| example.segments.iter().any(|s| s.topology == t))
+            && topology.is_none_or(|t| example.segments.iter().any(|s| s.topology == t && !s.is_part))
     };
     let mut items: Vec<Example> =
         snapshot.examples_after(after).filter(fits).take(limit + 1).map(|example| (**example).clone()).collect();

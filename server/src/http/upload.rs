@@ -6,7 +6,7 @@ use super::error::HttpError;
 use super::params::Params;
 use crate::app::App;
 use crate::pool::{Stop, User};
-use crate::work::engine::{Cut, EngineError, Refusal};
+use crate::work::engine::{Besides, Cut, EngineError, Refusal};
 use crate::work::ingest::{Upload, check_labels};
 use axum::body::Body;
 use axum::extract::{FromRequest, FromRequestParts, Multipart, Request};
@@ -25,6 +25,8 @@ const ANY_BYTES: [&str; 4] =
 pub struct MeshUpload {
     /// The mesh.
     pub upload: Upload,
+    /// Which parts become segments beside the whole if it is added as an example.
+    pub besides: Besides,
     /// Hash of the bytes and of the parameters.
     pub fingerprint: blake3::Hash,
 }
@@ -49,7 +51,7 @@ impl FromRequest<App> for MeshUpload {
         };
         let way = params.get::<Segmentation>("segments", "auto, whole or groups")?.unwrap_or_default();
         let components = params.get::<Components>("components", "largest or refuse")?.unwrap_or_default();
-        let count = params.get::<segment::Parts>("parts", "auto, or a number from 1 to 64")?;
+        let count = params.get::<segment::Parts>("parts", "auto, none, or a number from 1 to 64")?;
         let Who(caller) = head.extensions.get::<Who>().copied().unwrap_or_default();
         let media_type = head.headers.get(header::CONTENT_TYPE).map(|value| value.to_str().unwrap_or("not a text"));
         let is_form = media_type.is_some_and(|kind| essence(kind).eq_ignore_ascii_case("multipart/form-data"));
@@ -95,7 +97,8 @@ impl Asked {
         for label in parts.labels.iter().flatten() {
             hasher.update(&label.to_le_bytes());
         }
-        if let Some(count) = self.count
+        let count = self.count.filter(|count| *count != segment::Parts::None);
+        if let Some(count) = count
             && (self.way != Segmentation::Auto || parts.labels.is_some())
         {
             return Err(HttpError::parameter(
@@ -104,15 +107,11 @@ impl Asked {
                 count,
             ));
         }
-        let cut = Cut {
-            way: self.way,
-            labels: parts.labels,
-            parts: self.count,
-            components: self.components,
-            ..Cut::default()
-        };
+        let cut =
+            Cut { way: self.way, labels: parts.labels, parts: count, components: self.components, ..Cut::default() };
+        let besides = if self.count.is_none() && !cut.is_asked_for() { Besides::Sought } else { Besides::Nothing };
         let upload = Upload { bytes, format: self.format.or(parts.format), cut };
-        Ok(MeshUpload { upload, fingerprint: hasher.finalize() })
+        Ok(MeshUpload { upload, besides, fingerprint: hasher.finalize() })
     }
 }
 

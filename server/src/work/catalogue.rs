@@ -27,7 +27,7 @@ pub struct Resident {
     pub segment: u32,
     /// What is known of it.
     pub facts: SegmentFacts,
-    /// Where it stands on the shelf of its topology.
+    /// Where it stands on its shelf.
     pub place: Place,
 }
 
@@ -37,9 +37,34 @@ impl Resident {
         (&self.example.hash, self.segment, self.example.id)
     }
 
+    /// Whether it is a part of its example, which is there whole, too.
+    pub fn is_part(&self) -> bool {
+        self.example.segments.get(self.segment as usize).is_some_and(|segment| segment.is_part)
+    }
+
+    /// Whether its example is there whole and by its parts.
+    pub fn has_siblings(&self) -> bool {
+        self.example.segments.iter().any(|segment| segment.is_part)
+    }
+
     /// Whether its example has all the tags.
     pub fn has_tags(&self, tags: &[String]) -> bool {
         tags.iter().all(|tag| self.example.tags.contains(tag))
+    }
+}
+
+/// Which segments stand on a shelf. Parts stand apart, so that who compares wholes alone doesn't pass them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stock {
+    /// Examples, or the segments they were cut into.
+    Wholes,
+    /// Parts of examples that are there whole, too.
+    Parts,
+}
+
+impl Stock {
+    fn of(resident: &Resident) -> Self {
+        if resident.is_part() { Self::Parts } else { Self::Wholes }
     }
 }
 
@@ -48,13 +73,13 @@ impl Resident {
 pub struct Snapshot {
     examples: BTreeMap<ExampleId, Arc<Example>>,
     segments: BTreeMap<(ExampleId, u32), Arc<Resident>>,
-    shelves: BTreeMap<Topology, Shelf>,
+    shelves: BTreeMap<(Topology, Stock), Shelf>,
 }
 
 impl Snapshot {
     /// The segments of a topology.
-    pub fn shelf(&self, topology: Topology) -> Option<&Shelf> {
-        self.shelves.get(&topology)
+    pub fn shelf(&self, topology: Topology, stock: Stock) -> Option<&Shelf> {
+        self.shelves.get(&(topology, stock))
     }
 
     /// A segment.
@@ -92,7 +117,9 @@ impl Snapshot {
         self.examples.insert(example.id, Arc::clone(example));
         for KeptRow { segment, facts, row } in rows {
             self.take_out((example.id, segment));
-            let shelf = self.shelves.entry(facts.topology).or_default();
+            let is_part = example.segments.get(segment as usize).is_some_and(|segment| segment.is_part);
+            let stock = if is_part { Stock::Parts } else { Stock::Wholes };
+            let shelf = self.shelves.entry((facts.topology, stock)).or_default();
             let made = |place| Resident { example: Arc::clone(example), segment, facts, place };
             let resident = shelf.put(&row, facts.shape(), made);
             self.segments.insert((example.id, segment), resident);
@@ -105,7 +132,7 @@ impl Snapshot {
         for (&(_, segment), resident) in self.segments.range_mut((example.id, 0)..=(example.id, u32::MAX)) {
             let Resident { facts, place, .. } = **resident;
             *resident = Arc::new(Resident { example: Arc::clone(example), segment, facts, place });
-            if let Some(shelf) = self.shelves.get_mut(&facts.topology) {
+            if let Some(shelf) = self.shelves.get_mut(&(facts.topology, Stock::of(resident))) {
                 shelf.replace(resident);
             }
         }
@@ -113,7 +140,7 @@ impl Snapshot {
 
     fn take_out(&mut self, key: (ExampleId, u32)) {
         if let Some(gone) = self.segments.remove(&key)
-            && let Some(shelf) = self.shelves.get_mut(&gone.facts.topology)
+            && let Some(shelf) = self.shelves.get_mut(&(gone.facts.topology, Stock::of(&gone)))
         {
             shelf.remove(gone.place);
         }

@@ -8,16 +8,18 @@ use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_kernel::rank::Shape;
 use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::spectra::Row;
-use quadmuse_proto::{Beyond, Components, ConstraintEdit, Flip, Landmark, MeshFormat, Parts, Segmentation, Topology};
+use quadmuse_proto::{Beyond, ConstraintEdit, Flip, Landmark, MeshFormat, Topology};
 use std::any::Any;
 use std::fmt;
 use std::sync::Arc;
 
+mod cut;
 #[cfg(test)]
 pub(crate) mod fake;
 pub mod kernel;
 mod mapped;
 
+pub use cut::{Besides, Cut, Grain};
 pub use mapped::{Fitted, Mapped, Reach};
 
 /// Why the engine refused or gave up.
@@ -104,38 +106,6 @@ impl fmt::Debug for Opaque {
     }
 }
 
-/// How a mesh is to be cut.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Cut {
-    /// The way asked for, unless there are labels.
-    pub way: Segmentation,
-    /// The caller's labels, one a face.
-    pub labels: Option<Vec<i64>>,
-    /// Whether crumbs beside the largest component may be left out.
-    pub components: Components,
-    /// How many segments automatic segmentation aims at; `None` leaves a primitive whole.
-    pub parts: Option<Parts>,
-    /// Where automatic cuts may run.
-    pub grain: Grain,
-}
-
-impl Cut {
-    /// Whether the caller said anything of the segments.
-    pub fn is_asked_for(&self) -> bool {
-        self.way != Segmentation::default() || self.labels.is_some() || self.parts.is_some()
-    }
-}
-
-/// Where automatic cuts may run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Grain {
-    /// Anywhere: an input, whose faces are not wanted back.
-    #[default]
-    Free,
-    /// Between faces: an example, each of whose faces belongs to one segment.
-    Faces,
-}
-
 /// A mesh that was read, checked and cut.
 #[derive(Clone, Debug)]
 pub struct Model {
@@ -145,11 +115,13 @@ pub struct Model {
     pub format: MeshFormat,
     /// What was repaired, a sentence each.
     pub repairs: Vec<String>,
-    /// Its segments, numbered from 0.
+    /// Its segments, numbered from 0: where it has parts besides its whole, the whole first.
     pub segments: Vec<ModelSegment>,
     /// The segment of each face, where [`Cut::parts`] and [`Grain::Faces`] asked for an automatic cut, or it was cut as an
     /// example is.
     pub labels: Option<Vec<i64>>,
+    /// The part of each face besides the whole, from 1, and 0 for none, where [`Cut::besides`] asked for parts and there are some.
+    pub besides: Option<Vec<i64>>,
     /// What the engine needs to go on.
     pub inner: Opaque,
 }

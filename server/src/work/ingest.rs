@@ -1,7 +1,7 @@
 //! Examples: adding, annotating, removing, reading.
 
 use super::corpus::{NewExample, Put};
-use super::engine::{Cut, Encoded, EngineError, Grain, Model, Packed};
+use super::engine::{Besides, Cut, Encoded, EngineError, Grain, Model, Packed};
 use super::{Caller, REQUEST_TIME_MAX, Work, WorkError, texts};
 use crate::pool::{Job, Lane, User};
 use bytes::Bytes;
@@ -86,12 +86,12 @@ pub async fn add(
     let model = read(work, &job, Lane::Coarse, &upload).await?;
     drop(job);
     let job = work.admit(caller.user, memory_of(work, upload.bytes.len() as u64, &model), REQUEST_TIME_MAX)?;
+    let (segments, mended, besides) = encode_all(work, &job, &model).await?;
     let cut = match &model.labels {
         Some(labels) if upload.cut.parts.is_some() => Cut { labels: Some(labels.clone()), ..Cut::default() },
-        _ => Cut { parts: None, grain: Grain::Free, ..upload.cut.clone() },
+        _ => Cut { parts: None, grain: Grain::Free, besides, ..upload.cut.clone() },
     };
-    let (segments, mended): (Vec<_>, Vec<_>) = encode_all(work, &job, &model).await?.into_iter().unzip();
-    let repairs = model.repairs.iter().cloned().chain(mended.into_iter().flatten()).collect();
+    let repairs = model.repairs.iter().cloned().chain(mended).collect();
     let new = NewExample {
         name: annotation.name,
         tags,
@@ -143,8 +143,13 @@ pub async fn encode(
     Ok(work.pool.run(job, lane, move |stop| engine.encode(&model, segment, stop)).await??)
 }
 
-/// Every segment, packed, with what unfolding had to mend.
-async fn encode_all(work: &Arc<Work>, job: &Job, model: &Arc<Model>) -> Result<Vec<(Packed, Vec<String>)>, WorkError> {
+/// Every segment, packed, with what unfolding had to mend, and the parts besides the whole that there are. A part that can't be
+/// unfolded is left out: the whole can.
+async fn encode_all(
+    work: &Arc<Work>,
+    job: &Job,
+    model: &Arc<Model>,
+) -> Result<(Vec<Packed>, Vec<String>, Besides), WorkError> {
     let one = async |segment: u32| -> Result<(Packed, Vec<String>), WorkError> {
         let (engine, model) = (Arc::clone(&work.engine), Arc::clone(model));
         let pack = move |stop: &_| {
@@ -153,7 +158,30 @@ async fn encode_all(work: &Arc<Work>, job: &Job, model: &Arc<Model>) -> Result<V
         };
         Ok(work.pool.run(job, Lane::Ingest, pack).await??)
     };
-    futures_util::future::try_join_all((0..model.segments.len() as u32).map(one)).await
+    let Some(labels) = &model.besides else {
+        let all = futures_util::future::try_join_all((0..model.segments.len() as u32).map(one)).await?;
+        let (segments, mended): (Vec<_>, Vec<_>) = all.into_iter().unzip();
+        return Ok((segments, mended.concat(), Besides::Nothing));
+    };
+    let (whole, mended) = one(0).await?;
+    let (mut segments, mut number_of) = (vec![whole], vec![0; model.segments.len()]);
+    let parts = (1..model.segments.len() as u32).map(one);
+    for (part, packed) in (1..).zip(futures_util::future::join_all(parts).await) {
+        match packed {
+            Ok((packed, _)) => {
+                number_of[part] = segments.len() as i64;
+                segments.push(packed);
+            }
+            Err(WorkError::Engine(EngineError::Refused { detail, .. })) => tracing::info!(part, detail, "left out"),
+            Err(error) => return Err(error),
+        }
+    }
+    if segments.len() == 1 {
+        return Ok((segments, mended, Besides::Nothing));
+    }
+    let number = |part: &i64| usize::try_from(*part).ok().and_then(|part| number_of.get(part)).copied().unwrap_or(0);
+    let besides = Besides::Known(labels.iter().map(number).collect());
+    Ok((segments, mended, besides))
 }
 
 /// Changes an example's name, tags or relevance.

@@ -11,8 +11,9 @@
 
 mod coarse;
 mod likened;
+mod siblings;
 
-use super::catalogue::{LEVEL_COARSEST, Resident};
+use super::catalogue::{LEVEL_COARSEST, Resident, Stock};
 use super::engine::{Cut, Encoding, Engine, Model, Registration};
 use super::ingest::{self, Upload, encode, normal_tags};
 use super::query::{LiveQuery, QueryOptions, ms_since};
@@ -63,7 +64,8 @@ pub async fn start(
         _ => reading.renew(Some(time)),
     };
     let snapshot = work.catalogue.snapshot();
-    let select = |topologies: &[Topology]| Selection::new(&snapshot, topologies, &options.tags);
+    let stocks = stocks_for(&model);
+    let select = |topologies: &[Topology]| Selection::new(&snapshot, topologies, stocks, &options.tags);
     let against = |topology| work.engine.ranked_against(topology);
     let corpus: Vec<Selection> = model.segments.iter().map(|s| select(&against(s.topology))).collect();
     // A segment for which there is no example takes a regular layout; a corpus without any is a mistake to be told.
@@ -79,6 +81,15 @@ pub async fn start(
     work.queries.insert(Arc::clone(&live))?;
     work.background.spawn(run(Arc::clone(work), Arc::clone(&live), corpus));
     Ok(live)
+}
+
+/// What a query is ranked against: one that falls into parts, against parts too. One that is whole has the wholes for it, and a
+/// part of an example has less to tell it by.
+fn stocks_for(model: &Model) -> &'static [Stock] {
+    match model.segments.as_slice() {
+        [_] => &[Stock::Wholes],
+        _ => &[Stock::Wholes, Stock::Parts],
+    }
 }
 
 /// Reads an upload and cuts it: as `like` is, if an example is named.

@@ -7,7 +7,7 @@
 //! ```text
 //! schema                     three lines: the schema of the store, read before anything else
 //! lock                       held by the process that has the store open
-//! objects/<blake3>           meshes and labels, as uploaded
+//! objects/<blake3>           meshes and labels, as uploaded; the parts that were found of an example
 //! ground/<id>.<revision>     records: what an index is built anew from
 //! quarantined/<id>           why an example is damaged
 //! objects.keep               there while objects may belong to records that are missing: none is collected
@@ -50,9 +50,10 @@ pub use index::{Filter, Page, Snapshot};
 pub use record::{
     ContentHash, ExampleRecord, FORMAT_BYTES_MAX, NAME_BYTES_MAX, NewSegmentation, Patch, RELEVANCE_MAX,
     REPAIR_BYTES_MAX, REPAIRS_MAX, SEGMENTS_MAX, SegmentSummary, Segmentation, TAG_BYTES_MAX, TAGS_MAX, Topology,
+    identity,
 };
 pub use recover::OpenReport;
 pub use rows::SegmentRow;
 pub use shared::{FreeSpace, OpenOptions};
 pub use stats::Stats;
-pub use store::{Added, LIST_MAX, NewExample, Store, identity};
+pub use store::{Added, LIST_MAX, NewExample, Store};

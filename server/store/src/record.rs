@@ -95,6 +95,14 @@ pub enum Segmentation {
         /// How many there are.
         faces: u32,
     },
+    /// Segment 0 is the whole mesh; the others are the parts of it that the service found when it was added
+    /// ([`crate::Store::labels`] reads the part of each face, from 1, and 0 for none).
+    Parted {
+        /// The object that holds the part of each face.
+        object: ContentHash,
+        /// How many faces there are.
+        faces: u32,
+    },
 }
 
 /// How the mesh is to be cut into segments, as handed in.
@@ -108,6 +116,39 @@ pub enum NewSegmentation<'a> {
     Groups,
     /// The user's labels, one a face.
     Labels(&'a [u32]),
+    /// Whole and by its parts: the part of each face, from 1, and 0 for none. Which parts were found makes no other example.
+    Parted(&'a [u32]),
+}
+
+/// The hash that makes an example the same as another: of the mesh and of the options that matter.
+pub fn identity(
+    mesh: ContentHash,
+    segmentation: NewSegmentation<'_>,
+    poles: impl IntoIterator<Item = Option<u32>>,
+) -> ContentHash {
+    let mut hasher = blake3::Hasher::new_derive_key("quadmuse example identity 1");
+    hasher.update(mesh.as_bytes());
+    match segmentation {
+        NewSegmentation::Auto => hasher.update(b"auto"),
+        NewSegmentation::Whole => hasher.update(b"whole"),
+        NewSegmentation::Groups => hasher.update(b"groups"),
+        NewSegmentation::Labels(labels) => {
+            hasher.update(b"labels").update(ContentHash::of(&label_bytes(labels)).as_bytes())
+        }
+        // Another release may find other parts: the mesh added again is the same example all the same.
+        NewSegmentation::Parted(_) => hasher.update(b"parted"),
+    };
+    for (segment, pole) in (0u32..).zip(poles) {
+        if let Some(pole) = pole {
+            hasher.update(&segment.to_le_bytes()).update(&pole.to_le_bytes());
+        }
+    }
+    ContentHash::from_bytes(*hasher.finalize().as_bytes())
+}
+
+/// Labels as their object holds them.
+pub(crate) fn label_bytes(labels: &[u32]) -> Vec<u8> {
+    labels.iter().flat_map(|label| label.to_le_bytes()).collect()
 }
 
 /// One segment in a few numbers.
@@ -162,14 +203,20 @@ pub struct ExampleRecord {
     pub repairs: Vec<String>,
 }
 
+impl Segmentation {
+    /// The object that holds a label for each face, if there is one.
+    pub(crate) fn labels(&self) -> Option<ContentHash> {
+        match *self {
+            Self::Labels { object, .. } | Self::Parted { object, .. } => Some(object),
+            Self::Auto | Self::Whole | Self::Groups => None,
+        }
+    }
+}
+
 impl ExampleRecord {
     /// The objects its ground state lies in.
     pub(crate) fn objects(&self) -> impl Iterator<Item = ContentHash> + '_ {
-        let labels = match self.segmentation {
-            Segmentation::Labels { object, .. } => Some(object),
-            Segmentation::Auto | Segmentation::Whole | Segmentation::Groups => None,
-        };
-        std::iter::once(self.content_hash).chain(labels)
+        std::iter::once(self.content_hash).chain(self.segmentation.labels())
     }
 }
 

@@ -17,7 +17,8 @@ use crate::files::{Ground, Objects, create_dir};
 use crate::index::{Filter, Page, Snapshot};
 use crate::keys::SegmentKey;
 use crate::record::{
-    ContentHash, ExampleRecord, NewSegmentation, Patch, SegmentSummary, Segmentation, invalid, normalise, validate,
+    ContentHash, ExampleRecord, NewSegmentation, Patch, SegmentSummary, Segmentation, identity, invalid, label_bytes,
+    normalise, validate,
 };
 use crate::recover::{self, OpenReport};
 use crate::shared::{OpenOptions, Shared};
@@ -78,34 +79,6 @@ impl Added {
         let (Added::Created(record) | Added::Exists(record)) = self;
         record
     }
-}
-
-/// The hash that makes an example the same as another: of the mesh and of the options that matter.
-pub fn identity(
-    mesh: ContentHash,
-    segmentation: NewSegmentation<'_>,
-    poles: impl IntoIterator<Item = Option<u32>>,
-) -> ContentHash {
-    let mut hasher = blake3::Hasher::new_derive_key("quadmuse example identity 1");
-    hasher.update(mesh.as_bytes());
-    match segmentation {
-        NewSegmentation::Auto => hasher.update(b"auto"),
-        NewSegmentation::Whole => hasher.update(b"whole"),
-        NewSegmentation::Groups => hasher.update(b"groups"),
-        NewSegmentation::Labels(labels) => {
-            hasher.update(b"labels").update(ContentHash::of(&label_bytes(labels)).as_bytes())
-        }
-    };
-    for (segment, pole) in (0u32..).zip(poles) {
-        if let Some(pole) = pole {
-            hasher.update(&segment.to_le_bytes()).update(&pole.to_le_bytes());
-        }
-    }
-    ContentHash::from_bytes(*hasher.finalize().as_bytes())
-}
-
-fn label_bytes(labels: &[u32]) -> Vec<u8> {
-    labels.iter().flat_map(|label| label.to_le_bytes()).collect()
 }
 
 /// The corpus on disk. Cheap to clone; the last clone to go closes it.
@@ -225,6 +198,13 @@ impl Store {
         index.by_identity(identity).filter(|record| index.quarantine_reason(record.id).is_none()).cloned()
     }
 
+    /// Whether the example that adding this mesh with these options would come to is there, but damaged: adding it heals it.
+    pub fn is_damaged(&self, mesh: &[u8], segmentation: NewSegmentation<'_>) -> bool {
+        let identity = identity(ContentHash::of(mesh), segmentation, None);
+        let index = self.shared().index();
+        index.by_identity(identity).is_some_and(|record| index.quarantine_reason(record.id).is_some())
+    }
+
     /// Adds an example with its encodings. On return it is durable, power cuts included. The same mesh with the same options is the
     /// same example; a quarantined one is healed by it.
     ///
@@ -263,8 +243,8 @@ impl Store {
         let held = shared.hold(record.objects().collect());
         let put = |hash, bytes| shared.objects.put(hash, bytes).map_err(|error| shared.told_full(error, needed));
         put(record.content_hash, mesh)?;
-        if let (Segmentation::Labels { object, .. }, Some(labels)) = (&record.segmentation, labels) {
-            put(*object, labels)?;
+        if let (Some(object), Some(labels)) = (record.segmentation.labels(), labels) {
+            put(object, labels)?;
         }
         match self.submit(Work::Add(NewRows { record: Arc::new(record), segments, held }))? {
             Done::Added(added) => Ok(added),
@@ -300,8 +280,8 @@ impl Store {
             needed += example.mesh.len() as u64 + labels.as_ref().map_or(0, |labels| labels.len() as u64);
             needed += segments.iter().map(|(_, packed)| 2 * packed.pointer.bytes()).sum::<u64>();
             objects.push((record.content_hash, Cow::Borrowed(example.mesh)));
-            if let (Segmentation::Labels { object, .. }, Some(labels)) = (&record.segmentation, labels) {
-                objects.push((*object, Cow::Owned(labels)));
+            if let (Some(object), Some(labels)) = (record.segmentation.labels(), labels) {
+                objects.push((object, Cow::Owned(labels)));
             }
             let held = shared.hold(record.objects().collect());
             rows.push(NewRows { record: Arc::new(record), segments, held });
@@ -388,13 +368,13 @@ impl Store {
         })
     }
 
-    /// The user's labels, one a face; `None` if the mesh was cut in another way.
+    /// The user's labels, or the part of each face, one a face; `None` if the mesh was cut in another way.
     ///
     /// # Errors
     /// As [`Store::mesh_bytes`].
     pub fn labels(&self, id: ExampleId) -> Result<Option<Vec<u32>>, StoreError> {
         let record = self.get(id)?;
-        let Segmentation::Labels { object, .. } = record.segmentation else { return Ok(None) };
+        let Some(object) = record.segmentation.labels() else { return Ok(None) };
         let bytes = self.object(id, object)?;
         Ok(Some(bytes.as_chunks::<4>().0.iter().map(|&bytes| u32::from_le_bytes(bytes)).collect()))
     }
@@ -563,6 +543,10 @@ fn new_record(new: &NewExample<'_>) -> Result<(ExampleRecord, Option<Vec<u8>>), 
         NewSegmentation::Labels(labels) => {
             let bytes = label_bytes(labels);
             (Segmentation::Labels { object: ContentHash::of(&bytes), faces: labels.len() as u32 }, Some(bytes))
+        }
+        NewSegmentation::Parted(parts) => {
+            let bytes = label_bytes(parts);
+            (Segmentation::Parted { object: ContentHash::of(&bytes), faces: parts.len() as u32 }, Some(bytes))
         }
     };
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();

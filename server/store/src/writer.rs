@@ -302,7 +302,16 @@ impl Writer {
         let existing = self.shared.index().by_identity(record.identity).cloned();
         let existing = existing.or_else(|| stage.ground_put.iter().find(|r| r.identity == record.identity).cloned());
         if let Some(existing) = existing {
-            // The caller has just written the objects anew where they were damaged.
+            // The caller has just written the objects anew where they were damaged; parts that another release found are not
+            // among them.
+            if let Some(labels) =
+                existing.segmentation.labels().filter(|_| existing.segmentation != record.segmentation)
+            {
+                self.shared
+                    .objects
+                    .get(labels)?
+                    .map_err(|reason| StoreError::Quarantined { id: existing.id, reason })?;
+            }
             stage.changes.push(Change::Healed(existing.id));
             return Ok(Added::Exists(existing));
         }

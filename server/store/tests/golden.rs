@@ -50,6 +50,16 @@ fn labels() -> Vec<u32> {
     (0..680).map(|face| face % 4).collect()
 }
 
+/// Whole and by two parts: from schema 3 on.
+fn third() -> Sample {
+    let segments = [6, 7, 8].map(|seed| segment_of(seed, &[32], 10)).to_vec();
+    Sample::with(6, segments)
+}
+
+fn parts() -> Vec<u32> {
+    (0..680).map(|face| face % 3).collect()
+}
+
 /// What a golden store holds.
 fn write(dir: &Path) {
     let (store, _) = Store::open(dir, &options()).unwrap();
@@ -63,20 +73,30 @@ fn write(dir: &Path) {
     example.segmentation = NewSegmentation::Labels(&labels);
     let id = store.add(&example).unwrap().record().id;
     store.put_derived(id, 0, 2, &segment_of(4, &[32], 10)).unwrap();
+    let (third, parts) = (third(), parts());
+    let mut example = third.example();
+    example.segmentation = NewSegmentation::Parted(&parts);
+    store.add(&example).unwrap();
     let gone = store.add(&Sample::new(5).example()).unwrap().record().id;
     store.remove(gone).unwrap();
 }
 
-/// Reads every value of a golden store.
-fn read(dir: &Path) {
+/// Reads every value of a golden store that was written as that schema.
+fn read(dir: &Path, schema: u32) {
     let (store, report) = Store::open(dir, &options()).unwrap();
     assert_eq!(
         (report.examples, report.records_restored, report.ground_restored, report.garbage_collected),
-        (2, 0, 0, 0)
+        (if schema < 3 { 2 } else { 3 }, 0, 0, 0)
     );
     assert!(report.index_rebuilt.is_none() && report.missing_derived.is_empty());
     assert_eq!(store.check(&mut |_| ()).unwrap().problems, []);
-    let [one, two] = &store.snapshot().examples[..] else { panic!("two examples") };
+    let snapshot = store.snapshot();
+    let [one, two, rest @ ..] = &snapshot.examples[..] else { panic!("two examples") };
+    if let [three] = rest {
+        assert!(matches!(three.segmentation, Segmentation::Parted { faces: 680, .. }));
+        assert_eq!((store.labels(three.id).unwrap(), three.segments.len()), (Some(parts()), 3));
+        assert_eq!(store.find(&third().mesh, NewSegmentation::Parted(&[]), []).unwrap().id, three.id);
+    }
     let sample = first();
     assert_eq!((one.name.as_str(), one.relevance, one.revision), ("Kopf, größer", 4.5, 2));
     assert_eq!(
@@ -124,9 +144,9 @@ fn a_store_of_any_schema_reads_as_it_was_written() {
         stored::unpack_bytes(&packed, dir.path());
         let size: usize = contents(dir.path()).iter().map(|(_, content)| content.len()).sum();
         println!("golden store of schema {schema}: {} bytes packed, {size} unpacked", packed.len());
-        read(dir.path());
+        read(dir.path(), schema);
         // Opened once, it has been written to: it still reads the same.
-        read(dir.path());
+        read(dir.path(), schema);
     }
 }
 
@@ -134,7 +154,7 @@ fn a_store_of_any_schema_reads_as_it_was_written() {
 fn what_is_written_today_reads_like_the_golden_store() {
     let dir = tempfile::tempdir().unwrap();
     write(dir.path());
-    read(dir.path());
+    read(dir.path(), quadmuse_migrations::CURRENT);
 }
 
 #[test]

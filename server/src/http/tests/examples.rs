@@ -23,6 +23,66 @@ async fn an_example_is_added_once_and_described() {
     assert_eq!(bench.get(&format!("/v1/examples/{id}")).await.json(), example);
 }
 
+/// The numbers of an example's segments that are parts.
+fn parts(example: &Value) -> Vec<u64> {
+    let segments = example["segments"].as_array().expect("segments").iter();
+    segments.filter(|s| s["is_part"] == true).map(|s| s["segment"].as_u64().expect("a number")).collect()
+}
+
+const ANIMAL: &str = "segment sphere 1\npart disc 2\npart disc nan\npart annulus 3";
+
+#[tokio::test]
+async fn an_example_is_kept_whole_and_by_its_parts_unless_told_otherwise() {
+    let bench = Bench::new();
+    let added = bench.post("/v1/examples?name=both", ANIMAL).await;
+    assert_eq!(added.status, StatusCode::CREATED);
+    let both = added.json();
+    // The part that can't be encoded is left out, and those after it move up.
+    assert_eq!(parts(&both), [1, 2]);
+    assert_eq!(both["segments"][0]["topology"], "sphere");
+    assert!(both["segments"][0].get("is_part").is_none());
+    assert_eq!(both["segments"][2]["topology"], "annulus");
+    for (n, how) in ["parts=none", "parts=4", "parts=auto", "segments=whole", "segments=groups"].iter().enumerate() {
+        let other = bench.post(&format!("/v1/examples?{how}"), &format!("{ANIMAL}\nslow {n}")).await;
+        assert_eq!((other.status, parts(&other.json())), (StatusCode::CREATED, vec![]), "{how}");
+    }
+    bench.post("/v1/examples?parts=some", ANIMAL).await.problem(400, "parameter_invalid");
+    // Its parts make it no sphere less, and no disc.
+    let listed = |page: Value| page["items"].as_array().expect("items").len();
+    assert_eq!(listed(bench.get("/v1/examples?topology=sphere").await.json()), 6);
+    assert_eq!(listed(bench.get("/v1/examples?topology=disc").await.json()), 0);
+}
+
+#[tokio::test]
+async fn the_same_mesh_whole_or_with_parts_is_one_example_as_it_was_added_first() {
+    let bench = Bench::new();
+    let whole = bench.post("/v1/examples?parts=none", ANIMAL).await.json();
+    let again = bench.post("/v1/examples", ANIMAL).await;
+    assert_eq!((again.status, again.json()), (StatusCode::OK, whole));
+    let other = &format!("{ANIMAL}\nslow 1");
+    let both = bench.post("/v1/examples", other).await.json();
+    let again = bench.post("/v1/examples?parts=none", other).await;
+    assert_eq!((again.status, again.json()), (StatusCode::OK, both));
+}
+
+#[tokio::test]
+async fn a_query_lists_an_example_once_by_its_best_segment() {
+    let bench = Bench::new();
+    bench.post("/v1/examples?name=animal", "segment disc 9\npart disc 2\npart disc 1").await;
+    bench.post("/v1/examples?name=arm", "segment disc 4").await;
+    let entries = async |mesh: &str| -> Vec<(String, u64)> {
+        let path = bench.query("top=1", mesh).await;
+        bench.ended(&path).await;
+        let ranking = bench.get(&format!("{path}/ranking?segment=0")).await.json();
+        let all = ranking["entries"].as_array().expect("entries").iter().filter(|e| e["template"].is_null());
+        all.map(|e| (e["name"].as_str().expect("a name").into(), e["example_segment"].as_u64().expect("a number")))
+            .collect()
+    };
+    // A scan that falls into parts is compared with parts, too, and one that is whole with what is whole.
+    assert_eq!(entries("segment disc 1\nsegment disc 7").await, [("animal".into(), 2), ("arm".into(), 0)]);
+    assert_eq!(entries("segment disc 1").await, [("arm".into(), 0), ("animal".into(), 0)]);
+}
+
 #[tokio::test]
 async fn the_list_is_filtered_and_paged() {
     let bench = Bench::new();

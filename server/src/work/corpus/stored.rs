@@ -4,19 +4,20 @@
 //! part of its segments' charts.
 
 mod row;
+mod shaped;
 
 use super::{Corpus, CorpusCheck, CorpusError, CorpusHealth, KeptRow, NewExample, Put};
-use crate::work::engine::{Cut, Packed, PackedFeature, SegmentFacts};
+use crate::work::engine::{Besides, Cut, Packed, SegmentFacts};
 use crate::work::ingest::counts_of;
 use crate::work::query::rfc3339;
 use bytes::Bytes;
 use quadmuse_kernel::mesh;
-use quadmuse_proto::{Example, ExampleId, ExamplePatch, ExampleSegment, MeshCounts, Segmentation, Topology};
+use quadmuse_proto::{Example, ExampleId, ExamplePatch, ExampleSegment, MeshCounts, Segmentation};
 use quadmuse_store::{
-    Added, ChartRecord, DerivedSegment, ExampleRecord, Feature, Level, NewSegmentation, OpenOptions, OpenReport, Patch,
-    Problem, SegmentSummary, Store, StoreError,
+    Added, ExampleRecord, NewSegmentation, OpenOptions, OpenReport, Patch, Problem, SegmentSummary, Store, StoreError,
 };
 use row::WrittenRow;
+use shaped::{Shaped, derived_in, feature_out, labels_in, segmentation_in, topology_out};
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
@@ -127,8 +128,10 @@ fn unpack_counts(extra: &[u8]) -> Option<(u64, u64)> {
 }
 
 fn example_of(record: &ExampleRecord, known: &Described) -> Example {
+    let has_parts = matches!(record.segmentation, quadmuse_store::Segmentation::Parted { .. });
     let segment = |(at, s): (usize, &SegmentSummary)| ExampleSegment {
         segment: at as u32,
+        is_part: has_parts && at > 0,
         topology: topology_out(s.topology),
         k: s.modulus,
         faces: u64::from(s.faces),
@@ -152,113 +155,6 @@ fn example_of(record: &ExampleRecord, known: &Described) -> Example {
     }
 }
 
-fn topology_out(topology: quadmuse_store::Topology) -> Topology {
-    match topology {
-        quadmuse_store::Topology::Disc => Topology::Disc,
-        quadmuse_store::Topology::Annulus => Topology::Annulus,
-        quadmuse_store::Topology::Sphere => Topology::Sphere,
-        quadmuse_store::Topology::Torus => Topology::Torus,
-    }
-}
-
-fn topology_in(topology: Topology) -> quadmuse_store::Topology {
-    match topology {
-        Topology::Disc => quadmuse_store::Topology::Disc,
-        Topology::Annulus => quadmuse_store::Topology::Annulus,
-        Topology::Sphere => quadmuse_store::Topology::Sphere,
-        Topology::Torus => quadmuse_store::Topology::Torus,
-    }
-}
-
-/// The labels as numbers from 0, in the order of the labels: only which faces share one matters.
-fn dense(labels: &[i64]) -> Vec<u32> {
-    let mut sorted = labels.to_vec();
-    sorted.sort_unstable();
-    sorted.dedup();
-    labels.iter().map(|label| sorted.partition_point(|other| other < label) as u32).collect()
-}
-
-fn segmentation_in<'a>(way: Segmentation, labels: Option<&'a [u32]>) -> NewSegmentation<'a> {
-    match (labels, way) {
-        (Some(labels), _) => NewSegmentation::Labels(labels),
-        (None, Segmentation::Auto) => NewSegmentation::Auto,
-        (None, Segmentation::Whole) => NewSegmentation::Whole,
-        (None, Segmentation::Groups) => NewSegmentation::Groups,
-    }
-}
-
-fn derived_in(packed: &Packed, counts: MeshCounts) -> DerivedSegment {
-    let level = |(side, lambda): &(u32, Vec<f32>)| Level { side: *side, lambda: lambda.clone() };
-    DerivedSegment {
-        topology: topology_in(packed.facts.topology),
-        modulus: packed.facts.k,
-        poles: Vec::new(),
-        levels: packed.levels.iter().map(level).collect(),
-        features: packed.features.iter().map(feature_in).collect(),
-        // What no translation and no remeshing changes.
-        signature: packed.facts.bending.into_iter().collect(),
-        chart: ChartRecord { uv: Vec::new(), extra: pack_counts(counts) },
-    }
-}
-
-fn feature_in(feature: &PackedFeature) -> Feature {
-    Feature { u: feature.uv[0], v: feature.uv[1], lambda: feature.lambda, level: feature.side }
-}
-
-fn feature_out(feature: &Feature) -> PackedFeature {
-    PackedFeature { uv: [feature.u, feature.v], lambda: feature.lambda, side: feature.level }
-}
-
-/// Counts beyond 4 × 10⁹ are beyond every limit on meshes.
-fn short(count: u64) -> u32 {
-    u32::try_from(count).unwrap_or(u32::MAX)
-}
-
-/// An example in the shapes of the store.
-struct Shaped {
-    new: NewExample,
-    labels: Option<Vec<u32>>,
-    segments: Vec<SegmentSummary>,
-    derived: Vec<DerivedSegment>,
-}
-
-impl Shaped {
-    fn of(new: NewExample) -> Self {
-        let summary = |packed: &Packed| SegmentSummary {
-            topology: topology_in(packed.facts.topology),
-            vertices: 0,
-            faces: short(packed.facts.faces),
-            modulus: packed.facts.k,
-            area_share: 0.0,
-            pole_override: None,
-        };
-        Self {
-            labels: new.cut.labels.as_deref().map(dense),
-            segments: new.segments.iter().map(summary).collect(),
-            derived: new.segments.iter().map(|packed| derived_in(packed, new.counts)).collect(),
-            new,
-        }
-    }
-
-    fn for_store(&self) -> quadmuse_store::NewExample<'_> {
-        let new = &self.new;
-        quadmuse_store::NewExample {
-            name: &new.name,
-            tags: &new.tags,
-            relevance: new.relevance as f32,
-            format: &new.format,
-            mesh: &new.bytes,
-            segmentation: segmentation_in(new.cut.way, self.labels.as_deref()),
-            segments: &self.segments,
-            vertices: short(new.counts.vertices),
-            faces: short(new.counts.faces),
-            repairs: &new.repairs,
-            encoder_version: new.encoder_version,
-            derived: &self.derived,
-        }
-    }
-}
-
 impl StoredCorpus {
     /// Adds many examples by one commit; durable when it returns.
     ///
@@ -277,23 +173,40 @@ impl StoredCorpus {
         };
         let record = added.record();
         let features = new.segments.iter().map(|packed| packed.features.len() as u32).collect();
-        let known = Described { triangles: new.counts.triangles, quads: new.counts.quads, features };
+        let known = match added {
+            Added::Created(_) => Described { triangles: new.counts.triangles, quads: new.counts.quads, features },
+            // Its parts may be others than are found now.
+            Added::Exists(_) => described(&self.store, record),
+        };
         self.describe(record.id, Some(known));
         (self.example(record), put)
     }
 }
 
 impl Corpus for StoredCorpus {
-    fn put(&self, new: NewExample) -> Result<(Arc<Example>, Put), CorpusError> {
+    fn put(&self, mut new: NewExample) -> Result<(Arc<Example>, Put), CorpusError> {
+        // What is there whole, and damaged, is healed, not added beside itself.
+        if matches!(new.cut.besides, Besides::Known(_)) && self.store.is_damaged(&new.bytes, NewSegmentation::Auto) {
+            new.cut.besides = Besides::Nothing;
+            new.segments.truncate(1);
+        }
         let shaped = Shaped::of(new);
         let added = self.store.add(&shaped.for_store())?;
         Ok(self.added(&shaped.new, &added))
     }
 
     fn find(&self, bytes: &[u8], cut: &Cut) -> Option<Arc<Example>> {
-        let labels = cut.labels.as_deref().map(dense);
-        let segmentation = segmentation_in(cut.way, labels.as_deref());
-        self.store.find(bytes, segmentation, None).map(|record| self.example(&record))
+        let labels = labels_in(cut);
+        let own = segmentation_in(cut, labels.as_deref());
+        // Whole and by its parts, or whole alone: it is one example, as it was added first.
+        let ways = match own {
+            NewSegmentation::Auto | NewSegmentation::Parted(_) => {
+                vec![NewSegmentation::Parted(&[]), NewSegmentation::Auto]
+            }
+            _ => vec![own],
+        };
+        let found = ways.into_iter().find_map(|way| self.store.find(bytes, way, None));
+        found.map(|record| self.example(&record))
     }
 
     fn get(&self, id: ExampleId) -> Result<Arc<Example>, CorpusError> {
@@ -324,13 +237,17 @@ impl Corpus for StoredCorpus {
 
     fn cut(&self, id: ExampleId) -> Result<Cut, CorpusError> {
         let labels = self.store.labels(id)?.map(|labels| labels.into_iter().map(i64::from).collect());
-        let way = match self.store.get(id)?.segmentation {
-            quadmuse_store::Segmentation::Whole => Segmentation::Whole,
-            quadmuse_store::Segmentation::Groups => Segmentation::Groups,
-            quadmuse_store::Segmentation::Auto | quadmuse_store::Segmentation::Labels { .. } => Segmentation::Auto,
-        };
         // What was refused for its crumbs is not here; for the rest it makes no difference.
-        Ok(Cut { way, labels, ..Cut::default() })
+        let way = |way| Cut { way, ..Cut::default() };
+        Ok(match self.store.get(id)?.segmentation {
+            quadmuse_store::Segmentation::Whole => way(Segmentation::Whole),
+            quadmuse_store::Segmentation::Groups => way(Segmentation::Groups),
+            quadmuse_store::Segmentation::Auto => Cut::default(),
+            quadmuse_store::Segmentation::Labels { .. } => Cut { labels, ..Cut::default() },
+            quadmuse_store::Segmentation::Parted { .. } => {
+                Cut { besides: labels.map_or(Besides::Nothing, Besides::Known), ..Cut::default() }
+            }
+        })
     }
 
     fn encoding(&self, id: ExampleId, segment: u32, level: u32) -> Result<Packed, CorpusError> {
@@ -460,6 +377,8 @@ impl From<StoreError> for CorpusError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use quadmuse_proto::Topology;
+    use quadmuse_store::Feature;
 
     fn packed(level_value: f32) -> Packed {
         let facts = SegmentFacts { topology: Topology::Annulus, k: 0.4, faces: 12, features: 1, bending: Some(3.25) };
@@ -500,6 +419,79 @@ mod tests {
         assert_eq!(corpus.encoding(example.id, 0, 64).expect("an encoding"), encoding);
         assert_eq!(corpus.bytes(example.id).expect("bytes"), Bytes::from_static(b"mesh"));
         assert_eq!(corpus.cut(example.id).expect("a cut").labels, Some(vec![1, 0, 1]));
+    }
+
+    /// Whole, and by as many parts as there are labels but 0.
+    fn with_parts(bytes: &'static [u8], labels: Vec<i64>) -> NewExample {
+        let count = labels.iter().max().map_or(0, |label| *label as usize);
+        let cut = Cut { besides: Besides::Known(labels), ..Cut::default() };
+        NewExample { cut, segments: vec![packed(1.0); count + 1], ..new_example(bytes, None) }
+    }
+
+    #[test]
+    fn parts_besides_the_whole_are_told_the_same_after_a_restart_and_a_restore() {
+        let dir = tempfile::tempdir().expect("a directory");
+        let corpus = open(dir.path());
+        let (example, _) = corpus.put(with_parts(b"mesh", vec![2, 0, 1])).expect("added");
+        assert_eq!(example.segments.iter().map(|s| s.is_part).collect::<Vec<_>>(), [false, true, true]);
+        let mut backup = Vec::new();
+        corpus.backup(&mut backup).expect("written");
+        drop(corpus);
+        let other = tempfile::tempdir().expect("a directory");
+        Store::restore(other.path(), &OpenOptions { reserve_bytes: 0, ..OpenOptions::default() }, &mut &backup[..])
+            .map(drop)
+            .expect("restored");
+        for dir in [dir.path(), other.path()] {
+            let corpus = open(dir);
+            assert_eq!(corpus.list()[0].segments, example.segments);
+            let id = corpus.list()[0].id;
+            let cut = corpus.cut(id).expect("a cut");
+            assert_eq!(cut, Cut { besides: Besides::Known(vec![2, 0, 1]), ..Cut::default() });
+            assert_eq!(corpus.check().expect("checked").problems, Vec::<String>::new());
+        }
+    }
+
+    #[test]
+    fn whole_or_with_any_parts_it_is_one_example_and_damage_to_it_is_healed() {
+        let dir = tempfile::tempdir().expect("a directory");
+        let corpus = open(dir.path());
+        let sought = Cut { besides: Besides::Sought, ..Cut::default() };
+        let (both, _) = corpus.put(with_parts(b"both", vec![1, 2])).expect("added");
+        for cut in [&sought, &Cut::default()] {
+            assert_eq!(corpus.find(b"both", cut).map(|e| e.id), Some(both.id));
+        }
+        // Another release finds other parts.
+        let (again, put) = corpus.put(with_parts(b"both", vec![1, 2, 3])).expect("there");
+        assert_eq!((&again, put), (&both, Put::There));
+        let (whole, _) = corpus.put(new_example(b"whole", None)).expect("added");
+        assert_eq!(corpus.find(b"whole", &sought).map(|e| e.id), Some(whole.id));
+        let objects = dir.path().join("objects");
+        for example in [&both, &whole] {
+            std::fs::write(objects.join(&example.hash), b"other").expect("damaged");
+            assert!(matches!(corpus.bytes(example.id), Err(CorpusError::Damaged(_))));
+        }
+        assert_eq!(corpus.find(b"whole", &sought), None);
+        let healed = corpus.put(with_parts(b"whole", vec![1, 2])).expect("healed");
+        assert_eq!((healed.0.id, healed.0.segments.len(), healed.1), (whole.id, 1, Put::There));
+        corpus.put(with_parts(b"both", vec![1, 2])).expect("healed");
+        assert_eq!(corpus.bytes(both.id).expect("whole"), Bytes::from_static(b"both"));
+        assert_eq!(corpus.health().quarantined, []);
+    }
+
+    #[test]
+    fn damaged_labels_of_parts_are_healed_by_the_same_parts_and_by_no_others() {
+        let dir = tempfile::tempdir().expect("a directory");
+        let corpus = open(dir.path());
+        let (both, _) = corpus.put(with_parts(b"both", vec![1, 2])).expect("added");
+        let labels = std::fs::read_dir(dir.path().join("objects")).expect("objects").map(|e| e.expect("a file").path());
+        let labels = labels.filter(|path| !path.ends_with(&both.hash)).collect::<Vec<_>>();
+        assert_eq!(labels.len(), 1);
+        std::fs::write(&labels[0], b"none").expect("damaged");
+        assert!(matches!(corpus.cut(both.id), Err(CorpusError::Damaged(_))));
+        assert!(matches!(corpus.put(with_parts(b"both", vec![2, 1])), Err(CorpusError::Damaged(_))));
+        assert_eq!(corpus.health().quarantined, [both.id]);
+        corpus.put(with_parts(b"both", vec![1, 2])).expect("healed");
+        assert_eq!(corpus.cut(both.id).expect("a cut").besides, Besides::Known(vec![1, 2]));
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! A fake engine for tests: meshes are words, energies are differences of numbers.
 //!
-//! An upload is text, one directive a line: `segment TOPOLOGY NUMBER` (a segment whose encoding is NUMBER),
+//! An upload is text, one directive a line: `segment TOPOLOGY NUMBER` (a segment whose encoding is NUMBER), `part TOPOLOGY
+//! NUMBER` (the same of a part besides the one segment, where parts are wanted; one of NaN can't be encoded),
 //! `slow MS` (every registration takes so long), `encode-slow MS`, `panic WHERE` with `WHERE` one of `read`, `encode`,
 //! `refine`, `tears` (a composition on it is broken where an example stands), `rag` (one is broken but for a map as it is), and `refuse CODE`. Anything else is unreadable. The mesh is a unit square, one quad a segment.
 
@@ -83,7 +84,7 @@ impl Engine for FakeEngine {
 
     fn read(&self, bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, _: &Stop) -> Result<Model, EngineError> {
         let text = str::from_utf8(bytes).map_err(|_| EngineError::refused(Refusal::FormatUnknown, "not text"))?;
-        let (mut script, mut segments) = (Script::default(), Vec::new());
+        let (mut script, mut segments, mut parts) = (Script::default(), Vec::new(), 0);
         let unreadable = |line: usize, what: &str| {
             EngineError::refused(Refusal::Unreadable, format!("expected a directive in line {line}, found `{what}`"))
         };
@@ -97,6 +98,13 @@ impl Engine for FakeEngine {
                     // As many as make it worth an example.
                     segments.push(ModelSegment { topology, faces: 100, holes: 0 });
                 }
+                ["part", topology, value] if cut.besides != Besides::Nothing => {
+                    script.numbers.push(number(value)?);
+                    let topology = topology.parse().map_err(|_| unreadable(at + 1, line))?;
+                    segments.push(ModelSegment { topology, faces: 50, holes: 0 });
+                    parts += 1;
+                }
+                ["part", _, _] => {}
                 ["slow", ms] => script.slow = Duration::from_secs_f64(number(ms)? / 1e3),
                 ["encode-slow", ms] => script.encode_slow = Duration::from_secs_f64(number(ms)? / 1e3),
                 ["tears"] => script.tears = true,
@@ -122,6 +130,7 @@ impl Engine for FakeEngine {
             repairs: Vec::new(),
             segments,
             labels: None,
+            besides: (parts > 0).then(|| (0..=parts).collect()),
             inner: Opaque::new(script),
         })
     }
@@ -131,6 +140,9 @@ impl Engine for FakeEngine {
         sleep(script.encode_slow, stop)?;
         assert!(!script.panics.iter().any(|place| place == "encode"), "told to panic");
         let number = script.numbers[segment as usize];
+        if number.is_nan() {
+            return Err(EngineError::refused(Refusal::NotEncodable, format!("segment {segment}: told to refuse")));
+        }
         let panics_refine = script.panics.iter().any(|place| place == "refine");
         let facts = SegmentFacts {
             topology: model.segments[segment as usize].topology,

@@ -8,6 +8,7 @@ mod from_whole;
 mod grouped;
 mod measured;
 mod model;
+mod parts;
 mod registered;
 mod rejoined;
 mod rested;

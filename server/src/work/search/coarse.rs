@@ -3,20 +3,21 @@
 //! *Ours, not the paper's:* everything here but the flips and translations themselves. Only the best [`RANKED_MAX`] become
 //! candidates; of the others nothing stays but two numbers each, until the ranking is made.
 
+use super::siblings::{best_of_each, could_be_kept};
 use super::{Level, SegmentSearch};
 use crate::pool::{Lane, PoolError, Stop};
 use crate::work::WorkError;
 use crate::work::catalogue::shelf::Chunk;
-use crate::work::catalogue::{LEVEL_COARSEST, Resident, Snapshot};
+use crate::work::catalogue::{LEVEL_COARSEST, Resident, Snapshot, Stock};
 use crate::work::engine::{EngineError, Opaque, Registration};
 use crate::work::query::ms_since;
 use crate::work::ranking::{Candidate, Depth, RANKED_MAX, REGISTERED_MAX, order};
 use futures_util::{StreamExt, stream};
-use quadmuse_kernel::rank::coarse::{Bounds, CoarseQuery, Translation, could_be_kept};
+use quadmuse_kernel::rank::coarse::{Bounds, CoarseQuery, Translation};
 use quadmuse_kernel::register::likeness::Likeness;
 use quadmuse_kernel::register::spectra::{LANES, Row, SIDE};
 use quadmuse_proto::{EntryState, ExampleId, Flip, Topology};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -36,21 +37,23 @@ const SIMILAR_MODULUS_LOG: f64 = 0.05;
 pub(super) struct Selection {
     /// Chunks with any segment that is wanted, of which topology they are, and which lanes of them are wanted.
     chunks: Vec<(Topology, Arc<Chunk>, u16)>,
-    /// Segments that are wanted.
+    /// Choices among them: segments, an example that is there whole and by its parts once.
     pub(super) size: usize,
 }
 
 impl Selection {
-    /// The segments of these topologies whose examples have all the tags.
-    pub(super) fn new(snapshot: &Snapshot, topologies: &[Topology], tags: &[String]) -> Self {
-        let mut selection = Self::default();
-        let shelves = topologies.iter().filter_map(|&t| Some((t, snapshot.shelf(t)?)));
+    /// The segments of these topologies and stocks whose examples have all the tags.
+    pub(super) fn new(snapshot: &Snapshot, topologies: &[Topology], stocks: &[Stock], tags: &[String]) -> Self {
+        let (mut selection, mut seen) = (Self::default(), HashSet::new());
+        let kinds = topologies.iter().flat_map(|&t| stocks.iter().map(move |&stock| (t, stock)));
+        let shelves = kinds.filter_map(|(t, stock)| Some((t, snapshot.shelf(t, stock)?)));
         for (topology, chunk) in shelves.flat_map(|(t, shelf)| shelf.chunks().iter().map(move |chunk| (t, chunk))) {
             let wanted = |resident: &Option<Arc<Resident>>| resident.as_ref().is_some_and(|r| r.has_tags(tags));
             let residents = chunk.residents().iter().enumerate();
             let mask = residents.fold(0u16, |mask, (lane, r)| mask | (u16::from(wanted(r)) << lane));
             if mask != 0 {
-                selection.size += mask.count_ones() as usize;
+                let wanted = chunk.residents().iter().flatten().filter(|r| r.has_tags(tags));
+                selection.size += wanted.filter(|r| !r.has_siblings() || seen.insert(r.example.id)).count();
                 selection.chunks.push((topology, Arc::clone(chunk), mask));
             }
         }
@@ -62,9 +65,9 @@ impl Selection {
 type Queries = BTreeMap<Topology, CoarseQuery>;
 
 /// One of the best, while it is being ranked.
-struct Ranked {
+pub(super) struct Ranked {
     row: Row,
-    resident: Arc<Resident>,
+    pub(super) resident: Arc<Resident>,
     translation: Translation,
 }
 
@@ -82,7 +85,14 @@ impl SegmentSearch<'_> {
         let query = self.work.pool.run(&self.live.job, Lane::Coarse, prepare).await??;
         let chunks = Arc::new(selection.chunks);
         let bounds = self.swept(&chunks, &query).await?;
-        let select = move |_: &Stop| could_be_kept(&bounds, RANKED_MAX);
+        let select = {
+            let chunks = Arc::clone(&chunks);
+            let owner = move |place: usize| {
+                let resident = chunks.get(place / LANES)?.1.residents()[place % LANES].as_ref()?;
+                resident.has_siblings().then_some(resident.example.id)
+            };
+            move |_: &Stop| could_be_kept(&bounds, RANKED_MAX, owner)
+        };
         let places = self.work.pool.run(&self.live.job, Lane::Coarse, select).await?;
         let mut ranked = self.exact(&chunks, places, &query).await?;
         let group = move |stop: &Stop| {
@@ -90,6 +100,7 @@ impl SegmentSearch<'_> {
                 let by_score = a.translation.score.total_cmp(&b.translation.score);
                 by_score.then_with(|| a.resident.tie_break().cmp(&b.resident.tie_break()))
             });
+            best_of_each(&mut ranked);
             ranked.truncate(RANKED_MAX);
             let similar = grouped(&ranked, stop);
             ranked.into_iter().zip(similar).map(|(ranked, similar)| candidate(ranked, similar)).collect::<Vec<_>>()

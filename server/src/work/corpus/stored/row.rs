@@ -3,7 +3,7 @@
 //! Little-endian: `version 2 u8 ‖ symmetric u8 ‖ features u32 ‖ triangles u64 ‖ quads u64 ‖ bending f32 (NaN: unknown) ‖
 //! scale f32 ‖ mean f32 ‖ variance f64 ‖ codes i16 …`.
 
-use super::topology_out;
+use super::shaped::topology_out;
 use crate::work::corpus::KeptRow;
 use crate::work::engine::SegmentFacts;
 use quadmuse_kernel::register::spectra::{Row, VALUES};

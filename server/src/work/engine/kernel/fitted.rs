@@ -297,7 +297,7 @@ fn of_query(whole: &Side, cropped: Cropped) -> Result<Side, EngineError> {
 }
 
 fn side(whole: &Side, of: &ModelInner, segmented: Segmented, query: Arc<Query>) -> Side {
-    let inner = ModelInner { prepared: of.prepared.clone(), segmented, laid: None, is_part: true };
+    let inner = ModelInner { prepared: of.prepared.clone(), segmented, parts: Vec::new(), laid: None, is_part: true };
     let facts = facts(query.encoding(), inner.faces(0), 0.0);
     let encoding = Encoding { facts, inner: Opaque::new(Source::Fresh(query)) };
     Side {

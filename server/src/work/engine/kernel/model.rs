@@ -1,10 +1,10 @@
 //! Uploads: read, repaired, cut into primitives.
 
-use super::super::{Cut, EngineError, Grain, Model, ModelSegment, Opaque, Refusal};
-use super::topology_out;
+use super::super::{Besides, Cut, EngineError, Grain, Model, ModelSegment, Opaque, Refusal};
+use super::{parts, topology_out};
 use quadmuse_kernel::compose::ground::Ground;
 use quadmuse_kernel::mesh::{
-    self, FaceLabels, Format, Limits, MeshError, MeshErrorKind, NONE, PolyMesh, Prepared, Vec3,
+    self, FaceLabels, Format, Limits, MeshError, MeshErrorKind, NONE, PolyMesh, Prepared, TriMesh, Vec3,
 };
 use quadmuse_kernel::segment::{PartCount, Segmented, segment};
 use quadmuse_kernel::topology::{self, Patch, TopologyError};
@@ -16,8 +16,10 @@ use std::sync::Arc;
 pub(super) struct ModelInner {
     /// The surface, and which of its vertices each vertex of the upload became.
     pub(super) prepared: Prepared,
-    /// The surface cut into its segments.
+    /// The surface cut into its segments, the parts aside.
     pub(super) segmented: Segmented,
+    /// Parts of the surface that are segments, too, after those of `segmented`, which then is whole.
+    pub(super) parts: Vec<Patch>,
     /// The example that it was cut alike, laid on it whole.
     pub(super) laid: Option<Laid>,
     /// Whether it was cut where another surface ends, so that its boundary means nothing.
@@ -51,11 +53,20 @@ impl Laid {
 impl ModelInner {
     /// A segment's surface.
     pub(super) fn patch(&self, segment: u32) -> Result<&Patch, EngineError> {
-        let count = self.segmented.parts.len();
-        self.segmented
-            .parts
-            .get(segment as usize)
+        let count = self.segmented.parts.len() + self.parts.len();
+        self.patches()
+            .nth(segment as usize)
             .ok_or_else(|| EngineError::Internal(format!("segment {segment} of {count}")))
+    }
+
+    /// The surfaces of all segments, in order.
+    fn patches(&self) -> impl Iterator<Item = &Patch> {
+        self.segmented.parts.iter().chain(&self.parts)
+    }
+
+    /// Whether a segment is all of an upload, so that its boundary is where its artist let it end.
+    pub(super) fn is_whole(&self, segment: u32) -> bool {
+        self.segmented.parts.len() == 1 && segment == 0 && !self.is_part
     }
 
     /// The segments as they are told.
@@ -65,7 +76,7 @@ impl ModelInner {
             faces: count_polygons(&self.segmented, p),
             holes: p.holes.len() as u32,
         };
-        self.segmented.parts.iter().map(segment).collect()
+        self.patches().map(segment).collect()
     }
 
     /// The segment of each face of the upload, as it is told.
@@ -91,7 +102,7 @@ impl ModelInner {
 
     /// Polygons of a segment.
     pub(super) fn faces(&self, segment: u32) -> u64 {
-        self.segmented.parts.get(segment as usize).map_or(0, |patch| count_polygons(&self.segmented, patch))
+        self.patch(segment).map_or(0, |patch| count_polygons(&self.segmented, patch))
     }
 }
 
@@ -102,7 +113,9 @@ pub(super) fn read(bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, limits: 
     let prepared = mesh::prepare(&mesh).map_err(refused)?;
     let segmented = cut_up(&mesh, &prepared, cut)?;
     let asked = cut.parts.is_some() && cut.grain == Grain::Faces;
-    let inner = ModelInner { prepared, segmented, laid: None, is_part: false };
+    let besides = besides(&mesh, &prepared.mesh, &segmented, &cut.besides)?;
+    let (besides, parts) = besides.map_or((None, Vec::new()), |(labels, parts)| (Some(labels), parts));
+    let inner = ModelInner { prepared, segmented, parts, laid: None, is_part: false };
     Ok(Model {
         format: wanted.map_or(MeshFormat::Obj, format_back),
         repairs: inner
@@ -114,9 +127,26 @@ pub(super) fn read(bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, limits: 
             .collect(),
         segments: inner.segments(),
         labels: asked.then(|| inner.labels(mesh.faces.len())),
+        besides,
         mesh: Arc::new(mesh),
         inner: Opaque::new(inner),
     })
+}
+
+/// The parts besides the whole, with the part of each face; `None` where there are none.
+fn besides(
+    mesh: &PolyMesh,
+    surface: &TriMesh,
+    segmented: &Segmented,
+    wanted: &Besides,
+) -> Result<Option<(Vec<i64>, Vec<Patch>)>, EngineError> {
+    match (wanted, segmented.parts.as_slice()) {
+        (Besides::Known(labels), [_]) => Ok(Some((labels.clone(), parts::patches(surface, labels)?))),
+        // What can't be cut between its faces is kept whole, as it is then without them.
+        (Besides::Sought, [whole]) => Ok(parts::sought(whole, mesh.faces.len())
+            .and_then(|labels| parts::patches(surface, &labels).ok().map(|parts| (labels, parts)))),
+        _ => Ok(None),
+    }
 }
 
 fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, EngineError> {
@@ -147,6 +177,7 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, 
         Segmentation::Auto => {
             let count = match cut.parts {
                 None => PartCount::AsNeeded,
+                Some(Parts::None) => PartCount::AsNeeded,
                 Some(Parts::Auto) => PartCount::Protrusions,
                 Some(Parts::Count(n)) => PartCount::About(n as usize),
             };

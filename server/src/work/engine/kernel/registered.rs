@@ -266,7 +266,7 @@ pub(super) fn lay<'a>(
     let creases = creases_on(&example.model.mesh.attributes.creases, &model.prepared.vertex_of, patch);
     // Corners of a segment's boundary are where segments meet, and belong to the composition.
     let other: &ModelInner = query.model.inner.open()?;
-    let is_whole = [model, other].iter().all(|m| m.segmented.parts.len() == 1 && !m.is_part);
+    let is_whole = model.is_whole(example.segment) && other.is_whole(query.segment);
     let laying = Laying { mesh: &patch.mesh, creases, snap: if is_whole { Snap::All } else { Snap::Creases } };
     let angle_p95_deg = measure::angle_distortion(&patch.mesh, &laid.cross).p95;
     let grounds = match atlas {

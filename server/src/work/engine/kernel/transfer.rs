@@ -17,7 +17,7 @@ pub(super) fn alike(engine: &KernelEngine, query: &Model, example: &Model, stop:
     let (on, of): (&ModelInner, &ModelInner) = (query.inner.open()?, example.inner.open()?);
     if of.segmented.parts.len() < 2 {
         let detail = "expected `like` to name an example of several segments, found one that is whole; \
-                      leave `like` out, or add the example cut";
+                      leave `like` out, or add the example in parts alone";
         return Err(EngineError::refused(Refusal::Unlike, detail));
     }
     let (one, two) = (whole(example, of, "the example")?, whole(query, on, "the input")?);
@@ -44,7 +44,7 @@ pub(super) fn alike(engine: &KernelEngine, query: &Model, example: &Model, stop:
     patch.vertex_of.iter().zip(&whole.positions).for_each(|(&v, p)| places[v as usize] = Some(*p));
     let registered::Whole { mesh, mirrored, cost, modulus_log, .. } = whole;
     let laid = Some(Laid { example: example.clone(), mesh, places, mirrored, cost, modulus_log });
-    let inner = ModelInner { prepared: on.prepared.clone(), segmented, laid, is_part: false };
+    let inner = ModelInner { prepared: on.prepared.clone(), segmented, parts: Vec::new(), laid, is_part: false };
     Ok(Model {
         segments: inner.segments(),
         labels: Some(inner.labels(query.mesh.faces.len())),
@@ -59,7 +59,8 @@ fn whole(model: &Model, inner: &ModelInner, what: &str) -> Result<Model, EngineE
         let detail = format!("expected {what} to be a disc, annulus, sphere or torus when it is whole, found: {e}");
         EngineError::refused(Refusal::Unlike, detail)
     })?;
-    let inner = ModelInner { prepared: inner.prepared.clone(), segmented, laid: None, is_part: false };
+    let prepared = inner.prepared.clone();
+    let inner = ModelInner { prepared, segmented, parts: Vec::new(), laid: None, is_part: false };
     Ok(Model { segments: inner.segments(), labels: None, inner: Opaque::new(inner), ..model.clone() })
 }
 

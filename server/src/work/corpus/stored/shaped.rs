@@ -1,0 +1,125 @@
+//! What the service and the store call the same things.
+
+use super::pack_counts;
+use crate::work::corpus::NewExample;
+use crate::work::engine::{Besides, Cut, Packed, PackedFeature};
+use quadmuse_proto::{MeshCounts, Segmentation, Topology};
+use quadmuse_store::{ChartRecord, DerivedSegment, Feature, Level, NewSegmentation, SegmentSummary};
+
+pub(super) fn topology_out(topology: quadmuse_store::Topology) -> Topology {
+    match topology {
+        quadmuse_store::Topology::Disc => Topology::Disc,
+        quadmuse_store::Topology::Annulus => Topology::Annulus,
+        quadmuse_store::Topology::Sphere => Topology::Sphere,
+        quadmuse_store::Topology::Torus => Topology::Torus,
+    }
+}
+
+pub(super) fn topology_in(topology: Topology) -> quadmuse_store::Topology {
+    match topology {
+        Topology::Disc => quadmuse_store::Topology::Disc,
+        Topology::Annulus => quadmuse_store::Topology::Annulus,
+        Topology::Sphere => quadmuse_store::Topology::Sphere,
+        Topology::Torus => quadmuse_store::Topology::Torus,
+    }
+}
+
+/// The labels as numbers from 0, in the order of the labels: only which faces share one matters.
+pub(super) fn dense(labels: &[i64]) -> Vec<u32> {
+    let mut sorted = labels.to_vec();
+    sorted.sort_unstable();
+    sorted.dedup();
+    labels.iter().map(|label| sorted.partition_point(|other| other < label) as u32).collect()
+}
+
+/// How the store is told of a cut, whose labels, or parts besides the whole, are `labels`.
+pub(super) fn segmentation_in<'a>(cut: &Cut, labels: Option<&'a [u32]>) -> NewSegmentation<'a> {
+    match (labels, cut.way) {
+        (Some(parts), _) if cut.labels.is_none() => NewSegmentation::Parted(parts),
+        (Some(labels), _) => NewSegmentation::Labels(labels),
+        (None, Segmentation::Auto) => NewSegmentation::Auto,
+        (None, Segmentation::Whole) => NewSegmentation::Whole,
+        (None, Segmentation::Groups) => NewSegmentation::Groups,
+    }
+}
+
+/// The labels of a cut, or the part of each face besides the whole.
+pub(super) fn labels_in(cut: &Cut) -> Option<Vec<u32>> {
+    match (&cut.labels, &cut.besides) {
+        (Some(labels), _) => Some(dense(labels)),
+        (None, Besides::Known(parts)) => Some(parts.iter().map(|&part| u32::try_from(part).unwrap_or(0)).collect()),
+        (None, Besides::Nothing | Besides::Sought) => None,
+    }
+}
+
+pub(super) fn derived_in(packed: &Packed, counts: MeshCounts) -> DerivedSegment {
+    let level = |(side, lambda): &(u32, Vec<f32>)| Level { side: *side, lambda: lambda.clone() };
+    DerivedSegment {
+        topology: topology_in(packed.facts.topology),
+        modulus: packed.facts.k,
+        poles: Vec::new(),
+        levels: packed.levels.iter().map(level).collect(),
+        features: packed.features.iter().map(feature_in).collect(),
+        // What no translation and no remeshing changes.
+        signature: packed.facts.bending.into_iter().collect(),
+        chart: ChartRecord { uv: Vec::new(), extra: pack_counts(counts) },
+    }
+}
+
+pub(super) fn feature_in(feature: &PackedFeature) -> Feature {
+    Feature { u: feature.uv[0], v: feature.uv[1], lambda: feature.lambda, level: feature.side }
+}
+
+pub(super) fn feature_out(feature: &Feature) -> PackedFeature {
+    PackedFeature { uv: [feature.u, feature.v], lambda: feature.lambda, side: feature.level }
+}
+
+/// Counts beyond 4 × 10⁹ are beyond every limit on meshes.
+pub(super) fn short(count: u64) -> u32 {
+    u32::try_from(count).unwrap_or(u32::MAX)
+}
+
+/// An example in the shapes of the store.
+pub(super) struct Shaped {
+    pub(super) new: NewExample,
+    labels: Option<Vec<u32>>,
+    segments: Vec<SegmentSummary>,
+    derived: Vec<DerivedSegment>,
+}
+
+impl Shaped {
+    pub(super) fn of(new: NewExample) -> Self {
+        let summary = |packed: &Packed| SegmentSummary {
+            topology: topology_in(packed.facts.topology),
+            vertices: 0,
+            faces: short(packed.facts.faces),
+            modulus: packed.facts.k,
+            area_share: 0.0,
+            pole_override: None,
+        };
+        Self {
+            labels: labels_in(&new.cut),
+            segments: new.segments.iter().map(summary).collect(),
+            derived: new.segments.iter().map(|packed| derived_in(packed, new.counts)).collect(),
+            new,
+        }
+    }
+
+    pub(super) fn for_store(&self) -> quadmuse_store::NewExample<'_> {
+        let new = &self.new;
+        quadmuse_store::NewExample {
+            name: &new.name,
+            tags: &new.tags,
+            relevance: new.relevance as f32,
+            format: &new.format,
+            mesh: &new.bytes,
+            segmentation: segmentation_in(&new.cut, self.labels.as_deref()),
+            segments: &self.segments,
+            vertices: short(new.counts.vertices),
+            faces: short(new.counts.faces),
+            repairs: &new.repairs,
+            encoder_version: new.encoder_version,
+            derived: &self.derived,
+        }
+    }
+}
