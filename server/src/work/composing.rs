@@ -87,7 +87,7 @@ pub async fn create(
         }
         stitched_sound(&*engine, &model, (parts, &instead), (how, allowed), stop)
     };
-    let (stitched, appraisal, gave_way) = work.pool.run(&job, Lane::Edit, stitch).await??;
+    let (stitched, appraisal, gave_way) = work.pool.run(&job, Lane::Lay, stitch).await??;
     if stitched.is_poor_kept {
         summaries.append(&mut poor);
     }
