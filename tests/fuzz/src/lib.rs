@@ -33,7 +33,7 @@ pub const TARGETS: [Target; 9] = [
     Target { name: "json", promise: messages::PROMISE, short: 4000, run: messages::json },
     Target { name: "messagepack", promise: messages::PROMISE, short: 4000, run: messages::messagepack },
     Target { name: "backup", promise: store::PROMISE, short: 12, run: store::backup },
-    Target { name: "composition", promise: composition::PROMISE, short: 6, run: composition::composition },
+    Target { name: "composition", promise: composition::PROMISE, short: 4, run: composition::composition },
 ];
 
 /// The target of a name.

@@ -46,8 +46,8 @@ const EVENING: f64 = 0.5;
 const ROUNDS: u32 = 12;
 /// A layout of more quads than these, and of more than this factor times those that are wanted, stays as it is drawn: it stands
 /// between a boundary that a few vertices thrown far off draw out, and evening it out would take minutes.
-const EVENED_QUADS_MAX: usize = 20_000;
-const EVENED_TIMES_MAX: f64 = 8.0;
+const EVENED_QUADS_MAX: usize = 5000;
+const EVENED_TIMES_MAX: f64 = 4.0;
 /// Degrees that an extraordinary vertex counts for, where rings and a rectangle are compared.
 const EXTRAORDINARY_DEG: f64 = 0.03;
 

@@ -40,7 +40,7 @@ const COUNT_MISSED: f64 = 0.3;
 /// that is wanted is counted in looks, and so much of it allowed to a search; usual segments have none of it.
 const USUAL_QUADS: usize = 4;
 const USUAL_LOOKS: u64 = 16;
-const LOOKS_PER_QUAD: u64 = 25;
+const LOOKS_PER_QUAD: u64 = 300;
 const UNUSUAL_LOOKS_MAX: u64 = 1 << 27;
 /// How far outside a triangle a point still counts as in it.
 const OUTSIDE: f64 = 1e-7;
