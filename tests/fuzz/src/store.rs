@@ -59,7 +59,7 @@ fn made() -> Result<Vec<u8>, StoreError> {
             format: "obj",
             mesh: &[number; 200],
             segmentation: NewSegmentation::Auto,
-            segments: &[summary.clone()],
+            segments: std::slice::from_ref(&summary),
             vertices: 9,
             faces: 4,
             repairs: &[],
