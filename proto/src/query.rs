@@ -112,6 +112,9 @@ pub struct QuerySegment {
     /// Small holes in it that are counted as filled; left out where there are none.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub holes: u32,
+    /// Entries of its ranking that are worth laying on it where nobody chose one, until one is not poor; 0: it has too little
+    /// form, and takes a regular layout. A composition without named maps tries as many.
+    pub tries: u32,
     /// Its modulus, once it is encoded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub k: Option<f64>,

@@ -106,13 +106,17 @@ fn bench_corpus(args: &bench_corpus::BenchCorpusArgs) -> Result<(), CommandError
     Ok(())
 }
 
-/// Tokio's runtime. Few threads: they only wait; what computes has its own.
+/// Threads that answer requests. They mostly wait, what computes has its own; a few more than cores, so that on a busy machine the
+/// system gives one of them a turn soon while others write long answers.
+const ANSWERING_THREADS: usize = 4;
+
+/// Tokio's runtime.
 ///
 /// # Errors
 /// [`CommandError::System`].
 pub fn runtime() -> Result<tokio::runtime::Runtime, CommandError> {
-    let built =
-        tokio::runtime::Builder::new_multi_thread().worker_threads(2).max_blocking_threads(64).enable_all().build();
+    let mut builder = tokio::runtime::Builder::new_multi_thread();
+    let built = builder.worker_threads(ANSWERING_THREADS).max_blocking_threads(64).enable_all().build();
     built.map_err(|source| CommandError::System { what: "threads", source })
 }
 

@@ -7,10 +7,14 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    if let Err(error) = telemetry::start() {
-        eprintln!("quadmuse-server: {error}");
-        return ExitCode::from(2);
-    }
+    // Held to the end: its last lines are written then.
+    let _log = match telemetry::start() {
+        Ok(log) => log,
+        Err(error) => {
+            eprintln!("quadmuse-server: {error}");
+            return ExitCode::from(2);
+        }
+    };
     match commands::run(cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -1,8 +1,10 @@
 //! Where tokio hands work to rayon and gets the result back.
 //!
 //! One pool of all cores. Work is cut into *quanta* (one level of one segment, a chunk of the coarse pass), each a
-//! plain sequential closure. A quantum waits in one of four lanes; in a lane, users take turns, so that one user's
+//! plain sequential closure. A quantum waits in one of five lanes; in a lane, users take turns, so that one user's
 //! hundred queries don't keep another waiting. Each rayon task takes whatever is most urgent at the moment it runs.
+//! Edits have a thread beside those, which does nothing else and does not stand back: whoever drags a point waits neither for
+//! a quantum of somebody's query to end nor for the cores.
 //!
 //! A quantum belongs to a [`Job`], which was admitted beforehand (a bounded number, their memory estimated), can be
 //! stopped at any time and stops by itself when it is dropped. A panic in a quantum becomes [`PoolError::Panicked`].
@@ -27,8 +29,10 @@ use tokio::sync::oneshot;
 /// How urgent a quantum is; the first lane that has work goes first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lane {
-    /// Somebody drags a constraint.
+    /// Somebody drags a constraint, or looks at what came of it: fractions of a second.
     Edit,
+    /// Somebody waits for a map or a composition: seconds.
+    Lay,
     /// Encoding a query and its first level.
     Coarse,
     /// The finer levels.
@@ -155,6 +159,8 @@ impl Drop for Job {
 pub struct Pool {
     lanes: Arc<Mutex<Lanes>>,
     threads: rayon::ThreadPool,
+    /// The thread of edits.
+    edits: rayon::ThreadPool,
     admission: Admission,
     admitted: AtomicU64,
 }
@@ -171,18 +177,20 @@ impl Pool {
     /// # Errors
     /// When the system gives no threads.
     pub fn new(threads: usize, admission: Admission) -> Result<Self, rayon::ThreadPoolBuildError> {
-        let threads = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .stack_size(STACK_BYTES)
-            .thread_name(|k| format!("compute-{k}"))
-            // On Linux this is the thread's own: those that answer requests go first. If refused, they share.
-            .start_handler(|_| _ = rustix::process::nice(NICENESS))
-            .panic_handler(|_| tracing::error!("a panic passed the pool's net"))
-            .build()?;
-        Ok(Self { lanes: Arc::default(), threads, admission, admitted: AtomicU64::new(0) })
+        let some = |count: usize, name: &'static str| {
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(count)
+                .stack_size(STACK_BYTES)
+                .thread_name(move |k| format!("{name}-{k}"))
+                .panic_handler(|_| tracing::error!("a panic passed the pool's net"))
+        };
+        // On Linux this is the thread's own: those that answer requests go first. If refused, they share.
+        let threads = some(threads, "compute").start_handler(|_| _ = rustix::process::nice(NICENESS)).build()?;
+        let edits = some(1, "edit").build()?;
+        Ok(Self { lanes: Arc::default(), threads, edits, admission, admitted: AtomicU64::new(0) })
     }
 
-    /// Number of worker threads.
+    /// Number of worker threads, without that of edits.
     pub fn threads(&self) -> usize {
         self.threads.current_num_threads()
     }
@@ -197,8 +205,8 @@ impl Pool {
         &self.admission
     }
 
-    /// Quanta that wait in each lane: edit, coarse, fine, ingest.
-    pub fn waiting_by_lane(&self) -> [usize; 4] {
+    /// Quanta that wait in each lane: edit, lay, coarse, fine, ingest.
+    pub fn waiting_by_lane(&self) -> [usize; 5] {
         lock(&self.lanes).lengths()
     }
 
@@ -228,8 +236,13 @@ impl Pool {
             let _ = send.send(guarded(&stop, memory_bytes, work));
         };
         lock(&self.lanes).push(lane, job.user, job.age, Box::new(quantum));
+        if lane == Lane::Edit {
+            let lanes = Arc::clone(&self.lanes);
+            self.edits.spawn_fifo(move || run_next(&lanes, Lanes::pop_edit));
+        }
+        // Where an edit was taken by its own thread, this one finds something else to do, or nothing.
         let lanes = Arc::clone(&self.lanes);
-        self.threads.spawn_fifo(move || run_most_urgent(&lanes));
+        self.threads.spawn_fifo(move || run_next(&lanes, Lanes::pop));
         tokio::select! {
             biased;
             result = receive => result.unwrap_or_else(|_| Err(PoolError::Panicked { message: "its result was lost".into() })),
@@ -258,8 +271,8 @@ fn guarded<T>(stop: &Stop, memory_bytes: u64, work: impl FnOnce(&Stop) -> T) -> 
     })
 }
 
-fn run_most_urgent(lanes: &Mutex<Lanes>) {
-    let next = lock(lanes).pop();
+fn run_next(lanes: &Mutex<Lanes>, pop: fn(&mut Lanes) -> Option<(User, lanes::Quantum)>) {
+    let next = pop(&mut lock(lanes));
     if let Some((user, quantum)) = next {
         let begun = Instant::now();
         // Dropping an unwanted result can panic too; a panic that left a rayon task would abort the process.
@@ -322,7 +335,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn edits_overtake_what_was_waiting() {
+    async fn what_is_more_urgent_overtakes_what_was_waiting() {
         let pool = pool(1);
         let job = pool.admit(User(1), 0, None).expect("room");
         let (open, gate) = mpsc::channel::<()>();
@@ -332,13 +345,13 @@ mod tests {
             move |_: &Stop| order.lock().expect("not poisoned").push(word)
         };
         let blocker = pool.run(&job, Lane::Ingest, move |_| gate.recv().is_ok());
-        let (ingest, fine, edit) = (note("ingest"), note("fine"), note("edit"));
+        let (ingest, fine, lay) = (note("ingest"), note("fine"), note("lay"));
         let all = async {
             tokio::join!(
                 blocker,
                 pool.run(&job, Lane::Ingest, ingest),
                 pool.run(&job, Lane::Fine, fine),
-                pool.run(&job, Lane::Edit, edit),
+                pool.run(&job, Lane::Lay, lay),
                 async {
                     while pool.waiting() < 3 {
                         tokio::task::yield_now().await;
@@ -347,9 +360,30 @@ mod tests {
                 }
             )
         };
-        let (blocker, ingest, fine, edit, ()) = all.await;
-        assert!([ingest, fine, edit].iter().all(Result::is_ok) && blocker == Ok(true));
-        assert_eq!(*order.lock().expect("not poisoned"), ["edit", "fine", "ingest"]);
+        let (blocker, ingest, fine, lay, ()) = all.await;
+        assert!([ingest, fine, lay].iter().all(Result::is_ok) && blocker == Ok(true));
+        assert_eq!(*order.lock().expect("not poisoned"), ["lay", "fine", "ingest"]);
+    }
+
+    #[tokio::test]
+    async fn an_edit_waits_for_nothing_that_is_under_way() {
+        let pool = pool(1);
+        let job = pool.admit(User(1), 0, None).expect("room");
+        let (open, gate) = mpsc::channel::<()>();
+        let (begun, begins) = oneshot::channel();
+        let laying = pool.run(&job, Lane::Lay, move |_| {
+            let _ = begun.send(());
+            gate.recv().is_ok()
+        });
+        let (laying, edited) = tokio::join!(laying, async {
+            begins.await.expect("it begins");
+            let edited = pool.run(&job, Lane::Edit, |_| std::thread::current().name().map(str::to_owned)).await;
+            open.send(()).expect("it waits");
+            edited
+        });
+        assert_eq!((laying, edited), (Ok(true), Ok(Some("edit-0".into()))));
+        // What was left for the other threads to find does no harm.
+        assert_eq!(pool.run(&job, Lane::Fine, |_| 1).await, Ok(1));
     }
 
     #[tokio::test]

@@ -1,5 +1,9 @@
-//! Logs: lines for people on a terminal, JSON lines everywhere else. Both escape what clients wrote.
+//! Logs: lines for people on a terminal, JSON lines everywhere else. Both escape what clients wrote; a thread of their own writes
+//! them ([`lines`]).
 
+pub mod lines;
+
+use lines::{Guard, Lines};
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
 use std::io::IsTerminal;
 use std::sync::OnceLock;
@@ -30,14 +34,16 @@ fn filter(text: Option<&str>) -> Result<EnvFilter, FilterError> {
     EnvFilter::try_new(text).map_err(|source| FilterError { found: text.into(), source })
 }
 
-/// Starts logging to standard error. Called once; a second call does nothing.
+/// Starts logging to standard error, until what is returned is dropped. Called once; a second call does nothing. Where the system
+/// gives no thread for it, nothing is logged.
 ///
 /// # Errors
 /// [`FilterError`]: nothing is logged then.
-pub fn start() -> Result<(), FilterError> {
+pub fn start() -> Result<Option<Guard>, FilterError> {
     let set = [FILTER_VARIABLE, "RUST_LOG"].into_iter().find_map(|name| std::env::var(name).ok());
     let filter = filter(set.as_deref())?;
-    let builder = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
+    let Ok((lines, guard)) = Lines::start(std::io::stderr()) else { return Ok(None) };
+    let builder = tracing_subscriber::fmt().with_env_filter(filter).with_writer(lines);
     let started = if std::io::stderr().is_terminal() {
         builder.with_target(false).try_init()
     } else {
@@ -45,7 +51,7 @@ pub fn start() -> Result<(), FilterError> {
     };
     // Tests start several services in one process: the first wins.
     drop(started);
-    Ok(())
+    Ok(Some(guard))
 }
 
 /// The recorder of metrics, one a process.

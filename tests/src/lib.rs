@@ -12,5 +12,6 @@ pub mod scale;
 pub mod server;
 pub mod shapes;
 pub mod shared;
+pub mod soak;
 pub mod tool;
 pub mod walls;

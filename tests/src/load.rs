@@ -129,13 +129,22 @@ impl Caller<'_> {
         }
     }
 
-    /// Waits for the end of a query, or until it has its first ranking; false if it didn't come in time.
+    /// Waits for the end of a query, by its stream as clients do, or until it has its first ranking, by looking again and again;
+    /// false if it didn't come in time.
     ///
     /// # Errors
     /// [`ScaleError`].
     pub fn wait(&self, id: &str, until: Until) -> Result<bool, ScaleError> {
         let begun = Instant::now();
         while begun.elapsed() < TIME_MAX {
+            if until == Until::End {
+                let answer = self.ask(&format!("GET /v1/queries/{id}/stream"), None)?;
+                if answer.status == 410 || has_end(&answer) {
+                    return Ok(true);
+                }
+                thread::sleep(PAUSE);
+                continue;
+            }
             let query = self.value(&format!("GET /v1/queries/{id}"), None)?;
             let is_over = matches!(query["state"].as_str(), Some("done" | "failed" | "cancelled"));
             if is_over || (until == Until::First && query["revision"].as_u64().unwrap_or_default() > 0) {
@@ -145,6 +154,12 @@ impl Caller<'_> {
         }
         Ok(false)
     }
+}
+
+/// Whether a stream ended with its last event.
+pub fn has_end(answer: &http::Answer) -> bool {
+    let is_end = |line: &str| line.strip_prefix("event:").is_some_and(|event| event.trim() == "end");
+    answer.status == 200 && answer.text().lines().any(is_end)
 }
 
 /// What of a query is waited for.

@@ -82,8 +82,12 @@ pub(super) async fn make(
         let (map, name) = lay(&query, 0, told, (wish.lay.beyond, Vec::new()), api, ui).await?;
         return write_map(&map, Some(&name), &wish.target, api, ui).await;
     }
-    let is_free = args.rank.segments.segments.is_none() && args.rank.segments.parts.is_none();
-    match lay_best(&query, 0, wish.lay.beyond, api, ui).await {
+    let Some(only) = query.segments.first().filter(|only| only.tries > 0) else {
+        return stitch(&query, &wish, api, ui).await;
+    };
+    // What is worth one try alone has too few faces to be cut.
+    let is_free = args.rank.segments.segments.is_none() && args.rank.segments.parts.is_none() && only.tries > 1;
+    match lay_best(&query, only, wish.lay.beyond, api, ui).await {
         Ok((map, name)) if is_free && map.verdict.is_poor() => {
             in_parts(&query, map, &name, (args, &wish), api, state, ui).await
         }
@@ -197,30 +201,25 @@ fn fitting(map: &Map, name: &str) -> String {
     format!("{name}, {} faces, {}", map.faces, map.verdict.as_str())
 }
 
-/// A mesh of more segments is a rag: what nobody told is left to the service, which maps only what is worth it.
-const SEGMENTS_MAX: usize = 32;
-
 /// Maps every segment, stitches the maps and writes the mesh.
 async fn stitch(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Result<Delivered, ClientError> {
     for part in &wish.uses {
         check_segment(query, Some(part.segment))?;
     }
     let mut maps = Vec::new();
-    let is_rag = query.segments.len() > SEGMENTS_MAX;
     let mapped: Vec<&QuerySegment> =
-        query.segments.iter().filter(|s| !is_rag || told(s.segment, wish).is_some()).collect();
-    if is_rag {
-        ui.note(&format!("of {} segments the service maps those that are worth it", query.segments.len()));
-    }
+        query.segments.iter().filter(|s| s.tries > 0 || told(s.segment, wish).is_some()).collect();
     let count = mapped.len();
-    let faces: u64 = query.segments.iter().map(|s| s.faces).sum();
+    if count < query.segments.len() {
+        let (left, all) = (query.segments.len() - count, query.segments.len());
+        ui.note(&format!("{left} of {all} segments have too few faces for an example; they take regular layouts"));
+    }
     let bar = ui.bar(count as u64, "mapping");
     for (done, segment) in mapped.into_iter().enumerate() {
         let (number, told) = (segment.segment, told(segment.segment, wish));
-        // What is most of the scan is worth several tries; a part between others is not.
-        let laid = match told.is_none() && 2 * segment.faces >= faces {
-            true => lay_best(query, number, wish.lay.beyond, api, ui).await,
-            false => lay(query, number, told, (wish.lay.beyond, Vec::new()), api, ui).await,
+        let laid = match told {
+            None => lay_best(query, segment, wish.lay.beyond, api, ui).await,
+            Some(_) => lay(query, number, told, (wish.lay.beyond, Vec::new()), api, ui).await,
         };
         let said = match laid {
             // What nobody asked for and is poor is left to the service, which says what takes its place.
@@ -244,7 +243,7 @@ async fn stitch(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Resul
     }
     bar.finish_and_clear();
     if let Some(density) = wish.lay.density {
-        ui.note(&table::expected_quads(&maps, count, density));
+        ui.note(&table::expected_quads(&maps, query.segments.len(), density));
     }
     let spinner = ui.spinner("stitching");
     let composition = api.start_composition(query.id, &new_composition(&maps, wish)).await;

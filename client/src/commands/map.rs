@@ -14,7 +14,9 @@ use crate::{
     state::State,
     ui::Ui,
 };
-use quadmuse_proto::{Beyond, Code, ConstraintEdit, Landmark, Map, MapId, NewMap, Problem, Query, QueryId};
+use quadmuse_proto::{
+    Beyond, Code, ConstraintEdit, Landmark, Map, MapId, NewMap, Problem, Query, QueryId, QuerySegment,
+};
 
 pub(super) async fn map(args: &MapArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
     let target = Target::of(&args.out, args.kept.as_deref());
@@ -66,24 +68,21 @@ pub(super) async fn lay(
     Ok((map?, choice.name))
 }
 
-/// First entries of the ranking of a single segment that are laid where nobody chose one.
-const TRIES: usize = 3;
-
-/// Lays on a segment the first of the ranking's few best examples whose map is not poor, or else the best; the map, and
-/// the example's name.
+/// Lays on a segment the first of the ranking's best examples whose map is not poor, or else the best; the map, and the
+/// example's name. As many are tried as the service calls worth it, but one at least.
 pub(super) async fn lay_best(
     query: &Query,
-    segment: u32,
+    segment: &QuerySegment,
     beyond: Beyond,
     api: &Api,
     ui: &mut Ui,
 ) -> Result<(Map, String), ClientError> {
-    let best = lay(query, segment, None, (beyond, Vec::new()), api, ui).await?;
-    if !best.0.verdict.is_poor() {
+    let best = lay(query, segment.segment, None, (beyond, Vec::new()), api, ui).await?;
+    if !best.0.verdict.is_poor() || segment.tries <= 1 {
         return Ok(best);
     }
-    for other in promising(query, segment, TRIES, api).await?.into_iter().skip(1) {
-        match lay(query, segment, Some(other), (beyond, Vec::new()), api, ui).await {
+    for other in promising(query, segment.segment, segment.tries as usize, api).await?.into_iter().skip(1) {
+        match lay(query, segment.segment, Some(other), (beyond, Vec::new()), api, ui).await {
             Ok(found) if !found.0.verdict.is_poor() => return Ok(found),
             Ok(_) => {}
             Err(error) if is_late(&error) => break,

@@ -232,6 +232,7 @@ pub(crate) mod tests {
             topology: Topology::Annulus,
             faces: 100,
             holes: 0,
+            tries: 3,
             k: None,
             features: None,
             level: None,

@@ -52,6 +52,7 @@ pub(crate) fn query(state: QueryState, segments: u32) -> Query {
         topology: Topology::Disc,
         faces: 100,
         holes: 0,
+        tries: 3,
         k: Some(0.5),
         features: Some(4),
         level: None,

@@ -6,8 +6,8 @@ use crate::{
     run,
 };
 use quadmuse_proto::{
-    Begin, Code, Composition, CompositionId, CompositionPart, End, EndState, Event, Map, Problem, QueryState, Verdict,
-    composition::AS_MAPPED,
+    Begin, Code, Composition, CompositionId, CompositionPart, End, EndState, Event, Map, Problem, Query, QueryState,
+    Verdict, composition::AS_MAPPED,
 };
 use std::sync::{
     Arc,
@@ -364,6 +364,37 @@ async fn retopo_cuts_what_no_example_fits_as_a_whole() {
         ran.notes
     );
     assert!(ran.out.contains("4 quads"), "{}", ran.out);
+}
+
+/// The service, if of each segment so many entries are worth laying.
+fn service_with_tries(asked: &Asked, segments: u32, tries: u32) -> Reply {
+    let reply = service(asked, segments);
+    let Ok(mut query) = serde_json::from_slice::<Query>(&reply.body) else { return reply };
+    query.segments.iter_mut().for_each(|segment| segment.tries = tries);
+    Reply::json(reply.status, &query)
+}
+
+#[tokio::test]
+async fn retopo_lays_as_many_examples_as_the_service_calls_worth_it() {
+    let mesh = mesh_file();
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.obj");
+    // Segments, tries, and maps asked for where all are poor.
+    for (segments, tries, maps) in [(1, 0, 0), (3, 0, 0), (1, 1, 1), (3, 1, 3)] {
+        let poor = Map { verdict: Verdict::Poor, ..map() };
+        let server = Fake::start(move |asked| match asked.line.ends_with("/maps") {
+            true => Reply::json(201, &poor),
+            false => service_with_tries(asked, segments, tries),
+        });
+        let ran = run(&server.url, &format!("retopo {} -o {}", mesh.path().display(), out.display())).await;
+        assert_eq!(ran.code(), 0, "{}", ran.notes);
+        let lines = server.lines();
+        let count = |end: &str| lines.iter().filter(|line| line.starts_with("POST") && line.ends_with(end)).count();
+        assert_eq!((count("/maps"), count("/compositions")), (maps, 1), "{segments} segments, {tries} tries");
+        let cuts = lines.iter().filter(|line| line.contains("parts=auto")).count();
+        assert_eq!(cuts, 0, "what is worth one try is not cut");
+        assert_eq!(ran.notes.contains("too few faces for an example"), tries == 0, "{}", ran.notes);
+    }
 }
 
 #[tokio::test]

@@ -60,7 +60,7 @@ pub async fn metrics(State(app): State<App>) -> Response {
 fn gauges(app: &App) {
     let (pool, health, memory) = (&app.work.pool, app.work.corpus.health(), taken::of_process());
     metrics::gauge!("quadmuse_pool_waiting").set(pool.waiting() as f64);
-    for (lane, waiting) in ["edit", "coarse", "fine", "ingest"].into_iter().zip(pool.waiting_by_lane()) {
+    for (lane, waiting) in ["edit", "lay", "coarse", "fine", "ingest"].into_iter().zip(pool.waiting_by_lane()) {
         metrics::gauge!("quadmuse_lane_waiting", "lane" => lane).set(waiting as f64);
     }
     let (used, users) = (pool.admission().used(), pool.admission().by_user());

@@ -39,7 +39,7 @@ pub(super) struct Lanes {
 /// What waits of one user, by lane, the oldest job first; and what the user had.
 #[derive(Default)]
 struct Turns {
-    lanes: [BTreeMap<(u64, u64), Quantum>; 4],
+    lanes: [BTreeMap<(u64, u64), Quantum>; 5],
     /// Virtual time.
     had: Duration,
     /// Quanta under way.
@@ -51,13 +51,15 @@ struct Turns {
 }
 
 const EDIT: usize = 0;
-const COARSE: usize = 1;
-const FINE: usize = 2;
-const INGEST: usize = 3;
+const LAY: usize = 1;
+const COARSE: usize = 2;
+const FINE: usize = 3;
+const INGEST: usize = 4;
 
 fn place(lane: Lane) -> usize {
     match lane {
         Lane::Edit => EDIT,
+        Lane::Lay => LAY,
         Lane::Coarse => COARSE,
         Lane::Fine => FINE,
         Lane::Ingest => INGEST,
@@ -70,7 +72,7 @@ impl Turns {
     }
 
     fn is_idle(&self) -> bool {
-        self.running == 0 && !self.has(&[EDIT, COARSE, FINE, INGEST])
+        self.running == 0 && !self.has(&[EDIT, LAY, COARSE, FINE, INGEST])
     }
 
     fn first_of(&mut self, lanes: &[usize]) -> Option<Quantum> {
@@ -96,11 +98,17 @@ impl Lanes {
     /// Takes the most urgent quantum, and now and then the least urgent; whose it is must be told to [`Lanes::ended`].
     pub(super) fn pop(&mut self) -> Option<(User, Quantum)> {
         self.popped = self.popped.wrapping_add(1);
-        const BY_URGENCY: [&[usize]; 3] = [&[EDIT], &[COARSE, FINE], &[INGEST]];
+        const BY_URGENCY: [&[usize]; 4] = [&[EDIT], &[LAY], &[COARSE, FINE], &[INGEST]];
         if self.popped.is_multiple_of(LEAST_URGENT_EVERY) {
             return BY_URGENCY.iter().rev().find_map(|lanes| self.pop_of(lanes));
         }
         BY_URGENCY.iter().find_map(|lanes| self.pop_of(lanes))
+    }
+
+    /// Takes an edit, if one waits; whose it is must be told to [`Lanes::ended`].
+    pub(super) fn pop_edit(&mut self) -> Option<(User, Quantum)> {
+        self.popped = self.popped.wrapping_add(1);
+        self.pop_of(&[EDIT])
     }
 
     fn pop_of(&mut self, lanes: &[usize]) -> Option<(User, Quantum)> {
@@ -130,8 +138,8 @@ impl Lanes {
     }
 
     /// Number of quanta that wait in each lane.
-    pub(super) fn lengths(&self) -> [usize; 4] {
-        let mut lengths = [0; 4];
+    pub(super) fn lengths(&self) -> [usize; 5] {
+        let mut lengths = [0; 5];
         for turns in self.users.values() {
             lengths.iter_mut().zip(&turns.lanes).for_each(|(length, lane)| *length += lane.len());
         }
@@ -186,13 +194,19 @@ mod tests {
             (Lane::Fine, 1, "a3"),
             (Lane::Fine, 2, "b1"),
             (Lane::Fine, 2, "b2"),
+            (Lane::Lay, 3, "lay"),
             (Lane::Edit, 3, "edit"),
         ] {
             all.push(lane, user, user, name);
         }
-        assert_eq!(all.lanes.len(), 7);
-        assert_eq!(all.run(|_| MS), ["edit", "a1", "b1", "a2", "b2", "a3", "ingest"]);
+        assert_eq!(all.lanes.len(), 8);
+        assert_eq!(all.run(|_| MS), ["edit", "lay", "a1", "b1", "a2", "b2", "a3", "ingest"]);
         assert_eq!(all.lanes.len(), 0);
+        assert!(all.lanes.pop_edit().is_none());
+        all.push(Lane::Lay, 3, 9, "lay");
+        assert!(all.lanes.pop_edit().is_none(), "the thread of edits lays nothing");
+        all.push(Lane::Edit, 3, 9, "edit");
+        assert!(all.lanes.pop_edit().is_some_and(|(user, _)| user == User(3)));
     }
 
     #[test]

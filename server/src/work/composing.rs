@@ -94,7 +94,7 @@ pub async fn create(
         let appraisal = engine.appraise(&model, &map, Allowed { bare: 1.0, ..allowed })?;
         Ok(if appraisal.flaws.is_empty() { Sound::alone(map, appraisal, segment) } else { sound })
     };
-    let Sound { made: stitched, appraisal, gave_way, alone } = work.pool.run(&job, Lane::Edit, stitch).await??;
+    let Sound { made: stitched, appraisal, gave_way, alone } = work.pool.run(&job, Lane::Lay, stitch).await??;
     if stitched.is_poor_kept {
         summaries.append(&mut poor);
     }

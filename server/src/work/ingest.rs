@@ -236,7 +236,7 @@ pub async fn mesh(work: &Arc<Work>, caller: Caller, id: ExampleId, format: MeshF
     }
     let estimate = work.engine.memory_estimate(bytes.len() as u64);
     let job = work.admit(caller.user, estimate, REQUEST_TIME_MAX)?;
-    let model = model(work, &job, Lane::Edit, &example).await?;
+    let model = model(work, &job, Lane::Lay, &example).await?;
     write(work, job, caller.user, &model.mesh, format).await
 }
 

@@ -99,7 +99,7 @@ pub async fn create(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: NewMap) -> 
     let (from, (one, two)) = (candidate.map(|c| Arc::clone(&c.registration)), (example_side, query_side));
     let engine = Arc::clone(&work.engine);
     let fit = move |stop: &_| engine.fit(from.as_deref(), &one, &two, beyond, &landmarks, stop);
-    let fitted = work.pool.run(&job, Lane::Edit, fit).await??;
+    let fitted = work.pool.run(&job, Lane::Lay, fit).await??;
     let mapped = fitted.mapped;
     let id = MapId::generate();
     let timings = MapTimings { register_ms, map_ms: ms_since(start) - register_ms, total_ms: ms_since(start) };
@@ -119,7 +119,7 @@ async fn create_template(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: &NewMa
     let job = work.admit(live.caller.user, work.engine.memory_of_map(0), REQUEST_TIME_MAX)?;
     let side = Side { model: Arc::clone(&live.model), segment: wanted.segment, encoded };
     let (engine, query) = (Arc::clone(&work.engine), side.clone());
-    let mapped = work.pool.run(&job, Lane::Edit, move |stop| engine.template(&query, stop)).await??;
+    let mapped = work.pool.run(&job, Lane::Lay, move |stop| engine.template(&query, stop)).await??;
     let timings = MapTimings { register_ms: 0.0, map_ms: ms_since(start), total_ms: ms_since(start) };
     let summary = summary(live, MapId::generate(), wanted.segment, (wanted.example, 0), 1, &mapped, timings);
     let held = job.kept(work.engine.memory_of_map(0));
@@ -220,7 +220,7 @@ async fn registered(
         }
     };
     let was_done = candidate.state == EntryState::Done;
-    candidate = caught_up(work, job, Lane::Edit, candidate, query, live.options.resolution).await?;
+    candidate = caught_up(work, job, Lane::Lay, candidate, query, live.options.resolution).await?;
     // While the query goes on, its own schedule decides what stands in the ranking.
     if !was_done && live.is_final() {
         let resumed = Candidate { state: EntryState::Done, ..candidate.clone() };
@@ -230,8 +230,8 @@ async fn registered(
 }
 
 async fn example_side(work: &Arc<Work>, job: &Job, example: &Example, segment: u32) -> Result<Side, WorkError> {
-    let model = ingest::model(work, job, Lane::Edit, example).await?;
-    let encoded = Arc::new(encode(work, job, Lane::Edit, &model, segment).await?);
+    let model = ingest::model(work, job, Lane::Lay, example).await?;
+    let encoded = Arc::new(encode(work, job, Lane::Lay, &model, segment).await?);
     Ok(Side { model, segment, encoded })
 }
 

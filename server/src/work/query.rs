@@ -8,6 +8,7 @@ use super::engine::{Encoded, Model};
 use super::ingest::counts_of;
 use super::mapping::LiveMap;
 use super::ranking::{Candidate, entries, levels_up_to, template_entry};
+use super::worth::tries;
 use super::{Caller, WorkError};
 use crate::pool::{Job, Stop};
 use quadmuse_kernel::mesh::PolyMesh;
@@ -289,6 +290,7 @@ impl LiveQuery {
             topology: known.topology,
             faces: known.faces,
             holes: known.holes,
+            tries: tries(&self.model.segments, segment) as u32,
             k: facts.map(|facts| facts.k),
             features: facts.map(|facts| facts.features),
             level: (ranking.level > 0).then_some(ranking.level),

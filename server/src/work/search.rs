@@ -399,5 +399,5 @@ pub(super) async fn newcomer(
         };
         Ok(scored(&*this.engine, from, registration, &query))
     };
-    work.pool.run(job, Lane::Edit, quantum).await?
+    work.pool.run(job, Lane::Lay, quantum).await?
 }

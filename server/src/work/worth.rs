@@ -16,10 +16,10 @@ const MANY: usize = 32;
 const FACES_PER_SEGMENT: u64 = 256;
 /// Faces of a segment that is given a map, or ranked where there are more than a few.
 const FACES_MIN: u64 = 16;
-/// Entries of a ranking that are tried where a query has one segment and it is not named.
+/// Entries of a ranking that are tried for a segment that is most of the mesh.
 const TRIES: usize = 3;
-/// Faces of a segment for which more than one entry is tried.
-const FACES_CHOSEN_MIN: u64 = 256;
+/// Faces of a segment that has enough form to choose an example by: several are tried, and laid on it in rough poses before.
+pub const FACES_CHOSEN_MIN: u64 = 256;
 
 /// Whether a segment, by its number, is worth it.
 pub fn is_worth_an_example(segments: &[ModelSegment], segment: usize) -> bool {
@@ -33,12 +33,14 @@ pub fn is_worth_an_example(segments: &[ModelSegment], segment: usize) -> bool {
     own >= FACES_MIN && segments.iter().enumerate().filter(is_before).count() < most
 }
 
-/// How many examples of a segment's ranking are laid on it unasked, until one is not poor. Of several segments only the
-/// first is: a regular layout between its neighbours has better angles than an example that fits but fairly.
+/// How many examples of a segment's ranking are laid on it unasked, until one is not poor. Of a part between others only the
+/// first is: a regular layout between its neighbours has better angles than an example that fits but fairly. Queries tell it, so
+/// that whoever asks for maps one by one asks for as many.
 pub fn tries(segments: &[ModelSegment], segment: usize) -> usize {
     match segments.get(segment).map(|s| s.faces) {
         Some(faces) if faces >= FACES_MIN && is_worth_an_example(segments, segment) => {
-            if segments.len() == 1 && faces >= FACES_CHOSEN_MIN { TRIES } else { 1 }
+            let is_most = 2 * faces >= segments.iter().map(|s| s.faces).sum::<u64>();
+            if is_most && faces >= FACES_CHOSEN_MIN { TRIES } else { 1 }
         }
         _ => 0,
     }
@@ -74,6 +76,6 @@ mod tests {
             tries(&faces.iter().map(segment).collect::<Vec<_>>(), 0)
         };
         assert_eq!([tries(&[]), tries(&[1]), tries(&[12]), tries(&[100]), tries(&[50_000])], [0, 0, 0, 1, TRIES]);
-        assert_eq!([tries(&[1000, 1000]), tries(&[1, 1000])], [1, 0]);
+        assert_eq!([tries(&[1000, 2000]), tries(&[1, 1000]), tries(&[1000, 400, 400])], [1, 0, TRIES]);
     }
 }

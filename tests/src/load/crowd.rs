@@ -1,6 +1,6 @@
 //! A crowd that polls and streams while others saturate the service: whether it is answered, and whether health is.
 
-use super::{Caller, Did, Times, saturate, spawn};
+use super::{Caller, Did, Times, has_end, saturate, spawn};
 use crate::{http, scale::ScaleError, server::Server};
 use std::{
     sync::{
@@ -97,9 +97,4 @@ pub fn measure(
         let [polls, lost, ended, broken] = counts.each_ref().map(|count| count.load(Ordering::Relaxed));
         Ok(Crowd { health, polls: [polls, lost], streams: [ended, broken], did })
     })
-}
-
-fn has_end(answer: &http::Answer) -> bool {
-    let is_end = |line: &str| line.strip_prefix("event:").is_some_and(|event| event.trim() == "end");
-    answer.status == 200 && answer.text().lines().any(is_end)
 }

@@ -44,6 +44,10 @@ const CAP_LOWEST: f64 = 0.3;
 const EVENING: f64 = 0.5;
 /// Rounds of smoothing.
 const ROUNDS: u32 = 12;
+/// A layout of more quads than these, and of more than this factor times those that are wanted, stays as it is drawn: it stands
+/// between a boundary that a few vertices thrown far off draw out, and evening it out would take minutes.
+const EVENED_QUADS_MAX: usize = 5000;
+const EVENED_TIMES_MAX: f64 = 4.0;
 /// Degrees that an extraordinary vertex counts for, where rings and a rectangle are compared.
 const EXTRAORDINARY_DEG: f64 = 0.03;
 
@@ -104,7 +108,10 @@ pub fn regular(ground: Ground<'_>, edge: f64, ends: Ends) -> Regular {
     let rectangles = rectangles(ground, &ends, edge);
     let rings = Builder::new(ground, edge, ends).run();
     let even = |mut laid: Regular| {
-        even_out(&mut laid.net, ground.chart, ground.target);
+        let quads = laid.net.faces().count();
+        if quads <= EVENED_QUADS_MAX || quads as f64 <= EVENED_TIMES_MAX * area / (edge * edge) {
+            even_out(&mut laid.net, ground.chart, ground.target);
+        }
         laid
     };
     let cost = |laid: &Regular| {

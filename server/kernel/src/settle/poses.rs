@@ -48,6 +48,8 @@ const QUICK: Effort = Effort {
     sifted_by: 24,
     rests: &[(48, 64, 4), (6, 128, 6)],
 };
+/// An input of fewer triangles is flat nearly everywhere, and seen as well by few samples.
+const FULL_FROM_TRIANGLES: usize = 256;
 /// Samples of the smaller surface.
 const SMALL: usize = 256;
 /// Distance at which a sample counts 1/e, in √area of the smaller.
@@ -72,7 +74,8 @@ pub fn poses(
     may_be_small: [bool; 2],
     stop: &dyn Fn() -> bool,
 ) -> Vec<(f64, Similarity)> {
-    let [one, two] = [(example, may_be_small[0]), (input, may_be_small[1])].map(|s| Posed::new(s.0, s.1, &FULL));
+    let effort = if input.triangles.len() < FULL_FROM_TRIANGLES { &QUICK } else { &FULL };
+    let [one, two] = [(example, may_be_small[0]), (input, may_be_small[1])].map(|s| Posed::new(s.0, s.1, effort));
     let mut kept: Vec<(f64, Similarity)> = Vec::new();
     let unit = (middle(example), example.total_area().sqrt());
     for (score, pose) in found(&one, &two, stop) {

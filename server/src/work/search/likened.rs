@@ -11,6 +11,7 @@ use crate::work::engine::Opaque;
 use crate::work::ingest;
 use crate::work::query::ms_since;
 use crate::work::ranking::{Candidate, by_likeness};
+use crate::work::worth::FACES_CHOSEN_MIN;
 use futures_util::{StreamExt, stream};
 use quadmuse_proto::{EntryState, LevelTiming, Topology};
 use std::sync::Arc;
@@ -22,7 +23,7 @@ const UNSURE: f64 = 0.15;
 const HOLES_SURE: u32 = 8;
 /// Examples that are laid.
 const LAID_MAX: usize = 32;
-/// A segment with less of the query's faces is not worth it.
+/// A segment with less of the query's faces is not worth it; nor is one of few faces, which lies on anything.
 const SHARE_MIN: f64 = 0.25;
 
 impl SegmentSearch<'_> {
@@ -71,7 +72,7 @@ impl SegmentSearch<'_> {
         let segments = &self.live.model.segments;
         let (Some(own), Some(first)) = (segments.get(self.segment), candidates.first()) else { return false };
         let faces: u64 = segments.iter().map(|s| s.faces).sum();
-        let is_worth_it = own.faces as f64 >= SHARE_MIN * faces as f64;
+        let is_worth_it = own.faces >= FACES_CHOSEN_MIN && own.faces as f64 >= SHARE_MIN * faces as f64;
         let is_unsure = first.score > UNSURE || own.holes > HOLES_SURE;
         is_worth_it && is_unsure && first.resident.facts.topology == Topology::Disc
     }

@@ -35,6 +35,13 @@ const RIBBON_MAX: f64 = 0.01;
 const RIBBON_SAMPLES: usize = 64;
 /// Factor, as a power of two, by which the number of quads may miss what is wanted before such layouts are sought as have it.
 const COUNT_MISSED: f64 = 0.3;
+/// A vertex thrown far off makes needles of a few triangles, each of which lies across a whole rectangle, and a boundary of many
+/// more edges than its area has quads. What laying a frame takes beyond so many quads, and looks at vertices, for each quad
+/// that is wanted is counted in looks, and so much of it allowed to a search; usual segments have none of it.
+const USUAL_QUADS: usize = 4;
+const USUAL_LOOKS: u64 = 16;
+const LOOKS_PER_QUAD: u64 = 300;
+const UNUSUAL_LOOKS_MAX: u64 = 1 << 27;
 /// How far outside a triangle a point still counts as in it.
 const OUTSIDE: f64 = 1e-7;
 /// Area of the smallest quad, as a share of the mean, up to which a layout is none: behind a narrow place a harmonic map
@@ -146,6 +153,10 @@ struct Search<'a> {
     edge: Option<f64>,
     seen: Vec<Frame>,
     best: Option<(f64, Net)>,
+    /// Quads that are wanted.
+    wanted: usize,
+    /// What was looked at beyond what is usual.
+    unusual: u64,
 }
 
 impl Harmonics {
@@ -217,9 +228,20 @@ impl Harmonics {
             };
             Ramps::new(Box::new(fall))
         });
-        let mut search =
-            Search { harmonics: self, chart, rings, maps, falls, edge: None, seen: Vec::new(), best: None };
         let wanted = self.area / (edge * edge);
+        let (seen, best) = (Vec::new(), None);
+        let mut search = Search {
+            harmonics: self,
+            chart,
+            rings,
+            maps,
+            falls,
+            edge: None,
+            seen,
+            best,
+            wanted: wanted as usize,
+            unusual: 0,
+        };
         let oblong = oblong_share(wanted, rings[0].points.len());
         let mut nets: Vec<Net> = search.run(oblong).into_iter().collect();
         if nets.iter().any(|net| (net.faces().count() as f64 / wanted).log2().abs() > COUNT_MISSED) {
@@ -304,7 +326,14 @@ impl Search<'_> {
         }
     }
 
-    /// Tries a rectangle, with the hole where it falls; `None` if it has been tried, or does not fit.
+    /// Counts what laying a frame of so many quads took beyond what is usual.
+    fn count(&mut self, quads: usize, looks: u64) {
+        let more = quads.saturating_sub(USUAL_QUADS * self.wanted) as u64;
+        let usual = USUAL_LOOKS * (self.wanted + self.chart.mesh.triangles.len()) as u64;
+        self.unusual += LOOKS_PER_QUAD * more + looks.saturating_sub(usual);
+    }
+
+    /// Tries a rectangle, with the hole where it falls; `None` if it has been tried, or does not fit, or too much was tried.
     fn try_outer(&mut self, outer: Option<Corners>) -> Option<Tried> {
         let outer = outer?;
         let Some(falls) = &mut self.falls else { return self.try_out(Frame { outer, hole: None }) };
@@ -316,7 +345,7 @@ impl Search<'_> {
     }
 
     fn try_out(&mut self, frame: Frame) -> Option<Tried> {
-        if self.seen.contains(&frame) {
+        if self.seen.contains(&frame) || self.unusual > UNUSUAL_LOOKS_MAX {
             return None;
         }
         self.seen.push(frame);
@@ -340,6 +369,7 @@ impl Search<'_> {
             self.rings.iter().flat_map(|ring| ring.points.iter().copied().map(Some)).collect();
         stands.resize(grid.vertices, None);
         let (a, b) = (frame.outer.a, frame.outer.b);
+        let mut looks = 0;
         for t in &self.chart.mesh.triangles {
             let p = t.map(|v| [x[v as usize], y[v as usize]]);
             let range = |k: usize, most: usize| {
@@ -347,10 +377,12 @@ impl Search<'_> {
                 let high = p.iter().map(|q| q[k]).fold(f64::NEG_INFINITY, f64::max) + OUTSIDE;
                 low.ceil().max(1.0) as usize..high.floor().clamp(0.0, most as f64 - 1.0) as usize + 1
             };
+            let (columns, rows) = (range(0, a), range(1, b));
+            looks += (columns.len() * rows.len()) as u64;
             stop::pass(1);
-            for j in range(1, b) {
-                stop::pass(a);
-                for i in range(0, a) {
+            for j in rows {
+                stop::pass(columns.len());
+                for i in columns.clone() {
                     let number = grid.number(i, j) as usize;
                     if number < boundary || number >= grid.vertices || stands[number].is_some() {
                         continue;
@@ -360,6 +392,7 @@ impl Search<'_> {
                 }
             }
         }
+        self.count(a * b, looks);
         Some(Net::new(stands.into_iter().collect::<Option<Vec<Vec3>>>()?, grid.quads()))
     }
 }

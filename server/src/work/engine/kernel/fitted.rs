@@ -6,7 +6,7 @@
 
 use super::super::{Encoded, Encoding, EngineError, Fitted, Model, Opaque, Refusal, Registration, Side};
 use super::constrain::{self, locate};
-use super::model::ModelInner;
+use super::model::{ModelInner, has_form};
 use super::registered::{self, Registered};
 use super::rested::rest;
 use super::{Source, facts, fresh, internal};
@@ -78,7 +78,8 @@ pub(super) fn fit(
     };
     let on: &ModelInner = query.model.inner.open()?;
     let free = |side: &Side| {
-        matches!(side.encoded.encoding.facts.topology, Primitive::Disc | Primitive::Sphere) && on.laid.is_none()
+        let topology = side.encoded.encoding.facts.topology;
+        matches!(topology, Primitive::Disc | Primitive::Sphere) && on.may_settle(query.segment)
     };
     if let Some(from) = from.as_ref().filter(|_| !free(example) || !free(query)) {
         return by_charts(from);
@@ -141,7 +142,7 @@ fn settled(
     if let Some(whole) = whole {
         rests.tries(whole, &stopped);
     }
-    if !rests.is_convincing() {
+    if has_form(input) && !rests.is_convincing() {
         let trees = (Bvh::new(mesh), Bvh::new(input));
         let (own, there) = (&one.query.chart.mesh, &two.query.chart.mesh);
         let solver = LevenbergMarquardt::default();
@@ -159,7 +160,7 @@ fn settled(
     // Of two closed surfaces neither ends anywhere.
     let closed = |side: &Side| side.encoded.encoding.facts.topology == Primitive::Sphere;
     let may_be_part = !(closed(example) && closed(query));
-    if may_be_part && !rests.is_convincing() {
+    if may_be_part && has_form(input) && !rests.is_convincing() {
         for start in parts(example, query, (one, two), stop)? {
             rests.tries(&start, &stopped);
             if rests.is_convincing() {

@@ -2,6 +2,7 @@
 
 use super::super::{Besides, Cut, EngineError, Grain, Model, ModelSegment, Opaque, Refusal};
 use super::{parts, topology_out};
+use crate::work::worth::FACES_CHOSEN_MIN;
 use quadmuse_kernel::compose::ground::Ground;
 use quadmuse_kernel::mesh::{
     self, FaceLabels, Format, Limits, MeshError, MeshErrorKind, NONE, PolyMesh, Prepared, TriMesh, Vec3,
@@ -100,10 +101,21 @@ impl ModelInner {
         Ground::of(&self.segmented)
     }
 
+    /// Whether an example laid on a segment may come to rest elsewhere than its chart says. What was laid whole has its place;
+    /// what has few faces has too little form to tell one place from another by.
+    pub(super) fn may_settle(&self, segment: u32) -> bool {
+        self.laid.is_none() && self.faces(segment) >= FACES_CHOSEN_MIN
+    }
+
     /// Polygons of a segment.
     pub(super) fn faces(&self, segment: u32) -> u64 {
         self.patch(segment).map_or(0, |patch| count_polygons(&self.segmented, patch))
     }
+}
+
+/// Whether a surface has enough triangles to have tips, and parts that one would tell apart.
+pub(super) fn has_form(surface: &TriMesh) -> bool {
+    surface.triangles.len() as u64 >= FACES_CHOSEN_MIN
 }
 
 /// Reads, repairs and cuts.
