@@ -103,10 +103,42 @@ pub struct Map {
     pub timings: MapTimings,
 }
 
+/// From this worth on no other example has to be tried.
+const ENOUGH: f64 = 0.1;
+/// Below this worth even the best does not explain the input.
+const LITTLE: f64 = 0.05;
+/// Worth of a map of which nothing speaks but its verdict, good or fair, for the share that it covers.
+const WORTH: [f64; 2] = [0.5, 0.2];
+/// The least that a map which is not poor is worth for the share that it covers.
+const WORTH_LEAST: f64 = 0.01;
+
+impl Map {
+    /// What the map is worth beside others on the same segment: how sure it is, times the share of the input that its
+    /// example covers; less than 0 for a poor one.
+    pub fn worth(&self) -> f64 {
+        let [good, fair] = WORTH;
+        let sure = match (self.verdict, &self.evidence) {
+            (Verdict::Poor | Verdict::Broken, _) => return -1.0,
+            (_, Some(evidence)) => evidence.agreement.max(WORTH_LEAST),
+            (Verdict::Good, None) => good,
+            (Verdict::Fair, None) => fair,
+        };
+        sure * self.covers.input
+    }
+
+    /// Whether it is so good that no other example has to be tried after `tried`, of which `tries` are worth it in any case.
+    pub fn is_enough(&self, tried: usize, tries: usize) -> bool {
+        self.worth() >= if tried < tries { ENOUGH } else { LITTLE }
+    }
+}
+
 /// Measures that speak for or against a map. Lengths are in √area of the example as it is laid.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct MapEvidence {
+    /// How sure the map is: relief, less what its bend counts. Below 1; right maps have some 0.3 to 0.9.
+    #[serde(default)]
+    pub agreement: f64,
     /// Correlation of bumps and hollows on the example and where they lie on the input, −1 to 1.
     pub relief: f64,
     /// How much the example is drawn out in one direction against others, as the mean of a logarithm.

@@ -68,8 +68,8 @@ pub(super) async fn lay(
     Ok((map?, choice.name))
 }
 
-/// Lays on a segment the first of the ranking's best examples whose map is not poor, or else the best; the map, and the
-/// example's name. As many are tried as the service calls worth it, but one at least.
+/// Lays the ranking's best examples on a segment until a map is good enough; the map that is worth most, or else the best
+/// example's, and its example's name. As many are tried as the service calls worth it, but one at least.
 pub(super) async fn lay_best(
     query: &Query,
     segment: &QuerySegment,
@@ -77,16 +77,21 @@ pub(super) async fn lay_best(
     api: &Api,
     ui: &mut Ui,
 ) -> Result<(Map, String), ClientError> {
-    let best = lay(query, segment.segment, None, (beyond, Vec::new()), api, ui).await?;
-    if !best.0.verdict.is_poor() || segment.tries <= 1 {
+    let tries = segment.tries as usize;
+    let mut best = lay(query, segment.segment, None, (beyond, Vec::new()), api, ui).await?;
+    if tries <= 1 || best.0.is_enough(1, tries) {
         return Ok(best);
     }
-    for other in promising(query, segment.segment, segment.tries as usize, api).await?.into_iter().skip(1) {
+    let others = promising(query, segment.segment, tries, api).await?;
+    for (tried, other) in (2..).zip(others.into_iter().skip(1)) {
         match lay(query, segment.segment, Some(other), (beyond, Vec::new()), api, ui).await {
-            Ok(found) if !found.0.verdict.is_poor() => return Ok(found),
+            Ok(found) if found.0.worth() > best.0.worth() => best = found,
             Ok(_) => {}
             Err(error) if is_late(&error) => break,
             Err(error) => return Err(error),
+        }
+        if best.0.is_enough(tried, tries) {
+            break;
         }
     }
     Ok(best)

@@ -6,8 +6,8 @@ use crate::{
     run,
 };
 use quadmuse_proto::{
-    Begin, Code, Composition, CompositionId, CompositionPart, End, EndState, Event, Map, Problem, Query, QueryState,
-    Verdict, composition::AS_MAPPED,
+    Begin, Code, Composition, CompositionId, CompositionPart, Covers, End, EndState, Event, Map, MapId, Problem, Query,
+    QueryState, Verdict, composition::AS_MAPPED,
 };
 use std::sync::{
     Arc,
@@ -394,6 +394,34 @@ async fn retopo_lays_as_many_examples_as_the_service_calls_worth_it() {
         let cuts = lines.iter().filter(|line| line.contains("parts=auto")).count();
         assert_eq!(cuts, 0, "what is worth one try is not cut");
         assert_eq!(ran.notes.contains("too few faces for an example"), tries == 0, "{}", ran.notes);
+    }
+}
+
+#[tokio::test]
+async fn retopo_takes_the_map_that_is_worth_most_and_stops_at_one_that_is_good_enough() {
+    let mesh = mesh_file();
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.obj");
+    // The share of the scan that each map covers, and which of them is taken.
+    for (covered, taken) in [([0.1, 0.3, 0.2], 1), ([0.1, 0.9, 1.0], 1), ([0.2, 0.1, 0.1], 0)] {
+        let laid = AtomicU32::new(0);
+        let server = Fake::start(move |asked| {
+            if !asked.line.starts_with("POST") || !asked.line.ends_with("/maps") {
+                return service_with_tries(asked, 1, 3);
+            }
+            let number = laid.fetch_add(1, Ordering::SeqCst) as usize;
+            let covers = Covers { input: covered[number.min(2)], ..Covers::default() };
+            let id = MapId::from_bytes([number as u8; 16]);
+            Reply::json(201, &Map { id, covers, verdict: Verdict::Fair, ..map() })
+        });
+        let ran = run(&server.url, &format!("retopo {} -o {}", mesh.path().display(), out.display())).await;
+        assert_eq!(ran.code(), 0, "{}", ran.notes);
+        let asked = server.asked();
+        let maps = asked.iter().filter(|asked| asked.line.starts_with("POST") && asked.line.ends_with("/maps")).count();
+        assert_eq!(maps, if covered[1] > 0.5 { 2 } else { 3 }, "{covered:?}");
+        let composed = asked.iter().find(|asked| asked.line.ends_with("/compositions")).expect("a composition");
+        let body = String::from_utf8_lossy(&composed.body).into_owned();
+        assert!(body.contains(&MapId::from_bytes([taken; 16]).to_string()), "{covered:?}: {body}");
     }
 }
 

@@ -6,6 +6,7 @@
 //! *Source:* paper §4.1 and §6 (phantom edges); the paper's own cuts were made by hand (its reference \[26\]).
 //! *Ours, not the paper's:* everything that finds the cuts; see the parts.
 
+mod around;
 mod centrality;
 mod cut;
 mod distance;
@@ -32,6 +33,7 @@ use refined::Refined;
 use region::Region;
 use smooth::Strength;
 
+pub use around::segment_around;
 pub use seams::{Seam, SeamShape};
 
 /// A surface cut into parts.
@@ -273,6 +275,15 @@ impl Segmented {
     pub fn primitive(surface: &TriMesh, policy: topology::Components) -> Result<Self, TopologyError> {
         let part = topology::primitive(surface, policy)?;
         Ok(Self::uncut(surface, vec![part]))
+    }
+
+    /// The same, where a scan of one part that is open at no more than a pinhole is closed ([`topology::closed`]).
+    #[must_use]
+    pub fn closed(mut self) -> Self {
+        if let [_] = self.parts[..] {
+            self.parts = self.parts.into_iter().map(topology::closed).collect();
+        }
+        self
     }
 
     /// One part a piece of a scan that fell into several, each a primitive once its small holes are filled, crumbs left

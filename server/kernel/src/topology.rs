@@ -3,13 +3,13 @@
 //! χ = V − E + F = 2 − 2g − b for one component of genus g with b boundary loops.
 //! *Source:* paper §4.1 (discs, cylinders) and §5.1, Fig. 6 (spheres, tori).
 
-mod primitive;
+pub(crate) mod primitive;
 
 use crate::numerics::stop;
 use std::fmt;
 
 use crate::mesh::tri::{NONE, TriMesh, pair_halfedges};
-pub use primitive::{Components, primitive};
+pub use primitive::{Components, closed, primitive};
 
 /// Below one triangle for so many vertices of the mesh, its triangles are looked at alone and not the mesh.
 const SUBMESH_SMALL: usize = 16;

@@ -1,9 +1,10 @@
 //! Compositions: the maps chosen for a query's segments, stitched into one mesh of quads.
 
 mod headline;
+mod surrounded;
 
 use super::engine::{
-    Allowed, Appraisal, Encoded, Engine, EngineError, Model, ModelSegment, OnePart, Part, Stitched, Stitching,
+    Allowed, Appraisal, BARE, Encoded, Engine, EngineError, Model, ModelSegment, OnePart, Part, Stitched, Stitching,
 };
 use super::mapping::{self, LiveMap, get};
 use super::query::{LiveQuery, ms_since};
@@ -22,6 +23,7 @@ use quadmuse_proto::{
 };
 use std::sync::Arc;
 use std::time::Instant;
+use surrounded::Surrounded;
 
 /// Most compositions a query.
 pub const COMPOSITIONS_MAX: usize = 64;
@@ -65,7 +67,7 @@ pub async fn create(
     if live.compositions().len() >= COMPOSITIONS_MAX {
         return Err(WorkError::TooMany { of: "compositions", limit: COMPOSITIONS_MAX });
     }
-    let Gathered { parts, mut summaries, mut templates, mut poor, maps, laid, instead } =
+    let Gathered { parts, mut summaries, mut templates, mut poor, maps, mut laid, instead } =
         gathered(work, live, &wanted, named).await?;
     let faces = faces_at(&parts, wanted.density)?;
     let input = live.model.mesh.faces.len() as u64 * MEMORY_PER_INPUT_FACE;
@@ -75,12 +77,26 @@ pub async fn create(
     let allowed = allowed(&maps);
     let how = Stitching { smoothing: wanted.smoothing, density: wanted.density };
     let one = one_example(&maps).filter(|_| wanted.density == 0);
-    let lone = lone(&maps, allowed.bare).filter(|_| wanted.density == 0);
+    let lone = lone(&maps, allowed.bare);
+    let surrounded = match &lone {
+        Some(map) => Surrounded::of(work, live, map, &job).await?,
+        None => None,
+    };
+    // Whatever finding it took.
+    let job = job.renew(Some(REQUEST_TIME_MAX));
+    let alone = lone.filter(|_| wanted.density == 0).map(|map| as_mapped(&map, 1, 0));
     let most = most(&live.model, &maps).filter(|_| wanted.density == 0);
     let stitch = move |stop: &Stop| -> Result<Sound, EngineError> {
-        if let Some(map) = lone {
-            let appraisal = engine.appraise(&model, &map, allowed)?;
-            return Ok(Sound::of(map, appraisal));
+        match surrounded.map(|surrounded| surrounded.stitched(&*engine, (how, allowed), stop)) {
+            Some(Ok(Some(sound))) => return Ok(sound),
+            Some(Err(error)) if alone.is_none() || !matches!(error, EngineError::Stopped(StopReason::Deadline)) => {
+                return Err(error);
+            }
+            _ => {}
+        }
+        if let Some(alone) = alone {
+            let appraisal = engine.appraise(&model, &alone, allowed)?;
+            return Ok(Sound::of(alone, appraisal));
         }
         // One example on all segments needs no stitching: it comes back whole.
         if let Some((example, parts)) = &one
@@ -94,7 +110,7 @@ pub async fn create(
         let appraisal = engine.appraise(&model, &map, Allowed { bare: 1.0, ..allowed })?;
         Ok(if appraisal.flaws.is_empty() { Sound::alone(map, appraisal, segment) } else { sound })
     };
-    let Sound { made: stitched, appraisal, gave_way, alone } = work.pool.run(&job, Lane::Lay, stitch).await??;
+    let Sound { made: stitched, appraisal, gave_way, alone, around } = work.pool.run(&job, Lane::Lay, stitch).await??;
     if stitched.is_poor_kept {
         summaries.append(&mut poor);
     }
@@ -108,6 +124,10 @@ pub async fn create(
     templates.sort_unstable();
     let counts = super::ingest::counts_of(&stitched.mesh);
     let held = job.kept(counts.faces * MEMORY_PER_FACE_HELD);
+    if let Some(around) = around {
+        laid = around;
+        laid.iter_mut().flatten().for_each(|laid| laid.reasons.retain(|reason| !reason.starts_with(BARE)));
+    }
     let mut headline = headline(&laid, &appraisal);
     if alone.is_some() {
         headline.verdict = headline.verdict.max(Verdict::Fair);
@@ -148,11 +168,13 @@ struct Sound {
     gave_way: Vec<u32>,
     /// The segment on which alone there is a mesh.
     alone: Option<u32>,
+    /// What is told of the parts of a scan that was cut along the rim of its map.
+    around: Option<Vec<Option<Laid>>>,
 }
 
 impl Sound {
     fn of(made: Stitched, appraisal: Appraisal) -> Self {
-        Self { made, appraisal, gave_way: Vec::new(), alone: None }
+        Self { made, appraisal, gave_way: Vec::new(), alone: None, around: None }
     }
 
     fn alone(made: Stitched, appraisal: Appraisal, segment: u32) -> Self {
@@ -197,11 +219,10 @@ fn stitched_sound(
 /// More of the scan left bare than this is beyond what a layout can be made to follow.
 const BARE_MIN: f64 = 0.05;
 
-/// The one map of a query, as it is, where it leaves some of the scan bare: nothing else is there that it could be joined with, and
-/// the scan is not to be followed where the map does not lie.
-fn lone(maps: &[Option<Arc<LiveMap>>], bare: f64) -> Option<Stitched> {
+/// The one map of a query where it leaves some of the scan bare.
+fn lone(maps: &[Option<Arc<LiveMap>>], bare: f64) -> Option<Arc<LiveMap>> {
     let [Some(map)] = maps else { return None };
-    (bare > BARE_MIN).then(|| as_mapped(map, 1, 0))
+    (bare > BARE_MIN).then(|| Arc::clone(map))
 }
 
 /// A segment with this share of a scan's faces is most of it.
@@ -343,8 +364,8 @@ fn faces_at(parts: &[Part], density: i32) -> Result<u64, WorkError> {
     Ok(faces)
 }
 
-/// The first map that is not poor of those entries of a segment's ranking that are the most [`promising`], or else the first of all, each made if it
-/// is not there yet; `None` where there is no entry.
+/// Of the entries of a segment's ranking that are the most [`promising`] the map that is worth most, until one is good enough, or
+/// else that of the first, each made if it is not there yet; `None` where there is no entry.
 async fn best_map(
     work: &Arc<Work>,
     live: &Arc<LiveQuery>,
@@ -357,8 +378,8 @@ async fn best_map(
         let entries = entries(&ranking.candidates, ranking.candidates.len());
         promising(&entries, tries).into_iter().map(|entry| (entry.example, entry.example_segment)).collect()
     });
-    let mut best = None;
-    for (example, example_segment) in entries {
+    let mut best: Option<(f64, Arc<LiveMap>)> = None;
+    for (tried, (example, example_segment)) in (1..).zip(entries) {
         let is_this = |map: &&Arc<LiveMap>| {
             let summary = &map.newest().summary;
             (summary.segment, summary.example, summary.example_segment) == (segment, example, example_segment)
@@ -376,12 +397,17 @@ async fn best_map(
                 }
             }
         };
-        if !map.newest().mapped.verdict.is_poor() {
-            return Ok(Some(map));
+        let worth = map.newest().summary.worth();
+        let is_better = best.as_ref().is_none_or(|best| worth > best.0);
+        let is_enough = map.newest().summary.is_enough(tried, tries);
+        if is_better {
+            best = Some((worth, map));
         }
-        best.get_or_insert(map);
+        if is_better && is_enough {
+            break;
+        }
     }
-    Ok(best)
+    Ok(best.map(|best| best.1))
 }
 
 /// A composition of a query.

@@ -106,6 +106,9 @@ impl fmt::Debug for Opaque {
     }
 }
 
+/// How each reason begins why a map leaves some of the scan bare.
+pub const BARE: &str = "the rest of the scan is left bare";
+
 /// A mesh that was read, checked and cut.
 #[derive(Clone, Debug)]
 pub struct Model {
@@ -520,6 +523,16 @@ pub trait Engine: Send + Sync + 'static {
     ) -> Result<Option<Stitched>, EngineError> {
         let _ = (query, example, parts);
         stop.reason().map_or(Ok(None), |reason| Err(reason.into()))
+    }
+
+    /// The input of one segment cut along the rim of a map that lies on a part of it, and the map's own faces. Segment 0 is what
+    /// the map covers, the others are the rest. `None` where nothing lies beyond the map, or the rest is a rag.
+    ///
+    /// # Errors
+    /// [`EngineError::Internal`].
+    fn around(&self, query: &Model, mapped: &Mapped) -> Result<Option<(Model, Arc<PolyMesh>)>, EngineError> {
+        let _ = (query, mapped);
+        Ok(None)
     }
 
     /// Stitches maps into one mesh of quads, smoothed and projected back onto the input.

@@ -83,6 +83,39 @@ pub async fn start(
     Ok(live)
 }
 
+/// Of what a map leaves of a scan so many parts, those of most faces, are ranked.
+const RANKED_OF_REST: usize = 4;
+/// A part with less of the scan's faces is not.
+const RANKED_SHARE_MIN: f64 = 0.03;
+
+/// Ranks what a map leaves of a scan: the largest segments of `cut` but the first, which the map covers. Nobody sees that query.
+///
+/// # Errors
+/// Refusals of the pool. How the ranking ended is told on its board.
+pub(super) async fn of_rest(work: &Arc<Work>, live: &LiveQuery, cut: &Arc<Model>) -> Result<Arc<LiveQuery>, WorkError> {
+    let job = work.admit(live.caller.user, work.engine.memory_of_segments(cut.segments.len()), REQUEST_TIME_MAX)?;
+    let snapshot = work.catalogue.snapshot();
+    let all: u64 = cut.segments.iter().map(|s| s.faces).sum();
+    let mut ranked: Vec<usize> = (1..cut.segments.len()).collect();
+    ranked.sort_by_key(|&segment| std::cmp::Reverse(cut.segments[segment].faces));
+    ranked.truncate(RANKED_OF_REST);
+    ranked.retain(|&segment| cut.segments[segment].faces as f64 >= RANKED_SHARE_MIN * all as f64);
+    let stocks = [Stock::Wholes, Stock::Parts];
+    let select = |segment: usize| {
+        let against = work.engine.ranked_against(cut.segments[segment].topology);
+        let selected = ranked.contains(&segment);
+        selected.then(|| Selection::new(&snapshot, &against, &stocks, &live.options.tags)).unwrap_or_default()
+    };
+    let corpus: Vec<Selection> = (0..cut.segments.len()).map(select).collect();
+    // One try each: what finishes the others is for those who choose.
+    let options = QueryOptions { top: 1, ..live.options.clone() };
+    let rest = LiveQuery::new(live.caller.clone(), options, Arc::clone(cut), job, Instant::now());
+    let rest = Arc::new(rest);
+    rest.set_corpus_sizes(&corpus.iter().map(|c| c.size as u64).collect::<Vec<_>>());
+    run(Arc::clone(work), Arc::clone(&rest), corpus).await;
+    Ok(rest)
+}
+
 /// What a query is ranked against: one that falls into parts, against parts too. One that is whole has the wholes for it, and a
 /// part of an example has less to tell it by.
 fn stocks_for(model: &Model) -> &'static [Stock] {

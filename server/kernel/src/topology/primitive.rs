@@ -3,9 +3,9 @@
 //! A scan has gaps where the scanner saw nothing, and specks that float beside it. A boundary loop of length ℓ encloses
 //! at most ℓ²/4π; where that is little of the surface's area, or ℓ is short beside the longest loop, it is a hole and no
 //! end of the surface. Of a rag with many loops all but the longest are holes. Holes are filled where the surface is unfolded, and only there: the patch keeps its own triangles.
-//! A surface that is a primitive as it is stays so, whatever its loops. *Ours, not the paper's.*
+//! A surface that is a primitive as it is stays so, whatever its loops; of a scan, [`closed`] counts the only loop as a hole, too. *Ours, not the paper's.*
 
-use super::{Patch, Topology, TopologyError, classify, components, submesh};
+use super::{Patch, Topology, TopologyError, classify, components, invariants, submesh};
 use crate::mesh::tri::TriMesh;
 
 /// Loops that could enclose at most this share of the area are holes.
@@ -44,20 +44,24 @@ pub fn primitive(mesh: &TriMesh, policy: Components) -> Result<Patch, TopologyEr
     let (part, vertex_of) = submesh(mesh, &triangle_of);
     let (topology, holes) = match classify(&part) {
         Ok(topology) => (topology, Vec::new()),
-        Err(TopologyError::Unsupported(found)) => {
-            let (holes, ends) = holes(&part);
-            let topology = match (found.genus, ends) {
-                (0, 0) => Topology::Sphere,
-                (0, 1) => Topology::Disc,
-                (0, 2) => Topology::Annulus,
-                (1, 0) => Topology::Torus,
-                _ => return Err(TopologyError::Unsupported(found)),
-            };
-            (topology, holes)
+        Err(TopologyError::Unsupported(_)) => {
+            let (holes, ends) = gaps(&part, &|_| false);
+            (with_ends(&part, ends)?, holes)
         }
         Err(error) => return Err(error),
     };
     Ok(Patch { topology, mesh: part, vertex_of, triangle_of, holes, left_out: count.saturating_sub(1) })
+}
+
+/// A disc whose only loop is a hole is a closed surface: a body that is open at an eye ends nowhere. Any other patch stays.
+pub fn closed(patch: Patch) -> Patch {
+    if patch.topology != Topology::Disc || !patch.holes.is_empty() {
+        return patch;
+    }
+    match gaps(&patch.mesh, &|_| false) {
+        (holes, 0) => Patch { topology: Topology::Sphere, holes, ..patch },
+        _ => patch,
+    }
 }
 
 /// The component of most area, if the policy lets the others go.
@@ -78,20 +82,37 @@ fn largest(mesh: &TriMesh, component: &[u32], count: usize, policy: Components) 
     if taken { Ok(best as u32) } else { Err(TopologyError::Components { count, largest: sizes[best] }) }
 }
 
-/// The loops of a mesh that are holes, and how many are ends.
-fn holes(mesh: &TriMesh) -> (Vec<Vec<u32>>, usize) {
+/// What a connected mesh is when so many of its loops are its ends and the others are filled.
+///
+/// # Errors
+/// [`TopologyError::Unsupported`] where that is no primitive.
+pub(crate) fn with_ends(mesh: &TriMesh, ends: usize) -> Result<Topology, TopologyError> {
+    let found = invariants(mesh);
+    match (found.genus, ends) {
+        (0, 0) => Ok(Topology::Sphere),
+        (0, 1) => Ok(Topology::Disc),
+        (0, 2) => Ok(Topology::Annulus),
+        (1, 0) => Ok(Topology::Torus),
+        _ => Err(TopologyError::Unsupported(found)),
+    }
+}
+
+/// The loops of a mesh, as halfedges, that are holes, and how many are ends: those that `is_end` names are, however short.
+pub(crate) fn gaps(mesh: &TriMesh, is_end: &dyn Fn(&[u32]) -> bool) -> (Vec<Vec<u32>>, usize) {
     let edge = |h: &u32| (mesh.positions[mesh.head(*h) as usize] - mesh.positions[mesh.tail(*h) as usize]).norm();
     let loops = mesh.boundary_loops();
     let lengths: Vec<f64> = loops.iter().map(|l| l.iter().map(edge).sum()).collect();
     let longest = lengths.iter().copied().fold(0.0, f64::max);
     let area = mesh.total_area();
     let is_rag = lengths.len() > RAG_LOOPS;
-    let is_hole = |length: f64| {
+    let is_hole = |(edges, length): (&Vec<u32>, f64)| {
         let enclosed = length * length / (4.0 * std::f64::consts::PI);
-        enclosed < HOLE_AREA_SHARE * area || length < HOLE_LENGTH_SHARE * longest || (is_rag && length < longest)
+        let is_short = enclosed < HOLE_AREA_SHARE * area || length < HOLE_LENGTH_SHARE * longest;
+        (is_short || (is_rag && length < longest)) && !is_end(edges)
     };
-    let ends = lengths.iter().filter(|l| !is_hole(**l)).count();
-    (loops.into_iter().zip(&lengths).filter(|(_, l)| is_hole(**l)).map(|(l, _)| l).collect(), ends)
+    let is_filled: Vec<bool> = loops.iter().zip(lengths).map(is_hole).collect();
+    let ends = is_filled.iter().filter(|is_filled| !**is_filled).count();
+    (loops.into_iter().zip(is_filled).filter(|(_, is_filled)| *is_filled).map(|(edges, _)| edges).collect(), ends)
 }
 
 #[cfg(test)]
@@ -104,6 +125,29 @@ mod tests {
     fn without(mesh: &TriMesh, gone: &[u32]) -> TriMesh {
         let kept: Vec<u32> = (0..mesh.triangles.len() as u32).filter(|t| !gone.contains(t)).collect();
         submesh(mesh, &kept).0
+    }
+
+    /// A sphere of n meridians and n rows, row by row from the north pole.
+    fn ball(n: u32) -> TriMesh {
+        let angle = |k: u32| std::f64::consts::TAU * f64::from(k) / f64::from(n);
+        let point = |row: u32, k: u32| {
+            let (t, u) = (0.5 * angle(row), angle(k));
+            Vec3::new(t.sin() * u.cos(), t.sin() * u.sin(), t.cos())
+        };
+        let mut positions = vec![point(0, 0), point(n, 0)];
+        positions.extend((1..n).flat_map(|row| (0..n).map(move |k| point(row, k))));
+        let at = |row: u32, k: u32| match row {
+            0 => 0,
+            row if row == n => 1,
+            row => 2 + (row - 1) * n + k % n,
+        };
+        let quads = (0..n).flat_map(|row| (0..n).map(move |k| (row, k)));
+        let triangles = quads.flat_map(|(row, k)| {
+            let [a, b, c, d] = [at(row, k), at(row + 1, k), at(row + 1, k + 1), at(row, k + 1)];
+            [[a, b, c], [a, c, d]]
+        });
+        let proper = triangles.filter(|[a, b, c]| a != b && b != c && c != a).collect();
+        TriMesh::from_triangles(positions, proper).expect("a sphere")
     }
 
     #[test]
@@ -124,6 +168,19 @@ mod tests {
         let patch =
             primitive(&without(&grid(20, 20, false, false), &[405]), Components::default()).expect("an annulus");
         assert_eq!((patch.topology, patch.holes.len()), (Topology::Annulus, 0));
+    }
+
+    #[test]
+    fn a_disc_that_is_open_at_a_pinhole_is_closed_and_one_that_ends_is_not() {
+        let ball = ball(24);
+        let told = |gone: &[u32]| {
+            let patch = closed(crate::topology::whole(&without(&ball, gone)).expect("a disc"));
+            (patch.topology, patch.holes.iter().map(Vec::len).collect::<Vec<_>>())
+        };
+        assert_eq!(told(&[7]), (Topology::Sphere, vec![3]));
+        let cap: Vec<u32> = (0..7 * 48).collect();
+        assert_eq!(told(&cap), (Topology::Disc, vec![]));
+        assert_eq!(told(&[]), (Topology::Sphere, vec![]));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! The engine in earnest: the kernel.
 
+mod around;
 mod as_one;
 mod constrain;
 mod continued;
@@ -298,6 +299,10 @@ impl Engine for KernelEngine {
     ) -> Result<Option<Stitched>, EngineError> {
         stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
         rejoined::rejoin(query, example, parts)
+    }
+
+    fn around(&self, query: &Model, mapped: &Mapped) -> Result<Option<(Model, Arc<PolyMesh>)>, EngineError> {
+        around::around(query, mapped)
     }
 
     fn compose(&self, query: &Model, parts: &[Part], how: Stitching, stop: &Stop) -> Result<Stitched, EngineError> {

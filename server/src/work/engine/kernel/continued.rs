@@ -1,6 +1,6 @@
 //! Maps continued by rows of quads to where the input ends.
 
-use super::super::{EngineError, Fitted, Mapped, Registration, Side};
+use super::super::{BARE, EngineError, Fitted, Mapped, Registration, Side};
 use super::model::ModelInner;
 use super::registered::{self, Registered};
 use super::sound;
@@ -44,7 +44,7 @@ pub(super) fn own(mapped: &Mapped) -> Option<Mapped> {
     let mesh = Arc::new(select(&mapped.mesh, &keep));
     let mut own = Mapped { part: Arc::clone(&mesh), mesh, ..mapped.clone() };
     (own.reach.own, own.reach.inspired) = (None, None);
-    own.reasons.push("the rest of the scan is left bare: rows of quads would leave it".into());
+    own.reasons.push(format!("{BARE}: rows of quads would leave it"));
     Some(own)
 }
 
@@ -55,14 +55,33 @@ pub(super) fn extend(fitted: &mut Fitted, rest: Option<&Patch>) {
     let mapped = &mut fitted.mapped;
     let own = &mapped.mesh;
     let Some(grown) = rest.and_then(|rest| beyond::continued(own, &rest)) else {
-        mapped.reasons.push("the rest of the scan is left bare: rows of quads can't go round its openings".into());
+        mapped.reasons.push(format!("{BARE}: rows of quads can't go round its openings"));
         return;
     };
+    if is_coarse(&grown, own.faces.len()) {
+        mapped.reasons.push(format!("{BARE}: rows of quads would grow too large there"));
+        return;
+    }
     let (all, part) = (area(&grown), area(own));
     mapped.reach.own = Some((own.positions.len() as u64, own.faces.len() as u64));
     mapped.reach.inspired = Some(part / all.max(f64::MIN_POSITIVE));
     mapped.mesh = Arc::new(grown);
     mapped.part = Arc::clone(&mapped.mesh);
+}
+
+/// Rows fan out over what is wider than the rim. Where most of what they cover is covered by faces so many times as large as the
+/// example's own are on average, they no longer follow it.
+const COARSE: f64 = 16.0;
+/// A larger share of what rows cover is most of it to the eye.
+const COARSE_SHARE: f64 = 0.2;
+
+/// Whether the faces after the first `own` are too large for what they lie on.
+fn is_coarse(grown: &PolyMesh, own: usize) -> bool {
+    let areas: Vec<f64> = grown.faces.iter().map(|face| sound::area(grown, face)).collect();
+    let (own, rows) = areas.split_at(own.min(areas.len()));
+    let mean = own.iter().sum::<f64>() / own.len().max(1) as f64;
+    let coarse: f64 = rows.iter().filter(|area| **area > COARSE * mean).sum();
+    coarse > COARSE_SHARE * rows.iter().sum::<f64>()
 }
 
 fn area(mesh: &PolyMesh) -> f64 {

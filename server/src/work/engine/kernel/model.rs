@@ -175,8 +175,11 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, 
         Components::Largest => topology::Components::Crumbs,
         Components::Refuse => topology::Components::Refuse,
     };
+    // A scan has gaps and falls into pieces; an example is as its artist made it.
+    let is_scan = cut.components == Components::Largest && cut.grain == Grain::Free;
+    let meant = |whole: Segmented| if is_scan { whole.closed() } else { whole };
     match cut.way {
-        Segmentation::Whole => Segmented::primitive(surface, policy).map_err(cannot_cut),
+        Segmentation::Whole => Segmented::primitive(surface, policy).map(meant).map_err(cannot_cut),
         Segmentation::Groups => {
             let labels = group_labels(mesh).ok_or_else(|| {
                 EngineError::refused(
@@ -197,14 +200,10 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, 
                 let few_groups = || group_labels(mesh).filter(|labels| few(labels).is_ok());
                 let groups = || few_groups().and_then(|labels| Segmented::by_labels(surface, &labels).ok());
                 let repaired = || Segmented::primitive(surface, policy).ok();
-                // A scan falls into pieces; an example is as its artist made it.
-                let pieces = || match (cut.components, cut.grain) {
-                    (Components::Largest, Grain::Free) => Segmented::mended(surface),
-                    (Components::Refuse, _) | (_, Grain::Faces) => None,
-                };
+                let pieces = || is_scan.then(|| Segmented::mended(surface)).flatten();
                 let as_it_is = Segmented::whole(surface).ok().or_else(groups);
                 if let Some(whole) = as_it_is.or_else(repaired).or_else(pieces) {
-                    return Ok(whole);
+                    return Ok(meant(whole));
                 }
             }
             let free = segment(surface, count).map_err(cannot_cut)?;

@@ -88,6 +88,7 @@ pub(super) fn rest(
         ..Reach::default()
     };
     mapped.evidence = Some(MapEvidence {
+        agreement: evidence.agreement(),
         relief: evidence.relief,
         shear: evidence.shear,
         scale_spread: evidence.scale_spread,

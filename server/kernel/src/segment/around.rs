@@ -1,0 +1,181 @@
+//! Cutting a surface along the rim of what was laid on a part of it.
+//!
+//! What lies within comes first; what lies beyond falls into protrusions and other primitives, whose small gaps are counted
+//! as filled. *Ours, not the paper's.*
+
+use super::cut;
+use super::parts::{Count, parts};
+use super::refined::Refined;
+use super::{Order, Segmented};
+use crate::mesh::tri::{NONE, TriMesh};
+use crate::topology::{self, Patch, Topology, TopologyError, primitive};
+use crate::unfold::holes::filled;
+
+/// A piece with a smaller share of the area goes to its neighbour.
+const CRUMB_SHARE: f64 = 0.002;
+/// The label of what lies within.
+const WITHIN: u32 = 0;
+/// The label of what lies beyond, while it is not cut up yet.
+const BEYOND: u32 = 1;
+
+/// Cuts a surface along the curve on which `field`, one value a vertex, is 0. The largest piece where it is positive comes
+/// first; then those where it is not, each cut into its protrusions and primitives.
+///
+/// # Errors
+/// [`TopologyError::Empty`].
+pub fn segment_around(surface: &TriMesh, field: &[f64]) -> Result<Segmented, TopologyError> {
+    if surface.triangles.is_empty() {
+        return Err(TopologyError::Empty);
+    }
+    let scale = field.iter().fold(f64::MIN_POSITIVE, |most, x| most.max(x.abs()));
+    let shares = |x: &f64| vec![(WITHIN, 0.5 + 0.5 * x / scale), (BEYOND, 0.5 - 0.5 * x / scale)];
+    let (refined, mut label_of) = cut::cut(&Refined::of(surface), &field.iter().map(shares).collect::<Vec<_>>());
+    let mesh = &refined.mesh;
+    relabel(mesh, &mut label_of, WITHIN, f64::INFINITY);
+    relabel(mesh, &mut label_of, BEYOND, CRUMB_SHARE * mesh.total_area());
+    let mut first = BEYOND;
+    for piece in pieces(mesh, &label_of, BEYOND) {
+        let labels = cut_up(mesh, &label_of, &piece);
+        piece.iter().zip(&labels).for_each(|(&t, label)| label_of[t as usize] = first + label);
+        first += 1 + labels.iter().max().copied().unwrap_or(0);
+    }
+    let mut made = Segmented::assemble(surface, refined, &label_of, Order::Labels);
+    for (number, part) in made.parts.iter_mut().enumerate() {
+        let found = meant(&made.mesh, &made.part_of, &part.mesh, &part.triangle_of);
+        // What was laid spans whatever gap it lies on.
+        let spanned = || (number == 0).then(|| spanned(&made.mesh, &made.part_of, part)).flatten();
+        if let Some((topology, holes)) = spanned().or(found.ok()) {
+            *part = Patch { topology, holes, ..part.clone() };
+        }
+    }
+    Ok(made)
+}
+
+/// What a part is with all loops filled that are no border with another; `None` where none is one.
+fn spanned(mesh: &TriMesh, label_of: &[u32], part: &Patch) -> Option<(Topology, Vec<Vec<u32>>)> {
+    let (ends, gaps): (Vec<_>, Vec<_>) =
+        part.mesh.boundary_loops().into_iter().partition(|edges| is_border(mesh, label_of, &part.triangle_of, edges));
+    let topology = primitive::with_ends(&part.mesh, ends.len()).ok()?;
+    (!ends.is_empty()).then_some((topology, gaps))
+}
+
+/// Whether any of a part's halfedges borders on another part.
+fn is_border(mesh: &TriMesh, label_of: &[u32], triangle_of: &[u32], edges: &[u32]) -> bool {
+    edges.iter().any(|h| {
+        let on_surface = 3 * triangle_of[*h as usize / 3] + h % 3;
+        let twin = mesh.twin(on_surface);
+        twin != NONE && label_of[twin as usize / 3] != label_of[on_surface as usize / 3]
+    })
+}
+
+/// Gives the pieces of a label that have less than `least` of the area, its largest excepted, the other label.
+fn relabel(mesh: &TriMesh, label_of: &mut [u32], label: u32, least: f64) {
+    let area = |piece: &[u32]| piece.iter().map(|&t| mesh.area(t as usize)).sum::<f64>();
+    let mut all = pieces(mesh, label_of, label);
+    all.sort_by(|a, b| area(b).total_cmp(&area(a)).then(a.cmp(b)));
+    for piece in all.iter().skip(1).filter(|piece| area(piece) < least) {
+        piece.iter().for_each(|&t| label_of[t as usize] = WITHIN + BEYOND - label);
+    }
+}
+
+/// The connected pieces of a label, as triangles.
+fn pieces(mesh: &TriMesh, label_of: &[u32], label: u32) -> Vec<Vec<u32>> {
+    topology::connected(mesh, label_of).into_iter().filter(|piece| label_of[piece[0] as usize] == label).collect()
+}
+
+/// A label for each triangle of a piece: a part for each protrusion, and primitives of the rest, gaps filled.
+fn cut_up(mesh: &TriMesh, label_of: &[u32], piece: &[u32]) -> Vec<u32> {
+    let (own, _) = topology::submesh(mesh, piece);
+    let (gaps, _) = gaps(mesh, label_of, &own, piece);
+    let mut labels = parts(&filled(&own, &gaps), Count::Natural);
+    labels.truncate(piece.len());
+    labels
+}
+
+/// The loops of a part that are gaps of the surface, and how many are ends: a border with another part is one, however short.
+fn gaps(mesh: &TriMesh, label_of: &[u32], part: &TriMesh, triangle_of: &[u32]) -> (Vec<Vec<u32>>, usize) {
+    primitive::gaps(part, &|edges| is_border(mesh, label_of, triangle_of, edges))
+}
+
+/// What a part is with its gaps filled.
+fn meant(
+    mesh: &TriMesh,
+    label_of: &[u32],
+    part: &TriMesh,
+    triangle_of: &[u32],
+) -> Result<(Topology, Vec<Vec<u32>>), TopologyError> {
+    let (gaps, ends) = gaps(mesh, label_of, part, triangle_of);
+    Ok((primitive::with_ends(part, ends)?, gaps))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::topology::tests::grid;
+
+    /// A sheet of 24 × 24 squares without some triangles, cut about a point of the unit square.
+    fn cut_about(at: [f64; 2], radius: f64, without: &[u32]) -> Segmented {
+        let sheet = grid(24, 24, false, false);
+        let kept: Vec<u32> = (0..sheet.triangles.len() as u32).filter(|t| !without.contains(t)).collect();
+        let sheet = topology::submesh(&sheet, &kept).0;
+        let away = |p: &crate::mesh::Vec3| radius - (p.x - at[0]).hypot(p.y - at[1]);
+        segment_around(&sheet, &sheet.positions.iter().map(away).collect::<Vec<_>>()).expect("a sheet")
+    }
+
+    fn told(cut: &Segmented) -> Vec<(Topology, usize)> {
+        cut.parts.iter().map(|part| (part.topology, part.holes.len())).collect()
+    }
+
+    /// All parts but the first are discs or rings, and no border is filled.
+    fn are_primitives(cut: &Segmented) {
+        for (number, part) in cut.parts.iter().enumerate().skip(1) {
+            assert!(matches!(part.topology, Topology::Disc | Topology::Annulus), "{number}: {:?}", told(cut));
+            let borders = |hole: &Vec<u32>| is_border(&cut.mesh, &cut.part_of, &part.triangle_of, hole);
+            assert!(!part.holes.iter().any(borders), "{number}: {:?}", told(cut));
+        }
+        let area: f64 = cut.parts.iter().map(|part| part.mesh.total_area()).sum();
+        assert!((area - cut.mesh.total_area()).abs() < 1e-9 * area);
+    }
+
+    #[test]
+    fn gaps_of_what_lies_around_a_patch_are_filled_and_its_border_is_not() {
+        let around = cut_about([0.5, 0.5], 0.2, &[100, 203, 1000]);
+        assert_eq!(told(&around)[0], (Topology::Disc, 0));
+        // Those that no cut crosses.
+        assert!(
+            (1..=3).contains(&around.parts.iter().map(|part| part.holes.len()).sum::<usize>()),
+            "{:?}",
+            told(&around)
+        );
+        are_primitives(&around);
+        // The border of so small a patch is shorter than a gap may be; a gap within it is filled.
+        let small = cut_about([0.52, 0.52], 0.05, &[24 * 2 * 12 + 24]);
+        assert_eq!(told(&small)[0], (Topology::Disc, 1));
+        are_primitives(&small);
+    }
+
+    #[test]
+    fn what_falls_apart_beyond_a_band_is_in_no_part_together() {
+        let sheet = grid(24, 24, false, false);
+        let field: Vec<f64> = sheet.positions.iter().map(|p| 0.2 - (p.x - 0.5).abs()).collect();
+        let cut = segment_around(&sheet, &field).expect("a sheet");
+        are_primitives(&cut);
+        assert!((cut.parts[0].mesh.total_area() / sheet.total_area() - 0.4).abs() < 0.02);
+        for part in &cut.parts[1..] {
+            let left = part.mesh.positions.iter().filter(|p| p.x < 0.5).count();
+            assert!(left == 0 || left == part.mesh.positions.len());
+        }
+    }
+
+    #[test]
+    fn what_is_no_primitive_is_cut_on() {
+        // Two windows beside the patch: three ends.
+        let window =
+            |t: &u32| (2..7).contains(&(t / 48)) && (matches!(t / 2 % 24, 2..9) || matches!(t / 2 % 24, 14..21));
+        let windows: Vec<u32> = (0..24 * 24 * 2).filter(window).collect();
+        let cut = cut_about([0.5, 0.75], 0.12, &windows);
+        assert_eq!(cut.parts[0].topology, Topology::Disc);
+        assert!(cut.parts.len() > 2, "{:?}", told(&cut));
+        are_primitives(&cut);
+    }
+}

@@ -1,0 +1,108 @@
+//! A map that covers a part of a scan of one segment, with what lies around it.
+//!
+//! The scan is cut along the map's rim. What is left is ranked as a query of several segments is, and takes the examples that
+//! fit, and regular layouts elsewhere.
+
+use super::headline::Laid;
+use super::{Sound, best_map, laid, stitched_sound};
+use crate::pool::{Job, Lane, Stop, StopReason};
+use crate::work::engine::{Allowed, Encoded, Engine, EngineError, Model, Part, Stitching};
+use crate::work::mapping::LiveMap;
+use crate::work::query::LiveQuery;
+use crate::work::worth::tries;
+use crate::work::{Work, WorkError, search};
+use quadmuse_proto::ExampleId;
+use std::sync::Arc;
+
+/// A scan cut along the rim of a map, and what each of its segments takes: the first is the map.
+pub(super) struct Surrounded {
+    cut: Arc<Model>,
+    parts: Vec<Part>,
+    /// A regular layout for each segment whose example may give way.
+    instead: Vec<Option<Arc<Encoded>>>,
+    /// What is told of each segment's map.
+    pub(super) laid: Vec<Option<Laid>>,
+    /// The name of the example that each segment around the map takes, if it takes one.
+    names: Vec<Option<String>>,
+}
+
+impl Surrounded {
+    /// Cuts the scan of `live` along the rim of `map`, and finds what the rest takes; `None` where nothing lies beyond the map, or
+    /// the rest can't be laid.
+    pub(super) async fn of(
+        work: &Arc<Work>,
+        live: &Arc<LiveQuery>,
+        map: &LiveMap,
+        job: &Job,
+    ) -> Result<Option<Self>, WorkError> {
+        let newest = map.newest();
+        let (engine, model, mapped) = (Arc::clone(&work.engine), Arc::clone(&live.model), newest.mapped.clone());
+        let cut = work.pool.run(job, Lane::Lay, move |_| engine.around(&model, &mapped)).await??;
+        let Some((cut, own)) = cut else { return Ok(None) };
+        let cut = Arc::new(cut);
+        let rest = match search::of_rest(work, live, &cut).await {
+            Ok(rest) => rest,
+            Err(error) if error.stop_reason() == Some(StopReason::Cancelled) => return Err(error),
+            // The map alone is better than nothing.
+            Err(error) => {
+                tracing::info!(query = %live.id, %error, "what lies around a map is left bare");
+                return Ok(None);
+            }
+        };
+        let mut found = Self {
+            cut: Arc::clone(&cut),
+            parts: vec![Part::Kept(own)],
+            instead: vec![None],
+            laid: vec![Some(laid(&newest.summary))],
+            names: vec![None],
+        };
+        for segment in 1..cut.segments.len() {
+            let Ok(encoded) = rest.encoded(segment as u32).await else { return Ok(None) };
+            let example = match tries(&cut.segments, segment) {
+                0 => None,
+                _ => best_map(work, &rest, segment as u32, 1).await?,
+            };
+            found.push(work, encoded, example.as_deref());
+        }
+        Ok(Some(found))
+    }
+
+    /// Adds what the next segment takes: the map of an example that fits, or else a regular layout.
+    fn push(&mut self, work: &Work, encoded: Arc<Encoded>, map: Option<&LiveMap>) {
+        let map = map.filter(|map| map.example_id() != ExampleId::TEMPLATE && !map.newest().mapped.verdict.is_poor());
+        self.names.push(map.and_then(|map| Some(work.catalogue.example(map.example_id()).ok()?.name.clone())));
+        let Some(newest) = map.map(LiveMap::newest) else {
+            self.parts.push(Part::Template(encoded));
+            self.instead.push(None);
+            self.laid.push(None);
+            return;
+        };
+        let (part, whole) = (Arc::clone(&newest.mapped.part), Arc::clone(&newest.mapped.mesh));
+        self.parts.push(Part::Mapped { part, whole });
+        self.instead.push(Some(encoded));
+        // Its segment is none of the query's, which reasons could name.
+        self.laid.push(Some(Laid { reasons: Vec::new(), ..laid(&newest.summary) }));
+    }
+
+    /// Stitches all of it; `None` where that is not sound, or the map has no part in it.
+    pub(super) fn stitched(
+        self,
+        engine: &dyn Engine,
+        (how, allowed): (Stitching, Allowed),
+        stop: &Stop,
+    ) -> Result<Option<Sound>, EngineError> {
+        let allowed = Allowed { bare: 0.0, ..allowed };
+        let Sound { mut made, appraisal, .. } =
+            stitched_sound(engine, &self.cut, (self.parts, &self.instead), (how, allowed), stop)?;
+        let stands = made.is_example.first() == Some(&true) && appraisal.flaws.is_empty();
+        // Segments of the cut are none of the query's, which notes could name.
+        made.notes.retain(|note| !note.contains("segment"));
+        let used = self.names.into_iter().zip(&made.is_example).filter(|(_, is_example)| **is_example);
+        let mut names: Vec<String> = used.filter_map(|(name, _)| name).collect();
+        names.dedup();
+        if !names.is_empty() {
+            made.notes.push(format!("other examples around the first: {}", names.join(", ")));
+        }
+        Ok(stands.then_some(Sound { around: Some(self.laid), ..Sound::of(made, appraisal) }))
+    }
+}
