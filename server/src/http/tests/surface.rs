@@ -154,7 +154,7 @@ async fn pages_load_nothing_from_elsewhere() {
         let imports = imports.filter_map(|line| line.split('"').nth(1)).map(str::to_owned);
         wanted.extend(imports.filter(|import| !wanted.contains(import)).collect::<Vec<_>>());
     }
-    assert_eq!(seen, 6, "{wanted:?}");
+    assert_eq!(seen, 29, "{wanted:?}");
     bench.get("/web/secret").await.problem(404, "not_found");
     bench.get("/web/..%2findex.js").await.problem(404, "not_found");
 }

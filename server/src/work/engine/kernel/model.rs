@@ -113,6 +113,14 @@ impl ModelInner {
     }
 }
 
+/// The mesh of a model, whose faces tell the segment that they belong to.
+pub(super) fn told_apart(model: &Model) -> Result<Arc<PolyMesh>, EngineError> {
+    let inner: &ModelInner = model.inner.open()?;
+    let mut mesh = PolyMesh::clone(&model.mesh);
+    mesh.attributes.segments = Some(inner.labels(mesh.faces.len()));
+    Ok(Arc::new(mesh))
+}
+
 /// Whether a surface has enough triangles to have tips, and parts that one would tell apart.
 pub(super) fn has_form(surface: &TriMesh) -> bool {
     surface.triangles.len() as u64 >= FACES_CHOSEN_MIN
