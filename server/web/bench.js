@@ -65,9 +65,9 @@ export async function open(started, { mesh = null, name = "", wanted = {} } = {}
     tools.setNames({ result: query.name, example: "" });
     tools.set({ layout: "one", show: "quads" });
     if (query.segments.length > 1) showPanel(query);
-    const before = showBefore(query, wanted);
+    query.before = showBefore(query, wanted);
     follow(query.id, query.stop.signal, (event) => take(query, event)).catch((error) => lost(query, error));
-    await before;
+    await query.before;
   } catch (error) { lost(query, error); }
 }
 
@@ -113,7 +113,9 @@ function ended(query, { state, summary }) {
   if (summary.problem) say(sentence(summary.problem.detail), "bad");
   bench.onchange();
   draw(query);
-  if ((state === "done" || state === "deadline") && !query.touched && !query.shown) layBest(query).catch((error) => say(error.message, "bad"));
+  // What was laid before comes first: it may still be on its way.
+  const isNew = () => (state === "done" || state === "deadline") && bench.query === query && !query.touched && !query.shown;
+  query.before.then(() => (isNew() ? layBest(query) : null)).catch((error) => say(error.message, "bad"));
 }
 
 export function chooseSegment(segment) {

@@ -107,6 +107,7 @@ async function send(scan) {
     remember(answer.id, scan.name);
     draw();
     if (scan === shown) await open(answer, { mesh: scan.mesh, name: scan.name });
+    if (scan === shown && parts && answer.segments.length === 1) say("No limbs were found to cut it at. Ask for a number of parts under “How to search”.");
   } catch (error) {
     // What could not be sent is sent again when the server is back.
     if (error.code === "unreachable") { scan.state = "stuck"; scan.trouble = "waits for the server"; } else Object.assign(scan, { state: "failed", trouble: error.message });

@@ -186,7 +186,7 @@ function list(query) {
     const item = make("li", undefined, { className: c.id === query.point ? "chosen" : "" });
     const what = c.origin === "user" ? (c.id.startsWith("f") ? "moved" : "yours") : "matched";
     item.append(button(`Point ${c.id} · ${what}`, () => { query.point = query.point === c.id ? null : c.id; showPanel(query); }, { className: "plain small", ariaPressed: String(c.id === query.point), id: `point-${c.id}` }));
-    if (c.origin === "user") item.append(button("Put back", () => edit(query, { undo: [c.id] }), { className: "plain small", ariaLabel: `Put point ${c.id} back`, id: `back-${c.id}` }));
+    if (c.origin === "user") item.append(button("Put back", () => edit(query, { undo: [c.id] }), { className: "plain small", ariaLabel: `Put back point ${c.id}`, id: `back-${c.id}` }));
     else item.append(button("Remove", () => edit(query, { remove: [c.id] }), { className: "plain small", ariaLabel: `Remove point ${c.id}`, id: `remove-${c.id}` }));
     items.append(item);
   }
