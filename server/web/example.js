@@ -16,6 +16,7 @@ function field(text, input) {
 
 function parts(example) {
   const list = make("ul", undefined, { className: "soft" });
+  if (example.segments.length === 1) return make("p", `Surface: ${SURFACES[example.segments[0].topology]}`, { className: "soft" });
   for (const s of example.segments) list.append(make("li", `${s.is_part ? `part ${s.segment}` : example.segments.some((o) => o.is_part) ? "whole" : `segment ${s.segment}`}: ${SURFACES[s.topology] ?? s.topology}, ${s.faces} faces`));
   return list;
 }

@@ -17,6 +17,13 @@ const RANKS = ["good", "fair", "poor", "broken"];
 const isBad = (verdict) => verdict === "poor" || verdict === "broken";
 
 const meshes = new Map();
+const facts = new Map();
+
+// What is known of an example, but for its mesh.
+const factsOf = (id) => {
+  if (!facts.has(id)) facts.set(id, json(`/v1/examples/${id}`).catch(() => { facts.delete(id); return null; }));
+  return facts.get(id);
+};
 
 // A mesh of the corpus, kept for when it is laid again.
 export function exampleMesh(id) {
@@ -33,7 +40,7 @@ export function draw(query = bench.query) {
   const ranking = query?.rankings.get(query.segment);
   if (!ranking) return;
   const own = ranking.entries.filter((e) => !isTemplate(e)).length;
-  $("ranking-title").textContent = own ? `Best of ${ranking.corpus_size} examples` : "Regular layouts";
+  $("ranking-title").textContent = own ? (ranking.corpus_size === 1 ? "The only example" : `Best of ${ranking.corpus_size} examples`) : "Regular layouts";
   drawRanking(ranking.entries, query.laid.get(query.segment)?.key, (entry) => {
     query.touched = true;
     // Whoever lays an example on a part has chosen it for that part.
@@ -81,8 +88,6 @@ export async function lay(query, entry, { landmarks = [], beyond = "leave", beat
   const map = await busy(`Laying ${nameOf(entry)} on the scan…`, (signal) => send(`/v1/queries/${query.id}/maps`, body, "POST", { signal }));
   if (!map || bench.query !== query) return null;
   if (beats && RANKS.indexOf(map.verdict) >= RANKS.indexOf(beats.verdict)) return map;
-  query.names ??= new Map();
-  query.names.set(map.example, nameOf(entry));
   await showMap(query, map);
   query.layMs = performance.now() - begun;
   say(`${nameOf(entry)} was laid in ${(query.layMs / 1000).toFixed(1)} s.`);
@@ -119,8 +124,10 @@ export async function showMap(query, map, { keep = true } = {}) {
   if (isNew) viewer.setExample(example, example ? { lies: correspond(map, example, quads), tint: highlight(map, example) } : {});
   if (keep) record(query, map);
   const entry = query.rankings.get(map.segment)?.entries.find((e) => e.example === map.example);
-  const name = query.names?.get(map.example) ?? (entry ? nameOf(entry) : template ? "Regular layout" : (await json(`/v1/examples/${map.example}`).catch(() => ({}))).name ?? "");
+  const known = template ? null : await factsOf(map.example);
+  const name = template ? "Regular layout" : known?.name || (entry ? nameOf(entry) : map.example);
   query.shown.name = name;
+  query.shown.topology = known?.segments.find((s) => s.segment === map.example_segment)?.topology;
   tools.setNames({ example: name, result: `${query.name} with ${faceCount(quads)} quads` });
   tools.set({ layout: viewer.options.layout, show: query.segments.length > 1 ? "over" : viewer.options.show === "scan" ? "quads" : viewer.options.show });
   tools.setLaid({ kept: map.kept, ownFaces: map.own_faces });

@@ -72,9 +72,19 @@ void main() {
 
 const PLACES = { at: [0, 3], normal: [1, 3], uv: [2, 2], value: [3, 1], tint: [4, 3] };
 
+// Whether pictures are computed without a graphics card, which is a hundred times slower.
+function isSoftware() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const told = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = told ? gl.getParameter(told.UNMASKED_RENDERER_WEBGL) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+}
+
 export class Painter {
   constructor(canvas) {
-    this.gl = canvas.getContext("webgl2", { antialias: true, alpha: true });
+    this.isSlow = isSoftware();
+    this.gl = canvas.getContext("webgl2", { antialias: !this.isSlow, alpha: true });
     if (!this.gl) throw new Error("this browser draws no WebGL 2");
     this.programs = { surface: this.compile(SURFACE), mark: this.compile(MARK) };
     this.shapes = new Map();

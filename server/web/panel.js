@@ -7,7 +7,7 @@ import { showPoints } from "/web/points.js";
 import { isTemplate, key, nameOf } from "/web/ranking.js";
 import { bench } from "/web/state.js";
 import { say } from "/web/status.js";
-import { headline, reasons } from "/web/words.js";
+import { headline, reasons, unlike } from "/web/words.js";
 
 const FORMATS = ["obj", "ply", "off", "stl", "glb"];
 const percent = (share) => `${(100 * share).toFixed(0)} %`;
@@ -78,6 +78,8 @@ function verdict(query) {
   const section = make("section");
   section.append(make("h2", word, { className: `verdict ${kind}` }), make("p", advice));
   const told = reasons(it.reasons.filter((raw) => !/\(good up to/.test(raw) || it.verdict !== "good"));
+  const other = map && unlike(query.segments[map.segment]?.topology, query.shown.topology);
+  if (other) told.unshift(other);
   if (told.length && it.verdict !== "good") {
     const list = make("ul", undefined, { className: "reasons" });
     for (const { text, help } of told) {

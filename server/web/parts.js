@@ -46,7 +46,7 @@ const example = (query, segment) => {
 function item(query, { segment, topology, faces }) {
   const made = make("li", undefined, { className: segment === query.segment ? "chosen" : "" });
   const dot = make("span", undefined, { className: "dot" });
-  dot.style.background = css(colourOf(segment, true));
+  dot.style.background = css(colourOf(segment, segment === query.segment));
   const pick = make("button", `Part ${segment + 1}`, { type: "button", className: "part", ariaPressed: String(segment === query.segment), id: `part-${segment}` });
   pick.onclick = () => choose(query, segment);
   const own = query.chosen?.has(segment) ? example(query, segment) : null;
@@ -69,7 +69,6 @@ export function showParts(query, { stitch }) {
   const row = make("p", undefined, { className: "row" });
   row.append(button("Stitch all parts", () => { query.touched = true; return stitch(query, { density: query.density ?? 0 }); }, { className: "", id: "stitch" }), button("Show the parts", () => { tools.set({ show: "scan", layout: "one" }); say("Click a part to choose it."); }, { id: "show-parts" }));
   section.append(make("h2", `${query.segments.length} parts`), make("p", "Choose a part, here or on the scan, then an example for it; the others take their best.", { className: "soft" }), list, label, row);
-  if (!query.placing) bench.viewer.picks = bench.viewer.options.show === "scan" || !query.shown ? "result-part" : false;
   return section;
 }
 

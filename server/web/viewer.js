@@ -1,6 +1,7 @@
 // The viewport: the scan with the quads laid on it, and beside it the example, seen by one camera.
 
 import { Camera, times } from "/web/camera.js";
+import { LARGE, coarse } from "/web/coarse.js";
 import { draped } from "/web/drape.js";
 import { bounds, edges, extraordinary, isQuads } from "/web/mesh.js";
 import { hit } from "/web/near.js";
@@ -12,6 +13,8 @@ const POINTS = { feature: [0.12, 0.36, 0.85], user: [0.85, 0.33, 0.05], held: [0
 const valenceColour = (n) => (n < 4 ? [0.1, 0.35, 0.9] : n === 5 ? [0.95, 0.5, 0.05] : [0.6, 0.15, 0.75]);
 // How near (in CSS pixels) the pointer has to be to take hold of a point; a finger is wider.
 const REACH = { mouse: 12, touch: 24 };
+// How long nothing moves until it is at rest.
+const REST_MS = 160;
 const UPRIGHT = [1, 0, 0, 0, 1, 0, 0, 0, 1];
 
 export class Viewer {
@@ -22,7 +25,7 @@ export class Viewer {
     Object.assign(this, { canvas, marks, hooks, points: [], pairs: [], held: null, picks: false, meshes: {}, frames: {}, heat: null, tints: {} });
     this.options = { layout: "one", show: "quads", edges: true, flat: false, dots: false, checker: false };
     this.camera = new Camera(canvas, {
-      onchange: () => this.draw(),
+      onchange: () => this.moved(),
       place: (event) => this.pointer(event),
       unit: () => { const { width, height } = this.paneBoxes()[0]; return 2 / Math.min(width, height); },
       ongrasp: (event) => this.grasp(event),
@@ -39,7 +42,7 @@ export class Viewer {
   // ---- what is shown
 
   clear() {
-    for (const name of ["scan", "quads", "inner", "rim", "dots", "example", "exampleInner", "exampleRim", "exampleDots"]) this.painter.send(name, null);
+    for (const name of ["scan", "coarse", "quads", "inner", "rim", "dots", "example", "exampleInner", "exampleRim", "exampleDots"]) this.painter.send(name, null);
     Object.assign(this, { meshes: {}, frames: {}, points: [], pairs: [], heat: null, tints: {} });
     this.draw();
   }
@@ -53,8 +56,9 @@ export class Viewer {
   sendScan() {
     const { scan } = this.meshes;
     const { centre } = this.frames.result;
-    const { segments } = scan;
-    this.painter.send("scan", this.tints.scan && segments ? separate(scan, centre, { tint: (f) => this.tints.scan[segments[f]] ?? [0.7, 0.7, 0.7] }) : shared(scan, centre));
+    const shape = (mesh) => (this.tints.scan && mesh.segments ? separate(mesh, centre, { tint: (f) => this.tints.scan[mesh.segments[f]] ?? [0.7, 0.7, 0.7] }) : shared(mesh, centre));
+    this.painter.send("scan", shape(scan));
+    this.painter.send("coarse", this.painter.isSlow && scan.starts.length > LARGE ? shape(coarse(scan, this.frames.result)) : null);
     this.draw();
   }
 
@@ -147,11 +151,21 @@ export class Viewer {
 
   // ---- drawing
 
+  // Without a graphics card what moves is drawn coarsely, and fully once it rests.
+  moved() {
+    if (this.painter.isSlow) {
+      this.isMoving = true;
+      clearTimeout(this.resting);
+      this.resting = setTimeout(() => { this.isMoving = false; this.draw(); }, REST_MS);
+    }
+    this.draw();
+  }
+
   draw() { this.waiting ||= requestAnimationFrame(() => { this.waiting = 0; this.drawNow(); }); }
 
   drawNow() {
     const { canvas } = this;
-    const ratio = Math.min(2, window.devicePixelRatio || 1);
+    const ratio = this.isMoving ? 0.5 : Math.min(2, window.devicePixelRatio || 1);
     const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
     if (!width || !height) return;
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
@@ -182,7 +196,7 @@ export class Viewer {
   drawResult(view, ratio) {
     const { painter, options, meshes } = this;
     const show = meshes.quads ? options.show : "scan";
-    if (show !== "quads") painter.surface("scan", view, { colour: COLOURS.scan, mode: this.tints.scan && meshes.scan.segments ? 1 : 0, flat: options.flat });
+    if (show !== "quads") painter.surface(this.isMoving && painter.has("coarse") ? "coarse" : "scan", view, { colour: COLOURS.scan, mode: this.tints.scan && meshes.scan.segments ? 1 : 0, flat: options.flat });
     if (show === "quads") {
       const mode = this.heat ? 2 : options.checker && meshes.quads.uvs ? 3 : 0;
       painter.surface("quads", view, { colour: COLOURS.quads, mode, flat: options.flat });
@@ -330,8 +344,10 @@ export class Viewer {
   }
 
   point(event) {
-    if (!this.picks) return;
     const box = this.paneAt(event);
+    // Parts are picked where their colours are seen.
+    const isOnParts = box.name === "result" && this.tints.scan && (this.options.show !== "quads" || !this.meshes.quads);
+    if (!this.picks && !isOnParts) return;
     const found = this.under(event, box);
     if (found) this.hooks.onpick(box.name, found);
   }

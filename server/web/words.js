@@ -18,7 +18,7 @@ const percent = (share) => `${(100 * share).toFixed(share < 0.1 ? 1 : 0)} %`;
 
 // What a reason says here; the last column says what helps. Numbers stay with the details.
 const REASONS = [
-  [/^bumps and hollows/, () => "Features are beside features: a nose may lie next to the nose.", "Place landmarks."],
+  [/^bumps and hollows/, () => "Features may be misplaced: the example's nose beside the scan's, say.", "Place landmarks."],
   [/^the surfaces' pictures differ/, () => "The scan and this example are not alike.", "Try another example."],
   [/^the surfaces' proportions differ/, () => "One of the two is longer or thinner than the other.", "Try another example, or cut off what only one of them has."],
   [/^the share (\S+) of the faces look inward/, (x) => `Some quads (${percent(x)}) are turned over, in folds or thin places.`, "Drag the point beside them."],
@@ -67,6 +67,13 @@ export function mismatch(topology, others) {
   const what = { disc: "This scan is open, with one rim", annulus: "This scan is a tube, with two rims", sphere: "This scan is closed", torus: "This scan is a ring" }[topology];
   const way = topology === "sphere" ? "Open the scan where the examples end (at the neck of a head, say), cut it into parts, or add a closed example." : "Close the scan's other holes, cut it into parts, or add an example that ends as the scan does.";
   return `${what}, and the corpus has no such examples${has.length ? `, only ${has.join(" and ")}` : ""}. ${way}`;
+}
+
+// Why an example that ends otherwise than the scan fits poorly: null where both end alike.
+export function unlike(scan, example) {
+  if (!scan || !example || scan === example) return null;
+  if (scan === "sphere") return { text: `The scan is closed, and this example is ${example === "disc" ? "open" : SURFACES[example]}.`, help: "Open the scan where the example ends (at the neck of a head, say), or add a closed example." };
+  return { text: `The scan is ${SURFACES[scan]}, and this example is ${SURFACES[example]}.`, help: "Let both end at the same places: close holes of the scan, or add an example that ends as it does." };
 }
 
 export const STATES = { refining: "being compared", locked: "passed over", done: "compared in full" };

@@ -3,6 +3,7 @@
 import { spawn, spawnSync } from "node:child_process";
 import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { createRequire } from "node:module";
+import { createServer } from "node:net";
 import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
 
@@ -43,10 +44,26 @@ export function folder() {
   return folders.at(-1);
 }
 
+// Servers that a failed test left behind end with the rest.
+const running = new Set();
+
+// A port that nobody listens on; `QUADMUSE_PAGE_PORT` names the first of those to take instead.
+let next = Number(process.env.QUADMUSE_PAGE_PORT ?? 0);
+function freePort() {
+  if (next) return Promise.resolve(next++);
+  return new Promise((done) => {
+    const probe = createServer().listen(0, "127.0.0.1", () => { const { port } = probe.address(); probe.close(() => done(port)); });
+  });
+}
+
 export class Server {
-  constructor(port, data = folder()) { Object.assign(this, { port, data, url: `http://127.0.0.1:${port}` }); }
+  static async make() {
+    const [server, port] = [new Server(), await freePort()];
+    return Object.assign(server, { port, data: folder(), url: `http://127.0.0.1:${port}` });
+  }
 
   async start() {
+    running.add(this);
     this.process = spawn(program, ["serve", "--data", this.data, "--listen", `127.0.0.1:${this.port}`], { stdio: "ignore" });
     await until("the server", () => fetch(`${this.url}/readyz`).then((r) => r.ok, () => false));
     return this;
@@ -56,6 +73,7 @@ export class Server {
     const ended = new Promise((done) => { this.process.once("exit", done); });
     this.process.kill(signal);
     await ended;
+    running.delete(this);
   }
 
   token(role) {
@@ -96,20 +114,20 @@ export async function open(browser, url, { width = 1440, height = 900, dark = fa
   const note = (text) => { if (!page.expected.some((e) => e.test(text))) page.mistakes.push(text); };
   page.on("console", (message) => { if (["error", "warning"].includes(message.type()) && !/GPU stall|software WebGL|SwiftShader/.test(message.text())) note(message.text()); });
   page.on("pageerror", (error) => note(`${error.message}\n${error.stack}`));
-  if (web) await fromDisk(page, url);
+  if (web) await fromDisk(context, url);
   if (token) await page.addInitScript((value) => sessionStorage.setItem("token", value), token);
   await page.goto(url);
   return page;
 }
 
-async function fromDisk(page, url) {
+async function fromDisk(context, url) {
   const policy = await fetch(url).then((r) => r.headers.get("content-security-policy"), () => null);
   const serve = (name) => async (route) => {
     const path = join(web, name ?? new URL(route.request().url()).pathname.replace("/web/", ""));
     await route.fulfill({ path, contentType: TYPES[path.split(".").pop()], headers: policy ? { "content-security-policy": policy } : {} });
   };
-  await page.route((at) => at.pathname === "/", serve("index.html"));
-  await page.route((at) => at.pathname.startsWith("/web/"), serve());
+  await context.route((at) => at.pathname === "/", serve("index.html"));
+  await context.route((at) => at.pathname.startsWith("/web/"), serve());
 }
 
 // A picture for people to judge.
@@ -133,6 +151,7 @@ export async function drop(page, files, selector = "body") {
   for (const kind of ["dragenter", "dragover", "drop"]) await page.dispatchEvent(selector, kind, { dataTransfer: transfer });
 }
 
-export function clean() {
+export async function clean() {
+  await Promise.all([...running].map((server) => server.stop()));
   folders.forEach((path) => rmSync(path, { recursive: true, force: true }));
 }

@@ -7,11 +7,14 @@ import { noComplaints } from "./looking.js";
 
 const names = (page) => page.evaluate(() => [...document.querySelectorAll("#grid li .text span")].map((s) => s.textContent));
 
+// Once all thumbnails are there.
+const pictures = (page) => until("the thumbnails", () => page.evaluate(() => [...document.querySelectorAll("#grid img")].every((i) => i.complete && i.naturalWidth)));
+
 export const corpus = {
   async "the corpus is searched and filtered"({ open, url }) {
     const page = await open({}, `${url}/#corpus`);
     await page.waitForSelector("#grid li");
-    await page.waitForTimeout(1500);
+    await pictures(page);
     await shoot(page, "corpus");
     await noComplaints(page, "corpus");
     const all = await names(page);
@@ -23,7 +26,7 @@ export const corpus = {
     check((await names(page)).length < all.length, "the filter does nothing");
     const dark = await open({ dark: true, width: 390, height: 844 }, `${url}/#corpus`);
     await dark.waitForSelector("#grid li");
-    await dark.waitForTimeout(800);
+    await pictures(dark);
     await shoot(dark, "corpus-phone-dark");
     await noComplaints(dark, "corpus, phone, dark");
   },
@@ -54,8 +57,8 @@ export const corpus = {
     check(there.items.length === 1 && there.items[0].relevance === 5, JSON.stringify(there));
   },
 
-  async "several examples are added with tags, and each tells what came of it"({ open, example, scan, port }) {
-    const server = await new Server(port + 1).start();
+  async "several examples are added with tags, and each tells what came of it"({ open, example, scan }) {
+    const server = await (await Server.make()).start();
     const page = await open({ expected: [/415|422|400/] }, `${server.url}/`);
     await page.waitForSelector("#no-corpus:not([hidden])");
     await shoot(page, "no-corpus");
@@ -70,7 +73,7 @@ export const corpus = {
     await page.fill("#new-tags", "head, sample");
     await drop(page, [example("head_man"), example("head_woman"), scan("old_man"), bad, odd], "header");
     await until("all of them", () => page.evaluate(() => document.querySelectorAll("#uploads li").length === 5 && !document.querySelector("#uploads progress")));
-    await page.waitForTimeout(1000);
+    await pictures(page);
     await shoot(page, "added");
     await noComplaints(page, "added");
     check((await page.locator("#uploads .good").count()) === 3, "not three were added");

@@ -146,6 +146,53 @@ export const looking = {
     await noComplaints(tablet, "tablet, dark");
   },
 
+  async "a scan of 200,000 triangles under 10,000 quads is read, turned and measured"({ open }) {
+    const page = await open();
+    await page.waitForFunction(() => document.querySelector("#canvas").viewer);
+    const figures = await page.evaluate(async () => {
+      // A bumpy ball of `n` by `n` quads, or twice as many triangles, as the text of an OBJ file.
+      const ball = (n, cut) => {
+        const lines = [];
+        for (let i = 0; i <= n; i++) {
+          for (let j = 0; j < n; j++) {
+            const [a, b] = [(Math.PI * (i + 0.5)) / (n + 1), (2 * Math.PI * j) / n];
+            const r = 1 + 0.05 * Math.sin(7 * b) * Math.sin(5 * a);
+            lines.push(`v ${r * Math.sin(a) * Math.cos(b)} ${r * Math.cos(a)} ${-r * Math.sin(a) * Math.sin(b)}`);
+          }
+        }
+        for (let i = 0; i < n; i++) {
+          for (let j = 0; j < n; j++) {
+            const [p, q] = [i * n + j + 1, i * n + ((j + 1) % n) + 1];
+            if (cut) lines.push(`f ${p} ${p + n} ${q + n}`, `f ${p} ${q + n} ${q}`);
+            else lines.push(`f ${p} ${p + n} ${q + n} ${q}`);
+          }
+        }
+        return new TextEncoder().encode(lines.join("\n")).buffer;
+      };
+      const { readMesh } = await import("/web/read.js");
+      const { distance } = await import("/web/heat.js");
+      const { viewer } = document.querySelector("#canvas");
+      const time = (act) => { const begun = performance.now(); const made = act(); return [made, Math.round(performance.now() - begun)]; };
+      document.querySelector("#welcome").hidden = true;
+      const [text, cage] = [ball(316, true), ball(100, false)];
+      const [scan, read] = time(() => readMesh(text, "scan.obj"));
+      const [, shown] = time(() => { viewer.setScan(scan); viewer.drawNow(); });
+      const quads = readMesh(cage, "quads.obj");
+      viewer.setQuads(quads);
+      viewer.set({ show: "over" });
+      const [, drape] = time(() => viewer.drawNow());
+      const over = viewer.measure(30);
+      viewer.set({ show: "quads" });
+      const alone = viewer.measure(30);
+      const [, heat] = time(() => distance(quads, scan));
+      viewer.set({ show: "over" });
+      return { triangles: scan.starts.length - 1, quads: quads.starts.length - 1, megabytes: text.byteLength / 1e6, read, shown, drape, over, alone, heat };
+    });
+    check(figures.triangles > 199_000 && figures.quads === 10_000, JSON.stringify(figures));
+    await shoot(page, "large-mesh");
+    console.log(`     ${figures.triangles} triangles (OBJ of ${figures.megabytes.toFixed(1)} MB) read in ${figures.read} ms, shown in ${figures.shown} ms; a frame with ${figures.quads} quads on it ${figures.over.toFixed(1)} ms, the quads alone ${figures.alone.toFixed(1)} ms; edges laid on the scan in ${figures.drape} ms, distances in ${figures.heat} ms`);
+  },
+
   async "several files wait in a queue, and another example is a click away"({ open, scan }) {
     const page = await open();
     await drop(page, [scan("arm"), scan("fish"), scan("old_man")], "#rail");

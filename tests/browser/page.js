@@ -9,15 +9,14 @@ import { corpus } from "./corpus.js";
 import { looking } from "./looking.js";
 import { trouble } from "./trouble.js";
 
-const PORT = Number(process.env.QUADMUSE_PAGE_PORT ?? 8961);
 const { samples, check, open, launch, addExample, clean, Server } = bed;
 
 // What every test gets: a server with the samples, where they lie, and a browser.
 async function prepare() {
   const { examples, scans } = samples();
-  const server = await new Server(PORT).start();
+  const server = await (await Server.make()).start();
   for (const name of readdirSync(examples).filter((n) => n.endsWith(".obj"))) await addExample(server.url, join(examples, name), "&tag=sample");
-  return { server, url: server.url, scan: (name) => join(scans, `scan_${name}.obj`), example: (name) => join(examples, `${name}.obj`), browser: await launch(), port: PORT };
+  return { server, url: server.url, scan: (name) => join(scans, `scan_${name}.obj`), example: (name) => join(examples, `${name}.obj`), browser: await launch() };
 }
 
 const tests = { ...looking, ...correcting, ...corpus, ...trouble };
@@ -44,8 +43,7 @@ async function main() {
     console.log(`${failed.includes(name) ? "     " : "ok   "}${name} (${((Date.now() - begun) / 1000).toFixed(1)} s)`);
   }
   await world.browser.close();
-  await world.server.stop();
-  clean();
+  await clean();
   console.log(`pictures: ${bed.out}`);
   process.exit(failed.length ? 1 : 0);
 }

@@ -41,20 +41,20 @@ export const trouble = {
     await noComplaints(page, "refused");
   },
 
-  async "a closed scan among open examples is told, with the way out"({ open, example, port }) {
-    const server = await new Server(port + 2).start();
+  async "a closed scan among open examples is told, with the way out"({ open, example }) {
+    const server = await (await Server.make()).start();
     await addExample(server.url, example("head_man"));
     const page = await open({}, `${server.url}/`);
     await drop(page, [cube(join(folder(), "closed.obj"))]);
-    await page.waitForFunction(() => /This scan is closed.*only open ones/.test(document.querySelector("#status").textContent), null, { timeout: 60_000 });
+    await page.waitForFunction(() => /[Ss]can is closed.*open/.test(document.querySelector("#panel").textContent), null, { timeout: 60_000 });
     await page.waitForTimeout(300);
     await shoot(page, "closed-among-open");
     await noComplaints(page, "closed among open");
     await server.stop();
   },
 
-  async "a server with tokens asks for one before anything else"({ open, port }) {
-    const server = new Server(port + 3);
+  async "a server with tokens asks for one before anything else"({ open }) {
+    const server = await Server.make();
     const token = server.token("contributor");
     await server.start();
     const page = await open({ expected: [/401/] }, `${server.url}/`);
@@ -74,8 +74,8 @@ export const trouble = {
     await server.stop();
   },
 
-  async "a server that goes is told, and the page goes on when it is back"({ open, example, scan, port }) {
-    const server = await new Server(port + 4).start();
+  async "a server that goes is told, and the page goes on when it is back"({ open, example, scan }) {
+    const server = await (await Server.make()).start();
     await addExample(server.url, example("head_man"));
     const page = await open({ expected: [/ERR_CONNECTION|ERR_INCOMPLETE|404|Failed to load/] }, `${server.url}/`);
     await page.waitForFunction(() => document.querySelector("#health").textContent);

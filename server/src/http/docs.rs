@@ -42,7 +42,8 @@ macro_rules! assets {
 }
 
 assets!(
-    "access.js" SCRIPT, "bench.css" STYLE, "bench.js" SCRIPT, "call.js" SCRIPT, "camera.js" SCRIPT, "corpus.js" SCRIPT,
+    "access.js" SCRIPT, "bench.css" STYLE, "bench.js" SCRIPT, "call.js" SCRIPT, "camera.js" SCRIPT, "coarse.js" SCRIPT,
+    "corpus.js" SCRIPT,
     "docs.js" SCRIPT, "drape.js" SCRIPT, "example.js" SCRIPT, "files.js" SCRIPT, "follow.js" SCRIPT, "heat.js" SCRIPT,
     "history.js" SCRIPT, "icon.svg" PICTURE, "index.js" SCRIPT, "laying.js" SCRIPT, "mesh.js" SCRIPT, "near.js" SCRIPT,
     "paint.js" SCRIPT, "panel.js" SCRIPT, "parts.js" SCRIPT, "points.js" SCRIPT, "pose.js" SCRIPT, "ranking.js" SCRIPT,
