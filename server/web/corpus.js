@@ -69,9 +69,10 @@ export function draw() {
   $("grid").replaceChildren(...found.map(tile));
   if (focused) $("grid").querySelector(`[data-id="${focused}"]`)?.focus();
   const state = $("corpus-state");
-  if (loaded && examples.length === 0) {
-    state.textContent = "Nothing in it yet. Drop quad meshes that your artists have drawn anywhere here, several at once. No meshes at hand? `quadmuse-server demo` writes samples to the folder quadmuse-demo/examples.";
-  } else state.textContent = found.length === examples.length ? `${examples.length} examples` : `${found.length} of ${examples.length} examples`;
+  const isEmpty = loaded && examples.length === 0;
+  $("empty").hidden = !isEmpty;
+  $("filters").classList.toggle("empty", isEmpty);
+  state.textContent = isEmpty ? "" : found.length === examples.length ? `${examples.length} examples` : `${found.length} of ${examples.length} examples`;
 }
 
 // ---- one of them

@@ -14,6 +14,9 @@ import * as tools from "/web/tools.js";
 import { mismatch } from "/web/words.js";
 
 const RANKS = ["good", "fair", "poor", "broken"];
+// A poor map that leaves so much of the scan bare is no better than a broken one.
+const COVERED_MIN = 0.7;
+const badness = (map) => (map.verdict === "poor" && map.covers.input < COVERED_MIN ? RANKS.length - 1 : RANKS.indexOf(map.verdict));
 const isBad = (verdict) => verdict === "poor" || verdict === "broken";
 
 const meshes = new Map();
@@ -66,9 +69,9 @@ export async function layBest(query) {
   if (tries === 0) { say("This scan has too little form to choose an example by. Choose one yourself, or lay a regular layout."); return; }
   let best = null;
   for (const [k, entry] of candidates.slice(0, tries).entries()) {
-    const map = await lay(query, entry, { quiet: best !== null, beats: best });
+    const map = await lay(query, entry, { beats: best });
     if (!map || bench.query !== query || query.touched) return;
-    if (!best || RANKS.indexOf(map.verdict) < RANKS.indexOf(best.verdict)) best = map;
+    if (!best || badness(map) < badness(best)) best = map;
     if (!isBad(map.verdict)) return;
     if (k + 1 < Math.min(tries, candidates.length)) say(`${nameOf(entry)} lies poorly; trying the next.`);
   }
@@ -87,7 +90,7 @@ export async function lay(query, entry, { landmarks = [], beyond = "leave", beat
   const body = { segment, example: entry.example, example_segment: entry.example_segment, beyond, ...(landmarks.length ? { landmarks } : {}) };
   const map = await busy(`Laying ${nameOf(entry)} on the scan…`, (signal) => send(`/v1/queries/${query.id}/maps`, body, "POST", { signal }));
   if (!map || bench.query !== query) return null;
-  if (beats && RANKS.indexOf(map.verdict) >= RANKS.indexOf(beats.verdict)) return map;
+  if (beats && badness(map) >= badness(beats)) return map;
   await showMap(query, map);
   query.layMs = performance.now() - begun;
   say(`${nameOf(entry)} was laid in ${(query.layMs / 1000).toFixed(1)} s.`);

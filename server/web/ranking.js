@@ -6,6 +6,9 @@ import { STATES } from "/web/words.js";
 // Ids of regular layouts, which have no picture.
 const TEMPLATE = /^0+1$/;
 const MOVE_MS = 350;
+// Cards shown until more are asked for.
+const SHOWN_MAX = 12;
+let everything = false;
 
 export const key = (entry) => `${entry.example}:${entry.example_segment}`;
 export const isTemplate = (entry) => Boolean(entry.template) || TEMPLATE.test(entry.example);
@@ -35,7 +38,11 @@ function refresh(item, entry, chosen) {
 
 // Draws the entries; `chosen`: the key of the one that is laid. Cards that are there already keep their element, their
 // focus and their picture, and slide to their new place.
-export function drawRanking(entries, chosen, onlay) {
+export function drawRanking(all, chosen, onlay) {
+  const entries = all.length > SHOWN_MAX && !everything ? all.filter((e, k) => k < SHOWN_MAX || key(e) === chosen) : all;
+  $("all").hidden = entries.length === all.length;
+  $("all").textContent = `Show all ${all.length}`;
+  $("all").onclick = () => { everything = true; drawRanking(all, chosen, onlay); };
   const list = $("entries");
   const old = new Map([...list.children].map((item) => [item.dataset.key, { item, top: item.getBoundingClientRect().top }]));
   const focused = list.contains(document.activeElement) ? document.activeElement : null;

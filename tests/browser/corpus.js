@@ -63,7 +63,8 @@ export const corpus = {
     await page.waitForSelector("#no-corpus:not([hidden])");
     await shoot(page, "no-corpus");
     await page.click("#no-corpus a");
-    await page.waitForFunction(() => document.querySelector("#corpus-state").textContent.includes("Nothing in it yet"));
+    await page.waitForFunction(() => !document.querySelector("#empty").hidden);
+    check((await page.textContent("#empty")).includes("quadmuse-server demo"), "no way out");
     await shoot(page, "empty-corpus");
     await noComplaints(page, "empty corpus");
     const bad = join(folder(), "broken.obj");

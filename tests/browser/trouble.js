@@ -26,6 +26,13 @@ function cube(path) {
 }
 
 export const trouble = {
+  async "the contract is readable, too"({ open, url }) {
+    const page = await open({}, `${url}/docs`);
+    await page.waitForSelector("main details");
+    await shoot(page, "contract");
+    await noComplaints(page, "contract");
+  },
+
   async "a file that is no mesh is refused with a reason, and the page stays"({ open }) {
     const page = await open({ expected: [/4\d\d/] });
     const bad = join(folder(), "broken.obj");
