@@ -35,6 +35,8 @@ async function edit(query, change, isLive = false) {
       if (bench.query !== query || !query.shown.map) return;
       query.shown.map = now;
       bench.viewer.setQuads(mesh);
+      showOnScan(query);
+      bench.viewer.bend();
       query.editMs = performance.now() - begun;
       return;
     }
@@ -44,6 +46,7 @@ async function edit(query, change, isLive = false) {
     showPanel(query);
   } catch (error) {
     if (isLive) return;
+    bench.viewer.sendQuads();
     showPanel(query);
     if (error.code !== "constraint_folds") throw error;
     const status = $("status");
@@ -52,20 +55,23 @@ async function edit(query, change, isLive = false) {
   }
 }
 
-let sending = false;
+let sending = null;
 let waiting = null;
 
 // While a point is dragged the quads follow: one edit at a time, and the newest place of those that came meanwhile.
 async function follow(query, id, point) {
   waiting = point;
   if (sending) return;
-  sending = true;
-  while (waiting && bench.query === query) {
-    const at = waiting;
-    waiting = null;
-    await edit(query, { set: [{ id, on_input: at }] }, true);
-  }
-  sending = false;
+  const run = async () => {
+    while (waiting && bench.query === query) {
+      const at = waiting;
+      waiting = null;
+      await edit(query, { set: [{ id, on_input: at }] }, true);
+    }
+  };
+  sending = run();
+  await sending;
+  sending = null;
 }
 
 export const hooks = {
@@ -75,6 +81,9 @@ export const hooks = {
     if (!query?.shown?.map) return;
     waiting = null;
     query.point = id;
+    // The last word is this one's, not that of an edit still under way.
+    await sending;
+    if (bench.query !== query || !query.shown?.map) return;
     if (point) await edit(query, { set: [{ id, on_input: point }] }).catch((error) => say(error.message, "bad"));
     else showPanel(query);
   },

@@ -78,6 +78,7 @@ export class Viewer {
   }
 
   sendQuads() {
+    if (!this.meshes.quads) return;
     const { centre } = this.frames.result;
     this.sendFaces("quads", this.meshes.quads, centre, { inner: "inner", rim: "rim", dots: "dots" }, { value: this.heat });
   }
@@ -333,6 +334,26 @@ export class Viewer {
     if (!found) return;
     Object.assign(this.held, { point: found.point, moved: true });
     this.hooks.ondrag(this.held.id, found.point);
+    this.bend();
+  }
+
+  // Takes the quads around a dragged point along until the service tells where they go: that takes longer than a frame.
+  bend() {
+    const { quads } = this.meshes;
+    const at = this.points.find((p) => p.id === this.held?.id)?.point;
+    if (!at || !this.held.moved) return;
+    const by = this.held.point.map((x, k) => x - at[k]);
+    const others = this.points.filter((p) => p.id !== this.held.id).map((p) => Math.hypot(...p.point.map((x, k) => x - at[k])));
+    const reach = Math.min(0.3 * this.frames.result.radius, Math.max(2 * Math.hypot(...by), ...[Math.min(...others)].filter(Number.isFinite)));
+    const positions = quads.positions.slice();
+    for (let v = 0; v < positions.length; v += 3) {
+      const far = Math.hypot(positions[v] - at[0], positions[v + 1] - at[1], positions[v + 2] - at[2]) / reach;
+      if (far >= 1) continue;
+      const weight = (1 - far * far) ** 2;
+      for (let k = 0; k < 3; k++) positions[v + k] += weight * by[k];
+    }
+    this.sendFaces("quads", { ...quads, positions }, this.frames.result.centre, { inner: "inner", rim: "rim", dots: "dots" }, { value: this.heat });
+    this.isDraped = false;
     this.draw();
   }
 
@@ -340,6 +361,7 @@ export class Viewer {
     const { held } = this;
     this.held = null;
     if (held && event) this.hooks.ondrop(held.id, held.moved ? held.point : null);
+    else if (held) this.sendQuads();
     this.draw();
   }
 

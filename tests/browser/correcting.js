@@ -30,8 +30,8 @@ export const correcting = {
     await shoot(page, "dragging");
     await page.mouse.up();
     await until("the edit", async () => (await constraints(page)) !== first);
+    await until("something to undo", () => page.isEnabled("#undo"));
     const dragged = await constraints(page);
-    check(await page.isEnabled("#undo"), "there is nothing to undo");
     await page.keyboard.press("Control+z");
     await until("undo", async () => (await constraints(page)) === first);
     check(await page.isDisabled("#undo"), "there is something left to undo");
