@@ -64,10 +64,14 @@ export function upload(path, file, onprogress) {
 
 // Pictures are fetched, not linked: an <img> can't carry a token.
 const pictures = new Map();
+const PICTURES_MAX = 2000;
 
 export function picture(path, alt) {
   if (!pictures.has(path)) {
-    if (pictures.size > 2000) pictures.clear();
+    if (pictures.size > PICTURES_MAX) {
+      pictures.forEach((old) => old.then((url) => URL.revokeObjectURL(url)));
+      pictures.clear();
+    }
     pictures.set(path, call(path, { headers: { accept: "image/png" } }).then((r) => r.blob()).then((blob) => URL.createObjectURL(blob)).catch(() => { pictures.delete(path); return ""; }));
   }
   const img = make("img", undefined, { alt });

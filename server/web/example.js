@@ -56,11 +56,12 @@ export function showExample(example, act) {
   const { faces, quads, vertices } = example.counts;
   form.append(make("h2", example.name || example.id, { id: "example-name" }), field("Name", name), field("Tags", tags), field("Rating", rating), make("p", `${faces} faces (${Math.round((100 * quads) / Math.max(1, faces))} % quads), ${vertices} vertices, added ${example.created.slice(0, 10)}`, { className: "soft" }), parts(example), buttons, told);
   dialog.replaceChildren(box, form);
-  dialog.onclose = () => { dialog.replaceChildren(); act.closed(); };
+  let viewer = null;
+  dialog.onclose = () => { viewer?.end(); dialog.replaceChildren(); act.closed(); };
   dialog.showModal();
   go(`corpus/${example.id}`);
   try {
-    const viewer = new Viewer(canvas, marks, {});
-    exampleMesh(example.id).then((mesh) => { viewer.setScan(mesh); viewer.setQuads(mesh); viewer.set({ dots: true }); }, (error) => { told.textContent = error.message; });
+    viewer = new Viewer(canvas, marks, {});
+    exampleMesh(example.id).then((mesh) => { if (!canvas.isConnected) return; viewer.setScan(mesh); viewer.setQuads(mesh); viewer.set({ dots: true }); }, (error) => { told.textContent = error.message; });
   } catch (error) { told.textContent = error.message; }
 }

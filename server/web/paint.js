@@ -72,8 +72,13 @@ void main() {
 
 const PLACES = { at: [0, 3], normal: [1, 3], uv: [2, 2], value: [3, 1], tint: [4, 3] };
 
-// Whether pictures are computed without a graphics card, which is a hundred times slower.
-function isSoftware() {
+let software;
+
+// Whether pictures are computed without a graphics card, which is a hundred times slower. A context of its own tells, since
+// it has to be known before one is made.
+const isSoftware = () => (software ??= findsSoftware());
+
+function findsSoftware() {
   const gl = document.createElement("canvas").getContext("webgl2");
   const told = gl?.getExtension("WEBGL_debug_renderer_info");
   const name = told ? gl.getParameter(told.UNMASKED_RENDERER_WEBGL) : "";
@@ -133,6 +138,9 @@ export class Painter {
     gl.bindVertexArray(null);
     this.shapes.set(name, sent);
   }
+
+  // Gives the context back: a browser has few, and takes the oldest where one more is asked for.
+  end() { this.gl.getExtension("WEBGL_lose_context")?.loseContext(); }
 
   has(name) { return this.shapes.has(name); }
 

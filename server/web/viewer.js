@@ -35,8 +35,27 @@ export class Viewer {
       onhover: (event) => canvas.classList.toggle("over-point", this.picks || (this.points.length > 0 && this.grasped(event) !== null)),
     });
     canvas.addEventListener("dblclick", (event) => this.pin(event));
-    new ResizeObserver(() => this.draw()).observe(canvas);
+    canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
+    canvas.addEventListener("webglcontextrestored", () => this.again());
+    this.resizes = new ResizeObserver(() => this.draw());
+    this.resizes.observe(canvas);
     canvas.viewer = this;
+  }
+
+  // All shapes are gone with a context that was lost: a driver was updated, or the computer slept.
+  again() {
+    this.painter = new Painter(this.canvas);
+    const { scan, example } = this.meshes;
+    if (scan) this.sendScan();
+    this.sendQuads();
+    this.isDraped = false;
+    if (example) this.sendExample();
+    this.draw();
+  }
+
+  end() {
+    this.resizes.disconnect();
+    this.painter.end();
   }
 
   // ---- what is shown
@@ -99,10 +118,14 @@ export class Viewer {
     if (!mesh) for (const name of ["example", "exampleInner", "exampleRim", "exampleDots"]) this.painter.send(name, null);
     else {
       this.frames.example = lies ? this.beside(lies) : { ...bounds(mesh), pose: UPRIGHT };
-      this.sendFaces("example", mesh, this.frames.example.centre, { inner: "exampleInner", rim: "exampleRim", dots: "exampleDots" }, { tint });
+      this.tints.example = tint;
+      this.sendExample();
     }
-    this.tints.example = tint;
     this.draw();
+  }
+
+  sendExample() {
+    this.sendFaces("example", this.meshes.example, this.frames.example.centre, { inner: "exampleInner", rim: "exampleRim", dots: "exampleDots" }, { tint: this.tints.example });
   }
 
   // The frame in which an example is seen as the scan is: what corresponds is at the same place of both panes.

@@ -193,6 +193,34 @@ export const looking = {
     console.log(`     ${figures.triangles} triangles (OBJ of ${figures.megabytes.toFixed(1)} MB) read in ${figures.read} ms, shown in ${figures.shown} ms; a frame with ${figures.quads} quads on it ${figures.over.toFixed(1)} ms, the quads alone ${figures.alone.toFixed(1)} ms; edges laid on the scan in ${figures.drape} ms, distances in ${figures.heat} ms`);
   },
 
+  async "a lost picture comes back, and many examples may be looked at"({ open, scan, url }) {
+    const page = await open({ expected: [/context/i] });
+    await laid(page, scan("arm"));
+    await viewer(page, `async (v) => {
+      const lost = v.painter.gl.getExtension("WEBGL_lose_context");
+      lost.loseContext();
+      await new Promise((done) => setTimeout(done, 300));
+      const restored = new Promise((done) => v.canvas.addEventListener("webglcontextrestored", done, { once: true }));
+      lost.restoreContext();
+      await restored;
+    }`);
+    await page.waitForTimeout(300);
+    const shown = await colours(page);
+    check(shown.left + shown.right > 10_000, "nothing is drawn after the context was lost");
+    await page.goto(`${url}/#corpus`);
+    await page.waitForSelector("#grid li");
+    for (let k = 0; k < 18; k++) {
+      await page.locator("#grid li button").nth(k).click();
+      await page.waitForSelector("#example-dialog[open]");
+      await page.keyboard.press("Escape");
+      await page.waitForSelector("#example-dialog[open]", { state: "detached" });
+    }
+    await page.click("#to-bench");
+    await page.waitForTimeout(300);
+    const still = await colours(page);
+    check(still.left + still.right > 10_000, "the workbench lost its picture to the examples");
+  },
+
   async "several files wait in a queue, and another example is a click away"({ open, scan }) {
     const page = await open();
     await drop(page, [scan("arm"), scan("fish"), scan("old_man")], "#rail");
