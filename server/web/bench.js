@@ -17,6 +17,7 @@ export function preview(mesh, name) {
   bench.query = null;
   bench.viewer.clear();
   $("welcome").hidden = true;
+  $("trouble").textContent = "";
   $("ranking").hidden = true;
   $("panel").replaceChildren();
   if (mesh) bench.viewer.setScan(mesh);
@@ -44,6 +45,7 @@ export async function open(started, { mesh = null, name = "", wanted = {} } = {}
   const query = { id: started.id, name: name || `scan of ${started.counts.faces} faces`, state: started.state, repairs: started.repairs, segments: started.segments, segment: 0, rankings: new Map(), ended: false, shown: null, laid: new Map(), touched: false, stop: new AbortController(), past: [], at: -1, pairs: [] };
   bench.query = query;
   $("welcome").hidden = true;
+  $("trouble").textContent = "";
   $("ranking").hidden = false;
   $("entries").replaceChildren();
   $("progress").value = 0;

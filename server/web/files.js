@@ -10,6 +10,8 @@ const FORMATS = ["obj", "ply", "off", "stl", "glb"];
 // Files beyond this are left to the server to read: the page would stand still.
 const READ_BYTES_MAX = 200e6;
 const NAMES_MAX = 200;
+// Scans of before that are listed at first.
+const HELD_SHOWN_MAX = 8;
 
 const scans = []; // { file, name, mesh, state, progress, started, cut }
 let shown = null;
@@ -65,8 +67,8 @@ async function show(scan) {
       if (scan.file) await open(await json(`/v1/queries/${scan.started.id}`), { mesh: scan.mesh, name: scan.name });
       else await openById(scan.started.id, {}, scan.name);
     }
-  } else preview(scan.mesh, scan.name);
-  if (scan.trouble) say(scan.trouble, "bad");
+  } else if (scan.trouble && scan.state !== "stuck") refused(scan);
+  else preview(scan.mesh, scan.name);
   draw();
 }
 
@@ -111,9 +113,16 @@ async function send(scan) {
   } catch (error) {
     // What could not be sent is sent again when the server is back.
     if (error.code === "unreachable") { scan.state = "stuck"; scan.trouble = "waits for the server"; } else Object.assign(scan, { state: "failed", trouble: error.message });
-    if (scan === shown && error.code !== "unreachable") say(`${scan.name}: ${error.message}`, "bad");
+    if (scan === shown && error.code !== "unreachable") refused(scan);
   }
   draw();
+}
+
+// What is no mesh has no picture: the reason stands where that would be.
+function refused(scan) {
+  close();
+  $("trouble").textContent = `${scan.name}: ${scan.trouble}`;
+  say(`${scan.name} was refused.`, "bad");
 }
 
 export function resume() {
@@ -137,7 +146,7 @@ bench.cut = async (query) => {
 export async function list() {
   const { items } = await json("/v1/queries?limit=100").catch(() => ({ items: [] }));
   const there = new Set(scans.map((s) => s.started?.id));
-  for (const query of items.reverse()) if (!there.has(query.id)) scans.push({ file: null, name: names[query.id] ?? `${query.counts.faces} faces, ${query.created.slice(11, 16)}`, state: "there", started: query, progress: 1, trouble: "" });
+  for (const query of items.reverse().slice(0, HELD_SHOWN_MAX)) if (!there.has(query.id)) scans.push({ file: null, name: names[query.id] ?? `${query.counts.faces} faces, ${query.created.slice(11, 16)}`, state: "there", started: query, progress: 1, trouble: "" });
   draw();
 }
 

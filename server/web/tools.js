@@ -9,7 +9,7 @@ const SHOWS = { quads: "Quads", over: "Quads on scan", scan: "Scan" };
 const TOGGLES = { edges: "Edges", dots: "Poles", flat: "Facets", checker: "UV checker", points: "Points" };
 const TIPS = { edges: "The true edges of the faces", dots: "Extraordinary vertices: inner ones with another number of edges than four", flat: "Each face as flat as it is", checker: "A checker by the example's UVs", points: "The points that hold the quads" };
 const HEATS = { "": "no colours", distance: "distance to the scan", angle: "angles", area: "size against the example" };
-const POLES = [["#1a59e6", "3 edges or fewer"], ["#f28005", "5"], ["#9926bf", "6 or more"]];
+const POLES = [["#1a59e6", "≤ 3"], ["#f28005", "5"], ["#9926bf", "≥ 6"]];
 
 let viewer;
 let heat = "";
@@ -78,7 +78,7 @@ function drawLegend(legend) {
     parts.push(make("strong", legend.title), bar, ends);
   }
   if (viewer.options.dots && viewer.meshes.quads) {
-    const line = make("div", "Poles: ");
+    const line = make("div", "Poles, edges:");
     for (const [colour, text] of POLES) {
       const chip = make("span", undefined, { className: "chip" });
       const dot = make("span", undefined, { className: "dot" });

@@ -130,6 +130,9 @@ async function fromDisk(context, url) {
   await context.route((at) => at.pathname.startsWith("/web/"), serve());
 }
 
+// Holds requests back for a while, so that what can be cancelled is not over before.
+export const holdBack = (page, pattern, ms = 3000) => page.route(pattern, async (route) => { await pause(ms); await route.continue().catch(() => {}); });
+
 // A picture for people to judge.
 export const shoot = (page, name) => page.screenshot({ path: join(out, `${name}.png`) });
 

@@ -1,6 +1,6 @@
 // Putting a map right, and parts.
 
-import { check, shoot, until } from "./bed.js";
+import { check, holdBack, shoot, until } from "./bed.js";
 import { laid, noComplaints } from "./looking.js";
 
 const viewer = (page, act, arg) => page.evaluate(`(${act})(document.querySelector("#canvas").viewer, ${JSON.stringify(arg ?? null)})`);
@@ -134,6 +134,7 @@ export const correcting = {
     await rest(page);
     await page.waitForTimeout(300);
     await shoot(page, "part-laid");
+    await holdBack(page, "**/compositions");
     await page.click("#stitch");
     await page.waitForSelector("#status button");
     await page.click("#status button");

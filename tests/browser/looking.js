@@ -1,6 +1,6 @@
 // From a drop to quads, and looking at them.
 
-import { axeFinds, check, drop, shoot, until } from "./bed.js";
+import { axeFinds, check, drop, holdBack, shoot, until } from "./bed.js";
 
 // Drops a scan and waits until something is laid on it.
 export async function laid(page, path, selector) {
@@ -63,6 +63,28 @@ export const looking = {
       check((await at.textContent("#panel .verdict")) === shown, "another verdict after a reload");
       check((await at.textContent("#entries li.chosen .what")).includes("on the scan"), "no card is marked");
     }
+  },
+
+  async "while files hover the window says what a drop does, and an upload tells its percent"({ open, scan }) {
+    const page = await open();
+    await page.waitForFunction(() => document.querySelector("#health").textContent.includes("examples"));
+    const transfer = await page.evaluateHandle(() => { const data = new DataTransfer(); data.items.add(new File(["v 0 0 0"], "a.obj")); return data; });
+    await page.dispatchEvent("header", "dragenter", { dataTransfer: transfer });
+    check(await page.isVisible("#drop-hint"), "nothing is said");
+    await shoot(page, "hovering");
+    await page.dispatchEvent("header", "dragleave", { dataTransfer: transfer });
+    check(!(await page.isVisible("#drop-hint")), "it is still said");
+    const session = await page.context().newCDPSession(page);
+    await session.send("Network.enable");
+    await session.send("Network.emulateNetworkConditions", { offline: false, latency: 0, downloadThroughput: -1, uploadThroughput: 250_000 });
+    await drop(page, [scan("old_man")], "nav");
+    await page.waitForFunction(() => /uploading, [1-9]\d? %/.test(document.querySelector("#scans").textContent), null, { timeout: 20_000 });
+    await page.waitForFunction(() => document.querySelector("#canvas").viewer.meshes.scan);
+    await page.waitForTimeout(100);
+    await shoot(page, "uploading");
+    await noComplaints(page, "uploading");
+    await session.send("Network.emulateNetworkConditions", { offline: false, latency: 0, downloadThroughput: -1, uploadThroughput: -1 });
+    await page.waitForSelector("#entries li", { timeout: 60_000 });
   },
 
   async "panes, layers, colours and the camera"({ open, scan }) {
@@ -236,6 +258,7 @@ export const looking = {
     await page.waitForSelector("#entries li.chosen");
     check((await page.locator("#entries li.chosen").count()) === 1, "not one card is chosen");
     // Laying can be stopped.
+    await holdBack(page, "**/maps");
     await page.locator("#entries li:not(.chosen) button").first().click();
     await page.click("#status button");
     await page.waitForFunction(() => document.querySelector("#status").textContent === "Cancelled.");

@@ -42,7 +42,7 @@ export const trouble = {
     await drop(page, [odd], "nav");
     await page.waitForFunction(() => document.querySelector("#status").textContent.includes("not a mesh"));
     await drop(page, [bad], "nav");
-    await page.waitForFunction(() => document.querySelector("#status").textContent.startsWith("broken.obj"));
+    await page.waitForFunction(() => document.querySelector("#trouble").textContent.startsWith("broken.obj"));
     await page.waitForTimeout(200);
     await shoot(page, "refused");
     await noComplaints(page, "refused");
