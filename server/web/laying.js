@@ -141,11 +141,27 @@ export async function showMap(query, map, { keep = true } = {}) {
 
 // ---- stitching
 
+const PROGRESS_MS = 1000;
+
+// How far a composition is: the maps it makes are the query's, one part after the other.
+async function progress(query, tell) {
+  const { items } = await json(`/v1/queries/${query.id}/maps`);
+  const wanted = query.segments.filter((s) => s.tries > 0).length;
+  const laid = new Set(items.map((m) => m.segment)).size;
+  if (laid < wanted) tell(`Laying examples: ${laid} of ${wanted} parts have one…`, (0.8 * laid) / wanted);
+  else tell("Stitching the parts…", 0.8);
+}
+
 export async function stitch(query, { density = 0 }) {
   const parts = [...query.laid].filter(([segment]) => query.chosen?.has(segment)).map(([segment, { map }]) => ({ segment, map }));
   // Whoever chose a part wants its layout.
   const body = { parts, keep: parts.map((p) => p.segment), density };
-  const made = await busy(`Laying an example on each of ${query.segments.length} parts, and stitching them…`, (signal) => send(`/v1/queries/${query.id}/compositions`, body, "POST", { signal }));
+  const made = await busy(`Laying an example on each of ${query.segments.length} parts, and stitching them…`, async (signal, tell) => {
+    const timer = setInterval(() => progress(query, tell).catch(() => {}), PROGRESS_MS);
+    try {
+      return await send(`/v1/queries/${query.id}/compositions`, body, "POST", { signal });
+    } finally { clearInterval(timer); }
+  });
   if (!made || bench.query !== query) { if (bench.query === query) showPanel(query); return; }
   say(`Stitched in ${(made.total_ms / 1000).toFixed(1)} s.`);
   await showComposition(query, made);

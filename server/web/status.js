@@ -10,8 +10,8 @@ export function say(text, kind = "") {
   $("status").textContent = text;
 }
 
-// Runs `act(signal)` while the line tells `text` with the seconds that went by. A click on Cancel closes the connection,
-// by which the server stops computing, and ends in null.
+// Runs `act(signal, tell)` while the line tells `text` with the seconds that went by. A click on Cancel closes the connection,
+// by which the server stops computing, and ends in null. `tell(text, share)` says how far it is.
 export async function busy(text, act) {
   const stop = new AbortController();
   const begun = performance.now();
@@ -24,9 +24,12 @@ export async function busy(text, act) {
   timer = mine;
   tick();
   $("status").className = "";
-  $("status").replaceChildren(make("span", text), seconds, cancel);
+  const what = make("span", text);
+  const bar = make("progress", undefined, { max: 1, value: 0, hidden: true, ariaLabel: text });
+  $("status").replaceChildren(what, seconds, bar, cancel);
+  const tell = (now, share) => { what.textContent = now; bar.hidden = false; bar.value = share; };
   try {
-    return await act(stop.signal);
+    return await act(stop.signal, tell);
   } catch (error) {
     if (error.name !== "AbortError") throw error;
     say("Cancelled.");

@@ -137,6 +137,8 @@ export const correcting = {
     await holdBack(page, "**/compositions");
     await page.click("#stitch");
     await page.waitForSelector("#status button");
+    await page.waitForSelector("#status progress:not([hidden])");
+    await shoot(page, "stitching");
     await page.click("#status button");
     await page.waitForFunction(() => document.querySelector("#status").textContent === "Cancelled.");
   },
