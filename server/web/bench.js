@@ -93,7 +93,7 @@ async function showBefore(query, { map, composition }) {
 
 function take(query, event) {
   if (bench.query !== query) return true;
-  if (event.event === "begin") $("state").textContent = event.corpus_size ? `Comparing with ${event.corpus_size} examples…` : "";
+  if (event.event === "begin") $("state").textContent = event.corpus_size ? "Comparing with the corpus…" : "";
   if (event.event === "level") {
     query.rankings.set(event.segment, event);
     query.firstCard ??= performance.now();

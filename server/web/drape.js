@@ -6,7 +6,7 @@ import { nearestOf } from "/web/near.js";
 
 // Pieces an edge is cut into, and points that are laid on the scan at most, so that this takes a fraction of a second.
 const PIECES_MAX = 8;
-const POINTS_MAX = 60_000;
+const POINTS_MAX = 36_000;
 
 // `pairs`: vertices, two an edge. Answers with the ends of lines about `centre`.
 export function draped(pairs, positions, scan, centre) {

@@ -10,6 +10,9 @@ import { say } from "/web/status.js";
 import { headline, reasons, unlike } from "/web/words.js";
 
 const FORMATS = ["obj", "ply", "off", "stl", "glb"];
+// Reasons told at once; all of them stand under the details.
+const REASONS_MAX = 4;
+
 const percent = (share) => `${(100 * share).toFixed(0)} %`;
 
 export function button(text, act, more = {}) {
@@ -82,7 +85,7 @@ function verdict(query) {
   if (other) told.unshift(other);
   if (told.length && it.verdict !== "good") {
     const list = make("ul", undefined, { className: "reasons" });
-    for (const { text, help } of told) {
+    for (const { text, help } of told.slice(0, REASONS_MAX)) {
       const item = make("li", text);
       if (help) item.append(" ", make("span", help, { className: "soft" }));
       list.append(item);

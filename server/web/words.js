@@ -11,7 +11,7 @@ const HEADLINES = {
 export function headline(verdict, inspired) {
   if (inspired === 0) return { word: "No example used", advice: "All of it is regular layouts. Add examples that are like this scan.", kind: "poor" };
   const [word, advice] = HEADLINES[verdict] ?? [verdict, ""];
-  return { word, advice, kind: verdict };
+  return { word, advice: inspired < 0.5 ? `${advice} Most of it is regular layouts, not an example's quads.` : advice, kind: verdict };
 }
 
 const percent = (share) => `${(100 * share).toFixed(share < 0.1 ? 1 : 0)} %`;
