@@ -15,7 +15,7 @@ import { Viewer } from "/web/viewer.js";
 async function showHealth() {
   const ready = await json("/readyz").catch(() => null);
   $("health").textContent = ready ? `${ready.examples} example${ready.examples === 1 ? "" : "s"}` : "";
-  $("no-corpus").hidden = !ready || ready.examples > 0;
+  if ($("no-corpus")) $("no-corpus").hidden = !ready || ready.examples > 0;
 }
 
 function showView() {
@@ -29,7 +29,7 @@ function showView() {
   }
   document.title = isCorpus ? "Corpus · Quadmuse" : "Quadmuse";
   if (isCorpus) corpus.show(at.example);
-  else if (at.query && bench.query?.id !== at.query) openById(at.query, { map: at.map, composition: at.composition }, files.nameOf(at.query));
+  else if (sees && at.query && bench.query?.id !== at.query) openById(at.query, { map: at.map, composition: at.composition }, files.nameOf(at.query));
 }
 
 // Back to where one was on the workbench.
@@ -41,9 +41,12 @@ $("to-bench").onclick = (event) => {
   showView();
 };
 
+// Whether meshes can be drawn; the corpus is tended without.
+let sees = true;
+
 function takeFiles(list) {
   if (route().view === "corpus") corpus.add(list);
-  else files.add(list);
+  else if (sees) files.add(list);
 }
 
 function beginViewer() {
@@ -60,18 +63,18 @@ function beginViewer() {
 
 async function begin() {
   files.catchDrops(takeFiles, () => (route().view === "corpus" ? "Drop to add to the corpus" : "Drop to find quads for it"));
-  for (const [id, take] of [["file", files.add], ["example-file", corpus.add]]) {
+  for (const [id, take] of [["file", takeFiles], ["example-file", corpus.add]]) {
     $(id).onchange = () => { if ($(id).files.length) take([...$(id).files]); $(id).value = ""; };
   }
   $("segment").onchange = () => chooseSegment(Number($("segment").value));
-  if (!beginViewer()) return;
+  sees = beginViewer();
   await enter();
   bench.onchange = files.draw;
   corpus.begin(showHealth);
   whenBack(() => { showHealth(); files.resume(); if (route().view === "corpus") corpus.show(); say("The server is back."); });
   addEventListener("hashchange", showView);
   showHealth();
-  files.list();
+  if (sees) files.list();
   showView();
 }
 

@@ -103,7 +103,8 @@ export async function addExample(url, path, parameters = "") {
 const executablePath = process.env.QUADMUSE_BROWSER ?? "/usr/bin/chromium";
 const found = executablePath.includes("/") ? executablePath : spawnSync("which", [executablePath], { encoding: "utf8" }).stdout.trim();
 
-export const launch = () => chromium.launch({ executablePath: found, args: ["--no-sandbox", "--disable-dev-shm-usage", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"] });
+// `more`: further switches of the browser.
+export const launch = (more = []) => chromium.launch({ executablePath: found, args: [...more, "--no-sandbox", "--disable-dev-shm-usage", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"] });
 
 // A page of its own profile. `page.mistakes`: what its console said, save what a test says it expects.
 export async function open(browser, url, { width = 1440, height = 900, dark = false, touch = false, token = "", expected = [] } = {}) {

@@ -2,7 +2,7 @@
 
 import { join } from "node:path";
 import { writeFileSync } from "node:fs";
-import { addExample, check, drop, folder, shoot, Server, until } from "./bed.js";
+import { addExample, check, drop, folder, launch, open, shoot, Server, until } from "./bed.js";
 import { laid, noComplaints } from "./looking.js";
 
 // A closed scan: a cube, its faces cut fine enough to have form.
@@ -102,6 +102,18 @@ export const trouble = {
     await page.waitForFunction(() => document.querySelector("#status").textContent.includes("no longer holds"), null, { timeout: 20_000 });
     await shoot(page, "scan-gone");
     await server.stop();
+  },
+
+  async "where nothing can be drawn the page says so, and the corpus is tended all the same"({ url }) {
+    const browser = await launch(["--disable-3d-apis"]);
+    try {
+      const page = await open(browser, `${url}/`);
+      await page.waitForFunction(() => document.querySelector("#welcome").textContent.includes("WebGL"));
+      await noComplaints(page, "no WebGL");
+      await page.click("#to-corpus");
+      await page.waitForSelector("#grid li");
+      check(page.mistakes.length === 0, `the console says: ${page.mistakes.join()}`);
+    } finally { await browser.close(); }
   },
 
   async "two tabs don't get in each other's way"({ open, scan }) {
