@@ -14,10 +14,18 @@ import * as tools from "/web/tools.js";
 import { mismatch } from "/web/words.js";
 
 const RANKS = ["good", "fair", "poor", "broken"];
+const isBad = (verdict) => verdict === "poor" || verdict === "broken";
 // A poor map that leaves so much of the scan bare is no better than a broken one.
 const COVERED_MIN = 0.7;
 const badness = (map) => (map.verdict === "poor" && map.covers.input < COVERED_MIN ? RANKS.length - 1 : RANKS.indexOf(map.verdict));
-const isBad = (verdict) => verdict === "poor" || verdict === "broken";
+
+// What a map that is not poor is worth beside others, as the service's own programs count it: how sure it is, times the share of the
+// scan that its example covers.
+const SURE = { good: 0.5, fair: 0.2 };
+const SURE_MIN = 0.01;
+// From this worth on no other example has to be tried.
+const ENOUGH = 0.1;
+const worth = (map) => (isBad(map.verdict) ? -1 - badness(map) : Math.max(SURE_MIN, map.evidence?.agreement ?? SURE[map.verdict]) * map.covers.input);
 
 const meshes = new Map();
 const facts = new Map();
@@ -52,7 +60,7 @@ export function draw(query = bench.query) {
   });
 }
 
-// The best is laid by itself: the first that is not poor, of as many as are worth a try; else the least bad of them.
+// The best is laid by itself: the first that is worth enough, of as many as are worth a try; else the one that is worth most.
 export async function layBest(query) {
   if (query.segments.length > 1) { await stitch(query, {}); return; }
   const { tries, topology } = query.segments[0];
@@ -71,9 +79,9 @@ export async function layBest(query) {
   for (const [k, entry] of candidates.slice(0, tries).entries()) {
     const map = await lay(query, entry, { beats: best });
     if (!map || bench.query !== query || query.touched) return;
-    if (!best || badness(map) < badness(best)) best = map;
-    if (!isBad(map.verdict)) return;
-    if (k + 1 < Math.min(tries, candidates.length)) say(`${nameOf(entry)} lies poorly; trying the next.`);
+    if (!best || worth(map) > worth(best)) best = map;
+    if (worth(map) >= ENOUGH) return;
+    if (k + 1 < Math.min(tries, candidates.length)) say(`${nameOf(entry)} does not fit well enough; trying the next.`);
   }
 }
 
@@ -90,7 +98,7 @@ export async function lay(query, entry, { landmarks = [], beyond = "leave", beat
   const body = { segment, example: entry.example, example_segment: entry.example_segment, beyond, ...(landmarks.length ? { landmarks } : {}) };
   const map = await busy(`Laying ${nameOf(entry)} on the scan…`, (signal) => send(`/v1/queries/${query.id}/maps`, body, "POST", { signal }));
   if (!map || bench.query !== query) return null;
-  if (beats && badness(map) >= badness(beats)) return map;
+  if (beats && worth(map) <= worth(beats)) return map;
   await showMap(query, map);
   query.layMs = performance.now() - begun;
   say(`${nameOf(entry)} was laid in ${(query.layMs / 1000).toFixed(1)} s.`);
