@@ -73,7 +73,7 @@ function schema(name, spec) {
 
 async function begin() {
   const spec = await (await fetch("/openapi.json")).json();
-  const main = document.getElementById("main");
+  const main = document.getElementById("docs");
   const intro = make("section");
   intro.append(make("h2", `${spec.info.title} ${spec.info.version}`), make("p", spec.info.description));
   const groups = new Map();
@@ -94,4 +94,4 @@ async function begin() {
   main.replaceChildren(intro, ...sections, messages);
 }
 
-begin().catch((error) => document.getElementById("main").replaceChildren(make("p", error.message, { className: "bad" })));
+begin().catch((error) => document.getElementById("docs").replaceChildren(make("p", error.message, { className: "bad" })));

@@ -1,141 +1,121 @@
-// Meshes as the viewer needs them: read from the service's PLY, with normals, edges, and where a ray meets them.
-
-const SIZES = { char: 1, uchar: 1, short: 2, ushort: 2, int: 4, uint: 4, float: 4, double: 8 };
-const READERS = { char: "getInt8", uchar: "getUint8", short: "getInt16", ushort: "getUint16", int: "getInt32", uint: "getUint32", float: "getFloat32", double: "getFloat64" };
-
-function elements(header) {
-  const found = [];
-  for (const words of header.split("\n").map((line) => line.trim().split(" "))) {
-    if (words[0] === "element") found.push({ name: words[1], count: Number(words[2]), properties: [] });
-    if (words[0] === "property") found.at(-1)?.properties.push(words[1] === "list" ? { name: words[4], type: words[3], count: words[2] } : { name: words[2], type: words[1] });
-  }
-  return found;
-}
-
-// Binary little-endian PLY: { positions: [x, y, z, …], faces: [[a, b, c, …], …] }.
-export function readPly(buffer) {
-  const head = new TextDecoder("latin1").decode(new Uint8Array(buffer, 0, Math.min(buffer.byteLength, 65536)));
-  const end = head.indexOf("end_header\n") + "end_header\n".length;
-  const view = new DataView(buffer);
-  let at = end;
-  const scalar = (type) => { const value = view[READERS[type]](at, true); at += SIZES[type]; return value; };
-  const positions = [];
-  const faces = [];
-  for (const { name, count, properties } of elements(head.slice(0, end))) {
-    for (let k = 0; k < count; k++) {
-      for (const property of properties) {
-        const values = property.count === undefined ? scalar(property.type) : Array.from({ length: scalar(property.count) }, () => scalar(property.type));
-        if (name === "vertex" && "xyz".includes(property.name)) positions.push(values);
-        if (name === "face" && property.name === "vertex_indices") faces.push(values);
-      }
-    }
-  }
-  return { positions, faces };
-}
+// What is derived of a mesh for drawing it: its size, triangles, normals, true edges and extraordinary vertices.
 
 const minus = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
-const corner = (mesh, v) => [mesh.positions[3 * v], mesh.positions[3 * v + 1], mesh.positions[3 * v + 2]];
+export const place = (mesh, v) => [mesh.positions[3 * v], mesh.positions[3 * v + 1], mesh.positions[3 * v + 2]];
+export const faceCount = (mesh) => mesh.starts.length - 1;
+export const cornersOf = (mesh, f) => mesh.corners.subarray(mesh.starts[f], mesh.starts[f + 1]);
 
-// The triangles of a face, as a fan.
-function* fan(face) {
-  for (let k = 2; k < face.length; k++) yield [0, k - 1, k];
-}
-
-// Centre of the box, and the distance of the farthest vertex from it.
+// Centre of the box, the distance of the farthest vertex from it, and the box's diagonal.
 export function bounds(mesh) {
   const low = [Infinity, Infinity, Infinity];
   const high = [-Infinity, -Infinity, -Infinity];
-  mesh.positions.forEach((x, k) => { low[k % 3] = Math.min(low[k % 3], x); high[k % 3] = Math.max(high[k % 3], x); });
+  const { positions } = mesh;
+  for (let k = 0; k < positions.length; k++) {
+    const axis = k % 3;
+    if (positions[k] < low[axis]) low[axis] = positions[k];
+    if (positions[k] > high[axis]) high[axis] = positions[k];
+  }
   const centre = low.map((x, k) => (x + high[k]) / 2);
-  let radius = 0;
-  for (let v = 0; v < mesh.positions.length / 3; v++) radius = Math.max(radius, Math.hypot(...minus(corner(mesh, v), centre)));
-  return { centre, radius: radius || 1 };
+  let far = 0;
+  for (let k = 0; k < positions.length; k += 3) far = Math.max(far, (positions[k] - centre[0]) ** 2 + (positions[k + 1] - centre[1]) ** 2 + (positions[k + 2] - centre[2]) ** 2);
+  return { centre, radius: Math.sqrt(far) || 1, diagonal: Math.hypot(...minus(high, low)) || 1, low, high };
 }
 
-// Triangles with a normal at each corner (smoothed by area), about `centre`: interleaved, six numbers a corner.
-export function shaded(mesh, centre) {
-  const normals = new Float64Array(mesh.positions.length);
-  let corners = 0;
-  for (const face of mesh.faces) {
-    for (const [a, b, c] of fan(face)) {
-      corners += 3;
-      const n = cross(minus(corner(mesh, face[b]), corner(mesh, face[a])), minus(corner(mesh, face[c]), corner(mesh, face[a])));
-      for (const v of [face[a], face[b], face[c]]) for (let k = 0; k < 3; k++) normals[3 * v + k] += n[k];
+// Corners of all triangles as places in `mesh.corners`, three each, and the face of each. A quad is cut along the
+// diagonal whose triangles agree better about its front.
+export function triangles(mesh) {
+  if (mesh.triangles) return mesh.triangles;
+  const faces = faceCount(mesh);
+  const count = mesh.corners.length - 2 * faces;
+  const [at, of] = [new Uint32Array(3 * count), new Uint32Array(count)];
+  let t = 0;
+  for (let f = 0; f < faces; f++) {
+    const [from, to] = [mesh.starts[f], mesh.starts[f + 1]];
+    const degree = to - from;
+    const turn = degree === 4 && secondIsBetter(mesh, from) ? 1 : 0;
+    for (let k = 2; k < degree; k++, t++) {
+      at[3 * t] = from + turn;
+      at[3 * t + 1] = from + ((k - 1 + turn) % degree);
+      at[3 * t + 2] = from + ((k + turn) % degree);
+      of[t] = f;
     }
   }
-  const out = new Float32Array(6 * corners);
-  let at = 0;
-  for (const face of mesh.faces) {
-    for (const triangle of fan(face)) {
-      for (const k of triangle) {
-        const v = face[k];
-        const n = [normals[3 * v], normals[3 * v + 1], normals[3 * v + 2]];
-        const length = Math.hypot(...n) || 1;
-        out.set([...minus(corner(mesh, v), centre), n[0] / length, n[1] / length, n[2] / length], at);
-        at += 6;
-      }
-    }
+  mesh.triangles = { at: at.subarray(0, 3 * t), of: of.subarray(0, t) };
+  return mesh.triangles;
+}
+
+function secondIsBetter(mesh, from) {
+  const [a, b, c, d] = [0, 1, 2, 3].map((k) => place(mesh, mesh.corners[from + k]));
+  const agree = (p, q, r, s) => dot(cross(minus(q, p), minus(r, p)), cross(minus(r, p), minus(s, p)));
+  return agree(b, c, d, a) > agree(a, b, c, d) + 1e-12;
+}
+
+// A normal a vertex, smoothed by area.
+export function normals(mesh) {
+  const { positions, corners } = mesh;
+  const { at } = triangles(mesh);
+  const out = new Float32Array(positions.length);
+  for (let t = 0; t < at.length; t += 3) {
+    const [a, b, c] = [3 * corners[at[t]], 3 * corners[at[t + 1]], 3 * corners[at[t + 2]]];
+    const [ux, uy, uz] = [positions[b] - positions[a], positions[b + 1] - positions[a + 1], positions[b + 2] - positions[a + 2]];
+    const [vx, vy, vz] = [positions[c] - positions[a], positions[c + 1] - positions[a + 1], positions[c + 2] - positions[a + 2]];
+    const [nx, ny, nz] = [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx];
+    for (const v of [a, b, c]) { out[v] += nx; out[v + 1] += ny; out[v + 2] += nz; }
+  }
+  for (let v = 0; v < out.length; v += 3) {
+    const length = Math.hypot(out[v], out[v + 1], out[v + 2]) || 1;
+    out[v] /= length; out[v + 1] /= length; out[v + 2] /= length;
   }
   return out;
 }
 
-// The edges, each once, about `centre`: six numbers an edge; those of one face only apart.
-export function edges(mesh, centre) {
-  const count = mesh.positions.length / 3;
-  const sides = new Map();
-  for (const face of mesh.faces) {
-    face.forEach((a, k) => {
-      const b = face[(k + 1) % face.length];
-      const key = Math.min(a, b) * count + Math.max(a, b);
-      sides.set(key, (sides.get(key) ?? 0) + 1);
-    });
-  }
-  const [inner, rim] = [[], []];
-  for (const [key, faces] of sides) {
-    (faces > 1 ? inner : rim).push(...minus(corner(mesh, Math.floor(key / count)), centre), ...minus(corner(mesh, key % count), centre));
-  }
-  return { inner: new Float32Array(inner), rim: new Float32Array(rim) };
-}
-
-// The corners of all triangles, nine numbers each, and the face and corners that each came of.
-function flattened(mesh) {
-  if (mesh.flat) return mesh.flat;
-  const [points, of] = [[], []];
-  mesh.faces.forEach((face, at) => {
-    for (const triangle of fan(face)) {
-      of.push([at, triangle]);
-      for (const k of triangle) points.push(...corner(mesh, face[k]));
+// The edges of its faces, each once, as pairs of vertices: `inner` between two faces, `rim` of one. With them the number of
+// edges a vertex, and whether it lies on the rim.
+export function edges(mesh) {
+  if (mesh.edges) return mesh.edges;
+  const sides = mesh.corners.length;
+  let size = 1024;
+  while (size < 2 * sides) size *= 2;
+  const table = new Int32Array(size).fill(-1);
+  const [from, to, uses] = [new Uint32Array(sides), new Uint32Array(sides), new Uint8Array(sides)];
+  let made = 0;
+  for (let f = 0; f < faceCount(mesh); f++) {
+    for (let k = mesh.starts[f]; k < mesh.starts[f + 1]; k++) {
+      const [p, q] = [mesh.corners[k], mesh.corners[k + 1 < mesh.starts[f + 1] ? k + 1 : mesh.starts[f]]];
+      const [a, b] = p < q ? [p, q] : [q, p];
+      let slot = (Math.imul(a, 73856093) ^ Math.imul(b, 19349663)) & (size - 1);
+      while (table[slot] >= 0 && (from[table[slot]] !== a || to[table[slot]] !== b)) slot = (slot + 1) & (size - 1);
+      if (table[slot] < 0) { table[slot] = made; [from[made], to[made]] = [a, b]; made++; }
+      uses[table[slot]]++;
     }
-  });
-  mesh.flat = { points: new Float64Array(points), of };
-  return mesh.flat;
+  }
+  const valence = new Uint16Array(mesh.positions.length / 3);
+  const onRim = new Uint8Array(valence.length);
+  const [inner, rim] = [[], []];
+  for (let e = 0; e < made; e++) {
+    valence[from[e]]++;
+    valence[to[e]]++;
+    if (uses[e] > 1) inner.push(from[e], to[e]);
+    else { rim.push(from[e], to[e]); onRim[from[e]] = onRim[to[e]] = 1; }
+  }
+  mesh.edges = { inner: Uint32Array.from(inner), rim: Uint32Array.from(rim), valence, onRim };
+  return mesh.edges;
 }
 
-// Where a ray first meets the mesh: { face, point, barycentric (a weight a corner) }, or null. Möller–Trumbore.
-export function hit(mesh, [ox, oy, oz], [dx, dy, dz]) {
-  const { points, of } = flattened(mesh);
-  let [nearest, best] = [Infinity, null];
-  for (let t = 0; t < points.length; t += 9) {
-    const [ax, ay, az] = [points[t], points[t + 1], points[t + 2]];
-    const [ux, uy, uz] = [points[t + 3] - ax, points[t + 4] - ay, points[t + 5] - az];
-    const [vx, vy, vz] = [points[t + 6] - ax, points[t + 7] - ay, points[t + 8] - az];
-    const [px, py, pz] = [dy * vz - dz * vy, dz * vx - dx * vz, dx * vy - dy * vx];
-    const det = ux * px + uy * py + uz * pz;
-    if (det === 0) continue;
-    const [sx, sy, sz] = [ox - ax, oy - ay, oz - az];
-    const u = (sx * px + sy * py + sz * pz) / det;
-    if (u < 0 || u > 1) continue;
-    const [qx, qy, qz] = [sy * uz - sz * uy, sz * ux - sx * uz, sx * uy - sy * ux];
-    const v = (dx * qx + dy * qy + dz * qz) / det;
-    if (v < 0 || u + v > 1) continue;
-    const distance = (vx * qx + vy * qy + vz * qz) / det;
-    if (distance > 0 && distance < nearest) [nearest, best] = [distance, { t, weights: [1 - u - v, u, v] }];
-  }
-  if (!best) return null;
-  const [face, corners] = of[best.t / 9];
-  const barycentric = mesh.faces[face].map(() => 0);
-  corners.forEach((k, j) => { barycentric[k] = best.weights[j]; });
-  return { face, barycentric, point: [ox + nearest * dx, oy + nearest * dy, oz + nearest * dz] };
+// Inner vertices with another number of edges than four: [{ vertex, valence }].
+export function extraordinary(mesh) {
+  const { valence, onRim } = edges(mesh);
+  const found = [];
+  valence.forEach((n, vertex) => { if (n > 0 && n !== 4 && !onRim[vertex]) found.push({ vertex, valence: n }); });
+  return found;
+}
+
+// Whether the faces are mostly quads, so that their edges are worth seeing.
+export function isQuads(mesh) {
+  let quads = 0;
+  for (let f = 0; f < faceCount(mesh); f++) if (mesh.starts[f + 1] - mesh.starts[f] === 4) quads++;
+  return 2 * quads > faceCount(mesh);
 }

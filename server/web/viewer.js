@@ -1,248 +1,412 @@
-// A picture to turn: quads on the input, and the constraints as points that can be dragged over it.
+// The viewport: the scan with the quads laid on it, and beside it the example, seen by one camera.
 
-import { bounds, edges, hit, shaded } from "/web/mesh.js";
+import { Camera, times } from "/web/camera.js";
+import { LARGE, coarse } from "/web/coarse.js";
+import { draped } from "/web/drape.js";
+import { bounds, edges, extraordinary, isQuads } from "/web/mesh.js";
+import { hit } from "/web/near.js";
+import { Painter, centred, linesOf, separate, shared } from "/web/paint.js";
 
-const VERTEX = `
-attribute vec3 at, normal; uniform mat3 turn; uniform vec2 pan, size; uniform float scale, deep, dot_size, nearer; varying vec3 n;
-void main() {
-  vec3 x = turn * at * scale;
-  n = turn * normal;
-  gl_Position = vec4((x.xy + pan) * size, -x.z * deep - nearer, 1.0);
-  gl_PointSize = dot_size;
-}`;
-const FRAGMENT = `
-precision mediump float; uniform vec4 colour; uniform float lit, round; varying vec3 n;
-void main() {
-  if (round > 0.5 && length(gl_PointCoord - 0.5) > 0.5) discard;
-  // Lines and points have no normal.
-  if (lit < 0.5) { gl_FragColor = vec4(colour.rgb, 1.0); return; }
-  vec3 up = normalize(n) * (gl_FrontFacing ? 1.0 : -1.0);
-  float light = 0.5 + 0.45 * max(dot(up, vec3(0.35, 0.5, 0.79)), 0.0) + 0.12 * up.y;
-  vec3 tint = gl_FrontFacing ? colour.rgb : vec3(0.62, 0.68, 0.8);
-  gl_FragColor = vec4(tint * light, 1.0);
-}`;
-
-const QUADS = [0.93, 0.9, 0.85, 1];
-const SCAN = [0.72, 0.76, 0.82, 1];
-const COLOURS = { feature: [0.12, 0.36, 0.85, 1], user: [0.85, 0.33, 0.05, 1], held: [0.05, 0.55, 0.3, 1] };
-// How near (in CSS pixels) the pointer has to be to take hold of a point.
-const REACH = 12;
-const STEP = 0.15;
-
-const times = (a, b) => a.map((_, k) => [0, 1, 2].reduce((sum, j) => sum + a[3 * j + (k % 3)] * b[3 * Math.floor(k / 3) + j], 0));
-const about = (x, y) => {
-  const [cx, sx, cy, sy] = [Math.cos(x), Math.sin(x), Math.cos(y), Math.sin(y)];
-  // Columns of Rx·Ry.
-  return [cy, sx * sy, -cx * sy, 0, cx, sx, sy, -sx * cy, cx * cy];
-};
+const COLOURS = { quads: [0.93, 0.9, 0.85], scan: [0.72, 0.76, 0.82], example: [0.9, 0.92, 0.88], line: [0.16, 0.2, 0.28], rim: [0.75, 0.16, 0.08] };
+const POINTS = { feature: [0.12, 0.36, 0.85], user: [0.85, 0.33, 0.05], held: [0.05, 0.55, 0.3] };
+// As in the service's own pictures: fewer than four edges, five, more.
+const valenceColour = (n) => (n < 4 ? [0.1, 0.35, 0.9] : n === 5 ? [0.95, 0.5, 0.05] : [0.6, 0.15, 0.75]);
+// How near (in CSS pixels) the pointer has to be to take hold of a point; a finger is wider.
+const REACH = { mouse: 12, touch: 24 };
+// How long nothing moves until it is at rest.
+const REST_MS = 160;
+const UPRIGHT = [1, 0, 0, 0, 1, 0, 0, 0, 1];
 
 export class Viewer {
-  // `onmove(id, point)` when a point was dragged to another place of the input; `onpin(hit)` on a double click on the quads.
-  constructor(canvas, { onmove, onpin }) {
-    this.canvas = canvas;
-    this.gl = canvas.getContext("webgl", { antialias: true, alpha: true });
-    if (!this.gl) throw new Error("this browser draws no WebGL");
-    Object.assign(this, { onmove, onpin, layer: "quads", points: [], held: null, turn: about(0.25, -0.5), pan: [0, 0], zoom: 1, buffers: {} });
-    this.program = this.compile();
-    this.listen();
-    new ResizeObserver(() => this.draw()).observe(canvas);
+  // `hooks`: `ondrag(id, point)` while a point is dragged, `ondrop(id, point)` when it is let go; `onpick(pane, hit)` for a
+  // click on a mesh where `picks` is set; `onpin(hit)` for a double click on the quads.
+  constructor(canvas, marks, hooks) {
+    this.painter = new Painter(canvas);
+    Object.assign(this, { canvas, marks, hooks, points: [], pairs: [], held: null, picks: false, meshes: {}, frames: {}, heat: null, tints: {} });
+    this.options = { layout: "one", show: "quads", edges: true, flat: false, dots: false, checker: false };
+    this.camera = new Camera(canvas, {
+      onchange: () => this.moved(),
+      place: (event) => this.pointer(event),
+      unit: () => { const { width, height } = this.paneBoxes()[0]; return 2 / Math.min(width, height); },
+      ongrasp: (event) => this.grasp(event),
+      onhold: (event) => this.hold(event),
+      onlet: (event) => this.letGo(event),
+      onpoint: (event) => this.point(event),
+      onhover: (event) => canvas.classList.toggle("over-point", this.picks || (this.points.length > 0 && this.grasped(event) !== null)),
+    });
+    canvas.addEventListener("dblclick", (event) => this.pin(event));
+    canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
+    canvas.addEventListener("webglcontextrestored", () => this.again());
+    this.resizes = new ResizeObserver(() => this.draw());
+    this.resizes.observe(canvas);
+    canvas.viewer = this;
   }
 
-  compile() {
-    const gl = this.gl;
-    const program = gl.createProgram();
-    for (const [kind, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
-      const shader = gl.createShader(kind);
-      gl.shaderSource(shader, source);
-      gl.compileShader(shader);
-      gl.attachShader(program, shader);
-    }
-    gl.bindAttribLocation(program, 0, "at");
-    gl.bindAttribLocation(program, 1, "normal");
-    gl.linkProgram(program);
-    return program;
-  }
-
-  // The input: what points are dragged over. It sets the frame.
-  setInput(mesh) {
-    this.input = mesh;
-    Object.assign(this, bounds(mesh));
-    this.fill("scan", shaded(mesh, this.centre));
+  // All shapes are gone with a context that was lost: a driver was updated, or the computer slept.
+  again() {
+    this.painter = new Painter(this.canvas);
+    const { scan, example } = this.meshes;
+    if (scan) this.sendScan();
+    this.sendQuads();
+    this.isDraped = false;
+    if (example) this.sendExample();
     this.draw();
+  }
+
+  end() {
+    this.resizes.disconnect();
+    this.painter.end();
+  }
+
+  // ---- what is shown
+
+  clear() {
+    for (const name of ["scan", "coarse", "quads", "inner", "rim", "dots", "example", "exampleInner", "exampleRim", "exampleDots"]) this.painter.send(name, null);
+    Object.assign(this, { meshes: {}, frames: {}, points: [], pairs: [], heat: null, tints: {} });
+    this.draw();
+  }
+
+  setScan(mesh) {
+    this.meshes.scan = mesh;
+    this.frames.result = { ...bounds(mesh), pose: UPRIGHT };
+    this.sendScan();
+  }
+
+  sendScan() {
+    const { scan } = this.meshes;
+    const { centre } = this.frames.result;
+    const shape = (mesh) => (this.tints.scan && mesh.segments ? separate(mesh, centre, { tint: (f) => this.tints.scan[mesh.segments[f]] ?? [0.7, 0.7, 0.7] }) : shared(mesh, centre));
+    this.painter.send("scan", shape(scan));
+    this.painter.send("coarse", this.painter.isSlow && scan.starts.length > LARGE ? shape(coarse(scan, this.frames.result)) : null);
+    this.draw();
+  }
+
+  // Colours by segment of the scan; null for none.
+  tintScan(colours) {
+    this.tints.scan = colours;
+    if (this.meshes.scan) this.sendScan();
   }
 
   setQuads(mesh) {
-    this.quads = mesh;
-    const { inner, rim } = edges(mesh, this.centre);
-    this.fill("quads", shaded(mesh, this.centre));
-    this.fill("inner", inner);
-    this.fill("rim", rim);
+    this.meshes.quads = mesh;
+    this.heat = null;
+    this.isDraped = false;
+    if (!mesh) for (const name of ["quads", "inner", "rim", "dots"]) this.painter.send(name, null);
+    else this.sendQuads();
     this.draw();
   }
 
-  // `points`: [{ id, origin, point }].
-  setPoints(points) {
-    this.points = points;
+  sendQuads() {
+    if (!this.meshes.quads) return;
+    const { centre } = this.frames.result;
+    this.sendFaces("quads", this.meshes.quads, centre, { inner: "inner", rim: "rim", dots: "dots" }, { value: this.heat });
+  }
+
+  sendFaces(name, mesh, centre, names, more = {}) {
+    const { inner, rim } = edges(mesh);
+    this.painter.send(name, separate(mesh, centre, more));
+    this.painter.send(names.inner, linesOf(inner, mesh.positions, centre));
+    this.painter.send(names.rim, linesOf(rim, mesh.positions, centre));
+    const dots = isQuads(mesh) ? extraordinary(mesh) : [];
+    const at = dots.flatMap(({ vertex }) => [0, 1, 2].map((k) => mesh.positions[3 * vertex + k]));
+    this.painter.send(names.dots, { at: centred(at, centre), tint: new Float32Array(dots.flatMap(({ valence }) => valenceColour(valence))) });
+  }
+
+  // `lies`: how it lies in the scan's frame (a similarity), so that both turn as one; `tint`: a colour a face.
+  setExample(mesh, { lies = null, tint = null } = {}) {
+    this.meshes.example = mesh;
+    if (!mesh) for (const name of ["example", "exampleInner", "exampleRim", "exampleDots"]) this.painter.send(name, null);
+    else {
+      this.frames.example = lies ? this.beside(lies) : { ...bounds(mesh), pose: UPRIGHT };
+      this.tints.example = tint;
+      this.sendExample();
+    }
     this.draw();
   }
 
-  show(layer) {
-    this.layer = layer;
+  sendExample() {
+    this.sendFaces("example", this.meshes.example, this.frames.example.centre, { inner: "exampleInner", rim: "exampleRim", dots: "exampleDots" }, { tint: this.tints.example });
+  }
+
+  // The frame in which an example is seen as the scan is: what corresponds is at the same place of both panes.
+  beside({ turn, scale, from, to }) {
+    const { centre, radius } = this.frames.result;
+    const off = to.map((x, k) => (x - centre[k]) / scale);
+    const back = [0, 1, 2].map((k) => turn[3 * k] * off[0] + turn[3 * k + 1] * off[1] + turn[3 * k + 2] * off[2]);
+    return { centre: from.map((x, k) => x - back[k]), radius: radius / scale, pose: turn };
+  }
+
+  // `values`: a number a face of the quads from 0 to 1, or null.
+  setHeat(values) {
+    this.heat = values;
+    if (this.meshes.quads) this.sendQuads();
     this.draw();
   }
 
-  fill(name, values) {
-    const gl = this.gl;
-    this.buffers[name] ??= { buffer: gl.createBuffer() };
-    this.buffers[name].length = values.length;
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers[name].buffer);
-    gl.bufferData(gl.ARRAY_BUFFER, values, gl.STATIC_DRAW);
+  // `points`: [{ id, origin, point }] on the scan; `pairs`: [{ name, example: point or null, input: point or null }].
+  setPoints(points) { this.points = points; this.draw(); }
+
+  setPairs(pairs) { this.pairs = pairs; this.draw(); }
+
+  set(options) { Object.assign(this.options, options); this.draw(); }
+
+  // ---- panes
+
+  // From the upper left, in CSS pixels. Two lie beside each other where there is room, else below each other.
+  paneBoxes() {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (this.options.layout !== "two" || !this.meshes.example) return [{ name: "result", left: 0, top: 0, width, height }];
+    if (width < height) return [{ name: "example", left: 0, top: 0, width, height: height / 2 }, { name: "result", left: 0, top: height / 2, width, height: height / 2 }];
+    return [{ name: "example", left: 0, top: 0, width: width / 2, height }, { name: "result", left: width / 2, top: 0, width: width / 2, height }];
+  }
+
+  paneAt(event) {
+    const { left, top } = this.canvas.getBoundingClientRect();
+    const [x, y] = [event.clientX - left, event.clientY - top];
+    const boxes = this.paneBoxes();
+    return boxes.find((b) => x >= b.left && x < b.left + b.width && y >= b.top && y < b.top + b.height) ?? boxes.at(-1);
+  }
+
+  view({ name, width, height }) {
+    const { pose, radius } = this.frames[name] ?? this.frames.result ?? this.frames.example;
+    const { turn, pan, zoom } = this.camera;
+    return { turn: pose === UPRIGHT ? turn : times(turn, pose), pan, size: [Math.min(1, height / width), Math.min(1, width / height)], scale: (0.95 * zoom) / radius, deep: 0.5 / zoom };
   }
 
   // ---- drawing
 
-  draw() {
-    if (this.waiting) return;
-    this.waiting = requestAnimationFrame(() => { this.waiting = 0; this.drawNow(); });
+  // Without a graphics card what moves is drawn coarsely, and fully once it rests.
+  moved() {
+    if (this.painter.isSlow) {
+      this.isMoving = true;
+      clearTimeout(this.resting);
+      this.resting = setTimeout(() => { this.isMoving = false; this.draw(); }, REST_MS);
+    }
+    this.draw();
   }
 
-  size() {
-    const { clientWidth: width, clientHeight: height } = this.canvas;
-    return [Math.min(1, height / width), Math.min(1, width / height)];
-  }
+  draw() { this.waiting ||= requestAnimationFrame(() => { this.waiting = 0; this.drawNow(); }); }
 
   drawNow() {
-    const { gl, canvas } = this;
-    if (!this.input) return;
-    const ratio = window.devicePixelRatio || 1;
-    [canvas.width, canvas.height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
-    gl.viewport(0, 0, canvas.width, canvas.height);
-    gl.clearColor(0, 0, 0, 0);
-    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    gl.enable(gl.DEPTH_TEST);
-    gl.useProgram(this.program);
-    const place = (name) => gl.getUniformLocation(this.program, name);
-    gl.uniformMatrix3fv(place("turn"), false, this.turn);
-    gl.uniform2fv(place("pan"), this.pan);
-    gl.uniform2fv(place("size"), this.size());
-    gl.uniform1f(place("scale"), (0.95 * this.zoom) / this.radius);
-    gl.uniform1f(place("deep"), 0.5 / this.zoom);
-    const paint = (name, mode, colour, { lit = 0, nearer = 0, stride = 3, round = 0, dot = 1 } = {}) => {
-      const from = this.buffers[name];
-      if (!from?.length) return;
-      gl.bindBuffer(gl.ARRAY_BUFFER, from.buffer);
-      gl.enableVertexAttribArray(0);
-      gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 4 * stride, 0);
-      if (stride > 3) {
-        gl.enableVertexAttribArray(1);
-        gl.vertexAttribPointer(1, 3, gl.FLOAT, false, 4 * stride, 12);
-      } else gl.disableVertexAttribArray(1);
-      gl.uniform4fv(place("colour"), colour);
-      gl.uniform1f(place("lit"), lit);
-      gl.uniform1f(place("round"), round);
-      gl.uniform1f(place("nearer"), nearer);
-      gl.uniform1f(place("dot_size"), dot * ratio);
-      gl.drawArrays(mode, 0, from.length / stride);
-    };
-    const solid = { lit: 1, stride: 6 };
-    if (this.layer !== "quads" || !this.quads) paint("scan", gl.TRIANGLES, SCAN, solid);
-    if (this.layer === "quads") paint("quads", gl.TRIANGLES, QUADS, solid);
-    if (this.layer !== "scan") {
-      paint("inner", gl.LINES, [0.22, 0.26, 0.33, 1], { nearer: 0.0015 });
-      paint("rim", gl.LINES, [0.8, 0.2, 0.1, 1], { nearer: 0.0015 });
+    const { canvas } = this;
+    const ratio = this.isMoving ? 0.5 : Math.min(2, window.devicePixelRatio || 1);
+    const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
+    if (!width || !height) return;
+    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    for (const box of this.paneBoxes()) {
+      const rect = [box.left, canvas.clientHeight - box.top - box.height, box.width, box.height].map((x) => Math.round(x * ratio));
+      this.painter.pane(rect);
+      if (!this.frames[box.name]) continue;
+      const view = this.view(box);
+      if (box.name === "example") this.drawExample(view, ratio);
+      else this.drawResult(view, ratio);
     }
-    for (const { id, origin, point } of this.points) {
+    this.placeMarks();
+  }
+
+  drawExample(view, ratio) {
+    const { painter, options } = this;
+    painter.surface("example", view, { colour: COLOURS.example, mode: this.tints.example ? 1 : options.checker && this.meshes.example.uvs ? 3 : 0, flat: options.flat });
+    this.drawEdges("exampleInner", "exampleRim", view);
+    if (options.dots) painter.marks("exampleDots", view, { tinted: true, nearer: 0.004, dot: 7 * ratio });
+  }
+
+  drawEdges(inner, rim, view) {
+    if (!this.options.edges) return;
+    this.painter.marks(inner, view, { lines: true, colour: COLOURS.line, nearer: 0.0004 });
+    this.painter.marks(rim, view, { lines: true, colour: COLOURS.rim, nearer: 0.0008 });
+  }
+
+  drawResult(view, ratio) {
+    const { painter, options, meshes } = this;
+    const show = meshes.quads ? options.show : "scan";
+    if (show !== "quads") painter.surface(this.isMoving && painter.has("coarse") ? "coarse" : "scan", view, { colour: COLOURS.scan, mode: this.tints.scan && meshes.scan.segments ? 1 : 0, flat: options.flat });
+    if (show === "quads") {
+      const mode = this.heat ? 2 : options.checker && meshes.quads.uvs ? 3 : 0;
+      painter.surface("quads", view, { colour: COLOURS.quads, mode, flat: options.flat });
+      this.drawEdges("inner", "rim", view);
+    }
+    if (show === "over") {
+      this.drape();
+      const [inner, rim] = this.isDraped ? ["drapedInner", "drapedRim"] : ["inner", "rim"];
+      painter.marks(inner, view, { lines: true, colour: COLOURS.line, nearer: 0.003 });
+      painter.marks(rim, view, { lines: true, colour: COLOURS.rim, nearer: 0.004 });
+    }
+    if (options.dots && show !== "scan") painter.marks("dots", view, { tinted: true, nearer: 0.007, dot: 7 * ratio });
+    if (meshes.quads && options.points !== false) this.drawPoints(view, ratio);
+  }
+
+  // When they are first seen, and not while a point is dragged: the quads change with every move.
+  drape() {
+    const { scan, quads } = this.meshes;
+    if (this.isDraped || this.held) return;
+    const { inner, rim } = edges(quads);
+    for (const [name, pairs] of [["drapedInner", inner], ["drapedRim", rim]]) this.painter.send(name, draped(pairs, quads.positions, scan, this.frames.result.centre));
+    this.isDraped = true;
+  }
+
+  drawPoints(view, ratio) {
+    for (const { id, origin, point, chosen } of this.points) {
       const held = this.held?.id === id;
-      this.fill("dot", new Float32Array((held ? this.held.point : point).map((x, k) => x - this.centre[k])));
-      paint("dot", gl.POINTS, [1, 1, 1, 1], { nearer: 0.004, round: 1, dot: held ? 17 : 12 });
-      paint("dot", gl.POINTS, held ? COLOURS.held : COLOURS[origin], { nearer: 0.005, round: 1, dot: held ? 13 : 8 });
+      this.painter.send("dot", { at: centred(held ? this.held.point : point, this.frames.result.centre) });
+      const large = held || chosen;
+      this.painter.marks("dot", view, { colour: [1, 1, 1], nearer: 0.012, dot: (large ? 18 : 10) * ratio });
+      this.painter.marks("dot", view, { colour: large ? POINTS.held : POINTS[origin], nearer: 0.013, dot: (large ? 13 : 7) * ratio });
     }
+  }
+
+  // Numbers over landmarks are elements of the page: a picture has no text.
+  placeMarks() {
+    const wanted = [];
+    for (const box of this.paneBoxes()) {
+      const end = box.name === "example" ? "example" : "input";
+      for (const pair of this.pairs) {
+        if (!pair[end] || !this.frames[box.name]) continue;
+        const [x, y] = this.onScreen(pair[end], box);
+        wanted.push({ text: pair.name, x, y, hidden: this.isHidden(pair[end], box) });
+      }
+    }
+    while (this.marks.childElementCount < wanted.length) this.marks.append(document.createElement("span"));
+    while (this.marks.childElementCount > wanted.length) this.marks.lastChild.remove();
+    wanted.forEach(({ text, x, y, hidden }, k) => {
+      const mark = this.marks.children[k];
+      mark.textContent = text;
+      mark.className = hidden ? "behind" : "";
+      mark.style.transform = `translate(${x}px, ${y}px)`;
+    });
+  }
+
+  // Milliseconds a frame takes, over some: each is waited for.
+  measure(frames = 30) {
+    const { gl } = this.painter;
+    const pixel = new Uint8Array(4);
+    const begun = performance.now();
+    for (let k = 0; k < frames; k++) {
+      this.camera.turnBy(0, 0.02);
+      this.drawNow();
+      gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+    }
+    return (performance.now() - begun) / frames;
   }
 
   // ---- pointing
 
-  // The pointer in units of the picture, before panning; and a point of space in the same.
-  pointer(event) {
-    const { left, top, width, height } = this.canvas.getBoundingClientRect();
-    const [sx, sy] = this.size();
-    return [((2 * (event.clientX - left)) / width - 1) / sx - this.pan[0], (1 - (2 * (event.clientY - top)) / height) / sy - this.pan[1]];
+  // The pointer in units of its pane's picture, before panning.
+  pointer(event, box = this.paneAt(event)) {
+    const { left, top } = this.canvas.getBoundingClientRect();
+    const size = [Math.min(1, box.height / box.width), Math.min(1, box.width / box.height)];
+    return [((2 * (event.clientX - left - box.left)) / box.width - 1) / size[0], (1 - (2 * (event.clientY - top - box.top)) / box.height) / size[1]];
   }
 
-  seen(point) {
-    const x = point.map((value, k) => value - this.centre[k]);
-    const scale = (0.95 * this.zoom) / this.radius;
-    return [0, 1, 2].map((row) => scale * (this.turn[row] * x[0] + this.turn[3 + row] * x[1] + this.turn[6 + row] * x[2]));
+  seen(point, box) {
+    const { turn, scale } = this.view(box);
+    const { centre } = this.frames[box.name];
+    const x = [0, 1, 2].map((k) => point[k] - centre[k]);
+    return [0, 1, 2].map((row) => scale * (turn[row] * x[0] + turn[3 + row] * x[1] + turn[6 + row] * x[2]));
   }
 
-  ray(event) {
-    const scale = this.radius / (0.95 * this.zoom);
-    const [x, y] = this.pointer(event);
-    const back = (a) => [0, 1, 2].map((k) => this.turn[3 * k] * a[0] + this.turn[3 * k + 1] * a[1] + this.turn[3 * k + 2] * a[2]);
-    const origin = back([x * scale, y * scale, 4 * this.radius]).map((value, k) => value + this.centre[k]);
+  onScreen(point, box) {
+    const [x, y] = this.seen(point, box);
+    const { size, pan } = this.view(box);
+    return [box.left + (((x + pan[0]) * size[0] + 1) / 2) * box.width, box.top + ((1 - (y + pan[1]) * size[1]) / 2) * box.height];
+  }
+
+  ray([x, y], box) {
+    const { turn, scale, pan } = this.view(box);
+    const { centre, radius } = this.frames[box.name];
+    const back = (a) => [0, 1, 2].map((k) => turn[3 * k] * a[0] + turn[3 * k + 1] * a[1] + turn[3 * k + 2] * a[2]);
+    const origin = back([(x - pan[0]) / scale, (y - pan[1]) / scale, 4 * radius]).map((value, k) => value + centre[k]);
     return [origin, back([0, 0, -1])];
   }
 
+  meshIn(box) { return box.name === "example" ? this.meshes.example : this.meshes.scan; }
+
+  // Where the mesh of a pane is met under the pointer, or in the middle of the pane.
+  under(event, box = this.paneAt(event), mesh = this.meshIn(box)) {
+    return mesh && this.frames[box.name] ? hit(mesh, ...this.ray(event ? this.pointer(event, box) : [0, 0], box)) : null;
+  }
+
+  isHidden(point, box) {
+    const [x, y, z] = this.seen(point, box);
+    const { pan } = this.view(box);
+    const found = hit(this.meshIn(box), ...this.ray([x + pan[0], y + pan[1]], box));
+    return found !== null && this.seen(found.point, box)[2] > z + 0.02 * this.camera.zoom;
+  }
+
   grasped(event) {
-    const [x, y] = this.pointer(event);
-    const { width, height } = this.canvas.getBoundingClientRect();
-    const pixels = Math.min(width, height) / 2;
-    const near = this.points.map((p) => ({ ...p, at: this.seen(p.point) })).filter((p) => Math.hypot(p.at[0] - x, p.at[1] - y) * pixels < REACH);
-    return near.sort((a, b) => b.at[2] - a.at[2])[0] ?? null;
+    const box = this.paneAt(event);
+    if (box.name !== "result" || !this.meshes.quads || this.options.points === false || this.picks) return null;
+    const { left, top } = this.canvas.getBoundingClientRect();
+    const reach = REACH[event.pointerType] ?? REACH.mouse;
+    const near = this.points.map((p) => {
+      const [x, y] = this.onScreen(p.point, box);
+      return { ...p, far: Math.hypot(x - event.clientX + left, y - event.clientY + top), depth: this.seen(p.point, box)[2] };
+    });
+    return near.filter((p) => p.far < reach).sort((a, b) => b.depth - a.depth)[0] ?? null;
   }
 
-  listen() {
-    const { canvas } = this;
-    let last = null;
-    canvas.addEventListener("pointerdown", (event) => {
-      canvas.setPointerCapture(event.pointerId);
-      last = event;
-      const point = event.button === 0 && !event.shiftKey ? this.grasped(event) : null;
-      this.held = point && { id: point.id, point: point.point, moved: false };
-      this.draw();
-    });
-    canvas.addEventListener("pointermove", (event) => {
-      if (!last) { canvas.classList.toggle("over-point", this.points.length > 0 && this.grasped(event) !== null); return; }
-      const [dx, dy] = [event.clientX - last.clientX, event.clientY - last.clientY];
-      if (this.held) {
-        const found = hit(this.input, ...this.ray(event));
-        if (found) Object.assign(this.held, { point: found.point, moved: true });
-      } else if (event.shiftKey || event.buttons & 6) {
-        const unit = 2 / Math.min(canvas.clientWidth, canvas.clientHeight);
-        this.pan = [this.pan[0] + dx * unit, this.pan[1] - dy * unit];
-      } else this.turn = times(about(dy / 150, dx / 150), this.turn);
-      last = event;
-      this.draw();
-    });
-    const drop = () => {
-      const held = this.held;
-      [last, this.held] = [null, null];
-      if (held?.moved) this.onmove(held.id, held.point);
-      this.draw();
-    };
-    canvas.addEventListener("pointerup", drop);
-    canvas.addEventListener("pointercancel", () => { [last, this.held] = [null, null]; this.draw(); });
-    canvas.addEventListener("dblclick", (event) => {
-      const found = this.quads && !this.grasped(event) && hit(this.quads, ...this.ray(event));
-      if (found) this.onpin(found);
-    });
-    canvas.addEventListener("contextmenu", (event) => event.preventDefault());
-    canvas.addEventListener("wheel", (event) => {
-      event.preventDefault();
-      this.zoomBy(Math.exp(-event.deltaY / 500));
-    }, { passive: false });
-    canvas.addEventListener("keydown", (event) => {
-      const turns = { ArrowLeft: [0, -STEP], ArrowRight: [0, STEP], ArrowUp: [-STEP, 0], ArrowDown: [STEP, 0] };
-      if (turns[event.key]) this.turn = times(about(...turns[event.key]), this.turn);
-      else if (event.key === "+" || event.key === "=") this.zoomBy(1.15);
-      else if (event.key === "-") this.zoomBy(1 / 1.15);
-      else return;
-      event.preventDefault();
-      this.draw();
-    });
-  }
-
-  zoomBy(factor) {
-    this.zoom = Math.min(40, Math.max(0.2, this.zoom * factor));
+  grasp(event) {
+    const point = this.grasped(event);
+    this.held = point && { id: point.id, point: point.point, moved: false };
     this.draw();
+    return point !== null;
+  }
+
+  hold(event) {
+    const found = this.under(event, this.paneBoxes().find((b) => b.name === "result"));
+    if (!found) return;
+    Object.assign(this.held, { point: found.point, moved: true });
+    this.hooks.ondrag(this.held.id, found.point);
+    this.bend();
+  }
+
+  // Takes the quads around a dragged point along until the service tells where they go: that takes longer than a frame.
+  bend() {
+    const { quads } = this.meshes;
+    const at = this.points.find((p) => p.id === this.held?.id)?.point;
+    if (!at || !this.held.moved) return;
+    const by = this.held.point.map((x, k) => x - at[k]);
+    const others = this.points.filter((p) => p.id !== this.held.id).map((p) => Math.hypot(...p.point.map((x, k) => x - at[k])));
+    const reach = Math.min(0.3 * this.frames.result.radius, Math.max(2 * Math.hypot(...by), ...[Math.min(...others)].filter(Number.isFinite)));
+    const positions = quads.positions.slice();
+    for (let v = 0; v < positions.length; v += 3) {
+      const far = Math.hypot(positions[v] - at[0], positions[v + 1] - at[1], positions[v + 2] - at[2]) / reach;
+      if (far >= 1) continue;
+      const weight = (1 - far * far) ** 2;
+      for (let k = 0; k < 3; k++) positions[v + k] += weight * by[k];
+    }
+    this.sendFaces("quads", { ...quads, positions }, this.frames.result.centre, { inner: "inner", rim: "rim", dots: "dots" }, { value: this.heat });
+    this.isDraped = false;
+    this.draw();
+  }
+
+  letGo(event) {
+    const { held } = this;
+    this.held = null;
+    if (held && event) this.hooks.ondrop(held.id, held.moved ? held.point : null);
+    else if (held) this.sendQuads();
+    this.draw();
+  }
+
+  point(event) {
+    const box = this.paneAt(event);
+    // Parts are picked where their colours are seen.
+    const isOnParts = box.name === "result" && this.tints.scan && (this.options.show !== "quads" || !this.meshes.quads);
+    if (!this.picks && !isOnParts) return;
+    const found = this.under(event, box);
+    if (found) this.hooks.onpick(box.name, found);
+  }
+
+  pin(event) {
+    const box = this.paneAt(event);
+    if (this.picks || box.name !== "result" || !this.meshes.quads || this.grasped(event)) return;
+    const found = this.under(event, box, this.meshes.quads);
+    if (found) this.hooks.onpin(found);
+  }
+
+  // For the keyboard: what lies in the middle of a pane.
+  inTheMiddle(name) {
+    const box = this.paneBoxes().find((b) => b.name === name);
+    return box ? this.under(null, box) : null;
   }
 }

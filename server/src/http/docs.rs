@@ -34,18 +34,28 @@ pub async fn docs(headers: HeaderMap) -> Response {
     page(include_str!("../../web/docs.html"), HTML, &headers)
 }
 
-/// What the pages need.
-pub async fn asset(Path(name): Path<String>, headers: HeaderMap) -> Result<Response, HttpError> {
-    let (text, media_type) = match name.as_str() {
-        "style.css" => (include_str!("../../web/style.css"), STYLE),
-        "call.js" => (include_str!("../../web/call.js"), SCRIPT),
-        "index.js" => (include_str!("../../web/index.js"), SCRIPT),
-        "mesh.js" => (include_str!("../../web/mesh.js"), SCRIPT),
-        "stage.js" => (include_str!("../../web/stage.js"), SCRIPT),
-        "viewer.js" => (include_str!("../../web/viewer.js"), SCRIPT),
-        "docs.js" => (include_str!("../../web/docs.js"), SCRIPT),
-        "icon.svg" => (include_str!("../../web/icon.svg"), PICTURE),
-        _ => return Err(HttpError::NoRoute { path: format!("/web/{name}") }),
+macro_rules! assets {
+    ($($name:literal $media_type:ident),* $(,)?) => {
+        /// What the pages need: a name, the text and its media type.
+        const ASSETS: &[(&str, &str, &str)] = &[$(($name, include_str!(concat!("../../web/", $name)), $media_type)),*];
     };
+}
+
+assets!(
+    "access.js" SCRIPT, "bench.css" STYLE, "bench.js" SCRIPT, "call.js" SCRIPT, "camera.js" SCRIPT, "coarse.js" SCRIPT,
+    "corpus.js" SCRIPT,
+    "docs.js" SCRIPT, "drape.js" SCRIPT, "example.js" SCRIPT, "files.js" SCRIPT, "follow.js" SCRIPT, "heat.js" SCRIPT,
+    "history.js" SCRIPT, "icon.svg" PICTURE, "index.js" SCRIPT, "laying.js" SCRIPT, "mesh.js" SCRIPT, "near.js" SCRIPT,
+    "paint.js" SCRIPT, "panel.js" SCRIPT, "parts.js" SCRIPT, "points.js" SCRIPT, "pose.js" SCRIPT, "ranking.js" SCRIPT,
+    "read.js" SCRIPT, "route.js" SCRIPT, "state.js" SCRIPT, "status.js" SCRIPT, "style.css" STYLE, "tools.js" SCRIPT,
+    "viewer.js" SCRIPT, "weld.js" SCRIPT, "words.js" SCRIPT,
+);
+
+/// What the pages need, by its name.
+pub async fn asset(Path(name): Path<String>, headers: HeaderMap) -> Result<Response, HttpError> {
+    let (_, text, media_type) = ASSETS
+        .iter()
+        .find(|(known, _, _)| *known == name)
+        .ok_or_else(|| HttpError::NoRoute { path: format!("/web/{name}") })?;
     Ok(page(text, media_type, &headers))
 }

@@ -123,7 +123,7 @@ pub async fn cancel(State(app): State<App>, PathIds((id,)): PathIds<(QueryId,)>)
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// The input as read, for viewers.
+/// The input as read, for viewers. As PLY each face tells its segment (`segment`), where there are several.
 #[utoipa::path(
     get, path = "/v1/queries/{id}/mesh", tag = "queries",
     params(("id" = QueryId, Path), ("format" = Option<quadmuse_proto::MeshFormat>, Query, description = "Else by Accept, else OBJ")),
@@ -140,7 +140,7 @@ pub async fn mesh(
     let format = wanted_format(&params, &headers, quadmuse_proto::MeshFormat::Obj)?;
     let tag = format!("\"{id}-{format}\"");
     mesh_answer(format, &tag, if_none_match(&headers).as_deref(), &id.to_string(), async || {
-        Ok(ingest::mesh_file(&app.work, caller.user, live.mesh(), format).await?)
+        Ok(ingest::input_file(&app.work, caller.user, &live.model, format).await?)
     })
     .await
 }

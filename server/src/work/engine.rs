@@ -357,6 +357,14 @@ pub trait Engine: Send + Sync + 'static {
         stop.reason().map_or(Err(refused), |reason| Err(reason.into()))
     }
 
+    /// A model's mesh, whose faces tell the segment that they belong to.
+    ///
+    /// # Errors
+    /// [`EngineError::Internal`].
+    fn told_apart(&self, model: &Model) -> Result<Arc<PolyMesh>, EngineError> {
+        Ok(Arc::clone(&model.mesh))
+    }
+
     /// Unfolds and encodes a segment.
     ///
     /// # Errors

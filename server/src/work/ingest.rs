@@ -285,6 +285,27 @@ pub async fn mesh_file(
     write(work, job, user, mesh, format).await
 }
 
+/// The mesh of a query as a file. Where it was cut, and the format has a place for it, each face tells its segment.
+///
+/// # Errors
+/// Refusals of the format and of the pool.
+pub async fn input_file(
+    work: &Arc<Work>,
+    user: User,
+    model: &Arc<Model>,
+    format: MeshFormat,
+) -> Result<Bytes, WorkError> {
+    if format != MeshFormat::Ply || model.segments.len() < 2 {
+        return mesh_file(work, user, &model.mesh, format).await;
+    }
+    let job = work.admit(user, 0, REQUEST_TIME_MAX)?;
+    // The copy takes less than the file does.
+    let _copy = work.hold(user, file_bytes_of(&model.mesh))?;
+    let (engine, cut) = (Arc::clone(&work.engine), Arc::clone(model));
+    let mesh = work.pool.run(&job, Lane::Edit, move |_| engine.told_apart(&cut)).await??;
+    write(work, job, user, &mesh, format).await
+}
+
 /// What a mesh is made of.
 pub fn counts_of(mesh: &PolyMesh) -> MeshCounts {
     let of_degree = |n: usize| mesh.faces.iter().filter(|face| face.len() == n).count() as u64;

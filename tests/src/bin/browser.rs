@@ -122,7 +122,7 @@ fn main() {
     let dom = dump(&format!("http://rebound.example:{}/v1/examples", server.address().port()), rules);
     assert!(dom.contains("forbidden") && !dom.contains("mine"), "{dom}");
     // The service's own page still works.
-    let dom = dump(&format!("{}/", server.url()), rules);
+    let dom = dump(&format!("{}/#corpus", server.url()), rules);
     assert!(dom.contains("mine"), "expected the corpus on the page, found {dom}");
     println!("pages of other origins and rebound names: {tried} tried, nothing read, nothing changed");
 }

@@ -107,6 +107,10 @@ impl Engine for KernelEngine {
         transfer::alike(self, query, example, stop)
     }
 
+    fn told_apart(&self, model: &Model) -> Result<Arc<PolyMesh>, EngineError> {
+        model::told_apart(model)
+    }
+
     fn encode(&self, model: &Model, segment: u32, stop: &Stop) -> Result<Encoded, EngineError> {
         let inner: &ModelInner = model.inner.open()?;
         let patch = inner.patch(segment)?;

@@ -113,6 +113,14 @@ impl ModelInner {
     }
 }
 
+/// The mesh of a model, whose faces tell the segment that they belong to.
+pub(super) fn told_apart(model: &Model) -> Result<Arc<PolyMesh>, EngineError> {
+    let inner: &ModelInner = model.inner.open()?;
+    let mut mesh = PolyMesh::clone(&model.mesh);
+    mesh.attributes.segments = Some(inner.labels(mesh.faces.len()));
+    Ok(Arc::new(mesh))
+}
+
 /// Whether a surface has enough triangles to have tips, and parts that one would tell apart.
 pub(super) fn has_form(surface: &TriMesh) -> bool {
     surface.triangles.len() as u64 >= FACES_CHOSEN_MIN
@@ -300,5 +308,22 @@ fn format_back(format: Format) -> MeshFormat {
         Format::Off => MeshFormat::Off,
         Format::Stl => MeshFormat::Stl,
         Format::Glb => MeshFormat::Glb,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_face_tells_the_segment_that_it_was_cut_into() {
+        let text = b"v 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 1 0\nv 1 1 0\nv 2 1 0\ng a\nf 1 2 5 4\ng b\nf 2 3 6 5\n";
+        let cut = Cut { way: Segmentation::Groups, ..Cut::default() };
+        let model = read(text, None, &cut, &Limits::default()).expect("a model of two groups");
+        assert_eq!(model.segments.len(), 2);
+        let labels = told_apart(&model).expect("a mesh").attributes.segments.clone().expect("segments");
+        assert_eq!(labels.len(), 2);
+        assert_ne!(labels[0], labels[1]);
+        assert!(model.mesh.attributes.segments.is_none(), "the input itself stays as it was read");
     }
 }

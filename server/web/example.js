@@ -1,0 +1,67 @@
+// One example of the corpus: in the round, with its parts, and what is known of it.
+
+import { $, make, save } from "/web/call.js";
+import { exampleMesh } from "/web/laying.js";
+import { go } from "/web/route.js";
+import { Viewer } from "/web/viewer.js";
+import { SURFACES } from "/web/words.js";
+
+const RATINGS = ["0", "1", "2", "3", "4", "5"];
+
+function field(text, input) {
+  const label = make("label", text);
+  label.append(input);
+  return label;
+}
+
+function parts(example) {
+  const list = make("ul", undefined, { className: "soft" });
+  if (example.segments.length === 1) return make("p", `Surface: ${SURFACES[example.segments[0].topology]}`, { className: "soft" });
+  for (const s of example.segments) list.append(make("li", `${s.is_part ? `part ${s.segment}` : example.segments.some((o) => o.is_part) ? "whole" : `segment ${s.segment}`}: ${SURFACES[s.topology] ?? s.topology}, ${s.faces} faces`));
+  return list;
+}
+
+// `act`: { change(patch), remove(), closed() }.
+export function showExample(example, act) {
+  const dialog = $("example-dialog");
+  const box = make("div", undefined, { className: "picture" });
+  const canvas = make("canvas", undefined, { tabIndex: 0, ariaLabel: "The example. Drag or use the arrow keys to turn." });
+  canvas.setAttribute("role", "application");
+  const marks = make("div", undefined, { ariaHidden: "true" });
+  box.append(canvas, marks);
+  const form = make("form");
+  const name = make("input", undefined, { value: example.name, maxLength: 256, id: "edit-name" });
+  const tags = make("input", undefined, { value: example.tags.join(", "), id: "edit-tags" });
+  const rating = make("select", undefined, { id: "edit-rating" });
+  rating.append(...RATINGS.map((r) => make("option", r === "0" ? "0, rank it last" : r === "3" ? "3, as any other" : r === "5" ? "5, prefer it" : r, { value: r })));
+  rating.value = String(Math.round(example.relevance));
+  const told = make("p", "", { className: "soft" });
+  told.setAttribute("role", "status");
+  form.onsubmit = async (event) => {
+    event.preventDefault();
+    try {
+      const changed = await act.change({ name: name.value.trim(), tags: tags.value.split(",").map((t) => t.trim()).filter(Boolean), relevance: Number(rating.value) });
+      $("example-name").textContent = changed.name || changed.id;
+      Object.assign(told, { textContent: "Saved.", className: "good" });
+    } catch (error) { Object.assign(told, { textContent: error.message, className: "bad" }); }
+  };
+  const buttons = make("p", undefined, { className: "row" });
+  const close = make("button", "Close", { type: "button", className: "plain" });
+  close.onclick = () => dialog.close();
+  const download = make("button", "Download", { type: "button", className: "plain" });
+  download.onclick = () => save(`/v1/examples/${example.id}/mesh`, `${example.name || example.id}.${example.format}`).catch((error) => { told.textContent = error.message; });
+  const remove = make("button", "Delete", { type: "button", className: "plain" });
+  remove.onclick = () => { dialog.close(); act.remove(); };
+  buttons.append(make("button", "Save"), download, remove, close);
+  const { faces, quads, vertices } = example.counts;
+  form.append(make("h2", example.name || example.id, { id: "example-name" }), field("Name", name), field("Tags", tags), field("Rating", rating), make("p", `${faces} faces (${Math.round((100 * quads) / Math.max(1, faces))} % quads), ${vertices} vertices, added ${example.created.slice(0, 10)}`, { className: "soft" }), parts(example), buttons, told);
+  dialog.replaceChildren(box, form);
+  let viewer = null;
+  dialog.onclose = () => { viewer?.end(); dialog.replaceChildren(); act.closed(); };
+  dialog.showModal();
+  go(`corpus/${example.id}`);
+  try {
+    viewer = new Viewer(canvas, marks, {});
+    exampleMesh(example.id).then((mesh) => { if (!canvas.isConnected) return; viewer.setScan(mesh); viewer.setQuads(mesh); viewer.set({ dots: true }); }, (error) => { told.textContent = error.message; });
+  } catch (error) { told.textContent = error.message; }
+}

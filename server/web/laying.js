@@ -1,0 +1,193 @@
+// What is laid on the scan: the best by itself, another by a click, and all parts stitched.
+
+import { $, buffer, json, send } from "/web/call.js";
+import { record } from "/web/history.js";
+import { faceCount } from "/web/mesh.js";
+import { showPanel } from "/web/panel.js";
+import { similarity } from "/web/pose.js";
+import { drawRanking, isTemplate, nameOf, promising } from "/web/ranking.js";
+import { readPly } from "/web/read.js";
+import { go } from "/web/route.js";
+import { bench } from "/web/state.js";
+import { busy, say } from "/web/status.js";
+import * as tools from "/web/tools.js";
+import { mismatch } from "/web/words.js";
+
+const RANKS = ["good", "fair", "poor", "broken"];
+const isBad = (verdict) => verdict === "poor" || verdict === "broken";
+// A poor map that leaves so much of the scan bare is no better than a broken one.
+const COVERED_MIN = 0.7;
+const badness = (map) => (map.verdict === "poor" && map.covers.input < COVERED_MIN ? RANKS.length - 1 : RANKS.indexOf(map.verdict));
+
+// What a map that is not poor is worth beside others, as the service's own programs count it: how sure it is, times the share of the
+// scan that its example covers.
+const SURE = { good: 0.5, fair: 0.2 };
+const SURE_MIN = 0.01;
+// From this worth on no other example has to be tried.
+const ENOUGH = 0.1;
+const worth = (map) => (isBad(map.verdict) ? -1 - badness(map) : Math.max(SURE_MIN, map.evidence?.agreement ?? SURE[map.verdict]) * map.covers.input);
+
+const meshes = new Map();
+const facts = new Map();
+
+// What is known of an example, but for its mesh.
+const factsOf = (id) => {
+  if (!facts.has(id)) facts.set(id, json(`/v1/examples/${id}`).catch(() => { facts.delete(id); return null; }));
+  return facts.get(id);
+};
+
+// A mesh of the corpus, kept for when it is laid again.
+export function exampleMesh(id) {
+  if (!meshes.has(id)) {
+    if (meshes.size > 24) meshes.delete(meshes.keys().next().value);
+    meshes.set(id, buffer(`/v1/examples/${id}/mesh?format=ply`).then(readPly));
+    meshes.get(id).catch(() => meshes.delete(id));
+  }
+  return meshes.get(id);
+}
+
+// The ranking of the part that is chosen, as cards.
+export function draw(query = bench.query) {
+  const ranking = query?.rankings.get(query.segment);
+  if (!ranking) return;
+  const own = ranking.entries.filter((e) => !isTemplate(e)).length;
+  $("ranking-title").textContent = own ? (ranking.corpus_size === 1 ? "The only example" : `Best of ${ranking.corpus_size} examples`) : "Regular layouts";
+  drawRanking(ranking.entries, query.laid.get(query.segment)?.key, (entry) => {
+    query.touched = true;
+    // Whoever lays an example on a part has chosen it for that part.
+    if (query.segments.length > 1) (query.chosen ??= new Set()).add(query.segment);
+    lay(query, entry).catch((error) => say(error.message, "bad"));
+  });
+}
+
+// The best is laid by itself: the first that is worth enough, of as many as are worth a try; else the one that is worth most.
+export async function layBest(query) {
+  if (query.segments.length > 1) { await stitch(query, {}); return; }
+  const { tries, topology } = query.segments[0];
+  const entries = query.rankings.get(0)?.entries ?? [];
+  const candidates = promising(entries, Math.max(1, tries)).filter((e) => !isTemplate(e));
+  if (candidates.length === 0) {
+    const ready = await json("/readyz").catch(() => null);
+    const others = ready?.examples ? await surfaces() : [];
+    query.mismatch = others.length > 0;
+    say(others.length ? mismatch(topology, others) : "The corpus is empty. Add examples, or lay a regular layout.", "bad");
+    showPanel(query);
+    return;
+  }
+  if (tries === 0) { say("This scan has too little form to choose an example by. Choose one yourself, or lay a regular layout."); return; }
+  let best = null;
+  for (const [k, entry] of candidates.slice(0, tries).entries()) {
+    const map = await lay(query, entry, { beats: best });
+    if (!map || bench.query !== query || query.touched) return;
+    if (!best || worth(map) > worth(best)) best = map;
+    if (worth(map) >= ENOUGH) return;
+    if (k + 1 < Math.min(tries, candidates.length)) say(`${nameOf(entry)} does not fit well enough; trying the next.`);
+  }
+}
+
+async function surfaces() {
+  const kinds = ["disc", "annulus", "sphere", "torus"];
+  const found = await Promise.all(kinds.map((t) => json(`/v1/examples?limit=1&topology=${t}`).catch(() => ({ items: [] }))));
+  return kinds.filter((_, k) => found[k].items.some((e) => !e.template));
+}
+
+// Lays an entry on the scan, and shows it, unless `beats` names a map that is as good.
+export async function lay(query, entry, { landmarks = [], beyond = "leave", beats = null } = {}) {
+  const begun = performance.now();
+  const { segment } = query;
+  const body = { segment, example: entry.example, example_segment: entry.example_segment, beyond, ...(landmarks.length ? { landmarks } : {}) };
+  const map = await busy(`Laying ${nameOf(entry)} on the scan…`, (signal) => send(`/v1/queries/${query.id}/maps`, body, "POST", { signal }));
+  if (!map || bench.query !== query) return null;
+  if (beats && worth(map) <= worth(beats)) return map;
+  await showMap(query, map);
+  query.layMs = performance.now() - begun;
+  say(`${nameOf(entry)} was laid in ${(query.layMs / 1000).toFixed(1)} s.`);
+  return map;
+}
+
+// How the example lies in the scan's frame, and which of its faces are laid; null where that can't be told.
+function correspond(map, example, quads) {
+  const count = map.kept?.length ?? example.positions.length / 3;
+  if (count !== map.own_vertices || count < 3) return null;
+  const from = map.kept ? Float64Array.from({ length: 3 * count }, (_, k) => example.positions[3 * map.kept[Math.floor(k / 3)] + (k % 3)]) : example.positions;
+  return similarity(from, quads.positions, count);
+}
+
+// The faces of an example that are laid stand out where others are left out.
+function highlight(map, example) {
+  if (!map.kept || map.kept.length === example.positions.length / 3) return null;
+  const has = new Set(map.kept);
+  const isLaid = (f) => example.corners.subarray(example.starts[f], example.starts[f + 1]).every((v) => has.has(v));
+  return (f) => (isLaid(f) ? [0.93, 0.86, 0.7] : [0.62, 0.64, 0.68]);
+}
+
+export async function showMap(query, map, { keep = true } = {}) {
+  const path = `/v1/queries/${query.id}/maps/${map.id}`;
+  const template = isTemplate({ example: map.example });
+  const [bytes, example] = await Promise.all([buffer(`${path}/mesh?format=ply`), template ? null : exampleMesh(map.example).catch(() => null)]);
+  if (bench.query !== query) return;
+  const { viewer } = bench;
+  const quads = readPly(bytes);
+  const isNew = query.shown?.map?.example !== map.example || query.shown?.map?.segment !== map.segment;
+  query.shown = { map, path };
+  query.laid.set(map.segment, { key: `${map.example}:${map.example_segment}`, map: map.id });
+  viewer.setQuads(quads);
+  if (isNew) viewer.setExample(example, example ? { lies: correspond(map, example, quads), tint: highlight(map, example) } : {});
+  if (keep) record(query, map);
+  const entry = query.rankings.get(map.segment)?.entries.find((e) => e.example === map.example);
+  const known = template ? null : await factsOf(map.example);
+  const name = template ? "Regular layout" : known?.name || (entry ? nameOf(entry) : map.example);
+  query.shown.name = name;
+  query.shown.topology = known?.segments.find((s) => s.segment === map.example_segment)?.topology;
+  tools.setNames({ example: name, result: `${query.name} with ${faceCount(quads)} quads` });
+  tools.set({ layout: viewer.options.layout, show: query.segments.length > 1 ? "over" : viewer.options.show === "scan" ? "quads" : viewer.options.show });
+  tools.setLaid({ kept: map.kept, ownFaces: map.own_faces });
+  go(`${query.id}/map/${map.id}`);
+  draw(query);
+  showPanel(query);
+}
+
+// ---- stitching
+
+const PROGRESS_MS = 1000;
+
+// How far a composition is: the maps it makes are the query's, one part after the other.
+async function progress(query, tell) {
+  const { items } = await json(`/v1/queries/${query.id}/maps`);
+  const wanted = query.segments.filter((s) => s.tries > 0).length;
+  const laid = new Set(items.map((m) => m.segment)).size;
+  if (laid < wanted) tell(`Laying examples: ${laid} of ${wanted} parts have one…`, (0.8 * laid) / wanted);
+  else tell("Stitching the parts…", 0.8);
+}
+
+export async function stitch(query, { density = 0 }) {
+  const parts = [...query.laid].filter(([segment]) => query.chosen?.has(segment)).map(([segment, { map }]) => ({ segment, map }));
+  // Whoever chose a part wants its layout.
+  const body = { parts, keep: parts.map((p) => p.segment), density };
+  const made = await busy(`Laying an example on each of ${query.segments.length} parts, and stitching them…`, async (signal, tell) => {
+    const timer = setInterval(() => progress(query, tell).catch(() => {}), PROGRESS_MS);
+    try {
+      return await send(`/v1/queries/${query.id}/compositions`, body, "POST", { signal });
+    } finally { clearInterval(timer); }
+  });
+  if (!made || bench.query !== query) { if (bench.query === query) showPanel(query); return; }
+  say(`Stitched in ${(made.total_ms / 1000).toFixed(1)} s.`);
+  await showComposition(query, made);
+}
+
+export async function showComposition(query, made) {
+  const path = `/v1/queries/${query.id}/compositions/${made.id}`;
+  const quads = readPly(await buffer(`${path}/mesh?format=ply`));
+  if (bench.query !== query) return;
+  query.touched = true;
+  query.shown = { made, path, name: "all parts" };
+  bench.viewer.setQuads(quads);
+  bench.viewer.setExample(null);
+  bench.viewer.setPoints([]);
+  bench.viewer.setPairs([]);
+  tools.setNames({ example: "", result: `${query.name}, stitched: ${made.quads} quads` });
+  tools.set({ layout: "one", show: "quads" });
+  tools.setLaid(null);
+  go(`${query.id}/composition/${made.id}`);
+  showPanel(query);
+}

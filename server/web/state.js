@@ -1,0 +1,5 @@
+// What the workbench shows, for all modules of it.
+
+// `query`: the scan that is open: { id, name, segments, segment, rankings, ended, shown, laid, stop, … }; `onchange()` when its
+// state did; `onpart(pane, face)` for a click on a part; `cut(query)` sends it again, cut into parts.
+export const bench = { viewer: null, query: null, onchange: () => {}, onpart: () => {}, cut: () => {} };

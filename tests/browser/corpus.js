@@ -1,0 +1,87 @@
+// The corpus: found, added to, changed and deleted.
+
+import { join } from "node:path";
+import { writeFileSync } from "node:fs";
+import { check, drop, folder, shoot, Server, until } from "./bed.js";
+import { noComplaints } from "./looking.js";
+
+const names = (page) => page.evaluate(() => [...document.querySelectorAll("#grid li .text span")].map((s) => s.textContent));
+
+// Once all thumbnails are there.
+const pictures = (page) => until("the thumbnails", () => page.evaluate(() => [...document.querySelectorAll("#grid img")].every((i) => i.complete && i.naturalWidth)));
+
+export const corpus = {
+  async "the corpus is searched and filtered"({ open, url }) {
+    const page = await open({}, `${url}/#corpus`);
+    await page.waitForSelector("#grid li");
+    await pictures(page);
+    await shoot(page, "corpus");
+    await noComplaints(page, "corpus");
+    const all = await names(page);
+    await page.fill("#search", "head");
+    const heads = await names(page);
+    check(heads.length > 0 && heads.length < all.length && heads.every((n) => n.includes("head")), `${heads}`);
+    await page.fill("#search", "");
+    await page.selectOption("#filter-topology", "annulus");
+    check((await names(page)).length < all.length, "the filter does nothing");
+    const dark = await open({ dark: true, width: 390, height: 844 }, `${url}/#corpus`);
+    await dark.waitForSelector("#grid li");
+    await pictures(dark);
+    await shoot(dark, "corpus-phone-dark");
+    await noComplaints(dark, "corpus, phone, dark");
+  },
+
+  async "an example is looked at, renamed, deleted and taken back"({ open, url }) {
+    const page = await open({}, `${url}/#corpus`);
+    await page.waitForSelector("#grid li");
+    await page.fill("#search", "duck");
+    await page.click("#grid li button");
+    await page.waitForSelector("#example-dialog[open] canvas");
+    await page.waitForTimeout(1000);
+    await shoot(page, "example");
+    await noComplaints(page, "example");
+    await page.fill("#edit-name", "a duck");
+    await page.fill("#edit-tags", "sample, bird");
+    await page.selectOption("#edit-rating", "5");
+    await page.click("#example-dialog button:has-text('Save')");
+    await page.waitForFunction(() => document.querySelector("#example-dialog [role=status]").textContent === "Saved.");
+    await page.click("#example-dialog button:has-text('Delete')");
+    await page.waitForSelector(".toast");
+    check((await names(page)).length === 0, "it is still there");
+    await page.waitForTimeout(300);
+    await shoot(page, "deleted");
+    await noComplaints(page, "deleted");
+    await page.click(".toast button");
+    check((await names(page))[0] === "a duck", "it is not back");
+    const there = await page.evaluate(() => fetch("/v1/examples?tag=bird").then((r) => r.json()));
+    check(there.items.length === 1 && there.items[0].relevance === 5, JSON.stringify(there));
+  },
+
+  async "several examples are added with tags, and each tells what came of it"({ open, example, scan }) {
+    const server = await (await Server.make()).start();
+    const page = await open({ expected: [/415|422|400/] }, `${server.url}/`);
+    await page.waitForSelector("#no-corpus:not([hidden])");
+    await shoot(page, "no-corpus");
+    await page.click("#no-corpus a");
+    await page.waitForFunction(() => !document.querySelector("#empty").hidden);
+    check((await page.textContent("#empty")).includes("quadmuse-server demo"), "no way out");
+    await shoot(page, "empty-corpus");
+    await noComplaints(page, "empty corpus");
+    const bad = join(folder(), "broken.obj");
+    writeFileSync(bad, "v 0 0 0\nf 1 2 3\n");
+    const odd = join(folder(), "notes.txt");
+    writeFileSync(odd, "no mesh");
+    await page.fill("#new-tags", "head, sample");
+    await drop(page, [example("head_man"), example("head_woman"), scan("old_man"), bad, odd], "header");
+    await until("all of them", () => page.evaluate(() => document.querySelectorAll("#uploads li").length === 5 && !document.querySelector("#uploads progress")));
+    await pictures(page);
+    await shoot(page, "added");
+    await noComplaints(page, "added");
+    check((await page.locator("#uploads .good").count()) === 3, "not three were added");
+    await page.click("#uploads button:has-text('Take it out')");
+    await until("it is out", async () => (await names(page)).length === 2);
+    const tags = await page.evaluate(() => fetch("/v1/examples").then((r) => r.json()).then((p) => p.items.filter((e) => !e.template).map((e) => e.tags.join())));
+    check(tags.every((t) => t === "head,sample"), `${tags}`);
+    await server.stop();
+  },
+};

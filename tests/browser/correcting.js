@@ -1,0 +1,145 @@
+// Putting a map right, and parts.
+
+import { check, holdBack, shoot, until } from "./bed.js";
+import { laid, noComplaints } from "./looking.js";
+
+const viewer = (page, act, arg) => page.evaluate(`(${act})(document.querySelector("#canvas").viewer, ${JSON.stringify(arg ?? null)})`);
+const rest = (page) => until("a rest", () => page.evaluate(() => !document.querySelector("#status button") && !/Laying|…/.test(document.querySelector("#status").textContent)));
+const constraints = (page) => viewer(page, "(v) => JSON.stringify(v.points.map((p) => [p.id, p.origin, p.point.map((x) => Math.round(1e4 * x) / 1e4)]))");
+
+// A point in front that can be taken hold of, in the window's pixels.
+const inFront = (page) => viewer(page, `(v) => {
+  const box = v.paneBoxes().find((b) => b.name === "result");
+  const { left, top } = v.canvas.getBoundingClientRect();
+  const seen = v.points.filter((p) => !v.isHidden(p.point, box)).map((p) => ({ id: p.id, at: v.onScreen(p.point, box) }));
+  const lone = seen.map((p) => ({ ...p, far: Math.min(...seen.filter((q) => q !== p).map((q) => Math.hypot(p.at[0] - q.at[0], p.at[1] - q.at[1]))) })).sort((a, b) => b.far - a.far)[0];
+  return { id: lone.id, x: left + lone.at[0], y: top + lone.at[1] };
+}`);
+
+export const correcting = {
+  async "a point is dragged, nudged, taken off and put back, and each step undone"({ open, scan }) {
+    const page = await open();
+    await laid(page, scan("old_man"));
+    await rest(page);
+    const first = await constraints(page);
+    const point = await inFront(page);
+    await page.mouse.move(point.x, point.y);
+    await page.mouse.down();
+    await page.mouse.move(point.x + 4, point.y + 4, { steps: 4 });
+    await page.waitForTimeout(400);
+    await shoot(page, "dragging");
+    await page.mouse.up();
+    await until("the edit", async () => (await constraints(page)) !== first);
+    await until("something to undo", () => page.isEnabled("#undo"));
+    const dragged = await constraints(page);
+    await page.keyboard.press("Control+z");
+    await until("undo", async () => (await constraints(page)) === first);
+    check(await page.isDisabled("#undo"), "there is something left to undo");
+    await page.keyboard.press("Control+Shift+z");
+    await until("redo", async () => (await constraints(page)) === dragged);
+    // The same by keyboard: choose the point, move it.
+    await page.evaluate(() => { document.querySelector("#point-list").open = true; });
+    const chosen = page.locator(`#point-${point.id}`);
+    if ((await chosen.getAttribute("aria-pressed")) !== "true") { await chosen.focus(); await page.keyboard.press("Enter"); }
+    await page.focus("#canvas");
+    await page.keyboard.press("Alt+ArrowLeft");
+    await until("the nudge", async () => { const now = await constraints(page); return now !== dragged && !(await page.evaluate(() => document.querySelector("#status").textContent)); }, 10_000);
+    await page.waitForTimeout(800);
+    const nudged = await constraints(page);
+    // Off, and back by undo.
+    const other = JSON.parse(nudged).map((p) => p[0]).find((id) => id !== point.id);
+    await page.evaluate(() => { document.querySelector("#point-list").open = true; });
+    await page.click(`#remove-${other}`);
+    await until("the removal", async () => !(await constraints(page)).includes(`"${other}"`));
+    await page.keyboard.press("Control+z");
+    await until("it is back", async () => (await constraints(page)).includes(`"${other}"`));
+    // A point of one's own.
+    const before = JSON.parse(await constraints(page)).length;
+    const box = await page.locator("#canvas").boundingBox();
+    await page.mouse.dblclick(box.x + 0.5 * box.width, box.y + 0.35 * box.height);
+    await until("a pin", async () => JSON.parse(await constraints(page)).length === before + 1, 15_000);
+    await page.evaluate(() => { document.querySelector("#point-list").open = true; });
+    await shoot(page, "corrected");
+    await noComplaints(page, "corrected");
+    console.log(`     from an edit to its picture: ${await page.evaluate(() => { const row = [...document.querySelectorAll(".facts tr")].find((r) => r.textContent.startsWith("Last edit")); return row?.lastChild.textContent ?? "–"; })}`);
+  },
+
+  async "landmarks are placed by mouse and by keyboard, and hold what is laid"({ open, scan }) {
+    const page = await open();
+    await laid(page, scan("old_man"));
+    await rest(page);
+    await page.click("#place");
+    await page.waitForTimeout(200);
+    const box = await page.locator("#canvas").boundingBox();
+    // Both panes show the same from the same side: the same place of both is a fair pair.
+    for (const [x, y] of [[0.27, 0.35], [0.2, 0.45]]) {
+      await page.mouse.click(box.x + x * box.width, box.y + y * box.height);
+      await page.waitForTimeout(150);
+      await page.mouse.click(box.x + (x + 0.5) * box.width, box.y + y * box.height);
+      await page.waitForTimeout(150);
+    }
+    await page.focus("#canvas");
+    await page.keyboard.press("Enter");
+    await page.waitForTimeout(150);
+    await page.keyboard.press("Enter");
+    await page.waitForTimeout(300);
+    check((await page.locator("#pairs li").count()) === 3, "not three landmarks");
+    await shoot(page, "landmarks");
+    await noComplaints(page, "landmarks");
+    const before = page.url();
+    await page.click("#lay-held");
+    await until("a map by landmarks", () => page.url() !== before);
+    await rest(page);
+    await page.waitForTimeout(300);
+    await shoot(page, "laid-by-landmarks");
+    // Undo leads back to the map before.
+    await page.click("#undo");
+    await until("the map before", () => page.url() === before, 30_000);
+  },
+
+  async "a scan in parts is coloured, picked in the view, given examples, and stitched"({ open, scan }) {
+    const page = await open();
+    await page.evaluate(() => { document.querySelector("#how").open = true; });
+    await page.selectOption("#parts", "2");
+    await laid(page, scan("arm")).catch(() => {});
+    await page.waitForSelector("#part-list li", { timeout: 60_000 });
+    await until("a stitched mesh", () => page.url().includes("/composition/"), 240_000);
+    await rest(page);
+    await page.waitForTimeout(300);
+    await shoot(page, "stitched");
+    await noComplaints(page, "stitched");
+    await page.click("#show-parts");
+    await page.waitForTimeout(300);
+    await shoot(page, "parts");
+    const chosen = () => page.evaluate(() => document.querySelector("#part-list .chosen .part").id);
+    const before = await chosen();
+    const other = await page.evaluate((id) => [...document.querySelectorAll("#part-list .part")].find((b) => b.id !== id).id, before);
+    const at = await viewer(page, `(v, segment) => {
+      const { scan } = v.meshes;
+      const box = v.paneBoxes()[0];
+      const { left, top } = v.canvas.getBoundingClientRect();
+      for (let f = 0; f < scan.segments.length; f++) {
+        if (scan.segments[f] !== segment) continue;
+        const vertex = scan.corners[scan.starts[f]];
+        const p = [0, 1, 2].map((k) => scan.positions[3 * vertex + k]);
+        if (!v.isHidden(p, box)) { const [x, y] = v.onScreen(p, box); const hit = v.under({ clientX: left + x, clientY: top + y }, box); if (hit && scan.segments[hit.face] === segment) return [left + x, top + y]; }
+      }
+      return null;
+    }`, Number(other.split("-")[1]));
+    check(at, "no face of the other part is seen");
+    await page.mouse.click(...at);
+    check((await chosen()) === other, "a click on a part does not choose it");
+    await page.locator("#entries li button").first().click();
+    await until("its map", () => page.url().includes("/map/"), 120_000);
+    await rest(page);
+    await page.waitForTimeout(300);
+    await shoot(page, "part-laid");
+    await holdBack(page, "**/compositions");
+    await page.click("#stitch");
+    await page.waitForSelector("#status button");
+    await page.waitForSelector("#status progress:not([hidden])");
+    await shoot(page, "stitching");
+    await page.click("#status button");
+    await page.waitForFunction(() => document.querySelector("#status").textContent === "Cancelled.");
+  },
+};
