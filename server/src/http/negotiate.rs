@@ -1,5 +1,7 @@
 //! Content negotiation: the same types as JSON or as MessagePack, and conditional answers.
 
+mod strict;
+
 use super::error::HttpError;
 use axum::body::Body;
 use axum::extract::FromRequestParts;
@@ -53,7 +55,7 @@ impl Wire {
             HttpError::BodyInvalid(format!("expected a body of {what} as /docs describes it, found another: {error}"))
         };
         match self {
-            Self::Json => serde_json::from_slice(bytes).map_err(|error| invalid("JSON", error.to_string())),
+            Self::Json => strict::from_slice(bytes).map_err(|error| invalid("JSON", error.to_string())),
             Self::MsgPack => {
                 let mut reader = rmp_serde::Deserializer::new(bytes);
                 reader.set_max_depth(MSGPACK_DEPTH_MAX);
