@@ -49,6 +49,7 @@ pub fn finished(api: &OpenApi) -> Bytes {
     for (path, operations) in spec["paths"].as_object_mut().into_iter().flatten() {
         finish_path(path, operations);
     }
+    described::unsigned(&mut spec);
     spec.to_string().into()
 }
 

@@ -1,4 +1,5 @@
-//! JSON as the contract has it: a message is an object, never a list of its values in order, which serde takes for one too.
+//! Messages as the contract has them: objects, never lists of their values in order, which serde takes for them too; words, never
+//! their numbers.
 
 use serde::de::value::{MapDeserializer, SeqDeserializer};
 use serde::de::{DeserializeOwned, Deserializer, Error as _, IntoDeserializer, Visitor};
@@ -12,8 +13,16 @@ use serde_json::{Error, Value};
 pub(super) fn from_slice<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Error> {
     // The plain reader tells lines, and refuses fields that come twice; it has to be content first.
     let value = serde_json::from_slice::<T>(bytes)?;
-    T::deserialize(Strict(serde_json::from_slice(bytes)?))?;
+    check::<T>(serde_json::from_slice(bytes)?)?;
     Ok(value)
+}
+
+/// Checks that all objects of a message are such.
+///
+/// # Errors
+/// Of the first that is none.
+pub(super) fn check<T: DeserializeOwned>(message: Value) -> Result<(), Error> {
+    T::deserialize(Strict(message)).map(drop)
 }
 
 struct Strict(Value);

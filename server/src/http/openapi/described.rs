@@ -1,6 +1,7 @@
 //! What the handlers' annotations leave out of the contract: names of operations, what an id is, bytes, examples, and which
 //! answer leads where.
 
+use quadmuse_proto::MeshFormat;
 use serde_json::{Map, Value, json};
 
 /// Collections and other nouns by which operations are named; the last in a path counts.
@@ -20,6 +21,26 @@ pub(super) fn ids(schemas: &mut Value) {
     }
 }
 
+/// Whole numbers without a sign reach twice as far as the formats that are told of them.
+pub(super) fn unsigned(value: &mut Value) {
+    match value {
+        Value::Object(fields) => {
+            let is_unsigned = fields.get("minimum").and_then(Value::as_f64).is_some_and(|least| least >= 0.0);
+            let wider = match fields.get("format").and_then(Value::as_str) {
+                Some("int32") => "uint32",
+                Some("int64") => "uint64",
+                _ => "",
+            };
+            if is_unsigned && !wider.is_empty() {
+                fields.insert("format".into(), wider.into());
+            }
+            fields.values_mut().for_each(unsigned);
+        }
+        Value::Array(items) => items.iter_mut().for_each(unsigned),
+        _ => {}
+    }
+}
+
 /// One operation, by its path and method.
 pub(super) fn operation(path: &str, operation: &mut Value) {
     operation["operationId"] = named(path, operation["operationId"].as_str().unwrap_or_default()).into();
@@ -27,6 +48,10 @@ pub(super) fn operation(path: &str, operation: &mut Value) {
     parameters.into_iter().flatten().for_each(described);
     for response in operation["responses"].as_object_mut().into_iter().flat_map(Map::values_mut) {
         bytes(response);
+        if path.ends_with("/mesh") {
+            formats(response);
+        }
+        events(response);
     }
     let name = operation["operationId"].as_str().unwrap_or_default().to_owned();
     let content = operation.pointer_mut("/requestBody/content").and_then(Value::as_object_mut);
@@ -78,6 +103,28 @@ fn bytes(response: &mut Value) {
             content["schema"] = json!({ "type": "string", "format": "binary" });
         }
     }
+}
+
+/// A mesh is answered in each format, under that one's media type.
+fn formats(response: &mut Value) {
+    let content = response.get_mut("content").and_then(Value::as_object_mut);
+    let Some((content, mesh)) =
+        content.and_then(|content| content.remove("application/octet-stream").map(|m| (content, m)))
+    else {
+        return;
+    };
+    content.extend(MeshFormat::ALL.map(|format| (format.media_type().to_owned(), mesh.clone())));
+}
+
+/// A server-sent event is three texts, of which one is the event as JSON.
+fn events(response: &mut Value) {
+    let Some(content) = response.pointer_mut("/content/text~1event-stream") else { return };
+    let what = content["schema"].take();
+    content["schema"] = json!({ "type": "object", "required": ["data"], "properties": {
+        "event": { "type": "string", "description": "The kind of event" },
+        "id": { "type": "string", "description": "The revision, for `last-event-id`" },
+        "data": { "type": "string", "contentMediaType": "application/json", "contentSchema": what }
+    } });
 }
 
 fn example(name: &str, media: &str) -> Option<Value> {
@@ -144,6 +191,26 @@ mod tests {
         assert_eq!(named("/v1/queries/{id}/maps/{map}/mesh", "mesh"), "maps_mesh");
         assert_eq!(named("/v1/queries/{id}/stream", "stream"), "stream");
         assert_eq!(named("/healthz", "alive"), "health_alive");
+    }
+
+    #[test]
+    fn a_mesh_is_answered_in_every_format_and_an_event_as_texts() {
+        let mut mesh = json!({ "content": { "application/octet-stream": { "schema": {} } } });
+        formats(&mut mesh);
+        let types = mesh["content"].as_object().expect("types");
+        assert!(types.len() == MeshFormat::ALL.len() && types.contains_key("model/obj"), "{types:?}");
+        let mut stream = json!({ "content": { "text/event-stream": { "schema": { "$ref": "#/e" } } } });
+        events(&mut stream);
+        let data = &stream["content"]["text/event-stream"]["schema"]["properties"]["data"];
+        assert_eq!(data["contentSchema"]["$ref"], "#/e");
+    }
+
+    #[test]
+    fn numbers_without_a_sign_are_told_as_such() {
+        let mut spec =
+            json!([{ "type": "integer", "format": "int32", "minimum": 0 }, { "type": "integer", "format": "int32" }]);
+        unsigned(&mut spec);
+        assert_eq!([&spec[0]["format"], &spec[1]["format"]], ["uint32", "int32"]);
     }
 
     #[test]
