@@ -8,7 +8,7 @@ mod asked;
 
 use quadmuse_kernel::fit::rest::{Rests, Start};
 use quadmuse_kernel::mesh::{self, Format, Limits, TriMesh};
-use quadmuse_kernel::settle::poses;
+use quadmuse_kernel::settle::{Sought, poses};
 use std::path::Path;
 
 /// Poses that are settled.
@@ -22,7 +22,7 @@ fn surface(name: &str) -> Option<TriMesh> {
 
 fn settled(example: &TriMesh, input: &TriMesh, stopped: &dyn Fn() -> bool) -> Option<f64> {
     let mut rests = Rests::new(example, input)?;
-    for (_, pose) in poses(example, input, [true, true], stopped).iter().take(POSED) {
+    for (_, pose) in poses(example, input, [true, true], Sought::Thoroughly, stopped).iter().take(POSED) {
         let positions = example.positions.iter().map(|x| pose.apply(x)).collect();
         rests.tries(&Start { positions, mirrored: false }, stopped);
     }

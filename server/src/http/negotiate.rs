@@ -1,5 +1,7 @@
 //! Content negotiation: the same types as JSON or as MessagePack, and conditional answers.
 
+mod strict;
+
 use super::error::HttpError;
 use axum::body::Body;
 use axum::extract::FromRequestParts;
@@ -8,7 +10,7 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use serde::Serialize;
-use serde::de::DeserializeOwned;
+use serde::de::{Deserialize, DeserializeOwned};
 
 /// The media type of JSON.
 pub const JSON: &str = "application/json";
@@ -53,15 +55,20 @@ impl Wire {
             HttpError::BodyInvalid(format!("expected a body of {what} as /docs describes it, found another: {error}"))
         };
         match self {
-            Self::Json => serde_json::from_slice(bytes).map_err(|error| invalid("JSON", error.to_string())),
+            Self::Json => strict::from_slice(bytes).map_err(|error| invalid("JSON", error.to_string())),
             Self::MsgPack => {
                 let mut reader = rmp_serde::Deserializer::new(bytes);
                 reader.set_max_depth(MSGPACK_DEPTH_MAX);
                 let value = T::deserialize(&mut reader).map_err(|error| invalid("MessagePack", error.to_string()))?;
-                match reader.get_ref() {
-                    [] => Ok(value),
-                    rest => Err(invalid("MessagePack", format!("{} bytes too many", rest.len()))),
+                if let rest @ [_, ..] = *reader.get_ref() {
+                    return Err(invalid("MessagePack", format!("{} bytes too many", rest.len())));
                 }
+                let mut again = rmp_serde::Deserializer::new(bytes);
+                again.set_max_depth(MSGPACK_DEPTH_MAX);
+                let plain = serde_json::Value::deserialize(&mut again);
+                let plain = plain.map_err(|error| invalid("MessagePack", error.to_string()))?;
+                strict::check::<T>(plain).map_err(|error| invalid("MessagePack", error.to_string()))?;
+                Ok(value)
             }
         }
     }
@@ -247,6 +254,10 @@ mod tests {
         assert_eq!(Wire::MsgPack.read::<u8>(&bytes).expect("reads"), 7);
         bytes.push(0);
         assert!(Wire::MsgPack.read::<u8>(&bytes).is_err());
+        let list = rmp_serde::to_vec_named(&serde_json::json!([null, null])).expect("packs");
+        assert!(Wire::MsgPack.read::<quadmuse_proto::TokenPatch>(&list).is_err());
+        let number = rmp_serde::to_vec_named(&serde_json::json!({ "role": 0 })).expect("packs");
+        assert!(Wire::MsgPack.read::<quadmuse_proto::NewToken>(&number).is_err());
         let deep = vec![0x91; 100_000];
         assert!(Wire::MsgPack.read::<serde_json::Value>(&deep).is_err());
     }

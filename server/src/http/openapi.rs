@@ -1,5 +1,7 @@
 //! `/openapi.json`: the contract, made from the handlers' own annotations and the types of `proto`.
 
+mod described;
+
 use super::negotiate::{MSGPACK, if_none_match, tagged};
 use crate::app::App;
 use axum::extract::State;
@@ -42,14 +44,17 @@ pub fn finished(api: &OpenApi) -> Bytes {
     if let Some(codes) = spec["components"]["schemas"]["Code"]["enum"].as_array_mut() {
         codes.retain(|code| code != Code::Other.as_str());
     }
-    if let Some(paths) = spec.get_mut("paths").and_then(Value::as_object_mut) {
-        paths.values_mut().for_each(finish_path);
+    spec["servers"] = json!([{ "url": "/", "description": "The server that tells this" }]);
+    described::ids(&mut spec["components"]["schemas"]);
+    for (path, operations) in spec["paths"].as_object_mut().into_iter().flatten() {
+        finish_path(path, operations);
     }
+    described::unsigned(&mut spec);
     spec.to_string().into()
 }
 
-fn finish_path(path: &mut Value) {
-    let Some(operations) = path.as_object_mut() else { return };
+fn finish_path(path: &str, operations: &mut Value) {
+    let Some(operations) = operations.as_object_mut() else { return };
     for (method, operation) in operations {
         if !matches!(method.as_str(), "get" | "post" | "patch" | "delete" | "put") {
             continue;
@@ -65,6 +70,7 @@ fn finish_path(path: &mut Value) {
             add_msgpack(&mut operation["requestBody"]);
             add_mesh_bodies(&mut operation["requestBody"]);
         }
+        described::operation(path, operation);
     }
 }
 
@@ -82,13 +88,13 @@ fn add_mesh_bodies(body: &mut Value) {
     if content.remove("application/octet-stream").is_none() {
         return;
     }
-    let bytes = json!({ "schema": { "type": "string", "contentMediaType": "application/octet-stream" } });
+    let bytes = json!({ "schema": { "type": "string", "format": "binary" } });
     content.insert("application/octet-stream".into(), bytes.clone());
     for format in MeshFormat::ALL {
         content.insert(format.media_type().into(), bytes.clone());
     }
     let form = json!({ "schema": { "type": "object", "required": ["mesh"], "properties": {
-        "mesh": { "type": "string", "contentMediaType": "application/octet-stream" },
+        "mesh": { "type": "string", "format": "binary" },
         "segments": { "type": "string", "description": "One integer a line, one line a face" }
     } } });
     content.insert("multipart/form-data".into(), form);

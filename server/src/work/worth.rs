@@ -20,6 +20,10 @@ const FACES_MIN: u64 = 16;
 const TRIES: usize = 3;
 /// Faces of a segment that has enough form to choose an example by: several are tried, and laid on it in rough poses before.
 pub const FACES_CHOSEN_MIN: u64 = 256;
+/// Faces of a mesh that may be a scan. One of fewer is laid on with less care, and one example is tried.
+pub const FACES_OF_SCAN_MIN: u64 = 1024;
+/// Faces of a segment on average below which many segments are a rag, of which only those with enough form are worth it.
+const FACES_OF_RAG: u64 = 96;
 
 /// Whether a segment, by its number, is worth it.
 pub fn is_worth_an_example(segments: &[ModelSegment], segment: usize) -> bool {
@@ -30,7 +34,9 @@ pub fn is_worth_an_example(segments: &[ModelSegment], segment: usize) -> bool {
     let faces = segments.iter().map(|s| s.faces).sum::<u64>();
     let most = usize::try_from(faces / FACES_PER_SEGMENT).unwrap_or(MANY).clamp(FEW, MANY);
     let is_before = |(at, s): &(usize, &ModelSegment)| s.faces > own || (s.faces == own && *at < segment);
-    own >= FACES_MIN && segments.iter().enumerate().filter(is_before).count() < most
+    let is_rag = faces < FACES_OF_RAG * segments.len() as u64;
+    let own_min = if is_rag { FACES_CHOSEN_MIN } else { FACES_MIN };
+    own >= own_min && segments.iter().enumerate().filter(is_before).count() < most
 }
 
 /// How many examples of a segment's ranking are laid on it unasked, until one is not poor. Of a part between others only the
@@ -39,8 +45,8 @@ pub fn is_worth_an_example(segments: &[ModelSegment], segment: usize) -> bool {
 pub fn tries(segments: &[ModelSegment], segment: usize) -> usize {
     match segments.get(segment).map(|s| s.faces) {
         Some(faces) if faces >= FACES_MIN && is_worth_an_example(segments, segment) => {
-            let is_most = 2 * faces >= segments.iter().map(|s| s.faces).sum::<u64>();
-            if is_most && faces >= FACES_CHOSEN_MIN { TRIES } else { 1 }
+            let all = segments.iter().map(|s| s.faces).sum::<u64>();
+            if 2 * faces >= all && faces >= FACES_CHOSEN_MIN && all >= FACES_OF_SCAN_MIN { TRIES } else { 1 }
         }
         _ => 0,
     }
@@ -61,7 +67,9 @@ mod tests {
     fn few_segments_are_all_worth_it_and_of_a_rag_those_of_most_faces() {
         assert_eq!(worth(&[1; 8]), 8);
         assert_eq!(worth(&[1; 118]), 0);
-        assert_eq!(worth(&[18; 118]), 8);
+        assert_eq!(worth(&[18; 118]), 0);
+        assert_eq!(worth(&[72; 19]), 0);
+        assert_eq!(worth(&[100; 20]), 8);
         assert_eq!(worth(&[1000; 12]), 12);
         assert_eq!(worth(&[1000; 118]), 32);
         let mut mixed = vec![1; 100];
@@ -77,5 +85,6 @@ mod tests {
         };
         assert_eq!([tries(&[]), tries(&[1]), tries(&[12]), tries(&[100]), tries(&[50_000])], [0, 0, 0, 1, TRIES]);
         assert_eq!([tries(&[1000, 2000]), tries(&[1, 1000]), tries(&[1000, 400, 400])], [1, 0, TRIES]);
+        assert_eq!([tries(&[1023]), tries(&[1024]), tries(&[300, 300])], [1, TRIES, 1]);
     }
 }

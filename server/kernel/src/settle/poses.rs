@@ -48,6 +48,15 @@ const QUICK: Effort = Effort {
     sifted_by: 24,
     rests: &[(48, 64, 4), (6, 128, 6)],
 };
+/// How many poses are looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sought {
+    /// As for a scan.
+    Thoroughly,
+    /// A twelfth of the work: for inputs of few faces.
+    Quickly,
+}
+
 /// An input of fewer triangles is flat nearly everywhere, and seen as well by few samples.
 const FULL_FROM_TRIANGLES: usize = 256;
 /// Samples of the smaller surface.
@@ -72,9 +81,11 @@ pub fn poses(
     example: &TriMesh,
     input: &TriMesh,
     may_be_small: [bool; 2],
+    sought: Sought,
     stop: &dyn Fn() -> bool,
 ) -> Vec<(f64, Similarity)> {
-    let effort = if input.triangles.len() < FULL_FROM_TRIANGLES { &QUICK } else { &FULL };
+    let is_quick = sought == Sought::Quickly || input.triangles.len() < FULL_FROM_TRIANGLES;
+    let effort = if is_quick { &QUICK } else { &FULL };
     let [one, two] = [(example, may_be_small[0]), (input, may_be_small[1])].map(|s| Posed::new(s.0, s.1, effort));
     let mut kept: Vec<(f64, Similarity)> = Vec::new();
     let unit = (middle(example), example.total_area().sqrt());

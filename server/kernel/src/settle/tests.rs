@@ -234,12 +234,12 @@ fn a_part_is_found_on_a_larger_surface_whatever_its_pose_and_size() {
         let d = from.positions.iter().zip(&to.positions).map(|(a, b)| (pose.apply(a) - b).norm());
         d.sum::<f64>() / from.positions.len() as f64
     };
-    let found = poses(&moved, &whole, [true, false], &go);
+    let found = poses(&moved, &whole, [true, false], Sought::Thoroughly, &go);
     assert!(off(&found[0].1, &moved, &part) < 0.15, "{}", off(&found[0].1, &moved, &part));
     // The same with the roles changed: the scan shows a part of the example.
-    let found = poses(&whole, &moved, [false, true], &go);
+    let found = poses(&whole, &moved, [false, true], Sought::Thoroughly, &go);
     let back = found[0].1;
     let undone: f64 = part.positions.iter().zip(&moved.positions).map(|(a, b)| (back.apply(a) - b).norm()).sum();
     assert!(undone / (3.0 * part.positions.len() as f64) < 0.15, "{undone}");
-    assert!(poses(&moved, &whole, [true, false], &|| true).is_empty());
+    assert!(poses(&moved, &whole, [true, false], Sought::Quickly, &|| true).is_empty());
 }

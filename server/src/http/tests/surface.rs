@@ -127,6 +127,18 @@ async fn the_contract_names_every_route_and_resolves_every_reference() {
         let name = reference.split('"').next().expect("a name");
         assert!(!spec["components"]["schemas"][name].is_null(), "{name} is not described");
     }
+    let operations = paths.values().flat_map(|path| path.as_object().expect("operations").values());
+    let mut names: Vec<&str> = operations.map(|one| one["operationId"].as_str().expect("a name")).collect();
+    let all = names.len();
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names.len(), all, "{names:?}");
+    for link in text.split(r#""links":{"#).skip(1).flat_map(|links| links.split(r#""operationId":""#).skip(1)) {
+        let name = link.split('"').next().expect("a name");
+        assert!(names.contains(&name), "{name} is no operation");
+    }
+    let picture = &paths["/v1/examples/{id}/thumbnail.png"]["get"]["responses"]["200"]["content"]["image/png"];
+    assert_eq!(picture["schema"]["format"], "binary");
     let codes = &spec["components"]["schemas"]["Code"]["enum"];
     assert_eq!(codes.as_array().map(Vec::len), Some(quadmuse_proto::Code::ALL.len()));
 }

@@ -6,7 +6,7 @@
 
 use super::super::{Encoded, Encoding, EngineError, Fitted, Model, Opaque, Refusal, Registration, Side};
 use super::constrain::{self, locate};
-use super::model::{ModelInner, has_form};
+use super::model::ModelInner;
 use super::registered::{self, Registered};
 use super::rested::rest;
 use super::{Source, facts, fresh, internal};
@@ -20,7 +20,7 @@ use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::mesh::{TriMesh, Vec3};
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
 use quadmuse_kernel::segment::Segmented;
-use quadmuse_kernel::settle::{Landmark as KernelLandmark, Similarity, poses};
+use quadmuse_kernel::settle::{Landmark as KernelLandmark, Similarity, Sought, poses};
 use quadmuse_kernel::topology::Patch;
 use quadmuse_proto::{Beyond, ConstraintEdit, Landmark, NewConstraint, OnFold, Topology as Primitive, Verdict};
 use std::sync::{Arc, OnceLock};
@@ -37,6 +37,8 @@ const LED: usize = 2;
 const DOUBTFUL: f64 = 0.65;
 /// Poses that are settled.
 const POSED: usize = 5;
+/// The same on what is no scan.
+const POSED_FEW: usize = 2;
 /// A map that settled must have so much more relief than the one of the charts, which keeps boundaries and sharp edges.
 const SETTLED_MARGIN: f64 = 0.01;
 /// More of the input within the example is all of it.
@@ -142,7 +144,10 @@ fn settled(
     if let Some(whole) = whole {
         rests.tries(whole, &stopped);
     }
-    if has_form(input) && !rests.is_convincing() {
+    let on: &ModelInner = query.model.inner.open()?;
+    let has_tips = on.has_tips(query.segment, input);
+    let has_parts = has_tips && on.is_scan();
+    if has_tips && !rests.is_convincing() {
         let trees = (Bvh::new(mesh), Bvh::new(input));
         let (own, there) = (&one.query.chart.mesh, &two.query.chart.mesh);
         let solver = LevenbergMarquardt::default();
@@ -160,7 +165,7 @@ fn settled(
     // Of two closed surfaces neither ends anywhere.
     let closed = |side: &Side| side.encoded.encoding.facts.topology == Primitive::Sphere;
     let may_be_part = !(closed(example) && closed(query));
-    if may_be_part && has_form(input) && !rests.is_convincing() {
+    if may_be_part && has_parts && !rests.is_convincing() {
         for start in parts(example, query, (one, two), stop)? {
             rests.tries(&start, &stopped);
             if rests.is_convincing() {
@@ -169,7 +174,8 @@ fn settled(
         }
     }
     if may_be_part && rests.best().is_none_or(|best| best.evidence.relief < DOUBTFUL) {
-        for (_, pose) in poses(mesh, input, [!closed(example), !closed(query)], &stopped).iter().take(POSED) {
+        let (sought, most) = if on.is_scan() { (Sought::Thoroughly, POSED) } else { (Sought::Quickly, POSED_FEW) };
+        for (_, pose) in poses(mesh, input, [!closed(example), !closed(query)], sought, &stopped).iter().take(most) {
             let positions = mesh.positions.iter().map(|x| pose.apply(x)).collect();
             rests.tries_whole(&Start { positions, mirrored: false }, &stopped);
             if rests.is_convincing() {

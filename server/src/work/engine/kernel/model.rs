@@ -2,7 +2,7 @@
 
 use super::super::{Besides, Cut, EngineError, Grain, Model, ModelSegment, Opaque, Refusal};
 use super::{parts, topology_out};
-use crate::work::worth::FACES_CHOSEN_MIN;
+use crate::work::worth::{FACES_CHOSEN_MIN, FACES_OF_SCAN_MIN};
 use quadmuse_kernel::compose::ground::Ground;
 use quadmuse_kernel::mesh::{
     self, FaceLabels, Format, Limits, MeshError, MeshErrorKind, NONE, PolyMesh, Prepared, TriMesh, Vec3,
@@ -107,6 +107,18 @@ impl ModelInner {
         self.laid.is_none() && self.faces(segment) >= FACES_CHOSEN_MIN
     }
 
+    /// Whether the mesh, whatever it is cut into, has as many triangles as a scan: what has fewer is laid on with less care.
+    pub(super) fn is_scan(&self) -> bool {
+        self.prepared.mesh.triangles.len() as u64 >= FACES_OF_SCAN_MIN
+    }
+
+    /// Whether a segment has enough triangles to have tips, and parts that one would tell apart. `surface`: that segment as it is
+    /// charted, which may have more triangles than were sent.
+    pub(super) fn has_tips(&self, segment: u32, surface: &TriMesh) -> bool {
+        let has_form = surface.triangles.len() as u64 >= FACES_CHOSEN_MIN;
+        has_form && (self.is_scan() || self.faces(segment) >= FACES_CHOSEN_MIN)
+    }
+
     /// Polygons of a segment.
     pub(super) fn faces(&self, segment: u32) -> u64 {
         self.patch(segment).map_or(0, |patch| count_polygons(&self.segmented, patch))
@@ -119,11 +131,6 @@ pub(super) fn told_apart(model: &Model) -> Result<Arc<PolyMesh>, EngineError> {
     let mut mesh = PolyMesh::clone(&model.mesh);
     mesh.attributes.segments = Some(inner.labels(mesh.faces.len()));
     Ok(Arc::new(mesh))
-}
-
-/// Whether a surface has enough triangles to have tips, and parts that one would tell apart.
-pub(super) fn has_form(surface: &TriMesh) -> bool {
-    surface.triangles.len() as u64 >= FACES_CHOSEN_MIN
 }
 
 /// Reads, repairs and cuts.
