@@ -11,18 +11,30 @@ use quadmuse_server::work::engine::{Besides, Cut};
 use quadmuse_server::work::ingest::{self, Annotation, Upload};
 use quadmuse_server::work::query::{LiveQuery, QueryOptions};
 use quadmuse_server::work::{Caller, Work, mapping, search};
-use quadmuse_store::OpenOptions;
+use quadmuse_store::{OpenOptions, StoreError};
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Duration;
 
 fn upload(mesh: &PolyMesh, cut: Cut) -> Upload {
     let bytes = write(mesh, Format::Obj).expect("writable").into();
     Upload { bytes, format: Some(MeshFormat::Obj), cut }
 }
 
-fn opened(data: &Path) -> Arc<Work> {
+/// Looks at a store that the one before may still be closing.
+const OPENINGS_MAX: usize = 3000;
+
+async fn opened(data: &Path) -> Arc<Work> {
     let pool = Pool::new(2, Admission::new(4 << 30, 64)).expect("threads");
-    let (corpus, _) = StoredCorpus::open(data, &OpenOptions::default()).expect("a store");
+    let mut found = StoredCorpus::open(data, &OpenOptions::default());
+    for _ in 0..OPENINGS_MAX {
+        if !matches!(found, Err(StoreError::Locked { .. })) {
+            break;
+        }
+        tokio::time::sleep(Duration::from_millis(10)).await;
+        found = StoredCorpus::open(data, &OpenOptions::default());
+    }
+    let (corpus, _) = found.expect("a store");
     let work = Work::new(pool, Arc::new(KernelEngine::default()), Arc::new(corpus));
     work.load();
     work
@@ -66,7 +78,7 @@ fn told(rankings: &[Ranking]) -> Vec<(String, u32, u64)> {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_scan_in_parts_takes_the_parts_of_an_example_that_stands_once_in_each_ranking() {
     let dir = tempfile::tempdir().expect("a directory");
-    let work = opened(dir.path());
+    let work = opened(dir.path()).await;
     let (pig, fish) = (added(&work, "pig").await, added(&work, "fish").await);
     let is_whole: Vec<bool> = pig.segments.iter().map(|segment| !segment.is_part).collect();
     assert!(is_whole[0] && is_whole.len() > 4 && is_whole[1..].iter().all(|whole| !whole), "{:?}", pig.segments);
@@ -100,7 +112,7 @@ async fn a_scan_in_parts_takes_the_parts_of_an_example_that_stands_once_in_each_
     // All of it is the same after a restart.
     work.keep_rows();
     drop((work, live));
-    let work = opened(dir.path());
+    let work = opened(dir.path()).await;
     assert_eq!(*work.catalogue.example(pig.id).expect("there"), *pig);
     let (live, again) = ranked(&work, Some(Parts::Auto)).await;
     assert_eq!(told(&again), told(&rankings));

@@ -22,7 +22,7 @@ use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::TriMesh;
 use crate::numerics::side_by_side;
 use crate::register::{Flip, Registration};
-use crate::unfold::holes::is_filling;
+use crate::topology::holes::is_filling;
 use crate::unfold::{Chart, Uv, signed_area};
 use std::ops::Range;
 

@@ -3,6 +3,7 @@
 //! χ = V − E + F = 2 − 2g − b for one component of genus g with b boundary loops.
 //! *Source:* paper §4.1 (discs, cylinders) and §5.1, Fig. 6 (spheres, tori).
 
+pub mod holes;
 pub(crate) mod primitive;
 
 use crate::numerics::stop;

@@ -5,7 +5,6 @@
 
 pub mod area_fraction;
 pub mod harmonic;
-pub mod holes;
 pub mod homology;
 pub mod intrinsic;
 pub mod laplacian;
@@ -22,6 +21,7 @@ use std::sync::Arc;
 
 use crate::mesh::tri::TriMesh;
 use crate::numerics::SolveError;
+use crate::topology::holes::filled;
 use crate::topology::{Patch, Topology};
 use area_fraction::{AreaFraction, MODULUS_SHARES};
 use harmonic::{Harmonic, Solver};
@@ -126,7 +126,7 @@ pub struct Unfolder {
 
 /// The mesh on which a patch is unfolded: holes filled, chords split, coarse meshes subdivided.
 pub fn solve_mesh(patch: &Patch) -> Arc<TriMesh> {
-    let mut mesh = refine::split_chords(holes::filled(&patch.mesh, &patch.holes));
+    let mut mesh = refine::split_chords(filled(&patch.mesh, &patch.holes));
     while mesh.triangles.len() < TRIANGLES_MIN {
         mesh = refine::split_edges(&mesh, &vec![true; mesh.twins.len()]);
     }
@@ -393,4 +393,25 @@ fn angle_deviation(mesh: &TriMesh, poles: &[Pole], differences: impl Fn(usize) -
         }
     }
     if total > 0.0 { sum / total } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::topology::{Components, primitive, submesh, tests::grid, whole};
+
+    #[test]
+    fn a_sheet_with_holes_unfolds_like_the_sheet() {
+        let sheet = grid(24, 24, false, false);
+        let kept: Vec<u32> =
+            (0..sheet.triangles.len() as u32).filter(|t| ![200, 333, 500, 611, 777, 905].contains(t)).collect();
+        let patch = primitive(&submesh(&sheet, &kept).0, Components::default()).expect("a disc");
+        let pole = UnfoldOptions { poles: vec![25 * 12 + 12] };
+        let chart = unfold(&patch, &pole).expect("solvable");
+        let sound = unfold(&whole(&sheet).expect("a disc"), &pole).expect("solvable");
+        assert!((chart.modulus - sound.modulus).abs() < 0.01 * sound.modulus, "{} {}", chart.modulus, sound.modulus);
+        let area = |chart: &Chart| chart.corners.iter().map(signed_area).sum::<f64>();
+        assert!((area(&chart) - area(&sound)).abs() < 0.01);
+        assert_eq!(chart.patch_vertices, patch.mesh.positions.len());
+    }
 }

@@ -103,13 +103,15 @@ pub(super) async fn of_rest(work: &Arc<Work>, live: &LiveQuery, cut: &Arc<Model>
     let stocks = [Stock::Wholes, Stock::Parts];
     let select = |segment: usize| {
         let against = work.engine.ranked_against(cut.segments[segment].topology);
-        let selected = ranked.contains(&segment);
-        selected.then(|| Selection::new(&snapshot, &against, &stocks, &live.options.tags)).unwrap_or_default()
+        match ranked.contains(&segment) {
+            true => Selection::new(&snapshot, &against, &stocks, &live.options.tags),
+            false => Selection::default(),
+        }
     };
     let corpus: Vec<Selection> = (0..cut.segments.len()).map(select).collect();
     // One try each: what finishes the others is for those who choose.
     let options = QueryOptions { top: 1, ..live.options.clone() };
-    let rest = LiveQuery::new(live.caller.clone(), options, Arc::clone(cut), job, Instant::now());
+    let rest = LiveQuery::new(live.caller, options, Arc::clone(cut), job, Instant::now());
     let rest = Arc::new(rest);
     rest.set_corpus_sizes(&corpus.iter().map(|c| c.size as u64).collect::<Vec<_>>());
     run(Arc::clone(work), Arc::clone(&rest), corpus).await;

@@ -5,7 +5,7 @@
 use super::Input;
 use crate::mesh::tri::{NONE, TriMesh};
 use crate::segment::Segmented;
-use crate::unfold::holes::filled;
+use crate::topology::holes::filled;
 use std::borrow::Cow;
 
 /// A surface to be composed on.

@@ -12,7 +12,7 @@ use crate::compose::fit::Measured;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::{NONE, TriMesh};
 use crate::mesh::{PolyMesh, Vec3};
-use crate::unfold::holes::is_filling;
+use crate::topology::holes::is_filling;
 
 /// An edge that leaves the surface by less than this share of the diagonal runs along it.
 const LEAVES_MIN: f64 = 0.012;
@@ -311,8 +311,8 @@ mod tests {
 
     #[test]
     fn faces_may_bridge_a_gap_and_nothing_else() {
+        use crate::topology::holes::filled;
         use crate::topology::{Components, primitive};
-        use crate::unfold::holes::filled;
         let whole = prepare(&bent(200)).expect("a disc").mesh;
         // A window in one leg, and pinholes that make a rag of it.
         let is_hole = |f: &u32| (10..40).contains(&(f / 10)) && (3..7).contains(&(f % 10)) || matches!(f, 915 | 955);

@@ -8,8 +8,8 @@ use super::parts::{Count, parts};
 use super::refined::Refined;
 use super::{Order, Segmented};
 use crate::mesh::tri::{NONE, TriMesh};
+use crate::topology::holes::filled;
 use crate::topology::{self, Patch, Topology, TopologyError, primitive};
-use crate::unfold::holes::filled;
 
 /// A piece with a smaller share of the area goes to its neighbour.
 const CRUMB_SHARE: f64 = 0.002;

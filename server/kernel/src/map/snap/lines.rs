@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::mesh::Vec3;
 use crate::mesh::tri::{NONE, TriMesh};
-use crate::unfold::holes::is_filling;
+use crate::topology::holes::is_filling;
 
 /// Bend that makes an edge sharp, in degrees.
 const SHARP_DEG: f64 = 40.0;

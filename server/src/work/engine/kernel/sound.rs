@@ -7,7 +7,7 @@ use quadmuse_kernel::compose::apart::owned;
 use quadmuse_kernel::measure::sound::Grounds;
 use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::mesh::{NONE, PolyMesh, TriMesh, Vec3};
-use quadmuse_kernel::unfold::holes::filled;
+use quadmuse_kernel::topology::holes::filled;
 use quadmuse_proto::Verdict;
 
 /// Calls a map broken whose mesh is, and says why before all else.

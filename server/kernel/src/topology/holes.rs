@@ -1,4 +1,4 @@
-//! Filling a patch's small holes for the solve.
+//! Filling a patch's small holes, for the solve and for what is cut or composed.
 //!
 //! Each hole gets a vertex at its middle and a fan of triangles around it; they are appended to the patch's and belong
 //! to no polygon ([`NONE`]), by which they are told from the surface. *Ours, not the paper's.*
@@ -37,27 +37,18 @@ pub fn is_filling(mesh: &TriMesh, triangle: u32) -> bool {
 mod tests {
     use super::*;
     use crate::topology::{Components, Topology, classify, primitive, submesh, tests::grid};
-    use crate::unfold::{UnfoldOptions, signed_area, unfold};
 
     #[test]
-    fn a_sheet_with_holes_unfolds_like_the_sheet() {
+    fn a_sheet_with_its_holes_filled_is_the_sheet() {
         let sheet = grid(24, 24, false, false);
-        let kept: Vec<u32> =
-            (0..sheet.triangles.len() as u32).filter(|t| ![200, 333, 500, 611, 777, 905].contains(t)).collect();
+        let gone = [200, 333, 500, 611, 777, 905];
+        let kept: Vec<u32> = (0..sheet.triangles.len() as u32).filter(|t| !gone.contains(t)).collect();
         let patch = primitive(&submesh(&sheet, &kept).0, Components::default()).expect("a disc");
-        assert_eq!(patch.holes.len(), 6);
+        assert_eq!(patch.holes.len(), gone.len());
         let whole = filled(&patch.mesh, &patch.holes);
         assert_eq!(classify(&whole), Ok(Topology::Disc));
         assert!((whole.total_area() - 1.0).abs() < 1e-12);
-        let pole = UnfoldOptions { poles: vec![25 * 12 + 12] };
-        let chart = unfold(&patch, &pole).expect("solvable");
-        let sound = unfold(&crate::topology::whole(&sheet).expect("a disc"), &pole).expect("solvable");
-        assert!((chart.modulus - sound.modulus).abs() < 0.01 * sound.modulus, "{} {}", chart.modulus, sound.modulus);
-        assert!(
-            (chart.corners.iter().map(signed_area).sum::<f64>() - sound.corners.iter().map(signed_area).sum::<f64>())
-                .abs()
-                < 0.01
-        );
-        assert_eq!(chart.patch_vertices, patch.mesh.positions.len());
+        let fillings = (0..whole.triangles.len() as u32).filter(|&t| is_filling(&whole, t)).count();
+        assert_eq!(fillings, 3 * gone.len());
     }
 }
