@@ -66,7 +66,7 @@ pub struct MeshCounts {
 pub struct ExampleSegment {
     /// Its number in the example.
     pub segment: u32,
-    /// Whether it is a part of segment 0, which is the example whole. Left out where it is not.
+    /// True for a part of segment 0, which then is the whole example. The field is left out where it is false.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_part: bool,
     /// Its topology.

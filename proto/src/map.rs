@@ -113,8 +113,8 @@ const WORTH: [f64; 2] = [0.5, 0.2];
 const WORTH_LEAST: f64 = 0.01;
 
 impl Map {
-    /// What the map is worth beside others on the same segment: how sure it is, times the share of the input that its
-    /// example covers; less than 0 for a poor one.
+    /// Rates the map against others on the same segment: its agreement times the share of the input that the example covers.
+    /// A poor map gets less than 0.
     pub fn worth(&self) -> f64 {
         let [good, fair] = WORTH;
         let sure = match (self.verdict, &self.evidence) {
@@ -126,7 +126,8 @@ impl Map {
         sure * self.covers.input
     }
 
-    /// Whether it is so good that no other example has to be tried after `tried`, of which `tries` are worth it in any case.
+    /// Tells whether no more examples have to be laid once `tried` were. Up to `tries` the map has to be good; after them it
+    /// is enough that it explains a little of the input.
     pub fn is_enough(&self, tried: usize, tries: usize) -> bool {
         self.worth() >= if tried < tries { ENOUGH } else { LITTLE }
     }

@@ -97,7 +97,7 @@ pub(super) async fn lay_best(
     Ok(best)
 }
 
-/// Whether the service gave up since the time of a request was over.
+/// Tells whether the service gave up because the request took too long.
 pub(super) fn is_late(error: &ClientError) -> bool {
     matches!(error, ClientError::Refused(problem) if problem.code == Code::Deadline)
 }

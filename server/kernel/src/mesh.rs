@@ -5,6 +5,7 @@
 //! [`PolyMesh`] into bytes again.
 
 pub mod bvh;
+pub(crate) mod disjoint;
 pub mod error;
 mod format;
 pub mod geodesic;

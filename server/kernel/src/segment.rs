@@ -127,14 +127,20 @@ pub fn segment_by<E: From<TopologyError>>(
 /// # Errors
 /// [`TopologyError::Empty`].
 pub fn segment_above(surface: &TriMesh, field: &[f64]) -> Result<Segmented, TopologyError> {
+    let (cut, mut labels) = cut_at_zero(surface, field)?;
+    merge::absorb_crumbs(&cut.mesh, &mut labels);
+    Ok(Segmented::assemble(surface, cut, &labels, Order::Labels))
+}
+
+/// The refinement in which the curve on which `field` is 0 runs along edges, and the label of each of its triangles: 0 where the
+/// field is positive, else 1.
+fn cut_at_zero(surface: &TriMesh, field: &[f64]) -> Result<(Refined, Vec<u32>), TopologyError> {
     if surface.triangles.is_empty() {
         return Err(TopologyError::Empty);
     }
     let scale = field.iter().fold(f64::MIN_POSITIVE, |most, x| most.max(x.abs()));
     let shares = |x: &f64| vec![(0, 0.5 + 0.5 * x / scale), (1, 0.5 - 0.5 * x / scale)];
-    let (cut, mut labels) = cut::cut(&Refined::of(surface), &field.iter().map(shares).collect::<Vec<_>>());
-    merge::absorb_crumbs(&cut.mesh, &mut labels);
-    Ok(Segmented::assemble(surface, cut, &labels, Order::Labels))
+    Ok(cut::cut(&Refined::of(surface), &field.iter().map(shares).collect::<Vec<_>>()))
 }
 
 /// Cuts a surface between its triangles, each of which has a label; the parts are in order of labels. Pieces beside the largest

@@ -204,7 +204,12 @@ pub fn classify(mesh: &TriMesh) -> Result<Topology, TopologyError> {
         return Err(TopologyError::Components { count, largest: sizes.into_iter().max().unwrap_or(0) });
     }
     let found = invariants(mesh);
-    match (found.genus, found.boundary_loops) {
+    with_ends(found, found.boundary_loops)
+}
+
+/// What a connected mesh is when so many of its loops are its ends and the others are filled.
+fn with_ends(found: Invariants, ends: usize) -> Result<Topology, TopologyError> {
+    match (found.genus, ends) {
         (0, 0) => Ok(Topology::Sphere),
         (0, 1) => Ok(Topology::Disc),
         (0, 2) => Ok(Topology::Annulus),

@@ -13,9 +13,8 @@ use super::worth::tries;
 use super::{REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, Stop, StopReason};
 use headline::{Laid, headline};
-use quadmuse_kernel::compose::check::extraordinary;
 use quadmuse_kernel::mesh::PolyMesh;
-use quadmuse_proto::composition::{AS_MAPPED, DENSITY_MAX, SMOOTHING_MAX};
+use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
 use quadmuse_proto::ranking::promising;
 use quadmuse_proto::{
     Beyond, Composition, CompositionId, CompositionPart, ConstraintOrigin, ExampleId, Map, NewComposition, NewMap,
@@ -84,7 +83,7 @@ pub async fn create(
     };
     // Whatever finding it took.
     let job = job.renew(Some(REQUEST_TIME_MAX));
-    let alone = lone.filter(|_| wanted.density == 0).map(|map| as_mapped(&map, 1, 0));
+    let alone = lone.filter(|_| wanted.density == 0);
     let most = most(&live.model, &maps).filter(|_| wanted.density == 0);
     let stitch = move |stop: &Stop| -> Result<Sound, EngineError> {
         match surrounded.map(|surrounded| surrounded.stitched(&*engine, (how, allowed), stop)) {
@@ -94,7 +93,7 @@ pub async fn create(
             }
             _ => {}
         }
-        if let Some(alone) = alone {
+        if let Some(alone) = alone.map(|map| as_mapped(&map, 1, 0)) {
             let appraisal = engine.appraise(&model, &alone, allowed)?;
             return Ok(Sound::of(alone, appraisal));
         }
@@ -107,8 +106,9 @@ pub async fn create(
         }
         let sound = stitched_sound(&*engine, &model, (parts, &instead), (how, allowed), stop)?;
         let Some((segment, map)) = most.filter(|_| !sound.appraisal.flaws.is_empty()) else { return Ok(sound) };
+        let map = as_mapped(&map, model.segments.len(), segment);
         let appraisal = engine.appraise(&model, &map, Allowed { bare: 1.0, ..allowed })?;
-        Ok(if appraisal.flaws.is_empty() { Sound::alone(map, appraisal, segment) } else { sound })
+        Ok(if appraisal.flaws.is_empty() { Sound::alone(map, appraisal, segment as u32) } else { sound })
     };
     let Sound { made: stitched, appraisal, gave_way, alone, around } = work.pool.run(&job, Lane::Lay, stitch).await??;
     if stitched.is_poor_kept {
@@ -228,26 +228,17 @@ fn lone(maps: &[Option<Arc<LiveMap>>], bare: f64) -> Option<Arc<LiveMap>> {
 /// A segment with this share of a scan's faces is most of it.
 const MOST: f64 = 0.5;
 
-/// The map of the one of several segments that is most of a scan, as it is, with its segment.
-fn most(model: &Model, maps: &[Option<Arc<LiveMap>>]) -> Option<(u32, Stitched)> {
+/// The map of the one of several segments that is most of a scan, with its segment.
+fn most(model: &Model, maps: &[Option<Arc<LiveMap>>]) -> Option<(usize, Arc<LiveMap>)> {
     let all: u64 = model.segments.iter().map(|segment| segment.faces).sum();
     let is_most = |segment: &ModelSegment| segment.faces as f64 >= MOST * all as f64;
-    let found = maps.iter().zip(&model.segments).position(|(map, segment)| map.is_some() && is_most(segment))?;
-    (maps.len() > 1).then(|| Some((found as u32, as_mapped(maps[found].as_ref()?, maps.len(), found)))).flatten()
+    let mut mapped = maps.iter().zip(&model.segments).enumerate().filter(|_| maps.len() > 1);
+    mapped.find_map(|(number, (map, segment))| Some((number, Arc::clone(map.as_ref().filter(|_| is_most(segment))?))))
 }
 
 /// A map as a composition of `count` segments.
 fn as_mapped(map: &LiveMap, count: usize, segment: usize) -> Stitched {
-    let mesh = Arc::clone(&map.newest().mapped.mesh);
-    let extraordinary = extraordinary(&mesh) as u64;
-    Stitched {
-        mesh,
-        is_example: (0..count).map(|k| k == segment).collect(),
-        is_poor_kept: false,
-        extraordinary_vertices: extraordinary,
-        extraordinary_before: extraordinary,
-        notes: vec![AS_MAPPED.into()],
-    }
+    Stitched::as_mapped(&map.newest().mapped.mesh, (0..count).map(|k| k == segment).collect())
 }
 
 /// What the maps of all segments are on purpose. A map that leaves some of the scan bare does so alone: beside others the rest is
@@ -364,8 +355,8 @@ fn faces_at(parts: &[Part], density: i32) -> Result<u64, WorkError> {
     Ok(faces)
 }
 
-/// Of the entries of a segment's ranking that are the most [`promising`] the map that is worth most, until one is good enough, or
-/// else that of the first, each made if it is not there yet; `None` where there is no entry.
+/// Lays the most [`promising`] entries of a segment's ranking until a map is good enough, and finds the map that is worth most, of
+/// equals the first. Maps that are there are not made again. `None` where there is no entry.
 async fn best_map(
     work: &Arc<Work>,
     live: &Arc<LiveQuery>,

@@ -4,10 +4,12 @@
 //! Every method is a plain sequential computation, to be run on the pool.
 
 use crate::pool::{Stop, StopReason};
+use quadmuse_kernel::compose::check::extraordinary;
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_kernel::rank::Shape;
 use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::spectra::Row;
+use quadmuse_proto::composition::AS_MAPPED;
 use quadmuse_proto::{Beyond, ConstraintEdit, Flip, Landmark, MeshFormat, Topology};
 use std::any::Any;
 use std::fmt;
@@ -274,6 +276,21 @@ pub struct Stitched {
     pub extraordinary_before: u64,
     /// What was done beyond plain stitching, a sentence each.
     pub notes: Vec<String>,
+}
+
+impl Stitched {
+    /// The mesh of a map as it is.
+    pub fn as_mapped(mesh: &Arc<PolyMesh>, is_example: Vec<bool>) -> Self {
+        let extraordinary = extraordinary(mesh) as u64;
+        Self {
+            mesh: Arc::clone(mesh),
+            is_example,
+            is_poor_kept: false,
+            extraordinary_vertices: extraordinary,
+            extraordinary_before: extraordinary,
+            notes: vec![AS_MAPPED.into()],
+        }
+    }
 }
 
 /// What is no flaw of a composition, since its maps are so on purpose. Shares from 0 to 1.

@@ -111,8 +111,7 @@ pub(super) async fn of_rest(work: &Arc<Work>, live: &LiveQuery, cut: &Arc<Model>
     let corpus: Vec<Selection> = (0..cut.segments.len()).map(select).collect();
     // One try each: what finishes the others is for those who choose.
     let options = QueryOptions { top: 1, ..live.options.clone() };
-    let rest = LiveQuery::new(live.caller, options, Arc::clone(cut), job, Instant::now());
-    let rest = Arc::new(rest);
+    let rest = Arc::new(LiveQuery::new(live.caller, options, Arc::clone(cut), job, Instant::now()));
     rest.set_corpus_sizes(&corpus.iter().map(|c| c.size as u64).collect::<Vec<_>>());
     run(Arc::clone(work), Arc::clone(&rest), corpus).await;
     Ok(rest)

@@ -9,7 +9,8 @@ use crate::map::polish::{Faces, PolishOptions, flat, settle};
 use crate::map::untangle::inward;
 use crate::measure::sound::Grounds;
 use crate::mesh::Vec3;
-use crate::mesh::tri::{NONE, TriMesh};
+use crate::mesh::disjoint::Sets;
+use crate::mesh::tri::{NONE, TriMesh, area_between};
 use crate::topology::{connected, widen};
 use crate::unfold::Chart;
 
@@ -34,43 +35,25 @@ pub fn islands(mesh: &TriMesh, positions: &[Vec3], bare: &mut [bool], grounds: &
     let joins = |[a, b]: [u32; 2]| {
         !bare[a as usize] && !bare[b as usize] && leaps.binary_search(&[a.min(b), a.max(b)]).is_err()
     };
-    let mut piece: Vec<u32> = (0..positions.len() as u32).collect();
-    fn root(piece: &mut [u32], v: u32) -> u32 {
-        let mut at = v;
-        while piece[at as usize] != at {
-            piece[at as usize] = piece[piece[at as usize] as usize];
-            at = piece[at as usize];
-        }
-        at
-    }
-    for &edge in edges.iter().filter(|edge| joins(**edge)) {
-        let [a, b] = edge.map(|v| root(&mut piece, v));
-        piece[a.max(b) as usize] = a.min(b);
-    }
+    let mut pieces = Sets::new(positions.len());
+    edges.iter().filter(|edge| joins(**edge)).for_each(|[a, b]| pieces.join(*a, *b));
     let mut areas = vec![0.0; positions.len()];
     for (t, corners) in mesh.triangles.iter().enumerate() {
         for v in corners {
-            areas[root(&mut piece, *v) as usize] += mesh.area(t) / 3.0;
+            areas[pieces.root(*v) as usize] += mesh.area(t) / 3.0;
         }
     }
     let all = mesh.total_area();
     for v in 0..positions.len() {
-        let piece = root(&mut piece, v as u32);
-        bare[v] |= areas[piece as usize] <= ISLAND * all;
+        bare[v] |= areas[pieces.root(v as u32) as usize] <= ISLAND * all;
     }
 }
 
 /// Lets the vertices about faces that look inward come to rest on the input, where fewer do after it. `mirror` is −1 for mirrored
 /// maps. The boundary stays.
 pub fn mend(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64) {
-    let laid = |cross: &CrossMap| -> f64 {
-        let area = |t: &[u32; 3]| {
-            let [a, b, c] = t.map(|v| cross.positions[v as usize]);
-            0.5 * (b - a).cross(&(c - a)).norm()
-        };
-        mesh.triangles.iter().map(area).sum()
-    };
-    let growth = laid(cross) / mesh.total_area().max(f64::MIN_POSITIVE);
+    let laid: f64 = mesh.triangles.iter().map(|t| area_between(t.map(|v| cross.positions[v as usize]))).sum();
+    let growth = laid / mesh.total_area().max(f64::MIN_POSITIVE);
     let boundary = mesh.boundary_vertices();
     for rings in RINGS {
         let turned = inward(mesh, cross, input, mirror);

@@ -130,8 +130,8 @@ impl Grounds {
         self
     }
 
-    /// Those of some edges of a mesh that leap from one part of the surface to another, in order: they leave it and are long for
-    /// their place, and the way along the surface is far longer.
+    /// Finds the edges that leap from one part of the surface to another, and keeps their order. Such an edge leaves the surface, is
+    /// long for its place, and is far shorter than the way between its ends along the surface.
     pub fn leaps(&self, positions: &[Vec3], edges: &[[u32; 2]]) -> Vec<[u32; 2]> {
         let usual = usual_edges(positions.len(), edges.iter().copied(), positions);
         let is_leap = |edge: &&[u32; 2]| {
@@ -143,7 +143,7 @@ impl Grounds {
         edges.iter().filter(is_leap).copied().collect()
     }
 
-    /// Whether the way between two points along the surface is far longer than the straight line.
+    /// Tells whether the way between two points along the surface is far longer than the straight line.
     fn is_leap(&self, [a, b]: [Vec3; 2]) -> bool {
         let ways = self.ways.get_or_init(|| Ways::new(&self.surface));
         let ends = [self.tree.closest(a), self.tree.closest(b)];

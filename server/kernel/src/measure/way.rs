@@ -37,8 +37,7 @@ impl Ways {
         Self { starts, beside, one_of }
     }
 
-    /// Whether a way along the edges of the surface leads from one place to another that is no longer than `limit`. *Source:*
-    /// Dijkstra 1959.
+    /// Tells whether the shortest way along the edges of the surface is no longer than `limit`. *Source:* Dijkstra 1959.
     pub(super) fn is_within(&self, surface: &TriMesh, [from, to]: [&Closest; 2], limit: f64) -> bool {
         let corners = |place: &Closest| -> Vec<(u32, f64)> {
             let Some(corners) = surface.triangles.get(place.triangle as usize) else { return Vec::new() };

@@ -10,7 +10,6 @@
 //! winding.
 
 mod collapse;
-mod disjoint;
 mod duplicates;
 mod ears;
 mod orient;

@@ -50,6 +50,11 @@ pub fn nearest_share([a, b]: [Vec3; 2], to: Vec3) -> f64 {
     ((to - a).dot(&(b - a)) / (b - a).norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
 }
 
+/// The area of the triangle with these corners.
+pub fn area_between([a, b, c]: [Vec3; 3]) -> f64 {
+    0.5 * (b - a).cross(&(c - a)).norm()
+}
+
 /// Pairs the halfedges of oriented triangles by sorting; [`NONE`] on the boundary.
 ///
 /// # Errors

@@ -1,19 +1,16 @@
 //! Cutting a surface along the rim of what was laid on a part of it.
 //!
-//! What lies within comes first; what lies beyond falls into protrusions and other primitives, whose small gaps are counted
-//! as filled. *Ours, not the paper's.*
+//! The part within comes first. The rest falls into protrusions and other primitives, and small gaps in these count as filled. *Ours, not the paper's.*
 
-use super::cut;
 use super::parts::{Count, parts};
-use super::refined::Refined;
-use super::{Order, Segmented};
+use super::{Order, Segmented, cut_at_zero};
 use crate::mesh::tri::{NONE, TriMesh};
 use crate::topology::holes::filled;
 use crate::topology::{self, Patch, Topology, TopologyError, primitive};
 
 /// A piece with a smaller share of the area goes to its neighbour.
 const CRUMB_SHARE: f64 = 0.002;
-/// The label of what lies within.
+/// The label that [`cut_at_zero`] gives to what lies within.
 const WITHIN: u32 = 0;
 /// The label of what lies beyond, while it is not cut up yet.
 const BEYOND: u32 = 1;
@@ -24,12 +21,7 @@ const BEYOND: u32 = 1;
 /// # Errors
 /// [`TopologyError::Empty`].
 pub fn segment_around(surface: &TriMesh, field: &[f64]) -> Result<Segmented, TopologyError> {
-    if surface.triangles.is_empty() {
-        return Err(TopologyError::Empty);
-    }
-    let scale = field.iter().fold(f64::MIN_POSITIVE, |most, x| most.max(x.abs()));
-    let shares = |x: &f64| vec![(WITHIN, 0.5 + 0.5 * x / scale), (BEYOND, 0.5 - 0.5 * x / scale)];
-    let (refined, mut label_of) = cut::cut(&Refined::of(surface), &field.iter().map(shares).collect::<Vec<_>>());
+    let (refined, mut label_of) = cut_at_zero(surface, field)?;
     let mesh = &refined.mesh;
     relabel(mesh, &mut label_of, WITHIN, f64::INFINITY);
     relabel(mesh, &mut label_of, BEYOND, CRUMB_SHARE * mesh.total_area());

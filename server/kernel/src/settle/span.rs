@@ -5,7 +5,7 @@
 //! even, and has no fold where its rim is a convex loop. *Source:* Tutte 1963 (each vertex the mean of its neighbours).
 
 use crate::mesh::Vec3;
-use crate::mesh::tri::TriMesh;
+use crate::mesh::tri::{TriMesh, area_between};
 
 /// Rounds of Gauss and Seidel at most, and the move, in √area of the mesh as it lies, below which they end.
 const ROUNDS: usize = 2000;
@@ -61,8 +61,7 @@ pub fn spanned(mesh: &TriMesh, positions: &[Vec3], free: &[bool]) -> Vec<Vec3> {
 }
 
 fn triangle_area(t: &[u32; 3], positions: &[Vec3]) -> f64 {
-    let [a, b, c] = t.map(|v| positions[v as usize]);
-    0.5 * (b - a).cross(&(c - a)).norm()
+    area_between(t.map(|v| positions[v as usize]))
 }
 
 #[cfg(test)]

@@ -87,14 +87,7 @@ fn largest(mesh: &TriMesh, component: &[u32], count: usize, policy: Components) 
 /// # Errors
 /// [`TopologyError::Unsupported`] where that is no primitive.
 pub(crate) fn with_ends(mesh: &TriMesh, ends: usize) -> Result<Topology, TopologyError> {
-    let found = invariants(mesh);
-    match (found.genus, ends) {
-        (0, 0) => Ok(Topology::Sphere),
-        (0, 1) => Ok(Topology::Disc),
-        (0, 2) => Ok(Topology::Annulus),
-        (1, 0) => Ok(Topology::Torus),
-        _ => Err(TopologyError::Unsupported(found)),
-    }
+    super::with_ends(invariants(mesh), ends)
 }
 
 /// The loops of a mesh, as halfedges, that are holes, and how many are ends: those that `is_end` names are, however short.

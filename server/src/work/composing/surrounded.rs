@@ -21,7 +21,7 @@ pub(super) struct Surrounded {
     /// A regular layout for each segment whose example may give way.
     instead: Vec<Option<Arc<Encoded>>>,
     /// What is told of each segment's map.
-    pub(super) laid: Vec<Option<Laid>>,
+    laid: Vec<Option<Laid>>,
     /// The name of the example that each segment around the map takes, if it takes one.
     names: Vec<Option<String>>,
 }
@@ -58,11 +58,15 @@ impl Surrounded {
         };
         for segment in 1..cut.segments.len() {
             let Ok(encoded) = rest.encoded(segment as u32).await else { return Ok(None) };
-            let example = match tries(&cut.segments, segment) {
-                0 => None,
-                _ => best_map(work, &rest, segment as u32, 1).await?,
+            let map = match tries(&cut.segments, segment) {
+                0 => Ok(None),
+                _ => best_map(work, &rest, segment as u32, 1).await,
             };
-            found.push(work, encoded, example.as_deref());
+            match map {
+                Err(error) if error.stop_reason() == Some(StopReason::Cancelled) => return Err(error),
+                // A regular layout is there at once.
+                map => found.push(work, encoded, map.ok().flatten().as_deref()),
+            }
         }
         Ok(Some(found))
     }
@@ -99,6 +103,7 @@ impl Surrounded {
         made.notes.retain(|note| !note.contains("segment"));
         let used = self.names.into_iter().zip(&made.is_example).filter(|(_, is_example)| **is_example);
         let mut names: Vec<String> = used.filter_map(|(name, _)| name).collect();
+        names.sort_unstable();
         names.dedup();
         if !names.is_empty() {
             made.notes.push(format!("other examples around the first: {}", names.join(", ")));

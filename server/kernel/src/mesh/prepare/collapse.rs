@@ -3,9 +3,9 @@
 //! A triangle without area cannot simply be left out: that would open a hole. Where its trouble is an edge without length,
 //! the edge's ends are joined, unless the surface would then no longer be a manifold; then they stay.
 
-use super::disjoint::Sets;
 use super::surface::edge_key;
 use super::tessellate::Triangles;
+use crate::mesh::disjoint::Sets;
 use crate::mesh::error::MeshError;
 use crate::mesh::repair::{RepairKind, Repairs};
 use crate::mesh::tri::pair_halfedges;

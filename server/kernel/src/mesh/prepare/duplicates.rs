@@ -3,8 +3,8 @@
 //! Copies with the same winding are left out. Of a face and its reverse one is left out where the two are a sheet drawn
 //! from both sides, and both where they are a wall between two closed parts.
 
-use super::disjoint::Sets;
 use super::surface::Surface;
+use crate::mesh::disjoint::Sets;
 use crate::mesh::repair::{RepairKind, Repairs};
 
 /// Leaves out rows that repeat another.

@@ -1,7 +1,7 @@
 //! Which rows are turned: those against their neighbours, and closed components that are inside out.
 
-use super::disjoint::Sides;
 use super::surface::Surface;
+use crate::mesh::disjoint::Sides;
 use crate::mesh::error::MeshError;
 use crate::mesh::repair::{RepairKind, Repairs};
 use crate::mesh::{NONE, Vec3};

@@ -6,10 +6,10 @@
 //! surface's two sides, or lead to two edges between the same vertices, is not made. A small sheet that came off at all such
 //! edges is a leftover of modelling, mostly inside the body, and is left out.
 
-use super::disjoint::Sides;
 use super::orient;
 use super::stitch::take_back_bad;
 use super::surface::Surface;
+use crate::mesh::disjoint::Sides;
 use crate::mesh::error::MeshError;
 use crate::mesh::repair::{RepairKind, Repairs};
 use crate::mesh::{NONE, Vec3};

@@ -4,9 +4,9 @@
 //! between equal positions are joined when they are the only two there, or the only two there of one component. A stitch
 //! that would contradict the surface's two sides, or lead to two edges between the same vertices, is not made.
 
-use super::disjoint::Sides;
 use super::surface::{Surface, edge_key};
 use super::umbrella::fans;
+use crate::mesh::disjoint::Sides;
 use crate::mesh::weld::{equal_points, near_points};
 use crate::mesh::{NONE, Vec3};
 

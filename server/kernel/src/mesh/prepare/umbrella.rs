@@ -3,8 +3,8 @@
 //! A vertex of the prepared mesh is a set of corners that are connected across edges: so a vertex of the upload at which
 //! several fans touch becomes several, and vertices along a stitched seam become one.
 
-use super::disjoint::Sets;
 use super::surface::Surface;
+use crate::mesh::disjoint::Sets;
 use crate::mesh::repair::{RepairKind, Repairs};
 use crate::mesh::{NONE, Vec3};
 use crate::numerics::stop;

@@ -16,9 +16,8 @@ const PARTS_MAX: usize = 24;
 pub(super) fn around(query: &Model, mapped: &Mapped) -> Result<Option<(Model, Arc<PolyMesh>)>, EngineError> {
     let on: &ModelInner = query.inner.open()?;
     let [patch] = &on.segmented.parts[..] else { return Ok(None) };
-    let own = continued::own(mapped);
-    let mesh = own.as_ref().map_or(&mapped.mesh, |own| &own.mesh);
-    let Ok(laid) = prepare(mesh) else { return Ok(None) };
+    let own = continued::own_faces(mapped).unwrap_or_else(|| Arc::clone(&mapped.mesh));
+    let Ok(laid) = prepare(&own) else { return Ok(None) };
     let Some(field) = within(&laid.mesh, &laid.mesh.positions, &patch.mesh) else { return Ok(None) };
     let Ok(segmented) = segment_around(&patch.mesh, &field) else { return Ok(None) };
     if !(2..=PARTS_MAX).contains(&segmented.parts.len()) {
@@ -27,7 +26,7 @@ pub(super) fn around(query: &Model, mapped: &Mapped) -> Result<Option<(Model, Ar
     let inner = ModelInner { segmented, parts: Vec::new(), is_part: true, laid: None, prepared: on.prepared.clone() };
     let segments = inner.segments();
     let cut = Model { segments, labels: None, besides: None, inner: Opaque::new(inner), ..query.clone() };
-    Ok(Some((cut, Arc::clone(mesh))))
+    Ok(Some((cut, own)))
 }
 
 #[cfg(test)]

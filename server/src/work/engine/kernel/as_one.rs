@@ -9,7 +9,6 @@ use super::told::MISS_TOLD_PCT;
 use crate::pool::Stop;
 use quadmuse_kernel::compose::{self, Miss, ground::Ground};
 use quadmuse_kernel::mesh::PolyMesh;
-use quadmuse_proto::composition::AS_MAPPED;
 use std::sync::Arc;
 
 /// A map that misses its input by no more than this, in percent of the diagonal, stays as it is.
@@ -51,10 +50,10 @@ pub(super) fn as_one(
         return Ok(None);
     };
     if splits == 0 && 100.0 * miss.mean <= CLOSE_PCT {
-        return Ok(Some(as_mapped(whole)));
+        return Ok(Some(Stitched::as_mapped(whole, vec![true])));
     }
     let follows = |miss: Miss| 100.0 * miss.mean <= MISS_TOLD_PCT;
-    let as_it_is = (splits == 0 && follows(miss)).then(|| as_mapped(whole));
+    let as_it_is = (splits == 0 && follows(miss)).then(|| Stitched::as_mapped(whole, vec![true]));
     let mut best: Option<(Miss, Stitched)> = None;
     loop {
         // What misses by more needs smaller quads at once.
@@ -105,25 +104,13 @@ fn split_note(splits: u32, quads: usize) -> String {
     )
 }
 
-/// A map of a whole input that needs nothing done.
-fn as_mapped(whole: &Arc<PolyMesh>) -> Stitched {
-    let extraordinary = compose::check::extraordinary(whole) as u64;
-    Stitched {
-        is_poor_kept: false,
-        mesh: Arc::clone(whole),
-        is_example: vec![true],
-        extraordinary_vertices: extraordinary,
-        extraordinary_before: extraordinary,
-        notes: vec![AS_MAPPED.into()],
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use quadmuse_kernel::mesh::{Attributes, FaceLabels, Polygons, Vec3, prepare};
     use quadmuse_kernel::segment::Segmented;
     use quadmuse_kernel::topology::Components;
+    use quadmuse_proto::composition::AS_MAPPED;
 
     /// n × n quads of two groups over a square, on a surface of a height.
     fn sheet(n: usize, height: impl Fn(f64, f64) -> f64) -> PolyMesh {

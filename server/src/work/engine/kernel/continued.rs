@@ -39,13 +39,18 @@ pub(super) fn edited(
 
 /// A map without the rows that continue it; `None` where it has none.
 pub(super) fn own(mapped: &Mapped) -> Option<Mapped> {
-    let (_, faces) = mapped.reach.own?;
-    let keep: Vec<bool> = (0..mapped.mesh.faces.len() as u64).map(|f| f < faces).collect();
-    let mesh = Arc::new(select(&mapped.mesh, &keep));
+    let mesh = own_faces(mapped)?;
     let mut own = Mapped { part: Arc::clone(&mesh), mesh, ..mapped.clone() };
     (own.reach.own, own.reach.inspired) = (None, None);
     own.reasons.push(format!("{BARE}: rows of quads would leave it"));
     Some(own)
+}
+
+/// The faces of a map without the rows that continue it; `None` where it has none.
+pub(super) fn own_faces(mapped: &Mapped) -> Option<Arc<PolyMesh>> {
+    let (_, faces) = mapped.reach.own?;
+    let keep: Vec<bool> = (0..mapped.mesh.faces.len() as u64).map(|f| f < faces).collect();
+    Some(Arc::new(select(&mapped.mesh, &keep)))
 }
 
 /// Continues a map to where the input ends.

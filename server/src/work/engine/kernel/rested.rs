@@ -19,6 +19,7 @@ use quadmuse_kernel::map::reembed::{Ground, turn_back};
 use quadmuse_kernel::map::untangle::inward;
 use quadmuse_kernel::measure::sound::Grounds;
 use quadmuse_kernel::mesh::bvh::Bvh;
+use quadmuse_kernel::mesh::tri::area_between;
 use quadmuse_kernel::mesh::{NONE, TriMesh, Vec3};
 use quadmuse_kernel::register::{Entry, Flip};
 use quadmuse_kernel::settle::Evidence;
@@ -200,10 +201,7 @@ fn with_turned(mesh: &TriMesh, cross: &CrossMap, chart: &Chart, sign: f64, mut l
 
 /// The share of the area that some polygons, in order, take of a mesh whose vertices lie at `positions`.
 fn share(mesh: &TriMesh, positions: &[Vec3], polygons: &[u32]) -> f64 {
-    let area = |t: usize| {
-        let [a, b, c] = mesh.triangles[t].map(|v| positions[v as usize]);
-        0.5 * (b - a).cross(&(c - a)).norm()
-    };
+    let area = |t: usize| area_between(mesh.triangles[t].map(|v| positions[v as usize]));
     let all: f64 = (0..mesh.triangles.len()).map(area).sum();
     let is_one = |t: &usize| polygons.binary_search(&mesh.polygon_of[*t]).is_ok();
     (0..mesh.triangles.len()).filter(is_one).map(area).sum::<f64>() / all.max(f64::MIN_POSITIVE)

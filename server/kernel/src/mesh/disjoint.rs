@@ -2,14 +2,14 @@
 
 /// Disjoint sets of `0..n`; the root of a set is its smallest member.
 #[derive(Clone)]
-pub(super) struct Sets(Vec<u32>);
+pub(crate) struct Sets(Vec<u32>);
 
 impl Sets {
-    pub(super) fn new(n: usize) -> Self {
+    pub(crate) fn new(n: usize) -> Self {
         Self((0..n as u32).collect())
     }
 
-    pub(super) fn root(&mut self, mut x: u32) -> u32 {
+    pub(crate) fn root(&mut self, mut x: u32) -> u32 {
         while self.0[x as usize] != x {
             self.0[x as usize] = self.0[self.0[x as usize] as usize];
             x = self.0[x as usize];
@@ -17,25 +17,25 @@ impl Sets {
         x
     }
 
-    pub(super) fn join(&mut self, a: u32, b: u32) {
+    pub(crate) fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.root(a), self.root(b));
         self.0[a.max(b) as usize] = a.min(b);
     }
 }
 
 /// Disjoint sets whose members stand on one of two sides of their set.
-pub(super) struct Sides {
+pub(crate) struct Sides {
     /// Parent, and whether the member stands on the other side than its parent.
     parents: Vec<(u32, bool)>,
 }
 
 impl Sides {
-    pub(super) fn new(n: usize) -> Self {
+    pub(crate) fn new(n: usize) -> Self {
         Self { parents: (0..n as u32).map(|x| (x, false)).collect() }
     }
 
     /// The root of the set of `x`, and whether `x` stands on the other side than the root.
-    pub(super) fn root(&mut self, x: u32) -> (u32, bool) {
+    pub(crate) fn root(&mut self, x: u32) -> (u32, bool) {
         let (mut top, mut side) = (x, false);
         while self.parents[top as usize].0 != top {
             let (parent, other) = self.parents[top as usize];
@@ -51,7 +51,7 @@ impl Sides {
 
     /// Demands that `a` and `b` stand on different sides (`opposed`) or on the same; false if that contradicts what was
     /// demanded before.
-    pub(super) fn join(&mut self, a: u32, b: u32, opposed: bool) -> bool {
+    pub(crate) fn join(&mut self, a: u32, b: u32, opposed: bool) -> bool {
         let ((a, side_a), (b, side_b)) = (self.root(a), self.root(b));
         if a == b {
             return (side_a ^ side_b) == opposed;
@@ -61,7 +61,7 @@ impl Sides {
     }
 
     /// Whether `a` and `b` of one set stand on different sides.
-    pub(super) fn opposed(&mut self, a: u32, b: u32) -> bool {
+    pub(crate) fn opposed(&mut self, a: u32, b: u32) -> bool {
         self.root(a).1 ^ self.root(b).1
     }
 }
