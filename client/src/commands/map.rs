@@ -14,9 +14,13 @@ use crate::{
     state::State,
     ui::Ui,
 };
+use futures_util::{StreamExt, stream};
 use quadmuse_proto::{
     Beyond, Code, ConstraintEdit, Landmark, Map, MapId, NewMap, Problem, Query, QueryId, QuerySegment,
 };
+
+/// Examples that are laid at a time.
+const AT_A_TIME: usize = 2;
 
 pub(super) async fn map(args: &MapArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
     let target = Target::of(&args.out, args.kept.as_deref());
@@ -53,6 +57,20 @@ pub(super) async fn lay(
     api: &Api,
     ui: &mut Ui,
 ) -> Result<(Map, String), ClientError> {
+    let spinner = ui.spinner("mapping");
+    let found = laid(query, segment, told, (beyond, landmarks), api).await;
+    spinner.finish_and_clear();
+    found
+}
+
+/// The same, and says nothing.
+async fn laid(
+    query: &Query,
+    segment: u32,
+    told: Option<ExampleRef>,
+    (beyond, landmarks): (Beyond, Vec<Landmark>),
+    api: &Api,
+) -> Result<(Map, String), ClientError> {
     check_segment(query, Some(segment))?;
     let Some(found) = query.segments.iter().find(|candidate| candidate.segment == segment) else {
         return Err(ClientError::NoSuchSegment {
@@ -62,10 +80,8 @@ pub(super) async fn lay(
         });
     };
     let choice = choose(query, found, told, api).await?;
-    let spinner = ui.spinner("mapping");
-    let map = api.start_map(query.id, &NewMap { beyond, landmarks, ..choice.new }).await;
-    spinner.finish_and_clear();
-    Ok((map?, choice.name))
+    let map = api.start_map(query.id, &NewMap { beyond, landmarks, ..choice.new }).await?;
+    Ok((map, choice.name))
 }
 
 /// Lays the ranking's best examples on a segment until a map is good enough; the map that is worth most, or else the best
@@ -82,18 +98,28 @@ pub(super) async fn lay_best(
     if tries <= 1 || best.0.is_enough(1, tries) {
         return Ok(best);
     }
+    // The first is mostly good enough. Where it is not, two at a time are laid, and looked at in order.
     let others = promising(query, segment.segment, tries, api).await?;
-    for (tried, other) in (2..).zip(others.into_iter().skip(1)) {
-        match lay(query, segment.segment, Some(other), (beyond, Vec::new()), api, ui).await {
+    let spinner = ui.spinner("mapping");
+    let one = |told| laid(query, segment.segment, Some(told), (beyond, Vec::new()), api);
+    let mut found = stream::iter(others.into_iter().skip(1).map(one)).buffered(AT_A_TIME);
+    let mut tried = 1;
+    while let Some(found) = found.next().await {
+        tried += 1;
+        match found {
             Ok(found) if found.0.worth() > best.0.worth() => best = found,
             Ok(_) => {}
             Err(error) if is_late(&error) => break,
-            Err(error) => return Err(error),
+            Err(error) => {
+                spinner.finish_and_clear();
+                return Err(error);
+            }
         }
         if best.0.is_enough(tried, tries) {
             break;
         }
     }
+    spinner.finish_and_clear();
     Ok(best)
 }
 

@@ -12,6 +12,7 @@ use super::ranking::entries;
 use super::worth::tries;
 use super::{REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, Stop, StopReason};
+use futures_util::{StreamExt, stream};
 use headline::{Laid, headline};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
@@ -41,6 +42,9 @@ const MEMORY_PER_INPUT_FACE: u64 = 300;
 
 /// Memory that the stitched mesh takes for each face, as long as it is held.
 const MEMORY_PER_FACE_HELD: u64 = 200;
+
+/// Examples that are laid on a segment at a time.
+const AT_A_TIME: usize = 2;
 
 /// A composition and its mesh.
 pub struct LiveComposition {
@@ -369,28 +373,34 @@ async fn best_map(
         let entries = entries(&ranking.candidates, ranking.candidates.len());
         promising(&entries, tries).into_iter().map(|entry| (entry.example, entry.example_segment)).collect()
     });
-    let mut best: Option<(f64, Arc<LiveMap>)> = None;
-    for (tried, (example, example_segment)) in (1..).zip(entries) {
+    let one = |(example, example_segment)| async move {
         let is_this = |map: &&Arc<LiveMap>| {
             let summary = &map.newest().summary;
             (summary.segment, summary.example, summary.example_segment) == (segment, example, example_segment)
         };
         let there = live.maps().values().find(is_this).cloned();
-        let map = match there {
-            Some(map) => map,
-            None => {
-                let new = NewMap { segment, example, example_segment, beyond: Beyond::Extend, landmarks: Vec::new() };
-                match mapping::create(work, live, new).await {
-                    Ok(map) => map,
-                    // Another would take as long; a regular layout is there at once.
-                    Err(error) if error.stop_reason() == Some(StopReason::Deadline) => break,
-                    Err(error) => return Err(error),
-                }
-            }
+        let new = NewMap { segment, example, example_segment, beyond: Beyond::Extend, landmarks: Vec::new() };
+        match there {
+            Some(map) => Ok(map),
+            None => mapping::create(work, live, new).await,
+        }
+    };
+    // The first is mostly good enough. Where it is not, two at a time are laid, and looked at in order.
+    let (first, others) = entries.split_at(entries.len().min(1));
+    let first = stream::iter(first.iter().copied()).then(one);
+    let others = stream::iter(others.iter().copied()).map(one).buffered(AT_A_TIME);
+    let mut found = std::pin::pin!(first.chain(others).enumerate());
+    let mut best: Option<(f64, Arc<LiveMap>)> = None;
+    while let Some((tried, found)) = found.next().await {
+        let map = match found {
+            Ok(map) => map,
+            // Another would take as long; a regular layout is there at once.
+            Err(error) if error.stop_reason() == Some(StopReason::Deadline) => break,
+            Err(error) => return Err(error),
         };
         let worth = map.newest().summary.worth();
         let is_better = best.as_ref().is_none_or(|best| worth > best.0);
-        let is_enough = map.newest().summary.is_enough(tried, tries);
+        let is_enough = map.newest().summary.is_enough(tried + 1, tries);
         if is_better {
             best = Some((worth, map));
         }
