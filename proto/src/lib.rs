@@ -25,7 +25,7 @@ mod schema;
 
 pub use composition::{Composition, CompositionPart, NewComposition};
 pub use constraint::{Constraint, ConstraintEdit, ConstraintOrigin, Landmark, Location, NewConstraint, OnFold, Place};
-pub use example::{Example, ExamplePatch, ExampleSegment, MeshCounts};
+pub use example::{Example, ExamplePatch, ExampleSegment, MeshCounts, NamedPoint};
 pub use format::MeshFormat;
 pub use health::{Health, Readiness};
 pub use id::{CompositionId, ExampleId, MapId, QueryId};

@@ -10,6 +10,7 @@ pub mod corpus;
 pub mod engine;
 pub mod error;
 pub mod ingest;
+pub mod landmarks;
 pub mod mapping;
 pub mod picture;
 pub mod pictures;

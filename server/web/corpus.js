@@ -3,6 +3,7 @@
 import { $, call, json, make, picture, send, upload } from "/web/call.js";
 import { showExample } from "/web/example.js";
 import { formatOf } from "/web/files.js";
+import { forgetFacts } from "/web/laying.js";
 import { SURFACES } from "/web/words.js";
 
 const PAGE = 500;
@@ -83,6 +84,7 @@ function openExample(id) {
   showExample(examples[at], {
     async change(patch) {
       examples[at] = await send(`/v1/examples/${id}`, patch, "PATCH");
+      forgetFacts(id);
       draw();
       return examples[at];
     },

@@ -36,6 +36,8 @@ const factsOf = (id) => {
   return facts.get(id);
 };
 
+export const forgetFacts = (id) => facts.delete(id);
+
 // A mesh of the corpus, kept for when it is laid again.
 export function exampleMesh(id) {
   if (!meshes.has(id)) {
@@ -91,17 +93,27 @@ async function surfaces() {
   return kinds.filter((_, k) => found[k].items.some((e) => !e.template));
 }
 
+// The points of the scan that were placed by name, where the example has the same names.
+async function namesFor(query, entry) {
+  const placed = query.pairs.filter((p) => p.name && p.input);
+  if (!placed.length || isTemplate(entry)) return {};
+  const known = new Set(((await factsOf(entry.example))?.landmarks ?? []).map((l) => l.name));
+  return Object.fromEntries(placed.filter((p) => known.has(p.name)).map((p) => [p.name, p.input]));
+}
+
 // Lays an entry on the scan, and shows it, unless `beats` names a map that is as good.
 export async function lay(query, entry, { landmarks = [], beyond = "leave", beats = null } = {}) {
   const begun = performance.now();
   const { segment } = query;
-  const body = { segment, example: entry.example, example_segment: entry.example_segment, beyond, ...(landmarks.length ? { landmarks } : {}) };
+  const names = landmarks.length ? {} : await namesFor(query, entry);
+  const met = Object.keys(names).length;
+  const body = { segment, example: entry.example, example_segment: entry.example_segment, beyond, ...(landmarks.length ? { landmarks } : {}), ...(met ? { names } : {}) };
   const map = await busy(`Laying ${nameOf(entry)} on the scan…`, (signal) => send(`/v1/queries/${query.id}/maps`, body, "POST", { signal }));
   if (!map || bench.query !== query) return null;
   if (beats && worth(map) <= worth(beats)) return map;
   await showMap(query, map);
   query.layMs = performance.now() - begun;
-  say(`${nameOf(entry)} was laid in ${(query.layMs / 1000).toFixed(1)} s.`);
+  say(`${nameOf(entry)} was laid in ${(query.layMs / 1000).toFixed(1)} s${met ? `, held by ${met === 1 ? "the point" : `${met} points`} that the scan and it both name` : ""}.`);
   return map;
 }
 
@@ -138,6 +150,9 @@ export async function showMap(query, map, { keep = true } = {}) {
   const known = template ? null : await factsOf(map.example);
   const name = template ? "Regular layout" : known?.name || (entry ? nameOf(entry) : map.example);
   query.shown.name = name;
+  query.shown.named = known?.landmarks ?? [];
+  // Points of another example mean nothing on this one, but for those that both name.
+  if (isNew) query.pairs = query.pairs.flatMap((p) => { const own = p.name && query.shown.named.find((l) => l.name === p.name); return own ? [{ ...p, example: own.point }] : []; });
   query.shown.topology = known?.segments.find((s) => s.segment === map.example_segment)?.topology;
   tools.setNames({ example: name, result: `${query.name} with ${faceCount(quads)} quads` });
   tools.set({ layout: viewer.options.layout, show: query.segments.length > 1 ? "over" : viewer.options.show === "scan" ? "quads" : viewer.options.show });

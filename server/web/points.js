@@ -116,6 +116,10 @@ function pair(query, pane, found) {
   const end = pane === "example" ? "example" : "input";
   if (open) open[end] = found.point;
   else if (query.pairs.length < LANDMARKS_MAX) query.pairs.push({ example: null, input: null, [end]: found.point });
+  // Whoever places a point by name goes on with the next.
+  const next = open?.name && query.shown?.named?.find((l) => query.pairs.every((p) => p.name !== l.name));
+  if (next) { placeNamed(query, next); return; }
+  if (open?.name) { place(query, false); return; }
   const half = query.pairs.find((p) => !p.example || !p.input);
   bench.viewer.picks = half?.example ? "result" : "example";
   tools.draw();
@@ -124,6 +128,7 @@ function pair(query, pane, found) {
 
 export function place(query, on) {
   query.placing = on;
+  query.pairs = query.pairs.filter((p) => on || (p.example && p.input));
   bench.viewer.picks = on ? "example" : false;
   bench.viewer.canvas.classList.toggle("picking", on);
   tools.set({ layout: on ? "two" : bench.viewer.options.layout });
@@ -132,9 +137,36 @@ export function place(query, on) {
   showPanel(query);
 }
 
+// Begins a landmark at a point that the example names: its place on the scan is all that is wanted.
+function placeNamed(query, { name, point }) {
+  query.pairs = query.pairs.filter((p) => p.example && p.input && p.name !== name);
+  if (query.pairs.length >= LANDMARKS_MAX) { say(`${LANDMARKS_MAX} landmarks are the most that a map is held by.`, "bad"); return; }
+  place(query, true);
+  query.pairs.push({ name, example: point, input: null });
+  bench.viewer.picks = "result";
+  say(`Click where “${name}” is on the scan.`);
+  tools.draw();
+  showPanel(query);
+}
+
+// The points that the example names, to be placed on the scan one by one.
+function names(query) {
+  const { named = [] } = query.shown;
+  if (!named.length) return null;
+  const box = make("div", undefined, { id: "names" });
+  const row = make("p", undefined, { className: "row" });
+  for (const [k, landmark] of named.entries()) {
+    const pair = query.pairs.find((p) => p.name === landmark.name);
+    const isOpen = Boolean(pair && !pair.input);
+    row.append(button(landmark.name, () => (isOpen ? place(query, false) : placeNamed(query, landmark)), { className: `plain small${pair?.input ? " placed" : ""}`, ariaPressed: String(isOpen), id: `name-${k}`, title: pair?.input ? "It is placed; click to place it anew" : "Place it on the scan" }));
+  }
+  box.append(make("p", "This example names points. Choose one, then click where it is on the scan:", { className: "soft" }), row);
+  return box;
+}
+
 function layHeld(query) {
   const { map, name } = query.shown;
-  const landmarks = query.pairs.filter((p) => p.example && p.input).map((p, k) => ({ name: String(k + 1), on_example: p.example, on_input: p.input }));
+  const landmarks = query.pairs.filter((p) => p.example && p.input).map((p, k) => ({ name: p.name ?? String(k + 1), on_example: p.example, on_input: p.input }));
   query.touched = true;
   place(query, false);
   return lay(query, { example: map.example, example_segment: map.example_segment, name }, { landmarks });
@@ -206,11 +238,14 @@ function landmarks(query) {
   const box = make("div");
   const full = query.pairs.filter((p) => p.example && p.input).length;
   const example = bench.viewer.meshes.example;
+  const own = names(query);
+  if (own) box.append(own);
   box.append(button(query.placing ? "Stop placing" : "Place landmarks", () => place(query, !query.placing), { ariaPressed: String(Boolean(query.placing)), id: "place", disabled: !example }));
   if (query.pairs.length) {
     const items = make("ul", undefined, { id: "pairs" });
     query.pairs.forEach((p, k) => {
-      const item = make("li", p.example && p.input ? `Landmark ${k + 1} ` : `Landmark ${k + 1}: ${p.example ? "now where it belongs on the scan" : "now the same point of the example"} `);
+      const what = p.name ? `${k + 1}, ${p.name}` : `Landmark ${k + 1}`;
+      const item = make("li", p.example && p.input ? `${what} ` : `${what}: ${p.example ? "now where it belongs on the scan" : "now the same point of the example"} `);
       item.append(button("Remove", () => { query.pairs.splice(k, 1); bench.viewer.picks = query.placing ? "example" : false; showPanel(query); }, { className: "plain small", ariaLabel: `Remove landmark ${k + 1}`, id: `pair-${k}` }));
       items.append(item);
     });

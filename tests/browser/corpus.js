@@ -43,6 +43,25 @@ export const corpus = {
     await page.fill("#edit-name", "a duck");
     await page.fill("#edit-tags", "sample, bird");
     await page.selectOption("#edit-rating", "5");
+    await page.fill("#edit-author", "Ada");
+    await page.fill("#edit-licence", "CC0-1.0");
+    // One landmark by mouse, one by keyboard; the first is named, and moved.
+    const box = await page.locator("#example-dialog canvas").boundingBox();
+    await page.click("#add-landmark");
+    await page.mouse.click(box.x + 0.5 * box.width, box.y + 0.45 * box.height);
+    await page.waitForSelector("#landmark-0");
+    await page.keyboard.type("breast");
+    await page.click("#add-landmark");
+    await page.keyboard.press("ArrowLeft");
+    await page.waitForTimeout(500);
+    await shoot(page, "example-placing");
+    await page.keyboard.press("Enter");
+    await page.waitForSelector("#landmark-1");
+    await page.click("#move-0");
+    await page.mouse.click(box.x + 0.5 * box.width, box.y + 0.6 * box.height);
+    await page.waitForTimeout(300);
+    await shoot(page, "example-landmarks");
+    await noComplaints(page, "example with landmarks");
     await page.click("#example-dialog button:has-text('Save')");
     await page.waitForFunction(() => document.querySelector("#example-dialog [role=status]").textContent === "Saved.");
     await page.click("#example-dialog button:has-text('Delete')");
@@ -55,6 +74,8 @@ export const corpus = {
     check((await names(page))[0] === "a duck", "it is not back");
     const there = await page.evaluate(() => fetch("/v1/examples?tag=bird").then((r) => r.json()));
     check(there.items.length === 1 && there.items[0].relevance === 5, JSON.stringify(there));
+    const { author, licence, landmarks } = there.items[0];
+    check(author === "Ada" && licence === "CC0-1.0" && landmarks.map((l) => l.name).join() === "breast,landmark 2", JSON.stringify(landmarks));
   },
 
   async "several examples are added with tags, and each tells what came of it"({ open, example, scan }) {

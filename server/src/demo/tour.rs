@@ -11,7 +11,7 @@ use crate::work::query::{Board, LiveQuery, QueryOptions};
 use crate::work::{Caller, Work, WorkError, mapping, search};
 use nalgebra::Matrix3;
 use quadmuse_kernel::mesh::{Format, PolyMesh, Vec3, write};
-use quadmuse_proto::{Beyond, EntryState, MeshFormat, NewMap, Verdict};
+use quadmuse_proto::{EntryState, MeshFormat, NewMap, Verdict};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -113,13 +113,7 @@ async fn quadrangulate(
     let board = live.board();
     let best = board.rankings.first().and_then(|r| r.candidates.first()).cloned();
     let best = best.ok_or_else(|| TourError::NoEntry(input.name.clone()))?;
-    let wanted = NewMap {
-        segment: 0,
-        example: best.resident.example.id,
-        example_segment: best.resident.segment,
-        beyond: Beyond::Leave,
-        landmarks: Vec::new(),
-    };
+    let wanted = NewMap::new(0, best.resident.example.id, best.resident.segment);
     let map = mapping::create(work, &live, wanted).await?;
     let state = map.newest();
     let name = best.resident.example.name.clone();

@@ -379,7 +379,7 @@ async fn best_map(
         let map = match there {
             Some(map) => map,
             None => {
-                let new = NewMap { segment, example, example_segment, beyond: Beyond::Extend, landmarks: Vec::new() };
+                let new = NewMap { beyond: Beyond::Extend, ..NewMap::new(segment, example, example_segment) };
                 match mapping::create(work, live, new).await {
                     Ok(map) => map,
                     // Another would take as long; a regular layout is there at once.

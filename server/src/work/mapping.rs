@@ -7,9 +7,9 @@ use super::ingest::{self, encode};
 use super::query::{LiveQuery, MAPS_MAX, ms_since};
 use super::ranking::Candidate;
 use super::search::{caught_up, newcomer};
-use super::{REQUEST_TIME_MAX, Work, WorkError};
+use super::{REQUEST_TIME_MAX, Work, WorkError, landmarks};
 use crate::pool::{Job, Lane};
-use quadmuse_proto::constraint::{CONSTRAINTS_MAX, LANDMARKS_MAX};
+use quadmuse_proto::constraint::CONSTRAINTS_MAX;
 use quadmuse_proto::{ConstraintEdit, EntryState, Example, ExampleId, Map, MapId, MapTimings, NewMap};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -70,16 +70,8 @@ pub async fn create(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: NewMap) -> 
     if live.maps().len() >= MAPS_MAX {
         return Err(WorkError::TooMany { of: "maps", limit: MAPS_MAX });
     }
-    if wanted.landmarks.len() > LANDMARKS_MAX {
-        let (expected, found) = (format!("at most {LANDMARKS_MAX}"), wanted.landmarks.len());
-        return Err(WorkError::parameter("landmarks", expected, found));
-    }
+    landmarks::check(&wanted)?;
     if wanted.example == ExampleId::TEMPLATE {
-        if !wanted.landmarks.is_empty() {
-            let (expected, found) =
-                ("none with a regular layout, which has no points of its own", wanted.landmarks.len());
-            return Err(WorkError::parameter("landmarks", expected, found));
-        }
         return create_template(work, live, &wanted).await;
     }
     let example = work.catalogue.example(wanted.example)?;
@@ -93,7 +85,7 @@ pub async fn create(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: NewMap) -> 
     let encoding = Arc::new(query.encoding.clone());
     let candidate = registered(work, &job, live, &wanted, &encoding).await?;
     let register_ms = ms_since(start);
-    let (beyond, landmarks) = (wanted.beyond, wanted.landmarks);
+    let (beyond, landmarks) = (wanted.beyond, landmarks::held(&example, &wanted)?);
     let example_side = example_side(work, &job, &example, segment).await?;
     let query_side = Side { model: Arc::clone(&live.model), segment: wanted.segment, encoded: query };
     let (from, (one, two)) = (candidate.map(|c| Arc::clone(&c.registration)), (example_side, query_side));

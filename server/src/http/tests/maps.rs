@@ -53,6 +53,39 @@ async fn what_is_not_there_is_not_mapped() {
 }
 
 #[tokio::test]
+async fn landmarks_of_the_example_are_found_by_their_names() {
+    let (bench, path, example) = mapped().await;
+    let maps = format!("{path}/maps");
+    let names = json!({"nose": [1, 2, 3], "chin": [4, 5, 6], "ear": {"u": 0.5, "v": 0.25}});
+    let wanted = json!({"example": example, "names": names});
+    let detail = bench.post_json(&maps, wanted.clone()).await.problem(400, "parameter_invalid");
+    assert!(detail.contains("PATCH"), "{detail}");
+    let kind = [("content-type", "application/json")];
+    let landmarks =
+        json!([{"name": "brow", "vertex": 0}, {"name": "chin", "vertex": 2}, {"name": "nose", "vertex": 1}]);
+    let patch = json!({"landmarks": landmarks}).to_string();
+    bench.request(Method::PATCH, &format!("/v1/examples/{example}"), &kind, patch).await;
+    let made = bench.post_json(&maps, wanted).await;
+    assert_eq!(made.status, StatusCode::CREATED, "{}", made.text());
+    let ends =
+        |constraint: &Value| (constraint["on_example"]["point"].clone(), constraint["on_input"]["point"].clone());
+    let found: Vec<_> = made.json()["constraints"].as_array().expect("constraints").iter().map(ends).collect();
+    let chin = (json!([1.0, 1.0, 0.0]), json!([4.0, 5.0, 6.0]));
+    assert_eq!(found, [chin, (json!([1.0, 0.0, 0.0]), json!([1.0, 2.0, 3.0]))]);
+    let wanted = json!({"example": example, "names": {"nostril": [0, 0, 0]}});
+    let detail = bench.post_json(&maps, wanted).await.problem(400, "parameter_invalid");
+    assert!(detail.contains("brow, chin, nose") && detail.contains("found nostril"), "{detail}");
+    // Pairs alone will do, whatever else is named.
+    let pair = json!({"on_example": [0, 0, 0], "on_input": [0, 0, 1]});
+    let wanted = json!({"example": example, "names": {"nostril": [0, 0, 0]}, "landmarks": [pair]});
+    assert_eq!(bench.post_json(&maps, wanted).await.json()["constraints"].as_array().map(Vec::len), Some(1));
+    let many: serde_json::Map<String, Value> = (0..129).map(|k| (k.to_string(), json!([0, 0, 0]))).collect();
+    bench.post_json(&maps, json!({"example": example, "names": many})).await.problem(400, "parameter_invalid");
+    let template = json!({"example": quadmuse_proto::ExampleId::TEMPLATE, "names": names});
+    bench.post_json(&maps, template).await.problem(400, "parameter_invalid");
+}
+
+#[tokio::test]
 async fn an_example_added_after_the_query_can_be_mapped() {
     let (bench, path, _) = mapped().await;
     let late = bench.add("late", "segment disc 2.5").await;
