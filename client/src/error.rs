@@ -107,6 +107,14 @@ pub enum ClientError {
         /// The query.
         query: String,
     },
+    /// A map or composition was cancelled while it was waited for.
+    #[error("expected a {product}, found that {id} was cancelled; ask for it again")]
+    MakingCancelled {
+        /// What it was to be.
+        product: &'static str,
+        /// Its id.
+        id: String,
+    },
     /// A segment has no entry to choose.
     #[error(
         "expected an example to lay on segment {segment}, found none in its ranking; add examples of its topology ({topology}), or name one"

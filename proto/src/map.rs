@@ -3,6 +3,7 @@
 use crate::{
     constraint::{Constraint, Landmark, Place},
     id::{ExampleId, MapId, QueryId},
+    making::MakingState,
     ranking::Flip,
 };
 use serde::{Deserialize, Serialize};
@@ -61,6 +62,12 @@ pub struct Map {
     pub id: MapId,
     /// The query.
     pub query: QueryId,
+    /// Where it stands: `done`, as whatever is told whole.
+    #[serde(default)]
+    pub state: MakingState,
+    /// How far it is: 1.
+    #[serde(default = "whole")]
+    pub progress: f64,
     /// The query's segment.
     pub segment: u32,
     /// The example.
@@ -114,6 +121,10 @@ pub struct Map {
     pub evidence: Option<MapEvidence>,
     /// Where its time went.
     pub timings: MapTimings,
+}
+
+fn whole() -> f64 {
+    1.0
 }
 
 /// From this worth on no other example has to be tried.

@@ -11,6 +11,7 @@ pub mod engine;
 pub mod error;
 pub mod ingest;
 pub mod landmarks;
+pub mod making;
 pub mod mapping;
 pub mod picture;
 pub mod pictures;

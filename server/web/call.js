@@ -15,7 +15,7 @@ export const hooks = { unauthorized: () => {}, reached: () => {}, lost: () => {}
 
 export const sentence = (text) => `${text.charAt(0).toUpperCase()}${text.slice(1)}${/[.!?]$/.test(text) ? "" : "."}`;
 
-const problemOf = (status, problem) => Object.assign(new Error(sentence(problem.detail ?? `the server answered with ${status}`)), { code: problem.code, status });
+export const problemOf = (status, problem) => Object.assign(new Error(sentence(problem.detail ?? `the server answered with ${status}`)), { code: problem.code, status });
 
 // Every call goes through here: the token, and problems as errors.
 export async function call(path, options = {}) {

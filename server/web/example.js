@@ -15,6 +15,12 @@ function field(text, input) {
   return label;
 }
 
+function pair(...fields) {
+  const row = make("div", undefined, { className: "pair" });
+  row.append(...fields);
+  return row;
+}
+
 function parts(example) {
   const list = make("ul", undefined, { className: "soft" });
   if (example.segments.length === 1) return make("p", `Surface: ${SURFACES[example.segments[0].topology]}`, { className: "soft" });
@@ -39,9 +45,9 @@ export function showExample(example, act) {
   const author = make("input", undefined, { value: example.author, maxLength: 256, id: "edit-author" });
   const licence = make("input", undefined, { value: example.licence, maxLength: 256, id: "edit-licence", placeholder: "CC0-1.0" });
   const notes = make("textarea", undefined, { value: example.notes, maxLength: 4096, rows: 2, id: "edit-notes" });
-  const told = make("p", "", { className: "soft" });
+  const told = make("p", "", { className: "soft", id: "example-told" });
   told.setAttribute("role", "status");
-  const naming = new Naming(example.landmarks, (text) => Object.assign(told, { textContent: text, className: "soft" }));
+  const naming = new Naming(example.landmarks);
   form.onsubmit = async (event) => {
     event.preventDefault();
     try {
@@ -61,7 +67,7 @@ export function showExample(example, act) {
   remove.onclick = () => { dialog.close(); act.remove(); };
   buttons.append(make("button", "Save"), download, remove, close);
   const { faces, quads, vertices } = example.counts;
-  form.append(make("h2", example.name || example.id, { id: "example-name" }), field("Name", name), field("Tags", tags), field("Rating", rating), field("Author", author), field("Licence", licence), field("Notes", notes), naming.element, make("p", `${faces} faces (${Math.round((100 * quads) / Math.max(1, faces))} % quads), ${vertices} vertices, added ${example.created.slice(0, 10)}`, { className: "soft" }), parts(example), buttons, told);
+  form.append(make("h2", example.name || example.id, { id: "example-name" }), field("Name", name), pair(field("Tags", tags), field("Rating", rating)), pair(field("Author", author), field("Licence", licence)), field("Notes", notes), naming.element, make("p", `${faces} faces (${Math.round((100 * quads) / Math.max(1, faces))} % quads), ${vertices} vertices, added ${example.created.slice(0, 10)}`, { className: "soft" }), parts(example), buttons, told);
   dialog.replaceChildren(box, form);
   let viewer = null;
   dialog.onclose = () => { viewer?.end(); dialog.replaceChildren(); act.closed(); };

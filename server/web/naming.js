@@ -5,6 +5,8 @@ import { make } from "/web/call.js";
 const LANDMARKS_MAX = 128;
 // A click so near to a corner of a face (as its weight there) means the vertex.
 const CORNER = 0.7;
+const WHAT = "Points by name, such as the tip of the nose. The example is laid by them on scans whose points have the same names.";
+const HOW = "Click the point on the example. With the keyboard: turn until it lies under the cross, then Enter.";
 
 // The landmark of a point that was clicked: a vertex where it is near one, which stays what it is in every shape of one topology.
 function landmarkAt(mesh, { face, barycentric, point }) {
@@ -20,15 +22,16 @@ function freeName(landmarks) {
 
 // The part of the view's form that holds them; `value()`: as the service takes them, `take(viewer, mesh)` once the mesh is there.
 export class Naming {
-  constructor(landmarks, tell) {
+  constructor(landmarks) {
     this.all = landmarks.map((landmark) => ({ ...landmark }));
-    this.tell = tell;
     this.placing = null;
     this.element = make("fieldset", undefined, { id: "naming" });
     this.list = make("ol");
     this.add = make("button", "Add a landmark", { type: "button", className: "plain small", id: "add-landmark", disabled: true });
     this.add.onclick = () => this.place(this.placing === null ? this.all.length : null);
-    this.element.append(make("legend", "Named landmarks"), this.list, this.add, make("p", "Points by name, such as the tip of the nose: scans with points of the same names are laid by them.", { className: "soft" }));
+    this.hint = make("p", WHAT, { className: "soft" });
+    this.hint.setAttribute("role", "status");
+    this.element.append(make("legend", "Named landmarks"), this.list, this.add, this.hint);
     this.draw();
   }
 
@@ -61,7 +64,7 @@ export class Naming {
     this.viewer.picks = at !== null;
     this.viewer.canvas.classList.toggle("picking", at !== null);
     this.viewer.canvas.parentElement.classList.toggle("picking", at !== null);
-    this.tell(at === null ? "" : "Click the point on the example. With the keyboard: turn until it lies under the cross, then Enter.");
+    this.hint.textContent = at === null ? WHAT : HOW;
     this.draw();
     if (at !== null) this.viewer.canvas.focus();
   }

@@ -1,6 +1,7 @@
 // Beside the viewport: what came out, in words, and what can be done about it.
 
 import { $, make, save, sentence } from "/web/call.js";
+import { histograms } from "/web/histograms.js";
 import { lay, stitch } from "/web/laying.js";
 import { showParts } from "/web/parts.js";
 import { showPoints } from "/web/points.js";
@@ -132,6 +133,16 @@ function added(made) {
   return section;
 }
 
+// The example's quads beside those of the result. They are counted once a revision: the panel is drawn often.
+let counted = { of: "", box: null };
+function alike(map) {
+  const { example, quads } = bench.viewer.meshes;
+  if (!example || !quads) return [];
+  const of = `${map.id} ${map.revision}`;
+  if (counted.of !== of) counted = { of, box: histograms(example, quads, { kept: map.kept, ownFaces: map.own_faces }) };
+  return counted.box ? [counted.box] : [];
+}
+
 // Draws the panel anew; what had the focus keeps it.
 export function showPanel(query) {
   if (bench.query !== query) return;
@@ -148,7 +159,9 @@ export function showPanel(query) {
   if (query.segments.length > 1) sections.push(showParts(query, { stitch }));
   if (query.shown?.made) sections.push(added(query.shown.made));
   if (query.shown?.map) sections.push(showPoints(query));
-  if (query.shown) sections.push(downloads(query), details(query, wasOpen));
+  if (query.shown) sections.push(downloads(query));
+  if (query.shown?.map) sections.push(...alike(query.shown.map));
+  if (query.shown) sections.push(details(query, wasOpen));
   $("panel").replaceChildren(...sections);
   if (focused && document.activeElement === document.body) $(focused)?.focus({ preventScroll: true });
 }

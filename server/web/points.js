@@ -3,6 +3,7 @@
 import { $, buffer, make, send } from "/web/call.js";
 import { lay, showMap } from "/web/laying.js";
 import { canRedo, canUndo, step } from "/web/history.js";
+import { across, symmetry } from "/web/mirror.js";
 import { button, showPanel } from "/web/panel.js";
 import { readPly } from "/web/read.js";
 import { bench } from "/web/state.js";
@@ -55,6 +56,38 @@ async function edit(query, change, isLive = false) {
   }
 }
 
+// What moves a point of the map; where editing is mirrored, the one across, too.
+function moves(query, id, point) {
+  const { map } = query.shown;
+  const set = [{ id, on_input: point }];
+  const from = map.constraints.find((c) => c.id === id);
+  const other = query.mirrors && from ? across({ map, ...bench.viewer.meshes }, from.on_example.point, point) : null;
+  if (other && other.id !== id) set.push(other);
+  return { set };
+}
+
+// What pins a point of the quads where it is.
+function pins(query, { face, barycentric, point }) {
+  const set = [{ on_example: { face, barycentric }, on_input: point }];
+  const { example, quads } = bench.viewer.meshes;
+  const at = query.mirrors && example ? onExample(query.shown.map, example, quads, { face, barycentric }) : null;
+  const other = at ? across({ map: query.shown.map, example, quads }, at, point) : null;
+  if (other) set.push(other);
+  return { set };
+}
+
+// The place on the example of a place on the quads that are its own.
+function onExample({ kept }, example, quads, { face, barycentric }) {
+  const corners = quads.corners.subarray(quads.starts[face], quads.starts[face + 1]);
+  const at = [0, 0, 0];
+  for (const [k, v] of corners.entries()) {
+    const own = kept ? kept[v] : v;
+    if (own === undefined || 3 * own + 2 >= example.positions.length) return null;
+    for (let c = 0; c < 3; c++) at[c] += barycentric[k] * example.positions[3 * own + c];
+  }
+  return at;
+}
+
 let sending = null;
 let waiting = null;
 
@@ -66,7 +99,7 @@ async function follow(query, id, point) {
     while (waiting && bench.query === query) {
       const at = waiting;
       waiting = null;
-      await edit(query, { set: [{ id, on_input: at }] }, true);
+      await edit(query, moves(query, id, at), true);
     }
   };
   sending = run();
@@ -84,12 +117,12 @@ export const hooks = {
     // The last word is this one's, not that of an edit still under way.
     await sending;
     if (bench.query !== query || !query.shown?.map) return;
-    if (point) await edit(query, { set: [{ id, on_input: point }] }).catch((error) => say(error.message, "bad"));
+    if (point) await edit(query, moves(query, id, point)).catch((error) => say(error.message, "bad"));
     else showPanel(query);
   },
-  onpin({ face, barycentric, point }) {
+  onpin(found) {
     const { query } = bench;
-    if (query?.shown?.map) edit(query, { set: [{ on_example: { face, barycentric }, on_input: point }] }).catch((error) => say(error.message, "bad"));
+    if (query?.shown?.map) edit(query, pins(query, found)).catch((error) => say(error.message, "bad"));
   },
   onpick(pane, { face, barycentric, point }) {
     const { query } = bench;
@@ -158,7 +191,8 @@ function names(query) {
   for (const [k, landmark] of named.entries()) {
     const pair = query.pairs.find((p) => p.name === landmark.name);
     const isOpen = Boolean(pair && !pair.input);
-    row.append(button(landmark.name, () => (isOpen ? place(query, false) : placeNamed(query, landmark)), { className: `plain small${pair?.input ? " placed" : ""}`, ariaPressed: String(isOpen), id: `name-${k}`, title: pair?.input ? "It is placed; click to place it anew" : "Place it on the scan" }));
+    const number = pair?.input ? `${query.pairs.indexOf(pair) + 1} · ` : "";
+    row.append(button(`${number}${landmark.name}`, () => (isOpen ? place(query, false) : placeNamed(query, landmark)), { className: `plain small${pair?.input ? " placed" : ""}`, ariaPressed: String(isOpen), id: `name-${k}`, title: pair?.input ? "It is placed; click to place it anew" : "Place it on the scan" }));
   }
   box.append(make("p", "This example names points. Choose one, then click where it is on the scan:", { className: "soft" }), row);
   return box;
@@ -190,7 +224,7 @@ function nudge(query, key) {
   query.nudging = setTimeout(() => {
     const to = query.nudged;
     query.nudged = null;
-    edit(query, { set: [{ id: query.point, on_input: to }] }).catch((error) => say(error.message, "bad"));
+    edit(query, moves(query, query.point, to)).catch((error) => say(error.message, "bad"));
   }, NUDGE_PAUSE_MS);
 }
 
@@ -241,11 +275,11 @@ function landmarks(query) {
   const own = names(query);
   if (own) box.append(own);
   box.append(button(query.placing ? "Stop placing" : "Place landmarks", () => place(query, !query.placing), { ariaPressed: String(Boolean(query.placing)), id: "place", disabled: !example }));
-  if (query.pairs.length) {
+  if (query.pairs.some((p) => !p.name)) {
     const items = make("ul", undefined, { id: "pairs" });
     query.pairs.forEach((p, k) => {
-      const what = p.name ? `${k + 1}, ${p.name}` : `Landmark ${k + 1}`;
-      const item = make("li", p.example && p.input ? `${what} ` : `${what}: ${p.example ? "now where it belongs on the scan" : "now the same point of the example"} `);
+      if (p.name) return;
+      const item = make("li", p.example && p.input ? `Landmark ${k + 1} ` : `Landmark ${k + 1}: ${p.example ? "now where it belongs on the scan" : "now the same point of the example"} `);
       item.append(button("Remove", () => { query.pairs.splice(k, 1); bench.viewer.picks = query.placing ? "example" : false; showPanel(query); }, { className: "plain small", ariaLabel: `Remove landmark ${k + 1}`, id: `pair-${k}` }));
       items.append(item);
     });
@@ -263,6 +297,8 @@ export function showPoints(query) {
   const section = make("section");
   const row = make("p", undefined, { className: "row" });
   row.append(button("Undo", () => undo(-1), { disabled: !canUndo(query), id: "undo", title: "Ctrl+Z" }), button("Redo", () => undo(1), { disabled: !canRedo(query), id: "redo", title: "Ctrl+Shift+Z" }));
+  const { example } = bench.viewer.meshes;
+  if (example && symmetry(example)) row.append(button("Mirror", () => { query.mirrors = !query.mirrors; showPanel(query); }, { ariaPressed: String(Boolean(query.mirrors)), id: "mirror", title: "What is done to a point is done to the one across, too: this example is its own mirror image" }));
   section.append(make("h2", "Put it right"), row, landmarks(query));
   if (map.constraints.length) {
     section.append(make("p", "Or drag a blue point to where it belongs; double-click the quads to pin another. Alt and the arrow keys move the chosen point.", { className: "soft" }));

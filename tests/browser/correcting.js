@@ -64,6 +64,26 @@ export const correcting = {
     console.log(`     from an edit to its picture: ${await page.evaluate(() => { const row = [...document.querySelectorAll(".facts tr")].find((r) => r.textContent.startsWith("Last edit")); return row?.lastChild.textContent ?? "–"; })}`);
   },
 
+  async "on a symmetric example the point across goes along"({ open, scan }) {
+    const page = await open();
+    await laid(page, scan("old_man"));
+    await rest(page);
+    await page.click("#mirror");
+    check((await page.getAttribute("#mirror", "aria-pressed")) === "true", "it is not mirrored");
+    const before = JSON.parse(await constraints(page)).length;
+    const box = await page.locator("#canvas").boundingBox();
+    // A cheek: far from the plane, and seen.
+    await page.mouse.dblclick(box.x + 0.46 * box.width, box.y + 0.52 * box.height);
+    await until("two pins", async () => JSON.parse(await constraints(page)).length === before + 2, 20_000);
+    const ends = await page.evaluate(() => document.querySelector("#canvas").viewer.points.filter((p) => p.id.startsWith("c")).map((p) => p.point));
+    check(ends.length === 2 && Math.hypot(...ends[0].map((x, k) => x - ends[1][k])) > 0, JSON.stringify(ends));
+    await shoot(page, "mirrored");
+    await noComplaints(page, "mirrored");
+    // One step takes back both.
+    await page.click("#undo");
+    await until("undo", async () => JSON.parse(await constraints(page)).length === before, 20_000);
+  },
+
   async "landmarks are placed by mouse and by keyboard, and hold what is laid"({ open, scan }) {
     const page = await open();
     await laid(page, scan("old_man"));
@@ -100,12 +120,12 @@ export const correcting = {
   async "points that examples name are placed by name, and hold other examples, too"({ open, scan, url }) {
     const all = (await (await fetch(`${url}/v1/examples`)).json()).items;
     const heads = all.filter((e) => e.name.startsWith("head"));
-    // The tip of the nose lies foremost, the ears outermost.
+    // The tip of the nose lies foremost, an ear outermost, the crown highest: all of them are seen from where the page looks.
     for (const { id } of heads) {
       const text = await (await fetch(`${url}/v1/examples/${id}/mesh?format=obj`)).text();
       const at = text.split("\n").filter((line) => line.startsWith("v ")).map((line) => line.split(" ").slice(1, 4).map(Number));
       const farthest = (by) => at.reduce((best, p, k) => (by(p) > by(at[best]) ? k : best), 0);
-      const landmarks = [["nose tip", (p) => p[2]], ["left ear", (p) => p[0]], ["right ear", (p) => -p[0]]].map(([name, by]) => ({ name, vertex: farthest(by) }));
+      const landmarks = [["nose tip", (p) => p[2]], ["crown", (p) => p[1]], ["right ear", (p) => -p[0]]].map(([name, by]) => ({ name, vertex: farthest(by) }));
       const answer = await fetch(`${url}/v1/examples/${id}`, { method: "PATCH", headers: { "content-type": "application/json" }, body: JSON.stringify({ landmarks }) });
       check(answer.ok, await answer.text());
     }
@@ -115,9 +135,8 @@ export const correcting = {
     check((await page.locator("#names button").count()) === 3, "the names are not offered");
     await page.click("#name-0");
     // Where the laid example has its own: what it says is good enough here.
-    const onScan = (k) => viewer(page, `(v, k) => {
+    const onScan = () => viewer(page, `(v) => {
       const { example, quads } = v.meshes;
-      const name = ["nose tip", "left ear", "right ear"][k];
       const pair = v.pairs.find((p) => p.name && p.example && !p.input) ?? v.pairs.at(-1);
       const box = v.paneBoxes().find((b) => b.name === "result");
       const at = [0, 1, 2].map((c) => pair.example[c]);
@@ -125,10 +144,10 @@ export const correcting = {
       for (let i = 0; i < example.positions.length; i += 3) if (Math.hypot(example.positions[i] - at[0], example.positions[i + 1] - at[1], example.positions[i + 2] - at[2]) < Math.hypot(example.positions[best] - at[0], example.positions[best + 1] - at[1], example.positions[best + 2] - at[2])) best = i;
       const [x, y] = v.onScreen([...quads.positions.subarray(best, best + 3)], box);
       const { left, top } = v.canvas.getBoundingClientRect();
-      return { x: left + x, y: top + y, name };
-    }`, k);
+      return { x: left + x, y: top + y };
+    }`);
     for (let k = 0; k < 3; k++) {
-      const { x, y } = await onScan(k);
+      const { x, y } = await onScan();
       await page.mouse.click(x, y);
       await page.waitForTimeout(300);
       if (k === 0) await shoot(page, "named-placing");

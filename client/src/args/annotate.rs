@@ -1,12 +1,15 @@
 //! The flags of `annotate`.
 
 use crate::spec::{Name, NamedSpec};
-use clap::Args;
+use clap::{ArgGroup, Args};
 use std::path::PathBuf;
+
+/// What changes something: one of these has to be there.
+const CHANGES: [&str; 7] = ["name", "author", "licence", "notes", "landmarks", "landmark", "forget"];
 
 /// `annotate`.
 #[derive(Debug, Args)]
-#[group(id = "change", required = true, multiple = true, args = ["name", "author", "licence", "notes", "landmarks", "landmark", "forget"])]
+#[command(group(ArgGroup::new("change").required(true).multiple(true).args(CHANGES)))]
 pub struct AnnotateArgs {
     /// The example
     #[arg(value_name = "ID")]

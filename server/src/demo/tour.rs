@@ -1,6 +1,7 @@
 //! The demo: a service of its own, the sample corpus, a scan, a ranking that refines, and the example's quads on it.
 
 use super::Sample;
+use super::samples::upload;
 use crate::config::Config;
 use crate::service::{self, Running, StartError};
 use crate::work::engine::kernel::KernelEngine;
@@ -11,7 +12,7 @@ use crate::work::query::{Board, LiveQuery, QueryOptions};
 use crate::work::{Caller, Work, WorkError, mapping, search};
 use nalgebra::Matrix3;
 use quadmuse_kernel::mesh::{Format, PolyMesh, Vec3, write};
-use quadmuse_proto::{EntryState, MeshFormat, NewMap, Verdict};
+use quadmuse_proto::{EntryState, NewMap, Verdict};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -90,11 +91,6 @@ async fn add_all(work: &Arc<Work>, samples: &[Sample]) -> Result<(), TourError> 
     let seconds = start.elapsed().as_secs_f64();
     say(&format!("{} examples with {quads} quads, unfolded and stored in {seconds:.1} s\n", samples.len()));
     Ok(())
-}
-
-fn upload(mesh: &PolyMesh) -> Result<Upload, TourError> {
-    let bytes = write(mesh, Format::Obj)?.into();
-    Ok(Upload { bytes, format: Some(MeshFormat::Obj), cut: Cut::default() })
 }
 
 /// Ranks the corpus for an input, maps the best example on it, writes the mesh and its picture.
