@@ -47,7 +47,8 @@ export function upload(path, file, onprogress) {
     const request = new XMLHttpRequest();
     request.open("POST", path);
     request.setRequestHeader("accept", "application/json");
-    request.setRequestHeader("content-type", "application/octet-stream");
+    // A form tells its own type.
+    if (!(file instanceof FormData)) request.setRequestHeader("content-type", "application/octet-stream");
     if (token) request.setRequestHeader("authorization", `Bearer ${token}`);
     request.upload.onprogress = (event) => onprogress(event.lengthComputable ? event.loaded / event.total : 0);
     request.onerror = () => { hooks.lost(); reject(Object.assign(new Error("The server is out of reach."), { code: "unreachable" })); };

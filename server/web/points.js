@@ -4,6 +4,7 @@ import { $, buffer, make, send } from "/web/call.js";
 import { lay, showMap } from "/web/laying.js";
 import { canRedo, canUndo, step } from "/web/history.js";
 import { across, symmetry } from "/web/mirror.js";
+import { brush } from "/web/painting.js";
 import { button, showPanel } from "/web/panel.js";
 import { readPly } from "/web/read.js";
 import { bench } from "/web/state.js";
@@ -108,6 +109,7 @@ async function follow(query, id, point) {
 }
 
 export const hooks = {
+  onbrush: brush,
   ondrag(id, point) { if (bench.query?.shown?.map) follow(bench.query, id, point); },
   async ondrop(id, point) {
     const { query } = bench;

@@ -168,6 +168,45 @@ export const correcting = {
     await shoot(page, "named-other");
   },
 
+  async "parts are painted on a scan, merged, and the scan is cut so"({ open, scan }) {
+    const page = await open();
+    await laid(page, scan("old_man"));
+    await rest(page);
+    await page.click("#repaint");
+    await page.waitForSelector("#paint-new");
+    const box = await page.locator("#canvas").boundingBox();
+    const at = (x, y) => [box.x + x * box.width, box.y + y * box.height];
+    // The face, stroke by stroke.
+    await page.selectOption("#brush-size", "large");
+    const stroke = async (from, to) => { await page.mouse.move(...at(...from)); await page.mouse.down(); await page.mouse.move(...at(...to), { steps: 6 }); await page.mouse.up(); };
+    await stroke([0.56, 0.38], [0.6, 0.62]);
+    await page.waitForTimeout(400);
+    await shoot(page, "painting");
+    await noComplaints(page, "painting");
+    const counts = () => page.evaluate(() => [...document.querySelectorAll("#part-list small")].map((s) => Number(s.textContent.split(" ")[0])));
+    const painted = await counts();
+    check(painted.length === 2 && painted[1] > 100, `${painted}`);
+    // A third part, taken back, and one merged.
+    await page.click("#paint-new");
+    await page.selectOption("#brush-size", "small");
+    await stroke([0.44, 0.3], [0.46, 0.32]);
+    check((await counts()).length === 3, "no third part");
+    await page.selectOption("#merge-into", { label: "part 1" });
+    check((await counts()).join() === painted.join(), `merged: ${await counts()}, before ${painted}`);
+    await page.click("#paint-undo");
+    check((await counts()).length === 3, "the merging is not undone");
+    await page.click("#paint-undo");
+    await page.waitForTimeout(200);
+    await page.click("#paint-done");
+    await until("two parts", () => page.evaluate(() => document.querySelector("#panel h2")?.textContent === "2 parts" || document.querySelectorAll("#part-list li").length === 2 && !document.querySelector("#paint-new")), 60_000);
+    await until("a stitched mesh", () => page.url().includes("/composition/"), 240_000);
+    await rest(page);
+    await page.click("#show-parts");
+    await page.waitForTimeout(400);
+    await shoot(page, "painted-parts");
+    await noComplaints(page, "painted parts");
+  },
+
   async "a scan in parts is coloured, picked in the view, given examples, and stitched"({ open, scan }) {
     const page = await open();
     await page.evaluate(() => { document.querySelector("#how").open = true; });

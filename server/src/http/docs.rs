@@ -48,7 +48,7 @@ assets!(
     "histograms.js" SCRIPT, "history.js" SCRIPT, "icon.svg" PICTURE, "index.js" SCRIPT, "laying.js" SCRIPT, "making.js" SCRIPT, "mesh.js" SCRIPT,
     "mirror.js" SCRIPT, "naming.js" SCRIPT,
     "near.js" SCRIPT,
-    "paint.js" SCRIPT, "panel.js" SCRIPT, "parts.js" SCRIPT, "points.js" SCRIPT, "pose.js" SCRIPT, "ranking.js" SCRIPT,
+    "paint.js" SCRIPT, "painting.js" SCRIPT, "panel.js" SCRIPT, "parts.js" SCRIPT, "points.js" SCRIPT, "pose.js" SCRIPT, "ranking.js" SCRIPT,
     "read.js" SCRIPT, "route.js" SCRIPT, "samples.js" SCRIPT, "state.js" SCRIPT, "status.js" SCRIPT, "style.css" STYLE, "tools.js" SCRIPT,
     "viewer.js" SCRIPT, "weld.js" SCRIPT, "words.js" SCRIPT,
 );

@@ -148,6 +148,17 @@ pub fn held(example: &Example, wanted: &NewMap) -> Result<Vec<Landmark>, WorkErr
     Ok(held)
 }
 
+/// Calls landmarks by their names in what is said of a map, where they have some: it is said by their numbers, from 1.
+pub fn called(reasons: Vec<String>, held: &[Landmark]) -> Vec<String> {
+    let call = |reason: String| {
+        let rest = reason.strip_prefix("landmark ")?;
+        let (number, rest) = rest.split_once(' ')?;
+        let landmark = held.get(number.parse::<usize>().ok()?.checked_sub(1)?)?;
+        Some(format!("landmark `{}` {rest}", landmark.name.as_ref()?))
+    };
+    reasons.into_iter().map(|reason| call(reason.clone()).unwrap_or(reason)).collect()
+}
+
 fn told<'a>(names: impl Iterator<Item = &'a str>) -> String {
     let names: Vec<&str> = names.take(NAMES_TOLD + 1).collect();
     match names.get(..NAMES_TOLD) {
@@ -198,6 +209,20 @@ mod tests {
         taken.dedup();
         assert_eq!(taken.len(), 4, "each but once");
         assert!(spread(&points, 0).is_empty());
+    }
+
+    #[test]
+    fn a_landmark_with_a_name_is_called_by_it() {
+        let place = Place::Point([0.0; 3]);
+        let held = |name: Option<&str>| Landmark {
+            on_example: place.clone(),
+            on_input: place.clone(),
+            name: name.map(str::to_owned),
+        };
+        let said = ["landmark 2 is met but for 1 %", "landmark 1 is met", "landmark 9 is met", "landmark", "a spike"];
+        let called = called(said.map(str::to_owned).into(), &[held(None), held(Some("chin"))]);
+        assert_eq!(called[0], "landmark `chin` is met but for 1 %");
+        assert_eq!(called[1..], said[1..]);
     }
 
     #[test]

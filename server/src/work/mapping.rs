@@ -149,9 +149,11 @@ async fn made(
     let (from, (one, two)) = (candidate.map(|c| Arc::clone(&c.registration)), (example_side, query_side));
     tell("laying the example on the scan", 0.4);
     let engine = Arc::clone(&work.engine);
+    let held = landmarks.clone();
     let fit = move |stop: &_| engine.fit(from.as_deref(), &one, &two, beyond, &landmarks, stop);
     let fitted = work.pool.run(&job, Lane::Lay, fit).await??;
-    let mapped = fitted.mapped;
+    let mut mapped = fitted.mapped;
+    mapped.reasons = landmarks::called(mapped.reasons, &held);
     let timings = MapTimings { register_ms, map_ms: ms_since(start) - register_ms, total_ms: ms_since(start) };
     let summary = summary(live, id, wanted.segment, (wanted.example, segment), 1, &mapped, timings);
     let held = job.kept(work.engine.memory_of_map(example.bytes));
