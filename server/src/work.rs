@@ -10,6 +10,8 @@ pub mod corpus;
 pub mod engine;
 pub mod error;
 pub mod ingest;
+pub mod landmarks;
+pub mod making;
 pub mod mapping;
 pub mod picture;
 pub mod pictures;

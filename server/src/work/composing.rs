@@ -6,6 +6,7 @@ mod surrounded;
 use super::engine::{
     Allowed, Appraisal, BARE, Encoded, Engine, EngineError, Model, ModelSegment, OnePart, Part, Stitched, Stitching,
 };
+use super::making::{self, Making, Tell, untold};
 use super::mapping::{self, LiveMap, get};
 use super::query::{LiveQuery, ms_since};
 use super::ranking::entries;
@@ -18,8 +19,8 @@ use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
 use quadmuse_proto::ranking::promising;
 use quadmuse_proto::{
-    Beyond, Composition, CompositionId, CompositionPart, ConstraintOrigin, ExampleId, Map, NewComposition, NewMap,
-    Verdict,
+    Beyond, Composition, CompositionId, CompositionPart, ConstraintOrigin, ExampleId, MakingState, Map, NewComposition,
+    NewMap, Product, Verdict,
 };
 use std::sync::Arc;
 use std::time::Instant;
@@ -33,6 +34,9 @@ const FACES_MAX: u64 = 4_000_000;
 
 /// Faces that a composition is taken to have at least: regular layouts, and subdividing to follow the input, make some.
 const FACES_LEAST: u64 = 16_000;
+
+/// The share of a composition's progress at which all parts have their maps.
+const LAID_SHARE: f64 = 0.7;
 
 /// Memory that stitching takes for each face, at most.
 const MEMORY_PER_FACE: u64 = 1500;
@@ -65,13 +69,47 @@ pub async fn create(
     live: &Arc<LiveQuery>,
     wanted: NewComposition,
 ) -> Result<Arc<LiveComposition>, WorkError> {
-    let start = Instant::now();
-    let named = maps_of(live, &wanted)?;
+    made(work, live, (CompositionId::generate(), wanted), &untold).await
+}
+
+/// Stitches maps of a query, on a task of its own; the composition's id.
+///
+/// # Errors
+/// What is wrong with the request; what goes wrong later, the composition's making tells.
+pub fn start(
+    work: &Arc<Work>,
+    live: &Arc<LiveQuery>,
+    wanted: NewComposition,
+) -> Result<(CompositionId, Arc<Making>), WorkError> {
+    check(live, &wanted)?;
+    let id = CompositionId::generate();
+    let handles = (Arc::clone(work), Arc::clone(live));
+    let make = move |tell: Arc<dyn Fn(&'static str, f64) + Send + Sync>| async move {
+        made(&handles.0, &handles.1, (id, wanted), &*tell).await.map(drop)
+    };
+    Ok((id, making::start(work, live, (Product::Composition, id.to_string()), make)?))
+}
+
+/// Checks what can be told before anything is computed; the maps that are named.
+fn check(live: &LiveQuery, wanted: &NewComposition) -> Result<Vec<Option<Arc<LiveMap>>>, WorkError> {
+    let named = maps_of(live, wanted)?;
     if live.compositions().len() >= COMPOSITIONS_MAX {
         return Err(WorkError::TooMany { of: "compositions", limit: COMPOSITIONS_MAX });
     }
+    Ok(named)
+}
+
+async fn made(
+    work: &Arc<Work>,
+    live: &Arc<LiveQuery>,
+    (id, wanted): (CompositionId, NewComposition),
+    tell: Tell<'_>,
+) -> Result<Arc<LiveComposition>, WorkError> {
+    let start = Instant::now();
+    let named = check(live, &wanted)?;
     let Gathered { parts, mut summaries, mut templates, mut poor, maps, mut laid, instead } =
-        gathered(work, live, &wanted, named).await?;
+        gathered(work, live, &wanted, named, tell).await?;
+    tell("stitching", LAID_SHARE);
     let faces = faces_at(&parts, wanted.density)?;
     let input = live.model.mesh.faces.len() as u64 * MEMORY_PER_INPUT_FACE;
     let needed = faces.max(FACES_LEAST) * MEMORY_PER_FACE + input;
@@ -138,8 +176,10 @@ pub async fn create(
         headline.reasons.push(ALONE.into());
     }
     let summary = Composition {
-        id: CompositionId::generate(),
+        id,
         query: live.id,
+        state: MakingState::Done,
+        progress: 1.0,
         verdict: headline.verdict,
         inspired: headline.inspired,
         reasons: headline.reasons,
@@ -292,9 +332,12 @@ async fn gathered(
     live: &Arc<LiveQuery>,
     wanted: &NewComposition,
     named: Vec<Option<Arc<LiveMap>>>,
+    tell: Tell<'_>,
 ) -> Result<Gathered, WorkError> {
     let mut all = Gathered::default();
+    let count = named.len().max(1) as f64;
     for (segment, named) in (0u32..).zip(named) {
+        tell("laying examples on the parts", LAID_SHARE * f64::from(segment) / count);
         let is_named = named.is_some();
         let map = match named {
             Some(map) => Some(map),
@@ -379,7 +422,7 @@ async fn best_map(
             (summary.segment, summary.example, summary.example_segment) == (segment, example, example_segment)
         };
         let there = live.maps().values().find(is_this).cloned();
-        let new = NewMap { segment, example, example_segment, beyond: Beyond::Extend, landmarks: Vec::new() };
+        let new = NewMap { beyond: Beyond::Extend, ..NewMap::new(segment, example, example_segment) };
         match there {
             Some(map) => Ok(map),
             None => mapping::create(work, live, new).await,
@@ -414,9 +457,19 @@ async fn best_map(
 /// A composition of a query.
 ///
 /// # Errors
-/// [`WorkError::NoSuchComposition`].
+/// [`WorkError::NoSuchComposition`], [`WorkError::NotMade`].
 pub fn find(live: &LiveQuery, id: CompositionId) -> Result<Arc<LiveComposition>, WorkError> {
-    live.compositions().get(&id).cloned().ok_or(WorkError::NoSuchComposition(id))
+    let there = live.compositions().get(&id).cloned();
+    there.ok_or_else(|| live.makings.missing(Product::Composition, &id).unwrap_or(WorkError::NoSuchComposition(id)))
+}
+
+/// Takes a composition out; one that is made is cancelled.
+///
+/// # Errors
+/// [`WorkError::NoSuchComposition`].
+pub fn remove(live: &LiveQuery, id: CompositionId) -> Result<(), WorkError> {
+    let is_gone = live.makings.remove(Product::Composition, &id) || live.compositions().remove(&id).is_some();
+    is_gone.then_some(()).ok_or(WorkError::NoSuchComposition(id))
 }
 
 /// The example from which all segments of the query take their maps, if it is one, with those maps.

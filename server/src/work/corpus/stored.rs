@@ -14,10 +14,10 @@ use bytes::Bytes;
 use quadmuse_kernel::mesh;
 use quadmuse_proto::{Example, ExampleId, ExamplePatch, ExampleSegment, MeshCounts, Segmentation};
 use quadmuse_store::{
-    Added, ExampleRecord, NewSegmentation, OpenOptions, OpenReport, Patch, Problem, SegmentSummary, Store, StoreError,
+    Added, ExampleRecord, NewSegmentation, OpenOptions, OpenReport, Problem, SegmentSummary, Store, StoreError,
 };
 use row::WrittenRow;
-use shaped::{Shaped, derived_in, feature_out, labels_in, segmentation_in, topology_out};
+use shaped::{Shaped, derived_in, feature_out, labels_in, landmark_out, patch_in, segmentation_in, topology_out};
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
@@ -144,6 +144,10 @@ fn example_of(record: &ExampleRecord, known: &Described) -> Example {
         tags: record.tags.clone(),
         // f32 holds what was given; the shortest decimal of it is what was written.
         relevance: record.relevance.to_string().parse().unwrap_or_else(|_| f64::from(record.relevance)),
+        author: record.author.clone(),
+        licence: record.licence.clone(),
+        notes: record.notes.clone(),
+        landmarks: record.landmarks.iter().map(landmark_out).collect(),
         hash: record.content_hash.to_string(),
         format: record.format.clone(),
         bytes: record.bytes,
@@ -218,9 +222,7 @@ impl Corpus for StoredCorpus {
     }
 
     fn annotate(&self, id: ExampleId, patch: &ExamplePatch) -> Result<Arc<Example>, CorpusError> {
-        let relevance = patch.relevance.map(|relevance| relevance as f32);
-        let patch = Patch { name: patch.name.clone(), tags: patch.tags.clone(), relevance };
-        let record = self.store.annotate(id, patch)?;
+        let record = self.store.annotate(id, patch_in(patch))?;
         self.changes.send_modify(|revision| *revision += 1);
         Ok(self.example(&record))
     }
