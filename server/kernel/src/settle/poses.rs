@@ -134,8 +134,8 @@ impl Posed {
     }
 
     /// The score of the best pose on another, or of the other on it, at most 1: of two closed surfaces the lower of the two, and
-    /// on a part of a closed surface times that part's share of it, since what closes it can't be like what ends. 0 where
-    /// there is none, or when stopped.
+    /// on a part of a closed surface times that part's size (√ of its share), since what closes it can't be like what ends. 0
+    /// where there is none, or when stopped.
     pub fn likeness(&self, other: &Self, stop: &dyn Fn() -> bool) -> f64 {
         match (&self.whole, &other.whole) {
             (Some(one), Some(two)) => {
@@ -151,11 +151,11 @@ impl Posed {
         }
     }
 
-    /// The best score on a closed surface, times the share of it that this surface takes there.
+    /// The best score on a closed surface, times the size that this surface has there, in √area of the closed one.
     fn most_of(&self, closed: &Self, stop: &dyn Fn() -> bool) -> f64 {
         let Some(small) = &self.small else { return 0.0 };
-        let share = |pose: &Similarity| (pose.scale * pose.scale * self.area / closed.area).min(1.0);
-        small.tried(closed, stop).iter().map(|(score, pose)| score * share(pose)).fold(0.0, f64::max)
+        let size = |pose: &Similarity| (pose.scale * (self.area / closed.area).sqrt()).min(1.0);
+        small.tried(closed, stop).iter().map(|(score, pose)| score * size(pose)).fold(0.0, f64::max)
     }
 }
 
