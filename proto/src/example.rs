@@ -21,6 +21,9 @@ pub const TAGS_MAX: usize = 32;
 pub struct Example {
     /// Its id.
     pub id: ExampleId,
+    /// Counts its annotations; 1 when it was added.
+    #[serde(default)]
+    pub revision: u32,
     /// Its name; empty if none was given.
     pub name: String,
     /// Its tags, sorted.
@@ -93,4 +96,8 @@ pub struct ExamplePatch {
     /// A new relevance, 0–5.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relevance: Option<f64>,
+    /// The revision that this was made for: if the example has another by now, nothing is changed, and the answer is 409
+    /// `conflict`, which names the revision there is. Without it, whichever there is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub revision: Option<u32>,
 }

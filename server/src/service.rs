@@ -10,7 +10,7 @@ use crate::pool::{Admission, Pool};
 use crate::shutdown::serve;
 use crate::work::corpus::stored::StoredCorpus;
 use crate::work::engine::Engine;
-use crate::work::{Work, reencode, scrub};
+use crate::work::{Work, follow, reencode, scrub};
 use quadmuse_store::{OpenOptions, StoreError};
 use std::net::SocketAddr;
 use std::path::Path;
@@ -103,6 +103,7 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     let router = http::router(app);
     let serving = tokio::spawn(serve(listener, router, connections, stopping.clone()));
     let background = tokio::spawn(reencode::run(Arc::clone(&work), stopping.clone()));
+    tokio::spawn(follow::run(Arc::clone(&work), stopping.clone()));
     tokio::spawn(scrub::run(Arc::clone(&work), stopping.clone()));
     tracing::info!(%address, threads = work.pool.threads(), version = env!("CARGO_PKG_VERSION"), "serving");
     Ok(Running { address, work, stopping, serving, background })

@@ -289,6 +289,8 @@ fn judge_corpus(error: &CorpusError) -> (StatusCode, Code) {
         CorpusError::Invalid(_) => (StatusCode::BAD_REQUEST, Code::ParameterInvalid),
         CorpusError::Full(_) => (StatusCode::INSUFFICIENT_STORAGE, Code::StorageFull),
         CorpusError::ReadOnly(_) => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
+        CorpusError::Conflict(_) => (StatusCode::CONFLICT, Code::Conflict),
+        CorpusError::Unreachable(_) => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
         CorpusError::Busy => (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded),
         CorpusError::NoEncoding(_) => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
         CorpusError::Damaged(_) => (StatusCode::GONE, Code::Damaged),

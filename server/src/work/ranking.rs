@@ -233,6 +233,7 @@ mod tests {
     fn candidate(hash: &str, score: f64) -> Candidate {
         let example = Example {
             id: ExampleId::generate(),
+            revision: 1,
             name: String::new(),
             tags: Vec::new(),
             relevance: 3.0,

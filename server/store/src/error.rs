@@ -172,6 +172,26 @@ pub enum StoreError {
         /// The store's directory.
         dir: PathBuf,
     },
+    /// The record was changed since the caller read it.
+    #[error(
+        "expected the example {id} at revision {expected}, found it at revision {found}: somebody else changed it; read it again, and change that"
+    )]
+    Conflict {
+        /// The example.
+        id: ExampleId,
+        /// The revision that the change was made for.
+        expected: u32,
+        /// The revision there is.
+        found: u32,
+    },
+    /// The engine that servers share doesn't answer. Whether a write was kept is not known: send it again.
+    #[error("expected the cluster's engine to {doing}, found that it does not ({reason}); try again shortly")]
+    Unreachable {
+        /// What was attempted.
+        doing: &'static str,
+        /// What it, or the network, said.
+        reason: String,
+    },
     /// The store was closed while the call was waiting.
     #[error("expected an open store, found it closing; start it again")]
     Closed,

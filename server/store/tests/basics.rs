@@ -148,7 +148,7 @@ fn annotations_last_and_refuse_what_is_out_of_bounds() {
         let id = store.add(&Sample::new(1).example()).unwrap().record().id;
         let revision = store.snapshot().revision;
         let tags = Some(vec!["b".into(), "a".into(), "b".into()]);
-        let patch = Patch { name: Some("é".repeat(100)), tags, relevance: Some(4.5) };
+        let patch = Patch { name: Some("é".repeat(100)), tags, relevance: Some(4.5), ..Patch::default() };
         let record = store.annotate(id, patch).unwrap();
         assert_eq!((record.revision, record.tags.join(" ")), (2, "a b".into()));
         assert!(store.wait_newer(revision, Duration::ZERO) > revision);

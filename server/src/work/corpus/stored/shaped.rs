@@ -105,6 +105,11 @@ impl Shaped {
         }
     }
 
+    /// Its encodings.
+    pub(super) fn derived(&self) -> &[DerivedSegment] {
+        &self.derived
+    }
+
     pub(super) fn for_store(&self) -> quadmuse_store::NewExample<'_> {
         let new = &self.new;
         quadmuse_store::NewExample {
