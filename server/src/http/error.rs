@@ -229,6 +229,7 @@ fn judge_tokens(error: &AuthError) -> (StatusCode, Code) {
     match error {
         AuthError::Unknown(_) => (StatusCode::NOT_FOUND, Code::NotFound),
         AuthError::Invalid { .. } => (StatusCode::BAD_REQUEST, Code::ParameterInvalid),
+        AuthError::Shared(_) => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
         AuthError::File { .. } | AuthError::Format { .. } | AuthError::NoRandomness => {
             (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal)
         }

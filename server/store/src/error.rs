@@ -192,6 +192,14 @@ pub enum StoreError {
         /// What it, or the network, said.
         reason: String,
     },
+    /// The engine that servers share has no room left.
+    #[error(
+        "expected room on the cluster's engine, found none ({reason}); give its nodes larger disks, or raise their `max_file`"
+    )]
+    EngineFull {
+        /// What it said.
+        reason: String,
+    },
     /// The store was closed while the call was waiting.
     #[error("expected an open store, found it closing; start it again")]
     Closed,
@@ -206,7 +214,10 @@ impl StoreError {
     /// Whether the cause is a full file system, a quota or a limit on the size of files.
     pub fn is_full(&self) -> bool {
         match self {
-            StoreError::Full { .. } | StoreError::IndexFull { .. } | StoreError::NoRoom { .. } => true,
+            StoreError::Full { .. }
+            | StoreError::IndexFull { .. }
+            | StoreError::NoRoom { .. }
+            | StoreError::EngineFull { .. } => true,
             StoreError::Io { source, .. } => is_full(source),
             StoreError::Migration(quadmuse_migrations::MigrationError::Io { source, .. }) => is_full(source),
             _ => false,

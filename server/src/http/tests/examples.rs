@@ -131,6 +131,21 @@ async fn annotations_change_what_is_named_and_nothing_else() {
 }
 
 #[tokio::test]
+async fn what_somebody_else_changed_is_not_overwritten_unnoticed() {
+    let bench = Bench::new();
+    let path = format!("/v1/examples/{}", bench.add("a", "segment disc 1").await);
+    assert_eq!(bench.get(&path).await.json()["revision"], json!(1));
+    let kind = [("content-type", "application/json")];
+    let change = |name: &str| format!(r#"{{"name": "{name}", "revision": 1}}"#);
+    let mine = bench.request(Method::PATCH, &path, &kind, change("mine")).await;
+    assert_eq!((mine.status, &mine.json()["revision"]), (StatusCode::OK, &json!(2)));
+    let yours = bench.request(Method::PATCH, &path, &kind, change("yours")).await;
+    assert!(yours.json()["detail"].as_str().is_some_and(|detail| detail.contains('2')), "{}", yours.json());
+    yours.problem(409, "conflict");
+    assert_eq!(bench.get(&path).await.json()["name"], "mine");
+}
+
+#[tokio::test]
 async fn what_is_removed_is_gone() {
     let bench = Bench::new();
     let path = format!("/v1/examples/{}", bench.add("a", "segment disc 1").await);

@@ -441,9 +441,10 @@ impl From<StoreError> for CorpusError {
                 Self::NoEncoding(error.to_string())
             }
             StoreError::Invalid { .. } => Self::Invalid(error.to_string()),
-            StoreError::Full { .. } | StoreError::IndexFull { .. } | StoreError::NoRoom { .. } => {
-                Self::Full(error.to_string())
-            }
+            StoreError::Full { .. }
+            | StoreError::IndexFull { .. }
+            | StoreError::NoRoom { .. }
+            | StoreError::EngineFull { .. } => Self::Full(error.to_string()),
             StoreError::ReadOnly { .. } => Self::ReadOnly(error.to_string()),
             StoreError::Busy => Self::Busy,
             StoreError::Conflict { .. } => Self::Conflict(error.to_string()),
