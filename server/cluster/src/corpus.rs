@@ -25,8 +25,11 @@ use crate::state::Encoding;
 /// Writes are refused, and the server is not ready, when it is not known for so long to be up to date.
 pub const UNSURE_MAX: Duration = Duration::from_secs(10);
 
+/// Makes the row that a search keeps of an encoding, of which segment of which example; `None` if it can't.
+pub type RowMaker = Arc<dyn Fn(&ExampleRecord, u32, &PackedSegment) -> Option<Vec<u8>> + Send + Sync>;
+
 /// How a shared corpus is opened.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct SharedOptions {
     /// Where objects are cached; it may be removed at any time.
     pub cache: PathBuf,
@@ -34,12 +37,14 @@ pub struct SharedOptions {
     pub cache_bytes: u64,
     /// Longest time to catch up with the engine.
     pub catch_up: Duration,
+    /// Makes rows for examples that come whole from another corpus, so that no server has to make them from encodings.
+    pub row_maker: Option<RowMaker>,
 }
 
 impl SharedOptions {
     /// The usual: 32 GiB of cache in `cache`, and ten minutes to catch up.
     pub fn caching_in(cache: &Path) -> Self {
-        Self { cache: cache.to_path_buf(), cache_bytes: 32 << 30, catch_up: Duration::from_secs(600) }
+        Self { cache: cache.to_path_buf(), cache_bytes: 32 << 30, catch_up: Duration::from_secs(600), row_maker: None }
     }
 }
 
@@ -48,6 +53,7 @@ pub struct SharedCorpus {
     pub(crate) engine: Arc<dyn Engine>,
     pub(crate) inner: Arc<Inner>,
     cache: Cache,
+    row_maker: Option<RowMaker>,
     stopping: Arc<AtomicBool>,
     follower: Option<JoinHandle<()>>,
 }
@@ -77,7 +83,8 @@ impl SharedCorpus {
         let follower = thread
             .map_err(|error| StoreError::Unreachable { doing: "be followed by a thread", reason: error.to_string() })?;
         let cache = Cache::new(&options.cache, options.cache_bytes);
-        let corpus = Self { engine, inner, cache, stopping, follower: Some(follower) };
+        let row_maker = options.row_maker.clone();
+        let corpus = Self { engine, inner, cache, row_maker, stopping, follower: Some(follower) };
         let begun = Instant::now();
         if !corpus.inner.wait_for(newest, options.catch_up) {
             let (position, seconds) = (corpus.inner.progress().position, begun.elapsed().as_secs());
@@ -440,7 +447,8 @@ impl Backend for SharedCorpus {
         let mut segments = vec![None; whole.record.segments.len()];
         for (segment, packed) in &whole.segments {
             if let Some(place) = segments.get_mut(*segment as usize) {
-                *place = Some(self.put_packed(packed, None)?);
+                let row = self.row_maker.as_ref().and_then(|make| make(&whole.record, *segment, packed));
+                *place = Some(self.put_packed(packed, row)?);
             }
         }
         let objects: Vec<&[u8]> = whole.objects.iter().map(Vec::as_slice).collect();

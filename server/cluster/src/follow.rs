@@ -27,6 +27,9 @@ pub(crate) struct Progress {
     pub(crate) newest: u64,
     /// When everything there was is known to have been in.
     pub(crate) sure: Option<Instant>,
+    /// The end of the entries at some moment, until all up to there is in: while others write all the time, the very
+    /// newest never is.
+    pub(crate) end: Option<(u64, Instant)>,
 }
 
 /// Follows until `stopping`; blocks.
@@ -101,10 +104,16 @@ impl Inner {
     /// Notes that everything up to `position` came, and that `left` are to come.
     fn came(&self, position: u64, left: u64) {
         let mut progress = self.progress.lock().unwrap_or_else(PoisonError::into_inner);
+        let now = Instant::now();
         progress.position = progress.position.max(position);
         progress.newest = progress.newest.max(position + left);
+        if let Some((_, seen)) = progress.end.take_if(|(end, _)| *end <= position) {
+            progress.sure = Some(seen);
+        }
         if left == 0 {
-            progress.sure = Some(Instant::now());
+            progress.sure = Some(now);
+        } else {
+            progress.end = progress.end.or(Some((position + left, now)));
         }
         drop(progress);
         self.moved.notify_all();

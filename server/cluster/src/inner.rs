@@ -22,7 +22,7 @@ impl Inner {
     pub(crate) fn new() -> Self {
         Self {
             state: RwLock::default(),
-            progress: Mutex::new(Progress { position: 0, newest: 0, sure: None }),
+            progress: Mutex::new(Progress { position: 0, newest: 0, sure: None, end: None }),
             moved: Condvar::new(),
             listeners: Mutex::default(),
             begun: Instant::now(),

@@ -24,7 +24,7 @@ mod options;
 mod state;
 mod write;
 
-pub use corpus::{SharedCorpus, SharedOptions, UNSURE_MAX};
+pub use corpus::{RowMaker, SharedCorpus, SharedOptions, UNSURE_MAX};
 pub use documents::SharedDocuments;
 pub use engine::{Deliveries, Delivery, Engine, EngineError, Entry, Written};
 pub use jetstream::JetStream;

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use conformance::{Pair, eventually, small};
 use fake::{FakeEngine, Faults};
-use quadmuse_cluster::{SharedCorpus, SharedOptions};
+use quadmuse_cluster::{RowMaker, SharedCorpus, SharedOptions};
 use quadmuse_store::{Added, Backend, Documents, NewSegmentation, Store, StoreError};
 
 fn join(engine: &FakeEngine, dir: &Path) -> Arc<SharedCorpus> {
@@ -158,7 +158,9 @@ fn a_local_corpus_goes_there_and_back_byte_for_byte() {
     let mut before = Vec::new();
     store.backup(&mut before).expect("written");
     let engine = FakeEngine::new(9, Faults::many());
-    let shared = join(&engine, dir.path());
+    let row_maker: RowMaker = Arc::new(|_, segment, packed| Some(vec![segment as u8, packed.encoder_version as u8]));
+    let options = SharedOptions { row_maker: Some(row_maker), ..SharedOptions::caching_in(&dir.path().join("cache")) };
+    let shared = SharedCorpus::open(Arc::new(engine.clone()), &options).expect("joined");
     for record in &store.snapshot().examples {
         shared.put_whole(Backend::whole(&store, record.id).expect("whole")).expect("imported");
     }
@@ -167,6 +169,8 @@ fn a_local_corpus_goes_there_and_back_byte_for_byte() {
     for record in &other.snapshot().examples {
         Backend::put_whole(&back, other.whole(record.id).expect("whole")).expect("exported");
     }
+    let rows = other.rows();
+    assert!(rows.len() == 5 && rows.iter().all(|(_, row)| *row == (0, vec![0, 1])), "rows were made on the way");
     let mut after = Vec::new();
     back.backup(&mut after).expect("written");
     assert!(before == after);

@@ -163,8 +163,8 @@ fn write(server: &dyn Backend, seeds: std::ops::Range<u64>, history: &Mutex<Hist
 }
 
 fn what_was_acknowledged_survives_the_nodes(nodes: &mut Nodes, dir: &Path) {
-    // How often nodes are killed; more by hand for a record.
-    let kills: usize = std::env::var("QUADMUSE_KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(4);
+    // How often nodes are killed or stopped; more by hand for a record.
+    let kills: usize = std::env::var("QUADMUSE_KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(5);
     let servers = [join(nodes, "killed", dir), join(nodes, "killed", dir)];
     let asking = JetStream::connect(&ClusterOptions::new(&nodes.addresses(), "killed")).expect("reached");
     let (history, stopping) = (Mutex::new(History::default()), AtomicBool::new(false));
@@ -183,11 +183,20 @@ fn what_was_acknowledged_survives_the_nodes(nodes: &mut Nodes, dir: &Path) {
                 told
             });
             let leader: usize = leader.and_then(|name| name.strip_prefix("node")?.parse().ok()).expect("a leader");
-            // A follower first, then the leader, in turns.
-            let victim = if kill % 2 == 0 { (leader + 1) % 3 } else { leader };
-            nodes.kill(victim);
-            std::thread::sleep(Duration::from_millis(1500));
-            nodes.revive(victim);
+            // A follower is killed, the leader is killed, and the leader is stopped and comes back as if it still led.
+            match kill % 3 {
+                0 | 1 => {
+                    let victim = if kill % 3 == 0 { (leader + 1) % 3 } else { leader };
+                    nodes.kill(victim);
+                    std::thread::sleep(Duration::from_millis(1500));
+                    nodes.revive(victim);
+                }
+                _ => {
+                    nodes.signal(leader, "-STOP");
+                    std::thread::sleep(Duration::from_millis(6000));
+                    nodes.signal(leader, "-CONT");
+                }
+            }
             std::thread::sleep(Duration::from_millis(1500));
         }
         stopping.store(true, Ordering::Relaxed);

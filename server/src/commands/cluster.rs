@@ -2,12 +2,14 @@
 
 use super::{CommandError, existing, say, write_whole};
 use crate::config::{ClusterAction, ClusterArgs};
-use crate::work::corpus::stored::words_of;
+use crate::work::corpus::stored::{row_maker, row_of_packed, words_of};
+use crate::work::engine::kernel::KernelEngine;
 use quadmuse_cluster::{ClusterOptions, JetStream, SharedCorpus, SharedOptions};
 use quadmuse_store::{Added, Backend, OpenOptions, Store, StoreError};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// How often a copy says how far it is, in examples.
 const PROGRESS_EVERY: usize = 1000;
@@ -32,8 +34,13 @@ fn join(args: &ClusterArgs) -> Result<Joined, CommandError> {
     let options: ClusterOptions = args.required()?;
     let engine = JetStream::connect(&options).map_err(unreachable)?;
     let cache = std::env::temp_dir().join(format!("quadmuse-cluster-{}", std::process::id()));
-    let shared = SharedOptions { cache_bytes: CACHE_BYTES, ..SharedOptions::caching_in(&cache) };
-    Ok(Joined { corpus: SharedCorpus::open(std::sync::Arc::new(engine), &shared)?, cache })
+    let maker = row_maker(Arc::new(KernelEngine::default()));
+    let shared = SharedOptions {
+        cache_bytes: CACHE_BYTES,
+        row_maker: Some(Arc::new(move |record, segment, packed| row_of_packed(record, segment, packed, &maker))),
+        ..SharedOptions::caching_in(&cache)
+    };
+    Ok(Joined { corpus: SharedCorpus::open(Arc::new(engine), &shared)?, cache })
 }
 
 /// An engine that isn't reached, as the corpus tells it.

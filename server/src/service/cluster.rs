@@ -2,8 +2,8 @@
 
 use super::StartError;
 use crate::commands::cluster::unreachable;
-use crate::work::corpus::stored::{RowMaker, StoredCorpus};
-use crate::work::engine::{Engine, Packed};
+use crate::work::corpus::stored::{StoredCorpus, row_maker};
+use crate::work::engine::Engine;
 use quadmuse_cluster::{ClusterOptions, JetStream, SharedCorpus, SharedOptions};
 use quadmuse_store::{Backend, StoreError};
 use std::path::Path;
@@ -39,9 +39,7 @@ pub(super) async fn join(options: &ClusterOptions, data: &Path) -> Result<Arc<Sh
 
 /// The corpus as the service has it. Rows are made where an example is added, and travel with it.
 pub(super) async fn corpus_of(shared: Arc<SharedCorpus>, engine: &Arc<dyn Engine>) -> Result<StoredCorpus, StartError> {
-    let engine = Arc::clone(engine);
-    let row_maker: RowMaker =
-        Box::new(move |packed: &Packed| engine.unpack(packed).and_then(|encoding| engine.row(&encoding)).ok());
+    let row_maker = row_maker(Arc::clone(engine));
     let reading = tokio::task::spawn_blocking(move || StoredCorpus::of(shared, Some(row_maker)));
     reading.await.map_err(|_| StartError::Interrupted)
 }

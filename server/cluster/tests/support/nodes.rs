@@ -89,6 +89,13 @@ impl Nodes {
         }
     }
 
+    /// Stops a node without ending it, as a split of the network would look to the others, or lets it go on.
+    pub(crate) fn signal(&self, at: usize, signal: &str) {
+        let id = self.nodes[at].process.as_ref().map(|process| process.id().to_string()).expect("it runs");
+        let done = Command::new("kill").args([signal, &id]).status().expect("kill runs");
+        assert!(done.success(), "kill {signal} {id}");
+    }
+
     /// Starts a node; it is up when this returns.
     pub(crate) fn revive(&mut self, at: usize) {
         let node = &mut self.nodes[at];

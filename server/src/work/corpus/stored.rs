@@ -7,7 +7,7 @@ mod row;
 mod shaped;
 
 use super::{Corpus, CorpusCheck, CorpusError, CorpusHealth, KeptRow, NewExample, Put};
-use crate::work::engine::{Besides, Cut, Packed, SegmentFacts};
+use crate::work::engine::{Besides, Cut, Engine, Packed, SegmentFacts};
 use crate::work::ingest::counts_of;
 use crate::work::query::rfc3339;
 use bytes::Bytes;
@@ -16,7 +16,8 @@ use quadmuse_kernel::register::spectra::Row;
 use quadmuse_proto::{Example, ExampleId, ExamplePatch, ExampleSegment, MeshCounts, Segmentation};
 use quadmuse_store::{
     Added, Backend, Changed, Changes, Coarse, DerivedSegment, ExampleRecord, Following, Level, NewSegmentation,
-    OpenOptions, OpenReport, Patch, Problem, SegmentRow, SegmentSummary, Store, StoreError, coarse_when_kept,
+    OpenOptions, OpenReport, PackedSegment, Patch, Problem, SegmentRow, SegmentSummary, Store, StoreError,
+    coarse_when_kept,
 };
 use row::WrittenRow;
 use shaped::{Shaped, derived_in, feature_out, labels_in, segmentation_in, topology_out};
@@ -157,6 +158,27 @@ fn known_of(store: &dyn Backend, record: &ExampleRecord, rows: Vec<SegmentRow>) 
     };
     let kept = of.into_iter().zip(&record.segments).map(|(written, summary)| written.kept(summary));
     (known, whole.then(|| kept.collect()))
+}
+
+/// The row of a packed encoding, as bytes, as a backend keeps it.
+pub fn row_of_packed(
+    record: &ExampleRecord,
+    segment: u32,
+    packed: &PackedSegment,
+    maker: &RowMaker,
+) -> Option<Vec<u8>> {
+    let reader = packed.of(record.id, segment);
+    let coarse = reader.coarse().ok()?;
+    let counts = unpack_counts(&reader.chart().ok()?.extra)?;
+    let faces = u64::from(record.segments.get(segment as usize)?.faces);
+    let read = packed_of(&coarse, coarse.level.clone(), faces);
+    let row = maker(&read)?;
+    Some(row::write(&KeptRow { segment, facts: read.facts, row }, counts))
+}
+
+/// A maker of rows by the geometry.
+pub fn row_maker(engine: Arc<dyn Engine>) -> RowMaker {
+    Box::new(move |packed: &Packed| engine.unpack(packed).and_then(|encoding| engine.row(&encoding)).ok())
 }
 
 /// What is read of an encoding, with one level of its pyramid, as the service passes it on.
