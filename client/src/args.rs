@@ -1,8 +1,12 @@
 //! The command line: verbs, flags, and the environment variables behind them.
 
+mod annotate;
+
+pub use annotate::AnnotateArgs;
+
 use crate::{
     file::OutFile,
-    spec::{ConstraintSpec, ExampleRef, LandmarkSpec, Name, Require, SegmentsSpec, TagEdit, UsePart},
+    spec::{ConstraintSpec, ExampleRef, LandmarkSpec, LandmarksSpec, Name, Require, SegmentsSpec, TagEdit, UsePart},
 };
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
@@ -115,6 +119,8 @@ pub enum Command {
         #[arg(value_name = "+T|-T")]
         edits: Vec<TagEdit>,
     },
+    /// Say who made an example, under which licence, and where its landmarks are
+    Annotate(AnnotateArgs),
     /// Rank the corpus against a mesh
     Query(QueryCommand),
     /// Show the ranking of a query
@@ -327,9 +333,14 @@ pub struct MapArgs {
     /// with `constrain --set`
     #[arg(long = "landmark", value_name = "X,Y,Z=X,Y,Z", allow_hyphen_values = true)]
     pub landmark: Vec<LandmarkSpec>,
-    /// A file of landmarks: JSON, a list of `{"on_example": [x, y, z], "on_input": [x, y, z], "name": …}`
-    #[arg(long, value_name = "FILE")]
-    pub landmarks: Option<PathBuf>,
+    /// A file of landmarks: JSON, a list of `{"on_example": [x, y, z], "on_input": [x, y, z], "name": …}`, or points of the scan by
+    /// name as with `--names`; the word `names`: those of `--names`
+    #[arg(long, value_name = "FILE|names")]
+    pub landmarks: Option<LandmarksSpec>,
+    /// A file that names points of the scan: JSON like `{"nose_tip": [x, y, z]}`. Where the example has a landmark of the same
+    /// name, it is held there; other names are passed over
+    #[arg(long, value_name = "FILE", requires = "landmarks")]
+    pub names: Option<PathBuf>,
     /// Exit with 1 where the result is less than this; it is written all the same. `inspired`: more than half of its area
     /// has an example's quads; `fair`, `good`: its verdict is that or better. A broken result always exits with 1
     #[arg(long, value_name = "inspired|fair|good")]

@@ -1,6 +1,7 @@
 //! The verbs, one function each: ask the service, print the answer.
 
 mod add;
+mod annotate;
 mod batch;
 mod choose;
 mod compose;
@@ -26,6 +27,7 @@ pub async fn dispatch(command: Command, api: &Api, state: &State, ui: &mut Ui) -
         Command::Remove(args) => corpus::remove(&args, api, ui).await,
         Command::Rate { id, relevance } => corpus::rate(names::example(&id, api).await?, relevance, api, ui).await,
         Command::Tag { id, edits } => corpus::tag(names::example(&id, api).await?, &edits, api, ui).await,
+        Command::Annotate(args) => annotate::annotate(&args, api, ui).await,
         Command::Query(args) => rank::query(&args, api, state, ui).await,
         Command::Ranking(args) => rank::ranking(&args, api, state, ui).await,
         Command::Map(args) => map::map(&args, api, state, ui).await,

@@ -79,7 +79,7 @@ pub enum ClientError {
     },
     /// A file of landmarks holds none.
     #[error(
-        "{}: expected a JSON list like [{{\"on_example\": [x, y, z], \"on_input\": [x, y, z]}}], found: {detail}",
+        "{}: expected JSON like [{{\"on_example\": [x, y, z], \"on_input\": [x, y, z]}}] or {{\"nose_tip\": [x, y, z]}}, found: {detail}",
         file.display()
     )]
     LandmarksInvalid {
@@ -88,11 +88,32 @@ pub enum ClientError {
         /// Where it is wrong.
         detail: String,
     },
+    /// An example has no landmark of a name.
+    #[error("expected the name of a landmark that the example has ({known}), found `{found}`")]
+    NoSuchLandmark {
+        /// The name.
+        found: String,
+        /// The names that there are, with commas between.
+        known: String,
+    },
+    /// Landmarks are to be found by name, and nothing says where those names are on the scan.
+    #[error(
+        "expected `--names FILE` beside `--landmarks names`: a file like {{\"nose_tip\": [x, y, z]}} with points of the scan"
+    )]
+    NamesMissing,
     /// The query was cancelled while it was followed.
     #[error("expected a ranking, found that query {query} was cancelled; start it again")]
     Cancelled {
         /// The query.
         query: String,
+    },
+    /// A map or composition was cancelled while it was waited for.
+    #[error("expected a {product}, found that {id} was cancelled; ask for it again")]
+    MakingCancelled {
+        /// What it was to be.
+        product: &'static str,
+        /// Its id.
+        id: String,
     },
     /// A segment has no entry to choose.
     #[error(

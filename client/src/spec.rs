@@ -1,5 +1,9 @@
 //! The small languages of the command line: segments, tags, examples, constraints.
 
+mod named;
+
+pub use named::{Landmarks, LandmarksSpec, NamedSpec};
+
 use quadmuse_proto::{ExampleId, Landmark, NewConstraint, Place, Segmentation, Verdict, example::TAG_LENGTH_MAX};
 use std::{fmt, path::PathBuf, str::FromStr};
 

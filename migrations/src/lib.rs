@@ -9,13 +9,14 @@ mod file;
 mod v1;
 mod v2;
 mod v3;
+mod v4;
 
 use std::path::{Path, PathBuf};
 
 pub use file::{SCHEMA_FILE, read_schema};
 
 /// The newest schema this release knows, and the one it writes.
-pub const CURRENT: u32 = 3;
+pub const CURRENT: u32 = 4;
 const META_TREE: &str = "meta";
 const SCHEMA_ROW: &[u8] = b"schema";
 
@@ -86,6 +87,7 @@ const STEPS: &[Step] = &[
     Step { to: 1, name: "a new store", run: v1::run },
     Step { to: 2, name: "longer chunks from here on", run: v2::run },
     Step { to: 3, name: "examples whole and by their parts from here on", run: v3::run },
+    Step { to: 4, name: "authors, licences, notes and named landmarks from here on", run: v4::run },
 ];
 
 /// Numbers and names of the steps that a store of this schema (0: a new one) still needs, in order.
@@ -167,9 +169,9 @@ mod tests {
         mark(dir.path()).unwrap();
         let db = database(dir.path());
         let mut seen = Vec::new();
-        assert_eq!(run(dir.path(), &db, &mut |progress| seen.push(progress.step)).unwrap(), vec![1, 2, 3]);
+        assert_eq!(run(dir.path(), &db, &mut |progress| seen.push(progress.step)).unwrap(), vec![1, 2, 3, 4]);
         seen.dedup();
-        assert_eq!(seen, vec![1, 2, 3]);
+        assert_eq!(seen, vec![1, 2, 3, 4]);
         assert_eq!(run(dir.path(), &db, &mut |_| ()).unwrap(), Vec::<u32>::new());
         assert_eq!(check(dir.path()).unwrap(), CURRENT);
     }
@@ -184,7 +186,7 @@ mod tests {
                 (step.run)(dir.path(), &db, &mut |_| ()).unwrap();
             }
         }
-        assert_eq!(run(dir.path(), &db, &mut |_| ()).unwrap(), vec![1, 2, 3]);
+        assert_eq!(run(dir.path(), &db, &mut |_| ()).unwrap(), vec![1, 2, 3, 4]);
         let rows: Vec<_> = db.open_tree("manifest").unwrap().iter().collect();
         assert!(rows.is_empty());
     }

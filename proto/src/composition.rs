@@ -2,6 +2,7 @@
 
 use crate::{
     id::{CompositionId, MapId, QueryId},
+    making::MakingState,
     map::{Covers, Verdict},
 };
 use serde::{Deserialize, Serialize};
@@ -14,6 +15,10 @@ pub const SMOOTHING_DEFAULT: u32 = 5;
 
 /// The note of a composition that is the one map itself, with all that the example brings: it follows the input as it is.
 pub const AS_MAPPED: &str = "the map follows the input as it is";
+
+fn whole() -> f64 {
+    1.0
+}
 
 fn smoothing_default() -> u32 {
     SMOOTHING_DEFAULT
@@ -65,6 +70,12 @@ pub struct Composition {
     pub id: CompositionId,
     /// The query.
     pub query: QueryId,
+    /// Where it stands: `done`, as whatever is told whole.
+    #[serde(default)]
+    pub state: MakingState,
+    /// How far it is: 1.
+    #[serde(default = "whole")]
+    pub progress: f64,
     /// Whether it is worth keeping: the worst of the maps that make up a share of it worth telling; `poor` where no example
     /// was used.
     pub verdict: Verdict,

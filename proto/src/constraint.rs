@@ -19,6 +19,11 @@ pub enum Place {
         /// One weight a corner of the face, non-negative, their sum 1.
         barycentric: Vec<f64>,
     },
+    /// A vertex of the mesh as uploaded.
+    OnVertex {
+        /// The vertex's number, from 0.
+        vertex: u32,
+    },
     /// A point of the segment's parameter domain.
     Domain {
         /// Periodic, in periods.
@@ -134,13 +139,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_place_is_read_in_each_of_its_three_forms() {
+    fn a_place_is_read_in_each_of_its_forms() {
         let read = |text: &str| serde_json::from_str::<Place>(text).expect("a place");
         assert_eq!(read("[1, 2, 3.5]"), Place::Point([1.0, 2.0, 3.5]));
         assert_eq!(
             read(r#"{"face": 7, "barycentric": [0.5, 0.25, 0.25]}"#),
             Place::OnFace { face: 7, barycentric: vec![0.5, 0.25, 0.25] }
         );
+        assert_eq!(read(r#"{"vertex": 12}"#), Place::OnVertex { vertex: 12 });
         assert_eq!(read(r#"{"u": 0.25, "v": 0.5}"#), Place::Domain { u: 0.25, v: 0.5 });
         assert!(serde_json::from_str::<Place>(r#"{"u": 0.25}"#).is_err());
     }

@@ -15,6 +15,18 @@ pub const TAG_LENGTH_MAX: usize = 64;
 /// Most tags an example.
 pub const TAGS_MAX: usize = 32;
 
+/// Longest author and longest licence, in bytes of UTF-8.
+pub const CREDIT_LENGTH_MAX: usize = 256;
+
+/// Longest notes, in bytes of UTF-8.
+pub const NOTES_LENGTH_MAX: usize = 4096;
+
+/// Most named landmarks an example, and most names that a caller gives points of an input.
+pub const NAMED_MAX: usize = 128;
+
+/// Longest name of a landmark, in bytes of UTF-8.
+pub const LANDMARK_NAME_LENGTH_MAX: usize = 64;
+
 /// A mesh of the corpus.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
@@ -30,6 +42,18 @@ pub struct Example {
     pub tags: Vec<String>,
     /// Its relevance, 0–5.
     pub relevance: f64,
+    /// Who made it; empty if nobody said.
+    #[serde(default)]
+    pub author: String,
+    /// The licence it is under; empty if nobody said.
+    #[serde(default)]
+    pub licence: String,
+    /// What else there is to say of it; may have several lines.
+    #[serde(default)]
+    pub notes: String,
+    /// Points of its surface that have a name, in the order in which they were given.
+    #[serde(default)]
+    pub landmarks: Vec<NamedPoint>,
     /// BLAKE3 of the uploaded bytes, in hex.
     pub hash: String,
     /// The format of the uploaded bytes, as in `?format=`.
@@ -47,6 +71,22 @@ pub struct Example {
     /// The name of the built-in regular layout, if it is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub template: Option<String>,
+}
+
+/// A point of a surface that has a name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct NamedPoint {
+    /// Its name, which no other landmark of the example has.
+    pub name: String,
+    /// The vertex where it is, from 0 in the order of the file; absent where it is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vertex: Option<u32>,
+    /// The point, in the mesh's units. Always answered; where a vertex is given it may be absent and is not looked at, else the
+    /// nearest point of the surface is taken.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub point: Option<[f64; 3]>,
 }
 
 /// What a mesh is made of, as uploaded.
@@ -100,4 +140,16 @@ pub struct ExamplePatch {
     /// `conflict`, which names the revision there is. Without it, whichever there is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub revision: Option<u32>,
+    /// Who made it; empty for nobody.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub author: Option<String>,
+    /// The licence it is under; empty for none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub licence: Option<String>,
+    /// New notes; empty for none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub notes: Option<String>,
+    /// New named landmarks, in place of all the old ones, at most 128. Each has a vertex or a point.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub landmarks: Option<Vec<NamedPoint>>,
 }

@@ -1,11 +1,13 @@
 //! Maps: one corpus segment laid on one query segment.
 
 use crate::{
-    constraint::{Constraint, Landmark},
+    constraint::{Constraint, Landmark, Place},
     id::{ExampleId, MapId, QueryId},
+    making::MakingState,
     ranking::Flip,
 };
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// `POST /v1/queries/{id}/maps`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,6 +28,18 @@ pub struct NewMap {
     /// Points of the example that are held on points of the input, at most 32. From three on they fix pose and extent.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub landmarks: Vec<Landmark>,
+    /// Points of the input by name, at most 128. Where the example has a landmark of the same name, it is held there, as `landmarks`
+    /// are; other names are passed over. Of more than 32 in all those are taken that lie farthest apart.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub names: BTreeMap<String, Place>,
+}
+
+impl NewMap {
+    /// A map that nothing holds, of the example's faces alone.
+    pub fn new(segment: u32, example: ExampleId, example_segment: u32) -> Self {
+        let (beyond, landmarks, names) = (Beyond::Leave, Vec::new(), BTreeMap::new());
+        Self { segment, example, example_segment, beyond, landmarks, names }
+    }
 }
 
 /// Tells how the input is treated where it reaches beyond the example.
@@ -48,6 +62,12 @@ pub struct Map {
     pub id: MapId,
     /// The query.
     pub query: QueryId,
+    /// Where it stands: `done`, as whatever is told whole.
+    #[serde(default)]
+    pub state: MakingState,
+    /// How far it is: 1.
+    #[serde(default = "whole")]
+    pub progress: f64,
     /// The query's segment.
     pub segment: u32,
     /// The example.
@@ -101,6 +121,10 @@ pub struct Map {
     pub evidence: Option<MapEvidence>,
     /// Where its time went.
     pub timings: MapTimings,
+}
+
+fn whole() -> f64 {
+    1.0
 }
 
 /// From this worth on no other example has to be tried.

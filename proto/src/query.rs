@@ -1,6 +1,6 @@
 //! Queries: an input mesh while it is ranked against the corpus, and after.
 
-use crate::{example::MeshCounts, id::QueryId, problem::Problem, segment::Topology};
+use crate::{example::MeshCounts, id::QueryId, making::Making, problem::Problem, segment::Topology};
 use serde::{Deserialize, Serialize};
 
 /// Entries a segment that go on to the full resolution when the caller names no `top`.
@@ -97,6 +97,9 @@ pub struct Query {
     /// Why it failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub problem: Option<Problem>,
+    /// Its maps and compositions that are being made, and those that failed or were cancelled, the oldest first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub making: Vec<Making>,
 }
 
 /// A segment of a query.

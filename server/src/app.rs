@@ -22,6 +22,8 @@ pub struct Settings {
     pub upload_limit: u64,
     /// Names under which the service is reached, beside addresses and `localhost`.
     pub allowed_hosts: Vec<String>,
+    /// Origins whose pages may use the service, beside its own.
+    pub allowed_origins: Vec<String>,
     /// Requests a second of one caller; 0: no limit.
     pub rate_limit: u32,
 }

@@ -147,6 +147,13 @@ pub struct ServeArgs {
     /// Addresses and localhost are allowed always; with tokens and without this flag, every name is.
     #[arg(long = "allow-host", env = "QUADMUSE_ALLOW_HOST", value_name = "NAME", value_delimiter = ',', value_parser = crate::http::origin::host_name)]
     pub allow_host: Vec<String>,
+    /// An origin whose pages may use this server, like `https://tools.studio.example`; may repeat (in a variable or file:
+    /// separated by commas, a list). Without this flag only the server's own page may.
+    #[arg(long = "allow-origin", env = "QUADMUSE_ALLOW_ORIGIN", value_name = "ORIGIN", value_delimiter = ',', value_parser = crate::http::origin::origin_name)]
+    pub allow_origin: Vec<String>,
+    /// Put the built-in sample examples into a corpus that is empty.
+    #[arg(long, env = "QUADMUSE_SAMPLES")]
+    pub samples: bool,
     /// Serve without tokens even on an address that others can reach.
     #[arg(long, env = "QUADMUSE_OPEN")]
     pub open: bool,
@@ -224,6 +231,10 @@ pub struct Config {
     pub rate_limit: u32,
     /// Names under which it is reached.
     pub allowed_hosts: Vec<String>,
+    /// Origins whose pages may use it, beside its own.
+    pub allowed_origins: Vec<String>,
+    /// Whether an empty corpus gets the samples.
+    pub samples: bool,
     /// Whether it may be open on any address.
     pub open: bool,
     /// The engine that holds the corpus; `None`: it lies in `data`.
@@ -244,6 +255,8 @@ impl Config {
             connections_per_address: ConnectionLimits::of(CONNECTIONS_DEFAULT).per_address,
             rate_limit: RATE_LIMIT_DEFAULT,
             allowed_hosts: Vec::new(),
+            allowed_origins: Vec::new(),
+            samples: false,
             open: false,
             cluster: None,
         }
@@ -306,6 +319,8 @@ impl Config {
             connections_per_address: per_address.unwrap_or(ConnectionLimits::of(connections).per_address),
             rate_limit: args.rate_limit.or(file.rate_limit).unwrap_or(RATE_LIMIT_DEFAULT),
             allowed_hosts: hosts(args.allow_host, file.allow_host)?,
+            allowed_origins: origins(args.allow_origin, file.allow_origin)?,
+            samples: args.samples || file.samples,
             open: args.open || file.open,
             cluster: args.cluster.or(file.cluster).options()?,
         };
@@ -341,6 +356,17 @@ fn hosts(given: Vec<String>, file: Vec<String>) -> Result<Vec<String>, ConfigErr
     names.into_iter().map(checked).collect()
 }
 
+/// The origins given by flags, else those of the file.
+fn origins(given: Vec<String>, file: Vec<String>) -> Result<Vec<String>, ConfigError> {
+    let names = if given.is_empty() { file } else { given };
+    let checked = |name: String| {
+        let expected = "origins like https://tools.studio.example";
+        let invalid = |_| ConfigError::Invalid { name: "allow-origin", expected, found: name.clone() };
+        crate::http::origin::origin_name(&name).map_err(invalid)
+    };
+    names.into_iter().map(checked).collect()
+}
+
 fn read_file(path: &Path) -> Result<ServeArgs, ConfigError> {
     let file = config::File::from(path).format(config::FileFormat::Toml);
     let read = config::Config::builder().add_source(file).build().and_then(config::Config::try_deserialize);
@@ -355,6 +381,19 @@ mod tests {
     fn parse(line: &[&str]) -> ServeArgs {
         let line = std::iter::once("quadmuse-server").chain(line.iter().copied());
         Cli::try_parse_from(line).expect("a good command line").serve
+    }
+
+    #[test]
+    fn origins_are_taken_as_browsers_write_them() {
+        let resolved = |line: &[&str]| Config::resolve(parse(&[&["--data", "d"][..], line].concat()));
+        let origins = ["--allow-origin", "https://Tools.example:8443,http://10.0.0.7"];
+        let config = resolved(&origins).expect("resolves");
+        assert_eq!(config.allowed_origins, ["https://tools.example:8443", "http://10.0.0.7"]);
+        assert!(!config.samples && resolved(&["--samples"]).expect("resolves").samples);
+        for bad in ["tools.example", "ftp://x", "https://x/y", "https://x:port", "*", "null", "https://", "https://u@x"]
+        {
+            assert!(crate::http::origin::origin_name(bad).is_err(), "{bad}");
+        }
     }
 
     #[test]

@@ -17,6 +17,7 @@ mod limb;
 mod loft;
 pub(crate) mod random;
 mod remesh;
+pub mod samples;
 pub mod tour;
 
 use cage::Cage;

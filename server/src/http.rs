@@ -13,6 +13,7 @@ pub mod files;
 pub mod health;
 pub mod idempotency;
 pub mod known;
+pub mod making;
 pub mod maps;
 pub mod negotiate;
 pub mod openapi;
@@ -20,6 +21,7 @@ pub mod origin;
 pub mod params;
 pub mod queries;
 pub mod ranking;
+pub mod samples;
 pub mod stream;
 pub mod tokens;
 pub mod upload;
@@ -53,6 +55,7 @@ pub fn router(app: App) -> Router {
         .layer(from_fn(watchful::guard))
         .layer(from_fn(watchful::measure))
         .layer(from_fn_with_state(app.clone(), origin::check))
+        .layer(origin::cors(&app.settings.allowed_origins))
         .layer(from_fn_with_state(app.clone(), caller::authorize))
         .layer(from_fn_with_state(app.clone(), caller::own))
         .layer(from_fn_with_state(known, known::check))
@@ -84,14 +87,18 @@ fn documented() -> OpenApiRouter<App> {
         .routes(routes!(ranking::get))
         .routes(routes!(stream::stream))
         .routes(routes!(maps::create, maps::list))
-        .routes(routes!(maps::get))
+        .routes(routes!(maps::get, maps::remove))
+        .routes(routes!(maps::stream))
         .routes(routes!(maps::mesh))
         .routes(routes!(maps::preview))
         .routes(routes!(maps::constrain))
-        .routes(routes!(compositions::create))
-        .routes(routes!(compositions::get))
+        .routes(routes!(compositions::create, compositions::list))
+        .routes(routes!(compositions::get, compositions::remove))
+        .routes(routes!(compositions::stream))
         .routes(routes!(compositions::mesh))
         .routes(routes!(compositions::preview))
+        .routes(routes!(samples::list))
+        .routes(routes!(samples::mesh))
         .routes(routes!(admin::status))
         .routes(routes!(admin::check))
         .routes(routes!(admin::backup))

@@ -116,6 +116,10 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     let connections = Connections::new(limits);
     let router = http::router(app);
     let serving = tokio::spawn(serve(listener, router, connections, stopping.clone()));
+    if config.samples && examples == 0 {
+        let stock = crate::demo::samples::stock(Arc::clone(&work));
+        tokio::spawn(stopping.clone().run_until_cancelled_owned(stock));
+    }
     let background = tokio::spawn(reencode::run(Arc::clone(&work), stopping.clone()));
     tokio::spawn(follow::run(Arc::clone(&work), stopping.clone()));
     tokio::spawn(scrub::run(Arc::clone(&work), stopping.clone()));
@@ -149,6 +153,7 @@ fn settings(config: &Config) -> Settings {
     Settings {
         upload_limit: config.upload_limit,
         allowed_hosts: config.allowed_hosts.clone(),
+        allowed_origins: config.allowed_origins.clone(),
         rate_limit: config.rate_limit,
     }
 }
@@ -187,7 +192,10 @@ impl Running {
         self.stopping.cancel();
         // A panic of the accept loop has been logged; there is nothing more to wait for then.
         let _ = self.serving.await;
-        self.work.queries.all().iter().for_each(|query| query.stop().cancel());
+        for query in self.work.queries.all() {
+            query.stop().cancel();
+            query.makings.cancel_all();
+        }
         let _ = self.background.await;
         self.work.background.close();
         if tokio::time::timeout(COMMIT_TIME_MAX, self.work.background.wait()).await.is_err() {

@@ -11,6 +11,8 @@ pub mod engine;
 pub mod error;
 pub mod follow;
 pub mod ingest;
+pub mod landmarks;
+pub mod making;
 pub mod mapping;
 pub mod picture;
 pub mod pictures;

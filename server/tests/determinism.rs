@@ -2,7 +2,7 @@
 //! threads, any order of insertion, before and after a restart.
 
 use quadmuse_kernel::mesh::{Format, PolyMesh, write};
-use quadmuse_proto::{Beyond, ExampleId, MeshFormat, NewMap, QueryState};
+use quadmuse_proto::{ExampleId, MeshFormat, NewMap, QueryState};
 use quadmuse_server::demo::{self, Sample};
 use quadmuse_server::pool::{Admission, Pool};
 use quadmuse_server::work::corpus::stored::StoredCorpus;
@@ -48,8 +48,7 @@ async fn outcome(data: &Path, threads: usize, add: &[&Sample], input: &Sample) -
     assert_eq!(board.state, QueryState::Done);
     let ranking = live.ranking(&board, 0, EXAMPLES).expect("a ranking");
     let best: (ExampleId, u32) = (ranking.entries[0].example, ranking.entries[0].example_segment);
-    let wanted =
-        NewMap { segment: 0, example: best.0, example_segment: best.1, beyond: Beyond::Leave, landmarks: Vec::new() };
+    let wanted = NewMap::new(0, best.0, best.1);
     let map = mapping::create(&work, &live, wanted).await.expect("a map");
     let vertices = &map.newest().mapped.mesh.positions;
     let entry = |e: &quadmuse_proto::Entry| {

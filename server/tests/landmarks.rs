@@ -2,7 +2,7 @@
 
 use quadmuse_kernel::mesh::{Format, PolyMesh, Vec3, write};
 use quadmuse_proto::{
-    Beyond, ConstraintEdit, ConstraintOrigin, ExampleId, Landmark, MeshFormat, NewConstraint, NewMap, OnFold, Place,
+    ConstraintEdit, ConstraintOrigin, ExampleId, Landmark, MeshFormat, NewConstraint, NewMap, OnFold, Place,
 };
 use quadmuse_server::demo;
 use quadmuse_server::pool::{Admission, Pool};
@@ -48,7 +48,7 @@ async fn map(
     example: ExampleId,
     landmarks: Vec<Landmark>,
 ) -> Result<Arc<mapping::LiveMap>, WorkError> {
-    let wanted = NewMap { segment: 0, example, example_segment: 0, beyond: Beyond::Leave, landmarks };
+    let wanted = NewMap { landmarks, ..NewMap::new(0, example, 0) };
     mapping::create(work, live, wanted).await
 }
 

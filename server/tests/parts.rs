@@ -2,7 +2,7 @@
 //! after.
 
 use quadmuse_kernel::mesh::{Format, PolyMesh, write};
-use quadmuse_proto::{Beyond, Example, MeshFormat, NewMap, Parts, QueryState, Ranking};
+use quadmuse_proto::{Example, MeshFormat, NewMap, Parts, QueryState, Ranking};
 use quadmuse_server::demo;
 use quadmuse_server::pool::{Admission, Pool};
 use quadmuse_server::work::corpus::stored::StoredCorpus;
@@ -99,7 +99,7 @@ async fn a_scan_in_parts_takes_the_parts_of_an_example_that_stands_once_in_each_
     let first = rankings.iter().find(|r| r.entries.first().is_some_and(|e| e.example_segment > 0)).expect("a part");
     let (segment, example, example_segment) =
         (first.segment, first.entries[0].example, first.entries[0].example_segment);
-    let wanted = NewMap { segment, example, example_segment, beyond: Beyond::Leave, landmarks: Vec::new() };
+    let wanted = NewMap::new(segment, example, example_segment);
     let map = mapping::create(&work, &live, wanted.clone()).await.expect("a map").newest();
     let faces =
         [&pig, &fish].into_iter().find(|e| e.id == example).expect("there").segments[example_segment as usize].faces;

@@ -2,7 +2,7 @@
 
 import { $, buffer, call, json, make, sentence } from "/web/call.js";
 import { follow } from "/web/follow.js";
-import { draw, layBest, showComposition, showMap } from "/web/laying.js";
+import { draw, layBest, resume, showComposition, showMap } from "/web/laying.js";
 import { showPanel } from "/web/panel.js";
 import { readPly } from "/web/read.js";
 import { go } from "/web/route.js";
@@ -68,6 +68,11 @@ export async function open(started, { mesh = null, name = "", wanted = {} } = {}
     tools.set({ layout: "one", show: "quads" });
     if (query.segments.length > 1) showPanel(query);
     query.before = showBefore(query, wanted);
+    const open = started.making?.findLast((m) => m.state === "queued" || m.state === "running");
+    if (open) {
+      query.touched = true;
+      query.before.then(() => resume(query, open)).catch((error) => say(error.message, "bad"));
+    }
     follow(query.id, query.stop.signal, (event) => take(query, event)).catch((error) => lost(query, error));
     await query.before;
   } catch (error) { lost(query, error); }

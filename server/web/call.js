@@ -15,7 +15,7 @@ export const hooks = { unauthorized: () => {}, reached: () => {}, lost: () => {}
 
 export const sentence = (text) => `${text.charAt(0).toUpperCase()}${text.slice(1)}${/[.!?]$/.test(text) ? "" : "."}`;
 
-const problemOf = (status, problem) => Object.assign(new Error(sentence(problem.detail ?? `the server answered with ${status}`)), { code: problem.code, status });
+export const problemOf = (status, problem) => Object.assign(new Error(sentence(problem.detail ?? `the server answered with ${status}`)), { code: problem.code, status });
 
 // Every call goes through here: the token, and problems as errors.
 export async function call(path, options = {}) {
@@ -47,7 +47,8 @@ export function upload(path, file, onprogress) {
     const request = new XMLHttpRequest();
     request.open("POST", path);
     request.setRequestHeader("accept", "application/json");
-    request.setRequestHeader("content-type", "application/octet-stream");
+    // A form tells its own type.
+    if (!(file instanceof FormData)) request.setRequestHeader("content-type", "application/octet-stream");
     if (token) request.setRequestHeader("authorization", `Bearer ${token}`);
     request.upload.onprogress = (event) => onprogress(event.lengthComputable ? event.loaded / event.total : 0);
     request.onerror = () => { hooks.lost(); reject(Object.assign(new Error("The server is out of reach."), { code: "unreachable" })); };

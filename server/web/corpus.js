@@ -3,10 +3,14 @@
 import { $, call, json, make, picture, send, upload } from "/web/call.js";
 import { showExample } from "/web/example.js";
 import { formatOf } from "/web/files.js";
+import { forgetFacts } from "/web/laying.js";
+import * as samples from "/web/samples.js";
 import { SURFACES } from "/web/words.js";
 
 const PAGE = 500;
 const UNDO_MS = 8000;
+// So many are added until the grid is drawn anew.
+const SHOWN_EVERY = 4;
 
 let examples = [];
 let loaded = false;
@@ -83,6 +87,7 @@ function openExample(id) {
   showExample(examples[at], {
     async change(patch) {
       examples[at] = await send(`/v1/examples/${id}`, patch, "PATCH");
+      forgetFacts(id);
       draw();
       return examples[at];
     },
@@ -115,35 +120,65 @@ function remove(id) {
 const queue = [];
 let running = false;
 
-export function add(files) {
-  for (const file of files) {
+const tagsGiven = () => $("new-tags").value.split(",").map((t) => t.trim()).filter(Boolean);
+
+// `get`: gives the file of one that is not here yet.
+function enqueue(all) {
+  for (const { name, get, tags, relevance } of all) {
     const item = make("li");
-    const stem = file.name.replace(/\.[^.]*$/, "");
-    const bar = make("progress", undefined, { max: 1, value: 0, ariaLabel: `Uploading ${file.name}` });
+    const stem = name.replace(/\.[^.]*$/, "");
+    const bar = make("progress", undefined, { max: 1, value: 0, ariaLabel: `Uploading ${name}` });
     const told = make("span", "waiting", { className: "soft" });
     item.append(make("strong", stem), bar, told);
     $("uploads").prepend(item);
-    queue.push({ file, stem, bar, told, item });
+    queue.push({ name, get, tags, relevance, stem, bar, told, item });
   }
   run();
+}
+
+export const add = (files) => enqueue([...files].map((file) => ({ name: file.name, get: () => file, tags: tagsGiven() })));
+
+// The samples, into a corpus that is empty.
+export async function addSamples() {
+  const button = $("add-samples");
+  button.disabled = true;
+  $("empty").hidden = true;
+  $("corpus-state").textContent = "The server makes the samples…";
+  try {
+    const all = await samples.examples();
+    enqueue(all.map((sample) => ({ name: `${sample.name}.obj`, get: () => samples.fileOf(sample), tags: [...sample.tags, "sample"], relevance: sample.relevance })));
+  } catch (error) {
+    $("corpus-state").textContent = error.message;
+    $("empty").hidden = false;
+  }
+  button.disabled = false;
 }
 
 async function run() {
   if (running) return;
   running = true;
-  while (queue.length) await send1(queue.shift());
+  let done = 0;
+  while (queue.length) {
+    const left = queue.length;
+    $("corpus-state").textContent = left + done > 1 ? `Adding ${done + 1} of ${done + left}…` : "";
+    await send1(queue.shift());
+    done += 1;
+    // What is there is seen, also while many are added.
+    if (done % SHOWN_EVERY === 0 && queue.length) await load().then(draw, () => {});
+  }
   running = false;
   await show();
   onchange();
 }
 
-async function send1({ file, stem, bar, told, item }) {
-  const format = formatOf(file.name);
+async function send1({ name, get, tags, relevance, stem, bar, told, item }) {
+  const format = formatOf(name);
   if (!format) { bar.remove(); Object.assign(told, { className: "bad", textContent: "not a mesh that is read here: OBJ, PLY, STL, OFF or GLB" }); return; }
   const parameters = new URLSearchParams({ name: stem, format });
-  for (const tag of $("new-tags").value.split(",").map((t) => t.trim()).filter(Boolean)) parameters.append("tag", tag);
+  for (const tag of tags) parameters.append("tag", tag);
+  if (relevance !== undefined) parameters.set("relevance", relevance);
   try {
-    const { status, answer } = await upload(`/v1/examples?${parameters}`, file, (part) => { bar.value = part; told.textContent = part < 1 ? `${Math.floor(100 * part)} %` : "being read and encoded…"; });
+    const { status, answer } = await upload(`/v1/examples?${parameters}`, await get(), (part) => { bar.value = part; told.textContent = part < 1 ? `${Math.floor(100 * part)} %` : "being read and encoded…"; });
     const parts = answer.segments.filter((s) => s.is_part).length;
     const quads = share(answer.counts);
     const facts = [status === 201 ? "added" : "was there already", `${answer.counts.faces} faces`, SURFACES[answer.segments[0]?.topology] ?? "", parts ? `${parts} parts` : ""].filter(Boolean).join(", ");
@@ -160,5 +195,6 @@ async function send1({ file, stem, bar, told, item }) {
   bar.remove();
 }
 
+$("add-samples").onclick = addSamples;
 for (const id of ["search", "filter-tag", "filter-topology"]) $(id).addEventListener("input", draw);
 $("filters").onsubmit = (event) => event.preventDefault();

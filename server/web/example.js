@@ -2,6 +2,7 @@
 
 import { $, make, save } from "/web/call.js";
 import { exampleMesh } from "/web/laying.js";
+import { Naming } from "/web/naming.js";
 import { go } from "/web/route.js";
 import { Viewer } from "/web/viewer.js";
 import { SURFACES } from "/web/words.js";
@@ -12,6 +13,12 @@ function field(text, input) {
   const label = make("label", text);
   label.append(input);
   return label;
+}
+
+function pair(...fields) {
+  const row = make("div", undefined, { className: "pair" });
+  row.append(...fields);
+  return row;
 }
 
 function parts(example) {
@@ -27,7 +34,7 @@ export function showExample(example, act) {
   const box = make("div", undefined, { className: "picture" });
   const canvas = make("canvas", undefined, { tabIndex: 0, ariaLabel: "The example. Drag or use the arrow keys to turn." });
   canvas.setAttribute("role", "application");
-  const marks = make("div", undefined, { ariaHidden: "true" });
+  const marks = make("div", undefined, { className: "marks", ariaHidden: "true" });
   box.append(canvas, marks);
   const form = make("form");
   const name = make("input", undefined, { value: example.name, maxLength: 256, id: "edit-name" });
@@ -35,12 +42,18 @@ export function showExample(example, act) {
   const rating = make("select", undefined, { id: "edit-rating" });
   rating.append(...RATINGS.map((r) => make("option", r === "0" ? "0, rank it last" : r === "3" ? "3, as any other" : r === "5" ? "5, prefer it" : r, { value: r })));
   rating.value = String(Math.round(example.relevance));
-  const told = make("p", "", { className: "soft" });
+  const author = make("input", undefined, { value: example.author, maxLength: 256, id: "edit-author" });
+  const licence = make("input", undefined, { value: example.licence, maxLength: 256, id: "edit-licence", placeholder: "CC0-1.0" });
+  const notes = make("textarea", undefined, { value: example.notes, maxLength: 4096, rows: 2, id: "edit-notes" });
+  const told = make("p", "", { className: "soft", id: "example-told" });
   told.setAttribute("role", "status");
+  const naming = new Naming(example.landmarks);
   form.onsubmit = async (event) => {
     event.preventDefault();
     try {
-      const changed = await act.change({ name: name.value.trim(), tags: tags.value.split(",").map((t) => t.trim()).filter(Boolean), relevance: Number(rating.value) });
+      const texts = { name: name.value.trim(), author: author.value.trim(), licence: licence.value.trim(), notes: notes.value.trim() };
+      const changed = await act.change({ ...texts, tags: tags.value.split(",").map((t) => t.trim()).filter(Boolean), relevance: Number(rating.value), landmarks: naming.value() });
+      naming.renew(changed.landmarks);
       $("example-name").textContent = changed.name || changed.id;
       Object.assign(told, { textContent: "Saved.", className: "good" });
     } catch (error) { Object.assign(told, { textContent: error.message, className: "bad" }); }
@@ -54,7 +67,7 @@ export function showExample(example, act) {
   remove.onclick = () => { dialog.close(); act.remove(); };
   buttons.append(make("button", "Save"), download, remove, close);
   const { faces, quads, vertices } = example.counts;
-  form.append(make("h2", example.name || example.id, { id: "example-name" }), field("Name", name), field("Tags", tags), field("Rating", rating), make("p", `${faces} faces (${Math.round((100 * quads) / Math.max(1, faces))} % quads), ${vertices} vertices, added ${example.created.slice(0, 10)}`, { className: "soft" }), parts(example), buttons, told);
+  form.append(make("h2", example.name || example.id, { id: "example-name" }), field("Name", name), pair(field("Tags", tags), field("Rating", rating)), pair(field("Author", author), field("Licence", licence)), field("Notes", notes), naming.element, make("p", `${faces} faces (${Math.round((100 * quads) / Math.max(1, faces))} % quads), ${vertices} vertices, added ${example.created.slice(0, 10)}`, { className: "soft" }), parts(example), buttons, told);
   dialog.replaceChildren(box, form);
   let viewer = null;
   dialog.onclose = () => { viewer?.end(); dialog.replaceChildren(); act.closed(); };
@@ -62,6 +75,6 @@ export function showExample(example, act) {
   go(`corpus/${example.id}`);
   try {
     viewer = new Viewer(canvas, marks, {});
-    exampleMesh(example.id).then((mesh) => { if (!canvas.isConnected) return; viewer.setScan(mesh); viewer.setQuads(mesh); viewer.set({ dots: true }); }, (error) => { told.textContent = error.message; });
+    exampleMesh(example.id).then((mesh) => { if (!canvas.isConnected) return; viewer.setScan(mesh); viewer.setQuads(mesh); viewer.set({ dots: true }); naming.take(viewer, mesh); }, (error) => { told.textContent = error.message; });
   } catch (error) { told.textContent = error.message; }
 }

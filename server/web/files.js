@@ -101,10 +101,10 @@ async function send(scan) {
   draw();
   const parameters = new URLSearchParams({ format: formatOf(scan.name), top: $("top").value, resolution: $("resolution").value });
   const parts = scan.cut ?? $("parts").value;
-  if (parts) parameters.set("parts", parts);
+  if (parts && !scan.form) parameters.set("parts", parts);
   if ($("tag").value.trim()) parameters.set("tag", $("tag").value.trim());
   try {
-    const { answer } = await upload(`/v1/queries?${parameters}`, scan.file, (progress) => { scan.progress = progress; draw(); });
+    const { answer } = await upload(`/v1/queries?${parameters}`, scan.form ?? scan.file, (progress) => { scan.progress = progress; draw(); });
     Object.assign(scan, { started: answer, state: "there" });
     remember(answer.id, scan.name);
     draw();
@@ -137,6 +137,18 @@ bench.cut = async (query) => {
   let file = scan?.file;
   if (!file) file = new File([await buffer(`/v1/queries/${query.id}/mesh?format=ply`)], `${query.name.replace(/\.[^.]*$/, "")}.ply`);
   const again = { file, name: file.name.replace(/(\.[^.]*)$/, " in parts$1"), mesh: scan?.mesh ?? null, state: "waiting", progress: 0, cut: "auto", trouble: "" };
+  scans.unshift(again);
+  shown = again;
+  run();
+};
+
+// The same scan again, cut as its faces are labelled: a mesh as PLY, and a number a face, one a line.
+bench.cutAs = (query, mesh, labels) => {
+  const name = `${query.name.replace(/\.[^.]*$/, "")} as painted.ply`;
+  const form = new FormData();
+  form.append("mesh", mesh, name);
+  form.append("segments", labels);
+  const again = { file: new File([mesh], name), form, name, mesh: null, state: "waiting", progress: 0, trouble: "" };
   scans.unshift(again);
   shown = again;
   run();

@@ -61,7 +61,7 @@ function area(mesh, f) {
 }
 
 // The faces of an example that a map of it has, in order: those with all of their vertices kept.
-function keptFaces(example, kept) {
+export function keptFaces(example, kept) {
   const all = Array.from({ length: faceCount(example) }, (_, f) => f);
   if (!kept) return all;
   const has = new Uint8Array(example.positions.length / 3);

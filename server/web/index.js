@@ -7,6 +7,7 @@ import * as corpus from "/web/corpus.js";
 import * as files from "/web/files.js";
 import * as points from "/web/points.js";
 import { route } from "/web/route.js";
+import * as samples from "/web/samples.js";
 import { bench } from "/web/state.js";
 import { say } from "/web/status.js";
 import * as tools from "/web/tools.js";
@@ -15,7 +16,26 @@ import { Viewer } from "/web/viewer.js";
 async function showHealth() {
   const ready = await json("/readyz").catch(() => null);
   $("health").textContent = ready ? `${ready.examples} example${ready.examples === 1 ? "" : "s"}` : "";
-  if ($("no-corpus")) $("no-corpus").hidden = !ready || ready.examples > 0;
+  if (!$("no-corpus")) return;
+  $("no-corpus").hidden = !ready || ready.examples > 0;
+  if (ready?.examples) offerScans().catch(() => {});
+}
+
+// Scans to begin with, for who has none at hand.
+async function offerScans() {
+  const box = $("sample-scans");
+  if (box.childElementCount) return;
+  const scans = await samples.scans();
+  for (const scan of box.childElementCount ? [] : scans) {
+    const button = make("button", scan.name.replace(/^scan_/, "").replaceAll("_", " "), { type: "button", className: "plain small" });
+    button.onclick = async () => {
+      button.disabled = true;
+      try { files.add([await samples.fileOf(scan)]); } catch (error) { say(error.message, "bad"); }
+      button.disabled = false;
+    };
+    box.append(button, " ");
+  }
+  box.hidden = !scans.length;
 }
 
 function showView() {

@@ -1,7 +1,8 @@
 // What is laid on the scan: the best by itself, another by a click, and all parts stitched.
 
-import { $, buffer, json, send } from "/web/call.js";
+import { $, buffer, json } from "/web/call.js";
 import { record } from "/web/history.js";
+import { attend, made as make } from "/web/making.js";
 import { faceCount } from "/web/mesh.js";
 import { showPanel } from "/web/panel.js";
 import { similarity } from "/web/pose.js";
@@ -35,6 +36,8 @@ const factsOf = (id) => {
   if (!facts.has(id)) facts.set(id, json(`/v1/examples/${id}`).catch(() => { facts.delete(id); return null; }));
   return facts.get(id);
 };
+
+export const forgetFacts = (id) => facts.delete(id);
 
 // A mesh of the corpus, kept for when it is laid again.
 export function exampleMesh(id) {
@@ -91,17 +94,27 @@ async function surfaces() {
   return kinds.filter((_, k) => found[k].items.some((e) => !e.template));
 }
 
+// The points of the scan that were placed by name, where the example has the same names.
+async function namesFor(query, entry) {
+  const placed = query.pairs.filter((p) => p.name && p.input);
+  if (!placed.length || isTemplate(entry)) return {};
+  const known = new Set(((await factsOf(entry.example))?.landmarks ?? []).map((l) => l.name));
+  return Object.fromEntries(placed.filter((p) => known.has(p.name)).map((p) => [p.name, p.input]));
+}
+
 // Lays an entry on the scan, and shows it, unless `beats` names a map that is as good.
 export async function lay(query, entry, { landmarks = [], beyond = "leave", beats = null } = {}) {
   const begun = performance.now();
   const { segment } = query;
-  const body = { segment, example: entry.example, example_segment: entry.example_segment, beyond, ...(landmarks.length ? { landmarks } : {}) };
-  const map = await busy(`Laying ${nameOf(entry)} on the scan…`, (signal) => send(`/v1/queries/${query.id}/maps`, body, "POST", { signal }));
+  const names = landmarks.length ? {} : await namesFor(query, entry);
+  const met = Object.keys(names).length;
+  const body = { segment, example: entry.example, example_segment: entry.example_segment, beyond, ...(landmarks.length ? { landmarks } : {}), ...(met ? { names } : {}) };
+  const map = await busy(`Laying ${nameOf(entry)} on the scan…`, (signal, tell) => make(`/v1/queries/${query.id}/maps`, body, signal, (_, share) => tell(`Laying ${nameOf(entry)} on the scan…`, share)));
   if (!map || bench.query !== query) return null;
   if (beats && worth(map) <= worth(beats)) return map;
   await showMap(query, map);
   query.layMs = performance.now() - begun;
-  say(`${nameOf(entry)} was laid in ${(query.layMs / 1000).toFixed(1)} s.`);
+  say(`${nameOf(entry)} was laid in ${(query.layMs / 1000).toFixed(1)} s${met ? `, held by ${met === 1 ? "the point" : `${met} points`} that the scan and it both name` : ""}.`);
   return map;
 }
 
@@ -138,6 +151,9 @@ export async function showMap(query, map, { keep = true } = {}) {
   const known = template ? null : await factsOf(map.example);
   const name = template ? "Regular layout" : known?.name || (entry ? nameOf(entry) : map.example);
   query.shown.name = name;
+  query.shown.named = known?.landmarks ?? [];
+  // Points of another example mean nothing on this one, but for those that both name.
+  if (isNew) query.pairs = query.pairs.flatMap((p) => { const own = p.name && query.shown.named.find((l) => l.name === p.name); return own ? [{ ...p, example: own.point }] : []; });
   query.shown.topology = known?.segments.find((s) => s.segment === map.example_segment)?.topology;
   tools.setNames({ example: name, result: `${query.name} with ${faceCount(quads)} quads` });
   tools.set({ layout: viewer.options.layout, show: query.segments.length > 1 ? "over" : viewer.options.show === "scan" ? "quads" : viewer.options.show });
@@ -149,30 +165,23 @@ export async function showMap(query, map, { keep = true } = {}) {
 
 // ---- stitching
 
-const PROGRESS_MS = 1000;
-
-// How far a composition is: the maps it makes are the query's, one part after the other.
-async function progress(query, tell) {
-  const { items } = await json(`/v1/queries/${query.id}/maps`);
-  const wanted = query.segments.filter((s) => s.tries > 0).length;
-  const laid = new Set(items.map((m) => m.segment)).size;
-  if (laid < wanted) tell(`Laying examples: ${laid} of ${wanted} parts have one…`, (0.8 * laid) / wanted);
-  else tell("Stitching the parts…", 0.8);
-}
-
 export async function stitch(query, { density = 0 }) {
   const parts = [...query.laid].filter(([segment]) => query.chosen?.has(segment)).map(([segment, { map }]) => ({ segment, map }));
   // Whoever chose a part wants its layout.
   const body = { parts, keep: parts.map((p) => p.segment), density };
-  const made = await busy(`Laying an example on each of ${query.segments.length} parts, and stitching them…`, async (signal, tell) => {
-    const timer = setInterval(() => progress(query, tell).catch(() => {}), PROGRESS_MS);
-    try {
-      return await send(`/v1/queries/${query.id}/compositions`, body, "POST", { signal });
-    } finally { clearInterval(timer); }
-  });
+  const made = await busy(`Laying an example on each of ${query.segments.length} parts, and stitching them…`, (signal, tell) => make(`/v1/queries/${query.id}/compositions`, body, signal, tell));
   if (!made || bench.query !== query) { if (bench.query === query) showPanel(query); return; }
   say(`Stitched in ${(made.total_ms / 1000).toFixed(1)} s.`);
   await showComposition(query, made);
+}
+
+// What was being made when the page was loaded: it is followed on, and shown.
+export async function resume(query, making) {
+  const of = making.product === "map" ? "maps" : "compositions";
+  const now = await busy("Going on with what was begun…", (signal, tell) => attend(`/v1/queries/${query.id}/${of}/${making.id}`, making, signal, tell));
+  if (!now || bench.query !== query) return;
+  await (making.product === "map" ? showMap(query, now) : showComposition(query, now));
+  say("");
 }
 
 export async function showComposition(query, made) {

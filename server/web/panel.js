@@ -1,7 +1,9 @@
 // Beside the viewport: what came out, in words, and what can be done about it.
 
 import { $, make, save, sentence } from "/web/call.js";
+import { histograms } from "/web/histograms.js";
 import { lay, stitch } from "/web/laying.js";
+import { begin as paintParts, showPainting } from "/web/painting.js";
 import { showParts } from "/web/parts.js";
 import { showPoints } from "/web/points.js";
 import { isTemplate, key, nameOf } from "/web/ranking.js";
@@ -69,10 +71,12 @@ function wayOut(query) {
   if (map && map.covers.input < 0.97 && map.own_faces === map.faces) {
     row.append(button("Go on to where the scan ends", () => lay(query, { example: map.example, example_segment: map.example_segment, name: query.shown.name }, { beyond: "extend" }), { title: "Rows of quads continue the example's rim", id: "beyond" }));
   }
+  if (map && query.segments.length === 1) row.append(paintButton(query));
   return row.childElementCount ? row : null;
 }
 
 const cutButton = (query) => button("Cut it into limbs, head and torso", () => bench.cut(query), { id: "cut" });
+const paintButton = (query) => button("Paint parts", () => paintParts(query), { id: "repaint", title: "Parts of the scan take examples of their own" });
 
 function verdict(query) {
   const { map, made } = query.shown;
@@ -132,23 +136,36 @@ function added(made) {
   return section;
 }
 
+// The example's quads beside those of the result. They are counted once a revision: the panel is drawn often.
+let counted = { of: "", box: null };
+function alike(map) {
+  const { example, quads } = bench.viewer.meshes;
+  if (!example || !quads) return [];
+  const of = `${map.id} ${map.revision}`;
+  if (counted.of !== of) counted = { of, box: histograms(example, quads, { kept: map.kept, ownFaces: map.own_faces }) };
+  return counted.box ? [counted.box] : [];
+}
+
 // Draws the panel anew; what had the focus keeps it.
 export function showPanel(query) {
   if (bench.query !== query) return;
   const focused = document.activeElement?.id;
   const wasOpen = $("details")?.open ?? false;
   const sections = [];
+  if (query.painting) { $("panel").replaceChildren(showPainting(query)); if (focused && document.activeElement === document.body) $(focused)?.focus({ preventScroll: true }); return; }
   if (query.shown) sections.push(verdict(query));
   else if (query.mismatch) {
     const section = make("section");
     section.append(make("h2", "No example used", { className: "verdict poor" }), make("p", $("status").textContent));
-    if (query.segments.length === 1) section.append(cutButton(query));
+    if (query.segments.length === 1) section.append(cutButton(query), paintButton(query));
     sections.push(section);
   }
   if (query.segments.length > 1) sections.push(showParts(query, { stitch }));
   if (query.shown?.made) sections.push(added(query.shown.made));
   if (query.shown?.map) sections.push(showPoints(query));
-  if (query.shown) sections.push(downloads(query), details(query, wasOpen));
+  if (query.shown) sections.push(downloads(query));
+  if (query.shown?.map) sections.push(...alike(query.shown.map));
+  if (query.shown) sections.push(details(query, wasOpen));
   $("panel").replaceChildren(...sections);
   if (focused && document.activeElement === document.body) $(focused)?.focus({ preventScroll: true });
 }

@@ -2,6 +2,7 @@
 
 import { make } from "/web/call.js";
 import { chooseSegment } from "/web/bench.js";
+import { begin } from "/web/painting.js";
 import { button, showPanel } from "/web/panel.js";
 import { key, nameOf } from "/web/ranking.js";
 import { bench } from "/web/state.js";
@@ -17,7 +18,7 @@ export function colourOf(segment, isChosen) {
   return [f(0), f(8), f(4)];
 }
 
-const css = (rgb) => `rgb(${rgb.map((x) => Math.round(255 * x)).join(" ")})`;
+export const css = (rgb) => `rgb(${rgb.map((x) => Math.round(255 * x)).join(" ")})`;
 
 export function paint(query) {
   if (query.painted === query.segment) return;
@@ -67,7 +68,7 @@ export function showParts(query, { stitch }) {
   density.onchange = () => { query.density = Number(density.value); };
   label.append(density);
   const row = make("p", undefined, { className: "row" });
-  row.append(button("Stitch all parts", () => { query.touched = true; return stitch(query, { density: query.density ?? 0 }); }, { className: "", id: "stitch" }), button("Show the parts", () => { tools.set({ show: "scan", layout: "one" }); say("Click a part to choose it."); }, { id: "show-parts" }));
+  row.append(button("Stitch all parts", () => { query.touched = true; return stitch(query, { density: query.density ?? 0 }); }, { className: "", id: "stitch" }), button("Show the parts", () => { tools.set({ show: "scan", layout: "one" }); say("Click a part to choose it."); }, { id: "show-parts" }), button("Repaint the parts", () => begin(query), { id: "repaint" }));
   section.append(make("h2", `${query.segments.length} parts`), make("p", "Choose a part, here or on the scan, then an example for it; the others take their best.", { className: "soft" }), list, label, row);
   return section;
 }

@@ -3,6 +3,8 @@
 import { $, buffer, make, send } from "/web/call.js";
 import { lay, showMap } from "/web/laying.js";
 import { canRedo, canUndo, step } from "/web/history.js";
+import { across, symmetry } from "/web/mirror.js";
+import { brush } from "/web/painting.js";
 import { button, showPanel } from "/web/panel.js";
 import { readPly } from "/web/read.js";
 import { bench } from "/web/state.js";
@@ -55,6 +57,38 @@ async function edit(query, change, isLive = false) {
   }
 }
 
+// What moves a point of the map; where editing is mirrored, the one across, too.
+function moves(query, id, point) {
+  const { map } = query.shown;
+  const set = [{ id, on_input: point }];
+  const from = map.constraints.find((c) => c.id === id);
+  const other = query.mirrors && from ? across({ map, ...bench.viewer.meshes }, from.on_example.point, point) : null;
+  if (other && other.id !== id) set.push(other);
+  return { set };
+}
+
+// What pins a point of the quads where it is.
+function pins(query, { face, barycentric, point }) {
+  const set = [{ on_example: { face, barycentric }, on_input: point }];
+  const { example, quads } = bench.viewer.meshes;
+  const at = query.mirrors && example ? onExample(query.shown.map, example, quads, { face, barycentric }) : null;
+  const other = at ? across({ map: query.shown.map, example, quads }, at, point) : null;
+  if (other) set.push(other);
+  return { set };
+}
+
+// The place on the example of a place on the quads that are its own.
+function onExample({ kept }, example, quads, { face, barycentric }) {
+  const corners = quads.corners.subarray(quads.starts[face], quads.starts[face + 1]);
+  const at = [0, 0, 0];
+  for (const [k, v] of corners.entries()) {
+    const own = kept ? kept[v] : v;
+    if (own === undefined || 3 * own + 2 >= example.positions.length) return null;
+    for (let c = 0; c < 3; c++) at[c] += barycentric[k] * example.positions[3 * own + c];
+  }
+  return at;
+}
+
 let sending = null;
 let waiting = null;
 
@@ -66,7 +100,7 @@ async function follow(query, id, point) {
     while (waiting && bench.query === query) {
       const at = waiting;
       waiting = null;
-      await edit(query, { set: [{ id, on_input: at }] }, true);
+      await edit(query, moves(query, id, at), true);
     }
   };
   sending = run();
@@ -75,6 +109,7 @@ async function follow(query, id, point) {
 }
 
 export const hooks = {
+  onbrush: brush,
   ondrag(id, point) { if (bench.query?.shown?.map) follow(bench.query, id, point); },
   async ondrop(id, point) {
     const { query } = bench;
@@ -84,12 +119,12 @@ export const hooks = {
     // The last word is this one's, not that of an edit still under way.
     await sending;
     if (bench.query !== query || !query.shown?.map) return;
-    if (point) await edit(query, { set: [{ id, on_input: point }] }).catch((error) => say(error.message, "bad"));
+    if (point) await edit(query, moves(query, id, point)).catch((error) => say(error.message, "bad"));
     else showPanel(query);
   },
-  onpin({ face, barycentric, point }) {
+  onpin(found) {
     const { query } = bench;
-    if (query?.shown?.map) edit(query, { set: [{ on_example: { face, barycentric }, on_input: point }] }).catch((error) => say(error.message, "bad"));
+    if (query?.shown?.map) edit(query, pins(query, found)).catch((error) => say(error.message, "bad"));
   },
   onpick(pane, { face, barycentric, point }) {
     const { query } = bench;
@@ -116,6 +151,10 @@ function pair(query, pane, found) {
   const end = pane === "example" ? "example" : "input";
   if (open) open[end] = found.point;
   else if (query.pairs.length < LANDMARKS_MAX) query.pairs.push({ example: null, input: null, [end]: found.point });
+  // Whoever places a point by name goes on with the next.
+  const next = open?.name && query.shown?.named?.find((l) => query.pairs.every((p) => p.name !== l.name));
+  if (next) { placeNamed(query, next); return; }
+  if (open?.name) { place(query, false); return; }
   const half = query.pairs.find((p) => !p.example || !p.input);
   bench.viewer.picks = half?.example ? "result" : "example";
   tools.draw();
@@ -124,6 +163,7 @@ function pair(query, pane, found) {
 
 export function place(query, on) {
   query.placing = on;
+  query.pairs = query.pairs.filter((p) => on || (p.example && p.input));
   bench.viewer.picks = on ? "example" : false;
   bench.viewer.canvas.classList.toggle("picking", on);
   tools.set({ layout: on ? "two" : bench.viewer.options.layout });
@@ -132,9 +172,37 @@ export function place(query, on) {
   showPanel(query);
 }
 
+// Begins a landmark at a point that the example names: its place on the scan is all that is wanted.
+function placeNamed(query, { name, point }) {
+  query.pairs = query.pairs.filter((p) => p.example && p.input && p.name !== name);
+  if (query.pairs.length >= LANDMARKS_MAX) { say(`${LANDMARKS_MAX} landmarks are the most that a map is held by.`, "bad"); return; }
+  place(query, true);
+  query.pairs.push({ name, example: point, input: null });
+  bench.viewer.picks = "result";
+  say(`Click where “${name}” is on the scan.`);
+  tools.draw();
+  showPanel(query);
+}
+
+// The points that the example names, to be placed on the scan one by one.
+function names(query) {
+  const { named = [] } = query.shown;
+  if (!named.length) return null;
+  const box = make("div", undefined, { id: "names" });
+  const row = make("p", undefined, { className: "row" });
+  for (const [k, landmark] of named.entries()) {
+    const pair = query.pairs.find((p) => p.name === landmark.name);
+    const isOpen = Boolean(pair && !pair.input);
+    const number = pair?.input ? `${query.pairs.indexOf(pair) + 1} · ` : "";
+    row.append(button(`${number}${landmark.name}`, () => (isOpen ? place(query, false) : placeNamed(query, landmark)), { className: `plain small${pair?.input ? " placed" : ""}`, ariaPressed: String(isOpen), id: `name-${k}`, title: pair?.input ? "It is placed; click to place it anew" : "Place it on the scan" }));
+  }
+  box.append(make("p", "This example names points. Choose one, then click where it is on the scan:", { className: "soft" }), row);
+  return box;
+}
+
 function layHeld(query) {
   const { map, name } = query.shown;
-  const landmarks = query.pairs.filter((p) => p.example && p.input).map((p, k) => ({ name: String(k + 1), on_example: p.example, on_input: p.input }));
+  const landmarks = query.pairs.filter((p) => p.example && p.input).map((p, k) => ({ name: p.name ?? String(k + 1), on_example: p.example, on_input: p.input }));
   query.touched = true;
   place(query, false);
   return lay(query, { example: map.example, example_segment: map.example_segment, name }, { landmarks });
@@ -158,7 +226,7 @@ function nudge(query, key) {
   query.nudging = setTimeout(() => {
     const to = query.nudged;
     query.nudged = null;
-    edit(query, { set: [{ id: query.point, on_input: to }] }).catch((error) => say(error.message, "bad"));
+    edit(query, moves(query, query.point, to)).catch((error) => say(error.message, "bad"));
   }, NUDGE_PAUSE_MS);
 }
 
@@ -206,10 +274,13 @@ function landmarks(query) {
   const box = make("div");
   const full = query.pairs.filter((p) => p.example && p.input).length;
   const example = bench.viewer.meshes.example;
+  const own = names(query);
+  if (own) box.append(own);
   box.append(button(query.placing ? "Stop placing" : "Place landmarks", () => place(query, !query.placing), { ariaPressed: String(Boolean(query.placing)), id: "place", disabled: !example }));
-  if (query.pairs.length) {
+  if (query.pairs.some((p) => !p.name)) {
     const items = make("ul", undefined, { id: "pairs" });
     query.pairs.forEach((p, k) => {
+      if (p.name) return;
       const item = make("li", p.example && p.input ? `Landmark ${k + 1} ` : `Landmark ${k + 1}: ${p.example ? "now where it belongs on the scan" : "now the same point of the example"} `);
       item.append(button("Remove", () => { query.pairs.splice(k, 1); bench.viewer.picks = query.placing ? "example" : false; showPanel(query); }, { className: "plain small", ariaLabel: `Remove landmark ${k + 1}`, id: `pair-${k}` }));
       items.append(item);
@@ -228,6 +299,8 @@ export function showPoints(query) {
   const section = make("section");
   const row = make("p", undefined, { className: "row" });
   row.append(button("Undo", () => undo(-1), { disabled: !canUndo(query), id: "undo", title: "Ctrl+Z" }), button("Redo", () => undo(1), { disabled: !canRedo(query), id: "redo", title: "Ctrl+Shift+Z" }));
+  const { example } = bench.viewer.meshes;
+  if (example && symmetry(example)) row.append(button("Mirror", () => { query.mirrors = !query.mirrors; showPanel(query); }, { ariaPressed: String(Boolean(query.mirrors)), id: "mirror", title: "What is done to a point is done to the one across, too: this example is its own mirror image" }));
   section.append(make("h2", "Put it right"), row, landmarks(query));
   if (map.constraints.length) {
     section.append(make("p", "Or drag a blue point to where it belongs; double-click the quads to pin another. Alt and the arrow keys move the chosen point.", { className: "soft" }));

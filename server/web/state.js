@@ -1,5 +1,6 @@
 // What the workbench shows, for all modules of it.
 
 // `query`: the scan that is open: { id, name, segments, segment, rankings, ended, shown, laid, stop, … }; `onchange()` when its
-// state did; `onpart(pane, face)` for a click on a part; `cut(query)` sends it again, cut into parts.
-export const bench = { viewer: null, query: null, onchange: () => {}, onpart: () => {}, cut: () => {} };
+// state did; `onpart(pane, face)` for a click on a part; `cut(query)` sends it again, cut into parts, and
+// `cutAs(query, mesh, labels)` cut as its faces are labelled.
+export const bench = { viewer: null, query: null, onchange: () => {}, onpart: () => {}, cut: () => {}, cutAs: () => {} };

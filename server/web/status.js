@@ -10,8 +10,8 @@ export function say(text, kind = "") {
   $("status").textContent = text;
 }
 
-// Runs `act(signal, tell)` while the line tells `text` with the seconds that went by. A click on Cancel closes the connection,
-// by which the server stops computing, and ends in null. `tell(text, share)` says how far it is.
+// Runs `act(signal, tell)` while the line tells `text` with the seconds that went by. A click on Cancel ends the signal, and
+// this in null. `tell(text, share)` says how far it is.
 export async function busy(text, act) {
   const stop = new AbortController();
   const begun = performance.now();

@@ -19,7 +19,8 @@ const UPRIGHT = [1, 0, 0, 0, 1, 0, 0, 0, 1];
 
 export class Viewer {
   // `hooks`: `ondrag(id, point)` while a point is dragged, `ondrop(id, point)` when it is let go; `onpick(pane, hit)` for a
-  // click on a mesh where `picks` is set; `onpin(hit)` for a double click on the quads.
+  // click on a mesh where `picks` is set; `onpin(hit)` for a double click on the quads; `onbrush(hit, isFirst)` for strokes
+  // where `brush` is set, with null at the end of each.
   constructor(canvas, marks, hooks) {
     this.painter = new Painter(canvas);
     Object.assign(this, { canvas, marks, hooks, points: [], pairs: [], held: null, picks: false, meshes: {}, frames: {}, heat: null, tints: {} });
@@ -62,7 +63,7 @@ export class Viewer {
 
   clear() {
     for (const name of ["scan", "coarse", "quads", "inner", "rim", "dots", "example", "exampleInner", "exampleRim", "exampleDots"]) this.painter.send(name, null);
-    Object.assign(this, { meshes: {}, frames: {}, points: [], pairs: [], heat: null, tints: {} });
+    Object.assign(this, { meshes: {}, frames: {}, points: [], pairs: [], heat: null, tints: {}, brush: false });
     this.draw();
   }
 
@@ -346,6 +347,12 @@ export class Viewer {
   }
 
   grasp(event) {
+    if (this.brush) {
+      const found = this.under(event);
+      this.isBrushing = Boolean(found);
+      if (found) this.hooks.onbrush(found, true);
+      return this.isBrushing;
+    }
     const point = this.grasped(event);
     this.held = point && { id: point.id, point: point.point, moved: false };
     this.draw();
@@ -353,6 +360,11 @@ export class Viewer {
   }
 
   hold(event) {
+    if (this.isBrushing) {
+      const found = this.under(event);
+      if (found) this.hooks.onbrush(found, false);
+      return;
+    }
     const found = this.under(event, this.paneBoxes().find((b) => b.name === "result"));
     if (!found) return;
     Object.assign(this.held, { point: found.point, moved: true });
@@ -381,6 +393,11 @@ export class Viewer {
   }
 
   letGo(event) {
+    if (this.isBrushing) {
+      this.isBrushing = false;
+      this.hooks.onbrush(null, false);
+      return;
+    }
     const { held } = this;
     this.held = null;
     if (held && event) this.hooks.ondrop(held.id, held.moved ? held.point : null);

@@ -34,6 +34,7 @@ const REASONS = [
   [/have collapsed/, () => "Some quads have collapsed to lines.", "Try another example."],
   [/^the scan has nothing for (\S+) %/, (x) => `The scan lacks ${x} % of what the example has: those quads are spanned flat.`, ""],
   [/^landmark (\d+) is met but for/, (x) => `Landmark ${x} could not be met exactly.`, ""],
+  [/^landmark `(.+)` is met but for/, (x) => `The landmark ${x} could not be met exactly.`, ""],
   [/is met but for/, () => "A landmark could not be met exactly.", ""],
   [/^examples make up (\S+) %/, (x) => `Examples make up ${x} % of it; the rest is regular layouts.`, "Add examples for the bare parts."],
   [/rows of quads (would|can't)/, () => "Some of the scan stays bare: rows of quads can't go on there.", "Choose an example that reaches as far."],

@@ -43,8 +43,27 @@ export const corpus = {
     await page.fill("#edit-name", "a duck");
     await page.fill("#edit-tags", "sample, bird");
     await page.selectOption("#edit-rating", "5");
+    await page.fill("#edit-author", "Ada");
+    await page.fill("#edit-licence", "CC0-1.0");
+    // One landmark by mouse, one by keyboard; the first is named, and moved.
+    const box = await page.locator("#example-dialog canvas").boundingBox();
+    await page.click("#add-landmark");
+    await page.mouse.click(box.x + 0.5 * box.width, box.y + 0.45 * box.height);
+    await page.waitForSelector("#landmark-0");
+    await page.keyboard.type("breast");
+    await page.click("#add-landmark");
+    await page.keyboard.press("ArrowLeft");
+    await page.waitForTimeout(500);
+    await shoot(page, "example-placing");
+    await page.keyboard.press("Enter");
+    await page.waitForSelector("#landmark-1");
+    await page.click("#move-0");
+    await page.mouse.click(box.x + 0.5 * box.width, box.y + 0.6 * box.height);
+    await page.waitForTimeout(300);
+    await shoot(page, "example-landmarks");
+    await noComplaints(page, "example with landmarks");
     await page.click("#example-dialog button:has-text('Save')");
-    await page.waitForFunction(() => document.querySelector("#example-dialog [role=status]").textContent === "Saved.");
+    await page.waitForFunction(() => document.querySelector("#example-told").textContent === "Saved.");
     await page.click("#example-dialog button:has-text('Delete')");
     await page.waitForSelector(".toast");
     check((await names(page)).length === 0, "it is still there");
@@ -55,6 +74,28 @@ export const corpus = {
     check((await names(page))[0] === "a duck", "it is not back");
     const there = await page.evaluate(() => fetch("/v1/examples?tag=bird").then((r) => r.json()));
     check(there.items.length === 1 && there.items[0].relevance === 5, JSON.stringify(there));
+    const { author, licence, landmarks } = there.items[0];
+    check(author === "Ada" && licence === "CC0-1.0" && landmarks.map((l) => l.name).join() === "breast,landmark 2", JSON.stringify(landmarks));
+  },
+
+  async "an empty corpus takes the samples at a click, and a sample scan is laid at another"({ open }) {
+    const server = await (await Server.make()).start();
+    const page = await open({}, `${server.url}/#corpus`);
+    await page.click("#add-samples");
+    await until("the first", () => page.evaluate(() => document.querySelectorAll("#uploads .good").length > 2));
+    await shoot(page, "samples-coming");
+    await noComplaints(page, "samples coming");
+    await until("all of them", () => page.evaluate(() => document.querySelectorAll("#uploads li").length > 10 && !document.querySelector("#uploads progress")), 240_000);
+    await pictures(page);
+    await shoot(page, "samples");
+    check((await names(page)).length === (await page.locator("#uploads .good").count()), "some are missing");
+    await page.click("#to-bench");
+    await page.waitForSelector("#sample-scans button");
+    await shoot(page, "sample-scans");
+    await noComplaints(page, "sample scans");
+    await page.click("#sample-scans button:has-text('old man')");
+    await until("a map", () => page.url().includes("/map/"), 120_000);
+    await server.stop();
   },
 
   async "several examples are added with tags, and each tells what came of it"({ open, example, scan }) {
@@ -64,7 +105,7 @@ export const corpus = {
     await shoot(page, "no-corpus");
     await page.click("#no-corpus a");
     await page.waitForFunction(() => !document.querySelector("#empty").hidden);
-    check((await page.textContent("#empty")).includes("quadmuse-server demo"), "no way out");
+    check(await page.isVisible("#add-samples"), "no way out");
     await shoot(page, "empty-corpus");
     await noComplaints(page, "empty corpus");
     const bad = join(folder(), "broken.obj");

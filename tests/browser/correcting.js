@@ -64,6 +64,26 @@ export const correcting = {
     console.log(`     from an edit to its picture: ${await page.evaluate(() => { const row = [...document.querySelectorAll(".facts tr")].find((r) => r.textContent.startsWith("Last edit")); return row?.lastChild.textContent ?? "–"; })}`);
   },
 
+  async "on a symmetric example the point across goes along"({ open, scan }) {
+    const page = await open();
+    await laid(page, scan("old_man"));
+    await rest(page);
+    await page.click("#mirror");
+    check((await page.getAttribute("#mirror", "aria-pressed")) === "true", "it is not mirrored");
+    const before = JSON.parse(await constraints(page)).length;
+    const box = await page.locator("#canvas").boundingBox();
+    // A cheek: far from the plane, and seen.
+    await page.mouse.dblclick(box.x + 0.46 * box.width, box.y + 0.52 * box.height);
+    await until("two pins", async () => JSON.parse(await constraints(page)).length === before + 2, 20_000);
+    const ends = await page.evaluate(() => document.querySelector("#canvas").viewer.points.filter((p) => p.id.startsWith("c")).map((p) => p.point));
+    check(ends.length === 2 && Math.hypot(...ends[0].map((x, k) => x - ends[1][k])) > 0, JSON.stringify(ends));
+    await shoot(page, "mirrored");
+    await noComplaints(page, "mirrored");
+    // One step takes back both.
+    await page.click("#undo");
+    await until("undo", async () => JSON.parse(await constraints(page)).length === before, 20_000);
+  },
+
   async "landmarks are placed by mouse and by keyboard, and hold what is laid"({ open, scan }) {
     const page = await open();
     await laid(page, scan("old_man"));
@@ -95,6 +115,96 @@ export const correcting = {
     // Undo leads back to the map before.
     await page.click("#undo");
     await until("the map before", () => page.url() === before, 30_000);
+  },
+
+  async "points that examples name are placed by name, and hold other examples, too"({ open, scan, url }) {
+    const all = (await (await fetch(`${url}/v1/examples`)).json()).items;
+    const heads = all.filter((e) => e.name.startsWith("head"));
+    // The tip of the nose lies foremost, an ear outermost, the crown highest: all of them are seen from where the page looks.
+    for (const { id } of heads) {
+      const text = await (await fetch(`${url}/v1/examples/${id}/mesh?format=obj`)).text();
+      const at = text.split("\n").filter((line) => line.startsWith("v ")).map((line) => line.split(" ").slice(1, 4).map(Number));
+      const farthest = (by) => at.reduce((best, p, k) => (by(p) > by(at[best]) ? k : best), 0);
+      const landmarks = [["nose tip", (p) => p[2]], ["crown", (p) => p[1]], ["right ear", (p) => -p[0]]].map(([name, by]) => ({ name, vertex: farthest(by) }));
+      const answer = await fetch(`${url}/v1/examples/${id}`, { method: "PATCH", headers: { "content-type": "application/json" }, body: JSON.stringify({ landmarks }) });
+      check(answer.ok, await answer.text());
+    }
+    const page = await open();
+    await laid(page, scan("old_man"));
+    await rest(page);
+    check((await page.locator("#names button").count()) === 3, "the names are not offered");
+    await page.click("#name-0");
+    // Where the laid example has its own: what it says is good enough here.
+    const onScan = () => viewer(page, `(v) => {
+      const { example, quads } = v.meshes;
+      const pair = v.pairs.find((p) => p.name && p.example && !p.input) ?? v.pairs.at(-1);
+      const box = v.paneBoxes().find((b) => b.name === "result");
+      const at = [0, 1, 2].map((c) => pair.example[c]);
+      let best = 0;
+      for (let i = 0; i < example.positions.length; i += 3) if (Math.hypot(example.positions[i] - at[0], example.positions[i + 1] - at[1], example.positions[i + 2] - at[2]) < Math.hypot(example.positions[best] - at[0], example.positions[best + 1] - at[1], example.positions[best + 2] - at[2])) best = i;
+      const [x, y] = v.onScreen([...quads.positions.subarray(best, best + 3)], box);
+      const { left, top } = v.canvas.getBoundingClientRect();
+      return { x: left + x, y: top + y };
+    }`);
+    for (let k = 0; k < 3; k++) {
+      const { x, y } = await onScan();
+      await page.mouse.click(x, y);
+      await page.waitForTimeout(300);
+      if (k === 0) await shoot(page, "named-placing");
+    }
+    await noComplaints(page, "named");
+    check((await page.locator("#names .placed").count()) === 3, `not all are placed: ${await page.locator("#names .placed").count()}`);
+    await shoot(page, "named-placed");
+    const before = page.url();
+    await page.click("#lay-held");
+    await until("a map by landmarks", () => page.url() !== before);
+    await rest(page);
+    await shoot(page, "named-laid");
+    // Another head is held by the same names, at a click.
+    const held = page.url();
+    await page.locator("#entries li:not(.chosen) button:has-text('head')").first().click();
+    await until("another example", () => page.url() !== held);
+    await until("words", async () => /held by 3 points/.test(await page.textContent("#status")));
+    await shoot(page, "named-other");
+  },
+
+  async "parts are painted on a scan, merged, and the scan is cut so"({ open, scan }) {
+    const page = await open();
+    await laid(page, scan("old_man"));
+    await rest(page);
+    await page.click("#repaint");
+    await page.waitForSelector("#paint-new");
+    const box = await page.locator("#canvas").boundingBox();
+    const at = (x, y) => [box.x + x * box.width, box.y + y * box.height];
+    // The face, stroke by stroke.
+    await page.selectOption("#brush-size", "large");
+    const stroke = async (from, to) => { await page.mouse.move(...at(...from)); await page.mouse.down(); await page.mouse.move(...at(...to), { steps: 6 }); await page.mouse.up(); };
+    await stroke([0.56, 0.38], [0.6, 0.62]);
+    await page.waitForTimeout(400);
+    await shoot(page, "painting");
+    await noComplaints(page, "painting");
+    const counts = () => page.evaluate(() => [...document.querySelectorAll("#part-list small")].map((s) => Number(s.textContent.split(" ")[0])));
+    const painted = await counts();
+    check(painted.length === 2 && painted[1] > 100, `${painted}`);
+    // A third part, taken back, and one merged.
+    await page.click("#paint-new");
+    await page.selectOption("#brush-size", "small");
+    await stroke([0.44, 0.3], [0.46, 0.32]);
+    check((await counts()).length === 3, "no third part");
+    await page.selectOption("#merge-into", { label: "part 1" });
+    check((await counts()).join() === painted.join(), `merged: ${await counts()}, before ${painted}`);
+    await page.click("#paint-undo");
+    check((await counts()).length === 3, "the merging is not undone");
+    await page.click("#paint-undo");
+    await page.waitForTimeout(200);
+    await page.click("#paint-done");
+    await until("two parts", () => page.evaluate(() => document.querySelector("#panel h2")?.textContent === "2 parts" || document.querySelectorAll("#part-list li").length === 2 && !document.querySelector("#paint-new")), 60_000);
+    await until("a stitched mesh", () => page.url().includes("/composition/"), 240_000);
+    await rest(page);
+    await page.click("#show-parts");
+    await page.waitForTimeout(400);
+    await shoot(page, "painted-parts");
+    await noComplaints(page, "painted parts");
   },
 
   async "a scan in parts is coloured, picked in the view, given examples, and stitched"({ open, scan }) {

@@ -196,7 +196,7 @@ fn laid(caller: &Caller<'_>, mesh: &[u8]) -> Option<(String, String)> {
     let best = ranking["entries"].as_array()?.first()?;
     let wanted = json!({ "segment": 0, "example": best["example"], "example_segment": best["example_segment"] });
     let body = wanted.to_string();
-    let line = format!("POST /v1/queries/{query}/maps");
+    let line = format!("POST /v1/queries/{query}/maps?wait=240");
     let map: Value = caller.value(&line, Some(("application/json", body.as_bytes()))).ok()?;
     let first = map["constraints"].as_array()?.first()?;
     let set = json!([{ "id": first["id"], "on_input": first["on_input"] }]);

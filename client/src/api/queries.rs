@@ -3,8 +3,8 @@
 use super::{Api, WORK_TIMEOUT};
 use crate::{args::QueryArgs, error::ClientError, stream::StreamFormat};
 use quadmuse_proto::{
-    Composition, CompositionId, ConstraintEdit, ExampleId, Map, MapId, MeshFormat, NewComposition, NewMap, Page, Query,
-    QueryId, Ranking,
+    Composition, CompositionId, CompositionOrMaking, ConstraintEdit, ExampleId, Making, MakingState, Map, MapId,
+    MapOrMaking, MeshFormat, NewComposition, NewMap, Page, Query, QueryId, Ranking,
 };
 use reqwest::{Method, RequestBuilder, Response, header};
 use std::time::Duration;
@@ -14,6 +14,23 @@ pub(super) const PICTURE_SIDE: u32 = 1024;
 
 /// What a long poll may take beyond its waiting time.
 const POLL_SLACK: Duration = Duration::from_secs(30);
+
+/// Asks the service to hold its answer until it is done, as long as it will: it then cancels the work when this program ends.
+const WAIT: [(&str, &str); 1] = [("wait", "240")];
+
+/// The id of what is still being made, to ask for it again.
+///
+/// # Errors
+/// It failed, or was cancelled.
+fn going_on(making: Making) -> Result<String, ClientError> {
+    match (making.state, making.problem) {
+        (MakingState::Cancelled, _) => {
+            Err(ClientError::MakingCancelled { product: making.product.as_str(), id: making.id })
+        }
+        (_, Some(problem)) => Err(ClientError::Refused(Box::new(problem))),
+        (MakingState::Queued | MakingState::Running | MakingState::Done | MakingState::Failed, None) => Ok(making.id),
+    }
+}
 
 /// Which ranking is asked for.
 #[derive(Clone, Copy, Debug)]
@@ -128,8 +145,18 @@ impl Api {
     /// # Errors
     /// The service refuses or is out of reach.
     pub async fn start_map(&self, id: QueryId, new: &NewMap) -> Result<Map, ClientError> {
-        let request = self.request(Method::POST, &["queries", &id.to_string(), "maps"]).json(new);
-        self.json(request.timeout(WORK_TIMEOUT), "a map").await
+        let path = ["queries", &id.to_string(), "maps"];
+        let request = self.request(Method::POST, &path).query(&WAIT).json(new);
+        let mut found: MapOrMaking = self.json(request.timeout(WORK_TIMEOUT), "a map").await?;
+        loop {
+            let making = match found {
+                MapOrMaking::There(map) => return Ok(*map),
+                MapOrMaking::Making(making) => going_on(making)?,
+            };
+            let path = [path[0], path[1], path[2], &making];
+            let request = self.request(Method::GET, &path).query(&WAIT);
+            found = self.json(request.timeout(WORK_TIMEOUT), "a map").await?;
+        }
     }
 
     /// Edits the constraints of a map.
@@ -147,8 +174,18 @@ impl Api {
     /// # Errors
     /// The service refuses or is out of reach.
     pub async fn start_composition(&self, id: QueryId, new: &NewComposition) -> Result<Composition, ClientError> {
-        let request = self.request(Method::POST, &["queries", &id.to_string(), "compositions"]).json(new);
-        self.json(request.timeout(WORK_TIMEOUT), "a composition").await
+        let path = ["queries", &id.to_string(), "compositions"];
+        let request = self.request(Method::POST, &path).query(&WAIT).json(new);
+        let mut found: CompositionOrMaking = self.json(request.timeout(WORK_TIMEOUT), "a composition").await?;
+        loop {
+            let making = match found {
+                CompositionOrMaking::There(composition) => return Ok(*composition),
+                CompositionOrMaking::Making(making) => going_on(making)?,
+            };
+            let path = [path[0], path[1], path[2], &making];
+            let request = self.request(Method::GET, &path).query(&WAIT);
+            found = self.json(request.timeout(WORK_TIMEOUT), "a composition").await?;
+        }
     }
 
     /// Downloads a mesh.

@@ -8,7 +8,7 @@ use crate::{
     ui::Ui,
 };
 use quadmuse_proto::ranking::{self, Entry};
-use quadmuse_proto::{Beyond, Event, Example, ExampleId, NewMap, Query, QueryId, QuerySegment, Ranking, Topology};
+use quadmuse_proto::{Event, Example, ExampleId, NewMap, Query, QueryId, QuerySegment, Ranking, Topology};
 
 /// A watcher that only waits.
 struct Patience;
@@ -48,13 +48,7 @@ impl Choice {
 
 /// The options that a choice leaves as they are.
 fn unchosen() -> NewMap {
-    NewMap {
-        segment: 0,
-        example: ExampleId::TEMPLATE,
-        example_segment: 0,
-        beyond: Beyond::Leave,
-        landmarks: Vec::new(),
-    }
+    NewMap::new(0, ExampleId::TEMPLATE, 0)
 }
 
 /// What to lay on a segment: the example that is told, or else the best entry of the ranking.

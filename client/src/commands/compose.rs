@@ -3,7 +3,7 @@
 use super::{
     choose::finished,
     deliver::{Delivered, Target, write_composition, write_kept, write_map},
-    map::{is_late, lay, lay_best},
+    map::{Held, is_late, lay, lay_best},
     rank::{check_segment, follow_upload, upload},
     screen::Wanted,
 };
@@ -79,7 +79,7 @@ pub(super) async fn make(
     let told = told(0, &wish).or(like.map(|example| ExampleRef { example, segment: Some(0) }));
     if told.is_some() {
         // Who chose an example wants it as it is.
-        let (map, name) = lay(&query, 0, told, (wish.lay.beyond, Vec::new()), api, ui).await?;
+        let (map, name) = lay(&query, 0, told, (wish.lay.beyond, &Held::default()), api, ui).await?;
         return write_map(&map, Some(&name), &wish.target, api, ui).await;
     }
     let Some(only) = query.segments.first().filter(|only| only.tries > 0) else {
@@ -219,7 +219,7 @@ async fn stitch(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Resul
         let (number, told) = (segment.segment, told(segment.segment, wish));
         let laid = match told {
             None => lay_best(query, segment, wish.lay.beyond, api, ui).await,
-            Some(_) => lay(query, number, told, (wish.lay.beyond, Vec::new()), api, ui).await,
+            Some(_) => lay(query, number, told, (wish.lay.beyond, &Held::default()), api, ui).await,
         };
         let said = match laid {
             // What nobody asked for and is poor is left to the service, which says what takes its place.

@@ -30,7 +30,7 @@ pub(super) async fn show(id: ExampleId, api: &Api, ui: &mut Ui) -> Result<(), Cl
     print(&api.example(id).await?, ui)
 }
 
-fn print(example: &Example, ui: &mut Ui) -> Result<(), ClientError> {
+pub(super) fn print(example: &Example, ui: &mut Ui) -> Result<(), ClientError> {
     ui.value(example)?;
     ui.text(&table::example(example, ui.room()))
 }

@@ -10,38 +10,69 @@ use crate::{
     args::{ConstrainArgs, MapArgs},
     error::ClientError,
     names,
-    spec::ExampleRef,
+    spec::{ExampleRef, Landmarks, LandmarksSpec},
     state::State,
     ui::Ui,
 };
+use futures_util::{StreamExt, stream};
 use quadmuse_proto::{
-    Beyond, Code, ConstraintEdit, Landmark, Map, MapId, NewMap, Problem, Query, QueryId, QuerySegment,
+    Beyond, Code, ConstraintEdit, ExampleId, Landmark, Map, MapId, NewMap, Place, Problem, Query, QueryId, QuerySegment,
 };
+use std::collections::BTreeMap;
+
+/// Examples that are laid at a time.
+const AT_A_TIME: usize = 2;
 
 pub(super) async fn map(args: &MapArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
     let target = Target::of(&args.out, args.kept.as_deref());
     target.prepare(ui)?;
-    let landmarks = landmarks(args)?;
+    let held = Held::of(args)?;
     let told = match &args.example {
         Some(told) => Some(names::example_ref(told, api).await?),
         None => None,
     };
     let query = finished(names::query(&args.query, api, state).await?, api, ui).await?;
-    let (map, name) = lay(&query, args.segment, told, (args.beyond, landmarks), api, ui).await?;
+    let (map, name) = lay(&query, args.segment, told, (args.beyond, &held), api, ui).await?;
+    held.tell(map.example, api, ui).await?;
     write_map(&map, Some(&name), &target, api, ui).await?.is_enough(args.require)
 }
 
-/// The landmarks of the command line and of the file.
-fn landmarks(args: &MapArgs) -> Result<Vec<Landmark>, ClientError> {
-    let mut all: Vec<Landmark> = args.landmark.iter().map(|spec| spec.0.clone()).collect();
-    if let Some(file) = &args.landmarks {
-        let text = crate::file::read(file)?;
-        let found: Result<Vec<Landmark>, _> = serde_json::from_slice(&text);
-        all.extend(
-            found.map_err(|error| ClientError::LandmarksInvalid { file: file.clone(), detail: error.to_string() })?,
-        );
+/// What holds a map: pairs of points, and points of the scan by name.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Held {
+    landmarks: Vec<Landmark>,
+    names: BTreeMap<String, Place>,
+}
+
+impl Held {
+    /// Of the command line and its files.
+    fn of(args: &MapArgs) -> Result<Self, ClientError> {
+        let mut held = Self { landmarks: args.landmark.iter().map(|spec| spec.0.clone()).collect(), ..Self::default() };
+        match &args.landmarks {
+            Some(LandmarksSpec::File(file)) => match Landmarks::read(file)? {
+                Landmarks::Pairs(pairs) => held.landmarks.extend(pairs),
+                Landmarks::Named(named) => held.names.extend(named),
+            },
+            Some(LandmarksSpec::ByName) if args.names.is_none() => return Err(ClientError::NamesMissing),
+            Some(LandmarksSpec::ByName) | None => {}
+        }
+        if let Some(file) = &args.names {
+            held.names.extend(Landmarks::read_named(file)?);
+        }
+        Ok(held)
     }
-    Ok(all)
+
+    /// Tells which of the names the example has.
+    async fn tell(&self, example: ExampleId, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
+        if self.names.is_empty() {
+            return Ok(());
+        }
+        let known = api.example(example).await?.landmarks;
+        let met = known.iter().filter(|landmark| self.names.contains_key(&landmark.name)).count();
+        let (given, of) = (self.names.len(), if self.names.len() == 1 { "name" } else { "names" });
+        ui.note(&format!("{met} of {given} {of} that the file gives are landmarks of the example"));
+        Ok(())
+    }
 }
 
 /// Lays an example (the best, unless one is told) on a segment; the map, and the example's name.
@@ -49,9 +80,23 @@ pub(super) async fn lay(
     query: &Query,
     segment: u32,
     told: Option<ExampleRef>,
-    (beyond, landmarks): (Beyond, Vec<Landmark>),
+    (beyond, held): (Beyond, &Held),
     api: &Api,
     ui: &mut Ui,
+) -> Result<(Map, String), ClientError> {
+    let spinner = ui.spinner("mapping");
+    let found = laid(query, segment, told, (beyond, held), api).await;
+    spinner.finish_and_clear();
+    found
+}
+
+/// The same, and says nothing.
+async fn laid(
+    query: &Query,
+    segment: u32,
+    told: Option<ExampleRef>,
+    (beyond, held): (Beyond, &Held),
+    api: &Api,
 ) -> Result<(Map, String), ClientError> {
     check_segment(query, Some(segment))?;
     let Some(found) = query.segments.iter().find(|candidate| candidate.segment == segment) else {
@@ -62,10 +107,9 @@ pub(super) async fn lay(
         });
     };
     let choice = choose(query, found, told, api).await?;
-    let spinner = ui.spinner("mapping");
-    let map = api.start_map(query.id, &NewMap { beyond, landmarks, ..choice.new }).await;
-    spinner.finish_and_clear();
-    Ok((map?, choice.name))
+    let (landmarks, names) = (held.landmarks.clone(), held.names.clone());
+    let map = api.start_map(query.id, &NewMap { beyond, landmarks, names, ..choice.new }).await?;
+    Ok((map, choice.name))
 }
 
 /// Lays the ranking's best examples on a segment until a map is good enough; the map that is worth most, or else the best
@@ -78,22 +122,33 @@ pub(super) async fn lay_best(
     ui: &mut Ui,
 ) -> Result<(Map, String), ClientError> {
     let tries = segment.tries as usize;
-    let mut best = lay(query, segment.segment, None, (beyond, Vec::new()), api, ui).await?;
+    let free = Held::default();
+    let mut best = lay(query, segment.segment, None, (beyond, &free), api, ui).await?;
     if tries <= 1 || best.0.is_enough(1, tries) {
         return Ok(best);
     }
+    // The first is mostly good enough. Where it is not, two at a time are laid, and looked at in order.
     let others = promising(query, segment.segment, tries, api).await?;
-    for (tried, other) in (2..).zip(others.into_iter().skip(1)) {
-        match lay(query, segment.segment, Some(other), (beyond, Vec::new()), api, ui).await {
+    let spinner = ui.spinner("mapping");
+    let one = |told| laid(query, segment.segment, Some(told), (beyond, &free), api);
+    let mut found = stream::iter(others.into_iter().skip(1).map(one)).buffered(AT_A_TIME);
+    let mut tried = 1;
+    while let Some(found) = found.next().await {
+        tried += 1;
+        match found {
             Ok(found) if found.0.worth() > best.0.worth() => best = found,
             Ok(_) => {}
             Err(error) if is_late(&error) => break,
-            Err(error) => return Err(error),
+            Err(error) => {
+                spinner.finish_and_clear();
+                return Err(error);
+            }
         }
         if best.0.is_enough(tried, tries) {
             break;
         }
     }
+    spinner.finish_and_clear();
     Ok(best)
 }
 

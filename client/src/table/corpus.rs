@@ -2,7 +2,7 @@
 
 use super::{Column, line, new_table, size, word};
 use crate::ui::Room;
-use quadmuse_proto::{Example, ExampleSegment, Topology};
+use quadmuse_proto::{Example, ExampleSegment, NamedPoint, Topology};
 use std::{collections::BTreeMap, fmt::Write};
 
 /// A table of examples, and how many there are. `sought` says which were asked for, and is empty where all were.
@@ -71,6 +71,14 @@ fn topologies(example: &Example) -> String {
     parts.collect::<Vec<_>>().join(", ")
 }
 
+/// The names of landmarks; of many only the first.
+fn landmarks(all: &[NamedPoint]) -> String {
+    const TOLD: usize = 16;
+    let names: Vec<String> = all.iter().take(TOLD).map(|landmark| word(&landmark.name)).collect();
+    let more = all.len().saturating_sub(TOLD);
+    if more > 0 { format!("{} and {more} more", names.join(", ")) } else { names.join(", ") }
+}
+
 /// Everything about one example.
 pub fn example(example: &Example, room: Room) -> String {
     let counts = &example.counts;
@@ -94,6 +102,12 @@ pub fn example(example: &Example, room: Room) -> String {
         ),
     );
     tell("added", &word(&example.created));
+    tell("author", &word(&example.author));
+    tell("licence", &word(&example.licence));
+    for line in example.notes.lines() {
+        tell("notes", &word(line));
+    }
+    tell("landmarks", &landmarks(&example.landmarks));
     for repair in &example.repairs {
         tell("repaired", &word(repair));
     }
@@ -131,6 +145,10 @@ pub(crate) mod tests {
             name: "head\x1b[2J".into(),
             tags: vec!["film".into(), "hero".into()],
             relevance: 4.5,
+            author: "Ada".into(),
+            licence: "CC0".into(),
+            notes: "neutral\nopen mouth".into(),
+            landmarks: vec![NamedPoint { name: "nose_tip".into(), vertex: Some(7), point: Some([0.0; 3]) }],
             hash: "ab12".into(),
             format: "obj".into(),
             bytes: 12_345,
@@ -188,7 +206,16 @@ pub(crate) mod tests {
     #[test]
     fn an_example_is_shown_with_its_repairs_and_segments() {
         let text = example(&head(), Room::default());
-        for part in ["400 quads", "12 kB", "repaired   2 vertices", "annulus", "0.400"] {
+        for part in [
+            "author     Ada",
+            "notes      open mouth",
+            "landmarks  nose_tip",
+            "400 quads",
+            "12 kB",
+            "repaired   2 vertices",
+            "annulus",
+            "0.400",
+        ] {
             assert!(text.contains(part), "{part} is missing in\n{text}");
         }
         assert!(!text.contains("template"));

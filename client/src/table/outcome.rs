@@ -104,13 +104,15 @@ pub fn verdicts(maps: &[Map], regular: usize) -> String {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use quadmuse_proto::{Distortion, ExampleId, Flip, MapId, MapTimings, QueryId};
+    use quadmuse_proto::{Distortion, ExampleId, Flip, MakingState, MapId, MapTimings, QueryId};
 
     pub(crate) fn a_map() -> Map {
         let histogram = Histogram { mean: 2.5, median: 2.0, p95: 7.0, max: 40.0, ..Histogram::default() };
         Map {
             id: MapId::from_bytes([3; 16]),
             query: QueryId::from_bytes([7; 16]),
+            state: MakingState::Done,
+            progress: 1.0,
             segment: 1,
             example: ExampleId::from_bytes([1; 16]),
             example_segment: 0,

@@ -255,6 +255,7 @@ pub(crate) mod tests {
             timings: QueryTimings::default(),
             created: String::new(),
             problem: None,
+            making: Vec::new(),
         }
     }
 

@@ -24,10 +24,10 @@ fn refusing_one(asked: &Asked) -> Reply {
     if asked.line.starts_with("POST /v1/queries") && asked.body == b"bad.obj" {
         return Reply::problem(Code::MeshUnreadable, 422, "expected a vertex number, found \"x\"");
     }
-    if asked.line.ends_with("/maps") {
+    if asked.line.contains("/maps?") {
         return Reply::json(201, &Map { verdict: Verdict::Fair, inspired: 0.75, ..map() });
     }
-    if asked.line.ends_with("/compositions") {
+    if asked.line.contains("/compositions?") {
         return Reply::json(201, &Composition { notes: vec![AS_MAPPED.into()], ..composition() });
     }
     service(asked, 1)

@@ -5,12 +5,44 @@ use crate::{
     messages::{example, example_id},
     run, run_answering,
 };
-use quadmuse_proto::{Code, Example, ExampleSegment, Page};
+use quadmuse_proto::{Code, Example, ExampleSegment, NamedPoint, Page};
 use std::{
     path::PathBuf,
     sync::atomic::{AtomicU32, Ordering},
 };
 use tempfile::TempDir;
+
+#[tokio::test]
+async fn annotate_sends_what_is_named_and_keeps_the_other_landmarks() {
+    let server = Fake::start(|_| {
+        let mut told = example(1);
+        let point = |name: &str, x: f64| NamedPoint { name: name.into(), vertex: None, point: Some([x, 0.0, 0.0]) };
+        told.landmarks = vec![point("chin", 1.0), point("nose", 2.0)];
+        Reply::json(200, &told)
+    });
+    let id = example_id(1);
+    let ran =
+        run(&server.url, &format!("annotate {id} --author Ada --license CC0 --landmark nose=v7 --forget chin")).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    assert!(ran.out.contains("landmarks  chin, nose"), "{}", ran.out);
+    let sent = server.asked().into_iter().find(|asked| asked.line.starts_with("PATCH")).expect("a patch");
+    let patch: serde_json::Value = serde_json::from_slice(&sent.body).expect("JSON");
+    assert_eq!(
+        patch,
+        serde_json::json!({"author": "Ada", "licence": "CC0", "landmarks": [{"name": "nose", "vertex": 7}]})
+    );
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("points.json");
+    std::fs::write(&file, r#"{"nose": [1, 2, 3], "brow": 12}"#).expect("writes");
+    let ran = run(&server.url, &format!("annotate {id} --landmarks {}", file.display())).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    let sent = server.asked().into_iter().rfind(|asked| asked.line.starts_with("PATCH")).expect("a patch");
+    let patch: serde_json::Value = serde_json::from_slice(&sent.body).expect("JSON");
+    let all = serde_json::json!([{"name": "brow", "vertex": 12}, {"name": "nose", "point": [1.0, 2.0, 3.0]}]);
+    assert_eq!(patch["landmarks"], all);
+    let ran = run(&server.url, &format!("annotate {id} --forget brow")).await;
+    assert!(ran.code() == 1 && ran.notes.contains("(chin, nose), found `brow`"), "{}", ran.notes);
+}
 
 fn files(names: &[&str]) -> (TempDir, Vec<PathBuf>) {
     let folder = tempfile::tempdir().expect("a folder");

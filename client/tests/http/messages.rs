@@ -1,8 +1,9 @@
 //! Messages to answer with.
 
 use quadmuse_proto::{
-    Covers, Distortion, Entry, EntryState, Example, ExampleId, ExampleSegment, Flip, Histogram, Map, MapId, MapTimings,
-    MeshCounts, Progress, Query, QueryId, QuerySegment, QueryState, QueryTimings, Ranking, Topology, Verdict,
+    Covers, Distortion, Entry, EntryState, Example, ExampleId, ExampleSegment, Flip, Histogram, MakingState, Map,
+    MapId, MapTimings, MeshCounts, Progress, Query, QueryId, QuerySegment, QueryState, QueryTimings, Ranking, Topology,
+    Verdict,
 };
 
 /// The `n`th example.
@@ -28,6 +29,10 @@ pub(crate) fn example(n: u8) -> Example {
         name: format!("example {n}"),
         tags: vec!["head".into(), "wip".into()],
         relevance: 3.0,
+        author: String::new(),
+        licence: String::new(),
+        notes: String::new(),
+        landmarks: Vec::new(),
         hash: "00".into(),
         format: "obj".into(),
         bytes: 100,
@@ -76,6 +81,7 @@ pub(crate) fn query(state: QueryState, segments: u32) -> Query {
         corpus_size: u64::from(segments) * 3,
         created: "2025-01-01T00:00:00Z".into(),
         problem: None,
+        making: Vec::new(),
     }
 }
 
@@ -108,6 +114,8 @@ pub(crate) fn map() -> Map {
     Map {
         id: map_id(),
         query: query_id(),
+        state: MakingState::Done,
+        progress: 1.0,
         segment: 0,
         example: example_id(1),
         example_segment: 0,

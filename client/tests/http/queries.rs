@@ -6,8 +6,8 @@ use crate::{
     run,
 };
 use quadmuse_proto::{
-    Begin, Code, Composition, CompositionId, CompositionPart, Covers, End, EndState, Event, Map, MapId, Problem, Query,
-    QueryState, Verdict, composition::AS_MAPPED,
+    Begin, Code, Composition, CompositionId, CompositionPart, Covers, End, EndState, Event, Making, MakingState, Map,
+    MapId, Problem, Product, Query, QueryState, Verdict, composition::AS_MAPPED,
 };
 use std::sync::{
     Arc,
@@ -44,6 +44,8 @@ pub(crate) fn composition() -> Composition {
     Composition {
         id: CompositionId::from_bytes([60; 16]),
         query: query_id(),
+        state: MakingState::Done,
+        progress: 1.0,
         verdict: Verdict::Good,
         inspired: 0.8,
         reasons: vec![],
@@ -208,15 +210,16 @@ async fn less_than_is_required_is_written_and_exits_with_1() {
         (format!("compose {query} -o {file}"), Verdict::Good, Verdict::Broken, 1, "a broken one: edges cross"),
         (format!("retopo {} -o {file}", mesh.path().display()), Verdict::Good, Verdict::Broken, 1, "a broken one"),
     ] {
-        let server = Fake::start(move |asked| match asked.line.rsplit('/').next() {
-            Some("maps") => Reply::json(201, &Map { verdict: map_is, ..map() }),
-            Some("compositions") => {
-                let inspired = if composition_is == Verdict::Poor { 0.2 } else { 0.8 };
-                let reasons = vec!["edges cross".to_owned()];
-                Reply::json(201, &Composition { verdict: composition_is, inspired, reasons, ..composition() })
-            }
-            _ => service(asked, 1),
-        });
+        let server =
+            Fake::start(move |asked| match asked.line.rsplit('/').next().and_then(|last| last.split('?').next()) {
+                Some("maps") => Reply::json(201, &Map { verdict: map_is, ..map() }),
+                Some("compositions") => {
+                    let inspired = if composition_is == Verdict::Poor { 0.2 } else { 0.8 };
+                    let reasons = vec!["edges cross".to_owned()];
+                    Reply::json(201, &Composition { verdict: composition_is, inspired, reasons, ..composition() })
+                }
+                _ => service(asked, 1),
+            });
         let _ = std::fs::remove_file(&out);
         let ran = run(&server.url, &format!("--json {line}")).await;
         assert_eq!(ran.code(), code, "{line}: {}", ran.notes);
@@ -308,8 +311,47 @@ async fn retopo_maps_one_segment_and_stitches_several() {
         let told = (1..=3).filter(|k| ran.notes.contains(&format!("({k} of 3, "))).count();
         assert_eq!(told, if segments == 1 { 0 } else { 3 }, "{}", ran.notes);
         let lines = server.lines();
-        let count = |end: &str| lines.iter().filter(|line| line.starts_with("POST") && line.ends_with(end)).count();
-        assert_eq!((count("/maps"), count("/compositions")), (maps, compositions));
+        let count = |end: &str| lines.iter().filter(|line| line.starts_with("POST") && line.contains(end)).count();
+        assert_eq!((count("/maps?"), count("/compositions?")), (maps, compositions));
+    }
+}
+
+#[tokio::test]
+async fn a_map_that_takes_longer_than_an_answer_may_is_waited_for() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.obj");
+    let making = |state: MakingState| Making {
+        id: map_id().to_string(),
+        product: Product::Map,
+        query: query_id(),
+        state,
+        progress: 0.4,
+        stage: "laying the example on the scan".into(),
+        created: "2025-01-01T00:00:00Z".into(),
+        problem: None,
+    };
+    for (end, code) in [(MakingState::Done, 0), (MakingState::Failed, 1), (MakingState::Cancelled, 1)] {
+        let polls = AtomicU32::new(0);
+        let server = Fake::start(move |asked| match asked.line.split(' ').next() {
+            Some("POST") if asked.line.contains("/maps?wait=") => Reply::json(202, &making(MakingState::Queued)),
+            Some("GET") if asked.line.contains(&format!("/maps/{}?wait=", map_id())) => {
+                let polled = polls.fetch_add(1, Ordering::SeqCst);
+                match (polled, end) {
+                    (0, _) => Reply::json(200, &making(MakingState::Running)),
+                    (_, MakingState::Done) => Reply::json(200, &map()),
+                    (_, MakingState::Failed) => {
+                        let problem = Problem::new(Code::Deadline, 504, "expected no mistake");
+                        Reply::json(200, &Making { problem: Some(problem), ..making(MakingState::Failed) })
+                    }
+                    (_, other) => Reply::json(200, &making(other)),
+                }
+            }
+            _ => service(asked, 1),
+        });
+        let ran = run(&server.url, &format!("map {} -o {}", query_id(), out.display())).await;
+        assert_eq!(ran.code(), code, "{end:?}: {}", ran.notes);
+        assert_eq!(ran.notes.contains("expected no mistake"), end == MakingState::Failed, "{}", ran.notes);
+        assert_eq!(ran.notes.contains("was cancelled"), end == MakingState::Cancelled, "{}", ran.notes);
     }
 }
 
@@ -320,7 +362,7 @@ async fn retopo_leaves_it_to_the_service_whether_a_single_map_is_composed() {
     let out = folder.path().join("out.obj");
     for (notes, ending) in [(vec![], "16 quads, parts: 1 good"), (vec![AS_MAPPED.to_owned()], "good, 4 faces")] {
         let server = Fake::start(move |asked| match asked.line.as_str() {
-            line if line.starts_with("POST") && line.ends_with("/compositions") => {
+            line if line.starts_with("POST") && line.contains("/compositions?") => {
                 Reply::json(201, &Composition { quads: 16, notes: notes.clone(), ..composition() })
             }
             _ => service(asked, 1),
@@ -343,7 +385,7 @@ async fn retopo_cuts_what_no_example_fits_as_a_whole() {
         if asked.line.starts_with("POST") && asked.line.contains("parts=auto") {
             segments.store(3, Ordering::Relaxed);
         }
-        match asked.line.ends_with("/maps") {
+        match asked.line.contains("/maps?") {
             true => Reply::json(201, &poor),
             false => service(asked, segments.load(Ordering::Relaxed)),
         }
@@ -354,7 +396,7 @@ async fn retopo_cuts_what_no_example_fits_as_a_whole() {
     let posted: Vec<Asked> = server.asked().into_iter().filter(|asked| asked.line.starts_with("POST")).collect();
     assert_eq!(posted.iter().filter(|asked| asked.line.starts_with("POST /v1/queries?")).count(), 1);
     let last = posted.last().expect("a composition");
-    assert!(last.line.ends_with("/compositions"), "{}", last.line);
+    assert!(last.line.contains("/compositions?"), "{}", last.line);
     let composed: serde_json::Value = serde_json::from_slice(&last.body).expect("JSON");
     assert_eq!(composed["parts"], serde_json::json!([]), "poor maps that nobody chose are not stitched");
     assert_eq!(
@@ -382,15 +424,15 @@ async fn retopo_lays_as_many_examples_as_the_service_calls_worth_it() {
     // Segments, tries, and maps asked for where all are poor.
     for (segments, tries, maps) in [(1, 0, 0), (3, 0, 0), (1, 1, 1), (3, 1, 3)] {
         let poor = Map { verdict: Verdict::Poor, ..map() };
-        let server = Fake::start(move |asked| match asked.line.ends_with("/maps") {
+        let server = Fake::start(move |asked| match asked.line.contains("/maps?") {
             true => Reply::json(201, &poor),
             false => service_with_tries(asked, segments, tries),
         });
         let ran = run(&server.url, &format!("retopo {} -o {}", mesh.path().display(), out.display())).await;
         assert_eq!(ran.code(), 0, "{}", ran.notes);
         let lines = server.lines();
-        let count = |end: &str| lines.iter().filter(|line| line.starts_with("POST") && line.ends_with(end)).count();
-        assert_eq!((count("/maps"), count("/compositions")), (maps, 1), "{segments} segments, {tries} tries");
+        let count = |end: &str| lines.iter().filter(|line| line.starts_with("POST") && line.contains(end)).count();
+        assert_eq!((count("/maps?"), count("/compositions?")), (maps, 1), "{segments} segments, {tries} tries");
         let cuts = lines.iter().filter(|line| line.contains("parts=auto")).count();
         assert_eq!(cuts, 0, "what is worth one try is not cut");
         assert_eq!(ran.notes.contains("too few faces for an example"), tries == 0, "{}", ran.notes);
@@ -406,7 +448,7 @@ async fn retopo_takes_the_map_that_is_worth_most_and_stops_at_one_that_is_good_e
     for (covered, taken) in [([0.1, 0.3, 0.2], 1), ([0.1, 0.9, 1.0], 1), ([0.2, 0.1, 0.1], 0)] {
         let laid = AtomicU32::new(0);
         let server = Fake::start(move |asked| {
-            if !asked.line.starts_with("POST") || !asked.line.ends_with("/maps") {
+            if !asked.line.starts_with("POST") || !asked.line.contains("/maps?") {
                 return service_with_tries(asked, 1, 3);
             }
             let number = laid.fetch_add(1, Ordering::SeqCst) as usize;
@@ -417,9 +459,9 @@ async fn retopo_takes_the_map_that_is_worth_most_and_stops_at_one_that_is_good_e
         let ran = run(&server.url, &format!("retopo {} -o {}", mesh.path().display(), out.display())).await;
         assert_eq!(ran.code(), 0, "{}", ran.notes);
         let asked = server.asked();
-        let maps = asked.iter().filter(|asked| asked.line.starts_with("POST") && asked.line.ends_with("/maps")).count();
+        let maps = asked.iter().filter(|asked| asked.line.starts_with("POST") && asked.line.contains("/maps?")).count();
         assert_eq!(maps, if covered[1] > 0.5 { 2 } else { 3 }, "{covered:?}");
-        let composed = asked.iter().find(|asked| asked.line.ends_with("/compositions")).expect("a composition");
+        let composed = asked.iter().find(|asked| asked.line.contains("/compositions?")).expect("a composition");
         let body = String::from_utf8_lossy(&composed.body).into_owned();
         assert!(body.contains(&MapId::from_bytes([taken; 16]).to_string()), "{covered:?}: {body}");
     }
@@ -431,7 +473,7 @@ async fn retopo_says_where_it_found_no_parts_to_cut() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out.obj");
     let poor = Map { verdict: Verdict::Poor, ..map() };
-    let server = Fake::start(move |asked| match asked.line.ends_with("/maps") {
+    let server = Fake::start(move |asked| match asked.line.contains("/maps?") {
         true => Reply::json(201, &poor),
         false => service(asked, 1),
     });
@@ -453,7 +495,7 @@ async fn retopo_cuts_nothing_that_was_asked_for_whole_and_keeps_a_chosen_example
         (&chosen, "poor, 4 faces"),
     ] {
         let poor = Map { verdict: Verdict::Poor, ..map() };
-        let server = Fake::start(move |asked| match asked.line.ends_with("/maps") {
+        let server = Fake::start(move |asked| match asked.line.contains("/maps?") {
             true => Reply::json(201, &poor),
             false => service(asked, 1),
         });

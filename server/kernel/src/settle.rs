@@ -35,6 +35,7 @@ use elastic::{Body, View};
 use evidence::Judged;
 use ground::{Ground, Samples, Seen};
 use held::{HELD_AS_WHOLE, Held};
+use matches::Partners;
 use rest::{Nodes, Pose, Rest};
 
 /// How the example comes from the start to the input.
@@ -348,11 +349,12 @@ impl<'a> Settler<'a> {
     ) -> Option<Settled> {
         let fine = Seen::new(self.fine.seen_from(&setting.frame));
         let mut body = self.body(level)?;
+        let mut partners = Partners::default();
         for (r, rounds, wanted) in SCALES.into_iter().filter(|s| (finest..=from).contains(&s.0)) {
             self.change(&mut pose, &mut body, &mut level, wanted)?;
             let seen = if r < FINE_BELOW { &fine } else { &setting.coarse };
             let view = View { seen, sent: &setting.sent, share: self.share(setting), held: &setting.held };
-            body.bend(&mut pose, view, (r, rounds), stop)?;
+            body.bend(&mut pose, (view, &mut partners), (r, rounds), stop)?;
         }
         let nodes = &self.nodes[level];
         let settled = pose.deformed(&self.rest, nodes);

@@ -1,6 +1,7 @@
 //! The demo: a service of its own, the sample corpus, a scan, a ranking that refines, and the example's quads on it.
 
 use super::Sample;
+use super::samples::upload;
 use crate::config::Config;
 use crate::service::{self, Running, StartError};
 use crate::work::engine::kernel::KernelEngine;
@@ -11,7 +12,7 @@ use crate::work::query::{Board, LiveQuery, QueryOptions};
 use crate::work::{Caller, Work, WorkError, mapping, search};
 use nalgebra::Matrix3;
 use quadmuse_kernel::mesh::{Format, PolyMesh, Vec3, write};
-use quadmuse_proto::{Beyond, EntryState, MeshFormat, NewMap, Verdict};
+use quadmuse_proto::{EntryState, NewMap, Verdict};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -92,11 +93,6 @@ async fn add_all(work: &Arc<Work>, samples: &[Sample]) -> Result<(), TourError> 
     Ok(())
 }
 
-fn upload(mesh: &PolyMesh) -> Result<Upload, TourError> {
-    let bytes = write(mesh, Format::Obj)?.into();
-    Ok(Upload { bytes, format: Some(MeshFormat::Obj), cut: Cut::default() })
-}
-
 /// Ranks the corpus for an input, maps the best example on it, writes the mesh and its picture.
 async fn quadrangulate(
     work: &Arc<Work>,
@@ -113,13 +109,7 @@ async fn quadrangulate(
     let board = live.board();
     let best = board.rankings.first().and_then(|r| r.candidates.first()).cloned();
     let best = best.ok_or_else(|| TourError::NoEntry(input.name.clone()))?;
-    let wanted = NewMap {
-        segment: 0,
-        example: best.resident.example.id,
-        example_segment: best.resident.segment,
-        beyond: Beyond::Leave,
-        landmarks: Vec::new(),
-    };
+    let wanted = NewMap::new(0, best.resident.example.id, best.resident.segment);
     let map = mapping::create(work, &live, wanted).await?;
     let state = map.newest();
     let name = best.resident.example.name.clone();

@@ -4,57 +4,157 @@ use super::body::Message;
 use super::error::HttpError;
 use super::files::{mesh_answer, picture_answer, wanted_format};
 use super::idempotency::{Key, Turn};
+use super::making;
 use super::negotiate::{Wants, if_none_match};
 use super::params::{Params, PathIds};
 use crate::app::App;
+use crate::work::composing::LiveComposition;
+use crate::work::query::LiveQuery;
 use crate::work::{composing, ingest, pictures};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
-use quadmuse_proto::{Composition, CompositionId, MeshFormat, NewComposition, QueryId};
+use quadmuse_proto::{
+    Composition, CompositionId, CompositionOrMaking, Making, MakingEvent, MeshFormat, NewComposition, Page, Product,
+    QueryId,
+};
+use std::sync::Arc;
 
-/// Stitches maps of a query.
+/// Stitches maps of a query. Answered at once, unless `wait` is given.
 #[utoipa::path(
     post, path = "/v1/queries/{id}/compositions", tag = "compositions",
-    params(("id" = QueryId, Path), ("Idempotency-Key" = Option<String>, Header)),
+    params(
+        ("id" = QueryId, Path), ("Idempotency-Key" = Option<String>, Header),
+        ("wait" = Option<f64>, Query, minimum = 0, maximum = 86400, description = "Seconds for which the answer is held until the composition is there, at most 240; default 0. Who hangs up meanwhile cancels it"),
+    ),
     request_body = NewComposition,
-    responses((status = 201, description = "Stitched; `location` is its address", body = Composition))
+    responses(
+        (status = 201, description = "Stitched within `wait`; `location` is its address", body = Composition),
+        (status = 202, description = "It is being stitched; `location` is its address", body = Making),
+    )
 )]
 pub async fn create(
     State(app): State<App>,
     wants: Wants,
     key: Key,
     PathIds((id,)): PathIds<(QueryId,)>,
+    params: Params,
     wanted: Message<NewComposition>,
 ) -> Result<Response, HttpError> {
     let live = app.work.queries.get(id)?;
+    let wait = making::wait(&params)?;
     let composition = match app.idempotency.turn(key, wanted.fingerprint).await? {
         Turn::Made(made) => {
             let made = made.parse().map_err(|_| HttpError::Internal("a remembered id".into()))?;
-            composing::find(&live, made)?
+            making::waited(&live, Product::Composition, &made, wait).await;
+            made
         }
         Turn::Make(claim) => {
-            let composition = composing::create(&app.work, &live, wanted.value).await?;
-            claim.made(&composition.summary.id);
+            for part in &wanted.value.parts {
+                making::waited(&live, Product::Map, &part.map, making::LONGEST).await;
+            }
+            let (composition, making) = composing::start(&app.work, &live, wanted.value)?;
+            making::awaited(&live, &making, wait).await?;
+            claim.made(&composition);
             composition
         }
     };
-    let location = format!("/v1/queries/{id}/compositions/{}", composition.summary.id);
-    wants.answer(StatusCode::CREATED, Some(location), &composition.summary)
+    let location = Some(format!("/v1/queries/{id}/compositions/{composition}"));
+    match composing::find(&live, composition) {
+        Ok(found) => wants.answer(StatusCode::CREATED, location, &found.summary),
+        Err(missing) => {
+            let making = making::found(&live, Product::Composition, &composition).ok_or(missing)?;
+            wants.answer(StatusCode::ACCEPTED, location, &making)
+        }
+    }
 }
 
-/// A composition, in numbers.
+/// Lists a query's compositions that are there, newest last; the query itself lists those that are being made.
+#[utoipa::path(
+    get, path = "/v1/queries/{id}/compositions", tag = "compositions",
+    params(("id" = QueryId, Path)),
+    responses((status = 200, description = "All its compositions", body = Page<Composition>))
+)]
+pub async fn list(
+    State(app): State<App>,
+    wants: Wants,
+    PathIds((id,)): PathIds<(QueryId,)>,
+) -> Result<Response, HttpError> {
+    let live = app.work.queries.get(id)?;
+    let items: Vec<Composition> = live.compositions().values().map(|found| found.summary.clone()).collect();
+    wants.show(&Page { items, next: None })
+}
+
+/// A composition, in numbers; or how far it is.
 #[utoipa::path(
     get, path = "/v1/queries/{id}/compositions/{composition}", tag = "compositions",
-    params(("id" = QueryId, Path), ("composition" = CompositionId, Path)),
-    responses((status = 200, description = "The composition", body = Composition))
+    params(
+        ("id" = QueryId, Path), ("composition" = CompositionId, Path),
+        ("wait" = Option<f64>, Query, minimum = 0, maximum = 86400, description = "Seconds for which the answer is held until the composition is there, at most 240; default 0"),
+    ),
+    responses((status = 200, description = "The composition, whose `state` is `done`; or how far it is", body = CompositionOrMaking))
 )]
 pub async fn get(
     State(app): State<App>,
     wants: Wants,
     PathIds((id, composition)): PathIds<(QueryId, CompositionId)>,
+    params: Params,
 ) -> Result<Response, HttpError> {
-    wants.show(&composing::find(&*app.work.queries.get(id)?, composition)?.summary)
+    let live = app.work.queries.get(id)?;
+    making::waited(&live, Product::Composition, &composition, making::wait(&params)?).await;
+    match composing::find(&live, composition) {
+        Ok(found) => wants.show(&found.summary),
+        Err(missing) => wants.show(&making::found(&live, Product::Composition, &composition).ok_or(missing)?),
+    }
+}
+
+/// Cancels a composition that is being made, and frees one that is there.
+#[utoipa::path(
+    delete, path = "/v1/queries/{id}/compositions/{composition}", tag = "compositions",
+    params(("id" = QueryId, Path), ("composition" = CompositionId, Path)),
+    responses((status = 204, description = "Cancelled, or freed"))
+)]
+pub async fn remove(
+    State(app): State<App>,
+    PathIds((id, composition)): PathIds<(QueryId, CompositionId)>,
+) -> Result<StatusCode, HttpError> {
+    composing::remove(&*app.work.queries.get(id)?, composition)?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// How a composition gets further: `progress`, and `end` once.
+#[utoipa::path(
+    get, path = "/v1/queries/{id}/compositions/{composition}/stream", tag = "compositions",
+    params(("id" = QueryId, Path), ("composition" = CompositionId, Path)),
+    responses((status = 200, description = "Events, by `accept`: server-sent events, JSON lines or MessagePack objects", content(
+        (MakingEvent = "text/event-stream"), (MakingEvent = "application/x-ndjson")
+    )))
+)]
+pub async fn stream(
+    State(app): State<App>,
+    PathIds((id, composition)): PathIds<(QueryId, CompositionId)>,
+    headers: HeaderMap,
+) -> Result<Response, HttpError> {
+    let live = app.work.queries.get(id)?;
+    match live.makings.get(Product::Composition, &composition.to_string()) {
+        Some(making) => making::stream(&app, &headers, id, &making),
+        None => {
+            let found = composing::find(&live, composition)?;
+            making::ended(&headers, id, Product::Composition, found.summary.id.to_string())
+        }
+    }
+}
+
+/// A composition, once it is there: whoever asks for what belongs to it needn't have waited.
+async fn there(
+    app: &App,
+    id: QueryId,
+    composition: CompositionId,
+) -> Result<(Arc<LiveQuery>, Arc<LiveComposition>), HttpError> {
+    let live = app.work.queries.get(id)?;
+    making::waited(&live, Product::Composition, &composition, making::LONGEST).await;
+    let found = composing::find(&live, composition)?;
+    Ok((live, found))
 }
 
 /// The stitched mesh.
@@ -72,8 +172,7 @@ pub async fn mesh(
     params: Params,
     headers: HeaderMap,
 ) -> Result<Response, HttpError> {
-    let live = app.work.queries.get(id)?;
-    let found = composing::find(&live, composition)?;
+    let (live, found) = there(&app, id, composition).await?;
     let format = wanted_format(&params, &headers, MeshFormat::Obj)?;
     let (tag, name) = (format!("\"{composition}-{format}\""), composition.to_string());
     mesh_answer(format, &tag, if_none_match(&headers).as_deref(), &name, async || {
@@ -97,8 +196,7 @@ pub async fn preview(
     params: Params,
     headers: HeaderMap,
 ) -> Result<Response, HttpError> {
-    let live = app.work.queries.get(id)?;
-    let found = composing::find(&live, composition)?;
+    let (live, found) = there(&app, id, composition).await?;
     let size = params.get("size", "from 16 to 1024")?.unwrap_or(pictures::SIZE_DEFAULT);
     let tag = format!("\"{composition}-{size}\"");
     picture_answer(&tag, if_none_match(&headers).as_deref(), async || {

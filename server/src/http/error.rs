@@ -250,9 +250,13 @@ fn judge_work(error: &WorkError) -> (StatusCode, Code) {
         | WorkError::NoSuchComposition(_) => (StatusCode::NOT_FOUND, Code::NotFound),
         WorkError::QueryExpired(_) => (StatusCode::GONE, Code::QueryExpired),
         WorkError::NotEncodedYet { .. } => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
-        WorkError::QueryEnded { .. } | WorkError::TooMany { .. } => (StatusCode::CONFLICT, Code::Conflict),
+        WorkError::QueryEnded { .. } | WorkError::TooMany { .. } | WorkError::NotMade { .. } => {
+            (StatusCode::CONFLICT, Code::Conflict)
+        }
         WorkError::CorpusEmpty { .. } => (StatusCode::CONFLICT, Code::CorpusEmpty),
-        WorkError::QueriesFull { .. } => (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded),
+        WorkError::QueriesFull { .. } | WorkError::MakingsFull { .. } => {
+            (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded)
+        }
         WorkError::Query(error) => judge_work(error),
         WorkError::Lost => (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal),
     }

@@ -120,11 +120,12 @@ pub async fn get(
 )]
 pub async fn annotate(
     State(app): State<App>,
+    Who(caller): Who,
     wants: Wants,
     PathIds((id,)): PathIds<(ExampleId,)>,
     patch: Message<ExamplePatch>,
 ) -> Result<Response, HttpError> {
-    wants.answer(StatusCode::OK, None, &*ingest::annotate(&app.work, id, patch.value).await?)
+    wants.answer(StatusCode::OK, None, &*ingest::annotate(&app.work, caller, id, patch.value).await?)
 }
 
 /// Removes an example.

@@ -4,47 +4,67 @@ use super::body::Message;
 use super::error::HttpError;
 use super::files::{mesh_answer, picture_answer, wanted_format};
 use super::idempotency::{Key, Turn};
+use super::making;
 use super::negotiate::{Wants, if_none_match};
 use super::params::{Params, PathIds};
 use crate::app::App;
 use crate::work::mapping::MapState;
+use crate::work::query::LiveQuery;
 use crate::work::{ingest, mapping, pictures};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
-use quadmuse_proto::{ConstraintEdit, Map, MapId, MeshFormat, NewMap, Page, QueryId};
+use quadmuse_proto::{
+    ConstraintEdit, Making, MakingEvent, Map, MapId, MapOrMaking, MeshFormat, NewMap, Page, Product, QueryId,
+};
+use std::sync::Arc;
 
-/// Maps an example onto the input, first finishing its registration if it was locked.
+/// Maps an example onto the input, first finishing its registration if it was locked. Answered at once, unless `wait` is given.
 #[utoipa::path(
     post, path = "/v1/queries/{id}/maps", tag = "maps",
-    params(("id" = QueryId, Path), ("Idempotency-Key" = Option<String>, Header)),
+    params(
+        ("id" = QueryId, Path), ("Idempotency-Key" = Option<String>, Header),
+        ("wait" = Option<f64>, Query, minimum = 0, maximum = 86400, description = "Seconds for which the answer is held until the map is there, at most 240; default 0. Who hangs up meanwhile cancels it"),
+    ),
     request_body = NewMap,
-    responses((status = 201, description = "Mapped; `location` is its address", body = Map))
+    responses(
+        (status = 201, description = "Mapped within `wait`; `location` is its address", body = Map),
+        (status = 202, description = "It is being mapped; `location` is its address", body = Making),
+    )
 )]
 pub async fn create(
     State(app): State<App>,
     wants: Wants,
     key: Key,
     PathIds((id,)): PathIds<(QueryId,)>,
+    params: Params,
     wanted: Message<NewMap>,
 ) -> Result<Response, HttpError> {
     let live = app.work.queries.get(id)?;
+    let wait = making::wait(&params)?;
     let map = match app.idempotency.turn(key, wanted.fingerprint).await? {
         Turn::Made(made) => {
             let made = made.parse().map_err(|_| HttpError::Internal("a remembered id".into()))?;
-            mapping::get(&live, made)?
+            making::waited(&live, Product::Map, &made, wait).await;
+            made
         }
         Turn::Make(claim) => {
-            let map = mapping::create(&app.work, &live, wanted.value).await?;
-            claim.made(&map.id);
+            let (map, making) = mapping::start(&app.work, &live, wanted.value)?;
+            making::awaited(&live, &making, wait).await?;
+            claim.made(&map);
             map
         }
     };
-    let location = format!("/v1/queries/{id}/maps/{}", map.id);
-    wants.answer(StatusCode::CREATED, Some(location), &map.newest().summary)
+    let location = Some(format!("/v1/queries/{id}/maps/{map}"));
+    match mapping::get(&live, map) {
+        Ok(map) => wants.answer(StatusCode::CREATED, location, &map.newest().summary),
+        Err(missing) => {
+            wants.answer(StatusCode::ACCEPTED, location, &making::found(&live, Product::Map, &map).ok_or(missing)?)
+        }
+    }
 }
 
-/// Lists a query's maps, newest last.
+/// Lists a query's maps that are there, newest last; the query itself lists those that are being made.
 #[utoipa::path(
     get, path = "/v1/queries/{id}/maps", tag = "maps",
     params(("id" = QueryId, Path)),
@@ -60,22 +80,69 @@ pub async fn list(
     wants.show(&Page { items, next: None })
 }
 
-/// A map: its constraints, its distortion and whether it is worth keeping.
+/// A map: its constraints, its distortion and whether it is worth keeping; or how far it is.
 #[utoipa::path(
     get, path = "/v1/queries/{id}/maps/{map}", tag = "maps",
-    params(("id" = QueryId, Path), ("map" = MapId, Path)),
-    responses((status = 200, description = "The map", body = Map))
+    params(
+        ("id" = QueryId, Path), ("map" = MapId, Path),
+        ("wait" = Option<f64>, Query, minimum = 0, maximum = 86400, description = "Seconds for which the answer is held until the map is there, at most 240; default 0"),
+    ),
+    responses((status = 200, description = "The map, whose `state` is `done`; or how far it is", body = MapOrMaking))
 )]
 pub async fn get(
     State(app): State<App>,
     wants: Wants,
     PathIds((id, map)): PathIds<(QueryId, MapId)>,
+    params: Params,
 ) -> Result<Response, HttpError> {
-    wants.show(&newest(&app, id, map)?.summary)
+    let live = app.work.queries.get(id)?;
+    making::waited(&live, Product::Map, &map, making::wait(&params)?).await;
+    match mapping::get(&live, map) {
+        Ok(map) => wants.show(&map.newest().summary),
+        Err(missing) => wants.show(&making::found(&live, Product::Map, &map).ok_or(missing)?),
+    }
 }
 
-fn newest(app: &App, id: QueryId, map: MapId) -> Result<std::sync::Arc<MapState>, HttpError> {
-    Ok(mapping::get(&*app.work.queries.get(id)?, map)?.newest())
+/// Cancels a map that is being made, and frees one that is there.
+#[utoipa::path(
+    delete, path = "/v1/queries/{id}/maps/{map}", tag = "maps",
+    params(("id" = QueryId, Path), ("map" = MapId, Path)),
+    responses((status = 204, description = "Cancelled, or freed"))
+)]
+pub async fn remove(
+    State(app): State<App>,
+    PathIds((id, map)): PathIds<(QueryId, MapId)>,
+) -> Result<StatusCode, HttpError> {
+    mapping::remove(&*app.work.queries.get(id)?, map)?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// How a map gets further: `progress`, and `end` once.
+#[utoipa::path(
+    get, path = "/v1/queries/{id}/maps/{map}/stream", tag = "maps",
+    params(("id" = QueryId, Path), ("map" = MapId, Path)),
+    responses((status = 200, description = "Events, by `accept`: server-sent events, JSON lines or MessagePack objects", content(
+        (MakingEvent = "text/event-stream"), (MakingEvent = "application/x-ndjson")
+    )))
+)]
+pub async fn stream(
+    State(app): State<App>,
+    PathIds((id, map)): PathIds<(QueryId, MapId)>,
+    headers: HeaderMap,
+) -> Result<Response, HttpError> {
+    let live = app.work.queries.get(id)?;
+    match live.makings.get(Product::Map, &map.to_string()) {
+        Some(making) => making::stream(&app, &headers, id, &making),
+        None => making::ended(&headers, id, Product::Map, mapping::get(&live, map)?.id.to_string()),
+    }
+}
+
+/// A map, once it is there: whoever asks for what belongs to it needn't have waited.
+async fn there(app: &App, id: QueryId, map: MapId) -> Result<(Arc<LiveQuery>, Arc<MapState>), HttpError> {
+    let live = app.work.queries.get(id)?;
+    making::waited(&live, Product::Map, &map, making::LONGEST).await;
+    let newest = mapping::get(&live, map)?.newest();
+    Ok((live, newest))
 }
 
 /// The example's mesh on the input: the same vertex order, faces, UVs and groups.
@@ -90,11 +157,11 @@ pub async fn mesh(
     params: Params,
     headers: HeaderMap,
 ) -> Result<Response, HttpError> {
-    let (user, state) = (app.work.queries.get(id)?.caller.user, newest(&app, id, map)?);
+    let (live, state) = there(&app, id, map).await?;
     let format = wanted_format(&params, &headers, MeshFormat::Obj)?;
     let tag = format!("\"{map}-{}-{format}\"", state.summary.revision);
     mesh_answer(format, &tag, if_none_match(&headers).as_deref(), &map.to_string(), async || {
-        Ok(ingest::mesh_file(&app.work, user, &state.mapped.mesh, format).await?)
+        Ok(ingest::mesh_file(&app.work, live.caller.user, &state.mapped.mesh, format).await?)
     })
     .await
 }
@@ -111,11 +178,11 @@ pub async fn preview(
     params: Params,
     headers: HeaderMap,
 ) -> Result<Response, HttpError> {
-    let (user, state) = (app.work.queries.get(id)?.caller.user, newest(&app, id, map)?);
+    let (live, state) = there(&app, id, map).await?;
     let size = params.get("size", "from 16 to 2048")?.unwrap_or(pictures::SIZE_DEFAULT);
     let tag = format!("\"{map}-{}-{size}\"", state.summary.revision);
     picture_answer(&tag, if_none_match(&headers).as_deref(), async || {
-        Ok(pictures::preview(&app.work, user, &state.mapped.mesh, size).await?)
+        Ok(pictures::preview(&app.work, live.caller.user, &state.mapped.mesh, size).await?)
     })
     .await
 }
@@ -133,7 +200,7 @@ pub async fn constrain(
     PathIds((id, map)): PathIds<(QueryId, MapId)>,
     edit: Message<ConstraintEdit>,
 ) -> Result<Response, HttpError> {
-    let live = app.work.queries.get(id)?;
+    let (live, _) = there(&app, id, map).await?;
     let state = mapping::constrain(&app.work, &live, map, edit.value).await?;
     wants.answer(StatusCode::OK, None, &state.summary)
 }

@@ -7,6 +7,8 @@
 //! *A request across origins* needs no name, and a form or a `no-cors` fetch asks nobody's leave. So whatever is no mere
 //! read is refused where `Origin` or `Sec-Fetch-Site` says that another origin's page sent it. Programs send neither.
 //!
+//! Pages of origins that `--allow-origin` names may do what programs may.
+//!
 //! *Source:* Fetch Standard (`Sec-Fetch-Site`, CORS-safelisted requests); RFC 6454.
 
 use super::caller::is_read;
@@ -14,10 +16,15 @@ use super::error::HttpError;
 use crate::app::App;
 use crate::auth::Access;
 use axum::extract::{Request, State};
-use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, header};
 use axum::middleware::Next;
 use axum::response::Response;
 use std::net::IpAddr;
+use std::time::Duration;
+use tower_http::cors::{AllowOrigin, CorsLayer};
+
+/// For so long a browser needn't ask again what it may send.
+const PREFLIGHT_AGE: Duration = Duration::from_secs(600);
 
 const SEC_FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
 const CROSS_ORIGIN_RESOURCE_POLICY: HeaderName = HeaderName::from_static("cross-origin-resource-policy");
@@ -45,6 +52,49 @@ pub fn host_name(text: &str) -> Result<String, String> {
     host.ok_or_else(|| format!("expected the name of a host, without scheme and port, found `{text}`"))
 }
 
+/// An origin as `--allow-origin` gives it, and as browsers write it.
+///
+/// # Errors
+/// A sentence, for what is none.
+pub fn origin_name(text: &str) -> Result<String, String> {
+    let refused = || format!("expected an origin like https://tools.studio.example, without a path, found `{text}`");
+    let (scheme, authority) = text.split_once("://").ok_or_else(refused)?;
+    let host = host_of(authority).filter(|host| !host.is_empty() && !authority.contains('/')).ok_or_else(refused)?;
+    let port = authority.to_ascii_lowercase().strip_prefix(&host).map(str::to_owned).ok_or_else(refused)?;
+    let is_port = port.is_empty() || port.strip_prefix(':').is_some_and(|number| number.parse::<u16>().is_ok());
+    let is_web = ["http", "https"].contains(&scheme);
+    if is_web && is_port { Ok(format!("{scheme}://{host}{port}")) } else { Err(refused()) }
+}
+
+/// What pages of the origins that the configuration names may send and read. A token travels in a header that a page sets
+/// itself, so no credentials of the browser are allowed.
+pub fn cors(allowed: &[String]) -> CorsLayer {
+    let origins = allowed.iter().filter_map(|origin| HeaderValue::try_from(origin.as_str()).ok());
+    let sent = [
+        header::AUTHORIZATION,
+        header::ACCEPT,
+        header::CONTENT_TYPE,
+        header::CONTENT_ENCODING,
+        header::IF_NONE_MATCH,
+        HeaderName::from_static("idempotency-key"),
+        HeaderName::from_static("last-event-id"),
+        HeaderName::from_static("x-request-id"),
+    ];
+    let read = [
+        header::LOCATION,
+        header::ETAG,
+        header::RETRY_AFTER,
+        header::CONTENT_DISPOSITION,
+        HeaderName::from_static("x-request-id"),
+    ];
+    CorsLayer::new()
+        .allow_origin(AllowOrigin::list(origins))
+        .allow_methods([Method::GET, Method::POST, Method::PATCH, Method::DELETE])
+        .allow_headers(sent)
+        .expose_headers(read)
+        .max_age(PREFLIGHT_AGE)
+}
+
 /// Checks where a request is sent to.
 ///
 /// # Errors
@@ -64,10 +114,15 @@ fn check_host(headers: &HeaderMap, allowed: &[String], access: Access) -> Result
 ///
 /// # Errors
 /// [`HttpError::CrossOrigin`].
-fn check_origin(headers: &HeaderMap) -> Result<(), HttpError> {
+fn check_origin(headers: &HeaderMap, allowed: &[String]) -> Result<(), HttpError> {
     let refused = |found: &HeaderValue| {
         Err(HttpError::CrossOrigin { found: String::from_utf8_lossy(found.as_bytes()).into_owned() })
     };
+    let mut origins = headers.get_all(header::ORIGIN).iter().peekable();
+    // Of one that the configuration names, all are.
+    if origins.peek().is_some() && origins.all(|origin| allowed.iter().any(|known| origin == known.as_str())) {
+        return Ok(());
+    }
     for site in headers.get_all(SEC_FETCH_SITE) {
         // `none`: the address was typed, or a program sends it.
         if site != "same-origin" && site != "none" {
@@ -95,7 +150,7 @@ fn check_origin(headers: &HeaderMap) -> Result<(), HttpError> {
 pub async fn check(State(app): State<App>, request: Request, next: Next) -> Result<Response, HttpError> {
     check_host(request.headers(), &app.settings.allowed_hosts, app.tokens.access())?;
     if !is_read(request.method()) {
-        check_origin(request.headers())?;
+        check_origin(request.headers(), &app.settings.allowed_origins)?;
     }
     Ok(next.run(request).await)
 }
@@ -153,7 +208,7 @@ mod tests {
     fn what_another_origins_page_sends_is_refused() {
         let sent = |pairs: &[(&str, &str)]| {
             let here: [(&str, &str); 1] = [("host", "127.0.0.1:7979")];
-            check_origin(&headers(&[&here, pairs].concat())).is_ok()
+            check_origin(&headers(&[&here, pairs].concat()), &["https://tools.example".into()]).is_ok()
         };
         assert!(sent(&[]));
         assert!(sent(&[("origin", "http://127.0.0.1:7979"), ("sec-fetch-site", "same-origin")]));

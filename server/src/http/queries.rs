@@ -4,6 +4,7 @@ use super::caller::Who;
 use super::error::{HttpError, problem_of};
 use super::files::{mesh_answer, wanted_format};
 use super::idempotency::{Key, Turn};
+use super::making;
 use super::negotiate::{Wants, if_none_match};
 use super::params::{Params, PathIds};
 use super::upload::MeshUpload;
@@ -71,7 +72,8 @@ fn accepted(wants: &Wants, live: &LiveQuery) -> Result<Response, HttpError> {
 pub fn described(live: &LiveQuery) -> Query {
     let failure = live.board().failure;
     let problem = failure.map(|failure| problem_of(&HttpError::Work(WorkError::Query(failure))));
-    Query { problem, ..live.describe() }
+    let making = live.makings.all().iter().map(|making| making::described(live.id, making)).collect();
+    Query { problem, making, ..live.describe() }
 }
 
 /// Lists the caller's queries that the server holds, newest last; to an admin everybody's.

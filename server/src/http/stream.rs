@@ -17,6 +17,7 @@ use bytes::Bytes;
 use futures_util::stream::{Stream, unfold};
 use quadmuse_proto::ranking::ENTRIES_DEFAULT;
 use quadmuse_proto::{End, Event, QueryId, StreamError};
+use serde::Serialize;
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
@@ -24,7 +25,7 @@ use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 
 /// How often a silent stream shows that it is alive.
-const HEARTBEAT: Duration = Duration::from_secs(10);
+pub(super) const HEARTBEAT: Duration = Duration::from_secs(10);
 
 /// The media type of server-sent events.
 const SSE: &str = "text/event-stream";
@@ -33,11 +34,15 @@ const NDJSON: &str = "application/x-ndjson";
 
 /// How events are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Frames {
+pub(super) enum Frames {
     Sse,
     Ndjson,
     MsgPack,
 }
+
+/// What a stream may be asked for as.
+pub(super) const OFFERED: [(&str, Frames); 3] =
+    [(SSE, Frames::Sse), (NDJSON, Frames::Ndjson), (MSGPACK, Frames::MsgPack)];
 
 impl Frames {
     fn media_type(self) -> &'static str {
@@ -48,7 +53,8 @@ impl Frames {
         }
     }
 
-    fn event(self, event: &Event) -> Result<Vec<u8>, HttpError> {
+    /// An event of this name, which is gone on from by its `id`.
+    pub(super) fn event(self, name: &str, id: Option<u64>, event: &impl Serialize) -> Result<Vec<u8>, HttpError> {
         match self {
             Self::MsgPack => Wire::MsgPack.write(event),
             Self::Ndjson => {
@@ -57,8 +63,8 @@ impl Frames {
                 Ok(line)
             }
             Self::Sse => {
-                let mut frame = format!("event: {}\n", event.name()).into_bytes();
-                event.revision().iter().for_each(|id| frame.extend(format!("id: {id}\n").into_bytes()));
+                let mut frame = format!("event: {name}\n").into_bytes();
+                id.iter().for_each(|id| frame.extend(format!("id: {id}\n").into_bytes()));
                 frame.extend(b"data: ");
                 // JSON escapes line breaks, so that the object is one line.
                 frame.extend(Wire::Json.write(event)?);
@@ -68,7 +74,7 @@ impl Frames {
         }
     }
 
-    fn heartbeat(self) -> &'static [u8] {
+    pub(super) fn heartbeat(self) -> &'static [u8] {
         match self {
             Self::Sse => b":\n\n",
             Self::Ndjson => b"\n",
@@ -97,7 +103,7 @@ pub async fn stream(
 ) -> Result<Response, HttpError> {
     let live = app.work.queries.get(id)?;
     let limit = params.limit(ENTRIES_DEFAULT)?;
-    let frames = choose(&headers, &[(SSE, Frames::Sse), (NDJSON, Frames::Ndjson), (MSGPACK, Frames::MsgPack)])?;
+    let frames = choose(&headers, &OFFERED)?;
     let resumed = match headers.get("last-event-id") {
         None => None,
         Some(value) => {
@@ -108,12 +114,20 @@ pub async fn stream(
         }
     };
     let reader = Reader::new(live, resumed, limit, app.stopping.clone());
-    let mut response = Response::new(Body::from_stream(frames_of(reader, frames)));
+    Ok(answer(frames, frames_of(reader, frames)))
+}
+
+/// The answer that is a stream.
+pub(super) fn answer<S>(frames: Frames, stream: S) -> Response
+where
+    S: Stream<Item = Result<Bytes, Infallible>> + Send + 'static,
+{
+    let mut response = Response::new(Body::from_stream(stream));
     let out = response.headers_mut();
     out.insert(header::CONTENT_TYPE, HeaderValue::from_static(frames.media_type()));
     out.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
     out.insert("x-accel-buffering", HeaderValue::from_static("no"));
-    Ok(response)
+    response
 }
 
 /// What a reader is given next.
@@ -183,7 +197,7 @@ fn frames_of(reader: Reader, frames: Frames) -> impl Stream<Item = Result<Bytes,
     unfold(reader, move |mut reader| async move {
         let bytes = match reader.next().await? {
             Next::Heartbeat => Bytes::from_static(frames.heartbeat()),
-            Next::Event(event) => match frames.event(&event) {
+            Next::Event(event) => match frames.event(event.name(), event.revision(), &*event) {
                 Ok(bytes) => bytes.into(),
                 Err(error) => {
                     tracing::error!(%error, "an event could not be written");

@@ -93,7 +93,12 @@ impl Bench {
             Arc::clone(&work),
             Arc::new(Tokens::beside(dir.path())),
             Audit::beside(dir.path()),
-            Settings { upload_limit: LIMIT, allowed_hosts: Vec::new(), rate_limit: 0 },
+            Settings {
+                upload_limit: LIMIT,
+                allowed_hosts: Vec::new(),
+                allowed_origins: vec!["https://tools.example".into()],
+                rate_limit: 0,
+            },
             stopping.clone(),
         );
         Self { router: router(app), work, corpus, stopping, dir }

@@ -6,19 +6,21 @@ mod surrounded;
 use super::engine::{
     Allowed, Appraisal, BARE, Encoded, Engine, EngineError, Model, ModelSegment, OnePart, Part, Stitched, Stitching,
 };
+use super::making::{self, Making, Tell, untold};
 use super::mapping::{self, LiveMap, get};
 use super::query::{LiveQuery, ms_since};
 use super::ranking::entries;
 use super::worth::tries;
 use super::{REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, Stop, StopReason};
+use futures_util::{StreamExt, stream};
 use headline::{Laid, headline};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
 use quadmuse_proto::ranking::promising;
 use quadmuse_proto::{
-    Beyond, Composition, CompositionId, CompositionPart, ConstraintOrigin, ExampleId, Map, NewComposition, NewMap,
-    Verdict,
+    Beyond, Composition, CompositionId, CompositionPart, ConstraintOrigin, ExampleId, MakingState, Map, NewComposition,
+    NewMap, Product, Verdict,
 };
 use std::sync::Arc;
 use std::time::Instant;
@@ -33,6 +35,9 @@ const FACES_MAX: u64 = 4_000_000;
 /// Faces that a composition is taken to have at least: regular layouts, and subdividing to follow the input, make some.
 const FACES_LEAST: u64 = 16_000;
 
+/// The share of a composition's progress at which all parts have their maps.
+const LAID_SHARE: f64 = 0.7;
+
 /// Memory that stitching takes for each face, at most.
 const MEMORY_PER_FACE: u64 = 1500;
 
@@ -41,6 +46,9 @@ const MEMORY_PER_INPUT_FACE: u64 = 300;
 
 /// Memory that the stitched mesh takes for each face, as long as it is held.
 const MEMORY_PER_FACE_HELD: u64 = 200;
+
+/// Examples that are laid on a segment at a time.
+const AT_A_TIME: usize = 2;
 
 /// A composition and its mesh.
 pub struct LiveComposition {
@@ -61,13 +69,47 @@ pub async fn create(
     live: &Arc<LiveQuery>,
     wanted: NewComposition,
 ) -> Result<Arc<LiveComposition>, WorkError> {
-    let start = Instant::now();
-    let named = maps_of(live, &wanted)?;
+    made(work, live, (CompositionId::generate(), wanted), &untold).await
+}
+
+/// Stitches maps of a query, on a task of its own; the composition's id.
+///
+/// # Errors
+/// What is wrong with the request; what goes wrong later, the composition's making tells.
+pub fn start(
+    work: &Arc<Work>,
+    live: &Arc<LiveQuery>,
+    wanted: NewComposition,
+) -> Result<(CompositionId, Arc<Making>), WorkError> {
+    check(live, &wanted)?;
+    let id = CompositionId::generate();
+    let handles = (Arc::clone(work), Arc::clone(live));
+    let make = move |tell: Arc<dyn Fn(&'static str, f64) + Send + Sync>| async move {
+        made(&handles.0, &handles.1, (id, wanted), &*tell).await.map(drop)
+    };
+    Ok((id, making::start(work, live, (Product::Composition, id.to_string()), make)?))
+}
+
+/// Checks what can be told before anything is computed; the maps that are named.
+fn check(live: &LiveQuery, wanted: &NewComposition) -> Result<Vec<Option<Arc<LiveMap>>>, WorkError> {
+    let named = maps_of(live, wanted)?;
     if live.compositions().len() >= COMPOSITIONS_MAX {
         return Err(WorkError::TooMany { of: "compositions", limit: COMPOSITIONS_MAX });
     }
+    Ok(named)
+}
+
+async fn made(
+    work: &Arc<Work>,
+    live: &Arc<LiveQuery>,
+    (id, wanted): (CompositionId, NewComposition),
+    tell: Tell<'_>,
+) -> Result<Arc<LiveComposition>, WorkError> {
+    let start = Instant::now();
+    let named = check(live, &wanted)?;
     let Gathered { parts, mut summaries, mut templates, mut poor, maps, mut laid, instead } =
-        gathered(work, live, &wanted, named).await?;
+        gathered(work, live, &wanted, named, tell).await?;
+    tell("stitching", LAID_SHARE);
     let faces = faces_at(&parts, wanted.density)?;
     let input = live.model.mesh.faces.len() as u64 * MEMORY_PER_INPUT_FACE;
     let needed = faces.max(FACES_LEAST) * MEMORY_PER_FACE + input;
@@ -134,8 +176,10 @@ pub async fn create(
         headline.reasons.push(ALONE.into());
     }
     let summary = Composition {
-        id: CompositionId::generate(),
+        id,
         query: live.id,
+        state: MakingState::Done,
+        progress: 1.0,
         verdict: headline.verdict,
         inspired: headline.inspired,
         reasons: headline.reasons,
@@ -288,9 +332,12 @@ async fn gathered(
     live: &Arc<LiveQuery>,
     wanted: &NewComposition,
     named: Vec<Option<Arc<LiveMap>>>,
+    tell: Tell<'_>,
 ) -> Result<Gathered, WorkError> {
     let mut all = Gathered::default();
+    let count = named.len().max(1) as f64;
     for (segment, named) in (0u32..).zip(named) {
+        tell("laying examples on the parts", LAID_SHARE * f64::from(segment) / count);
         let is_named = named.is_some();
         let map = match named {
             Some(map) => Some(map),
@@ -369,28 +416,34 @@ async fn best_map(
         let entries = entries(&ranking.candidates, ranking.candidates.len());
         promising(&entries, tries).into_iter().map(|entry| (entry.example, entry.example_segment)).collect()
     });
-    let mut best: Option<(f64, Arc<LiveMap>)> = None;
-    for (tried, (example, example_segment)) in (1..).zip(entries) {
+    let one = |(example, example_segment)| async move {
         let is_this = |map: &&Arc<LiveMap>| {
             let summary = &map.newest().summary;
             (summary.segment, summary.example, summary.example_segment) == (segment, example, example_segment)
         };
         let there = live.maps().values().find(is_this).cloned();
-        let map = match there {
-            Some(map) => map,
-            None => {
-                let new = NewMap { segment, example, example_segment, beyond: Beyond::Extend, landmarks: Vec::new() };
-                match mapping::create(work, live, new).await {
-                    Ok(map) => map,
-                    // Another would take as long; a regular layout is there at once.
-                    Err(error) if error.stop_reason() == Some(StopReason::Deadline) => break,
-                    Err(error) => return Err(error),
-                }
-            }
+        let new = NewMap { beyond: Beyond::Extend, ..NewMap::new(segment, example, example_segment) };
+        match there {
+            Some(map) => Ok(map),
+            None => mapping::create(work, live, new).await,
+        }
+    };
+    // The first is mostly good enough. Where it is not, two at a time are laid, and looked at in order.
+    let (first, others) = entries.split_at(entries.len().min(1));
+    let first = stream::iter(first.iter().copied()).then(one);
+    let others = stream::iter(others.iter().copied()).map(one).buffered(AT_A_TIME);
+    let mut found = std::pin::pin!(first.chain(others).enumerate());
+    let mut best: Option<(f64, Arc<LiveMap>)> = None;
+    while let Some((tried, found)) = found.next().await {
+        let map = match found {
+            Ok(map) => map,
+            // Another would take as long; a regular layout is there at once.
+            Err(error) if error.stop_reason() == Some(StopReason::Deadline) => break,
+            Err(error) => return Err(error),
         };
         let worth = map.newest().summary.worth();
         let is_better = best.as_ref().is_none_or(|best| worth > best.0);
-        let is_enough = map.newest().summary.is_enough(tried, tries);
+        let is_enough = map.newest().summary.is_enough(tried + 1, tries);
         if is_better {
             best = Some((worth, map));
         }
@@ -404,9 +457,19 @@ async fn best_map(
 /// A composition of a query.
 ///
 /// # Errors
-/// [`WorkError::NoSuchComposition`].
+/// [`WorkError::NoSuchComposition`], [`WorkError::NotMade`].
 pub fn find(live: &LiveQuery, id: CompositionId) -> Result<Arc<LiveComposition>, WorkError> {
-    live.compositions().get(&id).cloned().ok_or(WorkError::NoSuchComposition(id))
+    let there = live.compositions().get(&id).cloned();
+    there.ok_or_else(|| live.makings.missing(Product::Composition, &id).unwrap_or(WorkError::NoSuchComposition(id)))
+}
+
+/// Takes a composition out; one that is made is cancelled.
+///
+/// # Errors
+/// [`WorkError::NoSuchComposition`].
+pub fn remove(live: &LiveQuery, id: CompositionId) -> Result<(), WorkError> {
+    let is_gone = live.makings.remove(Product::Composition, &id) || live.compositions().remove(&id).is_some();
+    is_gone.then_some(()).ok_or(WorkError::NoSuchComposition(id))
 }
 
 /// The example from which all segments of the query take their maps, if it is one, with those maps.

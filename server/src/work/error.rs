@@ -88,6 +88,22 @@ pub enum WorkError {
         /// How many there may be.
         limit: usize,
     },
+    /// It is not there yet, or never will be.
+    #[error("expected a {product} that was made, found {id} {state}; {}", way_out(state))]
+    NotMade {
+        /// What it is.
+        product: &'static str,
+        /// Its id.
+        id: String,
+        /// Its state.
+        state: &'static str,
+    },
+    /// Too many maps and compositions of one query under way.
+    #[error("expected fewer than {limit} maps and compositions of a query under way, found {limit}; try again shortly")]
+    MakingsFull {
+        /// How many there may be.
+        limit: usize,
+    },
     /// Too many queries under way.
     #[error("expected fewer than {limit} queries under way, found {limit}; try again shortly")]
     QueriesFull {
@@ -100,6 +116,11 @@ pub enum WorkError {
     /// A task of ours ended without a result: a bug.
     #[error("a task ended without a result")]
     Lost,
+}
+
+/// What helps where something is not there.
+fn way_out(state: &str) -> &'static str {
+    if ["queued", "running"].contains(&state) { "ask for it with `wait`, or later" } else { "make it again" }
 }
 
 impl WorkError {

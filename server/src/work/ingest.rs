@@ -2,11 +2,13 @@
 
 use super::corpus::{NewExample, Put};
 use super::engine::{Besides, Cut, Encoded, EngineError, Grain, Model, Packed};
-use super::{Caller, REQUEST_TIME_MAX, Work, WorkError, texts};
+use super::{Caller, REQUEST_TIME_MAX, Work, WorkError, landmarks, texts};
 use crate::pool::{Job, Lane, User};
 use bytes::Bytes;
 use quadmuse_kernel::mesh::PolyMesh;
-use quadmuse_proto::example::{NAME_LENGTH_MAX, RELEVANCE_RANGE, TAG_LENGTH_MAX, TAGS_MAX};
+use quadmuse_proto::example::{
+    CREDIT_LENGTH_MAX, NAME_LENGTH_MAX, NOTES_LENGTH_MAX, RELEVANCE_RANGE, TAG_LENGTH_MAX, TAGS_MAX,
+};
 use quadmuse_proto::{Example, ExampleId, ExamplePatch, MeshCounts, MeshFormat};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -184,15 +186,27 @@ async fn encode_all(
     Ok((segments, mended, besides))
 }
 
-/// Changes an example's name, tags or relevance.
+/// Changes what is said of an example. Landmarks are found on its surface first.
 ///
 /// # Errors
-/// Refusals of the annotation and of the corpus.
-pub async fn annotate(work: &Arc<Work>, id: ExampleId, patch: ExamplePatch) -> Result<Arc<Example>, WorkError> {
+/// Refusals of the annotation, of the pool and of the corpus.
+pub async fn annotate(
+    work: &Arc<Work>,
+    caller: Caller,
+    id: ExampleId,
+    patch: ExamplePatch,
+) -> Result<Arc<Example>, WorkError> {
     patch.name.as_deref().map_or(Ok(()), check_name)?;
     patch.relevance.map_or(Ok(()), check_relevance)?;
+    patch.author.as_deref().map_or(Ok(()), |author| check_line("author", author))?;
+    patch.licence.as_deref().map_or(Ok(()), |licence| check_line("licence", licence))?;
+    patch.notes.as_deref().map_or(Ok(()), check_notes)?;
     let tags = patch.tags.map(normal_tags).transpose()?;
-    let patch = ExamplePatch { tags, ..patch };
+    let landmarks = match patch.landmarks {
+        Some(wanted) => Some(landmarks::placed(work, caller.user, id, wanted).await?),
+        None => None,
+    };
+    let patch = ExamplePatch { tags, landmarks, ..patch };
     work.blocking(move |work| {
         let example = work.corpus.annotate(id, &patch)?;
         work.catalogue.follow();
@@ -314,11 +328,27 @@ pub fn counts_of(mesh: &PolyMesh) -> MeshCounts {
 }
 
 fn check_name(name: &str) -> Result<(), WorkError> {
-    if name.len() > NAME_LENGTH_MAX {
-        let expected = format!("of at most {NAME_LENGTH_MAX} bytes");
-        return Err(WorkError::parameter("name", expected, format!("{} bytes", name.len())));
-    }
+    check_length("name", name, NAME_LENGTH_MAX)?;
     check_text("name", name)
+}
+
+/// An author or a licence.
+fn check_line(name: &'static str, text: &str) -> Result<(), WorkError> {
+    check_length(name, text, CREDIT_LENGTH_MAX)?;
+    check_text(name, text)
+}
+
+/// Notes may have several lines.
+fn check_notes(notes: &str) -> Result<(), WorkError> {
+    check_length("notes", notes, NOTES_LENGTH_MAX)?;
+    notes.lines().try_for_each(|line| check_text("notes", line))
+}
+
+fn check_length(name: &'static str, text: &str, most: usize) -> Result<(), WorkError> {
+    if text.len() <= most {
+        return Ok(());
+    }
+    Err(WorkError::parameter(name, format!("of at most {most} bytes"), format!("{} bytes", text.len())))
 }
 
 fn check_text(name: &'static str, text: &str) -> Result<(), WorkError> {

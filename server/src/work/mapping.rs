@@ -4,13 +4,16 @@
 
 use super::engine::{Encoding, EngineError, Mapped, Refusal, Side};
 use super::ingest::{self, encode};
+use super::making::{self, Making, Tell, untold};
 use super::query::{LiveQuery, MAPS_MAX, ms_since};
 use super::ranking::Candidate;
 use super::search::{caught_up, newcomer};
-use super::{REQUEST_TIME_MAX, Work, WorkError};
+use super::{REQUEST_TIME_MAX, Work, WorkError, landmarks};
 use crate::pool::{Job, Lane};
-use quadmuse_proto::constraint::{CONSTRAINTS_MAX, LANDMARKS_MAX};
-use quadmuse_proto::{ConstraintEdit, EntryState, Example, ExampleId, Map, MapId, MapTimings, NewMap};
+use quadmuse_proto::constraint::CONSTRAINTS_MAX;
+use quadmuse_proto::{
+    ConstraintEdit, EntryState, Example, ExampleId, MakingState, Map, MapId, MapTimings, NewMap, Product,
+};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
@@ -66,42 +69,91 @@ impl LiveMap {
 /// # Errors
 /// What is not there, [`WorkError::TopologyDiffers`], refusals of the pool and of the engine.
 pub async fn create(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: NewMap) -> Result<Arc<LiveMap>, WorkError> {
-    let start = Instant::now();
+    made(work, live, (MapId::generate(), wanted), &untold).await
+}
+
+/// Maps an example on a query, on a task of its own; the map's id.
+///
+/// # Errors
+/// What is wrong with the request; what goes wrong later, the map's making tells.
+pub fn start(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: NewMap) -> Result<(MapId, Arc<Making>), WorkError> {
+    check(work, live, &wanted)?;
+    let id = MapId::generate();
+    let handles = (Arc::clone(work), Arc::clone(live));
+    let make = move |tell: Arc<dyn Fn(&'static str, f64) + Send + Sync>| async move {
+        made(&handles.0, &handles.1, (id, wanted), &*tell).await.map(drop)
+    };
+    Ok((id, making::start(work, live, (Product::Map, id.to_string()), make)?))
+}
+
+/// Checks what can be told before anything is computed.
+fn check(work: &Work, live: &LiveQuery, wanted: &NewMap) -> Result<(), WorkError> {
     if live.maps().len() >= MAPS_MAX {
         return Err(WorkError::TooMany { of: "maps", limit: MAPS_MAX });
     }
-    if wanted.landmarks.len() > LANDMARKS_MAX {
-        let (expected, found) = (format!("at most {LANDMARKS_MAX}"), wanted.landmarks.len());
-        return Err(WorkError::parameter("landmarks", expected, found));
-    }
-    if wanted.example == ExampleId::TEMPLATE {
-        if !wanted.landmarks.is_empty() {
-            let (expected, found) =
-                ("none with a regular layout, which has no points of its own", wanted.landmarks.len());
-            return Err(WorkError::parameter("landmarks", expected, found));
+    landmarks::check(wanted)?;
+    live.check_segment(wanted.segment)?;
+    let (of, count, segment) = match wanted.example {
+        ExampleId::TEMPLATE => ("the template", 1, wanted.example_segment),
+        id => {
+            let example = work.catalogue.example(id)?;
+            landmarks::held(&example, wanted)?;
+            ("the example", example.segments.len(), wanted.example_segment)
         }
-        return create_template(work, live, &wanted).await;
-    }
-    let example = work.catalogue.example(wanted.example)?;
-    let (of, count, segment) = ("the example", example.segments.len(), wanted.example_segment);
+    };
     if segment as usize >= count {
         return Err(WorkError::NoSuchSegment { of, count, segment });
     }
+    check_topology(work, live, wanted)
+}
+
+/// Checks that surfaces of these two kinds can be compared at all.
+fn check_topology(work: &Work, live: &LiveQuery, wanted: &NewMap) -> Result<(), WorkError> {
+    if wanted.example == ExampleId::TEMPLATE {
+        return Ok(());
+    }
+    let example = work.catalogue.example(wanted.example)?;
+    let expected = live.model.segments.get(wanted.segment as usize).map(|segment| segment.topology);
+    let found = example.segments.get(wanted.example_segment as usize).map(|segment| segment.topology);
+    match (expected, found) {
+        (Some(expected), Some(found)) if expected != found && !work.engine.reaches(found, expected) => {
+            Err(WorkError::TopologyDiffers { expected, found })
+        }
+        _ => Ok(()),
+    }
+}
+
+async fn made(
+    work: &Arc<Work>,
+    live: &Arc<LiveQuery>,
+    (id, wanted): (MapId, NewMap),
+    tell: Tell<'_>,
+) -> Result<Arc<LiveMap>, WorkError> {
+    let start = Instant::now();
+    check(work, live, &wanted)?;
+    if wanted.example == ExampleId::TEMPLATE {
+        return made_of_template(work, live, (id, &wanted), tell).await;
+    }
+    let (example, segment) = (work.catalogue.example(wanted.example)?, wanted.example_segment);
     let query = live.encoded(wanted.segment).await?;
+    tell("comparing the example with the scan", 0.1);
     let estimate = work.engine.memory_estimate(example.bytes);
     let job = work.admit(live.caller.user, estimate, REQUEST_TIME_MAX)?;
     let encoding = Arc::new(query.encoding.clone());
     let candidate = registered(work, &job, live, &wanted, &encoding).await?;
     let register_ms = ms_since(start);
-    let (beyond, landmarks) = (wanted.beyond, wanted.landmarks);
+    tell("reading the example", 0.3);
+    let (beyond, landmarks) = (wanted.beyond, landmarks::held(&example, &wanted)?);
     let example_side = example_side(work, &job, &example, segment).await?;
     let query_side = Side { model: Arc::clone(&live.model), segment: wanted.segment, encoded: query };
     let (from, (one, two)) = (candidate.map(|c| Arc::clone(&c.registration)), (example_side, query_side));
+    tell("laying the example on the scan", 0.4);
     let engine = Arc::clone(&work.engine);
+    let held = landmarks.clone();
     let fit = move |stop: &_| engine.fit(from.as_deref(), &one, &two, beyond, &landmarks, stop);
     let fitted = work.pool.run(&job, Lane::Lay, fit).await??;
-    let mapped = fitted.mapped;
-    let id = MapId::generate();
+    let mut mapped = fitted.mapped;
+    mapped.reasons = landmarks::called(mapped.reasons, &held);
     let timings = MapTimings { register_ms, map_ms: ms_since(start) - register_ms, total_ms: ms_since(start) };
     let summary = summary(live, id, wanted.segment, (wanted.example, segment), 1, &mapped, timings);
     let held = job.kept(work.engine.memory_of_map(example.bytes));
@@ -109,19 +161,21 @@ pub async fn create(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: NewMap) -> 
 }
 
 /// Lays a regular layout on a segment, in place of an example.
-async fn create_template(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: &NewMap) -> Result<Arc<LiveMap>, WorkError> {
+async fn made_of_template(
+    work: &Arc<Work>,
+    live: &Arc<LiveQuery>,
+    (id, wanted): (MapId, &NewMap),
+    tell: Tell<'_>,
+) -> Result<Arc<LiveMap>, WorkError> {
     let start = Instant::now();
-    let (of, count, segment) = ("the template", 1, wanted.example_segment);
-    if segment > 0 {
-        return Err(WorkError::NoSuchSegment { of, count, segment });
-    }
     let encoded = live.encoded(wanted.segment).await?;
+    tell("laying a regular layout on the scan", 0.3);
     let job = work.admit(live.caller.user, work.engine.memory_of_map(0), REQUEST_TIME_MAX)?;
     let side = Side { model: Arc::clone(&live.model), segment: wanted.segment, encoded };
     let (engine, query) = (Arc::clone(&work.engine), side.clone());
     let mapped = work.pool.run(&job, Lane::Lay, move |stop| engine.template(&query, stop)).await??;
     let timings = MapTimings { register_ms: 0.0, map_ms: ms_since(start), total_ms: ms_since(start) };
-    let summary = summary(live, MapId::generate(), wanted.segment, (wanted.example, 0), 1, &mapped, timings);
+    let summary = summary(live, id, wanted.segment, (wanted.example, 0), 1, &mapped, timings);
     let held = job.kept(work.engine.memory_of_map(0));
     Ok(keep(live, held, None, side, MapState { mapped, summary }))
 }
@@ -146,9 +200,19 @@ fn keep(live: &LiveQuery, held: Job, example: Option<Side>, query: Side, state: 
 /// A map of a query.
 ///
 /// # Errors
-/// [`WorkError::NoSuchMap`].
+/// [`WorkError::NoSuchMap`], [`WorkError::NotMade`].
 pub fn get(live: &LiveQuery, id: MapId) -> Result<Arc<LiveMap>, WorkError> {
-    live.maps().get(&id).cloned().ok_or(WorkError::NoSuchMap(id))
+    let there = live.maps().get(&id).cloned();
+    there.ok_or_else(|| live.makings.missing(Product::Map, &id).unwrap_or(WorkError::NoSuchMap(id)))
+}
+
+/// Takes a map out; one that is made is cancelled.
+///
+/// # Errors
+/// [`WorkError::NoSuchMap`].
+pub fn remove(live: &LiveQuery, id: MapId) -> Result<(), WorkError> {
+    let is_gone = live.makings.remove(Product::Map, &id) || live.maps().remove(&id).is_some();
+    is_gone.then_some(()).ok_or(WorkError::NoSuchMap(id))
 }
 
 /// Edits a map's constraints: all of the edit or nothing.
@@ -248,6 +312,8 @@ fn summary(
     Map {
         id,
         query: live.id,
+        state: MakingState::Done,
+        progress: 1.0,
         segment,
         example,
         example_segment,

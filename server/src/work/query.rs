@@ -6,6 +6,7 @@
 use super::composing::LiveComposition;
 use super::engine::{Encoded, Model};
 use super::ingest::counts_of;
+use super::making::Makings;
 use super::mapping::LiveMap;
 use super::ranking::{Candidate, entries, levels_up_to, template_entry};
 use super::worth::tries;
@@ -53,6 +54,8 @@ pub struct LiveQuery {
     pub encoded: Vec<OnceLock<Arc<Encoded>>>,
     /// Its maps.
     pub maps: Mutex<BTreeMap<MapId, Arc<LiveMap>>>,
+    /// What is made of it.
+    pub makings: Makings,
     /// Its compositions.
     pub compositions: Mutex<BTreeMap<CompositionId, Arc<LiveComposition>>>,
     /// Its computation: dropped with it, which stops what is under way.
@@ -112,6 +115,7 @@ impl LiveQuery {
             model,
             encoded: (0..count).map(|_| OnceLock::new()).collect(),
             maps: Mutex::default(),
+            makings: Makings::default(),
             compositions: Mutex::default(),
             job,
             counts,
@@ -233,6 +237,14 @@ impl LiveQuery {
         slot.get().cloned().ok_or(WorkError::QueryEnded { state: board.state.as_str() })
     }
 
+    /// Checks that there is such a segment.
+    ///
+    /// # Errors
+    /// [`WorkError::NoSuchSegment`].
+    pub fn check_segment(&self, segment: u32) -> Result<(), WorkError> {
+        self.slot(segment).map(drop)
+    }
+
     fn slot(&self, segment: u32) -> Result<&OnceLock<Arc<Encoded>>, WorkError> {
         let (of, count) = ("the query", self.encoded.len());
         self.encoded.get(segment as usize).ok_or(WorkError::NoSuchSegment { of, count, segment })
@@ -273,6 +285,7 @@ impl LiveQuery {
             corpus_size: board.corpus_size(),
             created: rfc3339(self.id.created_unix_ms()),
             problem: None,
+            making: Vec::new(),
         }
     }
 

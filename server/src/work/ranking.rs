@@ -138,18 +138,32 @@ pub fn mark(candidates: &mut [Candidate], level: u32, next: Option<usize>, top: 
 
 /// Another's likeness overturns that of the first if it is so many times as large: poses are rough.
 const OVERTURNS: f64 = 1.3;
+/// That of one with a rim overturns that of closed ones if it is so many times as large: limbs make rigid poses of these far
+/// poorer than maps of them are. *Untuned.*
+const OVERTURNS_CLOSED: f64 = 2.0;
 
 /// All candidates: those of `laid` first that lie on the query best, if one of them does so far better than the first, each with
 /// the score of the place it comes to; else as they stood, in increasing score.
-pub fn by_likeness(mut laid: Vec<Candidate>, passed_over: Vec<Candidate>) -> Vec<Candidate> {
+///
+/// Where some are closed, as the query then is, limbs lie as they like, and pictures tell more than rigid poses: closed ones
+/// stand in their order, before those with a rim, unless one of these lies far better than all of them.
+pub fn by_likeness(laid: Vec<Candidate>, passed_over: Vec<Candidate>) -> Vec<Candidate> {
     let of = |c: &Candidate| c.likeness.unwrap_or(0.0);
-    let best = laid.iter().map(of).fold(0.0, f64::max);
-    let overturned = laid.first().is_some_and(|first| best > OVERTURNS * of(first));
-    if overturned {
-        laid.sort_by(|a, b| of(b).total_cmp(&of(a)));
+    let best = |all: &[Candidate]| all.iter().map(of).fold(0.0, f64::max);
+    let (closed, mut with_rim): (Vec<Candidate>, Vec<Candidate>) =
+        laid.into_iter().partition(|c| c.resident.facts.topology == Topology::Sphere);
+    let bar = match closed.is_empty() {
+        true => OVERTURNS * with_rim.first().map_or(0.0, of),
+        false => OVERTURNS_CLOSED * best(&closed),
+    };
+    let overturned = best(&with_rim) > bar;
+    let reordered = overturned || !closed.is_empty();
+    if reordered {
+        with_rim.sort_by(|a, b| of(b).total_cmp(&of(a)));
     }
-    laid.extend(passed_over);
-    if overturned {
+    let (one, two) = if overturned { (with_rim, closed) } else { (closed, with_rim) };
+    let mut laid: Vec<Candidate> = one.into_iter().chain(two).chain(passed_over).collect();
+    if reordered {
         let mut scores: Vec<f64> = laid.iter().map(|c| c.score).collect();
         scores.sort_by(f64::total_cmp);
         laid.iter_mut().zip(scores).for_each(|(c, score)| c.score = score);
@@ -237,6 +251,10 @@ mod tests {
             name: String::new(),
             tags: Vec::new(),
             relevance: 3.0,
+            author: String::new(),
+            licence: String::new(),
+            notes: String::new(),
+            landmarks: Vec::new(),
             hash: hash.into(),
             format: "obj".into(),
             bytes: 0,
@@ -348,6 +366,18 @@ mod tests {
         let same = by_likeness(likened([0.2, 0.25, 0.24]), other());
         assert_eq!(hashes(&same), "adbc");
         assert_eq!(same.iter().map(|c| c.score).collect::<Vec<_>>(), [1.0, 1.5, 2.0, 3.0]);
+        // Closed ones stand as the pictures have them, before those with a rim, which stand by likeness.
+        let some_closed = |values| {
+            let mut all = likened(values);
+            for c in &mut all[..2] {
+                let facts = SegmentFacts { topology: Topology::Sphere, ..c.resident.facts };
+                let example = Arc::clone(&c.resident.example);
+                c.resident = Arc::new(Resident { example, segment: 0, facts, place: Place::default() });
+            }
+            all
+        };
+        assert_eq!(hashes(&by_likeness(some_closed([0.1, 0.2, 0.3]), other())), "abcd");
+        assert_eq!(hashes(&by_likeness(some_closed([0.1, 0.2, 0.5]), other())), "cabd");
         let mut all = by_likeness(likened([0.2, 0.25, 0.5]), other());
         assert_eq!(hashes(&all), "cbad");
         assert_eq!(all.iter().map(|c| c.score).collect::<Vec<_>>(), [1.0, 1.5, 2.0, 3.0]);

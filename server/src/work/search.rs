@@ -150,6 +150,7 @@ async fn read(work: &Arc<Work>, job: &Job, upload: &Upload, like: Option<Example
 pub fn cancel(work: &Work, id: QueryId) -> Result<(), WorkError> {
     let live = work.queries.remove(id)?;
     live.stop().cancel();
+    live.makings.cancel_all();
     live.end(QueryState::Cancelled, false, None);
     Ok(())
 }

@@ -54,9 +54,9 @@ pub use error::StoreError;
 pub use index::{Filter, Page, Snapshot};
 pub use packed::{PackedSegment, SegmentReader, coarse_when_kept};
 pub use record::{
-    ContentHash, ExampleRecord, FORMAT_BYTES_MAX, NAME_BYTES_MAX, NewSegmentation, Patch, RELEVANCE_MAX,
-    REPAIR_BYTES_MAX, REPAIRS_MAX, SEGMENTS_MAX, SegmentSummary, Segmentation, TAG_BYTES_MAX, TAGS_MAX, Topology,
-    identity, validate,
+    ContentHash, ExampleRecord, FORMAT_BYTES_MAX, LANDMARKS_MAX, LandmarkRecord, NAME_BYTES_MAX, NOTES_BYTES_MAX,
+    NewSegmentation, Patch, RELEVANCE_MAX, REPAIR_BYTES_MAX, REPAIRS_MAX, SEGMENTS_MAX, SegmentSummary, Segmentation,
+    TAG_BYTES_MAX, TAGS_MAX, Topology, identity, validate,
 };
 pub use recover::OpenReport;
 pub use rows::SegmentRow;

@@ -1,5 +1,6 @@
 //! What is known of an example: its ground state (what the user supplied) and a summary of its segments.
 
+use std::collections::HashSet;
 use std::fmt;
 
 use quadmuse_proto::id::ExampleId;
@@ -23,6 +24,15 @@ pub const REPAIR_BYTES_MAX: usize = 1024;
 pub const FORMAT_BYTES_MAX: usize = 32;
 /// Greatest relevance.
 pub const RELEVANCE_MAX: f32 = 5.0;
+
+/// Longest author and longest licence, in bytes.
+const CREDIT_BYTES_MAX: usize = 512;
+/// Longest notes, in bytes.
+pub const NOTES_BYTES_MAX: usize = 8192;
+/// Most named landmarks of an example.
+pub const LANDMARKS_MAX: usize = 256;
+/// Longest name of a landmark, in bytes.
+const LANDMARK_NAME_BYTES_MAX: usize = 128;
 
 /// BLAKE3 of some content, 32 bytes; as text 64 hexadecimal digits.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -201,6 +211,29 @@ pub struct ExampleRecord {
     pub faces: u32,
     /// What was repaired when it was read.
     pub repairs: Vec<String>,
+    /// Who made it; from schema 4 on, as all below.
+    #[serde(default)]
+    pub author: String,
+    /// The licence it is under.
+    #[serde(default)]
+    pub licence: String,
+    /// What else is said of it.
+    #[serde(default)]
+    pub notes: String,
+    /// Points of its surface that have a name.
+    #[serde(default)]
+    pub landmarks: Vec<LandmarkRecord>,
+}
+
+/// A point of an example's surface that has a name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LandmarkRecord {
+    /// Its name; no other of the example has it.
+    pub name: String,
+    /// The point, in the mesh's units.
+    pub point: [f64; 3],
+    /// The vertex it is, if it is one.
+    pub vertex: Option<u32>,
 }
 
 impl Segmentation {
@@ -231,6 +264,14 @@ pub struct Patch {
     pub relevance: Option<f32>,
     /// The revision that this was made for; `None`: whichever there is.
     pub from_revision: Option<u32>,
+    /// A new author.
+    pub author: Option<String>,
+    /// A new licence.
+    pub licence: Option<String>,
+    /// New notes.
+    pub notes: Option<String>,
+    /// New landmarks, all of them.
+    pub landmarks: Option<Vec<LandmarkRecord>>,
 }
 
 impl Patch {
@@ -251,6 +292,16 @@ impl Patch {
         }
         if let Some(relevance) = self.relevance {
             next.relevance = relevance;
+        }
+        let texts =
+            [(&self.author, &mut next.author), (&self.licence, &mut next.licence), (&self.notes, &mut next.notes)];
+        for (new, text) in texts {
+            if let Some(new) = new {
+                text.clone_from(new);
+            }
+        }
+        if let Some(landmarks) = &self.landmarks {
+            next.landmarks.clone_from(landmarks);
         }
         next.revision = record.revision.saturating_add(1);
         normalise(&mut next);
@@ -286,11 +337,30 @@ pub fn validate(record: &ExampleRecord) -> Result<(), StoreError> {
     if !(0.0..=RELEVANCE_MAX).contains(&record.relevance) {
         return Err(invalid("the relevance", format!("from 0 to {RELEVANCE_MAX}"), record.relevance.to_string()));
     }
+    at_most("the author", "bytes", record.author.len(), CREDIT_BYTES_MAX)?;
+    at_most("the licence", "bytes", record.licence.len(), CREDIT_BYTES_MAX)?;
+    at_most("the notes", "bytes", record.notes.len(), NOTES_BYTES_MAX)?;
+    validate_landmarks(&record.landmarks)?;
     at_most("the format", "bytes", record.format.len(), FORMAT_BYTES_MAX)?;
     at_most("the segments", "of them", record.segments.len(), SEGMENTS_MAX)?;
     let finite = |segment: &SegmentSummary| segment.modulus.is_finite() && segment.area_share.is_finite();
     if !record.segments.iter().all(finite) {
         return Err(invalid("a segment's modulus and area share", "to be finite".into(), "another number".into()));
+    }
+    Ok(())
+}
+
+fn validate_landmarks(landmarks: &[LandmarkRecord]) -> Result<(), StoreError> {
+    at_most("the landmarks", "of them", landmarks.len(), LANDMARKS_MAX)?;
+    let mut names = HashSet::new();
+    for landmark in landmarks {
+        at_most("a landmark's name", "bytes", landmark.name.len(), LANDMARK_NAME_BYTES_MAX)?;
+        if landmark.name.is_empty() || !names.insert(landmark.name.as_str()) {
+            return Err(invalid("a landmark's name", "that no other has".into(), format!("`{}`", landmark.name)));
+        }
+        if !landmark.point.iter().all(|x| x.is_finite()) {
+            return Err(invalid("a landmark's point", "to be finite".into(), "another number".into()));
+        }
     }
     Ok(())
 }

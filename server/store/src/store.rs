@@ -569,6 +569,10 @@ pub fn new_record(new: &NewExample<'_>) -> Result<(ExampleRecord, Option<Vec<u8>
         vertices: new.vertices,
         faces: new.faces,
         repairs: new.repairs.to_vec(),
+        author: String::new(),
+        licence: String::new(),
+        notes: String::new(),
+        landmarks: Vec::new(),
     };
     normalise(&mut record);
     validate(&record)?;

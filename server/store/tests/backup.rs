@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io::Read;
 
-use quadmuse_store::{NewSegmentation, Patch, Problem, Store, StoreError};
+use quadmuse_store::{LandmarkRecord, NewSegmentation, Patch, Problem, Store, StoreError};
 
 #[path = "support/sample.rs"]
 mod sample;
@@ -22,7 +22,10 @@ fn build(store: &Store) {
         store.add(&example).unwrap();
     }
     let id = store.snapshot().examples[1].id;
-    store.annotate(id, Patch { relevance: Some(5.0), ..Patch::default() }).unwrap();
+    let text = |text: &str| Some(text.to_owned());
+    let credits = Patch { author: text("Ada"), licence: text("CC0"), notes: text("neutral"), ..Patch::default() };
+    let nose = LandmarkRecord { name: "nose_tip".into(), point: [0.1, 0.2, 0.3], vertex: Some(7) };
+    store.annotate(id, Patch { relevance: Some(5.0), landmarks: Some(vec![nose]), ..credits }).unwrap();
     store.put_derived(id, 1, 9, &segment(55)).unwrap();
 }
 

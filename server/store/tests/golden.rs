@@ -7,7 +7,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use quadmuse_store::{ChartRecord, Feature, NewSegmentation, Patch, Segmentation, Store, StoreError, Topology};
+use quadmuse_store::{
+    ChartRecord, Feature, LandmarkRecord, NewSegmentation, Patch, Segmentation, Store, StoreError, Topology,
+};
 
 #[path = "support/sample.rs"]
 mod sample;
@@ -60,11 +62,18 @@ fn parts() -> Vec<u32> {
     (0..680).map(|face| face % 3).collect()
 }
 
+/// From schema 4 on.
+fn landmarks() -> Vec<LandmarkRecord> {
+    let nose = LandmarkRecord { name: "nose_tip".into(), point: [0.1, -2.0, 1e-300], vertex: Some(699) };
+    vec![nose, LandmarkRecord { name: "Kinn".into(), point: [1.0 / 3.0, 0.0, -0.0], vertex: None }]
+}
+
 /// What a golden store holds.
 fn write(dir: &Path) {
     let (store, _) = Store::open(dir, &options()).unwrap();
     let id = store.add(&first().example()).unwrap().record().id;
-    store.annotate(id, Patch { name: Some("Kopf, größer".into()), relevance: Some(4.5), ..Patch::default() }).unwrap();
+    let renamed = Patch { name: Some("Kopf, größer".into()), relevance: Some(4.5), ..Patch::default() };
+    store.annotate(id, Patch { author: Some("Ada".into()), landmarks: Some(landmarks()), ..renamed }).unwrap();
     let mut second = Sample::with(3, vec![segment_of(3, &[32], 10)]);
     second.segments[0].pole_override = Some(17);
     second.segments[0].topology = Topology::Annulus;
@@ -104,6 +113,11 @@ fn read(dir: &Path, schema: u32) {
         ("head sample".into(), "obj", 700, 680)
     );
     assert_eq!((&one.segments, &one.repairs), (&sample.segments, &sample.repairs));
+    assert_eq!((one.licence.as_str(), one.notes.as_str()), ("", ""));
+    match schema {
+        ..4 => assert_eq!((one.author.as_str(), &one.landmarks), ("", &Vec::new())),
+        _ => assert_eq!((one.author.as_str(), &one.landmarks), ("Ada", &landmarks())),
+    }
     assert_eq!(one.bytes, sample.mesh.len() as u64);
     assert_eq!(store.mesh_bytes(one.id).unwrap(), sample.mesh);
     assert_eq!(store.find(&sample.mesh, NewSegmentation::Auto, []).unwrap().id, one.id);

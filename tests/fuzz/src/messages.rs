@@ -23,7 +23,8 @@ fn map() -> NewMap {
     let point = |x: f64| Place::Point([x, 0.25, -x]);
     let landmark = Landmark { on_example: point(1.0), on_input: point(2.0), name: Some("nose \u{1f443}".into()) };
     let example = ExampleId::TEMPLATE;
-    NewMap { segment: 3, example, example_segment: 1, beyond: Beyond::Extend, landmarks: vec![landmark; 3] }
+    let names = [("chin".to_owned(), Place::OnVertex { vertex: 7 }), ("nose".to_owned(), point(3.0))].into();
+    NewMap { segment: 3, example, example_segment: 1, beyond: Beyond::Extend, landmarks: vec![landmark; 3], names }
 }
 
 fn composition() -> NewComposition {

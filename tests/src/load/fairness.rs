@@ -78,7 +78,7 @@ pub fn edits(server: &Server, mesh: &[u8], clients: usize, edits: usize) -> Resu
     let wanted = json!({ "segment": 0, "example": best, "example_segment": 0 }).to_string();
     let json_body = |body: &str| -> Vec<u8> { body.as_bytes().to_vec() };
     let body = json_body(&wanted);
-    let map = caller.value(&format!("POST /v1/queries/{query}/maps"), Some(("application/json", &body)))?;
+    let map = caller.value(&format!("POST /v1/queries/{query}/maps?wait=240"), Some(("application/json", &body)))?;
     let faces = map["faces"].as_u64().or_else(|| map["counts"]["faces"].as_u64()).unwrap_or_default();
     let id = map["id"].as_str().unwrap_or_default().to_owned();
     let constraint = found(&map["constraints"], "id")

@@ -5,7 +5,7 @@
 //! papers':* both ways at once, without which a surface that ends inside the other slides off its place.
 
 use super::ground::{Samples, Seen, sixfold};
-use super::matches::{back, onto, sigma};
+use super::matches::{Partners, back, onto, sigma};
 use super::rest::{Nodes, Rest};
 use super::similarity::Similarity;
 use super::tree::KdTree;
@@ -54,13 +54,14 @@ impl Rigid {
         stop: &dyn Fn() -> bool,
     ) -> Option<Similarity> {
         let mut found = Similarity::identity();
+        let mut partners = Partners::default();
         for _ in 0..rounds {
             if stop() {
                 return None;
             }
             let (points, normals) = self.moved(&found);
-            let mut pairs = self.onto(seen, &points, &normals);
-            self.back(sent, share, &found, &mut pairs);
+            let mut pairs = self.onto(seen, &points, &normals, &mut partners);
+            self.back((sent, share), &found, &mut partners, &mut pairs);
             pairs.extend_from_slice(held);
             let Some(next) = Similarity::fit(pairs.iter().copied()) else { break };
             let step = self.points.iter().zip(&points).map(|(e, x)| (next.apply(e) - x).amax()).fold(0.0, f64::max);
@@ -72,8 +73,8 @@ impl Rigid {
         Some(found)
     }
 
-    fn onto(&self, seen: &Seen, points: &[Vec3], normals: &[Vec3]) -> Vec<(Vec3, Vec3, f64)> {
-        let met = onto(seen, points, normals, SIGMA_MIN);
+    fn onto(&self, seen: &Seen, points: &[Vec3], normals: &[Vec3], partners: &mut Partners) -> Vec<(Vec3, Vec3, f64)> {
+        let met = onto(seen, points, normals, SIGMA_MIN, &mut partners.onto);
         let pair = |i: usize| {
             let (way, n) = (met.targets[i] - points[i], met.normals[i]);
             let target = points[i] + n * n.dot(&way) * (1.0 - TANGENTIAL) + way * TANGENTIAL;
@@ -82,9 +83,15 @@ impl Rigid {
         (0..points.len()).map(pair).collect()
     }
 
-    fn back(&self, sent: &Samples, share: f64, found: &Similarity, pairs: &mut Vec<(Vec3, Vec3, f64)>) {
+    fn back(
+        &self,
+        (sent, share): (&Samples, f64),
+        found: &Similarity,
+        partners: &mut Partners,
+        pairs: &mut Vec<(Vec3, Vec3, f64)>,
+    ) {
         let at_rest = sent.seen_from(found);
-        let met = back(&at_rest, &self.tree, &self.points, &self.normals, &self.rim);
+        let met = back(&at_rest, &self.tree, &self.normals, &self.rim, &mut partners.back);
         let ways: Vec<Vec3> =
             (0..sent.points.len()).map(|k| found.apply(&self.points[met.met[k] as usize]) - sent.points[k]).collect();
         let distances: Vec<f64> = ways.iter().map(|w| w.norm()).collect();
@@ -99,7 +106,7 @@ impl Rigid {
     /// The share of the example that lies on the input and faces as it does, 0 to 1.
     pub(super) fn score(&self, seen: &Seen, by: &Similarity) -> f64 {
         let (points, normals) = self.moved(by);
-        let met = onto(seen, &points, &normals, f64::INFINITY);
+        let met = onto(seen, &points, &normals, f64::INFINITY, &mut Vec::new());
         let near = |i: usize| (-((met.targets[i] - points[i]).norm() / (by.scale * SCORE_DISTANCE)).powi(2)).exp();
         (0..points.len()).map(|i| self.areas[i] * met.weights[i] * near(i)).sum()
     }

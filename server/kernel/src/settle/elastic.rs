@@ -12,7 +12,7 @@
 
 use super::ground::{Samples, Seen, sixfold};
 use super::held::{HELD, Held};
-use super::matches::{back, onto};
+use super::matches::{Partners, back, onto};
 use super::rest::{Nodes, Pose, Rest, vertex_normals};
 use super::similarity::nearest_scaled_rotation;
 use super::tree::KdTree;
@@ -90,11 +90,11 @@ impl<'a> Body<'a> {
     pub(super) fn bend(
         &self,
         pose: &mut Pose,
-        view: View<'_>,
+        (view, partners): (View<'_>, &mut Partners),
         scale: (f64, usize),
         stop: &dyn Fn() -> bool,
     ) -> Option<()> {
-        self.rounds(pose, scale, stop, |pose| self.pull(pose, view))
+        self.rounds(pose, scale, stop, |pose| self.pull(pose, view, partners))
     }
 
     /// Rounds at scale r towards places that the vertices are given, with weights. These are no robust ones: whatever
@@ -155,7 +155,7 @@ impl<'a> Body<'a> {
         pose: &mut Pose,
         (r, rounds): (f64, usize),
         stop: &dyn Fn() -> bool,
-        pull: impl Fn(&Pose) -> Pull,
+        mut pull: impl FnMut(&Pose) -> Pull,
     ) -> Option<()> {
         let bend = r.powi(4);
         let stiffness = Stiffness { bend, couple: bend / (COUPLING * r).powi(2), keep: bend };
@@ -178,7 +178,7 @@ impl<'a> Body<'a> {
     }
 
     /// Partners both ways, gathered at the nodes. A vertex pulls at the node that it belongs to, from where it stands.
-    fn pull(&self, pose: &Pose, view: View<'_>) -> Pull {
+    fn pull(&self, pose: &Pose, view: View<'_>, partners: &mut Partners) -> Pull {
         let all = pose.deformed(self.rest, self.nodes);
         let (all_normals, _) = vertex_normals(&all, &self.rest.triangles);
         let of = |values: &[Vec3]| self.data.vertices.iter().map(|v| values[*v as usize]).collect::<Vec<_>>();
@@ -186,21 +186,21 @@ impl<'a> Body<'a> {
         let owner: Vec<usize> = self.data.vertices.iter().map(|v| self.nodes.owner[*v as usize] as usize).collect();
         let mut pull = self.no_pull();
         self.hold(pose, &all, view.held, &mut pull);
-        let met = onto(view.seen, &points, &normals, SIGMA_MIN);
+        let met = onto(view.seen, &points, &normals, SIGMA_MIN, &mut partners.onto);
         for i in 0..points.len() {
             let (n, w) = (met.normals[i], met.weights[i] * self.data.areas[i]);
             let d = (n * n.transpose() + Matrix3::from_diagonal_element(TANGENTIAL)) * w;
             pull.stiff[owner[i]] += d;
             pull.to[owner[i]] += d * (met.targets[i] - points[i] + pose.places[owner[i]]);
         }
-        self.pull_back(pose, view, (&points, &normals), met.sigma, &owner, &mut pull);
+        self.pull_back(pose, (view, &mut partners.back), (&points, &normals), met.sigma, &owner, &mut pull);
         pull
     }
 
     fn pull_back(
         &self,
         pose: &Pose,
-        view: View<'_>,
+        (view, partners): (View<'_>, &mut Vec<u32>),
         (points, normals): (&[Vec3], &[Vec3]),
         sigma: f64,
         owner: &[usize],
@@ -208,7 +208,7 @@ impl<'a> Body<'a> {
     ) {
         let tree = KdTree::new(points.iter().zip(normals).map(|(x, n)| sixfold(x, n)));
         let rim: Vec<bool> = self.data.vertices.iter().map(|v| self.rest.rim[*v as usize]).collect();
-        let met = back(view.sent, &tree, points, normals, &rim);
+        let met = back(view.sent, &tree, normals, &rim, partners);
         for k in 0..met.met.len() {
             let (v, y, n) = (met.met[k] as usize, view.sent.points[k], view.sent.normals[k]);
             let way = y - points[v];

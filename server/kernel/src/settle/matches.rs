@@ -27,12 +27,21 @@ pub(super) struct Back {
     pub(super) weights: Vec<f64>,
 }
 
-/// Targets of points with normals; σ is at least `floor`.
-pub(super) fn onto(seen: &Seen, points: &[Vec3], normals: &[Vec3], floor: f64) -> Onto {
+/// Partners of the last round, where the next begins to look; it finds the same without them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Partners {
+    pub(super) onto: Vec<u32>,
+    pub(super) back: Vec<u32>,
+}
+
+/// Targets of points with normals; σ is at least `floor`. `last` has their partners of the last round, and is given the new.
+pub(super) fn onto(seen: &Seen, points: &[Vec3], normals: &[Vec3], floor: f64, last: &mut Vec<u32>) -> Onto {
     let mut found = Onto::default();
     let mut distances = Vec::with_capacity(points.len());
-    for (x, n) in points.iter().zip(normals) {
-        let near = seen.tree.nearest(&sixfold(x, n)).map_or(0, |f| f.0 as usize);
+    last.resize(points.len(), u32::MAX);
+    for ((x, n), last) in points.iter().zip(normals).zip(last) {
+        *last = seen.tree.nearest_from(&sixfold(x, n), *last).map_or(0, |f| f.0);
+        let near = *last as usize;
         let (c, m) = (seen.samples.points[near], seen.samples.normals[near]);
         distances.push((c - x).norm());
         found.targets.push(c);
@@ -45,14 +54,15 @@ pub(super) fn onto(seen: &Seen, points: &[Vec3], normals: &[Vec3], floor: f64) -
 }
 
 /// What the samples meet: `tree` holds the points with their normals; `rim` says where the example ends. The weights are
-/// without the distance, which the stages judge each in its way.
-pub(super) fn back(samples: &Samples, tree: &KdTree<6>, points: &[Vec3], normals: &[Vec3], rim: &[bool]) -> Back {
+/// without the distance, which the stages judge each in its way. `last` as for [`onto`].
+pub(super) fn back(samples: &Samples, tree: &KdTree<6>, normals: &[Vec3], rim: &[bool], last: &mut Vec<u32>) -> Back {
     let mut found = Back::default();
-    for (y, n) in samples.points.iter().zip(&samples.normals) {
-        let met = tree.nearest(&sixfold(y, n)).map_or(0, |f| f.0);
-        let v = met as usize;
-        let ends = rim.get(v).copied().unwrap_or(true) || points.is_empty();
-        found.met.push(met);
+    last.resize(samples.points.len(), u32::MAX);
+    for ((y, n), last) in samples.points.iter().zip(&samples.normals).zip(last) {
+        *last = tree.nearest_from(&sixfold(y, n), *last).map_or(0, |f| f.0);
+        let v = *last as usize;
+        let ends = rim.get(v).copied().unwrap_or(true) || normals.is_empty();
+        found.met.push(*last);
         found.weights.push(if ends { 0.0 } else { facing(n, &normals[v]) });
     }
     found

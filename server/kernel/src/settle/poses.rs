@@ -1,11 +1,13 @@
-//! Rough poses of one surface on another of which it shows a part: a mask on a head, a head on a mask.
+//! Rough poses of one surface on another of which it shows a part: a mask on a head, a head on a mask; and of closed surfaces
+//! on each other.
 //!
 //! The smaller surface is laid with its middle and mean normal on points spread over the larger, turned about the normal in
 //! equal steps, at some sizes; the likelier poses come to rest by iterated closest points, of one size, from the smaller
-//! onto the larger. A pose is scored by how near the smaller lies, times how well its relief ([`super::Evidence`]) agrees
+//! onto the larger. Of two closed surfaces neither is a part of the other: they are laid middle on middle, of one area, in
+//! rotations spread evenly. A pose is scored by how near the smaller lies, times how well its relief ([`super::Evidence`]) agrees
 //! with what it lies on: nearness alone lays a face on the back of a head. *Ours, not a paper's.*
 
-use super::evidence::{correlation, height};
+use super::evidence::{Around, correlation};
 use super::ground::{Ground, Samples, Seen, sixfold};
 use super::matches::sigma;
 use super::similarity::Similarity;
@@ -69,6 +71,11 @@ const ABOUT: f64 = 0.4;
 const RELIEF_SCALES: [f64; 3] = [0.04, 0.1, 0.2];
 /// Share of the way along the surface that a target keeps.
 const TANGENTIAL: f64 = 0.3;
+/// Partners may be so much farther than the nearest.
+const SLACK: f64 = 0.2;
+/// Poses are sifted by partners within this squared distance, in √area of the smaller: one that is farther, or that faces
+/// away, counts less than 1 % of one that is met.
+const SIFTED_WITHIN: f64 = 0.0625;
 /// Poses that are told; those turned and moved by less against a better one are left out.
 const TOLD: usize = 12;
 const TURNED: f64 = TAU / 18.0;
@@ -102,24 +109,53 @@ pub fn poses(
 pub struct Posed {
     small: Option<Small>,
     large: Vec<Large>,
+    /// Of a closed surface: how it is laid on others as a whole, and others on it.
+    whole: Option<(Small, Large)>,
+    area: f64,
     effort: &'static Effort,
 }
 
 impl Posed {
     /// Of a surface that may be a part of another, or, being closed, may not.
     pub fn quick(mesh: &TriMesh, may_be_small: bool) -> Self {
-        Self::new(mesh, may_be_small, &QUICK)
+        let mut posed = Self::new(mesh, may_be_small, &QUICK);
+        if !may_be_small {
+            let ground = Ground::new(mesh);
+            posed.whole = Some((Small::new(&ground, QUICK.large), Large::new(&ground, 1.0, QUICK.large)));
+        }
+        posed
     }
 
     fn new(mesh: &TriMesh, may_be_small: bool, effort: &'static Effort) -> Self {
         let ground = Ground::new(mesh);
         let large = effort.shares.iter().map(|share| Large::new(&ground, *share, effort.large)).collect();
-        Self { small: may_be_small.then(|| Small::new(&ground, effort.large)), large, effort }
+        let small = may_be_small.then(|| Small::new(&ground, effort.large));
+        Self { small, large, whole: None, area: ground.area, effort }
     }
 
-    /// The score of the best pose on another, or of the other on it, at most 1; 0 where there is none, or when stopped.
+    /// The score of the best pose on another, or of the other on it, at most 1: of two closed surfaces the lower of the two, and
+    /// on a part of a closed surface times that part's share of it, since what closes it can't be like what ends. 0 where
+    /// there is none, or when stopped.
     pub fn likeness(&self, other: &Self, stop: &dyn Fn() -> bool) -> f64 {
-        found(self, other, stop).first().map_or(0.0, |best| best.0)
+        match (&self.whole, &other.whole) {
+            (Some(one), Some(two)) => {
+                let best = |small: &Small, large: &Large| {
+                    let found = small.turned(large, self.effort, stop).unwrap_or_default();
+                    found.iter().map(|(score, _)| *score).fold(0.0, f64::max)
+                };
+                best(&one.0, &two.1).min(best(&two.0, &one.1))
+            }
+            (None, Some(_)) => self.most_of(other, stop),
+            (Some(_), None) => other.most_of(self, stop),
+            (None, None) => found(self, other, stop).first().map_or(0.0, |best| best.0),
+        }
+    }
+
+    /// The best score on a closed surface, times the share of it that this surface takes there.
+    fn most_of(&self, closed: &Self, stop: &dyn Fn() -> bool) -> f64 {
+        let Some(small) = &self.small else { return 0.0 };
+        let share = |pose: &Similarity| (pose.scale * pose.scale * self.area / closed.area).min(1.0);
+        small.tried(closed, stop).iter().map(|(score, pose)| score * share(pose)).fold(0.0, f64::max)
     }
 }
 
@@ -173,9 +209,10 @@ fn frame_of(samples: &Samples, size: f64) -> Similarity {
     Similarity { scale: size, rotation: Matrix3::identity(), shift: middle }
 }
 
-fn relief(samples: &Samples) -> Vec<[f64; 3]> {
-    let of = |k: usize| RELIEF_SCALES.map(|s| height(samples, &samples.points[k], &samples.normals[k], s));
-    (0..samples.points.len()).map(of).collect()
+/// The heights of some of the samples among all of them.
+fn relief(samples: &Samples, of: impl Iterator<Item = usize>) -> Vec<[f64; 3]> {
+    let around = Around::new(samples);
+    of.map(|k| around.heights(&samples.points[k], &samples.normals[k], RELIEF_SCALES)).collect()
 }
 
 impl Small {
@@ -183,12 +220,11 @@ impl Small {
         let all = ground.spread(count);
         let frame = frame_of(&all, ground.area.sqrt());
         let all = all.seen_from(&frame);
-        let of = relief(&all);
         let few = spread(&all.points, SMALL);
         Self {
             points: few.iter().map(|k| all.points[*k]).collect(),
             normals: few.iter().map(|k| all.normals[*k]).collect(),
-            relief: few.iter().map(|k| of[*k]).collect(),
+            relief: relief(&all, few.iter().copied()),
             frame,
         }
     }
@@ -199,7 +235,7 @@ impl Large {
         let all = ground.spread(count);
         let frame = frame_of(&all, (share * ground.area).sqrt());
         let all = all.seen_from(&frame);
-        let relief = relief(&all);
+        let relief = relief(&all, 0..all.points.len());
         Self { seen: Seen::new(all), relief, frame }
     }
 
@@ -244,6 +280,20 @@ fn axes(z: Vec3) -> Matrix3<f64> {
     Matrix3::from_columns(&[x, z.cross(&x), z])
 }
 
+/// One of equal turns about z.
+fn turned(turn: usize, of: usize) -> Matrix3<f64> {
+    let (sin, cos) = (TAU * turn as f64 / of as f64).sin_cos();
+    Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0)
+}
+
+/// One of directions that are spread evenly. *Source:* González 2010 (Fibonacci lattice).
+fn direction(k: usize, of: usize) -> Vec3 {
+    let z = 1.0 - (2 * k + 1) as f64 / of as f64;
+    let (sin, cos) = (TAU * (k as f64 * (5f64.sqrt() - 1.0) / 2.0).fract()).sin_cos();
+    let radius = (1.0 - z * z).sqrt();
+    Vec3::new(radius * cos, radius * sin, z)
+}
+
 impl Small {
     /// The best poses on a larger surface, with their scores. Empty when stopped.
     fn tried(&self, whole: &Posed, stop: &dyn Fn() -> bool) -> Vec<(f64, Similarity)> {
@@ -260,23 +310,12 @@ impl Small {
                 let (to, along) = large.about(large.seen.samples.points[k]);
                 let there = axes(along);
                 for turn in 0..effort.turns {
-                    let (sin, cos) = (TAU * turn as f64 / effort.turns as f64).sin_cos();
-                    let rotation = there * Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0) * own;
+                    let rotation = there * turned(turn, effort.turns) * own;
                     let motion = Motion { rotation, shift: to };
                     rough.push((self.nearness(large, effort.sifted_by, &motion), motion));
                 }
             }
-            for (kept, samples, rounds) in effort.rests {
-                rough.sort_by(|a, b| b.0.total_cmp(&a.0));
-                rough.truncate(*kept);
-                for (score, motion) in &mut rough {
-                    if stop() {
-                        return Vec::new();
-                    }
-                    *motion = self.rest(large, *samples, *motion, *rounds);
-                    *score = self.score(large, *samples, motion);
-                }
-            }
+            let Some(rough) = self.rested(large, rough, effort, stop) else { return Vec::new() };
             let pose = |m: &Motion| Similarity { scale: 1.0, rotation: m.rotation, shift: m.shift };
             let undo = inverse(&self.frame);
             found.extend(rough.iter().map(|(score, m)| (*score, large.frame.after(&pose(m)).after(&undo))));
@@ -284,29 +323,78 @@ impl Small {
         found
     }
 
-    /// What sample `k` meets: its place and normal, the number of the partner, and how it counts.
-    fn meets(&self, large: &Large, k: usize, motion: &Motion) -> (Vec3, Vec3, usize, f64) {
-        let (x, n) = (motion.rotation * self.points[k] + motion.shift, motion.rotation * self.normals[k]);
-        let met = large.seen.tree.nearest(&sixfold(&x, &n)).map_or(0, |f| f.0 as usize);
-        let facing = n.dot(&large.seen.samples.normals[met]).max(0.0);
-        (x, n, met, facing)
+    /// Where sample `k` is, and its normal.
+    fn moved(&self, k: usize, motion: &Motion) -> (Vec3, Vec3) {
+        (motion.rotation * self.points[k] + motion.shift, motion.rotation * self.normals[k])
+    }
+
+    /// The best poses on another closed surface, middle on middle, with their scores; `None` when stopped.
+    fn turned(&self, large: &Large, effort: &Effort, stop: &dyn Fn() -> bool) -> Option<Vec<(f64, Motion)>> {
+        let mut rough = Vec::new();
+        for k in 0..effort.places {
+            if stop() {
+                return None;
+            }
+            let there = axes(direction(k, effort.places));
+            for turn in 0..effort.turns {
+                let motion = Motion { rotation: there * turned(turn, effort.turns), shift: Vec3::zeros() };
+                rough.push((self.nearness(large, effort.sifted_by, &motion), motion));
+            }
+        }
+        self.rested(large, rough, effort, stop)
+    }
+
+    /// The likelier poses brought to rest, each with its score; `None` when stopped.
+    fn rested(
+        &self,
+        large: &Large,
+        mut rough: Vec<(f64, Motion)>,
+        effort: &Effort,
+        stop: &dyn Fn() -> bool,
+    ) -> Option<Vec<(f64, Motion)>> {
+        for (kept, samples, rounds) in effort.rests {
+            rough.sort_by(|a, b| b.0.total_cmp(&a.0));
+            rough.truncate(*kept);
+            for (score, motion) in &mut rough {
+                if stop() {
+                    return None;
+                }
+                let (rested, met) = self.rest(large, *samples, *motion, *rounds);
+                *motion = rested;
+                *score = self.score(large, *samples, motion, &met);
+            }
+        }
+        Some(rough)
+    }
+
+    /// What sample `k` meets: its place, the number of the partner, and how it counts. `last`: its partner of the round
+    /// before, if there was one.
+    fn meets(&self, large: &Large, k: usize, motion: &Motion, last: u32) -> (Vec3, usize, f64) {
+        let (x, n) = self.moved(k, motion);
+        let met = large.seen.tree.near(&sixfold(&x, &n), last, (SLACK, f64::INFINITY)).map_or(0, |f| f.0 as usize);
+        (x, met, n.dot(&large.seen.samples.normals[met]).max(0.0))
     }
 
     fn nearness(&self, large: &Large, samples: usize, motion: &Motion) -> f64 {
         let of = |k: usize| {
-            let (x, _, met, facing) = self.meets(large, k, motion);
-            facing * near(&x, &large.seen.samples.points[met])
+            let (x, n) = self.moved(k, motion);
+            let met = large.seen.tree.near(&sixfold(&x, &n), u32::MAX, (SLACK, SIFTED_WITHIN));
+            met.map_or(0.0, |(met, _)| {
+                let facing = n.dot(&large.seen.samples.normals[met as usize]).max(0.0);
+                facing * near(&x, &large.seen.samples.points[met as usize])
+            })
         };
         let count = samples.min(self.points.len());
         (0..count).map(of).sum::<f64>() / count.max(1) as f64
     }
 
-    fn score(&self, large: &Large, samples: usize, motion: &Motion) -> f64 {
+    /// `last`: partners of the samples in the last round.
+    fn score(&self, large: &Large, samples: usize, motion: &Motion, last: &[u32]) -> f64 {
         let count = samples.min(self.points.len());
         let mut values = RELIEF_SCALES.map(|_| Vec::with_capacity(count));
         let mut nearness = 0.0;
         for k in 0..count {
-            let (x, _, met, facing) = self.meets(large, k, motion);
+            let (x, met, facing) = self.meets(large, k, motion, last.get(k).copied().unwrap_or(u32::MAX));
             let weight = facing * near(&x, &large.seen.samples.points[met]);
             nearness += weight / count as f64;
             for (s, values) in values.iter_mut().enumerate() {
@@ -317,16 +405,18 @@ impl Small {
         nearness * agreement.max(0.0)
     }
 
-    /// Iterated closest points.
-    fn rest(&self, large: &Large, samples: usize, mut motion: Motion, rounds: usize) -> Motion {
+    /// Iterated closest points; with the partners of the last round.
+    fn rest(&self, large: &Large, samples: usize, mut motion: Motion, rounds: usize) -> (Motion, Vec<u32>) {
         let count = samples.min(self.points.len());
+        let mut last = vec![u32::MAX; count];
         for _ in 0..rounds {
-            let met: Vec<_> = (0..count).map(|k| self.meets(large, k, &motion)).collect();
-            let distances: Vec<f64> = met.iter().map(|m| (m.0 - large.seen.samples.points[m.2]).norm()).collect();
-            let facing: Vec<f64> = met.iter().map(|m| m.3).collect();
+            let met: Vec<_> = (0..count).map(|k| self.meets(large, k, &motion, last[k])).collect();
+            last.iter_mut().zip(&met).for_each(|(last, met)| *last = met.1 as u32);
+            let distances: Vec<f64> = met.iter().map(|m| (m.0 - large.seen.samples.points[m.1]).norm()).collect();
+            let facing: Vec<f64> = met.iter().map(|m| m.2).collect();
             let sigma = sigma(&distances, &facing, NEAR);
             let pair = |k: usize| {
-                let (x, _, j, facing) = met[k];
+                let (x, j, facing) = met[k];
                 let (c, n) = (large.seen.samples.points[j], large.seen.samples.normals[j]);
                 let way = c - x;
                 let target = x + n * n.dot(&way) * (1.0 - TANGENTIAL) + way * TANGENTIAL;
@@ -339,7 +429,7 @@ impl Small {
             // The fit keeps the middle where it is at any size.
             motion = Motion { rotation: fit.rotation, shift: fit.shift + fit.rotation * middle * (fit.scale - 1.0) };
         }
-        motion
+        (motion, last)
     }
 }
 

@@ -5,7 +5,8 @@ use quadmuse_proto::MeshFormat;
 use serde_json::{Map, Value, json};
 
 /// Collections and other nouns by which operations are named; the last in a path counts.
-const NOUNS: [&str; 8] = ["examples", "queries", "ranking", "stream", "maps", "compositions", "tokens", "admin"];
+const NOUNS: [&str; 9] =
+    ["examples", "queries", "ranking", "stream", "maps", "compositions", "samples", "tokens", "admin"];
 /// An id as it looks.
 const ID: &str = "01KAR5Z3J8QW0V6T4N2M9D7C1B";
 /// The pattern of ids.
@@ -60,15 +61,23 @@ pub(super) fn operation(path: &str, operation: &mut Value) {
             content["example"] = example;
         }
     }
-    let (status, links) = links(&name);
-    if let Some(response) = operation["responses"].get_mut(status) {
-        response["links"] = links;
+    let (statuses, links) = links(&name);
+    for status in statuses {
+        if let Some(response) = operation["responses"].get_mut(*status) {
+            response["links"] = links.clone();
+        }
     }
 }
 
 /// `examples_list` of `list` below `/v1/examples`.
 fn named(path: &str, handler: &str) -> String {
-    let noun = path.split('/').rfind(|part| NOUNS.contains(part)).unwrap_or("health");
+    let is_noun = |part: &&str| NOUNS.contains(part);
+    // The stream of a map is one of the map's.
+    let noun = match path.strip_suffix("/stream").filter(|whole| whole.matches('/').count() > 3) {
+        Some(whole) => whole.split('/').rfind(is_noun),
+        None => path.split('/').rfind(is_noun),
+    };
+    let noun = noun.unwrap_or("health");
     if noun == handler { noun.to_owned() } else { format!("{noun}_{handler}") }
 }
 
@@ -132,7 +141,9 @@ fn example(name: &str, media: &str) -> Option<Value> {
         return Some(OBJ.into());
     }
     let value = match name {
-        "examples_annotate" => json!({ "name": "head", "tags": ["face"], "relevance": 4.0 }),
+        "examples_annotate" => {
+            json!({ "name": "head", "tags": ["face"], "landmarks": [{ "name": "nose_tip", "vertex": 0 }] })
+        }
         "maps_create" => json!({ "segment": 0, "example": ID, "example_segment": 0 }),
         "maps_constrain" => json!({ "undo": [], "on_fold": "resolve" }),
         "compositions_create" => json!({ "density": 0 }),
@@ -143,16 +154,16 @@ fn example(name: &str, media: &str) -> Option<Value> {
     (media == "application/json").then_some(value)
 }
 
-/// Of the answer that makes something: its status, and the operations that its id leads to.
-fn links(name: &str) -> (&'static str, Value) {
-    let (status, own, to): (_, _, &[&str]) = match name {
+/// Of the answers that make something: their statuses, and the operations that its id leads to.
+fn links(name: &str) -> (&'static [&'static str], Value) {
+    let (statuses, own, to): (&[&str], _, &[&str]) = match name {
         "examples_add" => (
-            "201",
+            &["201"],
             "id",
             &["examples_get", "examples_annotate", "examples_mesh", "examples_thumbnail", "examples_remove"],
         ),
         "queries_start" => (
-            "202",
+            &["202"],
             "id",
             &[
                 "queries_get",
@@ -164,11 +175,23 @@ fn links(name: &str) -> (&'static str, Value) {
                 "queries_cancel",
             ],
         ),
-        "maps_create" => ("201", "map", &["maps_get", "maps_mesh", "maps_preview", "maps_constrain"]),
-        "compositions_create" => {
-            ("201", "composition", &["compositions_get", "compositions_mesh", "compositions_preview"])
-        }
-        _ => return ("", Value::Null),
+        "maps_create" => (
+            &["201", "202"],
+            "map",
+            &["maps_get", "maps_mesh", "maps_preview", "maps_constrain", "maps_stream", "maps_remove"],
+        ),
+        "compositions_create" => (
+            &["201", "202"],
+            "composition",
+            &[
+                "compositions_get",
+                "compositions_mesh",
+                "compositions_preview",
+                "compositions_stream",
+                "compositions_remove",
+            ],
+        ),
+        _ => return (&[], Value::Null),
     };
     let link = |to: &&str| {
         let mut parameters = Map::new();
@@ -178,7 +201,7 @@ fn links(name: &str) -> (&'static str, Value) {
         }
         ((*to).to_owned(), json!({ "operationId": to, "parameters": parameters }))
     };
-    (status, Value::Object(to.iter().map(link).collect()))
+    (statuses, Value::Object(to.iter().map(link).collect()))
 }
 
 #[cfg(test)]
@@ -190,6 +213,7 @@ mod tests {
         assert_eq!(named("/v1/examples", "list"), "examples_list");
         assert_eq!(named("/v1/queries/{id}/maps/{map}/mesh", "mesh"), "maps_mesh");
         assert_eq!(named("/v1/queries/{id}/stream", "stream"), "stream");
+        assert_eq!(named("/v1/queries/{id}/maps/{map}/stream", "stream"), "maps_stream");
         assert_eq!(named("/healthz", "alive"), "health_alive");
     }
 

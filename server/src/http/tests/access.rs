@@ -59,7 +59,17 @@ async fn a_reader_sees_and_deletes_only_their_own_and_the_foreign_answers_as_the
     let query = closed.query(&closed.ann, "segment disc 1").await;
     let id = query.rsplit('/').next().expect("an id").to_owned();
     let absent = quadmuse_proto::QueryId::generate().to_string();
-    let below = ["", "/mesh", "/ranking", "/stream", "/maps", "/maps/01ARZ3NDEKTSV4RRFFQ69G5FAV"];
+    let below = [
+        "",
+        "/mesh",
+        "/ranking",
+        "/stream",
+        "/maps",
+        "/maps/01ARZ3NDEKTSV4RRFFQ69G5FAV",
+        "/maps/01ARZ3NDEKTSV4RRFFQ69G5FAV/stream",
+        "/compositions",
+        "/compositions/01ARZ3NDEKTSV4RRFFQ69G5FAV/stream",
+    ];
     // An escaped letter is the same address.
     let escaped = format!("%{:02X}{}", id.as_bytes()[0], &id[1..]);
     for spelt in [&id, &escaped] {
@@ -71,6 +81,7 @@ async fn a_reader_sees_and_deletes_only_their_own_and_the_foreign_answers_as_the
         }
         for (method, path, body) in [
             (Method::DELETE, "", ""),
+            (Method::DELETE, "/maps/01ARZ3NDEKTSV4RRFFQ69G5FAV", ""),
             (Method::POST, "/maps", r#"{"segment": 0, "example": "01ARZ3NDEKTSV4RRFFQ69G5FAV", "example_segment": 0}"#),
             (Method::POST, "/compositions", r#"{"parts": []}"#),
         ] {

@@ -146,6 +146,51 @@ async fn what_somebody_else_changed_is_not_overwritten_unnoticed() {
 }
 
 #[tokio::test]
+async fn an_example_keeps_its_author_its_licence_notes_and_named_landmarks() {
+    let bench = Bench::new();
+    let path = format!("/v1/examples/{}", bench.add("a", "segment disc 1").await);
+    let before = bench.get(&path).await.json();
+    assert_eq!([&before["author"], &before["licence"], &before["notes"]], [""; 3]);
+    assert_eq!(before["landmarks"], json!([]));
+    let patch = async |body: &Value| {
+        let kind = [("content-type", "application/json")];
+        bench.request(Method::PATCH, &path, &kind, body.to_string()).await
+    };
+    let said = json!({"author": "Ada", "licence": "CC0-1.0", "notes": "neutral\nmouth open", "landmarks": [
+        {"name": "corner", "vertex": 2}, {"name": "middle", "point": [0.5, 0.25, 9]}
+    ]});
+    let answer = patch(&said).await;
+    assert_eq!(answer.status, StatusCode::OK, "{}", answer.text());
+    let now = answer.json();
+    assert_eq!([&now["author"], &now["licence"], &now["notes"]], ["Ada", "CC0-1.0", "neutral\nmouth open"]);
+    // A vertex tells its point, and a point is moved to the surface.
+    let placed = json!([
+        {"name": "corner", "vertex": 2, "point": [1.0, 1.0, 0.0]}, {"name": "middle", "point": [0.5, 0.25, 0.0]}
+    ]);
+    assert_eq!(now["landmarks"], placed);
+    // What was answered may be sent again; what is not named stays.
+    assert_eq!(patch(&json!({"landmarks": placed})).await.json(), now);
+    assert_eq!(patch(&json!({"name": "b"})).await.json()["landmarks"], placed);
+    assert_eq!(bench.get(&path).await.json()["author"], "Ada");
+    for wrong in [
+        json!({"landmarks": [{"name": "a"}]}),
+        json!({"landmarks": [{"name": " ", "vertex": 0}]}),
+        json!({"landmarks": [{"name": "a\u{202e}", "vertex": 0}]}),
+        json!({"landmarks": [{"name": "a", "vertex": 4}]}),
+        json!({"landmarks": [{"name": "a", "vertex": 0}, {"name": "a", "vertex": 1}]}),
+        json!({"landmarks": [{"name": "a".repeat(65), "vertex": 0}]}),
+        json!({"landmarks": (0..129).map(|k| json!({"name": k.to_string(), "vertex": 0})).collect::<Vec<_>>()}),
+        json!({"author": "a".repeat(257)}),
+        json!({"licence": "a\nb"}),
+        json!({"notes": "a".repeat(4097)}),
+        json!({"notes": "\u{1b}[2J"}),
+    ] {
+        patch(&wrong).await.problem(400, "parameter_invalid");
+    }
+    assert_eq!(patch(&json!({"landmarks": []})).await.json()["landmarks"], json!([]));
+}
+
+#[tokio::test]
 async fn what_is_removed_is_gone() {
     let bench = Bench::new();
     let path = format!("/v1/examples/{}", bench.add("a", "segment disc 1").await);

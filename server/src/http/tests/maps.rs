@@ -16,7 +16,7 @@ async fn mapped() -> (Bench, String, String) {
 #[tokio::test]
 async fn a_locked_example_is_resumed_and_mapped() {
     let (bench, path, example) = mapped().await;
-    let made = bench.post_json(&format!("{path}/maps"), json!({"segment": 0, "example": example})).await;
+    let made = bench.post_json(&format!("{path}/maps?wait=60"), json!({"segment": 0, "example": example})).await;
     assert_eq!(made.status, StatusCode::CREATED, "{}", made.text());
     let map = made.json();
     let address = made.header("location").to_owned();
@@ -32,10 +32,142 @@ async fn a_locked_example_is_resumed_and_mapped() {
     assert_eq!(bench.get(&format!("{path}/maps")).await.json()["items"][0], map);
 }
 
+/// Asks until what is made under an address is over.
+async fn over(bench: &Bench, address: &str) -> Value {
+    loop {
+        let now = bench.get(&format!("{address}?wait=1")).await.json();
+        if !["queued", "running"].contains(&now["state"].as_str().expect("a state")) {
+            return now;
+        }
+    }
+}
+
+#[tokio::test]
+async fn long_work_is_answered_at_once_and_told_of_until_it_is_there() {
+    let bench = Bench::stocked().await;
+    let path = bench.query("top=1&resolution=32", "segment disc 2\nslow 150").await;
+    bench.ended(&path).await;
+    let example = bench.get(&format!("{path}/ranking")).await.json()["entries"][0]["example"].clone();
+    for (product, of, body) in
+        [("map", "maps", json!({"example": example})), ("composition", "compositions", json!({}))]
+    {
+        let asked = bench.post_json(&format!("{path}/{of}"), body).await;
+        assert_eq!(asked.status, StatusCode::ACCEPTED, "{}", asked.text());
+        let (making, address) = (asked.json(), asked.header("location").to_owned());
+        assert_eq!(address, format!("{path}/{of}/{}", making["id"].as_str().expect("an id")));
+        let state = making["state"].as_str().expect("a state");
+        assert!(["queued", "running"].contains(&state) && making["progress"].as_f64() < Some(1.0), "{making}");
+        assert_eq!(making["product"], product);
+        let listed = bench.get(&path).await.json()["making"][0].clone();
+        assert_eq!((&listed["id"], &listed["stage"].is_string()), (&making["id"], &true));
+        // Its stream goes on to its end, and is there afterwards, too.
+        let lines = [("accept", "application/x-ndjson")];
+        let stream = format!("{address}/stream");
+        let told = bench.request(Method::GET, &stream, &lines, Body::empty()).await.text();
+        let last: Value = serde_json::from_str(told.lines().last().expect("a line")).expect("JSON");
+        assert_eq!((&last["event"], &last["state"], &last["id"]), (&json!("end"), &json!("done"), &making["id"]));
+        assert!(told.lines().count() > 1 && told.contains(r#""event":"progress""#), "{told}");
+        let made = over(&bench, &address).await;
+        assert_eq!(
+            (&made["state"], &made["progress"], &made["verdict"]),
+            (&json!("done"), &json!(1.0), &json!("good"))
+        );
+        assert_eq!(bench.get(&path).await.json().get("making"), None);
+        let again = bench.request(Method::GET, &stream, &lines, Body::empty()).await.text();
+        assert_eq!(again.lines().count(), 1, "{again}");
+        assert!(bench.get(&format!("{path}/{of}")).await.text().contains(making["id"].as_str().expect("an id")));
+        let gone = bench.request(Method::DELETE, &address, &[], Body::empty()).await;
+        assert_eq!(gone.status, StatusCode::NO_CONTENT);
+        bench.get(&address).await.problem(404, "not_found");
+        bench.get(&stream).await.problem(404, "not_found");
+        bench.request(Method::DELETE, &address, &[], Body::empty()).await.problem(404, "not_found");
+    }
+    let waited = bench.post_json(&format!("{path}/maps?wait=60"), json!({"example": example})).await;
+    assert_eq!((waited.status, &waited.json()["state"]), (StatusCode::CREATED, &json!("done")));
+    for wrong in ["wait=-1", "wait=x", "wait=nan", "wait=86401", "wait=1&wait=2"] {
+        bench
+            .post_json(&format!("{path}/maps?{wrong}"), json!({"example": example}))
+            .await
+            .problem(400, "parameter_invalid");
+    }
+}
+
+#[tokio::test]
+async fn what_belongs_to_a_map_that_is_made_waits_for_it() {
+    let bench = Bench::stocked().await;
+    let path = bench.query("top=1&resolution=32", "segment disc 2\nslow 100").await;
+    bench.ended(&path).await;
+    let example = bench.get(&format!("{path}/ranking")).await.json()["entries"][0]["example"].clone();
+    let maps = format!("{path}/maps");
+    let asked = async || bench.post_json(&maps, json!({"example": example})).await.json()["id"].clone();
+    let id = asked().await;
+    let mesh = bench.get(&format!("{maps}/{}/mesh", id.as_str().expect("an id"))).await;
+    assert_eq!((mesh.status, mesh.text().as_str()), (StatusCode::OK, "obj with 1 faces"));
+    let parts = json!({"parts": [{"segment": 0, "map": asked().await}]});
+    let composed = bench.post_json(&format!("{path}/compositions?wait=60"), parts).await;
+    assert_eq!(composed.status, StatusCode::CREATED, "{}", composed.text());
+}
+
+#[tokio::test]
+async fn what_is_made_is_cancelled_and_what_fails_tells_why() {
+    let bench = Bench::stocked().await;
+    let path = bench.query("top=1&resolution=64", "segment disc 2\nslow 200").await;
+    bench.ended(&path).await;
+    let maps = format!("{path}/maps");
+    let late = bench.add("late", "segment disc 9\npanic refine").await;
+    let example = bench.get(&format!("{path}/ranking")).await.json()["entries"][0]["example"].clone();
+    let asked = bench.post_json(&maps, json!({"example": example})).await;
+    let address = asked.header("location").to_owned();
+    let delete = async || bench.request(Method::DELETE, &address, &[], Body::empty()).await;
+    assert_eq!(delete().await.status, StatusCode::NO_CONTENT);
+    let cancelled = bench.get(&address).await.json();
+    assert_eq!((&cancelled["state"], &cancelled["stage"]), (&json!("cancelled"), &json!("cancelled")));
+    let detail = bench.get(&format!("{address}/mesh")).await.problem(409, "conflict");
+    assert!(detail.contains("cancelled"), "{detail}");
+    assert_eq!(delete().await.status, StatusCode::NO_CONTENT);
+    bench.get(&address).await.problem(404, "not_found");
+    // The same as a refusal where the answer is held, and as a state where it is not.
+    let wanted = json!({"example": late});
+    let detail = bench.post_json(&format!("{maps}?wait=60"), wanted.clone()).await.problem(500, "internal");
+    let asked = bench.post_json(&maps, wanted).await;
+    assert_eq!(asked.status, StatusCode::ACCEPTED, "{}", asked.text());
+    let failed = over(&bench, asked.header("location")).await;
+    assert_eq!((&failed["state"], &failed["problem"]["detail"]), (&json!("failed"), &json!(detail)));
+    assert_eq!(failed["problem"]["code"], "internal");
+    // What is wrong from the first is refused at once.
+    bench.post_json(&maps, json!({"example": late, "segment": 9})).await.problem(404, "not_found");
+    let tube = bench.add("tube", "segment annulus 1").await;
+    bench.post_json(&maps, json!({"example": tube})).await.problem(400, "parameter_invalid");
+    // With its query all of it ends.
+    let asked = bench.post_json(&maps, json!({"example": example})).await;
+    bench.request(Method::DELETE, &path, &[], Body::empty()).await;
+    bench.get(asked.header("location")).await.problem(404, "not_found");
+}
+
+#[tokio::test]
+async fn so_many_are_made_of_a_query_at_a_time() {
+    let bench = Bench::stocked().await;
+    let path = bench.query("top=1&resolution=32", "segment disc 2\nslow 400").await;
+    bench.ended(&path).await;
+    let example = bench.get(&format!("{path}/ranking")).await.json()["entries"][0]["example"].clone();
+    let maps = format!("{path}/maps");
+    let mut refused = 0;
+    for _ in 0..18 {
+        let asked = bench.post_json(&maps, json!({"example": example})).await;
+        if asked.status != StatusCode::ACCEPTED {
+            asked.problem(503, "overloaded");
+            assert!(!asked.header("retry-after").is_empty());
+            refused += 1;
+        }
+    }
+    assert_eq!(refused, 2);
+    bench.request(Method::DELETE, &path, &[], Body::empty()).await;
+}
+
 #[tokio::test]
 async fn what_is_not_there_is_not_mapped() {
     let (bench, path, example) = mapped().await;
-    let maps = format!("{path}/maps");
+    let maps = format!("{path}/maps?wait=60");
     let unknown = "01ARZ3NDEKTSV4RRFFQ69G5FAV";
     bench.post_json(&maps, json!({"segment": 9, "example": example})).await.problem(404, "not_found");
     bench.post_json(&maps, json!({"segment": 0, "example": unknown})).await.problem(404, "not_found");
@@ -43,7 +175,7 @@ async fn what_is_not_there_is_not_mapped() {
     bench.post_json(&maps, wanted).await.problem(404, "not_found");
     bench.post_json(&maps, json!({"segment": 0})).await.problem(400, "body_invalid");
     bench.post_json(&maps, json!({"example": "not an id"})).await.problem(400, "body_invalid");
-    bench.get(&format!("{maps}/{unknown}")).await.problem(404, "not_found");
+    bench.get(&format!("{path}/maps/{unknown}")).await.problem(404, "not_found");
     bench
         .post_json(&format!("/v1/queries/{unknown}/maps"), json!({"example": example}))
         .await
@@ -53,17 +185,50 @@ async fn what_is_not_there_is_not_mapped() {
 }
 
 #[tokio::test]
+async fn landmarks_of_the_example_are_found_by_their_names() {
+    let (bench, path, example) = mapped().await;
+    let maps = format!("{path}/maps?wait=60");
+    let names = json!({"nose": [1, 2, 3], "chin": [4, 5, 6], "ear": {"u": 0.5, "v": 0.25}});
+    let wanted = json!({"example": example, "names": names});
+    let detail = bench.post_json(&maps, wanted.clone()).await.problem(400, "parameter_invalid");
+    assert!(detail.contains("PATCH"), "{detail}");
+    let kind = [("content-type", "application/json")];
+    let landmarks =
+        json!([{"name": "brow", "vertex": 0}, {"name": "chin", "vertex": 2}, {"name": "nose", "vertex": 1}]);
+    let patch = json!({"landmarks": landmarks}).to_string();
+    bench.request(Method::PATCH, &format!("/v1/examples/{example}"), &kind, patch).await;
+    let made = bench.post_json(&maps, wanted).await;
+    assert_eq!(made.status, StatusCode::CREATED, "{}", made.text());
+    let ends =
+        |constraint: &Value| (constraint["on_example"]["point"].clone(), constraint["on_input"]["point"].clone());
+    let found: Vec<_> = made.json()["constraints"].as_array().expect("constraints").iter().map(ends).collect();
+    let chin = (json!([1.0, 1.0, 0.0]), json!([4.0, 5.0, 6.0]));
+    assert_eq!(found, [chin, (json!([1.0, 0.0, 0.0]), json!([1.0, 2.0, 3.0]))]);
+    let wanted = json!({"example": example, "names": {"nostril": [0, 0, 0]}});
+    let detail = bench.post_json(&maps, wanted).await.problem(400, "parameter_invalid");
+    assert!(detail.contains("brow, chin, nose") && detail.contains("found nostril"), "{detail}");
+    // Pairs alone will do, whatever else is named.
+    let pair = json!({"on_example": [0, 0, 0], "on_input": [0, 0, 1]});
+    let wanted = json!({"example": example, "names": {"nostril": [0, 0, 0]}, "landmarks": [pair]});
+    assert_eq!(bench.post_json(&maps, wanted).await.json()["constraints"].as_array().map(Vec::len), Some(1));
+    let many: serde_json::Map<String, Value> = (0..129).map(|k| (k.to_string(), json!([0, 0, 0]))).collect();
+    bench.post_json(&maps, json!({"example": example, "names": many})).await.problem(400, "parameter_invalid");
+    let template = json!({"example": quadmuse_proto::ExampleId::TEMPLATE, "names": names});
+    bench.post_json(&maps, template).await.problem(400, "parameter_invalid");
+}
+
+#[tokio::test]
 async fn an_example_added_after_the_query_can_be_mapped() {
     let (bench, path, _) = mapped().await;
     let late = bench.add("late", "segment disc 2.5").await;
-    let made = bench.post_json(&format!("{path}/maps"), json!({"example": late})).await;
+    let made = bench.post_json(&format!("{path}/maps?wait=60"), json!({"example": late})).await;
     assert_eq!(made.status, StatusCode::CREATED, "{}", made.text());
 }
 
 #[tokio::test]
 async fn constraints_are_edited_as_a_whole() {
     let (bench, path, example) = mapped().await;
-    let made = bench.post_json(&format!("{path}/maps"), json!({"example": example})).await;
+    let made = bench.post_json(&format!("{path}/maps?wait=60"), json!({"example": example})).await;
     let address = format!("{}/constraints", made.header("location"));
     let edit = async |edit: Value| {
         let kind = [("content-type", "application/json")];
@@ -89,10 +254,11 @@ async fn maps_are_composed() {
     let (bench, path, example) = mapped().await;
     let mut parts = Vec::new();
     for segment in [0, 1] {
-        let made = bench.post_json(&format!("{path}/maps"), json!({"segment": segment, "example": example})).await;
+        let made =
+            bench.post_json(&format!("{path}/maps?wait=60"), json!({"segment": segment, "example": example})).await;
         parts.push(json!({"segment": segment, "map": made.json()["id"]}));
     }
-    let compositions = format!("{path}/compositions");
+    let compositions = format!("{path}/compositions?wait=60");
     let made = bench.post_json(&compositions, json!({"parts": parts, "smoothing": 3})).await;
     assert_eq!(made.status, StatusCode::CREATED, "{}", made.text());
     let composition = made.json();
@@ -115,7 +281,7 @@ async fn maps_are_composed() {
     bench.post_json(&compositions, twice).await.problem(400, "parameter_invalid");
     let crossed = json!({"parts": [{"segment": 1, "map": parts[0]["map"]}]});
     bench.post_json(&compositions, crossed).await.problem(400, "parameter_invalid");
-    bench.get(&format!("{compositions}/01ARZ3NDEKTSV4RRFFQ69G5FAV")).await.problem(404, "not_found");
+    bench.get(&format!("{path}/compositions/01ARZ3NDEKTSV4RRFFQ69G5FAV")).await.problem(404, "not_found");
 }
 
 #[tokio::test]
@@ -124,16 +290,16 @@ async fn examples_on_which_a_composition_is_broken_give_way_unless_they_were_cho
     let headline = |made: &Value| (made["verdict"].clone(), made["inspired"].clone());
     let path = bench.query("", "segment disc 2").await;
     bench.ended(&path).await;
-    let sound = bench.post_json(&format!("{path}/compositions"), json!({})).await.json();
+    let sound = bench.post_json(&format!("{path}/compositions?wait=60"), json!({})).await.json();
     assert_eq!((headline(&sound), &sound["reasons"]), ((json!("good"), json!(1.0)), &json!([])));
     let path = bench.query("", "segment disc 2\ntears").await;
     bench.ended(&path).await;
-    let mended = bench.post_json(&format!("{path}/compositions"), json!({})).await.json();
+    let mended = bench.post_json(&format!("{path}/compositions?wait=60"), json!({})).await.json();
     assert_eq!(headline(&mended), (json!("poor"), json!(0.0)), "{mended}");
     assert!(mended["reasons"][0].as_str().expect("a reason").starts_with("no example was used: "), "{mended}");
     let note = "examples gave way to regular layouts on segments 0: it is torn";
     assert_eq!((&mended["notes"], &mended["templates"]), (&json!([note]), &json!([0])), "{mended}");
-    let chosen = bench.post_json(&format!("{path}/compositions"), json!({"keep": [0]})).await.json();
+    let chosen = bench.post_json(&format!("{path}/compositions?wait=60"), json!({"keep": [0]})).await.json();
     assert_eq!((headline(&chosen), &chosen["reasons"]), ((json!("broken"), json!(1.0)), &json!(["it is torn"])));
 }
 
@@ -142,7 +308,7 @@ async fn where_no_mesh_of_the_whole_is_sound_the_map_of_most_of_it_is_delivered_
     let bench = Bench::stocked().await;
     let path = bench.query("", "segment disc 2\nsegment disc 9\nrag").await;
     bench.ended(&path).await;
-    let alone = bench.post_json(&format!("{path}/compositions"), json!({})).await.json();
+    let alone = bench.post_json(&format!("{path}/compositions?wait=60"), json!({})).await.json();
     assert_eq!((&alone["verdict"], &alone["templates"]), (&json!("fair"), &json!([])), "{alone}");
     assert_eq!(alone["parts"].as_array().map(Vec::len), Some(1), "{alone}");
     let why = "the smaller parts of the scan are left bare: a mesh of all of it was broken";
@@ -150,7 +316,7 @@ async fn where_no_mesh_of_the_whole_is_sound_the_map_of_most_of_it_is_delivered_
     // Of three alike none is most of it.
     let path = bench.query("", "segment disc 2\nsegment disc 9\nsegment disc 9\nrag").await;
     bench.ended(&path).await;
-    let broken = bench.post_json(&format!("{path}/compositions"), json!({})).await.json();
+    let broken = bench.post_json(&format!("{path}/compositions?wait=60"), json!({})).await.json();
     assert_eq!(broken["verdict"], json!("broken"), "{broken}");
 }
 
@@ -167,7 +333,7 @@ async fn ended_queries_make_room_for_a_map_the_longest_unused_first() {
         queries.push(path);
     }
     let wanted = json!({"segment": 0, "example": example, "example_segment": 0});
-    let answer = bench.post_json(&format!("{}/maps", queries[0]), wanted).await;
+    let answer = bench.post_json(&format!("{}/maps?wait=60", queries[0]), wanted).await;
     assert_eq!(answer.status, StatusCode::CREATED, "{}", answer.text());
     let mut there = Vec::new();
     for path in &queries {

@@ -199,7 +199,7 @@ async fn what_is_removed_by_many_at_once_is_removed_by_one_and_nothing_fails() {
         let path = path.to_owned();
         async move { there.request(Method::DELETE, &path, &[], Body::empty()).await.status.as_u16() }
     };
-    let maps = format!("{path}/maps");
+    let maps = format!("{path}/maps?wait=60");
     let work = futures_util::future::join_all((0..4).map(|_| bench.post_json(&maps, json!({"example": example}))));
     let removals = futures_util::future::join_all((0..8).map(|k| remove(if k % 2 == 0 { &path } else { &of })));
     let (made, mut removed) = futures_util::future::join(work, removals).await;

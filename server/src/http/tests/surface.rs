@@ -115,7 +115,9 @@ async fn the_contract_names_every_route_and_resolves_every_reference() {
         ("/v1/examples/{id}", vec!["delete", "get", "patch"]),
         ("/v1/queries/{id}/stream", vec!["get"]),
         ("/v1/queries/{id}/maps/{map}/constraints", vec!["patch"]),
-        ("/v1/queries/{id}/compositions", vec!["post"]),
+        ("/v1/queries/{id}/compositions", vec!["get", "post"]),
+        ("/v1/queries/{id}/maps/{map}", vec!["delete", "get"]),
+        ("/v1/samples/{number}/mesh", vec!["get"]),
         ("/readyz", vec!["get"]),
     ] {
         let mut found: Vec<&str> = paths[path].as_object().expect(path).keys().map(String::as_str).collect();
@@ -166,7 +168,7 @@ async fn pages_load_nothing_from_elsewhere() {
         let imports = imports.filter_map(|line| line.split('"').nth(1)).map(str::to_owned);
         wanted.extend(imports.filter(|import| !wanted.contains(import)).collect::<Vec<_>>());
     }
-    assert_eq!(seen, 31, "{wanted:?}");
+    assert_eq!(seen, 37, "{wanted:?}");
     // Every file of the page is served.
     for entry in std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/web")).expect("the page's folder") {
         let name = entry.expect("a file").file_name().into_string().expect("a name");
@@ -200,6 +202,43 @@ async fn pages_of_other_origins_and_rebound_names_are_refused() {
     let own = [here, ("origin", "http://127.0.0.1:7979"), ("sec-fetch-site", "same-origin")];
     let added = bench.request(Method::POST, "/v1/examples", &own, "segment disc 9").await;
     assert_eq!(added.status, StatusCode::CREATED, "{}", added.text());
+}
+
+#[tokio::test]
+async fn pages_of_origins_that_are_allowed_may_ask_and_read() {
+    let bench = Bench::stocked().await;
+    let here = ("host", "127.0.0.1:7979");
+    let asks = [("access-control-request-method", "PATCH"), ("access-control-request-headers", "authorization")];
+    for (origin, allowed) in [("https://tools.example", "https://tools.example"), ("https://evil.example", "")] {
+        let headers = [&[here, ("origin", origin)][..], &asks].concat();
+        let asked = bench.request(Method::OPTIONS, "/v1/examples/x", &headers, Body::empty()).await;
+        assert_eq!(asked.header("access-control-allow-origin"), allowed, "{origin}");
+        let read = bench.request(Method::GET, "/v1/examples", &[here, ("origin", origin)], Body::empty()).await;
+        assert_eq!(read.header("access-control-allow-origin"), allowed, "{origin}");
+    }
+    let foreign = [here, ("origin", "https://tools.example"), ("sec-fetch-site", "cross-site")];
+    let added = bench.request(Method::POST, "/v1/examples", &foreign, "segment disc 9").await;
+    assert_eq!(added.status, StatusCode::CREATED, "{}", added.text());
+    assert_eq!(added.header("access-control-allow-origin"), "https://tools.example");
+    assert!(added.header("access-control-expose-headers").contains("location"));
+}
+
+#[tokio::test]
+async fn the_samples_are_listed_and_are_meshes() {
+    let bench = Bench::new();
+    let listed = bench.get("/v1/samples").await.json();
+    let items = listed["items"].as_array().expect("items");
+    let of = |kind: &str| items.iter().filter(|sample| sample["kind"] == kind).count();
+    assert!(of("example") > 10 && of("scan") > 1 && items.len() == of("example") + of("scan"), "{listed}");
+    for (number, sample) in items.iter().enumerate() {
+        assert_eq!(sample["number"], number as u64);
+        let mesh = bench.get(&format!("/v1/samples/{number}/mesh")).await;
+        assert_eq!((mesh.status, mesh.header("content-type")), (StatusCode::OK, "model/obj"));
+        let faces = mesh.text().lines().filter(|line| line.starts_with("f ")).count() as u64;
+        assert_eq!(sample["faces"], faces, "{sample}");
+    }
+    bench.get(&format!("/v1/samples/{}/mesh", items.len())).await.problem(404, "not_found");
+    bench.get("/v1/samples/x/mesh").await.problem(404, "not_found");
 }
 
 #[tokio::test]

@@ -11,6 +11,7 @@ use crate::work::mapping::LiveMap;
 use crate::work::query::LiveQuery;
 use crate::work::worth::tries;
 use crate::work::{Work, WorkError, search};
+use futures_util::future::join_all;
 use quadmuse_proto::ExampleId;
 use std::sync::Arc;
 
@@ -56,12 +57,13 @@ impl Surrounded {
             laid: vec![Some(laid(&newest.summary))],
             names: vec![None],
         };
-        for segment in 1..cut.segments.len() {
-            let Ok(encoded) = rest.encoded(segment as u32).await else { return Ok(None) };
-            let map = match tries(&cut.segments, segment) {
-                0 => Ok(None),
-                _ => best_map(work, &rest, segment as u32, 1).await,
-            };
+        let one = async |segment: usize| match tries(&cut.segments, segment) {
+            0 => Ok(None),
+            _ => best_map(work, &rest, segment as u32, 1).await,
+        };
+        let maps = join_all((1..cut.segments.len()).map(one)).await;
+        for (segment, map) in (1..).zip(maps) {
+            let Ok(encoded) = rest.encoded(segment).await else { return Ok(None) };
             match map {
                 Err(error) if error.stop_reason() == Some(StopReason::Cancelled) => return Err(error),
                 // A regular layout is there at once.

@@ -71,6 +71,10 @@ fn described(new: &NewExample) -> Example {
         name: new.name.clone(),
         tags: new.tags.clone(),
         relevance: new.relevance,
+        author: String::new(),
+        licence: String::new(),
+        notes: String::new(),
+        landmarks: Vec::new(),
         hash: blake3::hash(&new.bytes).to_hex().to_string(),
         format: new.format.clone(),
         bytes: new.bytes.len() as u64,
@@ -124,6 +128,10 @@ impl Corpus for MemoryCorpus {
         patch.name.iter().for_each(|name| example.name.clone_from(name));
         patch.tags.iter().for_each(|tags| example.tags.clone_from(tags));
         patch.relevance.iter().for_each(|relevance| example.relevance = *relevance);
+        patch.author.iter().for_each(|author| example.author.clone_from(author));
+        patch.licence.iter().for_each(|licence| example.licence.clone_from(licence));
+        patch.notes.iter().for_each(|notes| example.notes.clone_from(notes));
+        patch.landmarks.iter().for_each(|landmarks| example.landmarks.clone_from(landmarks));
         let example = Arc::new(example);
         row.example = Arc::clone(&example);
         drop(rows);

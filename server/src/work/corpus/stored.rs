@@ -16,11 +16,10 @@ use quadmuse_kernel::register::spectra::Row;
 use quadmuse_proto::{Example, ExampleId, ExamplePatch, ExampleSegment, MeshCounts, Segmentation};
 use quadmuse_store::{
     Added, Backend, Changed, Changes, Coarse, DerivedSegment, ExampleRecord, Following, Level, NewSegmentation,
-    OpenOptions, OpenReport, PackedSegment, Patch, Problem, SegmentRow, SegmentSummary, Store, StoreError,
-    coarse_when_kept,
+    OpenOptions, OpenReport, PackedSegment, Problem, SegmentRow, SegmentSummary, Store, StoreError, coarse_when_kept,
 };
 use row::WrittenRow;
-use shaped::{Shaped, derived_in, feature_out, labels_in, segmentation_in, topology_out};
+use shaped::{Shaped, derived_in, feature_out, labels_in, landmark_out, patch_in, segmentation_in, topology_out};
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
@@ -242,6 +241,10 @@ fn example_of(record: &ExampleRecord, known: &Described) -> Example {
         tags: record.tags.clone(),
         // f32 holds what was given; the shortest decimal of it is what was written.
         relevance: record.relevance.to_string().parse().unwrap_or_else(|_| f64::from(record.relevance)),
+        author: record.author.clone(),
+        licence: record.licence.clone(),
+        notes: record.notes.clone(),
+        landmarks: record.landmarks.iter().map(landmark_out).collect(),
         hash: record.content_hash.to_string(),
         format: record.format.clone(),
         bytes: record.bytes,
@@ -324,9 +327,7 @@ impl Corpus for StoredCorpus {
     }
 
     fn annotate(&self, id: ExampleId, patch: &ExamplePatch) -> Result<Arc<Example>, CorpusError> {
-        let relevance = patch.relevance.map(|relevance| relevance as f32);
-        let (name, tags, from_revision) = (patch.name.clone(), patch.tags.clone(), patch.revision);
-        let record = self.store.annotate(id, Patch { name, tags, relevance, from_revision })?;
+        let record = self.store.annotate(id, patch_in(patch))?;
         Ok(self.example(&record))
     }
 

@@ -46,6 +46,14 @@ fn sleep(time: Duration, stop: &Stop) -> Result<(), EngineError> {
     Ok(())
 }
 
+fn located(place: &Place) -> Location {
+    match place {
+        Place::Point(point) => Location { point: *point, u: 0.0, v: 0.0 },
+        Place::Domain { u, v } => Location { point: [0.0; 3], u: *u, v: *v },
+        _ => Location { point: [0.0; 3], u: 0.0, v: 0.0 },
+    }
+}
+
 fn square(quads: usize) -> PolyMesh {
     let mut faces = Polygons::default();
     (0..quads).for_each(|_| faces.push(&[0, 1, 2, 3]));
@@ -232,6 +240,25 @@ impl Engine for FakeEngine {
         })
     }
 
+    fn fit(
+        &self,
+        from: Option<&Registration>,
+        example: &Side,
+        query: &Side,
+        _: Beyond,
+        landmarks: &[Landmark],
+        stop: &Stop,
+    ) -> Result<Fitted, EngineError> {
+        let from = from.ok_or_else(|| EngineError::Internal("expected surfaces of one topology".into()))?;
+        let mut mapped = self.map(from, example, query, stop)?;
+        for landmark in landmarks {
+            let (on_example, on_input) = (located(&landmark.on_example), located(&landmark.on_input));
+            let id = format!("c{}", mapped.constraints.len());
+            mapped.constraints.push(Constraint { id, on_example, on_input, origin: ConstraintOrigin::User });
+        }
+        Ok(Fitted { mapped, example: example.clone(), query: query.clone() })
+    }
+
     fn constrain(
         &self,
         from: &Mapped,
@@ -251,11 +278,7 @@ impl Engine for FakeEngine {
             constraints.remove(at);
         }
         for new in &edit.set {
-            let place = |p: &Option<Place>| match p {
-                Some(Place::Point(point)) => Location { point: *point, u: 0.0, v: 0.0 },
-                Some(Place::Domain { u, v }) => Location { point: [0.0; 3], u: *u, v: *v },
-                _ => Location { point: [0.0; 3], u: 0.0, v: 0.0 },
-            };
+            let place = |p: &Option<Place>| located(p.as_ref().unwrap_or(&Place::Point([0.0; 3])));
             if place(&new.on_input).v > 1.0 {
                 return Err(EngineError::refused(Refusal::ConstraintFolds, "expected no fold, found one"));
             }

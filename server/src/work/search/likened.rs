@@ -21,8 +21,10 @@ use std::time::Instant;
 const UNSURE: f64 = 0.15;
 /// Nor is it of a scan with more holes.
 const HOLES_SURE: u32 = 8;
-/// Examples that are laid.
+/// Examples with a rim that are laid.
 const LAID_MAX: usize = 32;
+/// Closed examples that are laid on what is closed, too.
+const CLOSED_MAX: usize = 16;
 /// A segment with less of the query's faces is not worth it; nor is one of few faces, which lies on anything.
 const SHARE_MIN: f64 = 0.25;
 
@@ -66,23 +68,28 @@ impl SegmentSearch<'_> {
         Ok(self.work.pool.run(&self.live.job, Lane::Fine, quantum).await??)
     }
 
-    /// Whether the pictures leave it open who is best. What is closed lies on closed examples as a whole, which poses of parts
-    /// say nothing of.
+    /// Whether the pictures leave it open who is best.
     fn is_open(&self, candidates: &[Candidate]) -> bool {
         let segments = &self.live.model.segments;
         let (Some(own), Some(first)) = (segments.get(self.segment), candidates.first()) else { return false };
         let faces: u64 = segments.iter().map(|s| s.faces).sum();
         let is_worth_it = own.faces >= FACES_CHOSEN_MIN && own.faces as f64 >= SHARE_MIN * faces as f64;
         let is_unsure = first.score > UNSURE || own.holes > HOLES_SURE;
-        is_worth_it && is_unsure && first.resident.facts.topology == Topology::Disc
+        let has_caps = |topology| matches!(topology, Topology::Disc | Topology::Sphere);
+        is_worth_it && is_unsure && has_caps(first.resident.facts.topology)
     }
 
-    /// The first few candidates with a rim that are no near-duplicates, and all others, each in order.
+    /// The first few candidates of either topology that are no near-duplicates, and all others, each in order.
     fn chosen(&self, candidates: &[Candidate]) -> (Vec<Candidate>, Vec<Candidate>) {
-        let mut count = 0;
+        let (mut with_rim, mut closed) = (0, 0);
         candidates.iter().cloned().partition(|c| {
-            let is_chosen = count < LAID_MAX && c.similar_to.is_none() && c.resident.facts.topology == Topology::Disc;
-            count += usize::from(is_chosen);
+            let (count, most) = match c.resident.facts.topology {
+                Topology::Disc => (&mut with_rim, LAID_MAX),
+                Topology::Sphere => (&mut closed, CLOSED_MAX),
+                _ => return false,
+            };
+            let is_chosen = *count < most && c.similar_to.is_none();
+            *count += usize::from(is_chosen);
             is_chosen
         })
     }

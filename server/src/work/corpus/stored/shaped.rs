@@ -3,8 +3,10 @@
 use super::pack_counts;
 use crate::work::corpus::NewExample;
 use crate::work::engine::{Besides, Cut, Packed, PackedFeature};
-use quadmuse_proto::{MeshCounts, Segmentation, Topology};
-use quadmuse_store::{ChartRecord, DerivedSegment, Feature, Level, NewSegmentation, SegmentSummary};
+use quadmuse_proto::{ExamplePatch, MeshCounts, NamedPoint, Segmentation, Topology};
+use quadmuse_store::{
+    ChartRecord, DerivedSegment, Feature, LandmarkRecord, Level, NewSegmentation, Patch, SegmentSummary,
+};
 
 pub(super) fn topology_out(topology: quadmuse_store::Topology) -> Topology {
     match topology {
@@ -22,6 +24,28 @@ pub(super) fn topology_in(topology: Topology) -> quadmuse_store::Topology {
         Topology::Sphere => quadmuse_store::Topology::Sphere,
         Topology::Torus => quadmuse_store::Topology::Torus,
     }
+}
+
+/// An annotation, whose landmarks were found on the surface.
+pub(super) fn patch_in(patch: &ExamplePatch) -> Patch {
+    let landmark = |named: &NamedPoint| {
+        let (name, vertex) = (named.name.clone(), named.vertex);
+        named.point.map(|point| LandmarkRecord { name, point, vertex })
+    };
+    Patch {
+        name: patch.name.clone(),
+        tags: patch.tags.clone(),
+        relevance: patch.relevance.map(|relevance| relevance as f32),
+        author: patch.author.clone(),
+        licence: patch.licence.clone(),
+        notes: patch.notes.clone(),
+        landmarks: patch.landmarks.as_ref().map(|all| all.iter().filter_map(landmark).collect()),
+        from_revision: patch.revision,
+    }
+}
+
+pub(super) fn landmark_out(record: &LandmarkRecord) -> NamedPoint {
+    NamedPoint { name: record.name.clone(), vertex: record.vertex, point: Some(record.point) }
 }
 
 /// The labels as numbers from 0, in the order of the labels: only which faces share one matters.

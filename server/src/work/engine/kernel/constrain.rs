@@ -270,6 +270,7 @@ pub(super) fn locate(
             return Ok(PlanarIndex::new(chart).locate(chart, [*u, *v]));
         }
         Place::Point(point) => Vec3::from(*point),
+        Place::OnVertex { vertex } => on_vertex(side, *vertex).map_err(invalid)?,
         Place::OnFace { face, barycentric } => on_face(side, *face, barycentric).map_err(invalid)?,
     };
     if !point.iter().all(|x| x.is_finite()) {
@@ -280,6 +281,12 @@ pub(super) fn locate(
         return Err(invalid("expected a point near the surface, found one beyond all range".into()));
     }
     Ok(found.into())
+}
+
+fn on_vertex(side: &Side, vertex: u32) -> Result<Vec3, String> {
+    let positions = &side.model.mesh.positions;
+    let expected = || format!("expected a vertex below {}, found {vertex}", positions.len());
+    positions.get(vertex as usize).copied().ok_or_else(expected)
 }
 
 fn on_face(side: &Side, face: u32, weights: &[f64]) -> Result<Vec3, String> {
