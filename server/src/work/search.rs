@@ -79,7 +79,7 @@ pub async fn start(
     let live = Arc::new(LiveQuery::new(caller, options, model, job, started));
     live.set_corpus_sizes(&corpus.iter().map(|c| c.size as u64).collect::<Vec<_>>());
     work.queries.insert(Arc::clone(&live))?;
-    work.background.spawn(run(Arc::clone(work), Arc::clone(&live), corpus));
+    work.background.spawn(run(Arc::clone(work), Arc::clone(&live), corpus, 0));
     Ok(live)
 }
 
@@ -113,7 +113,7 @@ pub(super) async fn of_rest(work: &Arc<Work>, live: &LiveQuery, cut: &Arc<Model>
     let options = QueryOptions { top: 1, ..live.options.clone() };
     let rest = Arc::new(LiveQuery::new(live.caller, options, Arc::clone(cut), job, Instant::now()));
     rest.set_corpus_sizes(&corpus.iter().map(|c| c.size as u64).collect::<Vec<_>>());
-    run(Arc::clone(work), Arc::clone(&rest), corpus).await;
+    run(Arc::clone(work), Arc::clone(&rest), corpus, 1).await;
     Ok(rest)
 }
 
@@ -172,9 +172,9 @@ fn checked(options: QueryOptions) -> Result<QueryOptions, WorkError> {
     Ok(QueryOptions { tags: normal_tags(options.tags)?, ..options })
 }
 
-/// Ranks a query and writes how it ended on its board.
-async fn run(work: Arc<Work>, live: Arc<LiveQuery>, corpus: Vec<Selection>) {
-    match rank_all(&work, &live, corpus).await {
+/// Ranks a query's segments from `first` on, the others being nobody's concern, and writes how it ended on its board.
+async fn run(work: Arc<Work>, live: Arc<LiveQuery>, corpus: Vec<Selection>, first: usize) {
+    match rank_all(&work, &live, corpus, first).await {
         Ok(()) => live.end(QueryState::Done, false, None),
         Err(error) => match error.stop_reason() {
             Some(StopReason::Cancelled) => live.end(QueryState::Cancelled, false, None),
@@ -188,11 +188,16 @@ async fn run(work: Arc<Work>, live: Arc<LiveQuery>, corpus: Vec<Selection>) {
     tracing::info!(query = %live.id, state = live.board().state.as_str(), ms = live.elapsed_ms(), "query ended");
 }
 
-async fn rank_all(work: &Arc<Work>, live: &Arc<LiveQuery>, corpus: Vec<Selection>) -> Result<(), WorkError> {
-    encode_segments(work, live).await?;
+async fn rank_all(
+    work: &Arc<Work>,
+    live: &Arc<LiveQuery>,
+    corpus: Vec<Selection>,
+    first: usize,
+) -> Result<(), WorkError> {
+    encode_segments(work, live, first).await?;
     let resolution = live.options.resolution;
     let mut searches: Vec<SegmentSearch<'_>> = Vec::new();
-    for (segment, corpus) in corpus.into_iter().enumerate() {
+    for (segment, corpus) in corpus.into_iter().enumerate().skip(first) {
         let query = live.encoded(segment as u32).await?;
         let search = SegmentSearch { work, live, segment, query: Arc::new(query.encoding.clone()) };
         let candidates = search.coarse(corpus).await?;
@@ -225,7 +230,7 @@ async fn rank_all(work: &Arc<Work>, live: &Arc<LiveQuery>, corpus: Vec<Selection
     Ok(())
 }
 
-async fn encode_segments(work: &Arc<Work>, live: &Arc<LiveQuery>) -> Result<(), WorkError> {
+async fn encode_segments(work: &Arc<Work>, live: &Arc<LiveQuery>, first: usize) -> Result<(), WorkError> {
     let queued_ms = live.elapsed_ms();
     let start = Instant::now();
     live.update(|board| {
@@ -241,7 +246,7 @@ async fn encode_segments(work: &Arc<Work>, live: &Arc<LiveQuery>) -> Result<(), 
         live.update(|board| board.timings.encode_ms = ms_since(start));
         Ok(())
     };
-    futures_util::future::try_join_all((0..live.encoded.len()).map(one)).await?;
+    futures_util::future::try_join_all((first..live.encoded.len()).map(one)).await?;
     live.update(|board| board.state = QueryState::Ranking);
     Ok(())
 }
