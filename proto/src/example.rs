@@ -33,6 +33,9 @@ pub const LANDMARK_NAME_LENGTH_MAX: usize = 64;
 pub struct Example {
     /// Its id.
     pub id: ExampleId,
+    /// Counts its annotations; 1 when it was added.
+    #[serde(default)]
+    pub revision: u32,
     /// Its name; empty if none was given.
     pub name: String,
     /// Its tags, sorted.
@@ -133,6 +136,10 @@ pub struct ExamplePatch {
     /// A new relevance, 0–5.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relevance: Option<f64>,
+    /// The revision that this was made for: if the example has another by now, nothing is changed, and the answer is 409
+    /// `conflict`, which names the revision there is. Without it, whichever there is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub revision: Option<u32>,
     /// Who made it; empty for nobody.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub author: Option<String>,

@@ -1,6 +1,7 @@
 //! Access tokens: 256 random bits, of which only a hash is kept.
 //!
-//! They stand in `tokens.json` beside the store, so that a token can be created or revoked while the service runs; the
+//! Where servers share a corpus, the list stands beside it on the engine (`list/shared`), and holds for all of them. Else it is
+//! a file: they stand in `tokens.json` beside the store, so that a token can be created or revoked while the service runs; the
 //! service notices within [`RELOAD`]. The hash needs no salt and no stretching: the tokens are random.
 //!
 //! Access fails closed. Once a token was created, `tokens.required` stands beside the list, and only a token that the list
@@ -12,12 +13,13 @@ mod list;
 pub use list::TokenRecord;
 pub use quadmuse_proto::Role;
 
-use list::Files;
+use list::Place;
 use quadmuse_proto::id::TokenId;
 use quadmuse_proto::{NewToken, TokenPatch};
+use quadmuse_store::{Documents, StoreError};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
 /// Why tokens can't be read or changed.
@@ -42,6 +44,9 @@ pub enum AuthError {
         /// What is wrong.
         source: serde_json::Error,
     },
+    /// The engine that servers share doesn't answer.
+    #[error(transparent)]
+    Shared(#[from] StoreError),
     /// No such token.
     #[error("expected the id of a token, found `{0}`; list them first")]
     Unknown(String),
@@ -82,9 +87,8 @@ pub enum Access {
 }
 
 /// The tokens of a store.
-#[derive(Debug)]
 pub struct Tokens {
-    files: Files,
+    files: Place,
     seen: Mutex<Seen>,
 }
 
@@ -104,7 +108,12 @@ struct Seen {
 impl Tokens {
     /// The tokens beside the store in `data`.
     pub fn beside(data: &Path) -> Self {
-        Self { files: Files::beside(data), seen: Mutex::default() }
+        Self { files: Place::beside(data), seen: Mutex::default() }
+    }
+
+    /// The tokens of all servers that share a corpus.
+    pub fn shared(documents: Arc<dyn Documents>) -> Self {
+        Self { files: Place::Shared(documents), seen: Mutex::default() }
     }
 
     /// All tokens, as they stand in the file.
@@ -220,7 +229,7 @@ impl Tokens {
 }
 
 impl Seen {
-    fn refresh(&mut self, files: &Files) {
+    fn refresh(&mut self, files: &Place) {
         let first = self.looked.replace(Instant::now()).is_none();
         let mark = match files.mark() {
             Ok(mark) => mark,
@@ -235,7 +244,7 @@ impl Seen {
             return;
         }
         self.mark = mark;
-        self.by_hash = match files.read() {
+        self.by_hash = match files.known() {
             Ok(records) => {
                 let records = records.into_iter().flatten();
                 records.map(|record| (record.hash.clone(), record)).collect()

@@ -1,16 +1,19 @@
 //! The commands of the binary, each a function.
 
+pub(crate) mod cluster;
+
 use crate::auth::{AuthError, Tokens};
-use crate::config::{Cli, Command, Config, ConfigError, ServeArgs, StoreArgs, TokenAction};
+use crate::config::{Cli, ClusterArgs, Command, Config, ConfigError, ServeArgs, StoreArgs, TokenAction};
 use crate::demo::tour;
 use crate::service::{self, StartError};
 use crate::shutdown;
 use crate::work::corpus::stored::words_of;
 use crate::work::engine::kernel::KernelEngine;
 use crate::{audit, bench_corpus};
+use quadmuse_cluster::{JetStream, SharedDocuments};
 use quadmuse_migrations::MigrationError;
 use quadmuse_proto::{NewToken, Token};
-use quadmuse_store::{OpenOptions, Store, StoreError};
+use quadmuse_store::{BackupReport, OpenOptions, Store, StoreError};
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -87,7 +90,8 @@ pub fn run(cli: Cli) -> Result<(), CommandError> {
         Some(Command::Backup { store, file }) => backup(&store, &file),
         Some(Command::Restore { store, file }) => restore(&store, &file),
         Some(Command::BenchCorpus(args)) => bench_corpus(&args),
-        Some(Command::Token { data, action }) => token(data, action),
+        Some(Command::Cluster { action }) => cluster::run(&action),
+        Some(Command::Token { data, cluster, action }) => token(data, &cluster, action),
     }
 }
 
@@ -191,26 +195,31 @@ fn check(store: &StoreArgs, scratch: Option<PathBuf>) -> Result<(), CommandError
 
 fn backup(store: &StoreArgs, file: &Path) -> Result<(), CommandError> {
     let store = existing(store)?;
-    // Under another name until it is whole, so that a backup that was interrupted is never taken for one.
+    let report = write_whole(file, &|writer| Ok(store.backup(writer)?))?;
+    told(&report, file)
+}
+
+/// Writes a file under another name until it is whole, so that one that was interrupted is never taken for one.
+fn write_whole<T>(file: &Path, write: &dyn Fn(&mut dyn Write) -> Result<T, CommandError>) -> Result<T, CommandError> {
     let partial = file.with_added_extension("partial");
     let failed = |doing| {
         let path = partial.clone();
         move |source| CommandError::File { doing, path, source }
     };
     let mut writer = BufWriter::new(File::create(&partial).map_err(failed("write"))?);
-    let report = store.backup(&mut writer)?;
+    let written = write(&mut writer)?;
     writer.flush().and_then(|()| writer.get_ref().sync_all()).map_err(failed("write"))?;
     std::fs::rename(&partial, file).map_err(failed("rename"))?;
+    Ok(written)
+}
+
+/// Says what a backup came to.
+fn told(report: &BackupReport, file: &Path) -> Result<(), CommandError> {
     for (id, reason) in &report.skipped {
         say(&format!("left out {id}: {reason}"));
     }
-    say(&format!(
-        "{} examples, {} segments, {} bytes in {}",
-        report.examples,
-        report.segments,
-        report.bytes,
-        file.display()
-    ));
+    let (examples, segments, bytes) = (report.examples, report.segments, report.bytes);
+    say(&format!("{examples} examples, {segments} segments, {bytes} bytes in {}", file.display()));
     // What is there is whole, and is not all: a script must not take it for that.
     if report.skipped.is_empty() { Ok(()) } else { Err(CommandError::LeftOut(report.skipped.len())) }
 }
@@ -223,14 +232,21 @@ fn restore(store: &StoreArgs, file: &Path) -> Result<(), CommandError> {
     Ok(())
 }
 
-fn token(data: Option<PathBuf>, action: TokenAction) -> Result<(), CommandError> {
+fn token(data: Option<PathBuf>, cluster: &ClusterArgs, action: TokenAction) -> Result<(), CommandError> {
     let dir = StoreArgs { data: data.ok_or(ConfigError::NoData)? }.dir();
     std::fs::create_dir_all(&dir).map_err(|source| CommandError::File {
         doing: "create",
         path: dir.clone(),
         source,
     })?;
-    let tokens = Tokens::beside(&dir);
+    // The audit log stays beside the store or the cache of the server on whose machine this runs.
+    let tokens = match cluster.options()? {
+        Some(options) => {
+            let engine = JetStream::connect(&options).map_err(cluster::unreachable)?;
+            Tokens::shared(Arc::new(SharedDocuments::on(Arc::new(engine))))
+        }
+        None => Tokens::beside(&dir),
+    };
     match action {
         TokenAction::Create { role, name, expires } => {
             let expires_in_s = expires.map(|time| time.as_secs());

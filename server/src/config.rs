@@ -1,7 +1,12 @@
 //! Settings: flags, then `QUADMUSE_…` variables, then a TOML file, then defaults.
 
+mod cluster;
+
+pub use cluster::{ClusterAction, ClusterArgs};
+
 use crate::connections::ConnectionLimits;
 use clap::{Args, Parser, Subcommand};
+use quadmuse_cluster::ClusterOptions;
 use serde::Deserialize;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -54,7 +59,7 @@ pub enum Command {
     Serve(ServeArgs),
     /// Show the whole path with built-in samples: nothing is needed but this binary.
     Demo(DemoArgs),
-    /// Bring a store to this release's schema.
+    /// Bring a store on this machine's disk to this release's schema.
     Migrate {
         /// The store.
         #[command(flatten)]
@@ -63,7 +68,7 @@ pub enum Command {
         #[arg(long)]
         dry_run: bool,
     },
-    /// Read every byte of a store and report what is damaged; changes nothing.
+    /// Read every byte of a store on this machine's disk and report what is damaged; changes nothing.
     Check {
         /// The store.
         #[command(flatten)]
@@ -72,7 +77,7 @@ pub enum Command {
         #[arg(long, value_name = "DIR")]
         scratch: Option<PathBuf>,
     },
-    /// Write a store's ground state into one file.
+    /// Write a store on this machine's disk into one file.
     Backup {
         /// The store.
         #[command(flatten)]
@@ -80,13 +85,19 @@ pub enum Command {
         /// The file to write.
         file: PathBuf,
     },
-    /// Fill an empty store from a backup.
+    /// Fill an empty store on this machine's disk from a backup.
     Restore {
         /// The store.
         #[command(flatten)]
         store: StoreArgs,
         /// The file to read.
         file: PathBuf,
+    },
+    /// Move, keep and look after a corpus that servers share.
+    Cluster {
+        /// What to do.
+        #[command(subcommand)]
+        action: ClusterAction,
     },
     /// Grow a store of made-up examples, to measure searching with.
     BenchCorpus(crate::bench_corpus::BenchCorpusArgs),
@@ -95,6 +106,9 @@ pub enum Command {
         /// Directory of the store; before or behind the verb.
         #[arg(long, env = "QUADMUSE_DATA", global = true)]
         data: Option<PathBuf>,
+        /// The corpus whose servers they are for, if servers share one; before the verb.
+        #[command(flatten)]
+        cluster: ClusterArgs,
         /// What to do.
         #[command(subcommand)]
         action: TokenAction,
@@ -143,6 +157,10 @@ pub struct ServeArgs {
     /// Serve without tokens even on an address that others can reach.
     #[arg(long, env = "QUADMUSE_OPEN")]
     pub open: bool,
+    /// Where the corpus lies, if not in the directory of the store.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub cluster: ClusterArgs,
     /// A TOML file with the same names (`data`, `listen`, `memory_limit`, …).
     #[arg(long, env = "QUADMUSE_CONFIG", value_name = "FILE")]
     #[serde(skip)]
@@ -219,6 +237,8 @@ pub struct Config {
     pub samples: bool,
     /// Whether it may be open on any address.
     pub open: bool,
+    /// The engine that holds the corpus; `None`: it lies in `data`.
+    pub cluster: Option<ClusterOptions>,
 }
 
 impl Config {
@@ -238,6 +258,7 @@ impl Config {
             allowed_origins: Vec::new(),
             samples: false,
             open: false,
+            cluster: None,
         }
     }
 }
@@ -256,6 +277,9 @@ pub enum ConfigError {
     /// A setting is missing.
     #[error("expected --data DIR (or QUADMUSE_DATA, or `data` in the file), found none")]
     NoData,
+    /// The engine can't be used as named.
+    #[error("{0}")]
+    Cluster(String),
     /// A setting makes no sense.
     #[error("expected {name} {expected}, found {found}")]
     Invalid {
@@ -298,6 +322,7 @@ impl Config {
             allowed_origins: origins(args.allow_origin, file.allow_origin)?,
             samples: args.samples || file.samples,
             open: args.open || file.open,
+            cluster: args.cluster.or(file.cluster).options()?,
         };
         match &resolved {
             c if c.threads > THREADS_MAX => invalid("threads", "at most 1024", c.threads.to_string()),
@@ -384,11 +409,13 @@ mod tests {
     #[test]
     fn flags_win_over_the_file_and_the_file_over_defaults() {
         let mut file = tempfile::NamedTempFile::new().expect("a file");
-        writeln!(file, "data = \"from-file\"\nthreads = 3\nupload_limit = 10").expect("written");
+        let lines = "data = \"from-file\"\nthreads = 3\nupload_limit = 10\ncluster = \"nats://a\"";
+        writeln!(file, "{lines}").expect("written");
         let path = file.path().to_str().expect("a plain path");
         let config = Config::resolve(parse(&["--config", path, "--threads", "5"])).expect("settings");
         assert!(config.data.ends_with("from-file"));
         assert_eq!(config.threads, 5);
+        assert_eq!(config.cluster, Some(ClusterOptions::new("nats://a", "quadmuse")));
         assert_eq!((config.upload_limit, config.memory_limit), (10, MEMORY_LIMIT_DEFAULT));
     }
 
@@ -412,6 +439,14 @@ mod tests {
             "restore --data d file",
             "token create --data d --role contributor --name me --expires 90d",
             "token --data d create",
+            "serve --data d --cluster nats://a,nats://b --bucket studio --cluster-replicas 1 --cluster-ca f",
+            "cluster import --cluster nats://a --bucket studio --data d",
+            "cluster export --cluster nats://a --data d",
+            "cluster backup --cluster nats://a file",
+            "cluster restore --cluster nats://a file",
+            "cluster check --cluster nats://a --cluster-credentials f",
+            "cluster collect --cluster nats://a --older-than 2d",
+            "token --data d --cluster nats://a create",
             "token list --data d",
             "token revoke 01ARZ3NDEKTSV4RRFFQ69G5FAV --data d",
         ] {

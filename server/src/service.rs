@@ -1,4 +1,6 @@
-//! A running service: its parts joined, from the store on disk to the open port.
+//! A running service: its parts joined, from the store on disk, or the corpus that servers share, to the open port.
+
+mod cluster;
 
 use crate::app::{App, Settings};
 use crate::audit::Audit;
@@ -10,8 +12,8 @@ use crate::pool::{Admission, Pool};
 use crate::shutdown::serve;
 use crate::work::corpus::stored::StoredCorpus;
 use crate::work::engine::Engine;
-use crate::work::{Work, reencode, scrub};
-use quadmuse_store::{OpenOptions, StoreError};
+use crate::work::{Work, follow, reencode, scrub};
+use quadmuse_store::{Backend, OpenOptions, StoreError};
 use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
@@ -77,13 +79,25 @@ pub struct Running {
 /// [`StartError`].
 pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, StartError> {
     ignore_file_size_signal();
-    let tokens = Arc::new(Tokens::beside(&config.data));
+    // A corpus that servers share has their tokens, too: it comes first then.
+    let shared = match &config.cluster {
+        Some(options) => Some(cluster::join(options, &config.data).await?),
+        None => None,
+    };
+    let tokens = match shared.clone().and_then(Backend::documents) {
+        Some(documents) => Tokens::shared(documents),
+        None => Tokens::beside(&config.data),
+    };
+    let tokens = Arc::new(tokens);
     check_open(config, &tokens)?;
     let listen = config.listen;
     let listener = TcpListener::bind(listen).await.map_err(|source| StartError::Listen { listen, source })?;
     let address = listener.local_addr().map_err(|source| StartError::Listen { listen, source })?;
     let pool = Pool::new(config.threads, Admission::new(config.memory_limit, JOBS_MAX))?;
-    let corpus = open_corpus(&config.data, config.memory_limit).await?;
+    let corpus = match shared {
+        Some(shared) => cluster::corpus_of(shared, &engine).await?,
+        None => open_corpus(&config.data, config.memory_limit).await?,
+    };
     let work = Work::new(pool, engine, Arc::new(corpus));
     let began = Instant::now();
     let loading = work.blocking(|work| {
@@ -107,6 +121,7 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
         tokio::spawn(stopping.clone().run_until_cancelled_owned(stock));
     }
     let background = tokio::spawn(reencode::run(Arc::clone(&work), stopping.clone()));
+    tokio::spawn(follow::run(Arc::clone(&work), stopping.clone()));
     tokio::spawn(scrub::run(Arc::clone(&work), stopping.clone()));
     tracing::info!(%address, threads = work.pool.threads(), version = env!("CARGO_PKG_VERSION"), "serving");
     Ok(Running { address, work, stopping, serving, background })

@@ -9,6 +9,7 @@ pub mod composing;
 pub mod corpus;
 pub mod engine;
 pub mod error;
+pub mod follow;
 pub mod ingest;
 pub mod landmarks;
 pub mod making;

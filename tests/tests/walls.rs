@@ -34,7 +34,7 @@ fn crates_depend_only_on_what_their_wall_allows() {
 }
 
 #[test]
-fn only_the_store_and_the_migrations_name_sled_and_every_crate_keeps_the_lints() {
+fn only_one_crate_names_an_engine_and_every_crate_keeps_the_lints() {
     let found =
         manifests().iter().flat_map(|file| manifest::complaints_anywhere(&file.path, &file.text)).collect::<Vec<_>>();
     assert_none(&found);
@@ -101,6 +101,8 @@ fn the_walls_between_crates_bite() {
         ("server/kernel/Cargo.toml", "sled.workspace = true", "depends on sled"),
         ("proto/Cargo.toml", "quadmuse-kernel.workspace = true", "proto/Cargo.toml depends on quadmuse-kernel"),
         ("server/store/Cargo.toml", "quadmuse-server.workspace = true", "depends on quadmuse-server"),
+        ("server/cluster/Cargo.toml", "quadmuse-server.workspace = true", "depends on quadmuse-server"),
+        ("server/cluster/Cargo.toml", "axum = \"0.8\"", "depends on axum"),
         ("client/Cargo.toml", "quadmuse-kernel.workspace = true", "client/Cargo.toml depends on quadmuse-kernel"),
         ("migrations/Cargo.toml", "quadmuse-proto.workspace = true", "depends on quadmuse-proto"),
         ("server/Cargo.toml", "quadmuse-client.workspace = true", "depends on quadmuse-client"),
@@ -119,6 +121,9 @@ fn the_walls_that_hold_anywhere_bite() {
     let found =
         manifest::complaints_anywhere("client/Cargo.toml", &format!("[dependencies]\nsled = \"0.34\"\n{lints}"));
     assert!(found.len() == 1 && found[0].contains("only the store and the migrations"), "{found:?}");
+    let found =
+        manifest::complaints_anywhere("server/Cargo.toml", &format!("[dependencies]\nasync-nats = \"1\"\n{lints}"));
+    assert!(found.len() == 1 && found[0].contains("only the cluster"), "{found:?}");
     let found = manifest::complaints_anywhere("client/Cargo.toml", "[dependencies]\n");
     assert!(found.len() == 1 && found[0].contains("shared lints"), "{found:?}");
     assert_none(&manifest::complaints_anywhere(
@@ -157,6 +162,12 @@ fn the_walls_between_modules_bite() {
             "use quadmuse_proto::Example;\n",
             "server/store/src/record.rs:1 names quadmuse_proto",
         ),
+        (
+            "server/cluster/src/corpus.rs",
+            "use async_nats::Client;\n",
+            "server/cluster/src/corpus.rs:1 names async_nats; only `jetstream`",
+        ),
+        ("server/cluster/src/cache.rs", "use quadmuse_proto::Example;\n", "names quadmuse_proto"),
         ("server/src/http.rs", "fn f(s: quadmuse_store::Store) {}\n", "names quadmuse_store"),
     ] {
         let found = modules::complaints(path, source);
@@ -173,6 +184,7 @@ fn the_walls_between_modules_bite() {
         ("server/kernel/src/unfold/pole.rs", "use super::encode;\n"),
         ("server/kernel/src/rank.rs", "//! As `crate::measure` does.\nconst A: &str = \"crate::measure\";\n"),
         ("server/store/src/record.rs", "use quadmuse_proto::id::ExampleId;\n"),
+        ("server/cluster/src/jetstream/streams.rs", "use async_nats::jetstream::Context;\n"),
         ("server/src/http/error.rs", "use quadmuse_store::StoreError;\n"),
         ("server/src/work/search.rs", "// axum would be wrong here\n"),
         ("server/kernel/src/mesh/obj/tests.rs", "use crate::map::Map;\n"),

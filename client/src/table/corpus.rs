@@ -141,6 +141,7 @@ pub(crate) mod tests {
             |segment, topology| ExampleSegment { segment, is_part: false, topology, k: 0.4, faces: 200, features: 9 };
         Example {
             id: "01ARZ3NDEKTSV4RRFFQ69G5FAV".parse::<ExampleId>().expect("an id"),
+            revision: 1,
             name: "head\x1b[2J".into(),
             tags: vec!["film".into(), "hero".into()],
             relevance: 4.5,

@@ -25,6 +25,7 @@ pub(crate) fn map_id() -> MapId {
 pub(crate) fn example(n: u8) -> Example {
     Example {
         id: example_id(n),
+        revision: 1,
         name: format!("example {n}"),
         tags: vec!["head".into(), "wip".into()],
         relevance: 3.0,

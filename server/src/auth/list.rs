@@ -1,4 +1,9 @@
-//! The files of the tokens: the list, the mark that tokens are required, and the lock under which both change.
+//! Where the tokens stand.
+//!
+//! Beside a store they are files: the list, the mark that tokens are required, and the lock under which both change. Where
+//! servers share a corpus they are one document: that there is one, even an empty one, says that tokens are required.
+
+mod shared;
 
 use super::AuthError;
 use crate::work::query::rfc3339;
@@ -6,11 +11,13 @@ use crate::work::texts;
 use quadmuse_proto::id::TokenId;
 use quadmuse_proto::token::TOKEN_NAME_LENGTH_MAX;
 use quadmuse_proto::{NewToken, Quota, Role, Token};
+use quadmuse_store::Documents;
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::SystemTime;
 
 /// A token without its secret, as it stands in the list.
@@ -99,12 +106,77 @@ pub(super) fn check_name(name: &str) -> Result<(), AuthError> {
     }
 }
 
-/// What tells one state of the list's file from another: renaming brings a new inode.
+/// What tells one state of the list from another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Mark {
-    inode: u64,
-    length: u64,
-    modified: Option<SystemTime>,
+pub(super) enum Mark {
+    /// Of a file: renaming brings a new inode.
+    File { inode: u64, length: u64, modified: Option<SystemTime> },
+    /// Of a document.
+    Revision(u64),
+}
+
+/// Where the list stands.
+pub(super) enum Place {
+    Files(Files),
+    Shared(Arc<dyn Documents>),
+}
+
+impl Place {
+    pub(super) fn beside(data: &Path) -> Self {
+        Self::Files(Files::beside(data))
+    }
+
+    /// The list as it is now; `None` if there is none.
+    pub(super) fn read(&self) -> Result<Option<Vec<TokenRecord>>, AuthError> {
+        match self {
+            Self::Files(files) => files.read(),
+            Self::Shared(documents) => shared::read(&**documents),
+        }
+    }
+
+    /// The list as it was known at the last look, without asking anybody.
+    pub(super) fn known(&self) -> Result<Option<Vec<TokenRecord>>, AuthError> {
+        match self {
+            Self::Files(files) => files.read(),
+            Self::Shared(documents) => shared::known(&**documents),
+        }
+    }
+
+    /// Which state of the list is there; `None` if there is none.
+    pub(super) fn mark(&self) -> Result<Option<Mark>, AuthError> {
+        match self {
+            Self::Files(files) => files.mark(),
+            Self::Shared(documents) => Ok(shared::mark(&**documents)),
+        }
+    }
+
+    /// Whether a token was ever created; also if that can't be told.
+    pub(super) fn is_marked(&self) -> bool {
+        match self {
+            Self::Files(files) => files.is_marked(),
+            Self::Shared(documents) => shared::mark(&**documents).is_some(),
+        }
+    }
+
+    /// Marks durably that tokens are required from now on.
+    pub(super) fn require(&self) -> Result<(), AuthError> {
+        match self {
+            Self::Files(files) => files.require(),
+            Self::Shared(_) => Ok(()),
+        }
+    }
+
+    /// Changes the list so that no change of anybody else is lost, and makes it durable. `change` may be asked several
+    /// times; nothing changes where it or reading fails.
+    pub(super) fn change<T>(
+        &self,
+        change: impl Fn(&mut Vec<TokenRecord>) -> Result<T, AuthError>,
+    ) -> Result<T, AuthError> {
+        match self {
+            Self::Files(files) => files.change(change),
+            Self::Shared(documents) => shared::change(&**documents, change),
+        }
+    }
 }
 
 /// The files.
@@ -136,7 +208,9 @@ impl Files {
     /// Which file the list stands in; `None` if there is none.
     pub(super) fn mark(&self) -> Result<Option<Mark>, AuthError> {
         match std::fs::metadata(&self.list) {
-            Ok(facts) => Ok(Some(Mark { inode: facts.ino(), length: facts.len(), modified: facts.modified().ok() })),
+            Ok(facts) => {
+                Ok(Some(Mark::File { inode: facts.ino(), length: facts.len(), modified: facts.modified().ok() }))
+            }
             Err(source) if source.kind() == ErrorKind::NotFound => Ok(None),
             Err(source) => Err(AuthError::File { path: self.list.clone(), source }),
         }

@@ -1,7 +1,7 @@
 //! Access fails closed, whatever becomes of the files; and no change is lost beside another.
 
 use super::*;
-use std::sync::Arc;
+use quadmuse_store::Document;
 
 fn of_role(role: Role, name: &str) -> NewToken {
     NewToken { name: name.into(), role, ..NewToken::default() }
@@ -154,4 +154,54 @@ fn only_their_owner_may_read_the_files() {
         let mode = std::fs::metadata(dir.path().join(file)).expect(file).permissions().mode();
         assert_eq!(mode & 0o077, 0, "{file}");
     }
+}
+
+/// A document that servers share, without an engine.
+#[derive(Default)]
+struct OneDocument(Mutex<Option<Document>>);
+
+impl Documents for OneDocument {
+    fn known(&self, _: &str) -> Option<Document> {
+        self.0.lock().expect("whole").clone()
+    }
+
+    fn read(&self, name: &str) -> Result<Option<Document>, StoreError> {
+        Ok(self.known(name))
+    }
+
+    fn write(&self, _: &str, expected: u64, bytes: &[u8]) -> Result<bool, StoreError> {
+        let mut document = self.0.lock().expect("whole");
+        let revision = document.as_ref().map_or(0, |document| document.revision);
+        if revision == expected {
+            *document = Some(Document { revision: revision + 1, bytes: bytes.into() });
+        }
+        Ok(revision == expected)
+    }
+}
+
+#[test]
+fn tokens_of_servers_that_share_a_corpus_hold_on_all_of_them() {
+    let document = Arc::new(OneDocument::default());
+    let servers = [(); 2].map(|()| Tokens::shared(document.clone()));
+    assert_eq!(servers[0].access(), Access::Open);
+    // Made at once on both: none is lost.
+    let secrets: Vec<String> = std::thread::scope(|scope| {
+        let made = servers.each_ref().map(|server| {
+            scope.spawn(|| (0..10).map(|_| server.create(&NewToken::default()).expect("created").0).collect::<Vec<_>>())
+        });
+        made.into_iter().flat_map(|made| made.join().expect("ended")).collect()
+    });
+    for server in &servers {
+        server.look_again();
+        assert_eq!((server.access(), server.list().expect("read").len()), (Access::Tokens, 20));
+        assert!(secrets.iter().all(|secret| server.find(secret).is_some()));
+    }
+    let all = servers[0].list().expect("read");
+    all.iter().for_each(|record| servers[1].revoke(&record.id.to_string()).expect("revoked"));
+    servers[0].look_again();
+    // An empty list lets in nobody, and neither does a damaged one.
+    assert_eq!((servers[0].access(), servers[0].find(&secrets[0])), (Access::Tokens, None));
+    *document.0.lock().expect("whole") = Some(Document { revision: 99, bytes: (*b"[{").into() });
+    servers[0].look_again();
+    assert_eq!((servers[0].access(), servers[0].find(&secrets[0])), (Access::Tokens, None));
 }

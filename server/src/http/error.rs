@@ -229,6 +229,7 @@ fn judge_tokens(error: &AuthError) -> (StatusCode, Code) {
     match error {
         AuthError::Unknown(_) => (StatusCode::NOT_FOUND, Code::NotFound),
         AuthError::Invalid { .. } => (StatusCode::BAD_REQUEST, Code::ParameterInvalid),
+        AuthError::Shared(_) => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
         AuthError::File { .. } | AuthError::Format { .. } | AuthError::NoRandomness => {
             (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal)
         }
@@ -293,6 +294,8 @@ fn judge_corpus(error: &CorpusError) -> (StatusCode, Code) {
         CorpusError::Invalid(_) => (StatusCode::BAD_REQUEST, Code::ParameterInvalid),
         CorpusError::Full(_) => (StatusCode::INSUFFICIENT_STORAGE, Code::StorageFull),
         CorpusError::ReadOnly(_) => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
+        CorpusError::Conflict(_) => (StatusCode::CONFLICT, Code::Conflict),
+        CorpusError::Unreachable(_) => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
         CorpusError::Busy => (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded),
         CorpusError::NoEncoding(_) => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
         CorpusError::Damaged(_) => (StatusCode::GONE, Code::Damaged),

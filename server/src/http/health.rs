@@ -12,6 +12,9 @@ use quadmuse_proto::{Health, Readiness};
 /// The media type of the Prometheus text format.
 const PROMETHEUS: &str = "text/plain; version=0.0.4; charset=utf-8";
 
+/// A server of several is ready as long as it was known to be up to date so many milliseconds ago.
+const UNSURE_MAX_MS: u64 = 10_000;
+
 /// The process runs.
 #[utoipa::path(get, path = "/healthz", tag = "health", responses((status = 200, description = "Alive", body = Health)))]
 pub async fn alive(wants: Wants) -> Result<Response, HttpError> {
@@ -25,7 +28,9 @@ pub async fn alive(wants: Wants) -> Result<Response, HttpError> {
 )]
 pub async fn ready(State(app): State<App>, wants: Wants) -> Result<Response, HttpError> {
     let (snapshot, health) = (app.work.catalogue.snapshot(), app.work.corpus.health());
-    let ready = !app.stopping.is_cancelled();
+    // A server that doesn't know what others changed doesn't answer for the corpus.
+    let is_sure = app.work.corpus.following().unsure_ms < UNSURE_MAX_MS;
+    let ready = is_sure && !app.stopping.is_cancelled();
     let readiness = Readiness {
         ready,
         writable: health.read_only.is_none(),
@@ -75,6 +80,9 @@ fn gauges(app: &App) {
     {
         metrics::gauge!("quadmuse_memory_bytes", "kind" => kind).set(bytes as f64);
     }
+    let following = app.work.corpus.following();
+    metrics::gauge!("quadmuse_cluster_behind").set(following.behind as f64);
+    metrics::gauge!("quadmuse_cluster_unsure_seconds").set(following.unsure_ms as f64 / 1000.0);
     metrics::gauge!("quadmuse_quarantined").set(health.quarantined.len() as f64);
     metrics::gauge!("quadmuse_writable").set(f64::from(u8::from(health.read_only.is_none())));
 }

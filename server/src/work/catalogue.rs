@@ -11,9 +11,10 @@ use super::ranking::levels_up_to;
 use quadmuse_kernel::register::spectra::LANES;
 use quadmuse_proto::query::LEVELS;
 use quadmuse_proto::{Example, ExampleId, Topology};
+use quadmuse_store::Changed;
 use shelf::{Place, Shelf};
 use std::collections::BTreeMap;
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
 /// The coarsest level of the pyramid, in pixels a side.
 pub const LEVEL_COARSEST: u32 = LEVELS[0];
@@ -138,6 +139,21 @@ impl Snapshot {
         }
     }
 
+    fn set(&mut self, id: ExampleId, now: Now) {
+        match now {
+            Now::Encoded(example, rows) => self.put(&example, rows),
+            Now::Annotated(example) => self.annotate(&example),
+            Now::Gone => self.forget(id),
+            Now::AsBefore => {}
+        }
+    }
+
+    fn forget(&mut self, id: ExampleId) {
+        self.examples.remove(&id);
+        let gone: Vec<_> = self.segments.range((id, 0)..=(id, u32::MAX)).map(|(key, _)| *key).collect();
+        gone.into_iter().for_each(|key| self.take_out(key));
+    }
+
     fn take_out(&mut self, key: (ExampleId, u32)) {
         if let Some(gone) = self.segments.remove(&key)
             && let Some(shelf) = self.shelves.get_mut(&(gone.facts.topology, Stock::of(&gone)))
@@ -147,17 +163,31 @@ impl Snapshot {
     }
 }
 
-/// The resident corpus, kept in step with the store by those who change it.
+/// What became of an example.
+enum Now {
+    Encoded(Arc<Example>, Vec<KeptRow>),
+    Annotated(Arc<Example>),
+    Gone,
+    AsBefore,
+}
+
+/// Examples that are brought in together: their rows are in memory twice for a moment.
+const FOLLOWED_AT_ONCE: usize = 1000;
+
+/// The resident corpus, which follows the changes of the corpus, whoever made them: a writer before it answers, and the
+/// service in the background ([`super::follow`]).
 pub struct Catalogue {
     corpus: Arc<dyn Corpus>,
     engine: Arc<dyn Engine>,
     now: RwLock<Arc<Snapshot>>,
+    /// The position of the last change that is in. Held while changes are brought in, so that they come in order.
+    followed: Mutex<u64>,
 }
 
 impl Catalogue {
     /// An empty catalogue of `corpus`.
     pub fn new(corpus: Arc<dyn Corpus>, engine: Arc<dyn Engine>) -> Self {
-        Self { corpus, engine, now: RwLock::default() }
+        Self { corpus, engine, now: RwLock::default(), followed: Mutex::new(0) }
     }
 
     /// The corpus now.
@@ -167,6 +197,16 @@ impl Catalogue {
 
     /// Brings the whole corpus in; how many rows had to be made from their encodings. Blocks.
     pub fn load(&self) -> usize {
+        self.load_at(&mut self.followed())
+    }
+
+    fn followed(&self) -> MutexGuard<'_, u64> {
+        self.followed.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn load_at(&self, followed: &mut u64) -> usize {
+        // What changes while the corpus is read comes in twice, and is the same then.
+        *followed = self.corpus.changes(u64::MAX).position;
         let mut fresh = Snapshot::default();
         let mut kept = self.corpus.take_rows();
         let mut made = 0;
@@ -195,33 +235,41 @@ impl Catalogue {
         self.corpus.keep_rows(&mut rows)
     }
 
-    /// Brings an example in, or its new state and encodings. Blocks.
-    pub fn refresh(&self, example: &Arc<Example>) {
-        let rows = self.rows_of(example);
-        self.put_newest(example.id, |snapshot, newest| snapshot.put(newest, rows));
+    /// Brings in what changed since the last time. Blocks; when it returns, all that was written before the call is in.
+    pub fn follow(&self) {
+        let mut followed = self.followed();
+        let changes = self.corpus.changes(*followed);
+        let Some(changed) = changes.changed else {
+            tracing::info!("too far behind the corpus's changes: it is read anew");
+            self.load_at(&mut followed);
+            return;
+        };
+        // One look an example, however often it changed.
+        let mut by_id: BTreeMap<ExampleId, bool> = BTreeMap::new();
+        for one in changed {
+            *by_id.entry(one.id()).or_default() |= matches!(one, Changed::Encoded(_));
+        }
+        let ids: Vec<_> = by_id.into_iter().collect();
+        for some in ids.chunks(FOLLOWED_AT_ONCE) {
+            let now: Vec<_> = some.iter().map(|&(id, is_encoded)| (id, self.now_of(id, is_encoded))).collect();
+            self.change(|snapshot| now.into_iter().for_each(|(id, now)| snapshot.set(id, now)));
+        }
+        *followed = changes.position;
     }
 
-    /// Brings an example's new annotations in; its encodings are the same.
-    pub fn annotate(&self, example: &Arc<Example>) {
-        self.put_newest(example.id, |snapshot, newest| snapshot.annotate(newest));
-    }
-
-    /// The record is read under the lock, so that whoever comes last brings the newest, and none that was removed.
-    fn put_newest(&self, id: ExampleId, put: impl FnOnce(&mut Snapshot, &Arc<Example>)) {
-        self.change(|snapshot| {
-            if let Ok(newest) = self.corpus.get(id) {
-                put(snapshot, &newest);
+    /// What an example is now, read from the corpus.
+    fn now_of(&self, id: ExampleId, is_encoded: bool) -> Now {
+        match self.corpus.get(id) {
+            Ok(example) if is_encoded => {
+                let rows = self.corpus.rows_of(id).filter(|rows| rows.len() == example.segments.len());
+                let rows = rows.unwrap_or_else(|| self.rows_of(&example));
+                Now::Encoded(example, rows)
             }
-        });
-    }
-
-    /// Takes an example out.
-    pub fn forget(&self, id: ExampleId) {
-        self.change(|snapshot| {
-            snapshot.examples.remove(&id);
-            let gone: Vec<_> = snapshot.segments.range((id, 0)..=(id, u32::MAX)).map(|(key, _)| *key).collect();
-            gone.into_iter().for_each(|key| snapshot.take_out(key));
-        });
+            Ok(example) => Now::Annotated(example),
+            Err(CorpusError::NotFound(_)) => Now::Gone,
+            // One that is set aside stays until it is healed or removed; its encodings are whole.
+            Err(_) => Now::AsBefore,
+        }
     }
 
     fn change(&self, change: impl FnOnce(&mut Snapshot)) {

@@ -1,4 +1,7 @@
-//! The seam to the corpus on disk: get, put, list, watch, by id and by content.
+//! The seam to the corpus: get, put, list by id and by content, and follow what changes.
+//!
+//! [`stored::StoredCorpus`] is it in earnest, on any backend of `quadmuse-store`: a store on this machine's disk, or a corpus
+//! that servers share.
 //!
 //! All methods block and are called from a blocking thread or from the pool, never from a tokio worker.
 
@@ -6,6 +9,7 @@ use super::engine::{Cut, Packed, SegmentFacts};
 use bytes::Bytes;
 use quadmuse_kernel::register::spectra::Row;
 use quadmuse_proto::{Example, ExampleId, ExamplePatch, MeshCounts};
+use quadmuse_store::{Changes, Following};
 use std::collections::HashMap;
 use std::sync::Arc;
 use tokio::sync::watch;
@@ -38,6 +42,12 @@ pub enum CorpusError {
     /// An encoding is missing or damaged; it is made anew in the background.
     #[error("{0}")]
     NoEncoding(String),
+    /// The record was changed since the caller read it.
+    #[error("{0}")]
+    Conflict(String),
+    /// The engine that servers share doesn't answer; reads go on.
+    #[error("{0}")]
+    Unreachable(String),
     /// The store failed.
     #[error("expected the store to answer; see the cause")]
     Failed(#[source] Box<dyn std::error::Error + Send + Sync>),
@@ -133,7 +143,7 @@ pub trait Corpus: Send + Sync + 'static {
     /// Annotates an example.
     ///
     /// # Errors
-    /// As [`Corpus::put`], and [`CorpusError::NotFound`].
+    /// As [`Corpus::put`], [`CorpusError::NotFound`], and [`CorpusError::Conflict`] if the patch names another revision.
     fn annotate(&self, id: ExampleId, patch: &ExamplePatch) -> Result<Arc<Example>, CorpusError>;
 
     /// Removes an example.
@@ -178,6 +188,11 @@ pub trait Corpus: Send + Sync + 'static {
         HashMap::new()
     }
 
+    /// The rows that came with a change of an example, if all of them did; only once.
+    fn rows_of(&self, _id: ExampleId) -> Option<Vec<KeptRow>> {
+        None
+    }
+
     /// Writes rows down for the next start, in place of those before. What is lost of them is made from the encodings.
     ///
     /// # Errors
@@ -213,8 +228,16 @@ pub trait Corpus: Send + Sync + 'static {
     /// Segments without an encoding of the encoder's version.
     fn stale(&self, version: u32) -> Vec<(ExampleId, u32)>;
 
-    /// A number that grows with every change.
+    /// What changed after `position`, whoever changed it.
+    fn changes(&self, position: u64) -> Changes;
+
+    /// The position of the newest change; 0 before the first.
     fn watch(&self) -> watch::Receiver<u64>;
+
+    /// How well it knows what other servers changed.
+    fn following(&self) -> Following {
+        Following::default()
+    }
 
     /// How it is.
     fn health(&self) -> CorpusHealth;

@@ -109,7 +109,7 @@ pub async fn add(
     // From here on it is a commit: it goes on even if the caller hangs up.
     work.blocking(move |work| {
         let (example, put) = work.corpus.put(new)?;
-        work.catalogue.refresh(&example);
+        work.catalogue.follow();
         Ok((example, put))
     })
     .await
@@ -209,7 +209,7 @@ pub async fn annotate(
     let patch = ExamplePatch { tags, landmarks, ..patch };
     work.blocking(move |work| {
         let example = work.corpus.annotate(id, &patch)?;
-        work.catalogue.annotate(&example);
+        work.catalogue.follow();
         Ok(example)
     })
     .await
@@ -222,7 +222,7 @@ pub async fn annotate(
 pub async fn remove(work: &Arc<Work>, id: ExampleId) -> Result<(), WorkError> {
     work.blocking(move |work| {
         work.corpus.remove(id)?;
-        work.catalogue.forget(id);
+        work.catalogue.follow();
         Ok(())
     })
     .await

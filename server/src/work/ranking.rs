@@ -247,6 +247,7 @@ mod tests {
     fn candidate(hash: &str, score: f64) -> Candidate {
         let example = Example {
             id: ExampleId::generate(),
+            revision: 1,
             name: String::new(),
             tags: Vec::new(),
             relevance: 3.0,
@@ -369,7 +370,7 @@ mod tests {
         let some_closed = |values| {
             let mut all = likened(values);
             for c in &mut all[..2] {
-                let facts = SegmentFacts { topology: Topology::Sphere, ..c.resident.facts.clone() };
+                let facts = SegmentFacts { topology: Topology::Sphere, ..c.resident.facts };
                 let example = Arc::clone(&c.resident.example);
                 c.resident = Arc::new(Resident { example, segment: 0, facts, place: Place::default() });
             }

@@ -49,7 +49,7 @@ async fn rebuild(work: &Arc<Work>, id: ExampleId, segment: u32) -> Result<(), Wo
     let packed: Packed = work.pool.run(&job, Lane::Ingest, pack).await??;
     work.blocking(move |work| {
         work.corpus.put_encoding(id, segment, &packed, counts, work.engine.version())?;
-        work.catalogue.refresh(&example);
+        work.catalogue.follow();
         Ok(())
     })
     .await

@@ -6,18 +6,21 @@
 
 use std::io::{Read, Write};
 use std::path::Path;
+use std::sync::Arc;
 
 use quadmuse_proto::id::ExampleId;
 use serde::{Deserialize, Serialize};
 
+use crate::backend::{Backend, Whole};
 use crate::derived::{PART_BYTES_MAX, Part, PartKind};
 use crate::error::StoreError;
 use crate::files;
 use crate::frame::{self, FRAME_OVERHEAD};
-use crate::record::{ContentHash, ExampleRecord, validate};
+use crate::packed::PackedSegment;
+use crate::record::{ContentHash, ExampleRecord, invalid, validate};
 use crate::recover::OpenReport;
 use crate::shared::OpenOptions;
-use crate::store::{RESTORING, Store};
+use crate::store::{Added, RESTORING, Store};
 use crate::writer::Packed;
 
 const FORMAT: u32 = 1;
@@ -98,68 +101,98 @@ impl Out<'_> {
     }
 }
 
+/// Writes the whole of a corpus, as it is at this moment, to `writer`. The service goes on meanwhile.
+///
+/// # Errors
+/// [`StoreError::Io`] if writing or reading fails; [`StoreError::ReadOnly`] while there is no open index;
+/// [`StoreError::Unreachable`].
+pub fn write(from: &dyn Backend, writer: &mut dyn Write) -> Result<BackupReport, StoreError> {
+    let mut report = BackupReport { skipped: from.quarantined(), ..BackupReport::default() };
+    let snapshot = from.snapshot();
+    let mut out = Out { writer, hash: blake3::Hasher::new(), bytes: 0 };
+    out.value(HEAD, &Head { format: FORMAT, examples: snapshot.examples.len() as u64 })?;
+    for record in &snapshot.examples {
+        match from.whole(record.id) {
+            Ok(whole) => out.example(&Whole { record: record.clone(), ..whole }, &mut report)?,
+            Err(StoreError::Quarantined { id, reason }) => report.skipped.push((id, reason)),
+            // Removed since the snapshot was taken.
+            Err(StoreError::NotFound { .. }) => {}
+            Err(error) => return Err(error),
+        }
+    }
+    let hash = ContentHash::from_bytes(*out.hash.finalize().as_bytes());
+    out.value(TAIL, &Tail { examples: report.examples as u64, hash })?;
+    out.writer.flush().map_err(StoreError::io("write", Path::new("the backup")))?;
+    report.bytes = out.bytes;
+    Ok(report)
+}
+
+/// Adds all examples of a backup to a corpus, as they were; how many there are. What was added stays if it fails later.
+///
+/// # Errors
+/// [`StoreError::Backup`] for a damaged or cut one, and whatever adding fails with.
+pub fn read(to: &dyn Backend, reader: &mut dyn Read) -> Result<u64, StoreError> {
+    In { reader, hash: blake3::Hasher::new(), at: 0 }.restore(to)
+}
+
+impl Out<'_> {
+    fn example(&mut self, whole: &Whole, report: &mut BackupReport) -> Result<(), StoreError> {
+        self.frame(RECORD, &files::encode(&whole.record)?)?;
+        for (number, bytes) in (0u8..).zip(&whole.objects) {
+            self.pieces(OBJECT, number, bytes)?;
+        }
+        for (segment, packed) in &whole.segments {
+            self.value(SEGMENT, &SegmentHead { segment: *segment, encoder_version: packed.encoder_version })?;
+            for part in &packed.parts {
+                self.pieces(PART, part.kind.0, &part.bytes)?;
+            }
+        }
+        report.segments += whole.segments.len();
+        report.examples += 1;
+        self.frame(EXAMPLE_END, &[])
+    }
+}
+
 impl Store {
     /// Writes the whole corpus, as it is at this moment, to `writer`. The service goes on meanwhile.
     ///
     /// # Errors
     /// [`StoreError::Io`] if writing or reading fails; [`StoreError::ReadOnly`] while there is no open index.
     pub fn backup(&self, writer: &mut dyn Write) -> Result<BackupReport, StoreError> {
-        let mut report = BackupReport { skipped: self.quarantined(), ..BackupReport::default() };
-        let snapshot = self.snapshot();
-        let mut out = Out { writer, hash: blake3::Hasher::new(), bytes: 0 };
-        out.value(HEAD, &Head { format: FORMAT, examples: snapshot.examples.len() as u64 })?;
-        for record in &snapshot.examples {
-            self.backup_example(record, &mut out, &mut report)?;
-        }
-        let hash = ContentHash::from_bytes(*out.hash.finalize().as_bytes());
-        out.value(TAIL, &Tail { examples: report.examples as u64, hash })?;
-        out.writer.flush().map_err(StoreError::io("write", Path::new("the backup")))?;
-        report.bytes = out.bytes;
-        Ok(report)
+        write(self, writer)
     }
 
-    fn backup_example(
-        &self,
-        record: &ExampleRecord,
-        out: &mut Out<'_>,
-        report: &mut BackupReport,
-    ) -> Result<(), StoreError> {
-        let id = record.id;
-        let objects: Result<Vec<_>, StoreError> = record.objects().map(|object| self.object(id, object)).collect();
-        let objects = match objects {
-            Ok(objects) => objects,
-            Err(StoreError::Quarantined { reason, .. }) => {
-                report.skipped.push((id, reason));
-                return Ok(());
-            }
-            // Removed since the snapshot was taken.
-            Err(StoreError::NotFound { .. }) => return Ok(()),
-            Err(error) => return Err(error),
-        };
-        out.frame(RECORD, &files::encode(record)?)?;
-        for (number, bytes) in (0u8..).zip(&objects) {
-            out.pieces(OBJECT, number, bytes)?;
-        }
+    pub(crate) fn whole(&self, id: ExampleId) -> Result<Whole, StoreError> {
+        let record = self.get(id)?;
+        let objects = record.objects().map(|object| self.object(id, object)).collect::<Result<_, _>>()?;
+        let mut segments = Vec::with_capacity(record.segments.len());
         for segment in 0..record.segments.len() as u32 {
-            report.segments += usize::from(self.backup_segment(id, segment, out)?);
+            segments.extend(self.packed(id, segment)?.map(|packed| (segment, packed)));
         }
-        report.examples += 1;
-        out.frame(EXAMPLE_END, &[])
+        Ok(Whole { record, objects, segments })
     }
 
-    /// Writes an encoding, unless it is damaged: then it is computed again where it is restored. Whether it was written.
-    fn backup_segment(&self, id: ExampleId, segment: u32, out: &mut Out<'_>) -> Result<bool, StoreError> {
-        let Some(pointer) = self.shared().index().pointer((id, segment)).cloned() else { return Ok(false) };
+    /// A packed encoding; `None` if it is missing or damaged: then it is computed again where it goes to.
+    fn packed(&self, id: ExampleId, segment: u32) -> Result<Option<PackedSegment>, StoreError> {
+        let Some(pointer) = self.shared().index().pointer((id, segment)).cloned() else { return Ok(None) };
         let engine = self.shared().engine()?;
-        let part = |kind| Some((kind, engine.part((id, segment), &pointer, kind).ok()?.ok()?));
-        let Some(parts) = pointer.kinds().map(part).collect::<Option<Vec<(PartKind, Vec<u8>)>>>() else {
-            return Ok(false);
-        };
-        out.value(SEGMENT, &SegmentHead { segment, encoder_version: pointer.encoder_version })?;
-        for (kind, bytes) in parts {
-            out.pieces(PART, kind.0, &bytes)?;
+        let part = |kind| Some(Part { kind, bytes: engine.part((id, segment), &pointer, kind).ok()?.ok()? });
+        let parts = pointer.kinds().map(part).collect::<Option<Vec<_>>>();
+        Ok(parts.map(|parts| PackedSegment { encoder_version: pointer.encoder_version, parts }))
+    }
+
+    pub(crate) fn put_whole(&self, whole: Whole) -> Result<Added, StoreError> {
+        validate(&whole.record)?;
+        if let Some(fault) = whole.fault() {
+            return Err(invalid("an example", "to match its record".into(), fault));
         }
-        Ok(true)
+        let Whole { record, objects, segments } = whole;
+        let mut objects = objects.into_iter();
+        let mesh = objects.next().unwrap_or_default();
+        let packed =
+            |(segment, packed): (u32, PackedSegment)| (segment, Packed::new(packed.encoder_version, packed.parts));
+        let segments = segments.into_iter().map(packed).collect();
+        self.add_packed(Arc::unwrap_or_clone(record), &mesh, objects.next().as_deref(), segments)
     }
 
     /// Restores a backup into `dir`, which must hold no examples yet: all of it or nothing. Until it is whole a mark stands
@@ -188,7 +221,7 @@ impl Store {
         std::fs::write(&mark, "A restore into this store has not ended.\n").map_err(StoreError::io("write", &mark))?;
         files::sync_dir(dir)?;
         let mut input = In { reader, hash: blake3::Hasher::new(), at: 0 };
-        input.restore(&store)?;
+        let _examples = input.restore(&store)?;
         // A first opening after many writes replays them: do it here, not in the service.
         drop(store);
         let opened = Store::open(dir, &restoring)?;
@@ -248,7 +281,7 @@ impl In<'_> {
         Ok((magic, payload, before))
     }
 
-    fn restore(&mut self, store: &Store) -> Result<(), StoreError> {
+    fn restore(&mut self, to: &dyn Backend) -> Result<u64, StoreError> {
         let (magic, head, _) = self.payload()?;
         if magic != HEAD {
             return self.bad("no head of a backup");
@@ -271,13 +304,13 @@ impl In<'_> {
                 (SEGMENT, Some(pending)) => pending.segments.push((self.parse(&payload)?, Vec::new())),
                 (PART, Some(pending)) => self.part(pending, &payload)?,
                 (EXAMPLE_END, Some(_)) => {
-                    pending.take().map_or(Ok(()), |pending| self.commit(store, pending))?;
+                    pending.take().map_or(Ok(()), |pending| self.commit(to, pending))?;
                     examples += 1;
                 }
                 (TAIL, None) => {
                     let tail: Tail = self.parse(&payload)?;
                     return if tail.examples == examples && tail.hash == before {
-                        Ok(())
+                        Ok(examples)
                     } else {
                         self.bad("a part missing or out of place")
                     };
@@ -311,19 +344,16 @@ impl In<'_> {
         Ok(())
     }
 
-    fn commit(&self, store: &Store, pending: Pending) -> Result<(), StoreError> {
+    fn commit(&self, to: &dyn Backend, pending: Pending) -> Result<(), StoreError> {
         let Pending { record, objects, segments } = pending;
-        let hashes: Vec<ContentHash> = record.objects().collect();
-        if hashes != objects.iter().map(|object| ContentHash::of(object)).collect::<Vec<_>>() {
-            return self.bad(format!("the mesh of {} not matching its hash", record.id));
+        let packed = |(head, parts): (SegmentHead, _)| {
+            (head.segment, PackedSegment { encoder_version: head.encoder_version, parts })
+        };
+        let segments = segments.into_iter().map(packed).collect();
+        let whole = Whole { record: Arc::new(record), objects, segments };
+        if let Some(fault) = whole.fault() {
+            return self.bad(fault);
         }
-        if segments.iter().any(|(head, _)| head.segment as usize >= record.segments.len()) {
-            return self.bad(format!("an encoding of a segment {} doesn't have", record.id));
-        }
-        let mut objects = objects.into_iter();
-        let mesh = objects.next().unwrap_or_default();
-        let packed = |(head, parts): (SegmentHead, _)| (head.segment, Packed::new(head.encoder_version, parts));
-        store.add_packed(record, &mesh, objects.next().as_deref(), segments.into_iter().map(packed).collect())?;
-        Ok(())
+        to.put_whole(whole).map(drop)
     }
 }

@@ -172,6 +172,34 @@ pub enum StoreError {
         /// The store's directory.
         dir: PathBuf,
     },
+    /// The record was changed since the caller read it.
+    #[error(
+        "expected the example {id} at revision {expected}, found it at revision {found}: somebody else changed it; read it again, and change that"
+    )]
+    Conflict {
+        /// The example.
+        id: ExampleId,
+        /// The revision that the change was made for.
+        expected: u32,
+        /// The revision there is.
+        found: u32,
+    },
+    /// The engine that servers share doesn't answer. Whether a write was kept is not known: send it again.
+    #[error("expected the cluster's engine to {doing}, found that it does not ({reason}); try again shortly")]
+    Unreachable {
+        /// What was attempted.
+        doing: &'static str,
+        /// What it, or the network, said.
+        reason: String,
+    },
+    /// The engine that servers share has no room left.
+    #[error(
+        "expected room on the cluster's engine, found none ({reason}); give its nodes larger disks, or raise their `max_file`"
+    )]
+    EngineFull {
+        /// What it said.
+        reason: String,
+    },
     /// The store was closed while the call was waiting.
     #[error("expected an open store, found it closing; start it again")]
     Closed,
@@ -186,7 +214,10 @@ impl StoreError {
     /// Whether the cause is a full file system, a quota or a limit on the size of files.
     pub fn is_full(&self) -> bool {
         match self {
-            StoreError::Full { .. } | StoreError::IndexFull { .. } | StoreError::NoRoom { .. } => true,
+            StoreError::Full { .. }
+            | StoreError::IndexFull { .. }
+            | StoreError::NoRoom { .. }
+            | StoreError::EngineFull { .. } => true,
             StoreError::Io { source, .. } => is_full(source),
             StoreError::Migration(quadmuse_migrations::MigrationError::Io { source, .. }) => is_full(source),
             _ => false,

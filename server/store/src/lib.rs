@@ -18,7 +18,9 @@
 //!
 //! Every call blocks; call from a thread that may wait.
 
+mod backend;
 mod backup;
+mod changes;
 mod check;
 mod codec;
 mod compact;
@@ -29,6 +31,7 @@ mod files;
 mod frame;
 mod index;
 mod keys;
+mod packed;
 mod quarantine;
 mod record;
 mod recover;
@@ -39,7 +42,9 @@ mod stats;
 mod store;
 mod writer;
 
-pub use backup::BackupReport;
+pub use backend::{Backend, Document, Documents, Following, Listener, Whole};
+pub use backup::{BackupReport, read as read_backup, write as write_backup};
+pub use changes::{ChangeLog, Changed, Changes};
 pub use check::{CheckReport, Problem};
 pub use codec::LEVEL_SIDE_MAX;
 pub use derived::{
@@ -47,13 +52,14 @@ pub use derived::{
 };
 pub use error::StoreError;
 pub use index::{Filter, Page, Snapshot};
+pub use packed::{PackedSegment, SegmentReader, coarse_when_kept};
 pub use record::{
     ContentHash, ExampleRecord, FORMAT_BYTES_MAX, LANDMARKS_MAX, LandmarkRecord, NAME_BYTES_MAX, NOTES_BYTES_MAX,
     NewSegmentation, Patch, RELEVANCE_MAX, REPAIR_BYTES_MAX, REPAIRS_MAX, SEGMENTS_MAX, SegmentSummary, Segmentation,
-    TAG_BYTES_MAX, TAGS_MAX, Topology, identity,
+    TAG_BYTES_MAX, TAGS_MAX, Topology, identity, validate,
 };
 pub use recover::OpenReport;
 pub use rows::SegmentRow;
 pub use shared::{FreeSpace, OpenOptions};
 pub use stats::Stats;
-pub use store::{Added, LIST_MAX, NewExample, Store};
+pub use store::{Added, LIST_MAX, NewExample, Store, new_record};

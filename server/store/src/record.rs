@@ -55,7 +55,7 @@ impl ContentHash {
     }
 
     /// Reads 64 lower-case hexadecimal digits.
-    pub(crate) fn from_hex(text: &str) -> Option<Self> {
+    pub fn from_hex(text: &str) -> Option<Self> {
         let hash = blake3::Hash::from_hex(text).ok()?;
         let canonical = !text.bytes().any(|byte| byte.is_ascii_uppercase());
         canonical.then_some(Self(*hash.as_bytes()))
@@ -238,7 +238,7 @@ pub struct LandmarkRecord {
 
 impl Segmentation {
     /// The object that holds a label for each face, if there is one.
-    pub(crate) fn labels(&self) -> Option<ContentHash> {
+    pub fn labels(&self) -> Option<ContentHash> {
         match *self {
             Self::Labels { object, .. } | Self::Parted { object, .. } => Some(object),
             Self::Auto | Self::Whole | Self::Groups => None,
@@ -248,7 +248,7 @@ impl Segmentation {
 
 impl ExampleRecord {
     /// The objects its ground state lies in.
-    pub(crate) fn objects(&self) -> impl Iterator<Item = ContentHash> + '_ {
+    pub fn objects(&self) -> impl Iterator<Item = ContentHash> + '_ {
         std::iter::once(self.content_hash).chain(self.segmentation.labels())
     }
 }
@@ -262,6 +262,8 @@ pub struct Patch {
     pub tags: Option<Vec<String>>,
     /// A new relevance, 0–5.
     pub relevance: Option<f32>,
+    /// The revision that this was made for; `None`: whichever there is.
+    pub from_revision: Option<u32>,
     /// A new author.
     pub author: Option<String>,
     /// A new licence.
@@ -274,7 +276,13 @@ pub struct Patch {
 
 impl Patch {
     /// The record after this annotation.
-    pub(crate) fn apply(&self, record: &ExampleRecord) -> Result<ExampleRecord, StoreError> {
+    ///
+    /// # Errors
+    /// [`StoreError::Conflict`] if it was made for another revision, [`StoreError::Invalid`] outside the limits.
+    pub fn apply(&self, record: &ExampleRecord) -> Result<ExampleRecord, StoreError> {
+        if let Some(expected) = self.from_revision.filter(|expected| *expected != record.revision) {
+            return Err(StoreError::Conflict { id: record.id, expected, found: record.revision });
+        }
         let mut next = record.clone();
         if let Some(name) = &self.name {
             next.name.clone_from(name);
@@ -314,7 +322,10 @@ pub(crate) fn normalise(record: &mut ExampleRecord) {
 }
 
 /// Checks a record against the limits of this module.
-pub(crate) fn validate(record: &ExampleRecord) -> Result<(), StoreError> {
+///
+/// # Errors
+/// [`StoreError::Invalid`].
+pub fn validate(record: &ExampleRecord) -> Result<(), StoreError> {
     at_most("the name", "bytes", record.name.len(), NAME_BYTES_MAX)?;
     at_most("the tags", "of them", record.tags.len(), TAGS_MAX)?;
     for tag in &record.tags {

@@ -7,6 +7,8 @@ use std::time::{Duration, Instant};
 
 use quadmuse_proto::id::ExampleId;
 
+use crate::backend::Listener;
+use crate::changes::{ChangeLog, Changed, Changes};
 use crate::engine::{Engine, Failure};
 use crate::error::StoreError;
 use crate::files::{Ground, Objects};
@@ -98,6 +100,9 @@ pub(crate) struct Shared {
     index: RwLock<Index>,
     revision: Mutex<u64>,
     changed: Condvar,
+    /// What changed since the store was opened.
+    log: Mutex<ChangeLog>,
+    listeners: Mutex<Vec<Listener>>,
     fault: Mutex<Option<Fault>>,
     in_flight: Mutex<HashMap<ContentHash, usize>>,
     /// Examples whose adding was refused after some of it was written: gone when the index is reopened.
@@ -128,6 +133,8 @@ impl Shared {
             index: RwLock::new(index),
             revision,
             changed: Condvar::new(),
+            log: Mutex::default(),
+            listeners: Mutex::default(),
             fault: Mutex::new(None),
             in_flight: Mutex::new(HashMap::new()),
             refused: Mutex::default(),
@@ -157,9 +164,15 @@ impl Shared {
     pub(crate) fn publish(&self, changes: impl IntoIterator<Item = Change>) {
         let revision = {
             let mut index = self.index_mut();
+            let mut last = None;
             for change in changes {
                 if let Change::Removed(id) | Change::Healed(id) = change {
                     self.quarantine.forget(id);
+                }
+                // Each segment of a new example has a pointer: it is told once.
+                if let Some(changed) = told(&index, &change).filter(|changed| last.replace(*changed) != Some(*changed))
+                {
+                    lock(&self.log).push(changed);
                 }
                 index.apply(change);
             }
@@ -181,6 +194,17 @@ impl Shared {
     fn announce(&self, revision: u64) {
         *lock(&self.revision) = revision;
         self.changed.notify_all();
+        let position = lock(&self.log).newest();
+        lock(&self.listeners).iter().for_each(|tell| tell(position));
+    }
+
+    /// What changed after `position`.
+    pub(crate) fn changes(&self, position: u64) -> Changes {
+        lock(&self.log).after(position)
+    }
+
+    pub(crate) fn subscribe(&self, listener: Listener) {
+        lock(&self.listeners).push(listener);
     }
 
     /// Waits until the corpus is newer than `known` or the time is up; its revision then.
@@ -271,6 +295,18 @@ impl Shared {
             return Ok(());
         }
         self.objects.remove(object)
+    }
+}
+
+/// What a change of the index, which is not applied yet, is to whoever follows the corpus. That an example is set aside is
+/// told where it is asked for.
+fn told(index: &Index, change: &Change) -> Option<Changed> {
+    match change {
+        Change::Record(record) if index.record(record.id).is_some() => Some(Changed::Annotated(record.id)),
+        Change::Record(record) => Some(Changed::Encoded(record.id)),
+        Change::Pointer((id, _), _) | Change::Healed(id) => Some(Changed::Encoded(*id)),
+        Change::Removed(id) => Some(Changed::Removed(*id)),
+        Change::Quarantined(..) => None,
     }
 }
 

@@ -529,8 +529,11 @@ fn lock_dir(dir: &Path) -> Result<File, StoreError> {
     }
 }
 
-/// The record of a new example, and its labels as an object.
-fn new_record(new: &NewExample<'_>) -> Result<(ExampleRecord, Option<Vec<u8>>), StoreError> {
+/// The record of a new example with a fresh id, and its labels as an object.
+///
+/// # Errors
+/// [`StoreError::Invalid`] outside the limits.
+pub fn new_record(new: &NewExample<'_>) -> Result<(ExampleRecord, Option<Vec<u8>>), StoreError> {
     if new.derived.len() != new.segments.len() || new.derived.is_empty() {
         let found = format!("{} encodings of {} segments", new.derived.len(), new.segments.len());
         return Err(invalid("the encodings", "one a segment, and at least one".into(), found));

@@ -12,7 +12,7 @@ pub struct CrateWall {
 }
 
 /// The walls, as ARCHITECTURE.md tells them.
-pub const CRATE_WALLS: [CrateWall; 6] = [
+pub const CRATE_WALLS: [CrateWall; 7] = [
     CrateWall {
         manifest: "server/kernel/Cargo.toml",
         ours: &[],
@@ -40,17 +40,25 @@ pub const CRATE_WALLS: [CrateWall; 6] = [
         ours: &["quadmuse-kernel", "quadmuse-proto", "quadmuse-migrations"],
         never: &["axum", "hyper", "tokio"],
     },
+    CrateWall {
+        manifest: "server/cluster/Cargo.toml",
+        ours: &["quadmuse-proto", "quadmuse-store"],
+        never: &["axum", "hyper", "sled"],
+    },
     CrateWall { manifest: "migrations/Cargo.toml", ours: &[], never: &["axum", "hyper", "tokio"] },
     CrateWall { manifest: "client/Cargo.toml", ours: &["quadmuse-proto"], never: &["axum", "sled"] },
     CrateWall {
         manifest: "server/Cargo.toml",
-        ours: &["quadmuse-kernel", "quadmuse-store", "quadmuse-proto", "quadmuse-migrations"],
+        ours: &["quadmuse-cluster", "quadmuse-kernel", "quadmuse-store", "quadmuse-proto", "quadmuse-migrations"],
         never: &["sled", "reqwest"],
     },
 ];
 
 /// The only manifests that may name sled, besides the table of shared versions in the root.
 pub const SLED_MANIFESTS: [&str; 3] = ["Cargo.toml", "server/store/Cargo.toml", "migrations/Cargo.toml"];
+
+/// The only manifests that may name the client of the engine that servers share.
+pub const ENGINE_MANIFESTS: [&str; 2] = ["Cargo.toml", "server/cluster/Cargo.toml"];
 
 /// The dependencies that a manifest names, of every kind but those of the tests (`dev-dependencies`).
 pub fn dependencies(manifest: &str) -> Vec<String> {
@@ -98,6 +106,10 @@ pub fn complaints_anywhere(path: &str, manifest: &str) -> Vec<String> {
     let names_sled = dependencies(manifest).iter().any(|name| name == "sled");
     if names_sled && !SLED_MANIFESTS.contains(&path) {
         found.push(format!("{path} depends on sled; only the store and the migrations may, go through quadmuse-store"));
+    }
+    let names_engine = dependencies(manifest).iter().any(|name| name == "async-nats");
+    if names_engine && !ENGINE_MANIFESTS.contains(&path) {
+        found.push(format!("{path} depends on async-nats; only the cluster may, go through quadmuse-cluster"));
     }
     let is_workspace = manifest.contains("[workspace]");
     let lints: String = manifest.split_whitespace().collect();

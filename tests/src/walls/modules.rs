@@ -41,6 +41,9 @@ pub fn complaints(path: &str, source: &str) -> Vec<String> {
     if path.starts_with("server/store/src/") {
         return store(path, &code);
     }
+    if path.starts_with("server/cluster/src/") {
+        return cluster(path, &code);
+    }
     let Some(inside) = path.strip_prefix("server/src/") else { return Vec::new() };
     match inside.split(['/', '.']).next() {
         Some("work") => never(
@@ -62,6 +65,16 @@ pub fn complaints(path: &str, source: &str) -> Vec<String> {
 fn never(path: &str, code: &str, words: &[&str], why: &str) -> Vec<String> {
     let found = words.iter().flat_map(|word| lines_naming(code, word).into_iter().map(move |line| (line, word)));
     found.map(|(line, word)| format!("{path}:{line} names {word}; {why}")).collect()
+}
+
+/// What a corpus needs of its engine is said in the corpus's words; one module speaks the engine's.
+fn cluster(path: &str, code: &str) -> Vec<String> {
+    let mut found = store(path, code);
+    if !path.starts_with("server/cluster/src/jetstream") {
+        let why = "only `jetstream` speaks to the engine; say what is needed in `engine`";
+        found.extend(never(path, code, &["async_nats"], why));
+    }
+    found
 }
 
 /// The store knows ids, and nothing else of the wire.

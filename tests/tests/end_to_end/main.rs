@@ -1,8 +1,11 @@
 //! The whole path over HTTP: the real server, the real client, a store on disk.
 
+mod cluster;
 mod crash;
 mod disks;
 mod hostile;
+#[path = "../../../server/cluster/tests/support/nodes.rs"]
+mod nodes;
 mod path;
 mod shutdown;
 

@@ -73,13 +73,7 @@ impl Rigid {
         Some(found)
     }
 
-    fn onto(
-        &self,
-        seen: &Seen,
-        points: &[Vec3],
-        normals: &[Vec3],
-        partners: &mut Partners,
-    ) -> Vec<(Vec3, Vec3, f64)> {
+    fn onto(&self, seen: &Seen, points: &[Vec3], normals: &[Vec3], partners: &mut Partners) -> Vec<(Vec3, Vec3, f64)> {
         let met = onto(seen, points, normals, SIGMA_MIN, &mut partners.onto);
         let pair = |i: usize| {
             let (way, n) = (met.targets[i] - points[i], met.normals[i]);

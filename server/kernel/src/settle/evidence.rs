@@ -213,8 +213,7 @@ impl<const N: usize> Wide for Heights<'_, N> {
                 way[2][lane] = z[lane] - at[2];
             }
             for lane in 0..LANES {
-                squared[lane] =
-                    way[0][lane] * way[0][lane] + way[1][lane] * way[1][lane] + way[2][lane] * way[2][lane];
+                squared[lane] = way[0][lane] * way[0][lane] + way[1][lane] * way[1][lane] + way[2][lane] * way[2][lane];
             }
             for lane in 0..LANES {
                 let facing = nx[lane] * normal[0] + ny[lane] * normal[1] + nz[lane] * normal[2];

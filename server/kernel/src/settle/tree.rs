@@ -56,12 +56,8 @@ impl<const D: usize> KdTree<D> {
             leaves *= LANES;
         }
         let in_leaf = count.div_ceil(leaves).div_ceil(LANES);
-        let mut tree = Self {
-            boxes: Vec::new(),
-            blocks: vec![Block::EMPTY; leaves * in_leaf],
-            in_leaf,
-            places: vec![0; count],
-        };
+        let mut tree =
+            Self { boxes: Vec::new(), blocks: vec![Block::EMPTY; leaves * in_leaf], in_leaf, places: vec![0; count] };
         // Level by level, as the nodes are numbered.
         let mut level = vec![(0, count)];
         while level.len() < leaves {

@@ -131,6 +131,21 @@ async fn annotations_change_what_is_named_and_nothing_else() {
 }
 
 #[tokio::test]
+async fn what_somebody_else_changed_is_not_overwritten_unnoticed() {
+    let bench = Bench::new();
+    let path = format!("/v1/examples/{}", bench.add("a", "segment disc 1").await);
+    assert_eq!(bench.get(&path).await.json()["revision"], json!(1));
+    let kind = [("content-type", "application/json")];
+    let change = |name: &str| format!(r#"{{"name": "{name}", "revision": 1}}"#);
+    let mine = bench.request(Method::PATCH, &path, &kind, change("mine")).await;
+    assert_eq!((mine.status, &mine.json()["revision"]), (StatusCode::OK, &json!(2)));
+    let yours = bench.request(Method::PATCH, &path, &kind, change("yours")).await;
+    assert!(yours.json()["detail"].as_str().is_some_and(|detail| detail.contains('2')), "{}", yours.json());
+    yours.problem(409, "conflict");
+    assert_eq!(bench.get(&path).await.json()["name"], "mine");
+}
+
+#[tokio::test]
 async fn an_example_keeps_its_author_its_licence_notes_and_named_landmarks() {
     let bench = Bench::new();
     let path = format!("/v1/examples/{}", bench.add("a", "segment disc 1").await);
@@ -154,7 +169,9 @@ async fn an_example_keeps_its_author_its_licence_notes_and_named_landmarks() {
     ]);
     assert_eq!(now["landmarks"], placed);
     // What was answered may be sent again; what is not named stays.
-    assert_eq!(patch(&json!({"landmarks": placed})).await.json(), now);
+    let mut expected = now.clone();
+    expected["revision"] = json!(3);
+    assert_eq!(patch(&json!({"landmarks": placed})).await.json(), expected);
     assert_eq!(patch(&json!({"name": "b"})).await.json()["landmarks"], placed);
     assert_eq!(bench.get(&path).await.json()["author"], "Ada");
     for wrong in [

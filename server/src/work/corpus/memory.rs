@@ -4,6 +4,7 @@ use super::*;
 use crate::work::engine::Besides;
 use crate::work::query::rfc3339;
 use quadmuse_proto::ExampleSegment;
+use quadmuse_store::{ChangeLog, Changed};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard};
@@ -11,7 +12,8 @@ use std::sync::{Mutex, MutexGuard};
 /// The corpus.
 pub(crate) struct MemoryCorpus {
     rows: Mutex<BTreeMap<ExampleId, Row>>,
-    changes: watch::Sender<u64>,
+    log: Mutex<ChangeLog>,
+    newest: watch::Sender<u64>,
     /// Refuses writes as a full disk does.
     pub(crate) full: AtomicBool,
 }
@@ -25,13 +27,23 @@ struct Row {
 
 impl Default for MemoryCorpus {
     fn default() -> Self {
-        Self { rows: Mutex::default(), changes: watch::Sender::new(0), full: AtomicBool::new(false) }
+        Self {
+            rows: Mutex::default(),
+            log: Mutex::default(),
+            newest: watch::Sender::new(0),
+            full: AtomicBool::new(false),
+        }
     }
 }
 
 impl MemoryCorpus {
     fn rows(&self) -> MutexGuard<'_, BTreeMap<ExampleId, Row>> {
         self.rows.lock().expect("not poisoned")
+    }
+
+    fn tell(&self, changed: Changed) {
+        let position = self.log.lock().expect("not poisoned").push(changed);
+        self.newest.send_replace(position);
     }
 
     fn writable(&self) -> Result<(), CorpusError> {
@@ -55,6 +67,7 @@ fn described(new: &NewExample) -> Example {
     };
     Example {
         id,
+        revision: 1,
         name: new.name.clone(),
         tags: new.tags.clone(),
         relevance: new.relevance,
@@ -83,7 +96,7 @@ impl Corpus for MemoryCorpus {
         let segments = new.segments.into_iter().map(|packed| (new.encoder_version, packed)).collect();
         let row = Row { example: Arc::clone(&example), bytes: new.bytes, cut: new.cut, segments };
         self.rows().insert(example.id, row);
-        self.changes.send_modify(|n| *n += 1);
+        self.tell(Changed::Encoded(example.id));
         Ok((example, Put::Added))
     }
 
@@ -108,6 +121,10 @@ impl Corpus for MemoryCorpus {
         let mut rows = self.rows();
         let row = rows.get_mut(&id).ok_or(CorpusError::NotFound(id))?;
         let mut example = (*row.example).clone();
+        if patch.revision.is_some_and(|revision| revision != example.revision) {
+            return Err(CorpusError::Conflict(format!("expected another revision, found {}", example.revision)));
+        }
+        example.revision += 1;
         patch.name.iter().for_each(|name| example.name.clone_from(name));
         patch.tags.iter().for_each(|tags| example.tags.clone_from(tags));
         patch.relevance.iter().for_each(|relevance| example.relevance = *relevance);
@@ -115,12 +132,17 @@ impl Corpus for MemoryCorpus {
         patch.licence.iter().for_each(|licence| example.licence.clone_from(licence));
         patch.notes.iter().for_each(|notes| example.notes.clone_from(notes));
         patch.landmarks.iter().for_each(|landmarks| example.landmarks.clone_from(landmarks));
-        row.example = Arc::new(example);
-        Ok(Arc::clone(&row.example))
+        let example = Arc::new(example);
+        row.example = Arc::clone(&example);
+        drop(rows);
+        self.tell(Changed::Annotated(id));
+        Ok(example)
     }
 
     fn remove(&self, id: ExampleId) -> Result<(), CorpusError> {
-        self.rows().remove(&id).map(drop).ok_or(CorpusError::NotFound(id))
+        self.rows().remove(&id).map(drop).ok_or(CorpusError::NotFound(id))?;
+        self.tell(Changed::Removed(id));
+        Ok(())
     }
 
     fn bytes(&self, id: ExampleId) -> Result<Bytes, CorpusError> {
@@ -150,6 +172,8 @@ impl Corpus for MemoryCorpus {
         let mut rows = self.rows();
         let row = rows.get_mut(&id).ok_or(CorpusError::NotFound(id))?;
         row.segments[segment as usize] = (version, packed.clone());
+        drop(rows);
+        self.tell(Changed::Encoded(id));
         Ok(())
     }
 
@@ -161,8 +185,12 @@ impl Corpus for MemoryCorpus {
         self.rows().iter().flat_map(of).collect()
     }
 
+    fn changes(&self, position: u64) -> Changes {
+        self.log.lock().expect("not poisoned").after(position)
+    }
+
     fn watch(&self) -> watch::Receiver<u64> {
-        self.changes.subscribe()
+        self.newest.subscribe()
     }
 
     fn health(&self) -> CorpusHealth {

@@ -1,36 +1,47 @@
-//! The corpus in earnest: the store on disk.
+//! The corpus in earnest: on a backend, which is the store on disk or a corpus that servers share.
 //!
-//! The store knows meshes, records and encodings; what else an [`Example`] tells is derived, and travels in the opaque
+//! A backend knows meshes, records and encodings; what else an [`Example`] tells is derived, and travels in the opaque
 //! part of its segments' charts.
 
 mod row;
 mod shaped;
 
 use super::{Corpus, CorpusCheck, CorpusError, CorpusHealth, KeptRow, NewExample, Put};
-use crate::work::engine::{Besides, Cut, Packed, SegmentFacts};
+use crate::work::engine::{Besides, Cut, Engine, Packed, SegmentFacts};
 use crate::work::ingest::counts_of;
 use crate::work::query::rfc3339;
 use bytes::Bytes;
 use quadmuse_kernel::mesh;
+use quadmuse_kernel::register::spectra::Row;
 use quadmuse_proto::{Example, ExampleId, ExamplePatch, ExampleSegment, MeshCounts, Segmentation};
 use quadmuse_store::{
-    Added, ExampleRecord, NewSegmentation, OpenOptions, OpenReport, Problem, SegmentSummary, Store, StoreError,
+    Added, Backend, Changed, Changes, Coarse, DerivedSegment, ExampleRecord, Following, Level, NewSegmentation,
+    OpenOptions, OpenReport, PackedSegment, Problem, SegmentRow, SegmentSummary, Store, StoreError, coarse_when_kept,
 };
 use row::WrittenRow;
 use shaped::{Shaped, derived_in, feature_out, labels_in, landmark_out, patch_in, segmentation_in, topology_out};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use tokio::sync::watch;
 
-/// The corpus on disk.
+/// Makes the row that a search keeps of an encoding; `None` if there is none.
+pub type RowMaker = Box<dyn Fn(&Packed) -> Option<Row> + Send + Sync>;
+
+/// The corpus.
 pub struct StoredCorpus {
-    store: Store,
+    store: Arc<dyn Backend>,
+    /// The same as a store on disk, if it is one: for what only such a store can.
+    on_disk: Option<Store>,
+    /// For a backend that keeps rows with what is added, so that other servers needn't make them.
+    row_maker: Option<RowMaker>,
     /// What is derived of each example beside its record.
     described: RwLock<BTreeMap<ExampleId, Arc<Described>>>,
-    /// The rows that were written down, until they are asked for.
+    /// The rows that were written down, or came with a change, until they are asked for.
     rows: Mutex<HashMap<ExampleId, Vec<KeptRow>>>,
-    changes: watch::Sender<u64>,
+    newest: watch::Receiver<u64>,
+    /// The position up to which `described` and `rows` know what changed.
+    learned: Mutex<u64>,
 }
 
 /// What an example tells beside its record.
@@ -48,35 +59,30 @@ impl StoredCorpus {
     /// Those of [`Store::open`].
     pub fn open(dir: &Path, options: &OpenOptions) -> Result<(Self, OpenReport), StoreError> {
         let (store, report) = Store::open(dir, options)?;
-        Ok((Self::of(store), report))
+        let corpus = Self { on_disk: Some(store.clone()), ..Self::of(Arc::new(store), None) };
+        Ok((corpus, report))
     }
 
-    /// The corpus in an open store. Blocks.
-    pub fn of(store: Store) -> Self {
-        let mut written: HashMap<ExampleId, Vec<WrittenRow>> = HashMap::new();
-        for (id, (segment, bytes)) in store.rows() {
-            written.entry(id).or_default().extend(row::read(segment, &bytes));
+    /// The corpus on a backend. Blocks.
+    pub fn of(store: Arc<dyn Backend>, row_maker: Option<RowMaker>) -> Self {
+        let (told, newest) = watch::channel(0);
+        store.subscribe(Box::new(move |position| {
+            // Whether anybody listens, or not.
+            let _ = told.send(position);
+        }));
+        // What changes from here on is learned with the changes.
+        let learned = Mutex::new(store.changes(u64::MAX).position);
+        let mut written: HashMap<ExampleId, Vec<SegmentRow>> = HashMap::new();
+        for (id, row) in store.rows() {
+            written.entry(id).or_default().push(row);
         }
         let (mut all, mut rows) = (BTreeMap::new(), HashMap::new());
         for record in &store.snapshot().examples {
-            let mut of = written.remove(&record.id).unwrap_or_default();
-            of.sort_by_key(|written| written.segment);
-            let whole = of.iter().map(|written| written.segment).eq(0..record.segments.len() as u32);
-            let known = match of.first() {
-                Some(first) if whole => Described {
-                    triangles: first.counts.0,
-                    quads: first.counts.1,
-                    features: of.iter().map(|written| written.features).collect(),
-                },
-                _ => described(&store, record),
-            };
+            let (known, kept) = known_of(&*store, record, written.remove(&record.id).unwrap_or_default());
             all.insert(record.id, Arc::new(known));
-            if whole {
-                let kept = of.into_iter().zip(&record.segments).map(|(written, summary)| written.kept(summary));
-                rows.insert(record.id, kept.collect());
-            }
+            rows.extend(kept.map(|kept| (record.id, kept)));
         }
-        Self { described: RwLock::new(all), rows: Mutex::new(rows), store, changes: watch::Sender::new(0) }
+        Self { store, on_disk: None, row_maker, described: RwLock::new(all), rows: Mutex::new(rows), newest, learned }
     }
 
     fn example(&self, record: &ExampleRecord) -> Arc<Example> {
@@ -84,19 +90,109 @@ impl StoredCorpus {
         Arc::new(example_of(record, &known.unwrap_or_default()))
     }
 
-    fn describe(&self, id: ExampleId, known: Option<Described>) {
-        let mut all = self.described.write().unwrap_or_else(PoisonError::into_inner);
-        match known {
-            Some(known) => drop(all.insert(id, Arc::new(known))),
-            None => drop(all.remove(&id)),
+    fn describe(&self, id: ExampleId, known: Described) {
+        self.described.write().unwrap_or_else(PoisonError::into_inner).insert(id, Arc::new(known));
+    }
+
+    /// Learns what changed since the last time, before anybody is told that it did.
+    fn learn_changes(&self) {
+        let mut learned = self.learned.lock().unwrap_or_else(PoisonError::into_inner);
+        let Changes { position, changed } = self.store.changes(*learned);
+        let all = || self.store.snapshot().examples.iter().map(|record| Changed::Encoded(record.id)).collect();
+        // Each once, however often it changed.
+        let changed: HashSet<Changed> = changed.unwrap_or_else(all).into_iter().collect();
+        for one in changed {
+            match one {
+                Changed::Encoded(id) => self.learn(id),
+                Changed::Annotated(_) => {}
+                Changed::Removed(id) => self.forget(id),
+            }
         }
-        drop(all);
-        self.changes.send_modify(|revision| *revision += 1);
+        *learned = position;
+    }
+
+    fn forget(&self, id: ExampleId) {
+        if self.store.get(id).is_err() {
+            self.described.write().unwrap_or_else(PoisonError::into_inner).remove(&id);
+        }
+    }
+
+    /// Learns what is derived of an example that is new, or encoded anew.
+    fn learn(&self, id: ExampleId) {
+        let Ok(record) = self.store.get(id) else { return };
+        let (known, kept) = known_of(&*self.store, &record, self.store.rows_of(id));
+        self.describe(id, known);
+        if let Some(kept) = kept {
+            self.rows.lock().unwrap_or_else(PoisonError::into_inner).insert(id, kept);
+        }
+    }
+
+    /// The rows of new encodings, as bytes, where the backend keeps them: all of them, or none.
+    fn rows_for(&self, derived: &[DerivedSegment], faces: &[u64], counts: MeshCounts) -> Vec<Vec<u8>> {
+        let Some(maker) = &self.row_maker else { return Vec::new() };
+        let row = |(segment, (derived, faces)): (u32, (&DerivedSegment, &u64))| {
+            // What is made of the encoding as it will be read, so that every server makes the same.
+            let coarse = coarse_when_kept(derived).ok()?;
+            let packed = packed_of(&coarse, coarse.level.clone(), *faces);
+            let row = maker(&packed)?;
+            Some(row::write(&KeptRow { segment, facts: packed.facts, row }, (counts.triangles, counts.quads)))
+        };
+        let rows: Option<Vec<_>> = (0..).zip(derived.iter().zip(faces)).map(row).collect();
+        rows.unwrap_or_default()
+    }
+}
+
+/// What the rows of an example tell, or else its encodings; and the rows, if all are there.
+fn known_of(store: &dyn Backend, record: &ExampleRecord, rows: Vec<SegmentRow>) -> (Described, Option<Vec<KeptRow>>) {
+    let mut of: Vec<WrittenRow> = rows.into_iter().filter_map(|(segment, bytes)| row::read(segment, &bytes)).collect();
+    of.sort_by_key(|written| written.segment);
+    let whole = of.iter().map(|written| written.segment).eq(0..record.segments.len() as u32);
+    let known = match of.first() {
+        Some(first) if whole => Described {
+            triangles: first.counts.0,
+            quads: first.counts.1,
+            features: of.iter().map(|written| written.features).collect(),
+        },
+        _ => described(store, record),
+    };
+    let kept = of.into_iter().zip(&record.segments).map(|(written, summary)| written.kept(summary));
+    (known, whole.then(|| kept.collect()))
+}
+
+/// The row of a packed encoding, as bytes, as a backend keeps it.
+pub fn row_of_packed(
+    record: &ExampleRecord,
+    segment: u32,
+    packed: &PackedSegment,
+    maker: &RowMaker,
+) -> Option<Vec<u8>> {
+    let reader = packed.of(record.id, segment);
+    let coarse = reader.coarse().ok()?;
+    let counts = unpack_counts(&reader.chart().ok()?.extra)?;
+    let faces = u64::from(record.segments.get(segment as usize)?.faces);
+    let read = packed_of(&coarse, coarse.level.clone(), faces);
+    let row = maker(&read)?;
+    Some(row::write(&KeptRow { segment, facts: read.facts, row }, counts))
+}
+
+/// A maker of rows by the geometry.
+pub fn row_maker(engine: Arc<dyn Engine>) -> RowMaker {
+    Box::new(move |packed: &Packed| engine.unpack(packed).and_then(|encoding| engine.row(&encoding)).ok())
+}
+
+/// What is read of an encoding, with one level of its pyramid, as the service passes it on.
+fn packed_of(coarse: &Coarse, level: Level, faces: u64) -> Packed {
+    let (topology, k) = (topology_out(coarse.topology), coarse.modulus);
+    let bending = coarse.signature.first().copied();
+    Packed {
+        facts: SegmentFacts { topology, k, faces, features: coarse.features.len() as u32, bending },
+        features: coarse.features.iter().map(feature_out).collect(),
+        levels: vec![(level.side, level.lambda)],
     }
 }
 
 /// Reads what the encodings tell; features that are missing count as 0 until they are found again.
-fn described(store: &Store, record: &ExampleRecord) -> Described {
+fn described(store: &dyn Backend, record: &ExampleRecord) -> Described {
     let segments = 0..record.segments.len() as u32;
     let features =
         segments.clone().map(|s| store.coarse(record.id, s).map_or(0, |coarse| coarse.features.len() as u32));
@@ -108,7 +204,7 @@ fn described(store: &Store, record: &ExampleRecord) -> Described {
 }
 
 /// Triangles and quads of a mesh, from its bytes.
-fn counted(store: &Store, id: ExampleId) -> Option<(u64, u64)> {
+fn counted(store: &dyn Backend, id: ExampleId) -> Option<(u64, u64)> {
     let bytes = store.mesh_bytes(id).ok()?;
     let mesh = mesh::read(&bytes, mesh::Format::sniff(&bytes), &mesh::Limits::default()).ok()?;
     let counts = counts_of(&mesh);
@@ -140,6 +236,7 @@ fn example_of(record: &ExampleRecord, known: &Described) -> Example {
     let (vertices, faces) = (u64::from(record.vertices), u64::from(record.faces));
     Example {
         id: record.id,
+        revision: record.revision,
         name: record.name.clone(),
         tags: record.tags.clone(),
         // f32 holds what was given; the shortest decimal of it is what was written.
@@ -160,14 +257,20 @@ fn example_of(record: &ExampleRecord, known: &Described) -> Example {
 }
 
 impl StoredCorpus {
-    /// Adds many examples by one commit; durable when it returns.
+    /// Adds many examples, on a store by one commit; durable when it returns.
     ///
     /// # Errors
-    /// As [`Corpus::put`]; none is added then.
+    /// As [`Corpus::put`]; on a store none is added then.
     pub fn put_all(&self, new: Vec<NewExample>) -> Result<Vec<(Arc<Example>, Put)>, CorpusError> {
+        let Some(store) = &self.on_disk else { return new.into_iter().map(|new| self.put(new)).collect() };
         let shaped: Vec<Shaped> = new.into_iter().map(Shaped::of).collect();
-        let added = self.store.add_all(&shaped.iter().map(Shaped::for_store).collect::<Vec<_>>())?;
+        let added = store.add_all(&shaped.iter().map(Shaped::for_store).collect::<Vec<_>>())?;
         Ok(shaped.iter().zip(&added).map(|(shaped, added)| self.added(&shaped.new, added)).collect())
+    }
+
+    /// The store on disk, if that is where the corpus lies.
+    pub fn on_disk(&self) -> Option<&Store> {
+        self.on_disk.as_ref()
     }
 
     fn added(&self, new: &NewExample, added: &Added) -> (Arc<Example>, Put) {
@@ -180,9 +283,9 @@ impl StoredCorpus {
         let known = match added {
             Added::Created(_) => Described { triangles: new.counts.triangles, quads: new.counts.quads, features },
             // Its parts may be others than are found now.
-            Added::Exists(_) => described(&self.store, record),
+            Added::Exists(_) => described(&*self.store, record),
         };
-        self.describe(record.id, Some(known));
+        self.describe(record.id, known);
         (self.example(record), put)
     }
 }
@@ -195,7 +298,9 @@ impl Corpus for StoredCorpus {
             new.segments.truncate(1);
         }
         let shaped = Shaped::of(new);
-        let added = self.store.add(&shaped.for_store())?;
+        let faces: Vec<u64> = shaped.new.segments.iter().map(|packed| packed.facts.faces).collect();
+        let rows = self.rows_for(shaped.derived(), &faces, shaped.new.counts);
+        let added = self.store.add(&shaped.for_store(), &rows)?;
         Ok(self.added(&shaped.new, &added))
     }
 
@@ -209,7 +314,7 @@ impl Corpus for StoredCorpus {
             }
             _ => vec![own],
         };
-        let found = ways.into_iter().find_map(|way| self.store.find(bytes, way, None));
+        let found = ways.into_iter().find_map(|way| self.store.find(bytes, way));
         found.map(|record| self.example(&record))
     }
 
@@ -223,13 +328,12 @@ impl Corpus for StoredCorpus {
 
     fn annotate(&self, id: ExampleId, patch: &ExamplePatch) -> Result<Arc<Example>, CorpusError> {
         let record = self.store.annotate(id, patch_in(patch))?;
-        self.changes.send_modify(|revision| *revision += 1);
         Ok(self.example(&record))
     }
 
     fn remove(&self, id: ExampleId) -> Result<(), CorpusError> {
         self.store.remove(id)?;
-        self.describe(id, None);
+        self.forget(id);
         Ok(())
     }
 
@@ -257,16 +361,10 @@ impl Corpus for StoredCorpus {
         let record = self.store.get(id)?;
         let faces = record.segments.get(segment as usize).map_or(0, |summary| u64::from(summary.faces));
         let wanted = match coarse.level.side == level {
-            true => coarse.level,
+            true => coarse.level.clone(),
             false => self.store.level(id, segment, level)?,
         };
-        let (topology, k) = (topology_out(coarse.topology), coarse.modulus);
-        let bending = coarse.signature.first().copied();
-        Ok(Packed {
-            facts: SegmentFacts { topology, k, faces, features: coarse.features.len() as u32, bending },
-            features: coarse.features.iter().map(feature_out).collect(),
-            levels: vec![(wanted.side, wanted.lambda)],
-        })
+        Ok(packed_of(&coarse, wanted, faces))
     }
 
     fn put_encoding(
@@ -277,14 +375,18 @@ impl Corpus for StoredCorpus {
         counts: MeshCounts,
         version: u32,
     ) -> Result<(), CorpusError> {
-        self.store.put_derived(id, segment, version, &derived_in(packed, counts))?;
-        let record = self.store.get(id)?;
-        self.describe(id, Some(described(&self.store, &record)));
+        let derived = derived_in(packed, counts);
+        let row = self.rows_for(std::slice::from_ref(&derived), &[packed.facts.faces], counts).pop();
+        self.store.put_derived(id, segment, version, &derived, row)?;
         Ok(())
     }
 
     fn take_rows(&self) -> HashMap<ExampleId, Vec<KeptRow>> {
         std::mem::take(&mut *self.rows.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn rows_of(&self, id: ExampleId) -> Option<Vec<KeptRow>> {
+        self.rows.lock().unwrap_or_else(PoisonError::into_inner).remove(&id)
     }
 
     fn keep_rows(&self, rows: &mut dyn Iterator<Item = (ExampleId, KeptRow)>) -> Result<(), CorpusError> {
@@ -318,8 +420,17 @@ impl Corpus for StoredCorpus {
         self.store.missing_derived(version)
     }
 
+    fn changes(&self, position: u64) -> Changes {
+        self.learn_changes();
+        self.store.changes(position)
+    }
+
     fn watch(&self) -> watch::Receiver<u64> {
-        self.changes.subscribe()
+        self.newest.clone()
+    }
+
+    fn following(&self) -> Following {
+        self.store.following()
     }
 
     fn health(&self) -> CorpusHealth {
@@ -353,11 +464,14 @@ impl From<StoreError> for CorpusError {
                 Self::NoEncoding(error.to_string())
             }
             StoreError::Invalid { .. } => Self::Invalid(error.to_string()),
-            StoreError::Full { .. } | StoreError::IndexFull { .. } | StoreError::NoRoom { .. } => {
-                Self::Full(error.to_string())
-            }
+            StoreError::Full { .. }
+            | StoreError::IndexFull { .. }
+            | StoreError::NoRoom { .. }
+            | StoreError::EngineFull { .. } => Self::Full(error.to_string()),
             StoreError::ReadOnly { .. } => Self::ReadOnly(error.to_string()),
             StoreError::Busy => Self::Busy,
+            StoreError::Conflict { .. } => Self::Conflict(error.to_string()),
+            StoreError::Unreachable { .. } => Self::Unreachable(error.to_string()),
             StoreError::Io { .. } if error.is_full() => Self::Full(error.to_string()),
             // The paths are nobody's business but the log's.
             StoreError::Io { .. } => {
@@ -377,189 +491,4 @@ impl From<StoreError> for CorpusError {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use quadmuse_proto::Topology;
-    use quadmuse_store::Feature;
-
-    fn packed(level_value: f32) -> Packed {
-        let facts = SegmentFacts { topology: Topology::Annulus, k: 0.4, faces: 12, features: 1, bending: Some(3.25) };
-        let levels = [32u32, 64].map(|side| (side, vec![level_value; (side * side) as usize])).to_vec();
-        Packed { facts, features: vec![feature_out(&Feature { u: 0.25, v: 0.5, lambda: 2.0, level: 64 })], levels }
-    }
-
-    fn new_example(bytes: &'static [u8], labels: Option<Vec<i64>>) -> NewExample {
-        NewExample {
-            name: "limb".into(),
-            tags: vec!["arm".into()],
-            relevance: 3.3,
-            bytes: Bytes::from_static(bytes),
-            format: "obj".into(),
-            cut: Cut { labels, ..Cut::default() },
-            counts: MeshCounts { vertices: 14, faces: 12, triangles: 2, quads: 10 },
-            repairs: vec!["two vertices merged".into()],
-            segments: vec![packed(1.0)],
-            encoder_version: 1,
-        }
-    }
-
-    fn open(dir: &Path) -> StoredCorpus {
-        StoredCorpus::open(dir, &OpenOptions { reserve_bytes: 0, ..OpenOptions::default() }).expect("a store").0
-    }
-
-    #[test]
-    fn an_example_is_told_the_same_before_and_after_a_restart() {
-        let dir = tempfile::tempdir().expect("a directory");
-        let corpus = open(dir.path());
-        let (example, put) = corpus.put(new_example(b"mesh", Some(vec![7, -1, 7]))).expect("added");
-        assert_eq!(put, Put::Added);
-        assert_eq!((example.relevance, example.counts.quads, example.segments[0].features), (3.3, 10, 1));
-        let encoding = corpus.encoding(example.id, 0, 64).expect("an encoding");
-        drop(corpus);
-        let corpus = open(dir.path());
-        assert_eq!(corpus.get(example.id).expect("there"), example);
-        assert_eq!(corpus.encoding(example.id, 0, 64).expect("an encoding"), encoding);
-        assert_eq!(corpus.bytes(example.id).expect("bytes"), Bytes::from_static(b"mesh"));
-        assert_eq!(corpus.cut(example.id).expect("a cut").labels, Some(vec![1, 0, 1]));
-    }
-
-    /// Whole, and by as many parts as there are labels but 0.
-    fn with_parts(bytes: &'static [u8], labels: Vec<i64>) -> NewExample {
-        let count = labels.iter().max().map_or(0, |label| *label as usize);
-        let cut = Cut { besides: Besides::Known(labels), ..Cut::default() };
-        NewExample { cut, segments: vec![packed(1.0); count + 1], ..new_example(bytes, None) }
-    }
-
-    #[test]
-    fn parts_besides_the_whole_are_told_the_same_after_a_restart_and_a_restore() {
-        let dir = tempfile::tempdir().expect("a directory");
-        let corpus = open(dir.path());
-        let (example, _) = corpus.put(with_parts(b"mesh", vec![2, 0, 1])).expect("added");
-        assert_eq!(example.segments.iter().map(|s| s.is_part).collect::<Vec<_>>(), [false, true, true]);
-        let mut backup = Vec::new();
-        corpus.backup(&mut backup).expect("written");
-        drop(corpus);
-        let other = tempfile::tempdir().expect("a directory");
-        Store::restore(other.path(), &OpenOptions { reserve_bytes: 0, ..OpenOptions::default() }, &mut &backup[..])
-            .map(drop)
-            .expect("restored");
-        for dir in [dir.path(), other.path()] {
-            let corpus = open(dir);
-            assert_eq!(corpus.list()[0].segments, example.segments);
-            let id = corpus.list()[0].id;
-            let cut = corpus.cut(id).expect("a cut");
-            assert_eq!(cut, Cut { besides: Besides::Known(vec![2, 0, 1]), ..Cut::default() });
-            assert_eq!(corpus.check().expect("checked").problems, Vec::<String>::new());
-        }
-    }
-
-    #[test]
-    fn whole_or_with_any_parts_it_is_one_example_and_damage_to_it_is_healed() {
-        let dir = tempfile::tempdir().expect("a directory");
-        let corpus = open(dir.path());
-        let sought = Cut { besides: Besides::Sought, ..Cut::default() };
-        let (both, _) = corpus.put(with_parts(b"both", vec![1, 2])).expect("added");
-        for cut in [&sought, &Cut::default()] {
-            assert_eq!(corpus.find(b"both", cut).map(|e| e.id), Some(both.id));
-        }
-        // Another release finds other parts.
-        let (again, put) = corpus.put(with_parts(b"both", vec![1, 2, 3])).expect("there");
-        assert_eq!((&again, put), (&both, Put::There));
-        let (whole, _) = corpus.put(new_example(b"whole", None)).expect("added");
-        assert_eq!(corpus.find(b"whole", &sought).map(|e| e.id), Some(whole.id));
-        let objects = dir.path().join("objects");
-        for example in [&both, &whole] {
-            std::fs::write(objects.join(&example.hash), b"other").expect("damaged");
-            assert!(matches!(corpus.bytes(example.id), Err(CorpusError::Damaged(_))));
-        }
-        assert_eq!(corpus.find(b"whole", &sought), None);
-        let healed = corpus.put(with_parts(b"whole", vec![1, 2])).expect("healed");
-        assert_eq!((healed.0.id, healed.0.segments.len(), healed.1), (whole.id, 1, Put::There));
-        corpus.put(with_parts(b"both", vec![1, 2])).expect("healed");
-        assert_eq!(corpus.bytes(both.id).expect("whole"), Bytes::from_static(b"both"));
-        assert_eq!(corpus.health().quarantined, []);
-    }
-
-    #[test]
-    fn damaged_labels_of_parts_are_healed_by_the_same_parts_and_by_no_others() {
-        let dir = tempfile::tempdir().expect("a directory");
-        let corpus = open(dir.path());
-        let (both, _) = corpus.put(with_parts(b"both", vec![1, 2])).expect("added");
-        let labels = std::fs::read_dir(dir.path().join("objects")).expect("objects").map(|e| e.expect("a file").path());
-        let labels = labels.filter(|path| !path.ends_with(&both.hash)).collect::<Vec<_>>();
-        assert_eq!(labels.len(), 1);
-        std::fs::write(&labels[0], b"none").expect("damaged");
-        assert!(matches!(corpus.cut(both.id), Err(CorpusError::Damaged(_))));
-        assert!(matches!(corpus.put(with_parts(b"both", vec![2, 1])), Err(CorpusError::Damaged(_))));
-        assert_eq!(corpus.health().quarantined, [both.id]);
-        corpus.put(with_parts(b"both", vec![1, 2])).expect("healed");
-        assert_eq!(corpus.cut(both.id).expect("a cut").besides, Besides::Known(vec![1, 2]));
-    }
-
-    #[test]
-    fn the_same_bytes_cut_the_same_way_are_the_same_example() {
-        let dir = tempfile::tempdir().expect("a directory");
-        let corpus = open(dir.path());
-        let (first, _) = corpus.put(new_example(b"mesh", None)).expect("added");
-        let (second, put) = corpus.put(new_example(b"mesh", None)).expect("there");
-        assert_eq!((second.id, put), (first.id, Put::There));
-        assert_eq!(corpus.find(b"mesh", &Cut::default()).map(|e| e.id), Some(first.id));
-        assert_eq!(corpus.find(b"mesh", &Cut { way: Segmentation::Whole, ..Cut::default() }), None);
-    }
-
-    #[test]
-    fn what_is_removed_is_gone_and_an_older_encoding_is_stale() {
-        let dir = tempfile::tempdir().expect("a directory");
-        let corpus = open(dir.path());
-        let (example, _) = corpus.put(new_example(b"mesh", None)).expect("added");
-        assert_eq!(corpus.stale(1), []);
-        assert_eq!(corpus.stale(2), [(example.id, 0)]);
-        corpus.put_encoding(example.id, 0, &packed(2.0), example.counts, 2).expect("encoded again");
-        assert_eq!(corpus.stale(2), []);
-        corpus.remove(example.id).expect("removed");
-        assert!(matches!(corpus.get(example.id), Err(CorpusError::NotFound(_))));
-        assert!(matches!(corpus.remove(example.id), Err(CorpusError::NotFound(_))));
-    }
-
-    #[test]
-    fn counts_are_told_while_encodings_are_made_anew() {
-        let dir = tempfile::tempdir().expect("a directory");
-        let mesh: &[u8] = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nf 1 2 3 4\nf 2 5 3\n";
-        let counts = MeshCounts { vertices: 5, faces: 2, triangles: 1, quads: 1 };
-        let (example, _) = open(dir.path()).put(NewExample { counts, ..new_example(mesh, None) }).expect("added");
-        std::fs::remove_dir_all(dir.path().join("index")).expect("removed");
-        let told = open(dir.path()).get(example.id).expect("there");
-        assert_eq!((told.counts.triangles, told.counts.quads), (1, 1));
-    }
-
-    #[test]
-    fn a_damaged_example_says_so_also_after_a_restart() {
-        let dir = tempfile::tempdir().expect("a directory");
-        let corpus = open(dir.path());
-        let (example, _) = corpus.put(new_example(b"mesh", None)).expect("added");
-        std::fs::write(dir.path().join("objects").join(&example.hash), b"hsem").expect("damaged");
-        assert!(matches!(corpus.bytes(example.id), Err(CorpusError::Damaged(_))));
-        drop(corpus);
-        let corpus = open(dir.path());
-        assert!(matches!(corpus.get(example.id), Err(CorpusError::Damaged(_))));
-        assert_eq!(corpus.health().quarantined, [example.id]);
-        corpus.put(new_example(b"mesh", None)).expect("healed");
-        assert_eq!(corpus.bytes(example.id).expect("whole"), Bytes::from_static(b"mesh"));
-        assert_eq!(corpus.health().quarantined, []);
-    }
-
-    #[test]
-    fn it_is_writable_only_where_there_is_space() {
-        use std::sync::atomic::{AtomicU64, Ordering};
-        let dir = tempfile::tempdir().expect("a directory");
-        let free = Arc::new(AtomicU64::new(u64::MAX));
-        let probe = Arc::clone(&free);
-        let free_space: quadmuse_store::FreeSpace = Arc::new(move |_| Ok(probe.load(Ordering::SeqCst)));
-        let (corpus, _) =
-            StoredCorpus::open(dir.path(), &OpenOptions { free_space, ..OpenOptions::default() }).expect("a store");
-        assert_eq!(corpus.health().read_only, None);
-        free.store(1 << 20, Ordering::SeqCst);
-        assert!(corpus.health().read_only.is_some());
-        assert!(matches!(corpus.put(new_example(b"mesh", None)), Err(CorpusError::Full(_))));
-    }
-}
+mod tests;

@@ -40,6 +40,7 @@ pub(super) fn patch_in(patch: &ExamplePatch) -> Patch {
         licence: patch.licence.clone(),
         notes: patch.notes.clone(),
         landmarks: patch.landmarks.as_ref().map(|all| all.iter().filter_map(landmark).collect()),
+        from_revision: patch.revision,
     }
 }
 
@@ -126,6 +127,11 @@ impl Shaped {
             derived: new.segments.iter().map(|packed| derived_in(packed, new.counts)).collect(),
             new,
         }
+    }
+
+    /// Its encodings.
+    pub(super) fn derived(&self) -> &[DerivedSegment] {
+        &self.derived
     }
 
     pub(super) fn for_store(&self) -> quadmuse_store::NewExample<'_> {

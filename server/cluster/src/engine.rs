@@ -1,0 +1,120 @@
+//! What a corpus needs of the engine that its servers share, in the words of the corpus.
+//!
+//! [`crate::jetstream`] does it on NATS JetStream. Replication, election and membership are the engine's own.
+
+use std::time::{Duration, SystemTime};
+
+/// Why the engine did not do it.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum EngineError {
+    /// It could not be reached, or did not answer in time. What was to be written may be written all the same.
+    #[error("expected the engine to {doing}, found that it does not ({reason})")]
+    Silent {
+        /// What was attempted.
+        doing: &'static str,
+        /// What it, or the network, said.
+        reason: String,
+    },
+    /// It has no room left.
+    #[error("expected the engine to {doing}, found it full ({reason})")]
+    Full {
+        /// What was attempted.
+        doing: &'static str,
+        /// What it said.
+        reason: String,
+    },
+    /// It refused, and would again.
+    #[error("expected the engine to {doing}, found that it refuses ({reason})")]
+    Refused {
+        /// What was attempted.
+        doing: &'static str,
+        /// What it said.
+        reason: String,
+    },
+}
+
+/// What came of a conditional write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Written {
+    /// It is kept, replicated and acknowledged, at this position.
+    At(u64),
+    /// The entry is at another position than expected; nothing was written.
+    Elsewhere,
+}
+
+/// The newest value of a key.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// Where it stands among all entries: each newer one has a greater position.
+    pub position: u64,
+    /// Its value.
+    pub bytes: Vec<u8>,
+}
+
+/// An entry as a follower gets it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Delivery {
+    /// Counts what this following delivered, from 1: where one is left out, something was lost.
+    pub number: u64,
+    /// The key.
+    pub key: String,
+    /// The value.
+    pub entry: Entry,
+    /// Entries that are still to come, as far as the engine knew.
+    pub left: u64,
+}
+
+/// Entries as they come.
+pub trait Deliveries: Send {
+    /// The next one; `None` if there is none within `wait`.
+    ///
+    /// # Errors
+    /// [`EngineError`]: the following has ended, begin another.
+    fn next(&mut self, wait: Duration) -> Result<Option<Delivery>, EngineError>;
+}
+
+/// The engine. Every call blocks until the engine has answered, for some seconds at most.
+pub trait Engine: Send + Sync + 'static {
+    /// Keeps an object under its name. The same name always means the same bytes.
+    ///
+    /// # Errors
+    /// [`EngineError`] unless it is replicated and acknowledged.
+    fn put_object(&self, name: &str, bytes: &[u8]) -> Result<(), EngineError>;
+
+    /// An object; `None` if there is none of this name, or not all of it.
+    ///
+    /// # Errors
+    /// [`EngineError`].
+    fn object(&self, name: &str) -> Result<Option<Vec<u8>>, EngineError>;
+
+    /// Writes the entry of `key`, unless it stands at another position than `expected` (0: there is none).
+    ///
+    /// # Errors
+    /// [`EngineError`] unless it is replicated and acknowledged.
+    fn write(&self, key: &str, expected: u64, bytes: &[u8]) -> Result<Written, EngineError>;
+
+    /// The newest entry of `key`, as of now.
+    ///
+    /// # Errors
+    /// [`EngineError`].
+    fn read(&self, key: &str) -> Result<Option<Entry>, EngineError>;
+
+    /// The position of the newest entry of all; 0 if there is none.
+    ///
+    /// # Errors
+    /// [`EngineError`].
+    fn newest(&self) -> Result<u64, EngineError>;
+
+    /// Follows the entries after a position: of each key its newest one at least, in order of their positions.
+    ///
+    /// # Errors
+    /// [`EngineError`].
+    fn follow(&self, after: u64) -> Result<Box<dyn Deliveries>, EngineError>;
+
+    /// Removes objects that were put before `before` and that `is_used` doesn't know; how many. One that was put again
+    /// since stays.
+    ///
+    /// # Errors
+    /// [`EngineError`]; some may be removed then.
+    fn collect(&self, before: SystemTime, is_used: &dyn Fn(&str) -> bool) -> Result<u64, EngineError>;
+}

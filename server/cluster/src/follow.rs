@@ -1,0 +1,139 @@
+//! The thread that follows the engine's entries, so that this server knows what others wrote.
+//!
+//! Deliveries are numbered: those that come too early wait for those before them, and one that stays away begins the
+//! following anew after the last entry that came in order.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, PoisonError};
+use std::time::{Duration, Instant};
+
+use crate::engine::{Deliveries, Delivery, Engine, EngineError};
+use crate::inner::Inner;
+
+/// Longest wait for a delivery before the engine is asked whether there should be one.
+const QUIET: Duration = Duration::from_millis(500);
+/// Pause before a following that failed is begun anew: the first, and the longest.
+const PAUSES: (Duration, Duration) = (Duration::from_millis(50), Duration::from_secs(2));
+
+/// Deliveries that wait for one before them, at most.
+const EARLY_MAX: usize = 256;
+
+/// Where a following stands.
+pub(crate) struct Progress {
+    /// Everything up to this position is in.
+    pub(crate) position: u64,
+    /// The newest position that the engine told of.
+    pub(crate) newest: u64,
+    /// When everything there was is known to have been in.
+    pub(crate) sure: Option<Instant>,
+    /// The end of the entries at some moment, until all up to there is in: while others write all the time, the very
+    /// newest never is.
+    pub(crate) end: Option<(u64, Instant)>,
+}
+
+/// Follows until `stopping`; blocks.
+pub(crate) fn run(inner: &Inner, engine: &Arc<dyn Engine>, stopping: &AtomicBool) {
+    let mut pause = PAUSES.0;
+    while !stopping.load(Ordering::Relaxed) {
+        let after = inner.progress().position;
+        let begun = engine.follow(after);
+        let before = after;
+        let ended = begun.and_then(|mut deliveries| follow(inner, &**engine, &mut *deliveries, stopping));
+        match ended {
+            Ok(Ended::Gap) => tracing::debug!(after, "a delivery is missing; following anew"),
+            Ok(Ended::Stopped) => return,
+            Err(error) => tracing::warn!(%error, "the engine's entries can't be followed; trying again"),
+        }
+        pause = if inner.progress().position > before { PAUSES.0 } else { (2 * pause).min(PAUSES.1) };
+        std::thread::sleep(pause);
+    }
+}
+
+/// Why a following ended.
+enum Ended {
+    Gap,
+    Stopped,
+}
+
+fn follow(
+    inner: &Inner,
+    engine: &dyn Engine,
+    deliveries: &mut dyn Deliveries,
+    stopping: &AtomicBool,
+) -> Result<Ended, EngineError> {
+    let mut number = 0;
+    let mut early: BTreeMap<u64, Delivery> = BTreeMap::new();
+    let mut late = false;
+    loop {
+        if stopping.load(Ordering::Relaxed) {
+            return Ok(Ended::Stopped);
+        }
+        match deliveries.next(QUIET)? {
+            // Said before.
+            Some(delivery) if delivery.number <= number => {}
+            Some(delivery) => {
+                early.insert(delivery.number, delivery);
+                while let Some(delivery) = early.remove(&(number + 1)) {
+                    number = delivery.number;
+                    late = false;
+                    inner.take_in(&[(delivery.key.as_str(), &delivery.entry)]);
+                    inner.came(delivery.entry.position, delivery.left);
+                }
+                if early.len() > EARLY_MAX {
+                    return Ok(Ended::Gap);
+                }
+            }
+            None if !early.is_empty() => return Ok(Ended::Gap),
+            None => {
+                let newest = engine.newest()?;
+                if inner.is_quiet_at(newest) {
+                    late = false;
+                } else if late {
+                    return Ok(Ended::Gap);
+                } else {
+                    // It may be on its way.
+                    late = true;
+                }
+            }
+        }
+    }
+}
+
+impl Inner {
+    /// Notes that everything up to `position` came, and that `left` are to come.
+    fn came(&self, position: u64, left: u64) {
+        let mut progress = self.progress.lock().unwrap_or_else(PoisonError::into_inner);
+        let now = Instant::now();
+        progress.position = progress.position.max(position);
+        progress.newest = progress.newest.max(position + left);
+        if let Some((_, seen)) = progress.end.take_if(|(end, _)| *end <= position) {
+            progress.sure = Some(seen);
+        }
+        if left == 0 {
+            progress.sure = Some(now);
+        } else {
+            progress.end = progress.end.or(Some((position + left, now)));
+        }
+        drop(progress);
+        self.moved.notify_all();
+    }
+
+    /// Whether nothing is missing where the engine's newest entry stands at `newest`; notes it if so.
+    fn is_quiet_at(&self, newest: u64) -> bool {
+        let mut progress = self.progress.lock().unwrap_or_else(PoisonError::into_inner);
+        if newest < progress.position {
+            // A leader that was just elected may not know all yet; it will.
+            tracing::warn!(newest, known = progress.position, "the engine is behind what it delivered");
+            return false;
+        }
+        progress.newest = newest;
+        let quiet = newest == progress.position;
+        if quiet {
+            progress.sure = Some(Instant::now());
+        }
+        drop(progress);
+        self.moved.notify_all();
+        quiet
+    }
+}

@@ -1,0 +1,388 @@
+//! The engine on NATS JetStream; the only module that names its client.
+//!
+//! Two streams a corpus, replicated over its nodes, of each subject the newest message only:
+//!
+//! ```text
+//! <bucket>_entries   quadmuse.<bucket>.entries.<key>            written with the sequence at which the stream is expected to end
+//! <bucket>_objects   quadmuse.<bucket>.objects.<name>.<piece>   piece 0 last, headed by their number (u32 LE)
+//! ```
+//!
+//! A position is a sequence of the stream of entries. Writes wait for the acknowledgement, which JetStream gives when a
+//! majority of the nodes has the message. It is in their files then, though not synced: a power cut of a majority at once
+//! may lose the last two minutes, the end of a process loses nothing.
+
+mod following;
+mod streams;
+
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant, SystemTime};
+
+use async_nats::jetstream::Context;
+use async_nats::jetstream::context::{PublishAckFuture, PublishError, PublishErrorKind};
+use async_nats::jetstream::stream::{DirectGetErrorKind, LastRawMessageErrorKind, Stream};
+use async_nats::jetstream::{Error as Refusal, ErrorCode};
+use async_nats::{ConnectOptions, HeaderMap, ServerAddr};
+use bytes::Bytes;
+use tokio::runtime::Runtime;
+
+use crate::engine::{Deliveries, Engine, EngineError, Entry, Written};
+use crate::options::ClusterOptions;
+use following::Following;
+
+/// Longest time for one answer of the engine.
+const ANSWER: Duration = Duration::from_secs(3);
+/// Longest time to try an object in: a leader is elected in some seconds. Who reads waits less long.
+const PUT_FOR: Duration = Duration::from_secs(15);
+const GET_FOR: Duration = Duration::from_secs(6);
+/// Bytes of an object in one message; the engine takes a MiB unless told otherwise.
+const PIECE_BYTES: usize = 512 << 10;
+/// Pieces of an object that are under way at a time.
+const PIECES_AT_ONCE: usize = 8;
+/// Pieces of an object at most: more than the largest upload has.
+const PIECES_MAX: u32 = 4096;
+/// Bytes before the contents of piece 0.
+const HEAD_BYTES: usize = 4;
+/// Pause between attempts.
+const PAUSE: Duration = Duration::from_millis(250);
+
+/// A corpus on JetStream.
+pub struct JetStream {
+    /// Its own, since callers block; in an option so that it can be ended without waiting.
+    runtime: Option<Runtime>,
+    context: Context,
+    entries: Stream,
+    objects: Stream,
+    bucket: String,
+    /// Where the stream of entries ended when this server wrote last. Held while it writes.
+    last: Mutex<Option<u64>>,
+}
+
+impl Drop for JetStream {
+    fn drop(&mut self) {
+        if let Some(runtime) = self.runtime.take() {
+            runtime.shutdown_background();
+        }
+    }
+}
+
+fn silent(doing: &'static str, error: impl std::fmt::Display) -> EngineError {
+    EngineError::Silent { doing, reason: error.to_string() }
+}
+
+fn refused(doing: &'static str, error: impl std::fmt::Display) -> EngineError {
+    EngineError::Refused { doing, reason: error.to_string() }
+}
+
+/// What the engine says where it has no room left.
+const NO_ROOM: [ErrorCode; 4] = [
+    ErrorCode::ACCOUNT_RESOURCES_EXCEEDED,
+    ErrorCode::INSUFFICIENT_RESOURCES,
+    ErrorCode::STORAGE_RESOURCES_EXCEEDED,
+    ErrorCode::STREAM_STORE_FAILED,
+];
+
+/// Why a message was not acknowledged.
+fn unkept(doing: &'static str, error: &PublishError) -> EngineError {
+    let told = std::error::Error::source(error).and_then(|source| source.downcast_ref::<Refusal>());
+    match told {
+        Some(told) if NO_ROOM.contains(&told.error_code()) => EngineError::Full { doing, reason: told.to_string() },
+        _ => silent(doing, error),
+    }
+}
+
+impl JetStream {
+    /// Reaches the engine, and creates the corpus there if it isn't yet. Blocks.
+    ///
+    /// # Errors
+    /// [`EngineError`] if the options make no sense, no node answers in time, or the engine can't keep the replicas asked for.
+    pub fn connect(options: &ClusterOptions) -> Result<Self, EngineError> {
+        const DOING: &str = "be reached";
+        if let Some(fault) = options.fault() {
+            return Err(refused(DOING, fault));
+        }
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(2)
+            .thread_name("cluster-client")
+            .enable_all()
+            .build()
+            .map_err(|error| refused(DOING, error))?;
+        let begun = Instant::now();
+        let reached = runtime.block_on(async {
+            loop {
+                match reach(options).await {
+                    Err(EngineError::Silent { .. }) if begun.elapsed() < options.reach => {
+                        tokio::time::sleep(PAUSE).await;
+                    }
+                    reached => return reached,
+                }
+            }
+        });
+        match reached {
+            Ok((context, entries, objects)) => Ok(Self {
+                runtime: Some(runtime),
+                context,
+                entries,
+                objects,
+                bucket: options.bucket.clone(),
+                last: Mutex::new(None),
+            }),
+            Err(error) => {
+                runtime.shutdown_background();
+                Err(error)
+            }
+        }
+    }
+
+    /// The name of the node that leads the entries; `None` while there is none, or only one node.
+    ///
+    /// # Errors
+    /// [`EngineError`].
+    pub fn leader(&self) -> Result<Option<String>, EngineError> {
+        const DOING: &str = "tell its leader";
+        self.wait(DOING, async {
+            let info = self.entries.get_info().await.map_err(|error| silent(DOING, error))?;
+            Ok(info.cluster.and_then(|cluster| cluster.leader))
+        })
+    }
+
+    /// Runs to its end what the client does.
+    fn wait<T>(
+        &self,
+        doing: &'static str,
+        what: impl Future<Output = Result<T, EngineError>>,
+    ) -> Result<T, EngineError> {
+        match &self.runtime {
+            Some(runtime) => runtime.block_on(what),
+            None => Err(silent(doing, "it was left")),
+        }
+    }
+
+    fn entry_subject(&self, key: &str) -> String {
+        format!("quadmuse.{}.entries.{key}", self.bucket)
+    }
+
+    fn piece_subject(&self, name: &str, piece: u32) -> String {
+        format!("quadmuse.{}.objects.{name}.{piece}", self.bucket)
+    }
+
+    async fn publish(&self, subject: String, bytes: Bytes) -> Result<PublishAckFuture, EngineError> {
+        self.context.publish(subject, bytes).await.map_err(|error| silent("keep a message", error))
+    }
+
+    async fn piece(&self, name: &str, piece: u32) -> Result<Option<Bytes>, EngineError> {
+        const DOING: &str = "give a piece of an object";
+        let subject = self.piece_subject(name, piece);
+        match tokio::time::timeout(ANSWER, self.objects.direct_get_last_for_subject(&subject)).await {
+            Ok(Ok(message)) => return Ok(Some(message.payload)),
+            Ok(Err(error)) if error.kind() == DirectGetErrorKind::NotFound => {}
+            Ok(Err(error)) => tracing::debug!(%error, "a node did not answer; its leader is asked"),
+            Err(_) => tracing::debug!("a node did not answer in time; its leader is asked"),
+        }
+        // The node that was asked may be behind: only the leader can say that there is none.
+        Ok(newest(&self.objects, &subject, DOING).await?.map(|entry| entry.bytes.into()))
+    }
+
+    /// Writes an entry on the condition that nothing at all was written since its position was looked up: that the engine
+    /// checks where it keeps the message. (A condition on the subject alone is checked by a clustered 2.9 before what is
+    /// under way is kept: of 240 writes that it acknowledged so, 93 had overwritten each other.)
+    async fn write_after(
+        &self,
+        last: &mut Option<u64>,
+        key: &str,
+        expected: u64,
+        bytes: &[u8],
+    ) -> Result<Written, EngineError> {
+        const DOING: &str = "keep an entry";
+        let (subject, payload, begun) = (self.entry_subject(key), Bytes::copy_from_slice(bytes), Instant::now());
+        while begun.elapsed() < ANSWER {
+            // First the end of the stream, then the entry: what is written in between is noticed.
+            let end = match last.take() {
+                Some(end) => end,
+                None => self.end_of(&self.entries, DOING).await?,
+            };
+            let there = newest(&self.entries, &subject, DOING).await?.map_or(0, |entry| entry.position);
+            if there != expected {
+                *last = Some(end);
+                return Ok(Written::Elsewhere);
+            }
+            let mut headers = HeaderMap::new();
+            headers.insert("Nats-Expected-Last-Sequence", end.to_string());
+            let sent = self.context.publish_with_headers(subject.clone(), headers, payload.clone()).await;
+            match sent.map_err(|error| silent(DOING, error))?.await {
+                Ok(ack) => {
+                    *last = Some(ack.sequence);
+                    return Ok(Written::At(ack.sequence));
+                }
+                // Another server was faster, with this or another entry.
+                Err(error) if error.kind() == PublishErrorKind::WrongLastSequence => {}
+                Err(error) => return Err(unkept(DOING, &error)),
+            }
+        }
+        Err(silent(DOING, "others write all the time"))
+    }
+
+    async fn end_of(&self, stream: &Stream, doing: &'static str) -> Result<u64, EngineError> {
+        let info = stream.get_info().await.map_err(|error| silent(doing, error))?;
+        Ok(info.state.last_sequence)
+    }
+
+    async fn put(&self, name: &str, bytes: &[u8]) -> Result<(), EngineError> {
+        const DOING: &str = "keep an object";
+        let acknowledged = async |ack: PublishAckFuture| ack.await.map_err(|error| unkept(DOING, &error));
+        let (first, rest) = bytes.split_at(bytes.len().min(PIECE_BYTES));
+        let pieces: Vec<&[u8]> = rest.chunks(PIECE_BYTES).collect();
+        let count = u32::try_from(1 + pieces.len()).unwrap_or(u32::MAX);
+        if count > PIECES_MAX {
+            return Err(refused(DOING, format!("{} bytes are too many", bytes.len())));
+        }
+        for some in (1u32..).zip(&pieces).collect::<Vec<_>>().chunks(PIECES_AT_ONCE) {
+            let mut sent = Vec::with_capacity(some.len());
+            for (number, piece) in some {
+                sent.push(self.publish(self.piece_subject(name, *number), Bytes::copy_from_slice(piece)).await?);
+            }
+            for ack in sent {
+                acknowledged(ack).await?;
+            }
+        }
+        // Piece 0 says that the others are there.
+        let head = [&count.to_le_bytes()[..], first].concat();
+        acknowledged(self.publish(self.piece_subject(name, 0), head.into()).await?).await.map(drop)
+    }
+
+    async fn get(&self, name: &str) -> Result<Option<Vec<u8>>, EngineError> {
+        let Some(head) = self.piece(name, 0).await? else { return Ok(None) };
+        let Some((count, first)) = head.split_first_chunk::<HEAD_BYTES>() else { return Ok(None) };
+        let mut bytes = first.to_vec();
+        for number in 1..u32::from_le_bytes(*count).min(PIECES_MAX) {
+            match self.piece(name, number).await? {
+                Some(piece) => bytes.extend_from_slice(&piece),
+                None => return Ok(None),
+            }
+        }
+        Ok(Some(bytes))
+    }
+}
+
+/// Tries until the engine answers, or for so long.
+fn again<T>(time: Duration, what: impl Fn() -> Result<T, EngineError>) -> Result<T, EngineError> {
+    let begun = Instant::now();
+    loop {
+        match what() {
+            Err(EngineError::Silent { .. }) if begun.elapsed() < time => std::thread::sleep(PAUSE),
+            tried => return tried,
+        }
+    }
+}
+
+/// One attempt to reach the engine and find, or make, the streams.
+async fn reach(options: &ClusterOptions) -> Result<(Context, Stream, Stream), EngineError> {
+    const DOING: &str = "be reached";
+    let addresses: Result<Vec<ServerAddr>, _> = options.nodes.iter().map(|node| node.parse()).collect();
+    let addresses = addresses.map_err(|error| refused(DOING, error))?;
+    let mut connect = ConnectOptions::new()
+        .name("quadmuse-server")
+        .connection_timeout(ANSWER)
+        .request_timeout(Some(ANSWER))
+        .ping_interval(Duration::from_secs(5));
+    let access = &options.access;
+    if let Some(file) = &access.credentials {
+        let read = connect.credentials_file(file).await;
+        connect = read.map_err(|error| refused("take its credentials", format!("{}: {error}", file.display())))?;
+    }
+    if let Some(file) = &access.authorities {
+        connect = connect.add_root_certificates(file.clone()).require_tls(true);
+    }
+    if let Some((certificate, key)) = &access.certificate {
+        connect = connect.add_client_certificate(certificate.clone(), key.clone()).require_tls(true);
+    }
+    let client = connect.connect(addresses).await.map_err(|error| silent(DOING, error))?;
+    let payload = client.server_info().max_payload;
+    if payload < PIECE_BYTES + HEAD_BYTES + 4096 {
+        return Err(refused(DOING, format!("its max_payload is {payload} bytes, 1 MiB is needed")));
+    }
+    let mut context = async_nats::jetstream::new(client);
+    context.set_timeout(ANSWER);
+    let entries = streams::find_or_make(&context, options, "entries").await?;
+    let objects = streams::find_or_make(&context, options, "objects").await?;
+    Ok((context, entries, objects))
+}
+
+/// The newest message of a subject, as the stream's leader has it.
+async fn newest(stream: &Stream, subject: &str, doing: &'static str) -> Result<Option<Entry>, EngineError> {
+    match stream.get_last_raw_message_by_subject(subject).await {
+        Ok(message) => Ok(Some(Entry { position: message.sequence, bytes: message.payload.to_vec() })),
+        Err(error) => match error.kind() {
+            LastRawMessageErrorKind::NoMessageFound => Ok(None),
+            LastRawMessageErrorKind::JetStream(found) if found.error_code() == ErrorCode::NO_MESSAGE_FOUND => Ok(None),
+            _ => Err(silent(doing, error)),
+        },
+    }
+}
+
+impl Engine for JetStream {
+    fn put_object(&self, name: &str, bytes: &[u8]) -> Result<(), EngineError> {
+        // The same bytes again: an object that was kept although its answer was lost is only kept anew.
+        again(PUT_FOR, || self.wait("keep an object", self.put(name, bytes)))
+    }
+
+    fn object(&self, name: &str) -> Result<Option<Vec<u8>>, EngineError> {
+        again(GET_FOR, || self.wait("give an object", self.get(name)))
+    }
+
+    fn write(&self, key: &str, expected: u64, bytes: &[u8]) -> Result<Written, EngineError> {
+        // Of this server's writers one at a time: they would only send each other back.
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        self.wait("keep an entry", self.write_after(&mut last, key, expected, bytes))
+    }
+
+    fn read(&self, key: &str) -> Result<Option<Entry>, EngineError> {
+        const DOING: &str = "give an entry";
+        self.wait(DOING, newest(&self.entries, &self.entry_subject(key), DOING))
+    }
+
+    fn newest(&self) -> Result<u64, EngineError> {
+        const DOING: &str = "tell its newest entry";
+        self.wait(DOING, self.end_of(&self.entries, DOING))
+    }
+
+    fn follow(&self, after: u64) -> Result<Box<dyn Deliveries>, EngineError> {
+        const DOING: &str = "be followed";
+        let prefix = self.entry_subject("");
+        let handle = self.runtime.as_ref().map(|runtime| runtime.handle().clone());
+        let handle = handle.ok_or_else(|| silent(DOING, "it was left"))?;
+        let following =
+            self.wait(DOING, Following::begin(&self.entries, after, following::Wanted::All, prefix, handle))?;
+        Ok(Box::new(following))
+    }
+
+    fn collect(&self, before: SystemTime, is_used: &dyn Fn(&str) -> bool) -> Result<u64, EngineError> {
+        const DOING: &str = "remove objects";
+        let prefix = self.piece_subject("", 0);
+        let prefix = prefix.trim_end_matches(".0").to_owned();
+        let handle = self.runtime.as_ref().map(|runtime| runtime.handle().clone());
+        let handle = handle.ok_or_else(|| silent(DOING, "it was left"))?;
+        let newest = self.wait(DOING, self.end_of(&self.objects, DOING))?;
+        let begin = Following::begin(&self.objects, 0, following::Wanted::Heads, prefix, handle);
+        let mut following = self.wait(DOING, begin)?;
+        let mut gone = std::collections::HashSet::new();
+        let mut position = 0;
+        while position < newest {
+            let Some((delivery, put)) = following.next_put(ANSWER)? else { break };
+            position = delivery.entry.position;
+            let name = delivery.key.split('.').next().unwrap_or_default().to_owned();
+            if put < before && !is_used(&name) {
+                // By its sequence: one that was put again meanwhile has another.
+                let removed = self.wait(DOING, async {
+                    self.objects.delete_message(position).await.map_err(|error| silent(DOING, error))
+                });
+                if removed? {
+                    gone.insert(name);
+                }
+            }
+            if delivery.left == 0 {
+                break;
+            }
+        }
+        Ok(gone.len() as u64)
+    }
+}

@@ -1,0 +1,70 @@
+//! The streams of a corpus: found, or made with the replicas asked for.
+
+use async_nats::jetstream::Context;
+use async_nats::jetstream::ErrorCode;
+use async_nats::jetstream::context::{CreateStreamErrorKind, GetStreamErrorKind};
+use async_nats::jetstream::stream::{Config, DiscardPolicy, RetentionPolicy, StorageType, Stream};
+
+use super::{refused, silent};
+use crate::engine::EngineError;
+use crate::options::ClusterOptions;
+
+/// A stream of the corpus, `entries` or `objects`.
+pub(super) async fn find_or_make(
+    context: &Context,
+    options: &ClusterOptions,
+    kind: &'static str,
+) -> Result<Stream, EngineError> {
+    const DOING: &str = "find the corpus";
+    let name = format!("{}_{kind}", options.bucket);
+    match context.get_stream(&name).await {
+        Ok(stream) => {
+            let replicas = stream.cached_info().config.num_replicas;
+            if replicas < options.replicas() {
+                let asked = options.replicas();
+                tracing::warn!(stream = name, replicas, asked, "the corpus is kept fewer times than asked for");
+            }
+            Ok(stream)
+        }
+        Err(error) => match error.kind() {
+            GetStreamErrorKind::JetStream(found) if found.error_code() == ErrorCode::STREAM_NOT_FOUND => {
+                make(context, options, name, kind).await
+            }
+            _ => Err(silent(DOING, error)),
+        },
+    }
+}
+
+async fn make(
+    context: &Context,
+    options: &ClusterOptions,
+    name: String,
+    kind: &'static str,
+) -> Result<Stream, EngineError> {
+    const DOING: &str = "make the corpus";
+    let config = Config {
+        subjects: vec![format!("quadmuse.{}.{kind}.>", options.bucket)],
+        description: Some(format!("Quadmuse, {kind} of the corpus {}", options.bucket)),
+        retention: RetentionPolicy::Limits,
+        // Of each subject the newest; nothing is ever discarded for its age or for want of room.
+        max_messages_per_subject: 1,
+        discard: DiscardPolicy::New,
+        storage: StorageType::File,
+        num_replicas: options.replicas(),
+        allow_direct: true,
+        name,
+        ..Config::default()
+    };
+    let made = context.create_stream(config).await;
+    made.map_err(|error| match error.kind() {
+        // A node alone. In a cluster that is still forming there are too few nodes for a while: that is tried again.
+        CreateStreamErrorKind::JetStream(found) if found.error_code() == ErrorCode::STREAM_REPLICAS_NOT_SUPPORTED => {
+            let asked = options.replicas();
+            refused(
+                DOING,
+                format!("it is one node, and keeps nothing {asked} times: give --cluster-replicas 1, or add nodes"),
+            )
+        }
+        _ => silent(DOING, error),
+    })
+}

@@ -1,0 +1,85 @@
+//! Where the engine is, and how a server gets in.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Nodes from which on everything is kept three times.
+const NODES_FOR_THREE: usize = 3;
+
+/// How a server gets in. A user and a password stand in the address, `nats://user:password@host`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Access {
+    /// A file with a token and its key, as `nsc` writes it (`.creds`).
+    pub credentials: Option<PathBuf>,
+    /// Certificates of the authorities that the engine's are checked against, as PEM; with it, TLS is required.
+    pub authorities: Option<PathBuf>,
+    /// This server's own certificate and its key, as PEM, where the engine asks for one.
+    pub certificate: Option<(PathBuf, PathBuf)>,
+}
+
+/// Where the engine is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ClusterOptions {
+    /// Addresses of its nodes, such as `nats://10.0.0.1:4222`; one that answers is enough.
+    pub nodes: Vec<String>,
+    /// The name of the corpus there: letters, digits, `-` and `_`.
+    pub bucket: String,
+    /// How many nodes keep everything; `None`: three if at least three are named, else one.
+    pub replicas: Option<usize>,
+    /// How a server gets in.
+    pub access: Access,
+    /// Longest time to reach it at a start.
+    pub reach: Duration,
+}
+
+/// Longest name of a corpus.
+const BUCKET_LENGTH_MAX: usize = 64;
+
+impl ClusterOptions {
+    /// The corpus `bucket` on the engine at these addresses, separated by commas, without credentials.
+    pub fn new(nodes: &str, bucket: &str) -> Self {
+        let nodes = nodes.split(',').map(str::trim).filter(|node| !node.is_empty());
+        Self {
+            nodes: nodes.map(str::to_owned).collect(),
+            bucket: bucket.to_owned(),
+            replicas: None,
+            access: Access::default(),
+            reach: Duration::from_secs(30),
+        }
+    }
+
+    /// How many nodes are to keep everything.
+    pub fn replicas(&self) -> usize {
+        self.replicas.unwrap_or(if self.nodes.len() >= NODES_FOR_THREE { 3 } else { 1 })
+    }
+
+    /// What is wrong with it, if something is.
+    pub fn fault(&self) -> Option<String> {
+        let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        if self.nodes.is_empty() {
+            return Some("expected an address of the cluster's engine, found none".into());
+        }
+        if self.bucket.is_empty() || self.bucket.len() > BUCKET_LENGTH_MAX || !self.bucket.chars().all(allowed) {
+            let expected = format!("1 to {BUCKET_LENGTH_MAX} letters, digits, `-` and `_`");
+            return Some(format!("expected a bucket of {expected}, found `{}`", self.bucket));
+        }
+        let replicas = self.replicas();
+        let odd = [1, 3, 5].contains(&replicas);
+        (!odd).then(|| format!("expected 1, 3 or 5 replicas, found {replicas}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_nodes_keep_everything_three_times() {
+        let options = ClusterOptions::new("nats://a:1, nats://b:2,nats://c:3,", "studio");
+        assert_eq!((options.nodes.len(), options.replicas(), options.fault()), (3, 3, None));
+        assert_eq!(ClusterOptions::new("nats://a:1", "studio").replicas(), 1);
+        assert!(ClusterOptions::new("", "studio").fault().is_some());
+        assert!(ClusterOptions::new("nats://a", "a.b").fault().is_some());
+        assert!(ClusterOptions { replicas: Some(2), ..options }.fault().is_some());
+    }
+}

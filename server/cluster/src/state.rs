@@ -1,0 +1,198 @@
+//! The corpus as this server knows it: what the engine delivered, and what it wrote itself.
+//!
+//! Entries may come twice, late or out of order: of each key the newest position counts, also of what was removed.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::sync::Arc;
+
+use quadmuse_proto::id::ExampleId;
+use quadmuse_store::{ChangeLog, Changed, ContentHash, Document, ExampleRecord, SegmentRow, Snapshot};
+
+use crate::engine::Entry;
+use crate::manifest::{DOCUMENT, EXAMPLE, Manifest};
+
+/// Where the encoding of a segment is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Encoding {
+    pub(crate) encoder_version: u32,
+    pub(crate) object: ContentHash,
+    pub(crate) bytes: u64,
+}
+
+/// An example.
+#[derive(Clone, Debug)]
+pub(crate) struct Known {
+    pub(crate) record: Arc<ExampleRecord>,
+    pub(crate) encodings: Vec<Option<Encoding>>,
+}
+
+impl Known {
+    /// The objects that it needs.
+    pub(crate) fn objects(&self) -> impl Iterator<Item = ContentHash> + '_ {
+        self.record.objects().chain(self.encodings.iter().flatten().map(|encoding| encoding.object))
+    }
+}
+
+/// What stands under a key.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Slot {
+    position: u64,
+    /// `None`: it was removed.
+    id: Option<ExampleId>,
+}
+
+#[derive(Default)]
+pub(crate) struct State {
+    slots: HashMap<ContentHash, Slot>,
+    examples: BTreeMap<ExampleId, Known>,
+    /// Rows that nobody has asked for yet.
+    rows: HashMap<ExampleId, Vec<SegmentRow>>,
+    documents: HashMap<String, Document>,
+    /// Examples whose ground state was found damaged, and how.
+    damaged: BTreeMap<ExampleId, String>,
+    log: ChangeLog,
+    snapshot: Option<Arc<Snapshot>>,
+    /// Entries that this release can't read, by key: a sentence each.
+    unread: BTreeSet<String>,
+}
+
+impl State {
+    /// Takes an entry in, unless a newer one of its key is; whether anything changed.
+    pub(crate) fn apply(&mut self, key: &str, entry: &Entry) -> bool {
+        if let Some(name) = key.strip_prefix(DOCUMENT) {
+            let newer = self.documents.get(name).is_none_or(|known| known.revision < entry.position);
+            if newer {
+                let document = Document { revision: entry.position, bytes: entry.bytes.as_slice().into() };
+                self.documents.insert(name.to_owned(), document);
+            }
+            return newer;
+        }
+        let Some(identity) = key.strip_prefix(EXAMPLE).and_then(ContentHash::from_hex) else {
+            // Of a newer release; whatever it is, it is no example.
+            return false;
+        };
+        if self.slots.get(&identity).is_some_and(|slot| slot.position >= entry.position) {
+            return false;
+        }
+        match Manifest::from_bytes(&entry.bytes) {
+            Ok(manifest) => {
+                self.unread.remove(key);
+                self.set(identity, entry.position, manifest);
+            }
+            Err(reason) => {
+                tracing::error!(key, reason, "an entry of the corpus can't be read");
+                self.unread.insert(key.to_owned());
+            }
+        }
+        true
+    }
+
+    fn set(&mut self, identity: ContentHash, position: u64, mut manifest: Manifest) {
+        let rows = manifest.take_rows();
+        let Manifest { record, segments, .. } = manifest;
+        let id = record.as_ref().map(|record| record.id);
+        let before = self.slots.insert(identity, Slot { position, id }).and_then(|slot| slot.id);
+        self.snapshot = None;
+        if let Some(gone) = before.filter(|before| Some(*before) != id) {
+            self.examples.remove(&gone);
+            self.rows.remove(&gone);
+            self.damaged.remove(&gone);
+            self.log.push(Changed::Removed(gone));
+        }
+        let Some(record) = record else { return };
+        let id = record.id;
+        let encodings = segments.into_iter().map(|segment| {
+            segment.map(|segment| Encoding {
+                encoder_version: segment.encoder_version,
+                object: segment.object,
+                bytes: segment.bytes,
+            })
+        });
+        let mut encodings: Vec<_> = encodings.collect();
+        encodings.resize(record.segments.len(), None);
+        let same = self.examples.get(&id).is_some_and(|known| known.encodings == encodings);
+        self.examples.insert(id, Known { record: Arc::new(record), encodings });
+        if same {
+            self.log.push(Changed::Annotated(id));
+        } else {
+            self.rows.insert(id, rows);
+            self.log.push(Changed::Encoded(id));
+        }
+    }
+
+    /// The position to write an identity at where no example is known to be: 0, or that of one that was removed.
+    pub(crate) fn vacant(&self, identity: ContentHash) -> Option<u64> {
+        match self.slots.get(&identity) {
+            None => Some(0),
+            Some(Slot { position, id: None }) => Some(*position),
+            Some(_) => None,
+        }
+    }
+
+    pub(crate) fn example(&self, id: ExampleId) -> Option<&Known> {
+        self.examples.get(&id)
+    }
+
+    pub(crate) fn by_identity(&self, identity: ContentHash) -> Option<&Known> {
+        self.examples.get(&self.slots.get(&identity)?.id?)
+    }
+
+    pub(crate) fn examples(&self) -> impl Iterator<Item = &Known> {
+        self.examples.values()
+    }
+
+    pub(crate) fn snapshot(&mut self) -> Arc<Snapshot> {
+        let taken = self.snapshot.take().unwrap_or_else(|| {
+            let whole = self.examples.values().filter(|known| !self.damaged.contains_key(&known.record.id));
+            let examples = whole.map(|known| Arc::clone(&known.record)).collect();
+            Arc::new(Snapshot { revision: self.log.newest(), examples })
+        });
+        self.snapshot = Some(Arc::clone(&taken));
+        taken
+    }
+
+    pub(crate) fn take_rows(&mut self) -> HashMap<ExampleId, Vec<SegmentRow>> {
+        std::mem::take(&mut self.rows)
+    }
+
+    pub(crate) fn take_rows_of(&mut self, id: ExampleId) -> Vec<SegmentRow> {
+        self.rows.remove(&id).unwrap_or_default()
+    }
+
+    pub(crate) fn document(&self, name: &str) -> Option<Document> {
+        self.documents.get(name).cloned()
+    }
+
+    pub(crate) fn log(&self) -> &ChangeLog {
+        &self.log
+    }
+
+    /// Sets an example aside.
+    pub(crate) fn quarantine(&mut self, id: ExampleId, reason: &str) {
+        if self.examples.contains_key(&id) {
+            self.damaged.insert(id, reason.to_owned());
+            self.snapshot = None;
+        }
+    }
+
+    /// Takes an example back that was set aside.
+    pub(crate) fn heal(&mut self, id: ExampleId) {
+        if self.damaged.remove(&id).is_some() {
+            self.snapshot = None;
+            self.log.push(Changed::Encoded(id));
+        }
+    }
+
+    pub(crate) fn damage(&self, id: ExampleId) -> Option<&str> {
+        self.damaged.get(&id).map(String::as_str)
+    }
+
+    pub(crate) fn damaged(&self) -> Vec<(ExampleId, String)> {
+        self.damaged.iter().map(|(&id, reason)| (id, reason.clone())).collect()
+    }
+
+    /// Keys of entries that this release can't read.
+    pub(crate) fn unread(&self) -> usize {
+        self.unread.len()
+    }
+}

@@ -1,0 +1,177 @@
+//! A corpus that servers share is a backend like every other, also where its engine is unreliable.
+
+#[path = "../../store/tests/support/conformance.rs"]
+mod conformance;
+#[path = "support/fake.rs"]
+mod fake;
+#[path = "../../store/tests/support/sample.rs"]
+mod sample;
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use conformance::{Pair, eventually, small};
+use fake::{FakeEngine, Faults};
+use quadmuse_cluster::{RowMaker, SharedCorpus, SharedOptions};
+use quadmuse_store::{Added, Backend, Documents, NewSegmentation, Store, StoreError};
+
+fn join(engine: &FakeEngine, dir: &Path) -> Arc<SharedCorpus> {
+    let cache = dir.join(quadmuse_proto::id::ExampleId::generate().to_string());
+    // A lost request is the caller's to send again, as a service that starts is.
+    let open = || SharedCorpus::open(Arc::new(engine.clone()), &SharedOptions::caching_in(&cache));
+    Arc::new(open().expect("joined"))
+}
+
+fn pair(engine: &FakeEngine, dir: &Path) -> Pair {
+    (join(engine, dir), join(engine, dir))
+}
+
+#[test]
+fn a_shared_corpus_conforms() {
+    let dir = tempfile::tempdir().expect("a directory");
+    conformance::all(&mut || pair(&FakeEngine::new(1, Faults::default()), dir.path()));
+}
+
+#[test]
+fn a_shared_corpus_conforms_on_an_engine_that_reorders_delays_repeats_and_drops() {
+    let dir = tempfile::tempdir().expect("a directory");
+    for seed in 1..3 {
+        let mut corpora = 0;
+        conformance::all(&mut || {
+            corpora += 1;
+            pair(&FakeEngine::new(100 * seed + corpora, Faults::many()), dir.path())
+        });
+    }
+}
+
+#[test]
+fn each_fault_alone_is_survived() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let none = Faults::default();
+    for (seed, faults) in (0..).zip([
+        Faults { delivered_late: 1, ..none },
+        Faults { delivered_twice: 1, ..none },
+        Faults { delivered_in_the_wrong_order: 1, ..none },
+        Faults { not_delivered: 2, ..none },
+        Faults { following_ended: 2, ..none },
+        Faults { request_lost: 3, ..none },
+        Faults { answer_lost: 2, ..none },
+    ]) {
+        let engine = FakeEngine::new(seed, faults);
+        let (a, b) = pair(&engine, dir.path());
+        for example in 0..20 {
+            let writer = if example % 2 == 0 { &a } else { &b };
+            writer.add(&small(example).example(), &[]).expect("added");
+        }
+        for one in [&a, &b] {
+            eventually(&format!("all are there, {faults:?}"), || one.snapshot().examples.len() == 20);
+        }
+        assert_eq!(a.snapshot().examples, b.snapshot().examples);
+    }
+}
+
+#[test]
+fn a_server_that_joins_later_has_everything_and_the_rows_with_it() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let engine = FakeEngine::new(7, Faults::many());
+    let first = join(&engine, dir.path());
+    let row = vec![5; 2100];
+    let mut ids = Vec::new();
+    for seed in 0..30 {
+        ids.push(first.add(&small(seed).example(), std::slice::from_ref(&row)).expect("added").record().id);
+    }
+    first.remove(ids.swap_remove(3)).expect("removed");
+    let later = join(&engine, dir.path());
+    assert_eq!(later.snapshot().examples, first.snapshot().examples);
+    let rows = later.rows();
+    assert_eq!(rows.len(), 29);
+    assert!(rows.iter().all(|(id, (segment, bytes))| ids.contains(id) && *segment == 0 && *bytes == row));
+    assert!(later.rows().is_empty(), "they are handed out once");
+    let id = first.add(&small(99).example(), std::slice::from_ref(&row)).expect("added").record().id;
+    eventually("it has the new one", || later.get(id).is_ok());
+    assert_eq!(later.rows_of(id), [(0, row)]);
+    assert_eq!(later.following().behind, 0);
+}
+
+#[test]
+fn objects_that_are_damaged_or_lost_are_told_and_healed_by_adding_again() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let engine = FakeEngine::new(3, Faults::default());
+    let sample = small(1);
+    let record = join(&engine, dir.path()).add(&sample.example(), &[]).expect("added").record().clone();
+    let mesh = record.content_hash.to_string();
+    for damage in [Some(&b"other"[..]), None] {
+        engine.spoil(&mesh, damage);
+        let server = join(&engine, dir.path());
+        assert_eq!(server.check(&mut |_| {}).expect("checked").problems.len(), 1);
+        assert!(matches!(server.mesh_bytes(record.id), Err(StoreError::Quarantined { .. })));
+        assert!(matches!(server.get(record.id), Err(StoreError::Quarantined { .. })));
+        assert!(server.is_damaged(&sample.mesh, NewSegmentation::Auto) && server.snapshot().examples.is_empty());
+        assert!(
+            matches!(server.add(&sample.example(), &[]).expect("healed"), Added::Exists(healed) if healed == record)
+        );
+        assert_eq!(server.mesh_bytes(record.id).expect("healed"), sample.mesh);
+        assert_eq!(server.quarantined(), []);
+    }
+}
+
+#[test]
+fn objects_are_collected_when_nobody_needs_them_and_they_are_old() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let engine = FakeEngine::new(3, Faults::default());
+    let server = join(&engine, dir.path());
+    let gone = server.add(&small(1).example(), &[]).expect("added").record().id;
+    let kept = server.add(&small(2).example(), &[]).expect("added").record().id;
+    server.remove(gone).expect("removed");
+    assert_eq!(engine.object_count(), 4);
+    assert_eq!(server.collect(Duration::from_secs(3600)).expect("collected"), 0, "they are young");
+    assert_eq!(server.collect(Duration::ZERO).expect("collected"), 2);
+    let other = join(&engine, dir.path());
+    assert_eq!(other.mesh_bytes(kept).expect("there"), small(2).mesh);
+    assert_eq!(other.check(&mut |_| {}).expect("checked").problems, []);
+}
+
+#[test]
+fn documents_are_shared_and_not_overwritten_silently() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let engine = FakeEngine::new(5, Faults { answer_lost: 3, ..Faults::default() });
+    let (a, b) = (join(&engine, dir.path()), join(&engine, dir.path()));
+    assert_eq!(a.known("tokens"), None);
+    assert!(Documents::write(&*a, "tokens", 0, b"one").expect("written"));
+    assert!(!Documents::write(&*b, "tokens", 0, b"two").expect("refused"));
+    eventually("the other knows it", || b.known("tokens").is_some_and(|document| *document.bytes == *b"one"));
+    let now = (0..20).find_map(|_| Documents::read(&*b, "tokens").ok()).expect("read").expect("there");
+    assert!(Documents::write(&*b, "tokens", now.revision, b"two").expect("written"));
+    eventually("the first knows it", || a.known("tokens").is_some_and(|document| *document.bytes == *b"two"));
+    assert!(a.snapshot().examples.is_empty());
+    assert!(matches!(Documents::write(&*a, "long", 0, &vec![0; 1 << 20]), Err(StoreError::Invalid { .. })));
+}
+
+#[test]
+fn a_local_corpus_goes_there_and_back_byte_for_byte() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let (store, _) = Store::open(&dir.path().join("first"), &sample::options()).expect("a store");
+    for seed in 0..5 {
+        store.add(&sample::Sample::new(seed).example()).expect("added");
+    }
+    let mut before = Vec::new();
+    store.backup(&mut before).expect("written");
+    let engine = FakeEngine::new(9, Faults::many());
+    let row_maker: RowMaker = Arc::new(|_, segment, packed| Some(vec![segment as u8, packed.encoder_version as u8]));
+    let options = SharedOptions { row_maker: Some(row_maker), ..SharedOptions::caching_in(&dir.path().join("cache")) };
+    let shared = SharedCorpus::open(Arc::new(engine.clone()), &options).expect("joined");
+    for record in &store.snapshot().examples {
+        shared.put_whole(Backend::whole(&store, record.id).expect("whole")).expect("imported");
+    }
+    let (back, _) = Store::open(&dir.path().join("second"), &sample::options()).expect("a store");
+    let other = join(&engine, dir.path());
+    for record in &other.snapshot().examples {
+        Backend::put_whole(&back, other.whole(record.id).expect("whole")).expect("exported");
+    }
+    let rows = other.rows();
+    assert!(rows.len() == 5 && rows.iter().all(|(_, row)| *row == (0, vec![0, 1])), "rows were made on the way");
+    let mut after = Vec::new();
+    back.backup(&mut after).expect("written");
+    assert!(before == after);
+}

@@ -1,0 +1,228 @@
+//! The same suite on a real engine of three nodes, and what becomes of acknowledged writes when its nodes are killed.
+//!
+//! The kills are in one test, so that its nodes are started once. Left out where there is no
+//! `nats-server`.
+
+#[path = "../../store/tests/support/conformance.rs"]
+mod conformance;
+#[path = "support/nodes.rs"]
+mod nodes;
+#[path = "../../store/tests/support/sample.rs"]
+mod sample;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use conformance::{eventually, small};
+use nodes::Nodes;
+use quadmuse_cluster::{ClusterOptions, Engine, Entry, JetStream, SharedCorpus, SharedOptions, Written};
+use quadmuse_proto::id::ExampleId;
+use quadmuse_store::{Backend, Patch, StoreError};
+
+fn join(nodes: &Nodes, bucket: &str, dir: &Path) -> Arc<SharedCorpus> {
+    let engine = JetStream::connect(&ClusterOptions::new(&nodes.addresses(), bucket)).expect("reached");
+    let cache = dir.join(ExampleId::generate().to_string());
+    Arc::new(SharedCorpus::open(Arc::new(engine), &SharedOptions::caching_in(&cache)).expect("joined"))
+}
+
+#[test]
+fn on_a_real_engine() {
+    let Some(mut nodes) = Nodes::start(3) else { return };
+    let dir = tempfile::tempdir().expect("a directory");
+    let begun = Instant::now();
+    let mut corpora = 0;
+    conformance::all(&mut || {
+        corpora += 1;
+        let bucket = format!("conformance-{corpora}");
+        (join(&nodes, &bucket, dir.path()), join(&nodes, &bucket, dir.path()))
+    });
+    println!("conformance on three nodes: {:.1} s", begun.elapsed().as_secs_f64());
+    a_counter_counts_every_write(&nodes);
+    large_objects_come_back(&nodes, dir.path());
+    what_was_acknowledged_survives_the_nodes(&mut nodes, dir.path());
+}
+
+/// Four servers count up one entry as fast as they can: what was acknowledged was not overwritten.
+fn a_counter_counts_every_write(nodes: &Nodes) {
+    let engines =
+        [(); 4].map(|()| JetStream::connect(&ClusterOptions::new(&nodes.addresses(), "counter")).expect("reached"));
+    let count = |entry: Option<Entry>| {
+        let entry = entry.unwrap_or(Entry { position: 0, bytes: b"0".to_vec() });
+        (entry.position, String::from_utf8_lossy(&entry.bytes).parse::<u64>().expect("a number"))
+    };
+    let written: u64 = std::thread::scope(|scope| {
+        let writers = engines.each_ref().map(|engine| {
+            scope.spawn(move || {
+                (0..50).fold(0, |written, _| {
+                    let (position, value) = count(engine.read("counter").expect("read"));
+                    let next = (value + 1).to_string();
+                    let outcome = engine.write("counter", position, next.as_bytes()).expect("answered");
+                    written + u64::from(outcome != Written::Elsewhere)
+                })
+            })
+        });
+        writers.into_iter().map(|writer| writer.join().expect("ended")).sum()
+    });
+    assert_eq!(count(engines[0].read("counter").expect("read")).1, written);
+}
+
+#[test]
+fn a_full_engine_is_told_as_one_and_reads_go_on() {
+    let Some(nodes) = Nodes::start_with(1, "4MB") else { return };
+    let dir = tempfile::tempdir().expect("a directory");
+    let server = join(&nodes, "full", dir.path());
+    let large = |seed: u64| {
+        let mut sample = small(seed);
+        sample.mesh = vec![seed as u8; 600 << 10];
+        sample
+    };
+    let kept = server.add(&large(0).example(), &[]).expect("added").record().id;
+    let refused = (1..20).find_map(|seed| server.add(&large(seed).example(), &[]).err()).expect("it fills up");
+    assert!(refused.is_full(), "{refused}");
+    assert_eq!(join(&nodes, "full", dir.path()).mesh_bytes(kept).expect("there"), large(0).mesh);
+}
+
+fn large_objects_come_back(nodes: &Nodes, dir: &Path) {
+    let mut sample = small(1);
+    sample.mesh = (0..5 << 20).map(|at: u32| (at.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+    let first = join(nodes, "large", dir);
+    let id = first.add(&sample.example(), &[]).expect("added").record().id;
+    let other = join(nodes, "large", dir);
+    assert!(other.mesh_bytes(id).expect("there") == sample.mesh);
+    other.remove(id).expect("removed");
+    assert_eq!(other.collect(Duration::from_secs(3600)).expect("collected"), 0, "they are young");
+    assert_eq!(other.collect(Duration::ZERO).expect("collected"), 2);
+    let kept = first.add(&small(2).example(), &[]).expect("added").record().id;
+    assert_eq!(other.collect(Duration::ZERO).expect("collected"), 0);
+    eventually("it is there", || other.mesh_bytes(kept).is_ok());
+    // The bytes are gone from the engine, and come again with the example.
+    first.add(&sample.example(), &[]).expect("added");
+    eventually("all is whole", || join(nodes, "large", dir).check(&mut |_| {}).is_ok_and(|r| r.problems.is_empty()));
+}
+
+/// What was acknowledged: of each example how often it was renamed for certain, and how often perhaps.
+#[derive(Default)]
+struct History {
+    examples: BTreeMap<ExampleId, (u32, u32)>,
+    added: u32,
+    unsure: u32,
+    /// The longest time between two acknowledgements, of all writers together.
+    gap: Duration,
+    last: Option<Instant>,
+}
+
+impl History {
+    fn acknowledged(&mut self) {
+        let now = Instant::now();
+        self.gap = self.gap.max(self.last.map_or(Duration::ZERO, |last| now - last));
+        self.last = Some(now);
+    }
+}
+
+/// Adds and renames until `stopping`. What it wrote it reads at once, on the same server.
+fn write(server: &dyn Backend, seeds: std::ops::Range<u64>, history: &Mutex<History>, stopping: &AtomicBool) {
+    for seed in seeds {
+        if stopping.load(Ordering::Relaxed) {
+            return;
+        }
+        let record = match server.add(&small(seed).example(), &[]) {
+            Ok(added) => Arc::clone(added.record()),
+            Err(StoreError::Unreachable { .. } | StoreError::Busy) => {
+                history.lock().expect("whole").unsure += 1;
+                continue;
+            }
+            Err(error) => panic!("an add failed: {error}"),
+        };
+        assert!(server.get(record.id).is_ok(), "its own write is read");
+        let mut all = history.lock().expect("whole");
+        all.acknowledged();
+        all.added += 1;
+        all.examples.insert(record.id, (0, 0));
+        drop(all);
+        for k in 0..3 {
+            let name = Patch { name: Some(format!("{seed}-{k}")), ..Patch::default() };
+            let renamed = server.annotate(record.id, name);
+            let mut all = history.lock().expect("whole");
+            let entry = all.examples.entry(record.id).or_default();
+            match renamed {
+                Ok(renamed) => {
+                    entry.0 += 1;
+                    all.acknowledged();
+                    drop(all);
+                    let read = server.get(record.id).expect("there").revision;
+                    assert!(read >= renamed.revision, "no read older than the reader's own write");
+                }
+                Err(StoreError::Unreachable { .. } | StoreError::Busy) => entry.1 += 1,
+                Err(error) => panic!("renaming failed: {error}"),
+            }
+        }
+    }
+}
+
+fn what_was_acknowledged_survives_the_nodes(nodes: &mut Nodes, dir: &Path) {
+    // How often nodes are killed or stopped; more by hand for a record.
+    let kills: usize = std::env::var("QUADMUSE_KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(5);
+    let servers = [join(nodes, "killed", dir), join(nodes, "killed", dir)];
+    let asking = JetStream::connect(&ClusterOptions::new(&nodes.addresses(), "killed")).expect("reached");
+    let (history, stopping) = (Mutex::new(History::default()), AtomicBool::new(false));
+    std::thread::scope(|scope| {
+        for writer in 0..4u64 {
+            let (server, history, stopping) = (&servers[writer as usize % 2], &history, &stopping);
+            scope.spawn(move || write(&**server, 1_000_000 * (writer + 1)..u64::MAX, history, stopping));
+        }
+        for kill in 0..kills {
+            std::thread::sleep(Duration::from_millis(1000));
+            let leader = (0..50).find_map(|_| {
+                let told = asking.leader().ok().flatten();
+                if told.is_none() {
+                    std::thread::sleep(Duration::from_millis(100));
+                }
+                told
+            });
+            let leader: usize = leader.and_then(|name| name.strip_prefix("node")?.parse().ok()).expect("a leader");
+            // A follower is killed, the leader is killed, and the leader is stopped and comes back as if it still led.
+            match kill % 3 {
+                0 | 1 => {
+                    let victim = if kill % 3 == 0 { (leader + 1) % 3 } else { leader };
+                    nodes.kill(victim);
+                    std::thread::sleep(Duration::from_millis(1500));
+                    nodes.revive(victim);
+                }
+                _ => {
+                    nodes.signal(leader, "-STOP");
+                    std::thread::sleep(Duration::from_millis(6000));
+                    nodes.signal(leader, "-CONT");
+                }
+            }
+            std::thread::sleep(Duration::from_millis(1500));
+        }
+        stopping.store(true, Ordering::Relaxed);
+    });
+    let history = history.into_inner().expect("whole");
+    let (added, sure, unsure) = (
+        history.added,
+        history.examples.values().map(|(sure, _)| sure).sum::<u32>(),
+        history.unsure + history.examples.values().map(|(_, unsure)| unsure).sum::<u32>(),
+    );
+    println!(
+        "{kills} kills: {added} adds and {sure} changes acknowledged, {unsure} not known; longest gap between two {:.1} s",
+        history.gap.as_secs_f64()
+    );
+    assert!(added > 0);
+    let fresh = join(nodes, "killed", dir);
+    for server in [&servers[0], &servers[1], &fresh] {
+        let newest = asking.newest().expect("told");
+        eventually("it is quiet", || server.position() >= newest);
+        for (id, (sure, unsure)) in &history.examples {
+            let record = server.get(*id).expect("acknowledged, so not lost");
+            let (least, most) = (1 + sure, 1 + sure + unsure);
+            assert!((least..=most).contains(&record.revision), "{} changes of {least} to {most}", record.revision);
+        }
+        assert_eq!(server.snapshot().examples, fresh.snapshot().examples, "all servers have the same");
+    }
+    assert!(fresh.snapshot().examples.len() as u32 <= added + history.unsure);
+    assert_eq!(fresh.check(&mut |_| {}).expect("checked").problems, [], "every object is there and whole");
+}

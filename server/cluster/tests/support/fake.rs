@@ -1,0 +1,227 @@
+//! An engine in memory that is unreliable in every way the real one may be: it delivers late, twice, in the wrong order or not
+//! at all, ends followings, and loses requests and answers. What it acknowledged it keeps.
+
+use std::collections::{HashMap, VecDeque};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant, SystemTime};
+
+use quadmuse_cluster::{Deliveries, Delivery, Engine, EngineError, Entry, Written};
+
+/// How unreliable it is: of how many calls or deliveries one fails, each way; 0: none does.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Faults {
+    pub(crate) delivered_late: u32,
+    pub(crate) delivered_twice: u32,
+    pub(crate) delivered_in_the_wrong_order: u32,
+    pub(crate) not_delivered: u32,
+    pub(crate) following_ended: u32,
+    pub(crate) request_lost: u32,
+    pub(crate) answer_lost: u32,
+}
+
+impl Faults {
+    /// One of a few, each way.
+    pub(crate) fn many() -> Self {
+        Self {
+            delivered_late: 5,
+            delivered_twice: 4,
+            delivered_in_the_wrong_order: 5,
+            not_delivered: 6,
+            following_ended: 12,
+            request_lost: 6,
+            answer_lost: 6,
+        }
+    }
+}
+
+#[derive(Default)]
+struct World {
+    /// Every entry ever written, in order: its position is its place here, from 1.
+    log: Vec<(String, Vec<u8>)>,
+    newest: HashMap<String, u64>,
+    objects: HashMap<String, (Vec<u8>, SystemTime)>,
+    dice: u64,
+}
+
+impl World {
+    /// Whether it happens, once in `often` times.
+    fn happens(&mut self, often: u32) -> bool {
+        self.dice ^= self.dice << 13;
+        self.dice ^= self.dice >> 7;
+        self.dice ^= self.dice << 17;
+        often > 0 && self.dice.is_multiple_of(u64::from(often))
+    }
+}
+
+#[derive(Default)]
+struct Shared {
+    world: Mutex<World>,
+    written: Condvar,
+}
+
+impl Shared {
+    fn world(&self) -> MutexGuard<'_, World> {
+        self.world.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A connection to it; clones lead to the same.
+#[derive(Clone)]
+pub(crate) struct FakeEngine {
+    shared: Arc<Shared>,
+    faults: Faults,
+}
+
+fn silent(doing: &'static str) -> EngineError {
+    EngineError::Silent { doing, reason: "it is a fake".into() }
+}
+
+impl FakeEngine {
+    pub(crate) fn new(seed: u64, faults: Faults) -> Self {
+        let shared = Shared::default();
+        shared.world().dice = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+        Self { shared: Arc::new(shared), faults }
+    }
+
+    /// Damages, or takes away, an object.
+    pub(crate) fn spoil(&self, name: &str, bytes: Option<&[u8]>) {
+        let mut world = self.shared.world();
+        match bytes {
+            Some(bytes) => drop(world.objects.insert(name.into(), (bytes.into(), SystemTime::now()))),
+            None => drop(world.objects.remove(name)),
+        }
+    }
+
+    pub(crate) fn object_count(&self) -> usize {
+        self.shared.world().objects.len()
+    }
+
+    /// Loses the request, does it, or does it and loses the answer.
+    fn call<T>(&self, doing: &'static str, what: impl FnOnce(&mut World) -> T) -> Result<T, EngineError> {
+        let mut world = self.shared.world();
+        if world.happens(self.faults.request_lost) {
+            return Err(silent(doing));
+        }
+        let done = what(&mut world);
+        let lost = world.happens(self.faults.answer_lost);
+        drop(world);
+        self.shared.written.notify_all();
+        if lost { Err(silent(doing)) } else { Ok(done) }
+    }
+}
+
+impl Engine for FakeEngine {
+    fn put_object(&self, name: &str, bytes: &[u8]) -> Result<(), EngineError> {
+        // The real one tries again by itself.
+        let put = || {
+            self.call("keep an object", |world| {
+                world.objects.insert(name.into(), (bytes.into(), SystemTime::now()));
+            })
+        };
+        (0..20).find_map(|_| put().ok()).ok_or_else(|| silent("keep an object"))
+    }
+
+    fn object(&self, name: &str) -> Result<Option<Vec<u8>>, EngineError> {
+        let get = || self.call("give an object", |world| world.objects.get(name).map(|(bytes, _)| bytes.clone()));
+        (0..20).find_map(|_| get().ok()).ok_or_else(|| silent("give an object"))
+    }
+
+    fn write(&self, key: &str, expected: u64, bytes: &[u8]) -> Result<Written, EngineError> {
+        self.call("keep an entry", |world| {
+            if world.newest.get(key).copied().unwrap_or(0) != expected {
+                return Written::Elsewhere;
+            }
+            world.log.push((key.into(), bytes.into()));
+            let position = world.log.len() as u64;
+            world.newest.insert(key.into(), position);
+            Written::At(position)
+        })
+    }
+
+    fn read(&self, key: &str) -> Result<Option<Entry>, EngineError> {
+        self.call("give an entry", |world| {
+            let position = world.newest.get(key).copied()?;
+            let bytes = world.log[position as usize - 1].1.clone();
+            Some(Entry { position, bytes })
+        })
+    }
+
+    fn newest(&self) -> Result<u64, EngineError> {
+        let told = || self.call("tell its newest entry", |world| world.log.len() as u64);
+        (0..20).find_map(|_| told().ok()).ok_or_else(|| silent("tell its newest entry"))
+    }
+
+    fn follow(&self, after: u64) -> Result<Box<dyn Deliveries>, EngineError> {
+        self.call("be followed", |_| ())?;
+        Ok(Box::new(Followed { engine: self.clone(), position: after, number: 0, waiting: VecDeque::new() }))
+    }
+
+    fn collect(&self, before: SystemTime, is_used: &dyn Fn(&str) -> bool) -> Result<u64, EngineError> {
+        self.call("remove objects", |world| {
+            let count = world.objects.len();
+            world.objects.retain(|name, (_, put)| *put >= before || is_used(name));
+            (count - world.objects.len()) as u64
+        })
+    }
+}
+
+struct Followed {
+    engine: FakeEngine,
+    position: u64,
+    number: u64,
+    waiting: VecDeque<Delivery>,
+}
+
+impl Followed {
+    /// Takes what is new from the log, as the network would bring it.
+    fn fetch(&mut self, world: &mut World) {
+        let faults = self.engine.faults;
+        while self.position < world.log.len() as u64 {
+            self.position += 1;
+            let (key, bytes) = world.log[self.position as usize - 1].clone();
+            // Of each key the newest entry is kept.
+            if world.newest[&key] != self.position {
+                continue;
+            }
+            self.number += 1;
+            let (number, left) = (self.number, world.log.len() as u64 - self.position);
+            let delivery = Delivery { number, key, entry: Entry { position: self.position, bytes }, left };
+            if world.happens(faults.not_delivered) {
+                continue;
+            }
+            if world.happens(faults.delivered_twice) {
+                self.waiting.push_back(delivery.clone());
+            }
+            if world.happens(faults.delivered_in_the_wrong_order) && !self.waiting.is_empty() {
+                let before_the_last = self.waiting.len() - 1;
+                self.waiting.insert(before_the_last, delivery);
+            } else {
+                self.waiting.push_back(delivery);
+            }
+        }
+    }
+}
+
+impl Deliveries for Followed {
+    fn next(&mut self, wait: Duration) -> Result<Option<Delivery>, EngineError> {
+        let begun = Instant::now();
+        let shared = Arc::clone(&self.engine.shared);
+        let mut world = shared.world();
+        if world.happens(self.engine.faults.following_ended) {
+            return Err(silent("deliver"));
+        }
+        loop {
+            self.fetch(&mut world);
+            if let Some(delivery) = self.waiting.pop_front() {
+                let late = world.happens(self.engine.faults.delivered_late);
+                drop(world);
+                if late {
+                    std::thread::sleep(Duration::from_millis(10));
+                }
+                return Ok(Some(delivery));
+            }
+            let Some(left) = wait.checked_sub(begun.elapsed()) else { return Ok(None) };
+            world = shared.written.wait_timeout(world, left).unwrap_or_else(PoisonError::into_inner).0;
+        }
+    }
+}
