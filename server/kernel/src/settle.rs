@@ -23,7 +23,7 @@ mod tree;
 
 pub use evidence::Evidence;
 pub use held::Landmark;
-pub use poses::{Posed, Sought, poses};
+pub use poses::{Likeness, Posed, Sought, poses};
 pub use similarity::Similarity;
 pub use span::spanned;
 

@@ -9,6 +9,7 @@ use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_kernel::rank::Shape;
 use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::spectra::Row;
+use quadmuse_kernel::settle::Likeness;
 use quadmuse_proto::composition::AS_MAPPED;
 use quadmuse_proto::{Beyond, ConstraintEdit, Flip, Landmark, MeshFormat, Topology};
 use std::any::Any;
@@ -487,13 +488,13 @@ pub trait Engine: Send + Sync + 'static {
         Ok(None)
     }
 
-    /// How well one surface lies on the other in its best rigid pose, 0–1: the shapes themselves, not their pictures.
+    /// How well one surface lies on the other in its best rigid pose: the shapes themselves, not their pictures.
     ///
     /// # Errors
     /// [`EngineError::Stopped`], [`EngineError::Internal`].
-    fn likeness(&self, one: &Opaque, two: &Opaque, stop: &Stop) -> Result<f64, EngineError> {
+    fn likeness(&self, one: &Opaque, two: &Opaque, stop: &Stop) -> Result<Likeness, EngineError> {
         let _ = (one, two);
-        stop.reason().map_or(Ok(0.0), |reason| Err(reason.into()))
+        stop.reason().map_or(Ok(Likeness::default()), |reason| Err(reason.into()))
     }
 
     /// The topologies of the examples that a query of some topology is ranked against, its own first.

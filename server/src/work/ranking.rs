@@ -10,6 +10,7 @@
 
 use super::catalogue::{LEVEL_COARSEST, Resident};
 use super::engine::Registration;
+use quadmuse_kernel::settle::Likeness;
 use quadmuse_proto::query::LEVELS;
 use quadmuse_proto::{Entry, EntryState, ExampleId, Flip, Topology};
 use std::cmp::Ordering;
@@ -30,7 +31,7 @@ pub struct Candidate {
     /// How it came by its registration.
     pub depth: Depth,
     /// How well the surface itself lies on the query's, where that was asked.
-    pub likeness: Option<f64>,
+    pub likeness: Option<Likeness>,
     /// A better candidate that it nearly duplicates: only that one goes on.
     pub similar_to: Option<(ExampleId, u32)>,
 }
@@ -148,7 +149,7 @@ const OVERTURNS_CLOSED: f64 = 2.0;
 /// Where some are closed, as the query then is, limbs lie as they like, and pictures tell more than rigid poses: closed ones
 /// stand in their order, before those with a rim, unless one of these lies far better than all of them.
 pub fn by_likeness(laid: Vec<Candidate>, passed_over: Vec<Candidate>) -> Vec<Candidate> {
-    let of = |c: &Candidate| c.likeness.unwrap_or(0.0);
+    let of = |c: &Candidate| c.likeness.map_or(0.0, |likeness| likeness.weighed);
     let best = |all: &[Candidate]| all.iter().map(of).fold(0.0, f64::max);
     let (closed, mut with_rim): (Vec<Candidate>, Vec<Candidate>) =
         laid.into_iter().partition(|c| c.resident.facts.topology == Topology::Sphere);
@@ -208,7 +209,7 @@ pub fn entries(candidates: &[Candidate], limit: usize) -> Vec<Entry> {
         shift_u: c.registration.shift_u,
         resolution: c.registration.level,
         state: c.state,
-        likeness: c.likeness,
+        likeness: c.likeness.map(|likeness| likeness.score),
         similar_to: c.similar_to.and_then(|key| above(key, place)),
         template: c.resident.example.template.clone(),
     };
@@ -357,7 +358,10 @@ mod tests {
     #[test]
     fn what_lies_far_better_on_the_query_comes_first_with_the_scores_of_the_places() {
         let likened = |values: [f64; 3]| -> Vec<Candidate> {
-            let of = |(hash, likeness): (&str, f64)| Candidate { likeness: Some(likeness), ..candidate(hash, 1.0) };
+            let of = |(hash, likeness): (&str, f64)| Candidate {
+                likeness: Some(Likeness::of(likeness)),
+                ..candidate(hash, 1.0)
+            };
             let mut all: Vec<Candidate> = ["a", "b", "c"].into_iter().zip(values).map(of).collect();
             all.iter_mut().zip([1.0, 2.0, 3.0]).for_each(|(c, score)| c.score = score);
             all

@@ -104,6 +104,23 @@ pub fn poses(
     kept
 }
 
+/// How well one of two surfaces lies on the other.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Likeness {
+    /// The score of the best pose, at most 1; of two closed surfaces the lower of the two.
+    pub score: f64,
+    /// The same on a part of a closed surface times the size of that part, in √area of all of it: what closes it can't be
+    /// like what ends.
+    pub weighed: f64,
+}
+
+impl Likeness {
+    /// Of surfaces that lie on each other as they are.
+    pub fn of(score: f64) -> Self {
+        Self { score, weighed: score }
+    }
+}
+
 /// A surface, made ready to be compared with many others by how well one lies on the other.
 #[derive(Debug)]
 pub struct Posed {
@@ -133,29 +150,29 @@ impl Posed {
         Self { small, large, whole: None, area: ground.area, effort }
     }
 
-    /// The score of the best pose on another, or of the other on it, at most 1: of two closed surfaces the lower of the two, and
-    /// on a part of a closed surface times that part's size (√ of its share), since what closes it can't be like what ends. 0
-    /// where there is none, or when stopped.
-    pub fn likeness(&self, other: &Self, stop: &dyn Fn() -> bool) -> f64 {
+    /// How like another it is; not at all where there is no pose, or when stopped.
+    pub fn likeness(&self, other: &Self, stop: &dyn Fn() -> bool) -> Likeness {
         match (&self.whole, &other.whole) {
             (Some(one), Some(two)) => {
                 let best = |small: &Small, large: &Large| {
                     let found = small.turned(large, self.effort, stop).unwrap_or_default();
                     found.iter().map(|(score, _)| *score).fold(0.0, f64::max)
                 };
-                best(&one.0, &two.1).min(best(&two.0, &one.1))
+                Likeness::of(best(&one.0, &two.1).min(best(&two.0, &one.1)))
             }
             (None, Some(_)) => self.most_of(other, stop),
             (Some(_), None) => other.most_of(self, stop),
-            (None, None) => found(self, other, stop).first().map_or(0.0, |best| best.0),
+            (None, None) => Likeness::of(found(self, other, stop).first().map_or(0.0, |best| best.0)),
         }
     }
 
-    /// The best score on a closed surface, times the size that this surface has there, in √area of the closed one.
-    fn most_of(&self, closed: &Self, stop: &dyn Fn() -> bool) -> f64 {
-        let Some(small) = &self.small else { return 0.0 };
+    /// How like a part of a closed surface it is.
+    fn most_of(&self, closed: &Self, stop: &dyn Fn() -> bool) -> Likeness {
+        let Some(small) = &self.small else { return Likeness::default() };
         let size = |pose: &Similarity| (pose.scale * (self.area / closed.area).sqrt()).min(1.0);
-        small.tried(closed, stop).iter().map(|(score, pose)| score * size(pose)).fold(0.0, f64::max)
+        let tried = small.tried(closed, stop);
+        let best = |of: &dyn Fn(&(f64, Similarity)) -> f64| tried.iter().map(of).fold(0.0, f64::max);
+        Likeness { score: best(&|t| t.0), weighed: best(&|t| t.0 * size(&t.1)) }
     }
 }
 

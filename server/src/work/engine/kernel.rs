@@ -34,7 +34,7 @@ use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::image::Image;
 use quadmuse_kernel::register::spectra::Row;
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
-use quadmuse_kernel::settle::Posed;
+use quadmuse_kernel::settle::{Likeness, Posed};
 use quadmuse_kernel::unfold::UnfoldOptions;
 use quadmuse_proto::{Beyond, Landmark, MeshFormat, Topology, Verdict};
 use registered::Registered;
@@ -257,7 +257,7 @@ impl Engine for KernelEngine {
         Ok((has_rim || is_closed).then(|| Opaque::new(Posed::quick(&patch.mesh, has_rim))))
     }
 
-    fn likeness(&self, one: &Opaque, two: &Opaque, stop: &Stop) -> Result<f64, EngineError> {
+    fn likeness(&self, one: &Opaque, two: &Opaque, stop: &Stop) -> Result<Likeness, EngineError> {
         let found = one.open::<Posed>()?.likeness(two.open()?, &|| stop.reason().is_some());
         stop.reason().map_or(Ok(found), |reason| Err(EngineError::Stopped(reason)))
     }

@@ -13,6 +13,7 @@ use crate::work::query::ms_since;
 use crate::work::ranking::{Candidate, by_likeness};
 use crate::work::worth::FACES_CHOSEN_MIN;
 use futures_util::{StreamExt, stream};
+use quadmuse_kernel::settle::Likeness;
 use quadmuse_proto::{EntryState, LevelTiming, Topology};
 use std::sync::Arc;
 use std::time::Instant;
@@ -42,28 +43,28 @@ impl SegmentSearch<'_> {
         let Some(own) = posed else { return Ok(()) };
         let (mut laid, passed_over) = self.chosen(&newest.candidates);
         let tasks: Vec<_> = laid.iter().map(|candidate| self.likeness(candidate, &own)).collect();
-        let found: Vec<Result<f64, WorkError>> = stream::iter(tasks).buffered(self.window()).collect().await;
+        let found: Vec<Result<Likeness, WorkError>> = stream::iter(tasks).buffered(self.window()).collect().await;
         for (candidate, likeness) in laid.iter_mut().zip(found) {
             candidate.likeness = Some(likeness?);
         }
         self.published(by_likeness(laid, passed_over), start).await
     }
 
-    /// How well an example, which is read again and let go of, lies on the query; 0 where it can't be read or compared.
-    async fn likeness(&self, candidate: &Candidate, own: &Opaque) -> Result<f64, WorkError> {
+    /// How well an example, which is read again and let go of, lies on the query; not at all where it can't be read or compared.
+    async fn likeness(&self, candidate: &Candidate, own: &Opaque) -> Result<Likeness, WorkError> {
         let (example, segment) = (&candidate.resident.example, candidate.resident.segment);
         let model = match ingest::model(self.work, &self.live.job, Lane::Fine, example).await {
             Ok(model) => model,
             Err(error) if error.stop_reason().is_some() => return Err(error),
             Err(error) => {
                 tracing::warn!(query = %self.live.id, example = %example.id, %error, "not laid");
-                return Ok(0.0);
+                return Ok(Likeness::default());
             }
         };
         let (engine, own) = (Arc::clone(&self.work.engine), own.clone());
         let quantum = move |stop: &Stop| match engine.posed(&model, segment)? {
             Some(posed) => engine.likeness(&posed, &own, stop),
-            None => Ok(0.0),
+            None => Ok(Likeness::default()),
         };
         Ok(self.work.pool.run(&self.live.job, Lane::Fine, quantum).await??)
     }
