@@ -55,7 +55,7 @@ pub fn router(app: App) -> Router {
         .layer(from_fn(watchful::guard))
         .layer(from_fn(watchful::measure))
         .layer(from_fn_with_state(app.clone(), origin::check))
-        .layer(origin::cors(&app.settings.allowed_origins))
+        .option_layer(origin::cors(&app.settings.allowed_origins))
         .layer(from_fn_with_state(app.clone(), caller::authorize))
         .layer(from_fn_with_state(app.clone(), caller::own))
         .layer(from_fn_with_state(known, known::check))

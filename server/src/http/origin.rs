@@ -67,8 +67,12 @@ pub fn origin_name(text: &str) -> Result<String, String> {
 }
 
 /// What pages of the origins that the configuration names may send and read. A token travels in a header that a page sets
-/// itself, so no credentials of the browser are allowed.
-pub fn cors(allowed: &[String]) -> CorsLayer {
+/// itself, so no credentials of the browser are allowed. `None` where it names none: what a browser asks before it sends is then
+/// refused like anything else.
+pub fn cors(allowed: &[String]) -> Option<CorsLayer> {
+    if allowed.is_empty() {
+        return None;
+    }
     let origins = allowed.iter().filter_map(|origin| HeaderValue::try_from(origin.as_str()).ok());
     let sent = [
         header::AUTHORIZATION,
@@ -87,12 +91,13 @@ pub fn cors(allowed: &[String]) -> CorsLayer {
         header::CONTENT_DISPOSITION,
         HeaderName::from_static("x-request-id"),
     ];
-    CorsLayer::new()
+    let layer = CorsLayer::new()
         .allow_origin(AllowOrigin::list(origins))
         .allow_methods([Method::GET, Method::POST, Method::PATCH, Method::DELETE])
         .allow_headers(sent)
         .expose_headers(read)
-        .max_age(PREFLIGHT_AGE)
+        .max_age(PREFLIGHT_AGE);
+    Some(layer)
 }
 
 /// Checks where a request is sent to.
