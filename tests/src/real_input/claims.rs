@@ -5,9 +5,9 @@ use super::{
     scans,
 };
 
-/// Folded faces on a scan of another person, some thousand faces in all: a few fold where its rim is ragged. Between pairs of one
-/// family there are none.
-pub const SCAN_FOLDS_MAX: u64 = 16;
+/// Folded faces on a scan of another person, one in so many: a few fold where its rim is ragged. Between pairs of one family there are
+/// none.
+pub const SCAN_FOLDS_ONE_IN: u64 = 200;
 /// Largest mean of the medians over the head pairs, in % of √area.
 pub const HEAD_MEDIAN_MEAN_MAX: f64 = 1.3;
 /// Largest mean of the 95th percentiles over the head pairs, in % of √area.
@@ -45,9 +45,10 @@ pub fn broken(pairs: &[Judged], scans: &[scans::Judged]) -> Vec<String> {
     for judged in scans {
         match &judged.outcome {
             Err(error) => found.push(format!("{}: expected a mesh, found: {error}", judged.name)),
-            Ok(outcome) if outcome.folds > SCAN_FOLDS_MAX => {
-                found.push(format!("{}: expected at most {SCAN_FOLDS_MAX} folds, found {}", judged.name, outcome.folds))
-            }
+            Ok(outcome) if outcome.folds * SCAN_FOLDS_ONE_IN > outcome.soundness.faces => found.push(format!(
+                "{}: expected at most one face in {SCAN_FOLDS_ONE_IN} folded, found {} of {}",
+                judged.name, outcome.folds, outcome.soundness.faces
+            )),
             Ok(_) => {}
         }
     }
