@@ -244,7 +244,7 @@ export const correcting = {
     await rest(page);
     await page.waitForTimeout(300);
     await shoot(page, "part-laid");
-    await holdBack(page, "**/compositions");
+    await holdBack(page, "**/compositions**");
     await page.click("#stitch");
     await page.waitForSelector("#status button");
     await page.waitForSelector("#status progress:not([hidden])");
