@@ -110,7 +110,7 @@ pub enum ClientError {
     /// A map or composition was cancelled while it was waited for.
     #[error("expected a {product}, found that {id} was cancelled; ask for it again")]
     MakingCancelled {
-        /// What it was to be.
+        /// Whether it was to be a map or a composition.
         product: &'static str,
         /// Its id.
         id: String,

@@ -42,7 +42,7 @@ pub struct Example {
     pub tags: Vec<String>,
     /// Its relevance, 0–5.
     pub relevance: f64,
-    /// Who made it; empty if nobody said.
+    /// The name of who made it; empty if nobody said.
     #[serde(default)]
     pub author: String,
     /// The licence it is under; empty if nobody said.
@@ -140,7 +140,7 @@ pub struct ExamplePatch {
     /// `conflict`, which names the revision there is. Without it, whichever there is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub revision: Option<u32>,
-    /// Who made it; empty for nobody.
+    /// The name of who made it; empty for nobody.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub author: Option<String>,
     /// The licence it is under; empty for none.

@@ -4,7 +4,7 @@ use crate::spec::{Name, NamedSpec};
 use clap::{ArgGroup, Args};
 use std::path::PathBuf;
 
-/// What changes something: one of these has to be there.
+/// These options change something: at least one of them is needed.
 const CHANGES: [&str; 7] = ["name", "author", "licence", "notes", "landmarks", "landmark", "forget"];
 
 /// `annotate`.
@@ -17,13 +17,13 @@ pub struct AnnotateArgs {
     /// A new name
     #[arg(long, value_name = "NAME")]
     pub name: Option<String>,
-    /// Who made it; empty for nobody
+    /// Names who made the example; empty for nobody
     #[arg(long, value_name = "NAME")]
     pub author: Option<String>,
     /// The licence it is under; empty for none
     #[arg(long, value_name = "TEXT", alias = "license")]
     pub licence: Option<String>,
-    /// What else there is to say of it; empty for nothing
+    /// Says what else there is to know of the example; empty for nothing
     #[arg(long, value_name = "TEXT")]
     pub notes: Option<String>,
     /// A file of named landmarks, in place of those it has: JSON like `{"nose_tip": [x, y, z], "chin": 1234}`, where a number is

@@ -37,7 +37,7 @@ pub(super) async fn map(args: &MapArgs, api: &Api, state: &State, ui: &mut Ui) -
     write_map(&map, Some(&name), &target, api, ui).await?.is_enough(args.require)
 }
 
-/// What holds a map: pairs of points, and points of the scan by name.
+/// The landmarks that a new map is held by: pairs of points, and points of the scan by name.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Held {
     landmarks: Vec<Landmark>,

@@ -68,7 +68,7 @@ enum Written {
     Place(Place),
 }
 
-/// What a file may hold.
+/// The three forms that a file of landmarks may have.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Content {
@@ -78,7 +78,7 @@ enum Content {
     ByName(BTreeMap<String, Written>),
 }
 
-/// What a file of landmarks holds.
+/// The landmarks of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Landmarks {
     /// Points of an example with those of a scan.

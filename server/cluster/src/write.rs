@@ -34,8 +34,8 @@ fn number() -> u64 {
 
 impl SharedCorpus {
     /// Changes the entry of `identity` to what `decide` makes of it, which is asked again whenever somebody else was faster;
-    /// `None` leaves it as it is. `guess` is a
-    /// position at which there is likely nothing but what was removed: then nothing is read first.
+    /// `None` leaves it as it is. `guess` is a position at which there is likely nothing but what was removed: then nothing is
+    /// read first.
     pub(crate) fn commit(
         &self,
         identity: ContentHash,

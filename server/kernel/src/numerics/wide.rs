@@ -2,6 +2,11 @@
 //!
 //! Nothing is fused and no sum is reordered by it: both give the same bits.
 
+/// Values that are computed side by side: as many as the widest vectors hold.
+pub const LANES: usize = 8;
+/// A value for each lane.
+pub type Lanes = [f64; LANES];
+
 /// A computation whose loops are worth wide vectors. Only what is inlined into `run` is compiled for them: its functions
 /// and closures are `#[inline(always)]`.
 pub trait Wide {

@@ -14,14 +14,11 @@
 use std::ops::Range;
 
 use super::mls::{Domain, ROTATION_MIN, TINY, orbit_v};
-use crate::numerics::wide::{Wide, wide};
+use crate::numerics::wide::{LANES, Lanes, Wide, wide};
 use crate::unfold::Uv;
 
-/// Nodes that are evaluated side by side: of one row, whose length is a multiple of it.
-const LANES: usize = 8;
-/// What one control is to nodes side by side: share (u, v), by_u (re, im), by_v (re, im).
-type Influence = [[f64; LANES]; 6];
-type Lanes = [f64; LANES];
+/// What one control is to [`LANES`] nodes of one row, whose length is a multiple of that: share (u, v), by_u (re, im), by_v (re, im).
+type Influence = [Lanes; 6];
 
 /// Pixels between nodes at a level: fine enough that interpolation does not change a result (tests/records).
 fn node_step(side: usize) -> usize {

@@ -14,7 +14,7 @@ use super::tree::KdTree;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Closest;
 use crate::numerics::stop;
-use crate::numerics::wide::{Wide, wide};
+use crate::numerics::wide::{LANES, Lanes, Wide, wide};
 
 /// What a map looks like. Lengths in √area of the example as the start has it laid.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -158,11 +158,8 @@ impl Judged<'_> {
 #[derive(Clone, Debug)]
 pub(super) struct Around {
     /// x, y, z; the normal; the share: eight samples at a time, and what is left over counts nothing.
-    blocks: Vec<[[f64; LANES]; 7]>,
+    blocks: Vec<[Lanes; 7]>,
 }
-
-/// Samples that are computed at once.
-const LANES: usize = 8;
 
 impl Around {
     pub(super) fn new(samples: &Samples) -> Self {

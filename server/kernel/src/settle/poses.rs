@@ -93,7 +93,8 @@ pub fn poses(
 ) -> Vec<(f64, Similarity)> {
     let is_quick = sought == Sought::Quickly || input.triangles.len() < FULL_FROM_TRIANGLES;
     let effort = if is_quick { &QUICK } else { &FULL };
-    let [one, two] = [(example, may_be_small[0]), (input, may_be_small[1])].map(|s| Posed::new(s.0, s.1, effort));
+    let [one, two] =
+        [(example, may_be_small[0]), (input, may_be_small[1])].map(|s| Posed::new(&Ground::new(s.0), s.1, effort));
     let mut kept: Vec<(f64, Similarity)> = Vec::new();
     let unit = (middle(example), example.total_area().sqrt());
     for (score, pose) in found(&one, &two, stop) {
@@ -135,18 +136,14 @@ pub struct Posed {
 impl Posed {
     /// Of a surface that may be a part of another, or, being closed, may not.
     pub fn quick(mesh: &TriMesh, may_be_small: bool) -> Self {
-        let mut posed = Self::new(mesh, may_be_small, &QUICK);
-        if !may_be_small {
-            let ground = Ground::new(mesh);
-            posed.whole = Some((Small::new(&ground, QUICK.large), Large::new(&ground, 1.0, QUICK.large)));
-        }
-        posed
+        let ground = Ground::new(mesh);
+        let whole = || (Small::new(&ground, QUICK.large), Large::new(&ground, 1.0, QUICK.large));
+        Self { whole: (!may_be_small).then(whole), ..Self::new(&ground, may_be_small, &QUICK) }
     }
 
-    fn new(mesh: &TriMesh, may_be_small: bool, effort: &'static Effort) -> Self {
-        let ground = Ground::new(mesh);
-        let large = effort.shares.iter().map(|share| Large::new(&ground, *share, effort.large)).collect();
-        let small = may_be_small.then(|| Small::new(&ground, effort.large));
+    fn new(ground: &Ground<'_>, may_be_small: bool, effort: &'static Effort) -> Self {
+        let large = effort.shares.iter().map(|share| Large::new(ground, *share, effort.large)).collect();
+        let small = may_be_small.then(|| Small::new(ground, effort.large));
         Self { small, large, whole: None, area: ground.area, effort }
     }
 
@@ -155,7 +152,7 @@ impl Posed {
         match (&self.whole, &other.whole) {
             (Some(one), Some(two)) => {
                 let best = |small: &Small, large: &Large| {
-                    let found = small.turned(large, self.effort, stop).unwrap_or_default();
+                    let found = small.tried_whole(large, self.effort, stop).unwrap_or_default();
                     found.iter().map(|(score, _)| *score).fold(0.0, f64::max)
                 };
                 Likeness::of(best(&one.0, &two.1).min(best(&two.0, &one.1)))
@@ -346,7 +343,7 @@ impl Small {
     }
 
     /// The best poses on another closed surface, middle on middle, with their scores; `None` when stopped.
-    fn turned(&self, large: &Large, effort: &Effort, stop: &dyn Fn() -> bool) -> Option<Vec<(f64, Motion)>> {
+    fn tried_whole(&self, large: &Large, effort: &Effort, stop: &dyn Fn() -> bool) -> Option<Vec<(f64, Motion)>> {
         let mut rough = Vec::new();
         for k in 0..effort.places {
             if stop() {

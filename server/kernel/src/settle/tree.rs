@@ -8,17 +8,12 @@
 //! begins.
 
 use crate::numerics::stop;
-use crate::numerics::wide::{Wide, wide};
+use crate::numerics::wide::{LANES, Lanes, Wide, wide};
 
-/// Children of a node, and points that are compared at once.
-const LANES: usize = 8;
 /// Points in a leaf at most.
 const LEAF_SIZE: usize = 16;
 /// Boxes that wait to be looked into at most: seven a level, at 8¹¹ leaves and fewer.
 const WAITING_MAX: usize = 80;
-
-/// A value for each of eight.
-type Lanes = [f64; LANES];
 
 /// A balanced tree over points.
 #[derive(Clone, Debug, Default)]
@@ -79,7 +74,7 @@ impl<const D: usize> KdTree<D> {
         tree
     }
 
-    /// Adds the node of a range, whose points it sorts into eight; returns their ranges.
+    /// Adds the node of a range, whose points it sorts into [`LANES`] ranges, which it returns.
     fn add(&mut self, points: &mut [([f64; D], u32)], range: (usize, usize)) -> [(usize, usize); LANES] {
         let mut ranges = [range; LANES];
         let mut parts = 1;
