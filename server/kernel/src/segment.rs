@@ -22,6 +22,7 @@ mod smooth;
 mod split;
 mod tour;
 mod tree;
+mod views;
 
 use std::collections::BTreeMap;
 
@@ -35,6 +36,7 @@ use smooth::Strength;
 
 pub use around::segment_around;
 pub use seams::{Seam, SeamShape};
+pub use views::fused;
 
 /// A surface cut into parts.
 ///

@@ -50,9 +50,6 @@ pub async fn create(
             made
         }
         Turn::Make(claim) => {
-            for part in &wanted.value.parts {
-                making::waited(&live, Product::Map, &part.map, making::LONGEST).await;
-            }
             let (composition, making) = composing::start(&app.work, &live, wanted.value)?;
             making::awaited(&live, &making, wait).await?;
             claim.made(&composition);

@@ -174,7 +174,7 @@ pub async fn thumbnail(
     params: Params,
     headers: HeaderMap,
 ) -> Result<Response, HttpError> {
-    let size = params.get("size", "from 16 to 2048")?.unwrap_or(pictures::SIZE_DEFAULT);
+    let size = params.get("size", "from 16 to 1024")?.unwrap_or(pictures::SIZE_DEFAULT);
     let tag = format!("\"{}-{size}\"", app.work.catalogue.example(id)?.hash);
     picture_answer(&tag, if_none_match(&headers).as_deref(), async || {
         Ok(pictures::thumbnail(&app.work, caller, id, size).await?)

@@ -179,7 +179,7 @@ pub async fn preview(
     headers: HeaderMap,
 ) -> Result<Response, HttpError> {
     let (live, state) = there(&app, id, map).await?;
-    let size = params.get("size", "from 16 to 2048")?.unwrap_or(pictures::SIZE_DEFAULT);
+    let size = params.get("size", "from 16 to 1024")?.unwrap_or(pictures::SIZE_DEFAULT);
     let tag = format!("\"{map}-{}-{size}\"", state.summary.revision);
     picture_answer(&tag, if_none_match(&headers).as_deref(), async || {
         Ok(pictures::preview(&app.work, live.caller.user, &state.mapped.mesh, size).await?)

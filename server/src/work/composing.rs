@@ -6,7 +6,7 @@ mod surrounded;
 use super::engine::{
     Allowed, Appraisal, BARE, Encoded, Engine, EngineError, Model, ModelSegment, OnePart, Part, Stitched, Stitching,
 };
-use super::making::{self, Making, Tell, untold};
+use super::making::{self, Making, Tell};
 use super::mapping::{self, LiveMap, get};
 use super::query::{LiveQuery, ms_since};
 use super::ranking::entries;
@@ -60,19 +60,8 @@ pub struct LiveComposition {
     pub mesh: Arc<PolyMesh>,
 }
 
-/// Stitches maps of a query; segments that are not named are filled.
-///
-/// # Errors
-/// Refusals of the parts, of the pool and of the engine.
-pub async fn create(
-    work: &Arc<Work>,
-    live: &Arc<LiveQuery>,
-    wanted: NewComposition,
-) -> Result<Arc<LiveComposition>, WorkError> {
-    made(work, live, (CompositionId::generate(), wanted), &untold).await
-}
-
-/// Stitches maps of a query, on a task of its own; the composition's id.
+/// Stitches maps of a query, on a task of its own, which waits for those that are still being made; segments that are not named
+/// are filled. Returns the composition's id.
 ///
 /// # Errors
 /// What is wrong with the request; what goes wrong later, the composition's making tells.
@@ -81,10 +70,18 @@ pub fn start(
     live: &Arc<LiveQuery>,
     wanted: NewComposition,
 ) -> Result<(CompositionId, Arc<Making>), WorkError> {
-    check(live, &wanted)?;
+    let under_way: Vec<Arc<Making>> =
+        wanted.parts.iter().filter_map(|part| live.makings.under_way(Product::Map, &part.map)).collect();
+    if under_way.is_empty() {
+        check(live, &wanted)?;
+    }
     let id = CompositionId::generate();
     let handles = (Arc::clone(work), Arc::clone(live));
     let make = move |tell: Arc<dyn Fn(&'static str, f64) + Send + Sync>| async move {
+        for map in under_way {
+            tell("waiting for its maps", 0.0);
+            map.over().await;
+        }
         made(&handles.0, &handles.1, (id, wanted), &*tell).await.map(drop)
     };
     Ok((id, making::start(work, live, (Product::Composition, id.to_string()), make)?))
@@ -147,7 +144,7 @@ async fn made(
             return Ok(Sound::of(whole, appraisal));
         }
         let sound = stitched_sound(&*engine, &model, (parts, &instead), (how, allowed), stop)?;
-        let Some((segment, map)) = most.filter(|_| !sound.appraisal.flaws.is_empty()) else { return Ok(sound) };
+        let Some((segment, map)) = most.filter(|_| sound.is_poor_beside_alone()) else { return Ok(sound) };
         let map = as_mapped(&map, model.segments.len(), segment);
         let appraisal = engine.appraise(&model, &map, Allowed { bare: 1.0, ..allowed })?;
         Ok(if appraisal.flaws.is_empty() { Sound::alone(map, appraisal, segment as u32) } else { sound })
@@ -202,7 +199,7 @@ async fn made(
 }
 
 /// What is said of a composition that is but the map of most of the scan.
-const ALONE: &str = "the smaller parts of the scan are left bare: a mesh of all of it was broken";
+const ALONE: &str = "the smaller parts of the scan are left bare: with them the mesh was broken, or lost the example";
 
 /// What a composition came to.
 struct Sound {
@@ -219,6 +216,13 @@ struct Sound {
 impl Sound {
     fn of(made: Stitched, appraisal: Appraisal) -> Self {
         Self { made, appraisal, gave_way: Vec::new(), alone: None, around: None }
+    }
+
+    /// Whether the map of most of the scan alone is better, if it is sound: this mesh is not, or next to nothing of it is an
+    /// example's any more.
+    fn is_poor_beside_alone(&self) -> bool {
+        let inspired = self.appraisal.examples.iter().sum::<f64>() * self.appraisal.covered;
+        !self.appraisal.flaws.is_empty() || inspired < INSPIRED_BESIDE_ALONE
     }
 
     fn alone(made: Stitched, appraisal: Appraisal, segment: u32) -> Self {
@@ -268,6 +272,9 @@ fn lone(maps: &[Option<Arc<LiveMap>>], bare: f64) -> Option<Arc<LiveMap>> {
     let [Some(map)] = maps else { return None };
     (bare > BARE_MIN).then(|| Arc::clone(map))
 }
+
+/// Where examples have less of the scan than this, half of what a segment that is most of it has at least, one of these was lost.
+const INSPIRED_BESIDE_ALONE: f64 = 0.25;
 
 /// A segment with this share of a scan's faces is most of it.
 const MOST: f64 = 0.5;

@@ -107,12 +107,16 @@ impl Making {
         }
     }
 
+    /// Waits until it is over; where it stands then.
+    pub async fn over(&self) -> Stand {
+        // It is the sender itself, so the wait cannot end without a stand.
+        let _ = self.watch().wait_for(|stand| stand.state.is_final()).await;
+        self.stand()
+    }
+
     /// Waits until it is over, at most so long; where it stands then.
     pub async fn within(&self, time: Duration) -> Stand {
-        let mut watch = self.watch();
-        let ended = tokio::time::timeout(time, watch.wait_for(|stand| stand.state.is_final())).await;
-        drop(ended);
-        self.stand()
+        tokio::time::timeout(time, self.over()).await.unwrap_or_else(|_| self.stand())
     }
 }
 
@@ -160,6 +164,11 @@ impl Makings {
     /// One of them.
     pub fn get(&self, product: Product, id: &str) -> Option<Arc<Making>> {
         self.lock().get(id).filter(|making| making.product == product).cloned()
+    }
+
+    /// One of them, if it is not over.
+    pub fn under_way(&self, product: Product, id: &impl ToString) -> Option<Arc<Making>> {
+        self.get(product, &id.to_string()).filter(|making| !making.stand().state.is_final())
     }
 
     /// All of them, the oldest first.

@@ -22,13 +22,8 @@ const RINGS: [usize; 3] = [1, 3, 6];
 /// Marks the vertices of small pieces that lie on the input by chance, beside those that are `bare`: edges that leap across the
 /// input join them to the rest, or bare vertices do. `positions`: of the vertices of `mesh` on the input.
 pub fn islands(mesh: &TriMesh, positions: &[Vec3], bare: &mut [bool], grounds: &Grounds) {
-    let edges: Vec<[u32; 2]> = (0..mesh.twins.len() as u32)
-        .filter(|&h| !mesh.phantom[h as usize] && (mesh.twin(h) == NONE || h < mesh.twin(h)))
-        .map(|h| [mesh.tail(h), mesh.head(h)])
-        .collect();
-    let mut leaps = grounds.leaps(positions, &edges);
-    leaps.iter_mut().for_each(|edge| edge.sort_unstable());
-    leaps.sort_unstable();
+    let edges = edges(mesh);
+    let leaps = leaps(positions, &edges, grounds);
     if leaps.is_empty() && !bare.contains(&true) {
         return;
     }
@@ -47,6 +42,47 @@ pub fn islands(mesh: &TriMesh, positions: &[Vec3], bare: &mut [bool], grounds: &
     for v in 0..positions.len() {
         bare[v] |= areas[pieces.root(v as u32) as usize] <= ISLAND * all;
     }
+}
+
+/// Marks as `lost` the vertices of the polygons at the rim, or beside what is lost, that have an edge which leaps: there the input
+/// ends, in a hole or a bay that it is too wide for the example to span.
+pub fn fray(mesh: &TriMesh, positions: &[Vec3], lost: &mut [bool], grounds: &Grounds) {
+    let leaps = leaps(positions, &edges(mesh), grounds);
+    let is_leap = |h: u32| {
+        let (a, b) = (mesh.tail(h), mesh.head(h));
+        !mesh.phantom[h as usize] && leaps.binary_search(&[a.min(b), a.max(b)]).is_ok()
+    };
+    let mut torn: Vec<u32> =
+        (0..mesh.twins.len() as u32).filter(|&h| is_leap(h)).map(|h| mesh.polygon_of[h as usize / 3]).collect();
+    torn.sort_unstable();
+    torn.dedup();
+    let is_torn: Vec<bool> = mesh.polygon_of.iter().map(|f| torn.binary_search(f).is_ok()).collect();
+    let was_lost = lost.to_vec();
+    let ends = |h: u32| match mesh.twin(h) {
+        NONE => true,
+        twin => mesh.triangles[twin as usize / 3].iter().all(|&v| was_lost[v as usize]),
+    };
+    for set in connected(mesh, &is_torn).into_iter().filter(|set| is_torn[set[0] as usize]) {
+        if set.iter().any(|t| (3 * t..3 * t + 3).any(ends)) {
+            set.iter().flat_map(|&t| mesh.triangles[t as usize]).for_each(|v| lost[v as usize] = true);
+        }
+    }
+}
+
+/// The edges of the polygons.
+fn edges(mesh: &TriMesh) -> Vec<[u32; 2]> {
+    (0..mesh.twins.len() as u32)
+        .filter(|&h| !mesh.phantom[h as usize] && (mesh.twin(h) == NONE || h < mesh.twin(h)))
+        .map(|h| [mesh.tail(h), mesh.head(h)])
+        .collect()
+}
+
+/// The edges that leap across the input, each with its lesser vertex first, in order.
+fn leaps(positions: &[Vec3], edges: &[[u32; 2]], grounds: &Grounds) -> Vec<[u32; 2]> {
+    let mut leaps = grounds.leaps(positions, edges);
+    leaps.iter_mut().for_each(|edge| edge.sort_unstable());
+    leaps.sort_unstable();
+    leaps
 }
 
 /// Lets the vertices about faces that look inward come to rest on the input, where fewer do after it. `mirror` is −1 for mirrored
@@ -139,6 +175,24 @@ mod tests {
         assert_eq!(bare, tip);
         let mut none = vec![false; positions.len()];
         islands(&bent, &bent.positions, &mut none, &grounds);
+        assert!(!none.contains(&true));
+        // At the rim what is torn from the rest goes: the polygons that leap, and no others.
+        fray(&bent, &bent.positions, &mut none, &grounds);
+        assert!(!none.contains(&true));
+        fray(&bent, &positions, &mut none, &grounds);
+        let leaps =
+            |corners: &&[u32; 3]| corners.iter().any(|&v| tip[v as usize]) && !corners.iter().all(|&v| tip[v as usize]);
+        let mut beside = vec![false; positions.len()];
+        bent.triangles.iter().filter(leaps).flatten().for_each(|&v| beside[v as usize] = true);
+        assert!(none.contains(&true));
+        assert!(none.iter().zip(&beside).all(|(lost, beside)| *beside || !*lost));
+        // Inside, or surrounded by what stays, nothing frays.
+        let mut inner = bent.positions.clone();
+        let is_middle = |p: &Vec3| p.x < -0.09 && (0.4..0.5).contains(&p.z) && (p.y - 0.5).abs() < 1e-9;
+        let middle = bent.positions.iter().position(is_middle);
+        inner[middle.expect("a vertex of one leg")].x = 0.1;
+        let mut none = vec![false; positions.len()];
+        fray(&bent, &inner, &mut none, &grounds);
         assert!(!none.contains(&true));
     }
 }

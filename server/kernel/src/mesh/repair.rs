@@ -44,6 +44,8 @@ pub enum RepairKind {
     CollapsedEdges,
     /// Triangles without area are kept, as leaving them out would open holes.
     FlatTriangles,
+    /// Views of one thing, sheets that lie over each other, are fused into one surface.
+    FusedViews,
 }
 
 impl fmt::Display for Repair {
@@ -94,6 +96,7 @@ impl RepairKind {
             Self::CentredFaces => ("face cut from its centre", "faces cut from their centres", FACE),
             Self::CollapsedEdges => ("edge without length collapsed", "edges without length collapsed", VERTEX),
             Self::FlatTriangles => ("triangle without area kept", "triangles without area kept", FACE),
+            Self::FusedViews => ("view fused", "views that lie over each other fused into one surface", FACE),
         }
     }
 }

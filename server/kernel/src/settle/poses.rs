@@ -110,8 +110,8 @@ pub fn poses(
 pub struct Likeness {
     /// The score of the best pose, at most 1; of two closed surfaces the lower of the two.
     pub score: f64,
-    /// The same on a part of a closed surface times the size of that part, in √area of all of it: what closes it can't be
-    /// like what ends.
+    /// The best score times the size of the part of the other that it covers, in √area of all of it: what lies beyond that part
+    /// is not known to be like anything. Where one of the two is closed, the part is of that one.
     pub weighed: f64,
 }
 
@@ -159,17 +159,20 @@ impl Posed {
             }
             (None, Some(_)) => self.most_of(other, stop),
             (Some(_), None) => other.most_of(self, stop),
-            (None, None) => Likeness::of(found(self, other, stop).first().map_or(0.0, |best| best.0)),
+            (None, None) => self.weighed(other, &found(self, other, stop)),
         }
     }
 
     /// How like a part of a closed surface it is.
     fn most_of(&self, closed: &Self, stop: &dyn Fn() -> bool) -> Likeness {
-        let Some(small) = &self.small else { return Likeness::default() };
-        let size = |pose: &Similarity| (pose.scale * (self.area / closed.area).sqrt()).min(1.0);
-        let tried = small.tried(closed, stop);
-        let best = |of: &dyn Fn(&(f64, Similarity)) -> f64| tried.iter().map(of).fold(0.0, f64::max);
-        Likeness { score: best(&|t| t.0), weighed: best(&|t| t.0 * size(&t.1)) }
+        self.small.as_ref().map_or_else(Likeness::default, |small| self.weighed(closed, &small.tried(closed, stop)))
+    }
+
+    /// The best of poses on another surface.
+    fn weighed(&self, other: &Self, poses: &[(f64, Similarity)]) -> Likeness {
+        let size = |pose: &Similarity| (pose.scale * (self.area / other.area).sqrt()).min(1.0);
+        let best = |of: &dyn Fn(&(f64, Similarity)) -> f64| poses.iter().map(of).fold(0.0, f64::max);
+        Likeness { score: best(&|p| p.0), weighed: best(&|p| p.0 * size(&p.1)) }
     }
 }
 

@@ -106,6 +106,18 @@ async fn what_belongs_to_a_map_that_is_made_waits_for_it() {
     let parts = json!({"parts": [{"segment": 0, "map": asked().await}]});
     let composed = bench.post_json(&format!("{path}/compositions?wait=60"), parts).await;
     assert_eq!(composed.status, StatusCode::CREATED, "{}", composed.text());
+    // A composition is begun at once, and waits for its maps by itself; what only they can tell is told then.
+    let compositions = format!("{path}/compositions");
+    for (segment, state) in [(0, "done"), (1, "failed")] {
+        let map = asked().await;
+        let begun = bench.post_json(&compositions, json!({"parts": [{"segment": segment, "map": map}]})).await;
+        assert_eq!(begun.status, StatusCode::ACCEPTED, "{}", begun.text());
+        let ended = over(&bench, begun.header("location")).await;
+        assert_eq!(ended["state"], state, "{ended}");
+        if state == "failed" {
+            assert_eq!(ended["problem"]["code"], "parameter_invalid", "{ended}");
+        }
+    }
 }
 
 #[tokio::test]
@@ -311,7 +323,7 @@ async fn where_no_mesh_of_the_whole_is_sound_the_map_of_most_of_it_is_delivered_
     let alone = bench.post_json(&format!("{path}/compositions?wait=60"), json!({})).await.json();
     assert_eq!((&alone["verdict"], &alone["templates"]), (&json!("fair"), &json!([])), "{alone}");
     assert_eq!(alone["parts"].as_array().map(Vec::len), Some(1), "{alone}");
-    let why = "the smaller parts of the scan are left bare: a mesh of all of it was broken";
+    let why = "the smaller parts of the scan are left bare: with them the mesh was broken, or lost the example";
     assert_eq!(alone["reasons"].as_array().and_then(|all| all.last()), Some(&json!(why)), "{alone}");
     // Of three alike none is most of it.
     let path = bench.query("", "segment disc 2\nsegment disc 9\nsegment disc 9\nrag").await;

@@ -22,7 +22,7 @@ use std::time::Instant;
 const UNSURE: f64 = 0.15;
 /// Nor is it of a scan with more holes.
 const HOLES_SURE: u32 = 8;
-/// Examples with a rim that are laid.
+/// Examples with a rim that are laid, and as many that are parts of examples.
 const LAID_MAX: usize = 32;
 /// Closed examples that are laid on what is closed, too.
 const CLOSED_MAX: usize = 16;
@@ -82,9 +82,10 @@ impl SegmentSearch<'_> {
 
     /// The first few candidates of either topology that are no near-duplicates, and all others, each in order.
     fn chosen(&self, candidates: &[Candidate]) -> (Vec<Candidate>, Vec<Candidate>) {
-        let (mut with_rim, mut closed) = (0, 0);
+        let (mut with_rim, mut parts, mut closed) = (0, 0, 0);
         candidates.iter().cloned().partition(|c| {
             let (count, most) = match c.resident.facts.topology {
+                Topology::Disc if c.resident.is_part() => (&mut parts, LAID_MAX),
                 Topology::Disc => (&mut with_rim, LAID_MAX),
                 Topology::Sphere => (&mut closed, CLOSED_MAX),
                 _ => return false,

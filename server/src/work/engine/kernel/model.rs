@@ -7,7 +7,7 @@ use quadmuse_kernel::compose::ground::Ground;
 use quadmuse_kernel::mesh::{
     self, FaceLabels, Format, Limits, MeshError, MeshErrorKind, NONE, PolyMesh, Prepared, TriMesh, Vec3,
 };
-use quadmuse_kernel::segment::{PartCount, Segmented, segment};
+use quadmuse_kernel::segment::{PartCount, Segmented, fused, segment};
 use quadmuse_kernel::topology::{self, Patch, TopologyError};
 use quadmuse_proto::{Components, MeshFormat, Segmentation, segment::Parts};
 use std::sync::Arc;
@@ -109,7 +109,7 @@ impl ModelInner {
 
     /// Whether the mesh, whatever it is cut into, has as many triangles as a scan: what has fewer is laid on with less care.
     pub(super) fn is_scan(&self) -> bool {
-        self.prepared.mesh.triangles.len() as u64 >= FACES_OF_SCAN_MIN
+        !few_faces(&self.prepared)
     }
 
     /// Whether a segment has enough triangles to have tips, and parts that one would tell apart. `surface`: that segment as it is
@@ -138,6 +138,10 @@ pub(super) fn read(bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, limits: 
     let wanted = format.map(format_of).or_else(|| Format::sniff(bytes));
     let mesh = mesh::read(bytes, wanted, limits).map_err(refused)?;
     let prepared = mesh::prepare(&mesh).map_err(refused)?;
+    // Who tells how the faces are to be cut means them as they are.
+    let is_as_sent = cut.labels.is_some() || cut.way == Segmentation::Groups || !is_scan(cut);
+    let views = if is_as_sent || few_faces(&prepared) { None } else { fused(&prepared) };
+    let prepared = views.unwrap_or(prepared);
     let segmented = cut_up(&mesh, &prepared, cut)?;
     let asked = cut.parts.is_some() && cut.grain == Grain::Faces;
     let besides = besides(&mesh, &prepared.mesh, &segmented, &cut.besides)?;
@@ -176,6 +180,15 @@ fn besides(
     }
 }
 
+/// Whether it is read as a scan, which has gaps and falls into pieces; an example is as its artist made it.
+fn is_scan(cut: &Cut) -> bool {
+    cut.components == Components::Largest && cut.grain == Grain::Free
+}
+
+fn few_faces(prepared: &Prepared) -> bool {
+    (prepared.mesh.triangles.len() as u64) < FACES_OF_SCAN_MIN
+}
+
 fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, EngineError> {
     let surface = &prepared.mesh;
     if let Some(labels) = &cut.labels {
@@ -190,9 +203,7 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, 
         Components::Largest => topology::Components::Crumbs,
         Components::Refuse => topology::Components::Refuse,
     };
-    // A scan has gaps and falls into pieces; an example is as its artist made it.
-    let is_scan = cut.components == Components::Largest && cut.grain == Grain::Free;
-    let meant = |whole: Segmented| if is_scan { whole.closed() } else { whole };
+    let meant = |whole: Segmented| if is_scan(cut) { whole.closed() } else { whole };
     match cut.way {
         Segmentation::Whole => Segmented::primitive(surface, policy).map(meant).map_err(cannot_cut),
         Segmentation::Groups => {
@@ -215,7 +226,7 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, 
                 let few_groups = || group_labels(mesh).filter(|labels| few(labels).is_ok());
                 let groups = || few_groups().and_then(|labels| Segmented::by_labels(surface, &labels).ok());
                 let repaired = || Segmented::primitive(surface, policy).ok();
-                let pieces = || is_scan.then(|| Segmented::mended(surface)).flatten();
+                let pieces = || is_scan(cut).then(|| Segmented::mended(surface)).flatten();
                 let as_it_is = Segmented::whole(surface).ok().or_else(groups);
                 if let Some(whole) = as_it_is.or_else(repaired).or_else(pieces) {
                     return Ok(meant(whole));
