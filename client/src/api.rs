@@ -5,6 +5,7 @@
 mod examples;
 mod multipart;
 mod queries;
+mod uploads;
 
 pub use examples::{Added, ExampleFilter, ExampleUpload, Gain};
 pub use queries::{MeshSource, RankingView};
@@ -174,43 +175,58 @@ impl Api {
         Ok(response.bytes().await.map_err(|source| self.broken(source, 0))?.to_vec())
     }
 
-    /// Gives a request a mesh file as its body, with the labels of its faces if there are some.
-    fn with_mesh(
+    /// Sends a request with a mesh file as its body, and with the labels of its faces if there are some. A long one is uploaded
+    /// piece by piece before.
+    async fn send_mesh(
         &self,
         request: RequestBuilder,
         mesh: &Path,
         how: &SegmentsArg,
-    ) -> Result<RequestBuilder, ClientError> {
-        let found = MeshBytes::read(mesh)?;
-        let media_type = found.format.map_or("application/octet-stream", MeshFormat::media_type);
-        let request = request.timeout(WORK_TIMEOUT);
-        let request = match how.parts {
-            None => request,
-            Some(parts) => request.query(&[("parts", parts.to_string())]),
-        };
-        let request = match how.components {
-            None => request,
-            Some(components) => request.query(&[("components", components.as_str())]),
-        };
-        let request = match &how.segments {
-            None => request,
-            Some(SegmentsSpec::Rule(rule)) => request.query(&[("segments", rule.as_str())]),
-            Some(SegmentsSpec::Labels(labels)) => {
-                let form = multipart::Form::new().part("mesh", media_type, &found.unpacked(mesh)?).part(
-                    "segments",
-                    "text/plain",
-                    &file::read(labels)?,
-                );
-                let (content_type, body) = form.finish();
-                return Ok(request.header(header::CONTENT_TYPE, content_type).body(body));
-            }
-        };
-        let request = match found.packing {
-            Packing::Plain => request,
-            Packing::Gzip => request.header(header::CONTENT_ENCODING, "gzip"),
-        };
-        Ok(request.header(header::CONTENT_TYPE, media_type).body(found.bytes))
+    ) -> Result<Response, ClientError> {
+        let (request, bytes) = with_mesh(request.timeout(WORK_TIMEOUT), mesh, how)?;
+        let upload = if bytes.len() > uploads::WHOLE_MAX { self.upload(&bytes).await? } else { None };
+        let Some(id) = upload else { return self.send(request.body(bytes)).await };
+        drop(bytes);
+        let answer = self.send(request.query(&[("upload", &id)])).await;
+        self.free_upload(&id).await;
+        answer
     }
+}
+
+/// Gives a request all that says what a mesh file in its body is; the body, too.
+fn with_mesh(
+    request: RequestBuilder,
+    mesh: &Path,
+    how: &SegmentsArg,
+) -> Result<(RequestBuilder, Vec<u8>), ClientError> {
+    let found = MeshBytes::read(mesh)?;
+    let media_type = found.format.map_or("application/octet-stream", MeshFormat::media_type);
+    let request = match how.parts {
+        None => request,
+        Some(parts) => request.query(&[("parts", parts.to_string())]),
+    };
+    let request = match how.components {
+        None => request,
+        Some(components) => request.query(&[("components", components.as_str())]),
+    };
+    let request = match &how.segments {
+        None => request,
+        Some(SegmentsSpec::Rule(rule)) => request.query(&[("segments", rule.as_str())]),
+        Some(SegmentsSpec::Labels(labels)) => {
+            let form = multipart::Form::new().part("mesh", media_type, &found.unpacked(mesh)?).part(
+                "segments",
+                "text/plain",
+                &file::read(labels)?,
+            );
+            let (content_type, body) = form.finish();
+            return Ok((request.header(header::CONTENT_TYPE, content_type), body));
+        }
+    };
+    let request = match found.packing {
+        Packing::Plain => request,
+        Packing::Gzip => request.header(header::CONTENT_ENCODING, "gzip"),
+    };
+    Ok((request.header(header::CONTENT_TYPE, media_type), found.bytes))
 }
 
 fn base_url(address: &str) -> Result<Url, ClientError> {

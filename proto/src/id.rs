@@ -135,6 +135,10 @@ id_type! {
     MapId
 }
 id_type! {
+    /// A file that is uploaded piece by piece.
+    UploadId
+}
+id_type! {
     /// The maps chosen for a query's segments, stitched into one mesh.
     CompositionId
 }

@@ -21,6 +21,7 @@ pub mod sample;
 pub mod segment;
 pub mod stream;
 pub mod token;
+pub mod upload;
 
 #[cfg(feature = "openapi")]
 mod schema;
@@ -30,7 +31,7 @@ pub use constraint::{Constraint, ConstraintEdit, ConstraintOrigin, Landmark, Loc
 pub use example::{Example, ExamplePatch, ExampleSegment, MeshCounts, NamedPoint};
 pub use format::MeshFormat;
 pub use health::{Health, Readiness};
-pub use id::{CompositionId, ExampleId, MapId, QueryId};
+pub use id::{CompositionId, ExampleId, MapId, QueryId, UploadId};
 pub use making::{CompositionOrMaking, Making, MakingEvent, MakingState, MapOrMaking, Product};
 pub use map::{Beyond, Covers, Distortion, Histogram, Map, MapEvidence, MapTimings, NewMap, Verdict};
 pub use paging::Page;

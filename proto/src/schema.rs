@@ -1,6 +1,6 @@
 //! Schemas of the ids: strings on the wire.
 
-use crate::id::{CompositionId, ExampleId, MapId, QueryId, TokenId};
+use crate::id::{CompositionId, ExampleId, MapId, QueryId, TokenId, UploadId};
 use std::borrow::Cow;
 use utoipa::openapi::{ObjectBuilder, RefOr, Schema, schema::Type};
 use utoipa::{PartialSchema, ToSchema};
@@ -26,5 +26,6 @@ id_schema!(
     QueryId: "A query's id: opaque, sorts by time of creation.",
     MapId: "A map's id: opaque, sorts by time of creation.",
     CompositionId: "A composition's id: opaque, sorts by time of creation.",
-    TokenId: "A token's public id: opaque, sorts by time of creation."
+    TokenId: "A token's public id: opaque, sorts by time of creation.",
+    UploadId: "An upload's id: opaque, sorts by time of creation."
 );

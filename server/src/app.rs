@@ -5,6 +5,7 @@ use crate::auth::Tokens;
 use crate::http::idempotency::Idempotency;
 use crate::rate::Rates;
 use crate::work::Work;
+use crate::work::uploads::Uploads;
 use bytes::Bytes;
 use metrics_exporter_prometheus::PrometheusHandle;
 use std::ops::Deref;
@@ -40,6 +41,8 @@ pub struct Handles {
     pub rates: Rates,
     /// What they changed.
     pub audit: Audit,
+    /// Files that arrive piece by piece.
+    pub uploads: Arc<Uploads>,
     /// Answers to `Idempotency-Key`.
     pub idempotency: Idempotency,
     /// The metrics.
@@ -56,6 +59,7 @@ impl App {
         work: Arc<Work>,
         tokens: Arc<Tokens>,
         audit: Audit,
+        uploads: Arc<Uploads>,
         settings: Settings,
         stopping: CancellationToken,
     ) -> Self {
@@ -64,6 +68,7 @@ impl App {
             tokens,
             rates: Rates::new(settings.rate_limit),
             audit,
+            uploads,
             idempotency: Idempotency::default(),
             settings,
             metrics: crate::telemetry::metrics(),

@@ -25,6 +25,7 @@ pub mod samples;
 pub mod stream;
 pub mod tokens;
 pub mod upload;
+pub mod uploads;
 pub mod watchful;
 
 #[cfg(test)]
@@ -55,6 +56,7 @@ pub fn router(app: App) -> Router {
         .layer(from_fn(watchful::guard))
         .layer(from_fn(watchful::measure))
         .layer(from_fn_with_state(app.clone(), origin::check))
+        .layer(from_fn_with_state(app.clone(), uploads::announce))
         .option_layer(origin::cors(&app.settings.allowed_origins))
         .layer(from_fn_with_state(app.clone(), caller::authorize))
         .layer(from_fn_with_state(app.clone(), caller::own))
@@ -97,6 +99,7 @@ fn documented() -> OpenApiRouter<App> {
         .routes(routes!(compositions::stream))
         .routes(routes!(compositions::mesh))
         .routes(routes!(compositions::preview))
+        .merge(uploaded())
         .routes(routes!(samples::list))
         .routes(routes!(samples::mesh))
         .routes(routes!(admin::status))
@@ -107,6 +110,14 @@ fn documented() -> OpenApiRouter<App> {
         .routes(routes!(health::alive))
         .routes(routes!(health::ready))
         .routes(routes!(health::metrics))
+}
+
+/// Those of uploads, which speak a protocol of their own.
+fn uploaded() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(uploads::protocol, uploads::begin))
+        .routes(routes!(uploads::standing, uploads::append, uploads::remove))
+        .route_layer(from_fn(uploads::speak))
 }
 
 async fn no_route(request: Request<Body>) -> impl IntoResponse {

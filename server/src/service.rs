@@ -12,6 +12,7 @@ use crate::pool::{Admission, Pool};
 use crate::shutdown::serve;
 use crate::work::corpus::stored::StoredCorpus;
 use crate::work::engine::Engine;
+use crate::work::uploads::{self, Uploads};
 use crate::work::{Work, follow, reencode, scrub};
 use quadmuse_store::{Backend, OpenOptions, StoreError};
 use std::net::SocketAddr;
@@ -110,7 +111,9 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     tracing::info!(examples, segments, ms = began.elapsed().as_millis() as u64, "corpus loaded");
     let stopping = CancellationToken::new();
     let audit = Audit::beside(&config.data);
-    let app = App::new(Arc::clone(&work), Arc::clone(&tokens), audit, settings(config), stopping.clone());
+    let uploads = Arc::new(Uploads::beside(&config.data, config.upload_limit));
+    tokio::spawn(uploads::run(Arc::clone(&uploads), stopping.clone()));
+    let app = App::new(Arc::clone(&work), Arc::clone(&tokens), audit, uploads, settings(config), stopping.clone());
     tokio::spawn(note_uses(tokens, stopping.clone()));
     let limits = ConnectionLimits { all: config.connections, per_address: config.connections_per_address };
     let connections = Connections::new(limits);

@@ -23,6 +23,7 @@ pub mod reencode;
 pub mod scrub;
 pub mod search;
 pub mod texts;
+pub mod uploads;
 pub mod worth;
 
 pub use error::WorkError;

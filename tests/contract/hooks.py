@@ -28,6 +28,9 @@ for media in MESH_TYPES:
     schemathesis.openapi.media_type(media, MESHES)
 
 
+schemathesis.openapi.media_type("application/offset+octet-stream", strategies.binary(max_size=64))
+
+
 @schemathesis.hook
 def before_load_schema(ctx, raw_schema):
     # Of types with meshes of their own it takes no examples that are texts.

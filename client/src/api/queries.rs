@@ -65,8 +65,8 @@ impl Api {
         query.extend(rank.deadline.map(|seconds| ("deadline_ms", format!("{:.0}", (seconds * 1000.0).ceil()))));
         query.extend(like.map(|example| ("like", example.to_string())));
         let request = self.request(Method::POST, &["queries"]).query(&query);
-        let request = self.with_mesh(request, &args.file, &rank.segments)?;
-        self.json(request, "the query that was started").await
+        let response = self.send_mesh(request, &args.file, &rank.segments).await?;
+        self.decode(response, "the query that was started").await
     }
 
     /// A query as it stands.

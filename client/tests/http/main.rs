@@ -7,6 +7,7 @@ mod messages;
 mod names;
 mod output;
 mod queries;
+mod uploads;
 
 use quadmuse_client::{
     args::Cli,

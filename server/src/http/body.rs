@@ -11,7 +11,7 @@ use super::error::HttpError;
 use super::negotiate::{JSON, MSGPACK, Wire};
 use crate::app::App;
 use crate::pool::{Admitted, Lane, PoolError, Stop, User};
-use crate::work::{REQUEST_TIME_MAX, Work};
+use crate::work::{Caller, REQUEST_TIME_MAX, Work, uploads};
 use axum::body::Body;
 use axum::extract::{FromRequest, Request, State};
 use axum::http::{HeaderMap, header};
@@ -20,6 +20,7 @@ use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use http_body::{Body as _, Frame, SizeHint};
 use http_body_util::BodyExt;
+use quadmuse_proto::UploadId;
 use serde::de::DeserializeOwned;
 use std::error::Error;
 use std::io::Read;
@@ -158,24 +159,45 @@ impl Growing<'_> {
     }
 }
 
+/// A body as it arrives, given up where it is too slow.
+pub struct Arriving {
+    body: Body,
+    limit: u64,
+    begun: Instant,
+    arrived: u64,
+}
+
+impl Arriving {
+    /// A body that is limited to `limit` bytes on the wire.
+    pub fn new(body: Body, limit: u64) -> Self {
+        Self { body, limit, begun: Instant::now(), arrived: 0 }
+    }
+
+    /// Its next bytes; `None` at its end.
+    ///
+    /// # Errors
+    /// [`HttpError::BodyTooLarge`], [`HttpError::BodyTimeout`], [`HttpError::BodyInvalid`].
+    pub async fn next(&mut self) -> Result<Option<Bytes>, HttpError> {
+        let begun = self.begun;
+        let late = || HttpError::BodyTimeout { seconds: begun.elapsed().as_secs() };
+        let left = ARRIVAL_TIME_MAX.saturating_sub(begun.elapsed()).min(SILENCE_TIME_MAX);
+        let frame = tokio::time::timeout(left, self.body.frame()).await.map_err(|_| late())?;
+        let Some(frame) = frame else { return Ok(None) };
+        let frame = frame.map_err(|error| body_error(&error, self.limit))?;
+        let data = frame.into_data().unwrap_or_default();
+        self.arrived += data.len() as u64;
+        let due = begun.elapsed().saturating_sub(RATE_GRACE).as_secs().saturating_mul(RATE_LEAST);
+        if self.arrived < due { Err(late()) } else { Ok(Some(data)) }
+    }
+}
+
 /// A whole body of at most `limit` bytes, as it came over the wire.
-async fn arrived(work: &Work, user: User, mut body: Body, limit: u64) -> Result<Bytes, HttpError> {
+async fn arrived(work: &Work, user: User, body: Body, limit: u64) -> Result<Bytes, HttpError> {
     let share = work.hold(user, 0)?;
     let mut all = Growing { bytes: Vec::new(), share: &share, work, limit };
-    let begun = Instant::now();
-    let late = || HttpError::BodyTimeout { seconds: begun.elapsed().as_secs() };
-    loop {
-        let left = ARRIVAL_TIME_MAX.saturating_sub(begun.elapsed()).min(SILENCE_TIME_MAX);
-        let frame = tokio::time::timeout(left, body.frame()).await.map_err(|_| late())?;
-        let Some(frame) = frame else { break };
-        let frame = frame.map_err(|error| body_error(&error, limit))?;
-        if let Some(data) = frame.data_ref() {
-            all.push(data)?;
-        }
-        let due = begun.elapsed().saturating_sub(RATE_GRACE).as_secs().saturating_mul(RATE_LEAST);
-        if (all.bytes.len() as u64) < due {
-            return Err(late());
-        }
+    let mut arriving = Arriving::new(body, limit);
+    while let Some(data) = arriving.next().await? {
+        all.push(&data)?;
     }
     let bytes = all.bytes;
     Ok(share.held(bytes))
@@ -200,6 +222,11 @@ fn coding_of(headers: &HeaderMap) -> Result<Coding, HttpError> {
             Err(HttpError::BodyFormat { expected: "`content-encoding` gzip or zstd".into(), found })
         }
     }
+}
+
+/// Whether a body is packed, in a known way or another.
+pub fn is_packed(headers: &HeaderMap) -> bool {
+    !matches!(coding_of(headers), Ok(Coding::Plain))
 }
 
 /// A body, unpacked. Blocks for as long as that takes.
@@ -239,6 +266,14 @@ fn unpacked(
     Ok(share.held(bytes))
 }
 
+/// Where the bytes of a mesh are.
+pub enum Source {
+    /// In the request's body.
+    Body(Body),
+    /// In an upload that ended before.
+    Upload(UploadId),
+}
+
 /// A whole body of at most `limit` bytes, packed and unpacked, given to `read` where computing is done.
 ///
 /// # Errors
@@ -246,15 +281,18 @@ fn unpacked(
 /// refusals of the pool, and those of `read`.
 pub async fn computed<T: Send + 'static>(
     app: &App,
-    user: User,
+    caller: Caller,
     headers: &HeaderMap,
-    body: Body,
+    source: Source,
     read: impl FnOnce(Bytes, &Stop) -> Result<T, HttpError> + Send + 'static,
 ) -> Result<T, HttpError> {
-    let (coding, limit) = (coding_of(headers)?, app.settings.upload_limit);
+    let (coding, limit, user) = (coding_of(headers)?, app.settings.upload_limit, caller.user);
     // Who is over the share needn't send the rest.
     app.work.look(user)?;
-    let bytes = arrived(&app.work, user, body, limit).await?;
+    let bytes = match source {
+        Source::Body(body) => arrived(&app.work, user, body, limit).await?,
+        Source::Upload(id) => uploads::whole(&app.work, &app.uploads, caller, id).await?,
+    };
     let unpacking = if coding == Coding::Plain { 0 } else { UNPACKING_BYTES };
     // What comes after will need as much: who would be refused then is refused now, not after its turn in the queue.
     let needed = unpacking.max(app.work.engine.memory_estimate(bytes.len() as u64));

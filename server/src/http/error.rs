@@ -9,9 +9,11 @@ use crate::pool::{PoolError, StopReason};
 use crate::work::WorkError;
 use crate::work::corpus::CorpusError;
 use crate::work::engine::{EngineError, Refusal};
+use crate::work::uploads::UploadError;
 use axum::body::Body;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use quadmuse_proto::upload::TUS_VERSION;
 use quadmuse_proto::{Code, Problem, problem};
 use std::error::Error;
 use std::time::Duration;
@@ -150,6 +152,12 @@ pub enum HttpError {
         /// Which of the limits was met.
         beyond: Beyond,
     },
+    /// Another version of the protocol of uploads, or none.
+    #[error("expected `tus-resumable` 1.0.0, found {found}; see OPTIONS /v1/uploads")]
+    TusVersion {
+        /// The version found.
+        found: String,
+    },
     /// The service is stopping.
     #[error("expected a running service, found it stopping; try again shortly")]
     Stopping,
@@ -166,6 +174,12 @@ pub enum HttpError {
 
 impl From<PoolError> for HttpError {
     fn from(error: PoolError) -> Self {
+        Self::Work(error.into())
+    }
+}
+
+impl From<UploadError> for HttpError {
+    fn from(error: UploadError) -> Self {
         Self::Work(error.into())
     }
 }
@@ -219,6 +233,7 @@ fn judge(error: &HttpError) -> (StatusCode, Code) {
             (StatusCode::TOO_MANY_REQUESTS, Code::Overloaded)
         }
         HttpError::TooManyConnections { beyond: Beyond::All } => (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded),
+        HttpError::TusVersion { .. } => (StatusCode::PRECONDITION_FAILED, Code::ParameterInvalid),
         HttpError::Stopping => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
         HttpError::TooSlow { .. } => (StatusCode::GATEWAY_TIMEOUT, Code::Deadline),
         HttpError::Internal(_) => (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal),
@@ -241,6 +256,7 @@ fn judge_work(error: &WorkError) -> (StatusCode, Code) {
         WorkError::Engine(error) => judge_engine(error),
         WorkError::Corpus(error) => judge_corpus(error),
         WorkError::Pool(error) => judge_pool(error),
+        WorkError::Upload(error) => judge_upload(error),
         WorkError::Parameter { .. } | WorkError::TopologyDiffers { .. } => {
             (StatusCode::BAD_REQUEST, Code::ParameterInvalid)
         }
@@ -300,6 +316,20 @@ fn judge_corpus(error: &CorpusError) -> (StatusCode, Code) {
         CorpusError::NoEncoding(_) => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
         CorpusError::Damaged(_) => (StatusCode::GONE, Code::Damaged),
         CorpusError::Failed(_) => (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal),
+    }
+}
+
+fn judge_upload(error: &UploadError) -> (StatusCode, Code) {
+    match error {
+        UploadError::NoSuch(_) => (StatusCode::NOT_FOUND, Code::NotFound),
+        UploadError::Offset { .. } | UploadError::Unfinished { .. } => (StatusCode::CONFLICT, Code::Conflict),
+        UploadError::Beyond { .. } | UploadError::TooLarge { .. } => {
+            (StatusCode::PAYLOAD_TOO_LARGE, Code::BodyTooLarge)
+        }
+        UploadError::OverShare { .. } => (StatusCode::TOO_MANY_REQUESTS, Code::Overloaded),
+        UploadError::Full { .. } => (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded),
+        UploadError::DiskFull { .. } => (StatusCode::INSUFFICIENT_STORAGE, Code::StorageFull),
+        UploadError::Disk(_) => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
     }
 }
 
@@ -379,6 +409,9 @@ impl IntoResponse for HttpError {
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(problem::MEDIA_TYPE));
         if let Some(seconds) = retry_after(&self, status) {
             headers.insert(header::RETRY_AFTER, HeaderValue::from(seconds));
+        }
+        if status == StatusCode::PRECONDITION_FAILED {
+            headers.insert("tus-version", HeaderValue::from_static(TUS_VERSION));
         }
         if status == StatusCode::UNAUTHORIZED {
             headers.insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));

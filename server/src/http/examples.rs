@@ -30,6 +30,7 @@ use std::sync::Arc;
         ("components" = Option<quadmuse_proto::Components>, Query, description = "What becomes of small components beside the largest"),
         ("parts" = Option<String>, Query, description = "Segments that automatic segmentation aims at: a number from 1 to 64, or `auto`, one a protrusion; without it a mesh that is one primitive is kept whole, as segment 0, and by its parts, as segments 1 and up; `none` keeps it whole alone"),
         ("format" = Option<quadmuse_proto::MeshFormat>, Query, description = "The body's format; else by Content-Type, else recognised"),
+        ("upload" = Option<quadmuse_proto::UploadId>, Query, description = "An upload (`/v1/uploads`) that takes the place of the body; the headers say what it holds"),
         ("Idempotency-Key" = Option<String>, Header, description = "Sent again with the same key, nothing new is made"),
     ),
     request_body(content = Vec<u8>, description = "A mesh, or multipart/form-data with the parts `mesh` and `segments`", content_type = "application/octet-stream"),

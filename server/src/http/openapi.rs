@@ -8,8 +8,10 @@ use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::response::Response;
 use bytes::Bytes;
+use quadmuse_proto::upload::OFFSET_OCTET_STREAM;
 use quadmuse_proto::{
-    Code, Components, CompositionId, ExampleId, MapId, MeshFormat, Problem, QueryId, Segmentation, Topology, problem,
+    Code, Components, CompositionId, ExampleId, MapId, MeshFormat, Problem, QueryId, Segmentation, Topology, UploadId,
+    problem,
 };
 use serde_json::{Value, json};
 use utoipa::openapi::{ComponentsBuilder, InfoBuilder, OpenApi, OpenApiBuilder};
@@ -32,7 +34,7 @@ pub fn head() -> OpenApi {
         .schema_from::<MeshFormat>()
         .schema_from::<Topology>();
     let components = components.schema_from::<ExampleId>().schema_from::<QueryId>().schema_from::<MapId>();
-    let components = components.schema_from::<CompositionId>().build();
+    let components = components.schema_from::<CompositionId>().schema_from::<UploadId>().build();
     OpenApiBuilder::new().info(info).components(Some(components)).build()
 }
 
@@ -56,7 +58,7 @@ pub fn finished(api: &OpenApi) -> Bytes {
 fn finish_path(path: &str, operations: &mut Value) {
     let Some(operations) = operations.as_object_mut() else { return };
     for (method, operation) in operations {
-        if !matches!(method.as_str(), "get" | "post" | "patch" | "delete" | "put") {
+        if !matches!(method.as_str(), "get" | "head" | "options" | "post" | "patch" | "delete" | "put") {
             continue;
         }
         let schema = json!({ "$ref": "#/components/schemas/Problem" });
@@ -82,13 +84,16 @@ fn add_msgpack(body: &mut Value) {
     }
 }
 
-/// A mesh may come under its own media type, or in a form.
+/// A mesh may come under its own media type, or in a form; a piece of a file is bytes.
 fn add_mesh_bodies(body: &mut Value) {
     let Some(content) = body.get_mut("content").and_then(Value::as_object_mut) else { return };
+    let bytes = json!({ "schema": { "type": "string", "format": "binary" } });
+    if let Some(piece) = content.get_mut(OFFSET_OCTET_STREAM) {
+        *piece = bytes.clone();
+    }
     if content.remove("application/octet-stream").is_none() {
         return;
     }
-    let bytes = json!({ "schema": { "type": "string", "format": "binary" } });
     content.insert("application/octet-stream".into(), bytes.clone());
     for format in MeshFormat::ALL {
         content.insert(format.media_type().into(), bytes.clone());

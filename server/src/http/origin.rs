@@ -19,6 +19,7 @@ use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, header};
 use axum::middleware::Next;
 use axum::response::Response;
+use quadmuse_proto::upload::{TUS_RESUMABLE, UPLOAD_EXPIRES, UPLOAD_LENGTH, UPLOAD_METADATA, UPLOAD_OFFSET};
 use std::net::IpAddr;
 use std::time::Duration;
 use tower_http::cors::{AllowOrigin, CorsLayer};
@@ -83,6 +84,10 @@ pub fn cors(allowed: &[String]) -> Option<CorsLayer> {
         HeaderName::from_static("idempotency-key"),
         HeaderName::from_static("last-event-id"),
         HeaderName::from_static("x-request-id"),
+        HeaderName::from_static(TUS_RESUMABLE),
+        HeaderName::from_static(UPLOAD_LENGTH),
+        HeaderName::from_static(UPLOAD_METADATA),
+        HeaderName::from_static(UPLOAD_OFFSET),
     ];
     let read = [
         header::LOCATION,
@@ -90,10 +95,15 @@ pub fn cors(allowed: &[String]) -> Option<CorsLayer> {
         header::RETRY_AFTER,
         header::CONTENT_DISPOSITION,
         HeaderName::from_static("x-request-id"),
+        HeaderName::from_static(TUS_RESUMABLE),
+        HeaderName::from_static(UPLOAD_EXPIRES),
+        HeaderName::from_static(UPLOAD_LENGTH),
+        HeaderName::from_static(UPLOAD_METADATA),
+        HeaderName::from_static(UPLOAD_OFFSET),
     ];
     let layer = CorsLayer::new()
         .allow_origin(AllowOrigin::list(origins))
-        .allow_methods([Method::GET, Method::POST, Method::PATCH, Method::DELETE])
+        .allow_methods([Method::GET, Method::HEAD, Method::POST, Method::PATCH, Method::DELETE])
         .allow_headers(sent)
         .expose_headers(read)
         .max_age(PREFLIGHT_AGE);

@@ -32,6 +32,7 @@ use std::time::Duration;
         ("parts" = Option<String>, Query, description = "Segments that automatic segmentation aims at: a number from 1 to 64, or `auto`, one a protrusion; without it, or with `none`, a primitive stays whole"),
         ("like" = Option<ExampleId>, Query, description = "Cut the mesh as this example is cut: segment k where segment k of the example would lie. In place of `segments` and `parts`"),
         ("format" = Option<quadmuse_proto::MeshFormat>, Query, description = "The body's format; else by Content-Type, else recognised"),
+        ("upload" = Option<quadmuse_proto::UploadId>, Query, description = "An upload (`/v1/uploads`) that takes the place of the body; the headers say what it holds"),
         ("Idempotency-Key" = Option<String>, Header, description = "Sent again with the same key, nothing new is made"),
     ),
     request_body(content = Vec<u8>, description = "A mesh, or multipart/form-data with the parts `mesh` and `segments`", content_type = "application/octet-stream"),

@@ -10,6 +10,7 @@ mod queries;
 mod sockets;
 mod streams;
 mod surface;
+mod uploads;
 
 use super::router;
 use crate::app::{App, Settings};
@@ -20,6 +21,7 @@ use crate::work::corpus::memory::MemoryCorpus;
 use crate::work::engine::Cut;
 use crate::work::engine::fake::FakeEngine;
 use crate::work::query::{LiveQuery, QueryOptions};
+use crate::work::uploads::Uploads;
 use crate::work::{Caller, Work};
 use axum::Router;
 use axum::body::Body;
@@ -93,6 +95,7 @@ impl Bench {
             Arc::clone(&work),
             Arc::new(Tokens::beside(dir.path())),
             Audit::beside(dir.path()),
+            Arc::new(Uploads::beside(dir.path(), LIMIT)),
             Settings {
                 upload_limit: LIMIT,
                 allowed_hosts: Vec::new(),

@@ -1,6 +1,6 @@
-//! A mesh in the body: raw bytes, or `multipart/form-data` with the parts `mesh` and `segments`.
+//! A mesh in the body, or in an upload that takes its place: raw bytes, or `multipart/form-data` with the parts `mesh` and `segments`.
 
-use super::body::computed;
+use super::body::{Source, computed};
 use super::caller::Who;
 use super::error::HttpError;
 use super::params::Params;
@@ -12,6 +12,7 @@ use axum::body::Body;
 use axum::extract::{FromRequest, FromRequestParts, Multipart, Request};
 use axum::http::{HeaderValue, header};
 use bytes::Bytes;
+use http_body::Body as _;
 use quadmuse_proto::{Components, MeshFormat, Segmentation, segment};
 
 /// Names of the parts that are read.
@@ -71,7 +72,12 @@ impl FromRequest<App> for MeshUpload {
             };
             asked_for.upload(parts)
         };
-        computed(app, caller.user, &headers, body, read).await
+        let source = match params.get("upload", "the id of an upload")? {
+            None => Source::Body(body),
+            Some(id) if body.is_end_stream() => Source::Upload(id),
+            Some(_) => return Err(HttpError::BodyInvalid("expected no body beside `upload`, found one".into())),
+        };
+        computed(app, caller, &headers, source, read).await
     }
 }
 

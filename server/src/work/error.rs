@@ -2,6 +2,7 @@
 
 use super::corpus::CorpusError;
 use super::engine::EngineError;
+use super::uploads::UploadError;
 use crate::pool::{PoolError, StopReason};
 use quadmuse_proto::{CompositionId, ExampleId, MapId, QueryId, Topology};
 use std::sync::Arc;
@@ -18,6 +19,9 @@ pub enum WorkError {
     /// The pool refused, or the computation was stopped or panicked.
     #[error(transparent)]
     Pool(#[from] PoolError),
+    /// An upload is not made, continued or used.
+    #[error(transparent)]
+    Upload(#[from] UploadError),
     /// A value is outside its range.
     #[error("expected `{name}` {expected}, found {found}")]
     Parameter {

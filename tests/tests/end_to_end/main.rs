@@ -8,6 +8,7 @@ mod hostile;
 mod nodes;
 mod path;
 mod shutdown;
+mod uploads;
 
 use quadmuse_tests::{
     client::{Client, Ran},

@@ -2,11 +2,12 @@
 //! answer leads where.
 
 use quadmuse_proto::MeshFormat;
+use quadmuse_proto::upload::TUS_VERSION;
 use serde_json::{Map, Value, json};
 
 /// Collections and other nouns by which operations are named; the last in a path counts.
-const NOUNS: [&str; 9] =
-    ["examples", "queries", "ranking", "stream", "maps", "compositions", "samples", "tokens", "admin"];
+const NOUNS: [&str; 10] =
+    ["examples", "queries", "uploads", "ranking", "stream", "maps", "compositions", "samples", "tokens", "admin"];
 /// An id as it looks.
 const ID: &str = "01KAR5Z3J8QW0V6T4N2M9D7C1B";
 /// The pattern of ids.
@@ -16,7 +17,7 @@ const OBJ: &str = "v 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 1 0\nv 1 1 .2\nv 2 1 0\nv 0 2 
 
 /// The ids of the components: what they look like. [`quadmuse_proto::ExampleId::TEMPLATE`] is accepted where an example is named.
 pub(super) fn ids(schemas: &mut Value) {
-    for name in ["ExampleId", "QueryId", "MapId", "CompositionId"] {
+    for name in ["ExampleId", "QueryId", "MapId", "CompositionId", "UploadId"] {
         schemas[name]["pattern"] = ID_PATTERN.into();
         schemas[name]["examples"] = json!([ID]);
     }
@@ -89,6 +90,14 @@ fn described(parameter: &mut Value) {
         "map" => "The map's id",
         "composition" => "The composition's id",
         "segment" => "The segment's number, from 0",
+        "Tus-Resumable" => {
+            parameter["schema"] = json!({ "type": "string", "const": TUS_VERSION });
+            return;
+        }
+        "Upload-Metadata" => {
+            parameter["schema"] = json!({ "type": "string", "pattern": "^[a-z]{1,32} [A-Za-z0-9+/]{0,64}$" });
+            return;
+        }
         "cursor" => {
             parameter["schema"] = json!({ "type": "string", "pattern": ID_PATTERN });
             return;

@@ -6,16 +6,16 @@ use quadmuse_proto::NewToken;
 use serde_json::json;
 
 /// A service with tokens: two readers, a contributor and an admin.
-struct Closed {
-    bench: Bench,
-    ann: String,
-    bob: String,
+pub(super) struct Closed {
+    pub(super) bench: Bench,
+    pub(super) ann: String,
+    pub(super) bob: String,
     contributor: String,
-    admin: String,
+    pub(super) admin: String,
 }
 
 impl Closed {
-    async fn new() -> Self {
+    pub(super) async fn new() -> Self {
         let bench = Bench::stocked().await;
         let tokens = Tokens::beside(bench.dir.path());
         let create = |role, name: &str| {
@@ -47,7 +47,7 @@ impl Closed {
 }
 
 /// What an answer says, without what differs between any two.
-fn shape(answer: &Answer, id: &str) -> (u16, String) {
+pub(super) fn shape(answer: &Answer, id: &str) -> (u16, String) {
     let mut problem = answer.json();
     problem["request_id"] = json!(null);
     (answer.status.as_u16(), problem.to_string().replace(id, "ID"))
