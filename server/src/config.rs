@@ -5,6 +5,7 @@ mod cluster;
 pub use cluster::{ClusterAction, ClusterArgs};
 
 use crate::connections::ConnectionLimits;
+use crate::telemetry::traces::Collector;
 use clap::{Args, Parser, Subcommand};
 use quadmuse_cluster::ClusterOptions;
 use serde::Deserialize;
@@ -157,6 +158,9 @@ pub struct ServeArgs {
     /// Serve without tokens even on an address that others can reach.
     #[arg(long, env = "QUADMUSE_OPEN")]
     pub open: bool,
+    /// A collector of traces, like `http://127.0.0.1:4318`: spans are sent to it by OTLP over HTTP (default: none).
+    #[arg(long, env = "QUADMUSE_OTLP", value_name = "URL")]
+    pub otlp: Option<String>,
     /// Where the corpus lies, if not in the directory of the store.
     #[command(flatten)]
     #[serde(flatten)]
@@ -280,6 +284,9 @@ pub enum ConfigError {
     /// The engine can't be used as named.
     #[error("{0}")]
     Cluster(String),
+    /// The collector of traces can't be used as named.
+    #[error("{0}")]
+    Collector(String),
     /// A setting makes no sense.
     #[error("expected {name} {expected}, found {found}")]
     Invalid {
@@ -331,6 +338,28 @@ impl Config {
             c if c.connections_per_address == 0 => invalid("connections-per-address", "of at least one", "0".into()),
             _ => Ok(resolved),
         }
+    }
+}
+
+impl Cli {
+    /// The collector of traces that the flags, or the file they name, ask for. Looked for before all else: the log begins with it.
+    ///
+    /// # Errors
+    /// [`ConfigError::File`], [`ConfigError::Collector`].
+    pub fn collector(&self) -> Result<Option<Collector>, ConfigError> {
+        let args = match &self.command {
+            None => &self.serve,
+            Some(Command::Serve(args)) => args,
+            Some(_) => return Ok(None),
+        };
+        let named = match (&args.otlp, &args.config) {
+            (Some(named), _) => Some(named.clone()),
+            (None, Some(file)) => read_file(file)?.otlp,
+            (None, None) => None,
+        };
+        // An empty variable is how others are unset, too.
+        let named = named.filter(|named| !named.is_empty());
+        named.map(|named| named.parse().map_err(ConfigError::Collector)).transpose()
     }
 }
 
@@ -417,6 +446,23 @@ mod tests {
         assert_eq!(config.threads, 5);
         assert_eq!(config.cluster, Some(ClusterOptions::new("nats://a", "quadmuse")));
         assert_eq!((config.upload_limit, config.memory_limit), (10, MEMORY_LIMIT_DEFAULT));
+    }
+
+    #[test]
+    fn a_collector_is_named_by_a_flag_or_in_the_file_and_a_wrong_one_refused() {
+        let mut file = tempfile::NamedTempFile::new().expect("a file");
+        writeln!(file, "otlp = \"http://in-file:4318\"").expect("written");
+        let path = file.path().to_str().expect("a plain path");
+        let collector = |line: &[&str]| {
+            let line = ["quadmuse-server", "serve"].iter().chain(line);
+            Cli::try_parse_from(line).expect("a good command line").collector()
+        };
+        let named = |url: &str| Some(url.parse::<Collector>().expect("an address"));
+        assert_eq!(collector(&["--config", path]).expect("read"), named("http://in-file:4318"));
+        let both = ["--config", path, "--otlp", "http://flag"];
+        assert_eq!(collector(&both).expect("read"), named("http://flag"));
+        assert_eq!(collector(&[]).expect("none"), None);
+        assert!(matches!(collector(&["--otlp", "flag:4318"]), Err(ConfigError::Collector(_))));
     }
 
     #[test]

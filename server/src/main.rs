@@ -8,8 +8,10 @@ use std::process::ExitCode;
 fn main() -> ExitCode {
     let cli = Cli::parse();
     // Held to the end: its last lines are written then.
-    let _log = match telemetry::start() {
-        Ok(log) => log,
+    let started = cli.collector().map_err(|error| error.to_string());
+    let started = started.and_then(|collector| telemetry::start(collector.as_ref()).map_err(|error| error.to_string()));
+    let _telemetry = match started {
+        Ok(telemetry) => telemetry,
         Err(error) => {
             eprintln!("quadmuse-server: {error}");
             return ExitCode::from(2);

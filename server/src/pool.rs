@@ -17,6 +17,7 @@ pub mod taken;
 pub use admission::{Admission, Admitted, Used};
 pub use stop::{Stop, StopReason};
 
+use crate::telemetry::traces::TARGET;
 use lanes::Lanes;
 use quadmuse_kernel::numerics::stop as interrupt;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -25,6 +26,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
+use tracing::field::Empty;
 
 /// How urgent a quantum is; the first lane that has work goes first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,6 +41,19 @@ pub enum Lane {
     Fine,
     /// Encoding examples.
     Ingest,
+}
+
+impl Lane {
+    /// Its name, as traces tell it.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Edit => "edit",
+            Self::Lay => "lay",
+            Self::Coarse => "coarse",
+            Self::Fine => "fine",
+            Self::Ingest => "ingest",
+        }
+    }
 }
 
 /// Whose turn it is counted as: a number that stands for a token or an address.
@@ -231,7 +246,11 @@ impl Pool {
     {
         let (send, receive) = oneshot::channel();
         let (stop, memory_bytes) = (job.stop.clone(), job.admitted.bytes());
+        let span = tracing::info_span!(target: TARGET, "compute", lane = lane.as_str(), waited_ms = Empty);
+        let asked = Instant::now();
         let quantum = move || {
+            span.record("waited_ms", asked.elapsed().as_millis() as u64);
+            let _computing = span.entered();
             // The receiver may be gone; then the result is dropped here, still within the net.
             let _ = send.send(guarded(&stop, memory_bytes, work));
         };

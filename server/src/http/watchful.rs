@@ -3,6 +3,7 @@
 use super::caller::Peer;
 use super::error::{HttpError, REQUEST_ID};
 use crate::pool::words_of;
+use crate::telemetry::traces;
 use axum::extract::{MatchedPath, Request};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method};
 use axum::middleware::Next;
@@ -50,8 +51,11 @@ pub async fn identify(request: Request, next: Next) -> Response {
     let peer = request.extensions().get::<Peer>().map(|peer| peer.0.to_string());
     let bytes_in = http_body::Body::size_hint(request.body()).exact();
     let start = Instant::now();
-    let answering = REQUEST_ID.scope(id.clone(), next.run(request).instrument(span.clone()));
-    let mut response = answering.await;
+    let traced = traces::of_request(&request, &id, known_method(request.method()));
+    // The inner one is what else is linked to, or made below.
+    let running = next.run(request).instrument(traced.clone()).instrument(span.clone());
+    let mut response = REQUEST_ID.scope(id.clone(), running).await;
+    traces::answered(&traced, response.status());
     if let Ok(value) = HeaderValue::try_from(id) {
         response.headers_mut().insert(X_REQUEST_ID, value);
     }

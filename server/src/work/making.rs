@@ -2,6 +2,7 @@
 
 use super::query::{LiveQuery, rfc3339};
 use super::{Work, WorkError};
+use crate::telemetry::traces;
 use quadmuse_proto::making::{MakingState, Product};
 use std::collections::BTreeMap;
 use std::future::Future;
@@ -9,6 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tokio::sync::watch;
 use tokio::task::AbortHandle;
+use tracing::Instrument;
 
 /// Most maps and compositions of a query that are made at a time.
 pub const UNDER_WAY_MAX: usize = 16;
@@ -240,7 +242,8 @@ where
     let teller = Arc::clone(&making);
     let made = make(Arc::new(move |stage, progress| teller.tell(stage, progress)));
     let (ends, live) = (Ends(Arc::clone(&making)), Arc::clone(live));
-    let task = work.background.spawn(async move {
+    let traced = traces::behind(product.as_str(), &making.id);
+    let run = async move {
         let result = made.await;
         match result {
             Ok(()) => {
@@ -250,7 +253,8 @@ where
             }
             Err(error) => ends.0.end(MakingState::Failed, Some(error)),
         }
-    });
+    };
+    let task = work.background.spawn(run.instrument(traced));
     // Set once: nobody else has it yet.
     let _ = making.task.set(task.abort_handle());
     if making.stand().state == MakingState::Cancelled {

@@ -21,12 +21,14 @@ use super::ranking::{Candidate, Depth, levels_up_to, mark, order, registered_at}
 use super::worth::is_worth_an_example;
 use super::{Caller, REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, PoolError, Stop, StopReason};
+use crate::telemetry::traces;
 use coarse::Selection;
 use futures_util::{StreamExt, stream};
 use quadmuse_proto::query::{DEADLINE_MS_MAX, LEVELS, TOP_MAX};
 use quadmuse_proto::{EntryState, ExampleId, LevelTiming, QueryId, QueryState, Segmentation, Topology};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use tracing::Instrument;
 
 /// Share of the time left that one level may take of a query with a deadline.
 const LEVEL_SHARE: f64 = 0.5;
@@ -79,7 +81,8 @@ pub async fn start(
     let live = Arc::new(LiveQuery::new(caller, options, model, job, started));
     live.set_corpus_sizes(&corpus.iter().map(|c| c.size as u64).collect::<Vec<_>>());
     work.queries.insert(Arc::clone(&live))?;
-    work.background.spawn(run(Arc::clone(work), Arc::clone(&live), corpus, 0));
+    let traced = traces::behind("ranking", &live.id.to_string());
+    work.background.spawn(run(Arc::clone(work), Arc::clone(&live), corpus, 0).instrument(traced));
     Ok(live)
 }
 

@@ -8,6 +8,7 @@ mod hostile;
 mod nodes;
 mod path;
 mod shutdown;
+mod traces;
 mod uploads;
 
 use quadmuse_tests::{
