@@ -30,7 +30,7 @@ pub use error::{MeshError, MeshErrorKind, Place};
 pub use format::Format;
 pub use limits::Limits;
 pub use poly::{Attributes, CornerLayer, Crease, FaceLabels, PolyMesh, Polygons};
-pub use prepare::{Prepared, prepare};
+pub use prepare::{Prepared, prepare, prepare_scan};
 pub use read::read;
 pub use repair::{Repair, RepairKind};
 pub use tri::{NONE, TriMesh};

@@ -10,6 +10,7 @@
 //! winding.
 
 mod collapse;
+mod copies;
 mod duplicates;
 mod ears;
 mod orient;
@@ -51,10 +52,22 @@ const DIAGONAL_MIN: f64 = 1e-60;
 /// # Errors
 /// An element that cannot be used or repaired, by its number.
 pub fn prepare(poly: &PolyMesh) -> Result<Prepared, MeshError> {
+    prepared(poly, |surface, _| surface)
+}
+
+/// The same for a scan: pieces that lie exactly on others are left out before. In an example they are what its artist meant.
+///
+/// # Errors
+/// As [`prepare`].
+pub fn prepare_scan(poly: &PolyMesh) -> Result<Prepared, MeshError> {
+    prepared(poly, |surface, repairs| copies::leave_out(surface, &poly.positions, repairs))
+}
+
+fn prepared(poly: &PolyMesh, leave_out: impl FnOnce(Surface, &mut Repairs) -> Surface) -> Result<Prepared, MeshError> {
     stop::ask();
     let mut repairs = Repairs::default();
     let diagonal = check(poly, &mut repairs)?;
-    let mut surface = Surface::cleaned(poly, &mut repairs);
+    let mut surface = leave_out(Surface::cleaned(poly, &mut repairs), &mut repairs);
     if surface.rows.is_empty() {
         let remedy = "every face has fewer than 3 different corners: export the mesh again";
         return Err(MeshError::NoExtent { diagonal, remedy });

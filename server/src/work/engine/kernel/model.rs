@@ -137,9 +137,9 @@ pub(super) fn told_apart(model: &Model) -> Result<Arc<PolyMesh>, EngineError> {
 pub(super) fn read(bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, limits: &Limits) -> Result<Model, EngineError> {
     let wanted = format.map(format_of).or_else(|| Format::sniff(bytes));
     let mesh = mesh::read(bytes, wanted, limits).map_err(refused)?;
-    let prepared = mesh::prepare(&mesh).map_err(refused)?;
     // Who tells how the faces are to be cut means them as they are.
     let is_as_sent = cut.labels.is_some() || cut.way == Segmentation::Groups || !is_scan(cut);
+    let prepared = if is_as_sent { mesh::prepare(&mesh) } else { mesh::prepare_scan(&mesh) }.map_err(refused)?;
     let views = if is_as_sent || few_faces(&prepared) { None } else { fused(&prepared) };
     let prepared = views.unwrap_or(prepared);
     let segmented = cut_up(&mesh, &prepared, cut)?;
@@ -332,6 +332,7 @@ fn format_back(format: Format) -> MeshFormat {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::work::worth::tries;
 
     #[test]
     fn each_face_tells_the_segment_that_it_was_cut_into() {
@@ -343,5 +344,21 @@ mod tests {
         assert_eq!(labels.len(), 2);
         assert_ne!(labels[0], labels[1]);
         assert!(model.mesh.attributes.segments.is_none(), "the input itself stays as it was read");
+    }
+
+    #[test]
+    fn a_triangle_that_a_scan_writes_a_thousand_times_is_one_and_an_example_keeps_all() {
+        let facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
+        let text = format!("solid x\n{}endsolid x\n", facet.repeat(1000));
+        let told = |grain| {
+            let cut = Cut { components: Components::Largest, grain, ..Cut::default() };
+            let model = read(text.as_bytes(), None, &cut, &Limits::default()).expect("a model");
+            assert_eq!(model.mesh.faces.len(), 1000, "what was sent stays as it is");
+            (model.repairs.iter().any(|repair| repair.starts_with("999 duplicate faces")), model.segments)
+        };
+        let (is_told, scan) = told(Grain::Free);
+        assert!(is_told && scan.len() == 1, "one piece of a thousand");
+        assert_eq!((scan[0].faces, tries(&scan, 0)), (1, 0));
+        assert!(!told(Grain::Faces).0, "an artist's are left alone");
     }
 }

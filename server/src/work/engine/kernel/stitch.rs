@@ -12,7 +12,7 @@ use crate::pool::Stop;
 use quadmuse_kernel::compose::{
     self, Closeness, Options, Piece, ground::Ground, layers, net::Net, subdivide, template,
 };
-use quadmuse_kernel::mesh::PolyMesh;
+use quadmuse_kernel::mesh::{PolyMesh, TriMesh};
 use quadmuse_kernel::register::Query;
 use quadmuse_proto::{Distortion, Flip, Histogram, Verdict};
 use std::sync::Arc;
@@ -21,6 +21,14 @@ use std::sync::Arc;
 const FACES_MAX: usize = 4_000_000;
 /// Quads of a template on an input of which nothing else tells a density.
 const TEMPLATE_QUADS: f64 = 4000.0;
+/// Of them, so many for each triangle of the input, and so many at least: what has a handful has no more form than those follow.
+const QUADS_PER_TRIANGLE: f64 = 64.0;
+const QUADS_LEAST: f64 = 256.0;
+
+/// Quads of a whole of regular layouts.
+fn quads_for(surface: &TriMesh) -> f64 {
+    (QUADS_PER_TRIANGLE * surface.triangles.len() as f64).clamp(QUADS_LEAST, TEMPLATE_QUADS)
+}
 
 /// Whether a part was chosen for its layout.
 #[derive(Clone, Copy)]
@@ -140,7 +148,7 @@ pub(super) fn stitched(
     let all: Vec<Piece<'_>> = brought.iter().map(Brought::piece).collect();
     let options = Options {
         smoothing: how.smoothing,
-        edge_scale: 0.5f64.powi(how.density),
+        edge_scale: 0.5f64.powi(how.density) * (TEMPLATE_QUADS / quads_for(ground.input().surface)).sqrt(),
         // Who asks for a coarser layout wants it as coarse as that.
         closeness: if how.density < 0 { Closeness::AsBrought } else { Closeness::Followed },
     };
@@ -200,7 +208,7 @@ fn layout(encoded: &Encoded, edge: f64) -> Result<PolyMesh, EngineError> {
 pub(super) fn template(query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
     stopped(stop)?;
     let inner: &ModelInner = query.model.inner.open()?;
-    let edge = (inner.segmented.mesh.total_area() / TEMPLATE_QUADS).sqrt();
+    let edge = (inner.segmented.mesh.total_area() / quads_for(&inner.segmented.mesh)).sqrt();
     let mesh = Arc::new(layout(&query.encoded, edge)?);
     let none = || Histogram { edges: vec![0.0, 1.0], counts: vec![0], ..Histogram::default() };
     Ok(Mapped {
@@ -223,4 +231,15 @@ pub(super) fn template(query: &Side, stop: &Stop) -> Result<Mapped, EngineError>
         reach: Reach::default(),
         evidence: None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_handful_of_triangles_asks_for_few_quads_and_a_scan_for_as_many_as_ever() {
+        let quads = |count: usize| quads_for(&TriMesh { triangles: vec![[0; 3]; count], ..TriMesh::default() });
+        assert_eq!([1, 4, 12, 62, 63, 100_000].map(quads), [256.0, 256.0, 768.0, 3968.0, 4000.0, 4000.0]);
+    }
 }
