@@ -19,7 +19,7 @@ const WHOLE: f64 = 0.97;
 /// A start of less relief is not followed: it is wrong. *Untuned.*
 const FOLLOWED: f64 = 0.1;
 /// A mirrored place must be so much surer than one that is not: bodies and heads are nearly their own mirror image.
-const MIRROR_MARGIN: f64 = 0.05;
+const MIRROR_MARGIN: f64 = 0.1;
 /// Places that are less sure than the best by no more than this settle too, so many at most.
 const NEAR: f64 = 0.15;
 const FINALISTS: usize = 3;

@@ -1,6 +1,6 @@
 //! Examples laid on inputs that may end elsewhere, or be closed where the example is open.
 //!
-//! The map of both as wholes, then maps of parts ([`extents`]), then rough poses ([`poses`]) are starts; each settles on the
+//! The map of both as wholes, then rough poses ([`poses`]), then maps of parts ([`extents`]) are starts; each settles on the
 //! input with its boundary free ([`Rests`]), until one is convincing. Faces of the example that lie beyond the input are left
 //! out, and what of the input lies beyond the example is continued by rows of quads, where that is asked for.
 
@@ -35,6 +35,9 @@ const SAME_SHARE: f64 = 0.02;
 const LED: usize = 2;
 /// Below this relief rough poses are tried.
 const DOUBTFUL: f64 = 0.65;
+/// Below this relief after all poses the example belongs nowhere, and maps of parts, which take as long again, are not tried.
+/// *Untuned:* right maps of parts have more than .5.
+const HOPELESS: f64 = 0.3;
 /// Poses that are settled.
 const POSED: usize = 5;
 /// The same on what is no scan.
@@ -165,19 +168,20 @@ fn settled(
     // Of two closed surfaces neither ends anywhere.
     let closed = |side: &Side| side.encoded.encoding.facts.topology == Primitive::Sphere;
     let may_be_part = !(closed(example) && closed(query));
-    if may_be_part && has_parts && !rests.is_convincing() {
-        for start in parts(example, query, (one, two), stop)? {
-            rests.tries(&start, &stopped);
-            if rests.is_convincing() {
-                break;
-            }
-        }
-    }
     if may_be_part && rests.best().is_none_or(|best| best.evidence.relief < DOUBTFUL) {
         let (sought, most) = if on.is_scan() { (Sought::Thoroughly, POSED) } else { (Sought::Quickly, POSED_FEW) };
         for (_, pose) in poses(mesh, input, [!closed(example), !closed(query)], sought, &stopped).iter().take(most) {
             let positions = mesh.positions.iter().map(|x| pose.apply(x)).collect();
             rests.tries_whole(&Start { positions, mirrored: false }, &stopped);
+            if rests.is_convincing() {
+                break;
+            }
+        }
+    }
+    let is_hopeless = rests.best().is_some_and(|best| best.evidence.relief < HOPELESS);
+    if may_be_part && has_parts && !is_hopeless && !rests.is_convincing() {
+        for start in parts(example, query, (one, two), stop)? {
+            rests.tries(&start, &stopped);
             if rests.is_convincing() {
                 break;
             }
