@@ -18,7 +18,7 @@ pub const UPLOAD_OFFSET: &str = "upload-offset";
 /// How many bytes there will be.
 pub const UPLOAD_LENGTH: &str = "upload-length";
 
-/// What the uploader says of them: keys with values in base 64.
+/// The uploader describes the file here, by keys with values in base 64.
 pub const UPLOAD_METADATA: &str = "upload-metadata";
 
 /// When an upload will be gone, as an HTTP date.

@@ -112,7 +112,7 @@ fn documented() -> OpenApiRouter<App> {
         .routes(routes!(health::metrics))
 }
 
-/// Those of uploads, which speak a protocol of their own.
+/// The routes of uploads. They speak tus, and refuse other versions of it.
 fn uploaded() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(uploads::protocol, uploads::begin))

@@ -21,12 +21,12 @@ const BEGINNINGS_MAX: u32 = 3;
 /// Shortest and longest pause before a piece is sent again; it doubles from one to the next.
 const PAUSE: (Duration, Duration) = (Duration::from_millis(500), Duration::from_secs(10));
 
-/// Whether the server lacks what a request named.
+/// Tells whether the server does not have what a request named.
 fn is_absent(error: &ClientError) -> bool {
     matches!(error, ClientError::Refused(problem) if [404, 405, 410].contains(&problem.status))
 }
 
-/// Whether it may help to ask how much has arrived, and to go on from there.
+/// Tells whether the client can ask how much arrived, and continue from there.
 fn may_go_on(error: &ClientError) -> bool {
     match error {
         ClientError::Unreachable { .. } | ClientError::BrokenOff { .. } | ClientError::UploadBrokenOff { .. } => true,
@@ -101,10 +101,7 @@ impl Api {
     }
 
     async fn offset(&self, id: &str) -> Result<usize, ClientError> {
-        match self.send(self.tus(Method::HEAD, &["uploads", id])).await {
-            Ok(answer) => offset_of(&answer),
-            Err(error) => Err(error),
-        }
+        offset_of(&self.send(self.tus(Method::HEAD, &["uploads", id])).await?)
     }
 
     /// Frees an upload that was used. One that stays costs nobody more than its time.

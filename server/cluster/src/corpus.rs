@@ -486,7 +486,8 @@ impl Documents for SharedCorpus {
     }
 
     fn read(&self, name: &str) -> Result<Option<Document>, StoreError> {
-        documents::read(&*self.engine, name)
+        let found = self.read_newest(&format!("{DOCUMENT}{name}"), "give a document")?;
+        Ok(found.map(documents::document))
     }
 
     fn write(&self, name: &str, expected: u64, bytes: &[u8]) -> Result<bool, StoreError> {

@@ -6,7 +6,7 @@ use std::time::Instant;
 use quadmuse_store::{Document, Documents, StoreError};
 
 use crate::corpus::unreachable;
-use crate::engine::{Engine, Written};
+use crate::engine::{Engine, Entry, Written};
 use crate::manifest::DOCUMENT;
 use crate::write::{PAUSE, TRIED};
 
@@ -32,7 +32,8 @@ impl Documents for SharedDocuments {
     }
 
     fn read(&self, name: &str) -> Result<Option<Document>, StoreError> {
-        read(&*self.engine, name)
+        let found = self.engine.read(&format!("{DOCUMENT}{name}")).map_err(unreachable("give a document"))?;
+        Ok(found.map(document))
     }
 
     fn write(&self, name: &str, expected: u64, bytes: &[u8]) -> Result<bool, StoreError> {
@@ -40,9 +41,9 @@ impl Documents for SharedDocuments {
     }
 }
 
-pub(crate) fn read(engine: &dyn Engine, name: &str) -> Result<Option<Document>, StoreError> {
-    let found = engine.read(&format!("{DOCUMENT}{name}")).map_err(unreachable("give a document"))?;
-    Ok(found.map(|entry| Document { revision: entry.position, bytes: entry.bytes.into() }))
+/// A document from its entry.
+pub(crate) fn document(entry: Entry) -> Document {
+    Document { revision: entry.position, bytes: entry.bytes.into() }
 }
 
 /// Writes a document; its revision, or `None` if it has another one than expected.

@@ -129,6 +129,18 @@ impl State {
         }
     }
 
+    /// The newest position known of a key; 0 if none is.
+    pub(crate) fn position(&self, key: &str) -> u64 {
+        let known = match key.strip_prefix(DOCUMENT) {
+            Some(name) => self.documents.get(name).map(|document| document.revision),
+            None => {
+                let identity = key.strip_prefix(EXAMPLE).and_then(ContentHash::from_hex);
+                identity.and_then(|identity| self.slots.get(&identity)).map(|slot| slot.position)
+            }
+        };
+        known.unwrap_or(0)
+    }
+
     pub(crate) fn example(&self, id: ExampleId) -> Option<&Known> {
         self.examples.get(&id)
     }

@@ -88,7 +88,7 @@ impl SharedCorpus {
 
     /// An entry as it is now, with its position, and taken in; 0 and nothing if there is none.
     fn read_entry(&self, key: &str) -> Result<(u64, Option<Manifest>), StoreError> {
-        let Some(entry) = self.engine.read(key).map_err(unreachable("give an entry"))? else { return Ok((0, None)) };
+        let Some(entry) = self.read_newest(key, "give an entry")? else { return Ok((0, None)) };
         self.inner.take_in(&[(key, &entry)]);
         let manifest = Manifest::from_bytes(&entry.bytes).map_err(|found| StoreError::Invalid {
             field: "an entry of the corpus",
@@ -96,6 +96,19 @@ impl SharedCorpus {
             found,
         })?;
         Ok((entry.position, Some(manifest)))
+    }
+
+    /// The newest value of a key. A node that has just been elected, or still takes itself for the leader, answers with
+    /// less than was acknowledged: an answer older than what this server knows counts as none.
+    pub(crate) fn read_newest(&self, key: &str, doing: &'static str) -> Result<Option<Entry>, StoreError> {
+        let known = self.inner.state().position(key);
+        let entry = self.engine.read(key).map_err(unreachable(doing))?;
+        let found = entry.as_ref().map_or(0, |entry| entry.position);
+        if found < known {
+            let reason = format!("its leader stands at {found} where {known} was acknowledged");
+            return Err(StoreError::Unreachable { doing, reason });
+        }
+        Ok(entry)
     }
 
     fn known(&self, identity: ContentHash) -> Option<Known> {

@@ -14,7 +14,7 @@ use std::time::Duration;
 use conformance::{Pair, eventually, small};
 use fake::{FakeEngine, Faults};
 use quadmuse_cluster::{RowMaker, SharedCorpus, SharedOptions};
-use quadmuse_store::{Added, Backend, Documents, NewSegmentation, Store, StoreError};
+use quadmuse_store::{Added, Backend, Documents, NewSegmentation, Patch, Store, StoreError};
 
 fn join(engine: &FakeEngine, dir: &Path) -> Arc<SharedCorpus> {
     let cache = dir.join(quadmuse_proto::id::ExampleId::generate().to_string());
@@ -57,17 +57,20 @@ fn each_fault_alone_is_survived() {
         Faults { following_ended: 2, ..none },
         Faults { request_lost: 3, ..none },
         Faults { answer_lost: 2, ..none },
+        Faults { read_behind: 2, ..none },
     ]) {
         let engine = FakeEngine::new(seed, faults);
         let (a, b) = pair(&engine, dir.path());
         for example in 0..20 {
             let writer = if example % 2 == 0 { &a } else { &b };
-            writer.add(&small(example).example(), &[]).expect("added");
+            let id = writer.add(&small(example).example(), &[]).expect("added").record().id;
+            let name = Patch { name: Some(format!("example {example}")), ..Patch::default() };
+            assert_eq!(writer.annotate(id, name).expect("renamed").revision, 2, "{faults:?}");
         }
         for one in [&a, &b] {
             eventually(&format!("all are there, {faults:?}"), || one.snapshot().examples.len() == 20);
         }
-        assert_eq!(a.snapshot().examples, b.snapshot().examples);
+        eventually("both have the same", || a.snapshot().examples == b.snapshot().examples);
     }
 }
 

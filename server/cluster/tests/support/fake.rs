@@ -1,5 +1,5 @@
 //! An engine in memory that is unreliable in every way the real one may be: it delivers late, twice, in the wrong order or not
-//! at all, ends followings, and loses requests and answers. What it acknowledged it keeps.
+//! at all, ends followings, loses requests and answers, and reads what was written before. What it acknowledged it keeps.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -17,6 +17,8 @@ pub(crate) struct Faults {
     pub(crate) following_ended: u32,
     pub(crate) request_lost: u32,
     pub(crate) answer_lost: u32,
+    /// A leader that has just been elected, or was one, gives the entry before the newest, or none.
+    pub(crate) read_behind: u32,
 }
 
 impl Faults {
@@ -30,6 +32,7 @@ impl Faults {
             following_ended: 12,
             request_lost: 6,
             answer_lost: 6,
+            read_behind: 6,
         }
     }
 }
@@ -140,7 +143,12 @@ impl Engine for FakeEngine {
 
     fn read(&self, key: &str) -> Result<Option<Entry>, EngineError> {
         self.call("give an entry", |world| {
-            let position = world.newest.get(key).copied()?;
+            let newest = world.newest.get(key).copied()?;
+            let position = if world.happens(self.faults.read_behind) {
+                world.log[..newest as usize - 1].iter().rposition(|(other, _)| other == key)? as u64 + 1
+            } else {
+                newest
+            };
             let bytes = world.log[position as usize - 1].1.clone();
             Some(Entry { position, bytes })
         })

@@ -20,34 +20,31 @@ const ISLAND: f64 = 0.05;
 const RINGS: [usize; 3] = [1, 3, 6];
 
 /// Marks the vertices of small pieces that lie on the input by chance, beside those that are `bare`: edges that leap across the
-/// input join them to the rest, or bare vertices do. `positions`: of the vertices of `mesh` on the input.
-pub fn islands(mesh: &TriMesh, positions: &[Vec3], bare: &mut [bool], grounds: &Grounds) {
-    let edges = edges(mesh);
-    let leaps = leaps(positions, &edges, grounds);
+/// input join them to the rest, or bare vertices do.
+pub fn islands(mesh: &TriMesh, leaps: &[[u32; 2]], bare: &mut [bool]) {
     if leaps.is_empty() && !bare.contains(&true) {
         return;
     }
     let joins = |[a, b]: [u32; 2]| {
         !bare[a as usize] && !bare[b as usize] && leaps.binary_search(&[a.min(b), a.max(b)]).is_err()
     };
-    let mut pieces = Sets::new(positions.len());
-    edges.iter().filter(|edge| joins(**edge)).for_each(|[a, b]| pieces.join(*a, *b));
-    let mut areas = vec![0.0; positions.len()];
+    let mut pieces = Sets::new(bare.len());
+    edges(mesh).into_iter().filter(|edge| joins(*edge)).for_each(|[a, b]| pieces.join(a, b));
+    let mut areas = vec![0.0; bare.len()];
     for (t, corners) in mesh.triangles.iter().enumerate() {
         for v in corners {
             areas[pieces.root(*v) as usize] += mesh.area(t) / 3.0;
         }
     }
     let all = mesh.total_area();
-    for v in 0..positions.len() {
-        bare[v] |= areas[pieces.root(v as u32) as usize] <= ISLAND * all;
+    for (v, bare) in (0u32..).zip(bare) {
+        *bare |= areas[pieces.root(v) as usize] <= ISLAND * all;
     }
 }
 
 /// Marks as `lost` the vertices of the polygons at the rim, or beside what is lost, that have an edge which leaps: there the input
 /// ends, in a hole or a bay that it is too wide for the example to span.
-pub fn fray(mesh: &TriMesh, positions: &[Vec3], lost: &mut [bool], grounds: &Grounds) {
-    let leaps = leaps(positions, &edges(mesh), grounds);
+pub fn fray(mesh: &TriMesh, leaps: &[[u32; 2]], lost: &mut [bool]) {
     let is_leap = |h: u32| {
         let (a, b) = (mesh.tail(h), mesh.head(h));
         !mesh.phantom[h as usize] && leaps.binary_search(&[a.min(b), a.max(b)]).is_ok()
@@ -77,9 +74,10 @@ fn edges(mesh: &TriMesh) -> Vec<[u32; 2]> {
         .collect()
 }
 
-/// The edges that leap across the input, each with its lesser vertex first, in order.
-fn leaps(positions: &[Vec3], edges: &[[u32; 2]], grounds: &Grounds) -> Vec<[u32; 2]> {
-    let mut leaps = grounds.leaps(positions, edges);
+/// The edges that leap across the input, each with its lesser vertex first, in order. `positions`: of the vertices of `mesh` on the
+/// input.
+pub fn leaps(mesh: &TriMesh, positions: &[Vec3], grounds: &Grounds) -> Vec<[u32; 2]> {
+    let mut leaps = grounds.leaps(positions, &edges(mesh));
     leaps.iter_mut().for_each(|edge| edge.sort_unstable());
     leaps.sort_unstable();
     leaps
@@ -164,6 +162,7 @@ mod tests {
             *p = Vec3::new(0.1 * angle.sin(), p.x, 0.1 * (1.0 - angle.cos()) + along.abs() - along.abs().min(0.2));
         }
         let grounds = Grounds::new(bent.clone());
+        let leaps_at = |positions: &[Vec3]| leaps(&bent, positions, &grounds);
         let mut positions = bent.positions.clone();
         let far = positions.iter().map(|p| p.z).fold(0.0, f64::max);
         let tip: Vec<bool> = bent.positions.iter().map(|p| p.x < 0.0 && p.z > 0.95 * far).collect();
@@ -171,15 +170,15 @@ mod tests {
             p.x = 0.1;
         }
         let mut bare = vec![false; positions.len()];
-        islands(&bent, &positions, &mut bare, &grounds);
+        islands(&bent, &leaps_at(&positions), &mut bare);
         assert_eq!(bare, tip);
         let mut none = vec![false; positions.len()];
-        islands(&bent, &bent.positions, &mut none, &grounds);
+        islands(&bent, &leaps_at(&bent.positions), &mut none);
         assert!(!none.contains(&true));
         // At the rim what is torn from the rest goes: the polygons that leap, and no others.
-        fray(&bent, &bent.positions, &mut none, &grounds);
+        fray(&bent, &leaps_at(&bent.positions), &mut none);
         assert!(!none.contains(&true));
-        fray(&bent, &positions, &mut none, &grounds);
+        fray(&bent, &leaps_at(&positions), &mut none);
         let leaps =
             |corners: &&[u32; 3]| corners.iter().any(|&v| tip[v as usize]) && !corners.iter().all(|&v| tip[v as usize]);
         let mut beside = vec![false; positions.len()];
@@ -192,7 +191,7 @@ mod tests {
         let middle = bent.positions.iter().position(is_middle);
         inner[middle.expect("a vertex of one leg")].x = 0.1;
         let mut none = vec![false; positions.len()];
-        fray(&bent, &inner, &mut none, &grounds);
+        fray(&bent, &leaps_at(&inner), &mut none);
         assert!(!none.contains(&true));
     }
 }

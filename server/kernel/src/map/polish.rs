@@ -273,12 +273,7 @@ fn axes(normal: Vec3) -> [Vec3; 2] {
 }
 
 fn vertex_normals(mesh: &TriMesh) -> Vec<Vec3> {
-    let mut normals = vec![Vec3::zeros(); mesh.positions.len()];
-    for (t, corners) in mesh.triangles.iter().enumerate() {
-        let n = mesh.area_vector(t);
-        corners.iter().for_each(|&v| normals[v as usize] += n);
-    }
-    normals.into_iter().map(|n| n.try_normalize(0.0).unwrap_or_else(Vec3::z)).collect()
+    mesh.vertex_area_vectors().into_iter().map(|n| n.try_normalize(0.0).unwrap_or_else(Vec3::z)).collect()
 }
 
 #[cfg(test)]

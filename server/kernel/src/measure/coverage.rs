@@ -70,11 +70,7 @@ pub fn coverage(example: &TriMesh, cross: &CrossMap, input: &TriMesh, features: 
 
 /// Median length of the polygons' edges.
 fn usual_edge(mesh: &TriMesh) -> f64 {
-    let real = (0..mesh.twins.len() as u32).filter(|&h| !mesh.phantom[h as usize]);
-    let mut lengths: Vec<f64> =
-        real.map(|h| (mesh.positions[mesh.head(h) as usize] - mesh.positions[mesh.tail(h) as usize]).norm()).collect();
-    let middle = lengths.len() / 2;
-    if lengths.is_empty() { 0.0 } else { *lengths.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    mesh.median_length((0..mesh.twins.len() as u32).filter(|&h| !mesh.phantom[h as usize]))
 }
 
 /// log₂ of how much larger the faces about each vertex are on `after` than on `before`.

@@ -136,6 +136,24 @@ impl TriMesh {
         0.5 * (b - a).cross(&(c - a))
     }
 
+    /// The sum of [`Self::area_vector`] over the triangles about each vertex: its normal, not of unit length.
+    pub fn vertex_area_vectors(&self) -> Vec<Vec3> {
+        let mut sums = vec![Vec3::zeros(); self.positions.len()];
+        for (t, corners) in self.triangles.iter().enumerate() {
+            let normal = self.area_vector(t);
+            corners.iter().for_each(|&v| sums[v as usize] += normal);
+        }
+        sums
+    }
+
+    /// The median length of some halfedges; 0 where there is none.
+    pub fn median_length(&self, halfedges: impl Iterator<Item = u32>) -> f64 {
+        let length = |h: u32| (self.positions[self.head(h) as usize] - self.positions[self.tail(h) as usize]).norm();
+        let mut lengths: Vec<f64> = halfedges.map(length).collect();
+        let middle = lengths.len() / 2;
+        if lengths.is_empty() { 0.0 } else { *lengths.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    }
+
     /// Area of triangle `t`.
     pub fn area(&self, t: usize) -> f64 {
         self.area_vector(t).norm()

@@ -17,11 +17,11 @@ use std::collections::HashMap;
 const VIEW_SHARE: f64 = 0.05;
 /// Of the rim of one of two views so much lies on the other.
 const OVERLAP: f64 = 0.25;
-/// What lies so near, in edges of the scan, lies on it.
+/// A point lies on a sheet when it is so near, in edges of the scan.
 const ON: f64 = 2.0;
 /// Distances are sampled so far from the views, in cells: a vertex that is drawn has views within a cell of all corners about it.
 const REACH: f64 = 2.0;
-/// What lies farther beside a view's rim than this, in cells, is not over it.
+/// A point is not over a view when it lies farther beside its rim than this, in cells.
 const BESIDE: f64 = 0.7;
 /// Views whose normals differ by more than this cosine see two sides of something thin; the nearer counts.
 const ALIKE: f64 = 0.5;
@@ -32,9 +32,8 @@ const SAMPLES_PER_TRIANGLE: usize = 2000;
 /// The scan with its views fused; `None` where no two sheets are views of one thing.
 pub fn fused(scan: &Prepared) -> Option<Prepared> {
     let mesh = &scan.mesh;
-    let sets = views(mesh)?;
+    let (sets, views): (Vec<Vec<u32>>, Vec<View>) = views(mesh)?.into_iter().unzip();
     let of_scan: Vec<u32> = sets.iter().flatten().copied().collect();
-    let views: Vec<View> = sets.iter().map(|set| View::new(submesh(mesh, set).0)).collect();
     let drawn = Net::new(&views, usual_edge(mesh))?.drawn(&views);
     let fused = prepare(&drawn).ok()?.mesh;
     // What belongs to no view stays as it is.
@@ -42,8 +41,7 @@ pub fn fused(scan: &Prepared) -> Option<Prepared> {
     of_scan.iter().for_each(|&t| is_fused[t as usize] = true);
     let rest: Vec<u32> = (0..mesh.triangles.len() as u32).filter(|&t| !is_fused[t as usize]).collect();
     let tree = Bvh::new(mesh);
-    let mut mesh_of_all = beside(with_polygons(fused, mesh, &tree), mesh, &rest);
-    mesh_of_all.phantom.resize(3 * mesh_of_all.triangles.len(), false);
+    let mesh_of_all = beside(with_polygons(fused, mesh, &tree), mesh, &rest);
     let vertex_of = carried(scan, &mesh_of_all);
     let first = of_scan.iter().map(|&t| mesh.polygon_of[t as usize]).min().unwrap_or(0);
     let mut repairs = scan.repairs.clone();
@@ -51,8 +49,8 @@ pub fn fused(scan: &Prepared) -> Option<Prepared> {
     Some(Prepared { mesh: mesh_of_all, vertex_of, reversed: scan.reversed.clone(), repairs })
 }
 
-/// The triangles of the sheets that are views of one thing, the largest sheet among them; `None` where that one stands alone.
-fn views(mesh: &TriMesh) -> Option<Vec<Vec<u32>>> {
+/// The sheets that are views of one thing, each with its triangles, the largest sheet among them; `None` where that one stands alone.
+fn views(mesh: &TriMesh) -> Option<Vec<(Vec<u32>, View)>> {
     let area = |set: &[u32]| set.iter().map(|&t| mesh.area(t as usize)).sum::<f64>();
     let all = mesh.total_area();
     let is_open = |set: &[u32]| set.iter().any(|t| (0..3).any(|side| mesh.twin(3 * t + side) == NONE));
@@ -74,7 +72,7 @@ fn views(mesh: &TriMesh) -> Option<Vec<Vec<u32>>> {
     }
     let first = together.root(0);
     let mut with_first = Vec::new();
-    for (k, sheet) in (0u32..).zip(sheets) {
+    for (k, sheet) in (0u32..).zip(sheets.into_iter().zip(views)) {
         if together.root(k) == first {
             with_first.push(sheet);
         }
@@ -84,10 +82,7 @@ fn views(mesh: &TriMesh) -> Option<Vec<Vec<u32>>> {
 
 /// The median length of edges.
 fn usual_edge(mesh: &TriMesh) -> f64 {
-    let length = |h: u32| (mesh.positions[mesh.head(h) as usize] - mesh.positions[mesh.tail(h) as usize]).norm();
-    let mut lengths: Vec<f64> = (0..mesh.twins.len() as u32).map(length).collect();
-    let middle = lengths.len() / 2;
-    if lengths.is_empty() { 0.0 } else { *lengths.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    mesh.median_length(0..mesh.twins.len() as u32)
 }
 
 /// One sheet.
@@ -98,7 +93,7 @@ struct View {
     normals: Vec<Vec3>,
 }
 
-/// What a view says of a point.
+/// A point as a view sees it.
 struct Seen {
     /// The point of the view that is nearest, and the normal there.
     at: Vec3,
@@ -111,12 +106,7 @@ struct Seen {
 
 impl View {
     fn new(mesh: TriMesh) -> Self {
-        let mut normals = vec![Vec3::zeros(); mesh.positions.len()];
-        for (t, corners) in mesh.triangles.iter().enumerate() {
-            let normal = mesh.area_vector(t);
-            corners.iter().for_each(|&v| normals[v as usize] += normal);
-        }
-        Self { tree: Bvh::new(&mesh), normals, mesh }
+        Self { tree: Bvh::new(&mesh), normals: mesh.vertex_area_vectors(), mesh }
     }
 
     fn seen_from(&self, x: Vec3) -> Option<Seen> {
@@ -144,7 +134,7 @@ impl View {
     }
 }
 
-/// What all views say of a point: the signed distance, and the place on them.
+/// Averages what the views say of a point: its signed distance, and the place on them.
 fn mean(views: &[View], x: Vec3, reach: f64, cell: f64) -> Option<(f64, Vec3)> {
     stop::poll();
     let is_over = |seen: &Seen| seen.distance.abs() <= reach && seen.beside <= BESIDE * cell;

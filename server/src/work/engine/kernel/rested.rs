@@ -10,7 +10,7 @@ use super::registered::{self, Registered};
 use super::spanned::span;
 use crate::pool::Stop;
 use quadmuse_kernel::encode::index::Location;
-use quadmuse_kernel::fit::mend::{fray, islands, mend};
+use quadmuse_kernel::fit::mend::{fray, islands, leaps, mend};
 use quadmuse_kernel::fit::rest::Rested;
 use quadmuse_kernel::fit::{Surface, within, without};
 use quadmuse_kernel::map::CrossMap;
@@ -52,10 +52,10 @@ pub(super) fn rest(
     let (locations, positions) = places.into_iter().map(|p| (Location::from(p), p.point)).unzip();
     let mut cross = CrossMap { locations, positions };
     let mut bare: Vec<bool> = lost.iter().zip(&off).map(|(lost, off)| *lost || *off).collect();
-    let grounds = Grounds::new((*chart.mesh).clone());
-    islands(&one.patch.mesh, &cross.positions, &mut bare, &grounds);
+    let leaps = leaps(&one.patch.mesh, &cross.positions, &Grounds::new((*chart.mesh).clone()));
+    islands(&one.patch.mesh, &leaps, &mut bare);
     let mut lost = with_turned(&one.patch.mesh, &cross, chart, sign, lost);
-    fray(&one.patch.mesh, &cross.positions, &mut lost, &grounds);
+    fray(&one.patch.mesh, &leaps, &mut lost);
     let (mut example, mut surface) = (example.clone(), one.clone());
     let mut kept_share = 1.0;
     if let Some(less) = without(one, &lost, LOST_MIN) {
