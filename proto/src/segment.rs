@@ -66,7 +66,7 @@ impl Segmentation {
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum Components {
-    /// The largest is taken where the others are crumbs beside it, and a repair says so.
+    /// The largest is taken where the others are small components beside it, and a repair says so.
     #[default]
     Largest,
     /// Refused.

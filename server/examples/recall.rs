@@ -53,7 +53,7 @@ async fn one(work: &Arc<Work>, input: &str) {
     let leader = |c: &quadmuse_server::work::ranking::Candidate| c.similar_to.unwrap_or_else(|| c.key());
     let snapshot = work.catalogue.snapshot();
     let topology = live.model.segments[0].topology;
-    let chunks = snapshot.shelf(topology, Stock::Wholes).expect("segments of this topology").chunks().iter();
+    let chunks = snapshot.row_blocks(topology, Stock::Wholes).expect("segments of this topology").chunks().iter();
     let residents: Vec<Arc<Resident>> = chunks.flat_map(|chunk| chunk.residents().iter().flatten().cloned()).collect();
     let scored = residents.iter().map(|resident| {
         let (this, query, resident) = (Arc::clone(work), Arc::clone(&live), Arc::clone(resident));

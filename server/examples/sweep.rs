@@ -65,8 +65,8 @@ fn main() {
         begun.elapsed().as_secs_f64() - opened
     );
     let snapshot = catalogue.snapshot();
-    let shelf = snapshot.shelf(Topology::Disc, Stock::Wholes).expect("discs");
-    let chunks = shelf.chunks().iter();
+    let blocks = snapshot.row_blocks(Topology::Disc, Stock::Wholes).expect("discs");
+    let chunks = blocks.chunks().iter();
     let known: Vec<(Row, Facts)> = chunks
         .flat_map(|chunk| (0..LANES).filter_map(|lane| chunk.row(lane)))
         .map(|(row, resident)| (row.clone(), Facts::of(&row, resident.facts.shape())))

@@ -103,10 +103,17 @@ fn large_objects_come_back(nodes: &Nodes, dir: &Path) {
     eventually("all is whole", || join(nodes, "large", dir).check(&mut |_| {}).is_ok_and(|r| r.problems.is_empty()));
 }
 
-/// What was acknowledged: of each example how often it was renamed for certain, and how often perhaps.
+/// What was acknowledged of an example: how often it was renamed for certain, and how often perhaps.
+struct Acknowledged {
+    key: String,
+    sure: u32,
+    unsure: u32,
+}
+
+/// What was acknowledged.
 #[derive(Default)]
 struct History {
-    examples: BTreeMap<ExampleId, (u32, u32)>,
+    examples: BTreeMap<ExampleId, Acknowledged>,
     added: u32,
     unsure: u32,
     /// The longest time between two acknowledgements, of all writers together.
@@ -140,22 +147,23 @@ fn write(server: &dyn Backend, seeds: std::ops::Range<u64>, history: &Mutex<Hist
         let mut all = history.lock().expect("whole");
         all.acknowledged();
         all.added += 1;
-        all.examples.insert(record.id, (0, 0));
+        let key = format!("example.{}", record.identity);
+        all.examples.insert(record.id, Acknowledged { key, sure: 0, unsure: 0 });
         drop(all);
         for k in 0..3 {
             let name = Patch { name: Some(format!("{seed}-{k}")), ..Patch::default() };
             let renamed = server.annotate(record.id, name);
             let mut all = history.lock().expect("whole");
-            let entry = all.examples.entry(record.id).or_default();
+            let entry = all.examples.get_mut(&record.id).expect("added");
             match renamed {
                 Ok(renamed) => {
-                    entry.0 += 1;
+                    entry.sure += 1;
                     all.acknowledged();
                     drop(all);
                     let read = server.get(record.id).expect("there").revision;
                     assert!(read >= renamed.revision, "no read older than the reader's own write");
                 }
-                Err(StoreError::Unreachable { .. } | StoreError::Busy) => entry.1 += 1,
+                Err(StoreError::Unreachable { .. } | StoreError::Busy) => entry.unsure += 1,
                 Err(error) => panic!("renaming failed: {error}"),
             }
         }
@@ -204,8 +212,8 @@ fn what_was_acknowledged_survives_the_nodes(nodes: &mut Nodes, dir: &Path) {
     let history = history.into_inner().expect("whole");
     let (added, sure, unsure) = (
         history.added,
-        history.examples.values().map(|(sure, _)| sure).sum::<u32>(),
-        history.unsure + history.examples.values().map(|(_, unsure)| unsure).sum::<u32>(),
+        history.examples.values().map(|entry| entry.sure).sum::<u32>(),
+        history.unsure + history.examples.values().map(|entry| entry.unsure).sum::<u32>(),
     );
     println!(
         "{kills} kills: {added} adds and {sure} changes acknowledged, {unsure} not known; longest gap between two {:.1} s",
@@ -213,14 +221,20 @@ fn what_was_acknowledged_survives_the_nodes(nodes: &mut Nodes, dir: &Path) {
     );
     assert!(added > 0);
     let fresh = join(nodes, "killed", dir);
-    for server in [&servers[0], &servers[1], &fresh] {
+    let mut lost = Vec::new();
+    for (name, server) in [("the first server", &servers[0]), ("the second", &servers[1]), ("a new one", &fresh)] {
         let newest = asking.newest().expect("told");
         eventually("it is quiet", || server.position() >= newest);
-        for (id, (sure, unsure)) in &history.examples {
-            let record = server.get(*id).expect("acknowledged, so not lost");
-            let (least, most) = (1 + sure, 1 + sure + unsure);
-            assert!((least..=most).contains(&record.revision), "{} changes of {least} to {most}", record.revision);
+        for (id, Acknowledged { key, sure, unsure }) in &history.examples {
+            let found = server.get(*id).map_or(0, |record| record.revision);
+            if !(1 + sure..=1 + sure + unsure).contains(&found) {
+                let there = asking.read(key).expect("read").map_or(0, |entry| entry.position);
+                lost.push(format!("{name} has revision {found} of {id}, {sure} to {} changes were acknowledged; the engine has it at {there}", sure + unsure));
+            }
         }
+    }
+    assert!(lost.is_empty(), "{}", lost.join("\n"));
+    for server in &servers {
         assert_eq!(server.snapshot().examples, fresh.snapshot().examples, "all servers have the same");
     }
     assert!(fresh.snapshot().examples.len() as u32 <= added + history.unsure);

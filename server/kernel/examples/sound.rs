@@ -2,7 +2,7 @@
 //!
 //! `sound [INPUT MESH]…`: one line a pair. The table in tests/records/ is made of these.
 
-use quadmuse_kernel::measure::sound::Grounds;
+use quadmuse_kernel::measure::sound::ReferenceSurface;
 use quadmuse_kernel::mesh::{self, Format, Limits, PolyMesh};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -11,7 +11,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("|---|---|---|---|---|---|---|");
     for pair in files.chunks_exact(2) {
         let (input, mesh) = (read(&pair[0])?, read(&pair[1])?);
-        let grounds = Grounds::new(mesh::prepare(&input)?.mesh);
+        let grounds = ReferenceSurface::new(mesh::prepare(&input)?.mesh);
         let f = grounds.flaws(&mesh);
         let name = pair[1].rsplit('/').next().unwrap_or(&pair[1]);
         let [astray, off, bare, inward, collapsed] =

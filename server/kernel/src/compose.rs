@@ -8,34 +8,34 @@
 
 pub mod apart;
 pub mod check;
+pub mod cover;
 pub mod crease;
 mod density;
 pub mod fit;
+pub mod fit_surface;
 mod following;
 pub mod glue;
-pub mod ground;
 pub mod layers;
 pub mod layout;
 mod missing;
 pub mod net;
 pub mod open;
+pub mod optimise;
 pub mod part;
+mod placement;
 pub mod plan;
-pub mod reach;
 pub mod resolve;
-pub mod rest;
-mod resting;
 pub mod rim;
 pub mod seam;
+pub mod simplify_valence;
 pub mod site;
 pub mod smooth;
 pub mod square;
 mod stitching;
-pub mod straddle;
 pub mod subdivide;
+pub mod surface;
 pub mod surgery;
 pub mod template;
-pub mod tidy;
 
 #[cfg(test)]
 mod tests;
@@ -259,7 +259,7 @@ pub fn miss(input: Input<'_>, mesh: &PolyMesh) -> Option<Miss> {
     check::check(mesh, check::Shape::of(&owned)).ok()?;
     let diagonal = apart::scale(&owned).diagonal;
     let [out, back] = Measured::new(&owned).distances(mesh);
-    let passed = back.iter().filter(|(_, away)| *away > following::PASSED_MAX * diagonal).count();
+    let passed = back.iter().filter(|(_, away)| *away > following::UNCOVERED_MAX * diagonal).count();
     let mean = Fit::of(&out, &back).worst() / diagonal;
     Some(Miss { mean, passed: passed as f64 / back.len().max(1) as f64 })
 }

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use crate::encode::index::PlanarIndex;
 use crate::extent::{Crop, Extent, extents};
 use crate::map::atlas::Atlas;
-use crate::map::reembed::{Ground, settle};
+use crate::map::reembed::{InputChart, settle};
 use crate::map::{CrossMap, cross_map};
 use crate::measure::{self, BURDENED_DEG, Distortion};
 use crate::mesh::Vec3;
@@ -51,7 +51,7 @@ impl Surface {
 
 /// An example laid on an input, before it is told how good that is.
 #[derive(Debug)]
-pub struct Laid {
+pub struct FittedMap {
     /// Where its vertices go.
     pub cross: CrossMap,
     /// The chart on whose mesh they lie.
@@ -77,7 +77,7 @@ pub fn lay(
     two: &Surface,
     solver: &dyn Solver,
     stop: &(dyn Fn() -> bool + Sync),
-) -> Result<Option<Laid>, UnfoldError> {
+) -> Result<Option<FittedMap>, UnfoldError> {
     let Some(mut entry) = Entry::coarse(&two.query, one.query.encoding(), solver, stop) else { return Ok(None) };
     while entry.side() < SIDE {
         entry.advance(&two.query, one.query.encoding(), solver, stop)?;
@@ -94,15 +94,15 @@ pub fn lay(
     Ok(Some(many.filter(|many| many.distortion.badness() < laid.distortion.badness()).unwrap_or(laid)))
 }
 
-fn by_chart(one: &Surface, two: &Surface, entry: &Entry) -> Result<Laid, UnfoldError> {
+fn by_chart(one: &Surface, two: &Surface, entry: &Entry) -> Result<FittedMap, UnfoldError> {
     let best = entry.best();
     let input = two.query.chart_for(&best.unfolded.poles)?;
     let index = PlanarIndex::new(&input);
     let mut cross = cross_map(&best.registration, &one.query.chart, &input, &index);
     let mirrored = best.registration.flip.is_mirror();
-    let laid_angle_p95_deg = settled(one, &mut cross, &[Ground { chart: &input, index: &index }], mirrored);
+    let laid_angle_p95_deg = settled(one, &mut cross, &[InputChart { chart: &input, index: &index }], mirrored);
     let distortion = measure::distortion(&one.patch.mesh, &cross, &input, sign(mirrored));
-    Ok(Laid { cross, input, mirrored, cost: best.cost(), laid_angle_p95_deg, distortion, is_atlas: false })
+    Ok(FittedMap { cross, input, mirrored, cost: best.cost(), laid_angle_p95_deg, distortion, is_atlas: false })
 }
 
 fn by_atlas(
@@ -110,7 +110,7 @@ fn by_atlas(
     two: &Surface,
     solver: &dyn Solver,
     stop: &(dyn Fn() -> bool + Sync),
-) -> Result<Option<Laid>, UnfoldError> {
+) -> Result<Option<FittedMap>, UnfoldError> {
     let Some(atlas) = Atlas::build(&one.query, &two.query, solver, stop)? else { return Ok(None) };
     let Ok(mut cross) = atlas.cross_map(&[]) else { return Ok(None) };
     let Some(input) = atlas.input() else { return Ok(None) };
@@ -118,10 +118,18 @@ fn by_atlas(
     let laid_angle_p95_deg = settled(one, &mut cross, &atlas.grounds(), mirrored);
     let distortion = measure::distortion(&one.patch.mesh, &cross, input, sign(mirrored));
     let input = Arc::clone(input);
-    Ok(Some(Laid { cross, input, mirrored, cost: atlas.mean_cost(), laid_angle_p95_deg, distortion, is_atlas: true }))
+    Ok(Some(FittedMap {
+        cross,
+        input,
+        mirrored,
+        cost: atlas.mean_cost(),
+        laid_angle_p95_deg,
+        distortion,
+        is_atlas: true,
+    }))
 }
 
-fn settled(one: &Surface, cross: &mut CrossMap, grounds: &[Ground], mirrored: bool) -> f64 {
+fn settled(one: &Surface, cross: &mut CrossMap, grounds: &[InputChart], mirrored: bool) -> f64 {
     let laid = measure::angle_distortion(&one.patch.mesh, cross).p95;
     settle(&one.patch.mesh, cross, grounds, sign(mirrored));
     laid
@@ -218,7 +226,7 @@ pub struct Fit {
     /// What is left of the input, where it reaches beyond the example.
     pub two: Option<Cropped>,
     /// The map of the one on the other.
-    pub laid: Laid,
+    pub laid: FittedMap,
 }
 
 impl Fit {

@@ -107,7 +107,7 @@ pub fn segment_by<E: From<TopologyError>>(
     let mesh = &refined.mesh;
     let middle = |t: &[u32; 3]| t.iter().map(|&v| mesh.positions[v as usize]).sum::<Vec3>() / 3.0;
     let mut labels: Vec<u32> = mesh.triangles.iter().map(|t| label_at(middle(t))).collect();
-    merge::absorb_crumbs(mesh, &mut labels);
+    merge::absorb_small_components(mesh, &mut labels);
     for strength in STRENGTHS {
         let (cut, labels) = cut::cut(&refined, &smooth::smooth(mesh, &labels, strength));
         if all_primitives(&cut, &labels).is_ok() {
@@ -130,7 +130,7 @@ pub fn segment_by<E: From<TopologyError>>(
 /// [`TopologyError::Empty`].
 pub fn segment_above(surface: &TriMesh, field: &[f64]) -> Result<Segmented, TopologyError> {
     let (cut, mut labels) = cut_at_zero(surface, field)?;
-    merge::absorb_crumbs(&cut.mesh, &mut labels);
+    merge::absorb_small_components(&cut.mesh, &mut labels);
     Ok(Segmented::assemble(surface, cut, &labels, Order::Labels))
 }
 
@@ -148,7 +148,7 @@ fn cut_at_zero(surface: &TriMesh, field: &[f64]) -> Result<(Refined, Vec<u32>), 
 /// Cuts a surface between its triangles, each of which has a label; the parts are in order of labels. Pieces beside the largest
 /// of a label go to their neighbours.
 pub fn segment_labels(surface: &TriMesh, mut label_of: Vec<u32>) -> Segmented {
-    merge::absorb_crumbs(surface, &mut label_of);
+    merge::absorb_small_components(surface, &mut label_of);
     Segmented::assemble(surface, Refined::of(surface), &label_of, Order::Labels)
 }
 
@@ -276,7 +276,7 @@ impl Segmented {
         Ok(Self::uncut(surface, vec![part]))
     }
 
-    /// One part, the whole surface or what is left of it without crumbs and small holes.
+    /// One part, the whole surface or what is left of it without small components and small holes.
     ///
     /// # Errors
     /// See [`topology::primitive`].
@@ -294,7 +294,7 @@ impl Segmented {
         self
     }
 
-    /// One part a piece of a scan that fell into several, each a primitive once its small holes are filled, crumbs left
+    /// One part a piece of a scan that fell into several, each a primitive once its small holes are filled, small components left
     /// out; `None` for any other surface.
     pub fn mended(surface: &TriMesh) -> Option<Self> {
         mended::pieces(surface)
@@ -326,7 +326,7 @@ impl Segmented {
         };
         let of_polygon: Vec<u32> = areas.iter().map(most).collect();
         let mut of_triangle: Vec<u32> = surface.polygon_of.iter().map(|&f| of_polygon[f as usize]).collect();
-        merge::absorb_crumbs(surface, &mut of_triangle);
+        merge::absorb_small_components(surface, &mut of_triangle);
         let mut labels = vec![0; polygons];
         for (&f, &label) in surface.polygon_of.iter().zip(&of_triangle) {
             labels[f as usize] = i64::from(label);

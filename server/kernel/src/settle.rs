@@ -11,8 +11,8 @@
 mod align;
 mod elastic;
 mod evidence;
-mod ground;
 mod held;
+mod input_surface;
 mod matches;
 mod place;
 mod poses;
@@ -33,8 +33,8 @@ use crate::mesh::tri::TriMesh;
 use align::Rigid;
 use elastic::{Body, View};
 use evidence::Judged;
-use ground::{Ground, Samples, Seen};
 use held::{HELD_AS_WHOLE, Held};
+use input_surface::{InputSurface, Samples, Seen};
 use matches::Partners;
 use rest::{Nodes, Pose, Rest};
 
@@ -138,7 +138,7 @@ pub struct Settler<'a> {
     rest: Rest,
     nodes: [Nodes; 3],
     rigid: Rigid,
-    ground: Ground<'a>,
+    ground: InputSurface<'a>,
     coarse: Samples,
     fine: Samples,
     sent: Samples,
@@ -175,7 +175,7 @@ impl<'a> Settler<'a> {
     /// Prepares; `None` where either has no area.
     pub fn new(example: &TriMesh, input: &'a TriMesh, mirror: f64, options: &Options) -> Option<Self> {
         let rest = Rest::new(example, mirror)?;
-        let ground = Ground::new(input);
+        let ground = InputSurface::new(input);
         if !(ground.area > 0.0 && ground.area.is_finite()) {
             return None;
         }

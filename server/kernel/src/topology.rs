@@ -115,7 +115,7 @@ pub struct Patch {
     pub triangle_of: Vec<u32>,
     /// Boundary loops (halfedges of `mesh`) that are filled when it is unfolded.
     pub holes: Vec<Vec<u32>>,
-    /// Components of the parent mesh that were left out as crumbs beside this one.
+    /// Components of the parent mesh that were left out as small components beside this one.
     pub left_out: usize,
 }
 

@@ -68,7 +68,7 @@ fn comb(n: usize) -> PolyMesh {
 }
 
 /// `n` triangles apart.
-fn crumbs(n: usize) -> PolyMesh {
+fn small_components(n: usize) -> PolyMesh {
     let corners = [Vec3::zeros(), Vec3::new(0.5, 0.0, 0.0), Vec3::new(0.0, 0.5, 0.0)];
     let positions: Vec<Vec3> =
         (0..n).flat_map(|k| corners.map(|c| c + Vec3::new((k % 300) as f64, (k / 300) as f64, 0.0))).collect();
@@ -120,7 +120,7 @@ fn hard_families_end_as_they_should() {
         ("one edge in n loose faces", loose_book, 100_000, None),
         ("star of n corners", star, 20_000, None),
         ("comb of n corners", comb, 20_000, None),
-        ("n components and loops", crumbs, 100_000, None),
+        ("n components and loops", small_components, 100_000, None),
         ("n triangles at one vertex", pinched, 100_000, None),
         ("n copies of a face", copies, 100_000, None),
         ("slivers", slivers, 200_000, None),

@@ -1,6 +1,6 @@
 //! Whatever stage is under way, a computation asks often whether to go on, and ends where it is told to.
 
-use quadmuse_kernel::compose::{self, Options, Piece, ground::Ground};
+use quadmuse_kernel::compose::{self, Options, Piece, surface::ComposedSurface};
 use quadmuse_kernel::mesh::{self, PolyMesh, Vec3};
 use quadmuse_kernel::numerics::stop;
 use quadmuse_kernel::register::Query;
@@ -40,7 +40,7 @@ fn way(poly: &PolyMesh, entered: &dyn Fn(&'static str)) -> usize {
     let queries: Vec<Query> =
         cut.parts.iter().map(|patch| Query::new(patch, &UnfoldOptions::default()).expect("a disc")).collect();
     entered("compose");
-    let ground = Ground::of(&cut);
+    let ground = ComposedSurface::of(&cut);
     let pieces: Vec<Piece<'_>> = queries.iter().map(|query| Piece::Regular(&query.chart, query.index())).collect();
     let made = compose::compose(ground.input(), &pieces, Options::default(), &|| false).expect("regular layouts");
     made.mesh.faces.len()

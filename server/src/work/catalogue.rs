@@ -2,7 +2,7 @@
 //!
 //! A search takes one [`Snapshot`] and sees the corpus as it was then, whatever is added or removed meanwhile.
 
-pub mod shelf;
+pub mod row_blocks;
 
 use super::corpus::{Corpus, CorpusError, KeptRow};
 use super::engine::{Encoding, Engine, SegmentFacts};
@@ -12,7 +12,7 @@ use quadmuse_kernel::register::spectra::LANES;
 use quadmuse_proto::query::LEVELS;
 use quadmuse_proto::{Example, ExampleId, Topology};
 use quadmuse_store::Changed;
-use shelf::{Place, Shelf};
+use row_blocks::{RowBlocks, Slot};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
@@ -28,8 +28,8 @@ pub struct Resident {
     pub segment: u32,
     /// What is known of it.
     pub facts: SegmentFacts,
-    /// Where it stands on its shelf.
-    pub place: Place,
+    /// Where it stands on its blocks.
+    pub place: Slot,
 }
 
 impl Resident {
@@ -54,7 +54,7 @@ impl Resident {
     }
 }
 
-/// Which segments stand on a shelf. Parts stand apart, so that who compares wholes alone doesn't pass them.
+/// Which segments stand on a blocks. Parts stand apart, so that who compares wholes alone doesn't pass them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stock {
     /// Examples, or the segments they were cut into.
@@ -74,13 +74,13 @@ impl Stock {
 pub struct Snapshot {
     examples: BTreeMap<ExampleId, Arc<Example>>,
     segments: BTreeMap<(ExampleId, u32), Arc<Resident>>,
-    shelves: BTreeMap<(Topology, Stock), Shelf>,
+    row_blocks: BTreeMap<(Topology, Stock), RowBlocks>,
 }
 
 impl Snapshot {
     /// The segments of a topology.
-    pub fn shelf(&self, topology: Topology, stock: Stock) -> Option<&Shelf> {
-        self.shelves.get(&(topology, stock))
+    pub fn row_blocks(&self, topology: Topology, stock: Stock) -> Option<&RowBlocks> {
+        self.row_blocks.get(&(topology, stock))
     }
 
     /// A segment.
@@ -120,9 +120,9 @@ impl Snapshot {
             self.take_out((example.id, segment));
             let is_part = example.segments.get(segment as usize).is_some_and(|segment| segment.is_part);
             let stock = if is_part { Stock::Parts } else { Stock::Wholes };
-            let shelf = self.shelves.entry((facts.topology, stock)).or_default();
+            let blocks = self.row_blocks.entry((facts.topology, stock)).or_default();
             let made = |place| Resident { example: Arc::clone(example), segment, facts, place };
-            let resident = shelf.put(&row, facts.shape(), made);
+            let resident = blocks.put(&row, facts.shape(), made);
             self.segments.insert((example.id, segment), resident);
         }
     }
@@ -133,8 +133,8 @@ impl Snapshot {
         for (&(_, segment), resident) in self.segments.range_mut((example.id, 0)..=(example.id, u32::MAX)) {
             let Resident { facts, place, .. } = **resident;
             *resident = Arc::new(Resident { example: Arc::clone(example), segment, facts, place });
-            if let Some(shelf) = self.shelves.get_mut(&(facts.topology, Stock::of(resident))) {
-                shelf.replace(resident);
+            if let Some(blocks) = self.row_blocks.get_mut(&(facts.topology, Stock::of(resident))) {
+                blocks.replace(resident);
             }
         }
     }
@@ -156,9 +156,9 @@ impl Snapshot {
 
     fn take_out(&mut self, key: (ExampleId, u32)) {
         if let Some(gone) = self.segments.remove(&key)
-            && let Some(shelf) = self.shelves.get_mut(&(gone.facts.topology, Stock::of(&gone)))
+            && let Some(blocks) = self.row_blocks.get_mut(&(gone.facts.topology, Stock::of(&gone)))
         {
-            shelf.remove(gone.place);
+            blocks.remove(gone.place);
         }
     }
 }
@@ -229,7 +229,7 @@ impl Catalogue {
     /// [`CorpusError`].
     pub fn keep(&self) -> Result<(), CorpusError> {
         let snapshot = self.snapshot();
-        let chunks = snapshot.shelves.values().flat_map(|shelf| shelf.chunks());
+        let chunks = snapshot.row_blocks.values().flat_map(|blocks| blocks.chunks());
         let rows = chunks.flat_map(|chunk| (0..LANES).filter_map(|lane| chunk.row(lane)));
         let mut rows = rows.map(|(row, r)| (r.example.id, KeptRow { segment: r.segment, facts: r.facts, row }));
         self.corpus.keep_rows(&mut rows)

@@ -14,7 +14,7 @@ use super::worth::tries;
 use super::{REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, Stop, StopReason};
 use futures_util::{StreamExt, stream};
-use headline::{Laid, headline};
+use headline::{BroughtMap, headline};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
 use quadmuse_proto::ranking::promising;
@@ -210,7 +210,7 @@ struct Sound {
     /// The segment on which alone there is a mesh.
     alone: Option<u32>,
     /// What is told of the parts of a scan that was cut along the rim of its map.
-    around: Option<Vec<Option<Laid>>>,
+    around: Option<Vec<Option<BroughtMap>>>,
 }
 
 impl Sound {
@@ -307,8 +307,8 @@ fn allowed(maps: &[Option<Arc<LiveMap>>]) -> Allowed {
 }
 
 /// What is told of a map that takes part in a composition.
-fn laid(map: &Map) -> Laid {
-    Laid {
+fn laid(map: &Map) -> BroughtMap {
+    BroughtMap {
         verdict: map.verdict,
         reasons: map.reasons.clone(),
         inspired: map.inspired,
@@ -328,7 +328,7 @@ struct Gathered {
     /// The map of each segment that has one that is not poor, or was chosen.
     maps: Vec<Option<Arc<LiveMap>>>,
     /// What is told of the map of each segment that has one.
-    laid: Vec<Option<Laid>>,
+    laid: Vec<Option<BroughtMap>>,
     /// Each segment that takes an example which may give way, for a regular layout.
     instead: Vec<Option<Arc<Encoded>>>,
 }

@@ -241,7 +241,7 @@ pub fn template_entry(entries: &[Entry], topology: Topology) -> Entry {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::work::catalogue::shelf::Place;
+    use crate::work::catalogue::row_blocks::Slot;
     use crate::work::engine::{Opaque, SegmentFacts};
     use quadmuse_proto::{Example, MeshCounts};
 
@@ -269,7 +269,7 @@ mod tests {
         let registration =
             Registration { level: 32, energy: score, flip: Flip::default(), shift_u: 0.0, inner: Opaque::new(()) };
         Candidate {
-            resident: Arc::new(Resident { example: Arc::new(example), segment: 0, facts, place: Place::default() }),
+            resident: Arc::new(Resident { example: Arc::new(example), segment: 0, facts, place: Slot::default() }),
             registration: Arc::new(registration),
             score,
             state: EntryState::Refining,
@@ -376,7 +376,7 @@ mod tests {
             for c in &mut all[..2] {
                 let facts = SegmentFacts { topology: Topology::Sphere, ..c.resident.facts };
                 let example = Arc::clone(&c.resident.example);
-                c.resident = Arc::new(Resident { example, segment: 0, facts, place: Place::default() });
+                c.resident = Arc::new(Resident { example, segment: 0, facts, place: Slot::default() });
             }
             all
         };

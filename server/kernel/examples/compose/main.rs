@@ -9,7 +9,7 @@ mod asked;
 use std::sync::OnceLock;
 use std::time::Instant;
 
-use quadmuse_kernel::compose::{self, Options, Piece, apart, check, ground::Ground, part};
+use quadmuse_kernel::compose::{self, Options, Piece, apart, check, part, surface::ComposedSurface};
 use quadmuse_kernel::encode::{Encoding, encode, index::PlanarIndex};
 use quadmuse_kernel::map::{assemble::Winding, cross_map, untangle::untangle};
 use quadmuse_kernel::mesh::{self, Format, Limits, PolyMesh, TriMesh};
@@ -106,7 +106,7 @@ fn one(
     let surface = surface(file)?;
     let mended = Segmented::mended(&surface).filter(|_| parts == PartCount::AsNeeded);
     let cut = mended.map_or_else(|| segment(&surface, parts), Ok).map_err(|e| e.to_string())?;
-    let ground = Ground::of(&cut);
+    let ground = ComposedSurface::of(&cut);
     let input = ground.input();
     let laid: Vec<(Option<(String, PolyMesh)>, Option<Query>)> =
         cut.parts.iter().map(|patch| lay(patch, examples, stopped)).collect();

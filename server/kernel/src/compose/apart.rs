@@ -1,4 +1,4 @@
-//! The components of an input are composed apart: a crumb that can't be stitched costs the others nothing.
+//! The components of an input are composed apart: a small component that can't be stitched costs the others nothing.
 //! *Ours, not the paper's:* its inputs are connected.
 
 use super::stitching::Scale;

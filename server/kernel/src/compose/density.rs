@@ -5,14 +5,14 @@
 //! subdivided to meet it; parts are subdivided while the whole misses the input, each of which that helps; then
 //! those with h_s > 3h₀, as long as the whole stays within bounds; at last those with far fewer edges on a seam than
 //! the part beyond it, if that costs few quads. What misses its segment by far, and is not helped, gives way. Parts are
-//! judged with their faces on both sides of the surface ([`straddle`]), as the result will have them.
+//! judged with their faces fitted to the surface ([`fit_surface`]), as the result will have them.
 //! *Ours, not the paper's.*
 
 use super::fit::Measured;
+use super::fit_surface::{Held, fit_surface};
 use super::layout::Arc;
 use super::site::{Site, Use, Why};
 use super::stitching::{KEPT_MISS_MAX, MISS_MAX, Stitching, border_edge};
-use super::straddle::{Held, straddle};
 use super::{Closeness, REGULAR_QUADS};
 use std::collections::BTreeMap;
 
@@ -40,7 +40,7 @@ const RATIO_MAX: f64 = 3.0;
 const QUADS_PER_EDGE: usize = 40;
 
 /// A segment on which a part stands that may be subdivided.
-struct Ground {
+struct RefinedPart {
     measured: Measured,
     /// Mean distance between the part and the segment.
     miss: f64,
@@ -115,13 +115,13 @@ impl Stitching<'_> {
     /// miss most: Σ A_s m_s > m Σ A_s, and A_s m_s/F_s is the largest.
     fn refine_where_it_helps(&self, sites: &mut [Site<'_>], areas: &[f64]) {
         let most = if matches!(sites, [_]) { KEPT_MISS_MAX } else { MISS_MAX } * self.scale.diagonal;
-        let mut grounds: Vec<Option<Ground>> = sites
+        let mut grounds: Vec<Option<RefinedPart>> = sites
             .iter()
             .map(|site| {
                 let is_asked = site.stands == Use::Part && !site.is_kept();
                 let measured = is_asked.then(|| Measured::new(&site.surface(self.surface())))?;
                 let miss = self.missed(site, &measured);
-                Some(Ground { measured, miss, is_stuck: false })
+                Some(RefinedPart { measured, miss, is_stuck: false })
             })
             .collect();
         let regular: f64 = sites.iter().zip(areas).filter(|(site, _)| site.stands == Use::Regular).map(|s| s.1).sum();
@@ -144,7 +144,7 @@ impl Stitching<'_> {
             ground.is_stuck = miss > HELPS * ground.miss;
             ground.miss = miss;
         }
-        let passes = |g: &Option<Ground>| g.as_ref().is_some_and(|g| g.miss > MISSED_MAX * self.scale.diagonal);
+        let passes = |g: &Option<RefinedPart>| g.as_ref().is_some_and(|g| g.miss > MISSED_MAX * self.scale.diagonal);
         if sites.len() > 1 {
             for (site, _) in sites.iter_mut().zip(&grounds).filter(|(_, ground)| passes(ground)) {
                 site.give_up(self.surface(), Why::Missing);
@@ -154,7 +154,7 @@ impl Stitching<'_> {
 
     fn missed(&self, site: &Site<'_>, measured: &Measured) -> f64 {
         let mut net = site.net.clone();
-        straddle(&mut net, measured.points(), &self.target, Held::Nothing);
+        fit_surface(&mut net, measured.points(), &self.target, Held::Nothing);
         measured.fit(&net.into_mesh().0).worst()
     }
 

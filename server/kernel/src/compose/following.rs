@@ -1,16 +1,16 @@
-//! A stitched mesh follows its input: it comes to rest, is drawn out to what it passes over, and subdivided
-//! until it lies close. *Ours, not the paper's.*
+//! Brings a stitched mesh close to its input: optimises it, moves vertices to regions that it does not cover, and
+//! subdivides it until it lies close. *Ours, not the paper's.*
 
 use super::check::check;
+use super::cover::cover;
 use super::crease;
 use super::fit::Fit;
+use super::fit_surface::{Held, fit_surface};
 use super::net::Net;
-use super::reach::draw_out;
-use super::resting::{Laid, Marks, Whose};
+use super::placement::{Draft, LayoutOrigin, Marks};
 use super::site::{Site, Use, on_surface};
 use super::square;
 use super::stitching::{KEPT_MISS_MAX, MISS_MAX, Stitching};
-use super::straddle::{Held, straddle};
 use super::subdivide::subdivide;
 use super::{Closeness, Report};
 use crate::mesh::{PolyMesh, Vec3};
@@ -20,41 +20,42 @@ const WHOLE_QUADS_MAX: usize = 48_000;
 const REFINED_MAX: usize = 3;
 /// Share of the distance that may be left for it to be worth four times the quads.
 const REFINED_GAIN: f64 = 0.7;
-/// Rounds in which what is stitched comes to rest; half of them what was drawn out or subdivided.
-const REST_ROUNDS: u32 = 60;
-/// Distance that a point of the input may have for the result not to be drawn out to it, as a share of the diagonal.
-pub(super) const PASSED_MAX: f64 = 0.006;
-/// Share of the mean distance from the input that may be left for drawing out to be worth while.
-const DRAWN_GAIN: f64 = 0.97;
-/// The same for faces on both sides.
-const STRADDLED_GAIN: f64 = 0.98;
+/// Rounds of optimisation of a stitched mesh; half of them after it was moved to cover the input, or subdivided.
+const OPTIMISE_ROUNDS: u32 = 60;
+/// Distance up to which a point of the input counts as covered, as a share of the diagonal.
+pub(super) const UNCOVERED_MAX: f64 = 0.006;
+/// Share of the mean distance from the input that may be left for covering to be worth while.
+const COVER_GAIN: f64 = 0.97;
+/// The same for fitting faces to the surface.
+const FIT_SURFACE_GAIN: f64 = 0.98;
 /// By how much the mean deviation from right angles may grow for sharp lines to be met, in degrees: with the distance from
 /// the input at most this share of what it was without, and with this.
 const CREASED_WORSE_DEG: [(f64, f64); 2] = [(0.97, 4.0), (1.02, 1.0)];
-/// Rounds in which what is between lines comes to rest.
+/// Rounds of optimisation between sharp lines.
 const CREASED_ROUNDS: u32 = 30;
 
 /// A stitched mesh near its input.
 pub(super) struct Near {
     /// The mesh.
-    pub(super) laid: Laid,
-    /// Of each segment whose layout stands there.
-    whose: Vec<Whose>,
-    /// Whether it missed the input by more than it may before it was drawn out.
+    pub(super) laid: Draft,
+    /// Where each segment's layout comes from.
+    origins: Vec<LayoutOrigin>,
+    /// Whether it missed the input by more than it may before it was moved to cover it.
     pub(super) is_missed: bool,
 }
 
 impl Stitching<'_> {
-    /// At rest, and drawn out to what it passes over if it is to follow the input.
+    /// The mesh optimised, and moved to cover the input if it is to follow it.
     pub(super) fn near(&self, mesh: PolyMesh, sites: &[Site<'_>]) -> Near {
-        let whose: Vec<Whose> = sites.iter().map(Whose::of).collect();
+        let origins: Vec<LayoutOrigin> = sites.iter().map(LayoutOrigin::of).collect();
         let fit = self.measured.fit(&mesh);
-        let laid = self.rested(Laid { mesh, fit, tips: Vec::new(), on_line: Vec::new() }, &whose, REST_ROUNDS);
+        let laid =
+            self.optimised(Draft { mesh, fit, tips: Vec::new(), on_line: Vec::new() }, &origins, OPTIMISE_ROUNDS);
         if self.options.closeness != Closeness::Followed || self.is_late() {
-            return Near { laid, whose, is_missed: false };
+            return Near { laid, origins, is_missed: false };
         }
         let is_missed = laid.fit.worst() > self.allowed(sites);
-        Near { laid: self.nearer(laid, &whose), whose, is_missed }
+        Near { laid: self.nearer(laid, &origins), origins, is_missed }
     }
 
     /// By how much what stands on the segments may miss the input.
@@ -69,7 +70,7 @@ impl Stitching<'_> {
 
     /// Subdivided until it follows the input, if that is asked for and it misses it.
     pub(super) fn followed(&self, near: Near, report: &mut Report) -> PolyMesh {
-        let (mut now, whose) = (near.laid, &near.whose[..]);
+        let (mut now, origins) = (near.laid, &near.origins[..]);
         if self.options.closeness == Closeness::Followed && !self.is_late() {
             while near.is_missed
                 && !self.is_late()
@@ -79,40 +80,40 @@ impl Stitching<'_> {
             {
                 let Some(finer) = self.finer(&now) else { break };
                 report.refined += 1;
-                now = self.nearer(finer, whose);
+                now = self.nearer(finer, origins);
             }
             if report.refined > 0 {
-                now = self.rested(now, whose, REST_ROUNDS / 2);
-                now = self.straddled(now, whose);
+                now = self.optimised(now, origins, OPTIMISE_ROUNDS / 2);
+                now = self.fitted_to_surface(now, origins);
             }
-            now = self.at_rest_on_both_sides(now, whose);
+            now = self.optimised_on_both_sides(now, origins);
         }
         report.fit = now.fit;
         now.mesh
     }
 
-    /// Drawn out, and with its faces on both sides.
-    fn nearer(&self, now: Laid, whose: &[Whose]) -> Laid {
-        let drawn = self.drawn(&now, whose);
-        self.straddled(drawn.unwrap_or(now), whose)
+    /// The mesh moved to cover the input, with its faces fitted to the surface.
+    fn nearer(&self, now: Draft, origins: &[LayoutOrigin]) -> Draft {
+        let covering = self.covering(&now, origins);
+        self.fitted_to_surface(covering.unwrap_or(now), origins)
     }
 
     /// Subdivided once; `None` where that does not bring it nearer to the input.
-    fn finer(&self, now: &Laid) -> Option<Laid> {
+    fn finer(&self, now: &Draft) -> Option<Draft> {
         let net = Net::from_mesh(&now.mesh);
         let mut fine = on_surface(subdivide(&net), 0, &self.target);
         // What is put on the input may be folded flat there.
         self.open_flat_faces(&mut fine);
         let (mesh, fit) = self.judged(fine.into_mesh().0, REFINED_GAIN * now.fit.worst())?;
-        Some(Laid { mesh, fit, tips: now.tips.clone(), on_line: Vec::new() })
+        Some(Draft { mesh, fit, tips: now.tips.clone(), on_line: Vec::new() })
     }
 
     /// With its faces on both sides of the input, if that brings it nearer, and with edges on the input's sharp lines, if
     /// that is hardly worse.
-    fn straddled(&self, now: Laid, whose: &[Whose]) -> Laid {
-        let creased = self.creased(&now, whose);
+    fn fitted_to_surface(&self, now: Draft, origins: &[LayoutOrigin]) -> Draft {
+        let creased = self.creased(&now, origins);
         let (mesh, fit) = self.on_both_sides(now.mesh, now.fit, Held::Boundary);
-        let plain = Laid { mesh, fit, tips: now.tips, on_line: Vec::new() };
+        let plain = Draft { mesh, fit, tips: now.tips, on_line: Vec::new() };
         let Some((net, on_line)) = creased else { return plain };
         let Some((mesh, fit)) = self.judged(net.into_mesh().0, f64::INFINITY) else { return plain };
         let (mesh, fit) = self.on_both_sides(mesh, fit, Held::BoundaryAnd(&on_line));
@@ -120,38 +121,39 @@ impl Stitching<'_> {
         let worse_deg = angle(&mesh) - angle(&plain.mesh);
         let is_good =
             CREASED_WORSE_DEG.iter().any(|&(share, deg)| fit.worst() <= share * plain.fit.worst() && worse_deg <= deg);
-        if is_good { Laid { mesh, fit, on_line, ..plain } } else { plain }
+        if is_good { Draft { mesh, fit, on_line, ..plain } } else { plain }
     }
 
     fn on_both_sides(&self, mesh: PolyMesh, fit: Fit, held: Held<'_>) -> (PolyMesh, Fit) {
         let mut net = Net::from_mesh(&mesh);
-        straddle(&mut net, self.measured.points(), &self.target, held);
-        self.judged(net.into_mesh().0, STRADDLED_GAIN * fit.worst()).unwrap_or((mesh, fit))
+        fit_surface(&mut net, self.measured.points(), &self.target, held);
+        self.judged(net.into_mesh().0, FIT_SURFACE_GAIN * fit.worst()).unwrap_or((mesh, fit))
     }
 
     /// With edges on the input's sharp lines, and which vertices lie there; `None` where there are none.
-    fn creased(&self, now: &Laid, whose: &[Whose]) -> Option<(Net, Vec<bool>)> {
+    fn creased(&self, now: &Draft, origins: &[LayoutOrigin]) -> Option<(Net, Vec<bool>)> {
         let mut net = Net::from_mesh(&now.mesh);
-        let is_kept = |p: Vec3| self.segment_at(p).and_then(|s| whose.get(s)) == Some(&Whose::Kept);
-        let stays: Vec<bool> = net.positions.iter().map(|&p| whose.contains(&Whose::Kept) && is_kept(p)).collect();
+        let is_kept = |p: Vec3| self.segment_at(p).and_then(|s| origins.get(s)) == Some(&LayoutOrigin::Kept);
+        let stays: Vec<bool> =
+            net.positions.iter().map(|&p| origins.contains(&LayoutOrigin::Kept) && is_kept(p)).collect();
         let snapped =
             crease::snap(&mut net, self.surface(), self.sharp_edges(), &self.target, &|v: u32| stays[v as usize]);
         if snapped.met <= 0.0 {
             return None;
         }
-        self.rest(&mut net, whose, Marks { stays: &snapped.on_line, tips: &now.tips }, CREASED_ROUNDS);
+        self.optimise(&mut net, origins, Marks { stays: &snapped.on_line, tips: &now.tips }, CREASED_ROUNDS);
         Some((net, snapped.on_line))
     }
 
-    /// Drawn out to what it passes over; `None` where that does not bring it nearer to the input.
-    fn drawn(&self, now: &Laid, whose: &[Whose]) -> Option<Laid> {
+    /// The mesh moved to regions that it does not cover; `None` where that does not bring it nearer to the input.
+    fn covering(&self, now: &Draft, origins: &[LayoutOrigin]) -> Option<Draft> {
         let mut net = Net::from_mesh(&now.mesh);
-        let tips = draw_out(&mut net, self.measured.points(), &self.target, PASSED_MAX * self.scale.diagonal);
+        let tips = cover(&mut net, self.measured.points(), &self.target, UNCOVERED_MAX * self.scale.diagonal);
         if !tips.contains(&true) {
             return None;
         }
-        let (mesh, fit) = self.judged(net.into_mesh().0, DRAWN_GAIN * now.fit.worst())?;
-        Some(self.rested(Laid { mesh, fit, tips, on_line: Vec::new() }, whose, REST_ROUNDS / 2))
+        let (mesh, fit) = self.judged(net.into_mesh().0, COVER_GAIN * now.fit.worst())?;
+        Some(self.optimised(Draft { mesh, fit, tips, on_line: Vec::new() }, origins, OPTIMISE_ROUNDS / 2))
     }
 
     /// A mesh that holds, with its distances, if the worse of them is at most so much.

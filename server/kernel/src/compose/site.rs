@@ -13,7 +13,7 @@ use super::subdivide::subdivide;
 use super::template::border::{Border, End, Unwound};
 use super::template::levels::Levels;
 use super::template::rectangle::Harmonics;
-use super::template::{Ends, Given, Ground, regular};
+use super::template::{Ends, Given, LayoutSurface, regular};
 use super::{Input, Piece};
 use crate::encode::index::PlanarIndex;
 use crate::mesh::Vec3;
@@ -103,12 +103,12 @@ pub struct Site<'a> {
     piece: Piece<'a>,
     triangles: Vec<u32>,
     charted: Option<Charted<'a>>,
-    laid: Option<Laid>,
+    laid: Option<RegularLayout>,
 }
 
 /// A regular layout, with what it was made for: most stay as they are when another segment gives way.
 #[derive(Debug)]
-struct Laid {
+struct RegularLayout {
     wish: Wish,
     places: Vec<Vec<Places>>,
     made: Option<(Net, Vec<Rim>)>,
@@ -260,13 +260,13 @@ impl<'a> Site<'a> {
             return laid.made.clone();
         }
         let made = self.laid_anew(curves, places);
-        self.laid = Some(Laid { wish: self.wish, places: places.to_vec(), made: made.clone() });
+        self.laid = Some(RegularLayout { wish: self.wish, places: places.to_vec(), made: made.clone() });
         made
     }
 
     fn laid_anew(&self, curves: &[Curve], places: &[Vec<Places>]) -> Option<(Net, Vec<Rim>)> {
         let charted = self.charted.as_ref()?;
-        let ground = Ground {
+        let ground = LayoutSurface {
             chart: &charted.chart,
             index: &charted.index,
             levels: &charted.levels,

@@ -9,10 +9,10 @@ use super::open::open_flat;
 use super::plan::{Side, plan};
 use super::resolve::{self, Resolved, resolve};
 use super::rim::{Rim, Way as Turned, even_out};
+use super::simplify_valence::ValenceSimplifier;
 use super::site::{Site, Use, Why, on_surface, way};
 use super::smooth::{OPENING_ROUNDS, Plan, Target};
 use super::subdivide::subdivide;
-use super::tidy::Tidy;
 use super::{Input, Options, Piece, REGULAR_QUADS, Report, Way};
 use crate::map::snap::lines::sharp_edges;
 use crate::mesh::tri::TriMesh;
@@ -267,9 +267,10 @@ impl<'a> Stitching<'a> {
     fn by_surgery(&self, mut glued: Glued, free: Vec<bool>) -> Result<(PolyMesh, Resolved), Unfinished> {
         let resolved = resolve(&mut glued.net);
         glued.seam.extend(&resolved.touched);
-        let mut tidy = Tidy::new(glued.net.clone(), free, &self.target, glued.seam.clone());
-        let tidied = if tidy.run() > 0 { self.finished(tidy.net, &tidy.touched).ok() } else { None };
-        let mesh = tidied.map_or_else(|| self.finished(glued.net, &glued.seam), Ok)?;
+        let mut simplifier = ValenceSimplifier::new(glued.net.clone(), free, &self.target, glued.seam.clone());
+        let simplified =
+            if simplifier.run() > 0 { self.finished(simplifier.net, &simplifier.touched).ok() } else { None };
+        let mesh = simplified.map_or_else(|| self.finished(glued.net, &glued.seam), Ok)?;
         Ok((mesh, resolved))
     }
 

@@ -53,7 +53,7 @@ const EXTRAORDINARY_DEG: f64 = 0.03;
 
 /// What a layout is made on.
 #[derive(Clone, Copy, Debug)]
-pub struct Ground<'a> {
+pub struct LayoutSurface<'a> {
     /// The segment's chart.
     pub chart: &'a Chart,
     /// Its index.
@@ -92,13 +92,13 @@ pub struct Regular {
 /// The layout of edges about `edge` long, nothing prescribed.
 pub fn template(chart: &Chart, index: &PlanarIndex, edge: f64) -> PolyMesh {
     let (levels, target) = (Levels::new(chart), Target::new(&chart.mesh));
-    let ground = Ground { chart, index, levels: &levels, target: &target, harmonics: None };
+    let ground = LayoutSurface { chart, index, levels: &levels, target: &target, harmonics: None };
     regular(ground, edge, [None, None]).net.into_mesh().0
 }
 
 /// The layout of edges about `edge` long between given ends. The ends of an annulus must be of like parity, that of a
 /// disc even, none shorter than 3; else triangles would be needed, and the ends are taken as free.
-pub fn regular(ground: Ground<'_>, edge: f64, ends: Ends) -> Regular {
+pub fn regular(ground: LayoutSurface<'_>, edge: f64, ends: Ends) -> Regular {
     stop::ask();
     let area = ground.chart.mesh.total_area();
     let edge = if edge > 0.0 && edge.is_finite() { edge } else { area.sqrt() / 16.0 };
@@ -123,17 +123,17 @@ pub fn regular(ground: Ground<'_>, edge: f64, ends: Ends) -> Regular {
 }
 
 /// A disc as rectangles, an annulus as such with a hole, if the surface is prepared for that and all ends are given.
-fn rectangles(ground: Ground<'_>, ends: &Ends, edge: f64) -> Vec<Regular> {
+fn rectangles(ground: LayoutSurface<'_>, ends: &Ends, edge: f64) -> Vec<Regular> {
     let Some(harmonics) = ground.harmonics else { return Vec::new() };
     let given: Vec<&Given> = ends.iter().flatten().collect();
     harmonics.best(ground.chart, &given, edge)
 }
 
-fn place(ground: Ground<'_>, u: f64, v: f64) -> Vec3 {
+fn place(ground: LayoutSurface<'_>, u: f64, v: f64) -> Vec3 {
     ground.index.locate(ground.chart, [u.rem_euclid(1.0), v.clamp(0.0, 1.0)]).point(ground.chart)
 }
 
-fn torus(ground: Ground<'_>, edge: f64) -> Regular {
+fn torus(ground: LayoutSurface<'_>, edge: f64) -> Regular {
     let modulus = ground.chart.modulus.max(1e-3);
     let around = (ground.chart.mesh.total_area() / (edge * edge) / modulus).sqrt();
     let n = 2 * ((around / 2.0).round() as usize).clamp(COLUMNS_MIN / 2, COLUMNS_MAX / 2);
@@ -146,7 +146,7 @@ fn torus(ground: Ground<'_>, edge: f64) -> Regular {
 }
 
 struct Builder<'a> {
-    ground: Ground<'a>,
+    ground: LayoutSurface<'a>,
     ends: Ends,
     /// Columns of the first and of the last ring, and the heights at which they stand.
     columns: [usize; 2],
@@ -157,7 +157,7 @@ struct Builder<'a> {
 }
 
 impl<'a> Builder<'a> {
-    fn new(ground: Ground<'a>, edge: f64, ends: Ends) -> Self {
+    fn new(ground: LayoutSurface<'a>, edge: f64, ends: Ends) -> Self {
         let (levels, topology) = (ground.levels, ground.chart.topology);
         let total = levels.height();
         let ideal = |height: f64| levels.around(height) / edge;
@@ -344,7 +344,7 @@ mod tests {
         let chart = unfold(&whole(&mesh).expect("a primitive"), &UnfoldOptions::default()).expect("solvable");
         let index = PlanarIndex::new(&chart);
         let (levels, target) = (Levels::new(&chart), Target::new(&chart.mesh));
-        let ground = Ground { chart: &chart, index: &index, levels: &levels, target: &target, harmonics: None };
+        let ground = LayoutSurface { chart: &chart, index: &index, levels: &levels, target: &target, harmonics: None };
         let given = |end: usize| {
             columns[end].map(|n| {
                 let u: Vec<f64> = (0..n).map(|i| 0.137 + i as f64 / n as f64).collect();

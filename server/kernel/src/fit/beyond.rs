@@ -26,7 +26,7 @@ pub fn continued(mesh: &PolyMesh, rest: &Patch) -> Option<PolyMesh> {
     let rim = only_rim(mesh)?;
     let query = Query::new(rest, &UnfoldOptions::default()).ok()?;
     let chart = &query.chart;
-    let ground = Ground { chart, index: query.index() };
+    let ground = UnfoldedRest { chart, index: query.index() };
     let along = ground.along(mesh, &rim)?;
     let quads = match rest.topology {
         Topology::Annulus => ground.rows(mesh, &rim, &along, 1.0),
@@ -72,7 +72,7 @@ fn only_rim(mesh: &PolyMesh) -> Option<Vec<u32>> {
 }
 
 /// The unfolded rest.
-struct Ground<'a> {
+struct UnfoldedRest<'a> {
     chart: &'a Chart,
     index: &'a PlanarIndex,
 }
@@ -89,7 +89,7 @@ struct Along {
     falls: bool,
 }
 
-impl Ground<'_> {
+impl UnfoldedRest<'_> {
     fn at(&self, uv: Uv) -> Vec3 {
         self.index.locate(self.chart, [uv[0].rem_euclid(1.0), uv[1]]).point(self.chart)
     }
@@ -242,7 +242,7 @@ impl Grown {
     }
 
     /// Fills the loop by a grid.
-    fn close(&mut self, ground: &Ground, along: &Along, rows: &Rows) -> Option<()> {
+    fn close(&mut self, ground: &UnfoldedRest, along: &Along, rows: &Rows) -> Option<()> {
         let rim = std::mem::take(&mut self.rim);
         let n = rim.len();
         if n < 4 || n % 2 == 1 {

@@ -7,7 +7,7 @@
 use crate::map::CrossMap;
 use crate::map::polish::{Faces, PolishOptions, flat, settle};
 use crate::map::untangle::inward;
-use crate::measure::sound::Grounds;
+use crate::measure::sound::ReferenceSurface;
 use crate::mesh::Vec3;
 use crate::mesh::disjoint::Sets;
 use crate::mesh::tri::{NONE, TriMesh, area_between};
@@ -76,7 +76,7 @@ fn edges(mesh: &TriMesh) -> Vec<[u32; 2]> {
 
 /// The edges that leap across the input, each with its lesser vertex first, in order. `positions`: of the vertices of `mesh` on the
 /// input.
-pub fn leaps(mesh: &TriMesh, positions: &[Vec3], grounds: &Grounds) -> Vec<[u32; 2]> {
+pub fn leaps(mesh: &TriMesh, positions: &[Vec3], grounds: &ReferenceSurface) -> Vec<[u32; 2]> {
     let mut leaps = grounds.leaps(positions, &edges(mesh));
     leaps.iter_mut().for_each(|edge| edge.sort_unstable());
     leaps.sort_unstable();
@@ -161,7 +161,7 @@ mod tests {
             let angle = along.clamp(-0.2, 0.2) / 0.2 * std::f64::consts::FRAC_PI_2;
             *p = Vec3::new(0.1 * angle.sin(), p.x, 0.1 * (1.0 - angle.cos()) + along.abs() - along.abs().min(0.2));
         }
-        let grounds = Grounds::new(bent.clone());
+        let grounds = ReferenceSurface::new(bent.clone());
         let leaps_at = |positions: &[Vec3]| leaps(&bent, positions, &grounds);
         let mut positions = bent.positions.clone();
         let far = positions.iter().map(|p| p.z).fold(0.0, f64::max);

@@ -59,7 +59,7 @@ enum From {
 
 /// What has been laid roughly: how it lies, where its vertices are, and from where it came.
 #[derive(Debug)]
-struct Laid {
+struct RoughFit {
     rested: Rested,
     positions: Vec<Vec3>,
     from: From,
@@ -70,7 +70,7 @@ pub struct Rests<'a> {
     plain: Settler<'a>,
     mirrored: Settler<'a>,
     /// What has been laid roughly.
-    laid: Vec<Laid>,
+    laid: Vec<RoughFit>,
     /// The input's area.
     area: f64,
 }
@@ -106,10 +106,10 @@ impl<'a> Rests<'a> {
     /// mirror image, or faces backwards, can't be told from it.
     pub fn into_best(self, stop: &dyn Fn() -> bool) -> Option<Rested> {
         let near = worth(self.best()?) - NEAR;
-        let mut finalists: Vec<Laid> = self.laid.into_iter().filter(|laid| worth(&laid.rested) >= near).collect();
+        let mut finalists: Vec<RoughFit> = self.laid.into_iter().filter(|laid| worth(&laid.rested) >= near).collect();
         finalists.sort_by(|a, b| worth(&b.rested).total_cmp(&worth(&a.rested)));
         let mut settled: Option<Rested> = None;
-        for Laid { rested: Rested { mirrored, .. }, from, .. } in finalists.into_iter().take(FINALISTS) {
+        for RoughFit { rested: Rested { mirrored, .. }, from, .. } in finalists.into_iter().take(FINALISTS) {
             let settler = if mirrored { &self.mirrored } else { &self.plain };
             let found = match &from {
                 From::Start(start, manner) => settler.fine(start, *manner, stop)?,
@@ -175,12 +175,12 @@ impl<'a> Rests<'a> {
     fn keep(&mut self, found: Settled, mirrored: bool, from: From) {
         let Settled { places, lost, off, evidence, positions, .. } = found;
         let reach = SAME * self.area.sqrt() * positions.len() as f64;
-        let same = |laid: &Laid| {
+        let same = |laid: &RoughFit| {
             let apart = laid.positions.iter().zip(&positions).map(|(a, b)| (a - b).norm()).sum::<f64>();
             laid.rested.mirrored == mirrored && apart <= reach
         };
         let known = self.laid.iter().position(same);
-        let laid = Laid { rested: Rested { places, lost, off, mirrored, evidence }, positions, from };
+        let laid = RoughFit { rested: Rested { places, lost, off, mirrored, evidence }, positions, from };
         match known {
             Some(k) if worth(&laid.rested) <= worth(&self.laid[k].rested) => {}
             Some(k) => self.laid[k] = laid,

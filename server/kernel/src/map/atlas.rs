@@ -18,7 +18,7 @@ use cap::Course;
 use matching::{Match, Matcher, Which, tip_controls};
 
 use super::edit::EditError;
-use super::reembed::{Ground, Picture};
+use super::reembed::{InputChart, Picture};
 use super::{CrossMap, turns_over, vertex_uv};
 use crate::encode::index::{Location, PlanarIndex};
 use crate::encode::{Encoding, encode_to};
@@ -153,7 +153,8 @@ impl Atlas {
             return Ok(CrossMap { locations: Vec::new(), positions: Vec::new() });
         };
         let (n, input) = (first.example.patch_vertices, &first.input);
-        let laid: Result<Vec<Laid>, EditError> = self.sheets.iter().map(|s| Laid::new(s, constraints, n)).collect();
+        let laid: Result<Vec<SheetMap>, EditError> =
+            self.sheets.iter().map(|s| SheetMap::new(s, constraints, n)).collect();
         let laid = laid?;
         let on_boundary = first.example.mesh.boundary_vertices();
         let rim = Rim::new(&input.mesh);
@@ -188,8 +189,8 @@ impl Atlas {
     }
 
     /// The input's charts, for [`settle`](super::reembed::settle).
-    pub fn grounds(&self) -> Vec<Ground<'_>> {
-        self.sheets.iter().map(|s| Ground { chart: &s.input, index: &s.index }).collect()
+    pub fn grounds(&self) -> Vec<InputChart<'_>> {
+        self.sheets.iter().map(|s| InputChart { chart: &s.input, index: &s.index }).collect()
     }
 
     /// Mean of the charts' E / variance.
@@ -246,7 +247,7 @@ fn matched<'a>(
 }
 
 /// Where one sheet sends the example's vertices.
-struct Laid<'a> {
+struct SheetMap<'a> {
     input: &'a Chart,
     index: &'a PlanarIndex,
     images: Vec<Uv>,
@@ -255,7 +256,7 @@ struct Laid<'a> {
     weights: Vec<f64>,
 }
 
-impl<'a> Laid<'a> {
+impl<'a> SheetMap<'a> {
     /// The first `n` vertices.
     fn new(sheet: &'a Sheet, constraints: &[(Location, Location)], n: usize) -> Result<Self, EditError> {
         let index = &sheet.index;
@@ -270,7 +271,7 @@ impl<'a> Laid<'a> {
 
 /// The mean of the places to which the sheets send vertex `v`, taken on the surface: in the [`Picture`] about the nearer
 /// end of the chart that has most say, so that no place between two fingers is ever passed.
-fn blended(laid: &[Laid], v: usize) -> Location {
+fn blended(laid: &[SheetMap], v: usize) -> Location {
     let strongest = laid.iter().reduce(|a, b| if b.weights[v] > a.weights[v] { b } else { a });
     let Some(chart) = strongest else { return Location { triangle: 0, barycentric: [1.0, 0.0, 0.0] } };
     let picture = Picture::about(chart.input, chart.images[v][1]);

@@ -31,7 +31,7 @@ const SWEEPS_MAX: usize = 1_000;
 const AT_REST: f64 = 1e-9;
 
 /// A chart of the input that places are looked up in. All share one mesh.
-pub struct Ground<'a> {
+pub struct InputChart<'a> {
     /// The chart: of a disc or a sphere.
     pub chart: &'a Chart,
     /// Its planar index.
@@ -40,7 +40,7 @@ pub struct Ground<'a> {
 
 /// Polishes a map of `mesh` (the example's patch), and lays anew what looks inward before and after. `mirror` is −1 for
 /// mirrored maps. The boundary stays. Returns how many polygons still look inward.
-pub fn settle(mesh: &TriMesh, cross: &mut CrossMap, grounds: &[Ground], mirror: f64) -> usize {
+pub fn settle(mesh: &TriMesh, cross: &mut CrossMap, grounds: &[InputChart], mirror: f64) -> usize {
     let Some(first) = grounds.first() else { return 0 };
     let tree = OnceLock::new();
     let mut left = lay_anew(mesh, cross, grounds, mirror);
@@ -59,7 +59,7 @@ pub fn settle(mesh: &TriMesh, cross: &mut CrossMap, grounds: &[Ground], mirror: 
 
 /// Turns back the faces of a map that look inward, and lays the regions of `mesh` anew where that is not enough. The boundary stays.
 /// `tree` is that of the input's mesh, made where it is needed and is not there yet.
-pub fn turn_back(mesh: &TriMesh, cross: &mut CrossMap, ground: &Ground, mirror: f64, tree: &OnceLock<Bvh>) {
+pub fn turn_back(mesh: &TriMesh, cross: &mut CrossMap, ground: &InputChart, mirror: f64, tree: &OnceLock<Bvh>) {
     if untangle(mesh, cross, ground.chart, mirror, tree) > 0 {
         lay_anew(mesh, cross, std::slice::from_ref(ground), mirror);
     }
@@ -67,7 +67,7 @@ pub fn turn_back(mesh: &TriMesh, cross: &mut CrossMap, ground: &Ground, mirror: 
 
 /// Lays the regions of `mesh` anew whose faces look inward; one that does not get better by it stays. Only on discs and
 /// spheres. Returns how many polygons still look inward.
-fn lay_anew(mesh: &TriMesh, cross: &mut CrossMap, grounds: &[Ground], mirror: f64) -> usize {
+fn lay_anew(mesh: &TriMesh, cross: &mut CrossMap, grounds: &[InputChart], mirror: f64) -> usize {
     let Some(first) = grounds.first() else { return 0 };
     let mut turned = inward(mesh, cross, first.chart, mirror);
     if !matches!(first.chart.topology, Topology::Disc | Topology::Sphere) {
@@ -130,8 +130,8 @@ impl Region {
         own.iter().filter(|f| polygons.binary_search(f).is_ok()).count()
     }
 
-    fn lay(&self, mesh: &TriMesh, cross: &mut CrossMap, grounds: &[Ground]) {
-        let pressed = |s: &&Ground| self.pressed(cross, s.chart);
+    fn lay(&self, mesh: &TriMesh, cross: &mut CrossMap, grounds: &[InputChart]) {
+        let pressed = |s: &&InputChart| self.pressed(cross, s.chart);
         let Some(sheet) = grounds.iter().min_by(|a, b| pressed(a).total_cmp(&pressed(b))) else { return };
         let picture = self.picture(cross, sheet.chart);
         let mut at: Vec<[f64; 2]> = vec![[0.0; 2]; mesh.positions.len()];
@@ -249,7 +249,7 @@ mod tests {
         let (mesh, chart, mut cross) = turned_about();
         let index = PlanarIndex::new(&chart);
         assert!(inward(&mesh, &cross, &chart, 1.0).len() > 10);
-        assert_eq!(lay_anew(&mesh, &mut cross, &[Ground { chart: &chart, index: &index }], 1.0), 0);
+        assert_eq!(lay_anew(&mesh, &mut cross, &[InputChart { chart: &chart, index: &index }], 1.0), 0);
         for (v, location) in cross.locations.iter().enumerate() {
             assert!((location.point(&chart) - cross.positions[v]).norm() < 1e-12);
         }
@@ -266,7 +266,7 @@ mod tests {
         let (locations, positions): (Vec<Location>, Vec<Vec3>) = mesh.positions.iter().map(at).unzip();
         let mut cross = CrossMap { locations, positions };
         let index = PlanarIndex::new(&chart);
-        assert_eq!(settle(&mesh, &mut cross, &[Ground { chart: &chart, index: &index }], 1.0), 0);
+        assert_eq!(settle(&mesh, &mut cross, &[InputChart { chart: &chart, index: &index }], 1.0), 0);
         let off = mesh.positions.iter().zip(&cross.positions).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
         assert!(off < 1e-6, "{off}");
     }

@@ -35,7 +35,7 @@ const COLLAPSED: f64 = 1e-3;
 
 /// A surface that meshes are measured against.
 #[derive(Clone, Debug)]
-pub struct Grounds {
+pub struct ReferenceSurface {
     surface: TriMesh,
     tree: Bvh,
     measured: Measured,
@@ -102,7 +102,7 @@ impl Flaws {
     }
 }
 
-impl Grounds {
+impl ReferenceSurface {
     /// Of a surface with an area.
     pub fn new(surface: TriMesh) -> Self {
         let (low, high) = surface
@@ -284,8 +284,8 @@ mod tests {
         PolyMesh { positions, faces: faces.iter().map(Vec::as_slice).collect(), ..PolyMesh::default() }
     }
 
-    fn grounds() -> Grounds {
-        Grounds::new(prepare(&bent(200)).expect("a disc").mesh)
+    fn grounds() -> ReferenceSurface {
+        ReferenceSurface::new(prepare(&bent(200)).expect("a disc").mesh)
     }
 
     /// What is found of a sheet of 40 rows that something was done to.
@@ -322,7 +322,7 @@ mod tests {
         let patch = primitive(&rag, Components::default()).expect("a disc with gaps");
         assert_eq!(patch.holes.len(), 3);
         let mesh = bent(40);
-        let bare = Grounds::new(rag.clone());
+        let bare = ReferenceSurface::new(rag.clone());
         assert!(!bare.flaws(&mesh).reasons(0.0, 0.0).is_empty());
         let bridged = bare.with_gaps(std::iter::once(filled(&patch.mesh, &patch.holes)));
         assert_eq!(bridged.flaws(&mesh).reasons(0.0, 0.0), Vec::<String>::new());

@@ -9,7 +9,7 @@ use crate::topology::holes::filled;
 use crate::topology::{self, Patch, Topology, TopologyError, primitive};
 
 /// A piece with a smaller share of the area goes to its neighbour.
-const CRUMB_SHARE: f64 = 0.002;
+const SMALL_COMPONENT_SHARE: f64 = 0.002;
 /// The label that [`cut_at_zero`] gives to what lies within.
 const WITHIN: u32 = 0;
 /// The label of what lies beyond, while it is not cut up yet.
@@ -24,7 +24,7 @@ pub fn segment_around(surface: &TriMesh, field: &[f64]) -> Result<Segmented, Top
     let (refined, mut label_of) = cut_at_zero(surface, field)?;
     let mesh = &refined.mesh;
     relabel(mesh, &mut label_of, WITHIN, f64::INFINITY);
-    relabel(mesh, &mut label_of, BEYOND, CRUMB_SHARE * mesh.total_area());
+    relabel(mesh, &mut label_of, BEYOND, SMALL_COMPONENT_SHARE * mesh.total_area());
     let mut first = BEYOND;
     for piece in pieces(mesh, &label_of, BEYOND) {
         let labels = cut_up(mesh, &label_of, &piece);

@@ -1,17 +1,17 @@
-//! What a scan of several pieces is meant to be: its pieces primitives with small holes filled, its crumbs left out.
+//! What a scan of several pieces is meant to be: its pieces primitives with small holes filled, its small components left out.
 //!
 //! [`topology::primitive`] mends a scan of one piece. Here each component is mended alone; a component with a boundary is a
-//! crumb if it has less than 1 % of the area, and all crumbs together have at most 10 %. A closed component is an object,
+//! small component if it has less than 1 % of the area, and all small components together have at most 10 %. A closed component is an object,
 //! however small, and stays. *Ours, not the paper's.*
 
 use super::Segmented;
 use crate::mesh::tri::TriMesh;
 use crate::topology::{self, Components, Patch};
 
-/// A component with a boundary and less than this share of the area is a crumb.
-const CRUMB_SHARE: f64 = 0.01;
-/// Share of the area that all crumbs may have together.
-const CRUMBS_SHARE: f64 = 0.1;
+/// A component with a boundary and less than this share of the area is a small component.
+const SMALL_COMPONENT_SHARE: f64 = 0.01;
+/// Share of the area that all small components may have together.
+const SMALL_COMPONENTS_SHARE: f64 = 0.1;
 
 /// One part a piece, the largest first; `None` where a piece is no primitive even when its small holes are filled, or
 /// nothing has to be filled: such a surface is to be cut as it is.
@@ -22,13 +22,13 @@ pub(super) fn pieces(surface: &TriMesh) -> Option<Segmented> {
         .collect();
     sets.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let total: f64 = sets.iter().map(|set| set.0).sum();
-    let (mut parts, mut left_out, mut crumbs) = (Vec::new(), 0, 0.0);
+    let (mut parts, mut left_out, mut small) = (Vec::new(), 0, 0.0);
     for (area, set) in sets {
         let (mesh, vertex_of) = topology::submesh(surface, &set);
-        if area < CRUMB_SHARE * total && !mesh.boundary_loops().is_empty() {
+        if area < SMALL_COMPONENT_SHARE * total && !mesh.boundary_loops().is_empty() {
             left_out += 1;
-            crumbs += area;
-            if crumbs > CRUMBS_SHARE * total {
+            small += area;
+            if small > SMALL_COMPONENTS_SHARE * total {
                 return None;
             }
             continue;
@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn pieces_with_small_holes_are_discs_and_crumbs_are_left_out() {
+    fn pieces_with_small_holes_are_discs_and_small_components_are_left_out() {
         let surface = sheets(&[(0.8, &[333, 500]), (0.05, &[]), (1.0, &[200, 611, 777])]);
         let found = pieces(&surface).expect("two pieces");
         let told: Vec<_> = found.parts.iter().map(|p| (p.topology, p.holes.len(), p.left_out)).collect();
@@ -84,7 +84,7 @@ mod tests {
     #[test]
     fn what_has_no_hole_to_fill_is_cut_as_it_is() {
         assert!(pieces(&sheets(&[(1.0, &[]), (0.8, &[])])).is_none());
-        // Many crumbs are no crumbs.
+        // Many small components are no small components.
         let many: Vec<(f64, &[u32])> =
             std::iter::once((1.0, &[333u32, 500][..])).chain([(0.09, &[][..]); 16]).collect();
         assert!(pieces(&sheets(&many)).is_none());

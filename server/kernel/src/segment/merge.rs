@@ -1,4 +1,4 @@
-//! Merging parts: crumbs that no one asked for, and parts beyond the number asked for.
+//! Merging parts: small components that no one asked for, and parts beyond the number asked for.
 
 use crate::mesh::tri::{NONE, TriMesh};
 use crate::numerics::stop;
@@ -31,7 +31,7 @@ pub(super) fn merge(mesh: &TriMesh, parts: Vec<Vec<u32>>, area_min: f64, count_m
 }
 
 /// Gives every piece of a label that is not its largest to the label with which it has the longest border.
-pub(super) fn absorb_crumbs(mesh: &TriMesh, label_of: &mut [u32]) {
+pub(super) fn absorb_small_components(mesh: &TriMesh, label_of: &mut [u32]) {
     for _ in 0..CRUMB_ROUNDS {
         let sets = topology::connected(mesh, label_of);
         let set_of = topology::numbers(&sets, label_of.len());
@@ -42,12 +42,12 @@ pub(super) fn absorb_crumbs(mesh: &TriMesh, label_of: &mut [u32]) {
                 *best = k;
             }
         }
-        let crumbs: Vec<usize> =
+        let small: Vec<usize> =
             (0..sets.len()).filter(|&k| largest.get(&label_of[sets[k][0] as usize]) != Some(&k)).collect();
-        if crumbs.is_empty() {
+        if small.is_empty() {
             return;
         }
-        for k in crumbs {
+        for k in small {
             let borders = borders(mesh, &sets[k], &set_of);
             if let Some((to, _)) = longest(&borders, k as u32).first() {
                 let label = label_of[sets[*to as usize][0] as usize];

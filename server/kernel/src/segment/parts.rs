@@ -1,6 +1,6 @@
 //! The parts of one connected surface, as labels on its triangles.
 
-use super::merge::{absorb_crumbs, merge};
+use super::merge::{absorb_small_components, merge};
 use super::necks::{Necks, Prominence};
 use super::region::Region;
 use super::split::{decompose, halve};
@@ -41,7 +41,7 @@ fn cut_at(mesh: &TriMesh, necks: &Necks, necks_count: usize, count_max: usize) -
         if b == c { b } else { a }
     };
     let mut label_of: Vec<u32> = mesh.triangles.iter().map(majority).collect();
-    absorb_crumbs(mesh, &mut label_of);
+    absorb_small_components(mesh, &mut label_of);
     let regions = topology::connected(mesh, &label_of);
     let primitives: Vec<Vec<u32>> = regions.into_iter().flat_map(|r| decompose(mesh, r)).collect();
     merge(mesh, primitives, AREA_MIN, count_max)

@@ -4,7 +4,7 @@
 //! turned round, over the input's samples. *Source:* Besl and McKay 1992; Chen and Medioni 1991 (planes). *Ours, not the
 //! papers':* both ways at once, without which a surface that ends inside the other slides off its place.
 
-use super::ground::{Samples, Seen, sixfold};
+use super::input_surface::{Samples, Seen, sixfold};
 use super::matches::{Partners, back, onto, sigma};
 use super::rest::{Nodes, Rest};
 use super::similarity::Similarity;

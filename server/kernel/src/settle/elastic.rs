@@ -10,8 +10,8 @@
 //! pull too. The data term couples the coordinates: conjugate gradients, preconditioned by the same system with
 //! tr/3 of each vertex's term, which all three share, so that one factor serves a whole scale.
 
-use super::ground::{Samples, Seen, sixfold};
 use super::held::{HELD, Held};
+use super::input_surface::{Samples, Seen, sixfold};
 use super::matches::{Partners, back, onto};
 use super::rest::{Nodes, Pose, Rest, vertex_normals};
 use super::similarity::nearest_scaled_rotation;

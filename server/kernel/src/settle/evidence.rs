@@ -6,7 +6,7 @@
 //! the map's size. *Ours, not a paper's:* a mean over samples instead of a smoothing solve, so that the input's size does
 //! not matter.
 
-use super::ground::{Ground, Samples, sixfold};
+use super::input_surface::{InputSurface, Samples, sixfold};
 use super::place::normal_at;
 use super::rest::{Nodes, Pose, Rest, vertex_normals};
 use super::similarity::{Similarity, singular_values};
@@ -49,7 +49,7 @@ const RESIDUAL_MAX: f64 = 0.1;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Judged<'a> {
     pub(super) rest: &'a Rest,
-    pub(super) ground: &'a Ground<'a>,
+    pub(super) ground: &'a InputSurface<'a>,
     pub(super) frame: &'a Similarity,
     pub(super) nodes: &'a Nodes,
     pub(super) pose: &'a Pose,

@@ -3,7 +3,7 @@
 //! The similarity that carries them there best is a start. Each pulls, all along, at the node to which its vertex belongs. Three
 //! points leave open which side of their plane is out, so the normals count as well. *Ours, not a paper's.*
 
-use super::ground::Ground;
+use super::input_surface::InputSurface;
 use super::place::normal_at;
 use super::rest::Rest;
 use super::similarity::Similarity;
@@ -70,7 +70,7 @@ fn weighted(corners: &[(u32, f64); 3], values: &[Vec3]) -> Vec3 {
 
 /// The similarity that carries the landmarks from where the example rests to the input best, and by how much it misses them, in
 /// parts of their spread; `None` where they are one point.
-pub(super) fn carried(rest: &Rest, ground: &Ground<'_>, landmarks: &[Landmark]) -> Option<(Similarity, f64)> {
+pub(super) fn carried(rest: &Rest, ground: &InputSurface<'_>, landmarks: &[Landmark]) -> Option<(Similarity, f64)> {
     let ends: Vec<(Vec3, Vec3)> = landmarks.iter().map(|l| (l.of(&rest.positions), l.to.point)).collect();
     let first = Similarity::fit(ends.iter().map(|(p, q)| (*p, *q, 1.0)))?;
     let count = ends.len() as f64;

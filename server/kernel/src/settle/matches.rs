@@ -4,7 +4,7 @@
 //! ω = exp(−(d/σ)²) · max(cos, 0)², σ = 3 × the median distance; 0 where the partner lies on the other surface's
 //! rim, as it then may have none. *Source:* Zhang 1994 (σ from the distances); Chetverikov et al. 2005 (free ends).
 
-use super::ground::{Samples, Seen, sixfold};
+use super::input_surface::{Samples, Seen, sixfold};
 use super::tree::KdTree;
 use crate::mesh::Vec3;
 

@@ -4,7 +4,7 @@
 //! τ mean edges of the vertex. So is what borders on lost vertices and looks away from the input or lies far off it: the back
 //! of a head, of which a scan has the front, is nearest to that front and not to its rim.
 
-use super::ground::Ground;
+use super::input_surface::InputSurface;
 use super::rest::{Rest, vertex_normals};
 use crate::mesh::Vec3;
 use crate::mesh::bvh::{Bvh, Closest};
@@ -19,7 +19,12 @@ const OFF: [f64; 2] = [0.05, 0.02];
 const ON_EDGE: f64 = 1e-9;
 
 /// Places of the vertices, and whether each is lost. `edges`: mean edge length at each vertex.
-pub(super) fn places(ground: &Ground<'_>, tree: &Bvh, positions: &[Vec3], edges: &[f64]) -> (Vec<Closest>, Vec<bool>) {
+pub(super) fn places(
+    ground: &InputSurface<'_>,
+    tree: &Bvh,
+    positions: &[Vec3],
+    edges: &[f64],
+) -> (Vec<Closest>, Vec<bool>) {
     let places: Vec<Closest> = positions.iter().map(|x| tree.closest(*x)).collect();
     let lost = (places.iter().zip(positions).zip(edges))
         .map(|((place, x), edge)| {
@@ -35,7 +40,7 @@ pub(super) fn places(ground: &Ground<'_>, tree: &Bvh, positions: &[Vec3], edges:
 /// vertices in the input's frame, before they go to their places; `size`: √area of the example there.
 pub(super) fn with_hidden(
     rest: &Rest,
-    (ground, size): (&Ground<'_>, f64),
+    (ground, size): (&InputSurface<'_>, f64),
     positions: &[Vec3],
     places: &[Closest],
     lost: Vec<bool>,
@@ -55,13 +60,13 @@ pub(super) fn off(rest: &Rest, size: f64, places: &[Closest]) -> Vec<bool> {
 }
 
 /// The input's normal at a place.
-pub(super) fn normal_at(ground: &Ground<'_>, place: &Closest) -> Vec3 {
+pub(super) fn normal_at(ground: &InputSurface<'_>, place: &Closest) -> Vec3 {
     let Some(corners) = ground.mesh.triangles.get(place.triangle as usize) else { return Vec3::z() };
     let sum: Vec3 = (0..3).map(|k| ground.normals[corners[k] as usize] * place.barycentric[k]).sum();
     sum.try_normalize(0.0).unwrap_or_else(Vec3::z)
 }
 
-fn on_rim(ground: &Ground<'_>, place: &Closest) -> bool {
+fn on_rim(ground: &InputSurface<'_>, place: &Closest) -> bool {
     let Some(corners) = ground.mesh.triangles.get(place.triangle as usize) else { return true };
     let w = place.barycentric;
     (0..3).any(|k| {

@@ -8,7 +8,7 @@
 //! with what it lies on: nearness alone lays a face on the back of a head. *Ours, not a paper's.*
 
 use super::evidence::{Around, correlation};
-use super::ground::{Ground, Samples, Seen, sixfold};
+use super::input_surface::{InputSurface, Samples, Seen, sixfold};
 use super::matches::sigma;
 use super::similarity::Similarity;
 use crate::mesh::Vec3;
@@ -93,8 +93,8 @@ pub fn poses(
 ) -> Vec<(f64, Similarity)> {
     let is_quick = sought == Sought::Quickly || input.triangles.len() < FULL_FROM_TRIANGLES;
     let effort = if is_quick { &QUICK } else { &FULL };
-    let [one, two] =
-        [(example, may_be_small[0]), (input, may_be_small[1])].map(|s| Posed::new(&Ground::new(s.0), s.1, effort));
+    let [one, two] = [(example, may_be_small[0]), (input, may_be_small[1])]
+        .map(|s| Posed::new(&InputSurface::new(s.0), s.1, effort));
     let mut kept: Vec<(f64, Similarity)> = Vec::new();
     let unit = (middle(example), example.total_area().sqrt());
     for (score, pose) in found(&one, &two, stop) {
@@ -136,12 +136,12 @@ pub struct Posed {
 impl Posed {
     /// Of a surface that may be a part of another, or, being closed, may not.
     pub fn quick(mesh: &TriMesh, may_be_small: bool) -> Self {
-        let ground = Ground::new(mesh);
+        let ground = InputSurface::new(mesh);
         let whole = || (Small::new(&ground, QUICK.large), Large::new(&ground, 1.0, QUICK.large));
         Self { whole: (!may_be_small).then(whole), ..Self::new(&ground, may_be_small, &QUICK) }
     }
 
-    fn new(ground: &Ground<'_>, may_be_small: bool, effort: &'static Effort) -> Self {
+    fn new(ground: &InputSurface<'_>, may_be_small: bool, effort: &'static Effort) -> Self {
         let large = effort.shares.iter().map(|share| Large::new(ground, *share, effort.large)).collect();
         let small = may_be_small.then(|| Small::new(ground, effort.large));
         Self { small, large, whole: None, area: ground.area, effort }
@@ -233,7 +233,7 @@ fn relief(samples: &Samples, of: impl Iterator<Item = usize>) -> Vec<[f64; 3]> {
 }
 
 impl Small {
-    fn new(ground: &Ground<'_>, count: usize) -> Self {
+    fn new(ground: &InputSurface<'_>, count: usize) -> Self {
         let all = ground.spread(count);
         let frame = frame_of(&all, ground.area.sqrt());
         let all = all.seen_from(&frame);
@@ -248,7 +248,7 @@ impl Small {
 }
 
 impl Large {
-    fn new(ground: &Ground<'_>, share: f64, count: usize) -> Self {
+    fn new(ground: &InputSurface<'_>, share: f64, count: usize) -> Self {
         let all = ground.spread(count);
         let frame = frame_of(&all, (share * ground.area).sqrt());
         let all = all.seen_from(&frame);

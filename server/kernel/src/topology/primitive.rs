@@ -1,4 +1,4 @@
-//! The primitive that a scan is meant to be: its crumbs left out and its small holes counted as filled.
+//! The primitive that a scan is meant to be: its small components left out and its small holes counted as filled.
 //!
 //! A scan has gaps where the scanner saw nothing, and specks that float beside it. A boundary loop of length ℓ encloses
 //! at most ℓ²/4π; where that is little of the surface's area, or ℓ is short beside the longest loop, it is a hole and no
@@ -14,13 +14,13 @@ const HOLE_AREA_SHARE: f64 = 0.01;
 const HOLE_LENGTH_SHARE: f64 = 0.2;
 /// A surface with more loops is a rag: only the longest of them is its end, the others are gaps.
 const RAG_LOOPS: usize = 12;
-/// Components beside the largest are crumbs if together they have at most this share of the area.
+/// Components beside the largest are small components if together they have at most this share of the area.
 const CRUMB_AREA_SHARE: f64 = 0.1;
 
 /// What to do with several components.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Components {
-    /// The largest by area is taken if the others are crumbs beside it.
+    /// The largest by area is taken if the others are small components beside it.
     #[default]
     Crumbs,
     /// The largest by area is taken.
@@ -29,7 +29,7 @@ pub enum Components {
     Refuse,
 }
 
-/// The primitive that `mesh` is, or would be without its crumbs and small holes.
+/// The primitive that `mesh` is, or would be without its small components and small holes.
 ///
 /// # Errors
 /// [`TopologyError`] where it is none even then.
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn crumbs_go_and_halves_are_refused_unless_asked_for() {
+    fn small_components_go_and_halves_are_refused_unless_asked_for() {
         let together = |scale: f64| {
             let (mut a, b) = (grid(8, 6, true, false), grid(8, 6, true, false));
             let first = a.positions.len() as u32;

@@ -12,7 +12,7 @@ const REASONS_EACH: usize = 2;
 
 /// The map that was brought for a segment.
 #[derive(Clone, Debug)]
-pub(super) struct Laid {
+pub(super) struct BroughtMap {
     pub(super) verdict: Verdict,
     pub(super) reasons: Vec<String>,
     /// Share of it that is the example's.
@@ -31,7 +31,7 @@ pub(super) struct Headline {
 }
 
 /// Of what was brought for each segment, and what came of it.
-pub(super) fn headline(brought: &[Option<Laid>], appraisal: &Appraisal) -> Headline {
+pub(super) fn headline(brought: &[Option<BroughtMap>], appraisal: &Appraisal) -> Headline {
     let used = || {
         let all = (0u32..).zip(brought.iter().zip(&appraisal.examples));
         all.filter_map(|(segment, (laid, share))| Some((segment, laid.as_ref()?, *share))).filter(|part| part.2 > 0.0)
@@ -62,7 +62,7 @@ pub(super) fn headline(brought: &[Option<Laid>], appraisal: &Appraisal) -> Headl
 }
 
 /// Why no example was used.
-fn without_example(brought: &[Option<Laid>]) -> &'static str {
+fn without_example(brought: &[Option<BroughtMap>]) -> &'static str {
     let mut maps = brought.iter().flatten();
     match (maps.clone().next(), maps.all(|laid| laid.verdict.is_poor())) {
         (None, _) => "no example was used: none of the corpus could be laid on it, so it is a regular layout",
@@ -77,9 +77,9 @@ fn without_example(brought: &[Option<Laid>]) -> &'static str {
 mod tests {
     use super::*;
 
-    fn laid(verdict: Verdict) -> Option<Laid> {
+    fn laid(verdict: Verdict) -> Option<BroughtMap> {
         let reasons = if verdict == Verdict::Good { Vec::new() } else { vec!["its ears differ".to_owned()] };
-        Some(Laid { verdict, reasons, inspired: 1.0, covers_example: 0.8 })
+        Some(BroughtMap { verdict, reasons, inspired: 1.0, covers_example: 0.8 })
     }
 
     fn of(examples: &[f64]) -> Appraisal {

@@ -3,7 +3,7 @@
 //! The scan is cut along the map's rim. What is left is ranked as a query of several segments is, and takes the examples that
 //! fit, and regular layouts elsewhere.
 
-use super::headline::Laid;
+use super::headline::BroughtMap;
 use super::{Sound, best_map, laid, stitched_sound};
 use crate::pool::{Job, Lane, Stop, StopReason};
 use crate::work::engine::{Allowed, Encoded, Engine, EngineError, Model, Part, Stitching};
@@ -22,7 +22,7 @@ pub(super) struct Surrounded {
     /// A regular layout for each segment whose example may give way.
     instead: Vec<Option<Arc<Encoded>>>,
     /// What is told of each segment's map.
-    laid: Vec<Option<Laid>>,
+    laid: Vec<Option<BroughtMap>>,
     /// The name of the example that each segment around the map takes, if it takes one.
     names: Vec<Option<String>>,
 }
@@ -87,7 +87,7 @@ impl Surrounded {
         self.parts.push(Part::Mapped { part, whole });
         self.instead.push(Some(encoded));
         // Its segment is none of the query's, which reasons could name.
-        self.laid.push(Some(Laid { reasons: Vec::new(), ..laid(&newest.summary) }));
+        self.laid.push(Some(BroughtMap { reasons: Vec::new(), ..laid(&newest.summary) }));
     }
 
     /// Stitches all of it; `None` where that is not sound, or the map has no part in it.

@@ -343,7 +343,7 @@ impl Corpus for StoredCorpus {
 
     fn cut(&self, id: ExampleId) -> Result<Cut, CorpusError> {
         let labels = self.store.labels(id)?.map(|labels| labels.into_iter().map(i64::from).collect());
-        // What was refused for its crumbs is not here; for the rest it makes no difference.
+        // What was refused for its small components is not here; for the rest it makes no difference.
         let way = |way| Cut { way, ..Cut::default() };
         Ok(match self.store.get(id)?.segmentation {
             quadmuse_store::Segmentation::Whole => way(Segmentation::Whole),

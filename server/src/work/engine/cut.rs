@@ -9,7 +9,7 @@ pub struct Cut {
     pub way: Segmentation,
     /// The caller's labels, one a face.
     pub labels: Option<Vec<i64>>,
-    /// Whether crumbs beside the largest component may be left out.
+    /// Whether small components beside the largest component may be left out.
     pub components: Components,
     /// How many segments automatic segmentation aims at; `None` leaves a primitive whole.
     pub parts: Option<Parts>,

@@ -9,6 +9,7 @@ mod from_whole;
 mod grouped;
 mod measured;
 mod model;
+mod notes;
 mod parts;
 mod registered;
 mod rejoined;
@@ -17,7 +18,6 @@ mod settled;
 mod sound;
 mod spanned;
 mod stitch;
-mod told;
 mod transfer;
 
 use super::{

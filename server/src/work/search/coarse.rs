@@ -7,7 +7,7 @@ use super::siblings::{best_of_each, could_be_kept};
 use super::{Level, SegmentSearch};
 use crate::pool::{Lane, PoolError, Stop};
 use crate::work::WorkError;
-use crate::work::catalogue::shelf::Chunk;
+use crate::work::catalogue::row_blocks::Chunk;
 use crate::work::catalogue::{LEVEL_COARSEST, Resident, Snapshot, Stock};
 use crate::work::engine::{EngineError, Opaque, Registration};
 use crate::work::query::ms_since;
@@ -46,8 +46,9 @@ impl Selection {
     pub(super) fn new(snapshot: &Snapshot, topologies: &[Topology], stocks: &[Stock], tags: &[String]) -> Self {
         let (mut selection, mut seen) = (Self::default(), HashSet::new());
         let kinds = topologies.iter().flat_map(|&t| stocks.iter().map(move |&stock| (t, stock)));
-        let shelves = kinds.filter_map(|(t, stock)| Some((t, snapshot.shelf(t, stock)?)));
-        for (topology, chunk) in shelves.flat_map(|(t, shelf)| shelf.chunks().iter().map(move |chunk| (t, chunk))) {
+        let row_blocks = kinds.filter_map(|(t, stock)| Some((t, snapshot.row_blocks(t, stock)?)));
+        for (topology, chunk) in row_blocks.flat_map(|(t, blocks)| blocks.chunks().iter().map(move |chunk| (t, chunk)))
+        {
             let wanted = |resident: &Option<Arc<Resident>>| resident.as_ref().is_some_and(|r| r.has_tags(tags));
             let residents = chunk.residents().iter().enumerate();
             let mask = residents.fold(0u16, |mask, (lane, r)| mask | (u16::from(wanted(r)) << lane));

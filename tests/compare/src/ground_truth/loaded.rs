@@ -29,7 +29,7 @@ impl Loaded {
         Ok(Self { poly, prepared, patch })
     }
 
-    /// A mesh that was cut from another; crumbs of the cut are left out.
+    /// A mesh that was cut from another; small components of the cut are left out.
     ///
     /// # Errors
     /// What is wrong with it; a sentence.

@@ -98,7 +98,7 @@ impl Rim {
 
 /// The vertices of one boundary: counter-clockwise in the plane, for a hole too.
 #[derive(Clone, Debug)]
-struct Ring {
+struct BoundaryVertices {
     /// Vertex of the surface, and its place among the columns.
     places: Vec<(u32, f64)>,
     points: Vec<Vec3>,
@@ -144,7 +144,7 @@ struct Tried {
 struct Search<'a> {
     harmonics: &'a Harmonics,
     chart: &'a Chart,
-    rings: &'a [Ring],
+    rings: &'a [BoundaryVertices],
     /// Maps with all boundaries given.
     maps: Ramps<'a>,
     /// Where the hole's vertices fall, by x and y, if the outer boundary is given alone; none of a disc.
@@ -212,9 +212,10 @@ impl Harmonics {
             if outer == 1 {
                 points.reverse();
             }
-            Ring { places, points }
+            BoundaryVertices { places, points }
         };
-        let rings: Vec<Ring> = if given.len() == 1 { vec![ring(0)] } else { vec![ring(outer), ring(1 - outer)] };
+        let rings: Vec<BoundaryVertices> =
+            if given.len() == 1 { vec![ring(0)] } else { vec![ring(outer), ring(1 - outer)] };
         let (n, m) = (rings[0].points.len() as u32, rings.get(1).map_or(0, |r| r.points.len()) as u32);
         let rings = &rings[..];
         let maps =
@@ -257,7 +258,7 @@ impl Harmonics {
     }
 
     /// What a function of the place gives on a boundary, and 0 elsewhere.
-    fn given(&self, ring: &Ring, f: &dyn Fn(f64) -> f64) -> Vec<f64> {
+    fn given(&self, ring: &BoundaryVertices, f: &dyn Fn(f64) -> f64) -> Vec<f64> {
         let mut given = vec![0.0; self.on_rim.len()];
         ring.places.iter().for_each(|&(v, t)| given[v as usize] = f(t));
         given

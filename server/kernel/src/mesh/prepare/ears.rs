@@ -25,7 +25,7 @@ pub(super) fn cut(
     mut allowed: impl FnMut(usize, usize) -> bool,
     mut taken: impl FnMut(usize, usize),
 ) -> Option<Vec<[usize; 3]>> {
-    let mut ring = Ring::new(points);
+    let mut ring = RemainingPolygon::new(points);
     let mut triangles = Vec::with_capacity(points.len().saturating_sub(2));
     // Ears with an area; then flat ones; then any, where the polygon crosses itself.
     for strictness in [Strictness::Proper, Strictness::Flat, Strictness::Any] {
@@ -84,7 +84,7 @@ impl PartialOrd for Ear {
 }
 
 /// What is left of the polygon.
-struct Ring<'p> {
+struct RemainingPolygon<'p> {
     points: &'p [Point],
     before: Vec<usize>,
     after: Vec<usize>,
@@ -95,7 +95,7 @@ struct Ring<'p> {
     tests_left: usize,
 }
 
-impl<'p> Ring<'p> {
+impl<'p> RemainingPolygon<'p> {
     fn new(points: &'p [Point]) -> Self {
         let n = points.len();
         let (before, after): (Vec<usize>, Vec<usize>) = (0..n).map(|k| ((k + n - 1) % n, (k + 1) % n)).unzip();

@@ -4,10 +4,10 @@
 
 use super::super::{EngineError, Part, Stitched, Stitching};
 use super::grouped::Pieces;
+use super::notes::MISS_TOLD_PCT;
 use super::stitch::{Made, stitched};
-use super::told::MISS_TOLD_PCT;
 use crate::pool::Stop;
-use quadmuse_kernel::compose::{self, Miss, ground::Ground};
+use quadmuse_kernel::compose::{self, Miss, surface::ComposedSurface};
 use quadmuse_kernel::mesh::PolyMesh;
 use std::sync::Arc;
 
@@ -28,7 +28,7 @@ const MOVED: &str = "the map's vertices were moved so that its faces lie on the 
 
 /// `None` for a map that does not follow the input. A poor one is not split: a regular layout is better.
 pub(super) fn as_one(
-    ground: &Ground<'_>,
+    ground: &ComposedSurface<'_>,
     whole: &Arc<PolyMesh>,
     is_poor: bool,
     how: Stitching,
@@ -77,7 +77,7 @@ pub(super) fn as_one(
 /// A map, or one split so many times, with its vertices moved, and how far it misses then; `None` where its faces would
 /// not stay.
 fn moved(
-    ground: &Ground<'_>,
+    ground: &ComposedSurface<'_>,
     mesh: &Arc<PolyMesh>,
     splits: u32,
     how: Stitching,
@@ -142,7 +142,7 @@ mod tests {
     fn tried(n: usize, height: fn(f64, f64) -> f64, is_poor: bool) -> (Arc<PolyMesh>, f64, Option<(Stitched, f64)>) {
         let surface = prepare(&sheet(80, height)).expect("a disc").mesh;
         let segmented = Segmented::primitive(&surface, Components::Crumbs).expect("a disc");
-        let ground = Ground::of(&segmented);
+        let ground = ComposedSurface::of(&segmented);
         let map = Arc::new(sheet(n, height));
         let miss_pct = |mesh: &PolyMesh| 100.0 * compose::miss(ground.input(), mesh).expect("a disc of quads").mean;
         let how = Stitching { smoothing: 5, density: 0 };
@@ -195,7 +195,8 @@ mod tests {
             ..PolyMesh::default()
         };
         let how = Stitching { smoothing: 5, density: 0 };
-        let made = as_one(&Ground::of(&segmented), &Arc::new(map), false, how, &Stop::new(None)).expect("a layout");
+        let made =
+            as_one(&ComposedSurface::of(&segmented), &Arc::new(map), false, how, &Stop::new(None)).expect("a layout");
         let made = made.expect("it follows");
         assert_eq!((made.mesh.faces.len(), &made.notes[..]), (600, &[split_note(1, 600)][..]));
     }
@@ -207,8 +208,8 @@ mod tests {
         let map = Arc::new(sheet(10, dome));
         let part = [Part::Mapped { part: Arc::clone(&map), whole: map }];
         let how = Stitching { smoothing: 5, density: 1 };
-        let made =
-            stitched(&Ground::of(&segmented), &part, &Pieces::single(1), how, &Stop::new(None)).expect("a layout");
+        let made = stitched(&ComposedSurface::of(&segmented), &part, &Pieces::single(1), how, &Stop::new(None))
+            .expect("a layout");
         let groups = made.mesh.attributes.groups.expect("groups").of_face;
         assert_eq!((groups.len(), groups.iter().filter(|&&g| g == 0).count()), (400, 200));
     }

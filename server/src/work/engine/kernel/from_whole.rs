@@ -5,8 +5,8 @@
 
 use super::super::{EngineError, Refusal, Side};
 use super::fresh;
-use super::model::{Laid as WholeLaid, ModelInner};
-use super::registered::{self, Laid, Registered, Surface, Way};
+use super::model::{ModelInner, WholeMap};
+use super::registered::{self, Registered, Surface, UnmeasuredMap, Way};
 use crate::pool::Stop;
 use quadmuse_kernel::encode::index::Location as Place;
 use quadmuse_kernel::map::bend::{BendError, Pin, bend};
@@ -49,7 +49,7 @@ pub(super) fn from_whole<'a>(
     registered: &'a Registered,
     example: &Side,
     query: &Side,
-) -> Result<Option<(Laid<'a>, f64)>, EngineError> {
+) -> Result<Option<(UnmeasuredMap<'a>, f64)>, EngineError> {
     let (of, on): (&ModelInner, &ModelInner) = (example.model.inner.open()?, query.model.inner.open()?);
     let is_its_part = example.segment == query.segment;
     let whole = on.laid.as_ref().filter(|laid| is_its_part && laid.is_of(&example.model.mesh));
@@ -82,7 +82,7 @@ pub(super) fn from_whole<'a>(
     for (v, bent) in within.locations.iter().enumerate().filter(|(v, bent)| **bent != of_whole.cross.locations[*v]) {
         (cross.locations[v], cross.positions[v]) = (*bent, within.positions[v]);
     }
-    let laid = Laid {
+    let laid = UnmeasuredMap {
         cross,
         as_part: Some(within.positions),
         way: Way::Whole,
@@ -153,7 +153,7 @@ pub(super) fn fitted(
 }
 
 /// The part of the whole on a segment's surface; `None` where a vertex has no place, or the boundaries differ.
-fn part_of(whole: &WholeLaid, patch: &Patch, surface: &Surface) -> Option<OfWhole> {
+fn part_of(whole: &WholeMap, patch: &Patch, surface: &Surface) -> Option<OfWhole> {
     let points: Option<Vec<Vec3>> =
         patch.vertex_of.iter().map(|&v| whole.places.get(v as usize).copied().flatten()).collect();
     let (chart, mirror) = (&surface.chart, registered::sign(whole.mirrored));
@@ -163,7 +163,7 @@ fn part_of(whole: &WholeLaid, patch: &Patch, surface: &Surface) -> Option<OfWhol
     leave_fillings(&mut cross, chart, f64::INFINITY);
     let as_laid = CrossMap { locations: cross.locations.clone(), positions: points };
     let laid_angle_p95_deg = measure::angle_distortion(&patch.mesh, &as_laid).p95;
-    let WholeLaid { mirrored, cost, modulus_log, .. } = *whole;
+    let WholeMap { mirrored, cost, modulus_log, .. } = *whole;
     Some(OfWhole { mirrored, cost, modulus_log, as_laid, cross, bvh: Bvh::new(&patch.mesh), laid_angle_p95_deg })
 }
 

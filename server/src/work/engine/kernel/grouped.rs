@@ -3,8 +3,8 @@
 //! Where a query was cut as an example is and takes most of its parts from there, the cuts between these were never needed.
 
 use super::super::{EngineError, Part};
-use super::model::{Laid, ModelInner};
-use quadmuse_kernel::compose::{Report, ground::Ground, part};
+use super::model::{ModelInner, WholeMap};
+use quadmuse_kernel::compose::{Report, part, surface::ComposedSurface};
 use quadmuse_kernel::map::assemble::Winding;
 use quadmuse_kernel::mesh::{PolyMesh, Vec3};
 use quadmuse_kernel::topology::submesh;
@@ -56,7 +56,7 @@ impl Pieces {
     }
 
     /// The ground with a segment a piece.
-    pub(super) fn ground<'a>(&self, ground: &Ground<'a>) -> Ground<'a> {
+    pub(super) fn ground<'a>(&self, ground: &ComposedSurface<'a>) -> ComposedSurface<'a> {
         let count = self.all.iter().map(|piece| piece.0.len()).sum();
         let mut piece_of = vec![0; count];
         for (piece, (segments, _)) in self.all.iter().enumerate() {
@@ -103,7 +103,7 @@ impl Pieces {
 }
 
 /// What the example has on some of its segments, where the whole was laid; `None` where a vertex has no place.
-fn joined(laid: &Laid, segments: &[usize]) -> Result<Option<PolyMesh>, EngineError> {
+fn joined(laid: &WholeMap, segments: &[usize]) -> Result<Option<PolyMesh>, EngineError> {
     let of: &ModelInner = laid.example.inner.open()?;
     let is_in = |t: &u32| of.segmented.part_of.get(*t as usize).is_some_and(|p| segments.contains(&(*p as usize)));
     let triangles: Vec<u32> = (0..of.segmented.mesh.triangles.len() as u32).filter(is_in).collect();

@@ -3,7 +3,7 @@
 use super::super::{EngineError, Mapped, Reach, Registration, Side};
 use super::fresh;
 use super::model::ModelInner;
-use super::registered::{Laid, Way, assembled, describe, sign, winding};
+use super::registered::{UnmeasuredMap, Way, assembled, describe, sign, winding};
 use quadmuse_kernel::map::{CrossMap, folded_faces, leave_fillings};
 use quadmuse_kernel::measure::coverage::{Coverage, coverage, feature_points};
 use quadmuse_kernel::measure::{self, Distribution, Evidence};
@@ -17,7 +17,7 @@ const BRIDGED: f64 = 0.01;
 
 /// What was laid, measured; `laid_angle_p95_deg` is the 95th percentile of the angle distortion before it settled.
 pub(super) fn measured(
-    mut laid: Laid<'_>,
+    mut laid: UnmeasuredMap<'_>,
     laid_angle_p95_deg: f64,
     from: &Registration,
     example: &Side,
@@ -95,7 +95,7 @@ fn model_of(side: &Side) -> Result<&ModelInner, EngineError> {
 
 /// Polygons that a map given by places turns over in the input's chart; those wider than a quarter of a period, which are at
 /// a pole, are left out.
-fn turned_in_domain(mesh: &TriMesh, laid: &Laid<'_>) -> Vec<u32> {
+fn turned_in_domain(mesh: &TriMesh, laid: &UnmeasuredMap<'_>) -> Vec<u32> {
     const WIDTH_MAX: f64 = 0.25;
     let uv: Vec<[f64; 2]> = laid.cross.locations.iter().map(|l| l.uv(laid.input)).collect();
     let is_turned = |corners: &[u32; 3]| {
@@ -121,7 +121,7 @@ fn covered(example: &TriMesh, cross: &CrossMap, query: &Side) -> Result<Coverage
 }
 
 /// How a map distorts the example.
-pub(super) fn distortion(laid: &Laid<'_>, example: &Side) -> Result<measure::Distortion, EngineError> {
+pub(super) fn distortion(laid: &UnmeasuredMap<'_>, example: &Side) -> Result<measure::Distortion, EngineError> {
     let model: &ModelInner = example.model.inner.open()?;
     let mesh = &model.patch(example.segment)?.mesh;
     Ok(measure::distortion(mesh, &laid.cross, laid.input, sign(laid.mirrored)))

@@ -3,7 +3,7 @@
 use super::super::{Besides, Cut, EngineError, Grain, Model, ModelSegment, Opaque, Refusal};
 use super::{parts, topology_out};
 use crate::work::worth::{FACES_CHOSEN_MIN, FACES_OF_SCAN_MIN};
-use quadmuse_kernel::compose::ground::Ground;
+use quadmuse_kernel::compose::surface::ComposedSurface;
 use quadmuse_kernel::mesh::{
     self, FaceLabels, Format, Limits, MeshError, MeshErrorKind, NONE, PolyMesh, Prepared, TriMesh, Vec3,
 };
@@ -22,19 +22,19 @@ pub(super) struct ModelInner {
     /// Parts of the surface that are segments, too, after those of `segmented`, which then is whole.
     pub(super) parts: Vec<Patch>,
     /// The example that it was cut alike, laid on it whole.
-    pub(super) laid: Option<Laid>,
+    pub(super) laid: Option<WholeMap>,
     /// Whether it was cut where another surface ends, so that its boundary means nothing.
     pub(super) is_part: bool,
 }
 
 /// An example laid on an input whole.
 #[derive(Debug)]
-pub(super) struct Laid {
+pub(super) struct WholeMap {
     /// The example.
     pub(super) example: Model,
     /// Its faces on the input.
     pub(super) mesh: PolyMesh,
-    /// Where the vertices of its surface went; `None` for those of crumbs.
+    /// Where the vertices of its surface went; `None` for those of small components.
     pub(super) places: Vec<Option<Vec3>>,
     /// Whether it lies mirrored.
     pub(super) mirrored: bool,
@@ -43,7 +43,7 @@ pub(super) struct Laid {
     pub(super) modulus_log: f64,
 }
 
-impl Laid {
+impl WholeMap {
     /// Whether it was this example.
     pub(super) fn is_of(&self, example: &Arc<PolyMesh>) -> bool {
         let own = &self.example.mesh;
@@ -97,8 +97,8 @@ impl ModelInner {
     }
 
     /// The surface that the segments cut up, as it is composed.
-    pub(super) fn ground(&self) -> Ground<'_> {
-        Ground::of(&self.segmented)
+    pub(super) fn ground(&self) -> ComposedSurface<'_> {
+        ComposedSurface::of(&self.segmented)
     }
 
     /// Whether an example laid on a segment may come to rest elsewhere than its chart says. What was laid whole has its place;

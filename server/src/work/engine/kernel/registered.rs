@@ -10,7 +10,7 @@ use crate::pool::Stop;
 use quadmuse_kernel::encode::index::{Location as Place, PlanarIndex};
 use quadmuse_kernel::map::assemble::{Winding, assemble};
 use quadmuse_kernel::map::atlas::Atlas;
-use quadmuse_kernel::map::reembed::Ground;
+use quadmuse_kernel::map::reembed::InputChart;
 use quadmuse_kernel::map::snap::{Snap, creases_on};
 use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, edit, leave_fillings};
@@ -64,8 +64,8 @@ impl Surface {
     }
 
     /// What vertices settle on.
-    pub(super) fn ground(&self) -> Ground<'_> {
-        Ground { chart: &self.chart, index: &self.index }
+    pub(super) fn ground(&self) -> InputChart<'_> {
+        InputChart { chart: &self.chart, index: &self.index }
     }
 }
 
@@ -184,7 +184,7 @@ pub(super) fn describe(registered: Registered) -> Registration {
 }
 
 /// What a map is made of before it is measured.
-pub(super) struct Laid<'a> {
+pub(super) struct UnmeasuredMap<'a> {
     pub(super) cross: CrossMap,
     /// Where the vertices go in a part to be stitched, with the boundary on the segment's, if that is elsewhere.
     pub(super) as_part: Option<Vec<Vec3>>,
@@ -236,14 +236,14 @@ pub(super) fn whole(from: &Registration, example: &Side, query: &Side, stop: &St
 }
 
 /// The faces of the example's segment where it is laid, as its file has them.
-pub(super) fn assembled(laid: &Laid<'_>, example: &Side) -> Result<PolyMesh, EngineError> {
+pub(super) fn assembled(laid: &UnmeasuredMap<'_>, example: &Side) -> Result<PolyMesh, EngineError> {
     let model: &ModelInner = example.model.inner.open()?;
     let patch = model.patch(example.segment)?;
     let (surface, vertex_of) = (&model.segmented.mesh, &model.prepared.vertex_of);
     Ok(assemble(&example.model.mesh, surface, vertex_of, patch, &laid.cross.positions, winding(laid)))
 }
 
-pub(super) fn winding(laid: &Laid<'_>) -> Winding {
+pub(super) fn winding(laid: &UnmeasuredMap<'_>) -> Winding {
     if laid.mirrored { Winding::Reversed } else { Winding::Kept }
 }
 
@@ -255,7 +255,7 @@ pub(super) fn lay<'a>(
     example: &Side,
     query: &Side,
     stop: &Stop,
-) -> Result<(Laid<'a>, f64), EngineError> {
+) -> Result<(UnmeasuredMap<'a>, f64), EngineError> {
     stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
     let mut laid = match atlas {
         Some(atlas) => by_atlas(atlas, registered, example, query)?,
@@ -303,7 +303,7 @@ pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop
 }
 
 /// One chart with its registration.
-fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Result<Laid<'a>, EngineError> {
+fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Result<UnmeasuredMap<'a>, EngineError> {
     let input = registered.surface(query)?;
     let source = fresh(&example.encoded.encoding)?;
     let registration = registered.registration();
@@ -314,7 +314,7 @@ fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Res
     let mesh = &model.patch(example.segment)?.mesh;
     untangle(mesh, &mut cross, &input.chart, mirror, &input.bvh);
     leave_fillings(&mut cross, &input.chart, f64::INFINITY);
-    Ok(Laid {
+    Ok(UnmeasuredMap {
         cross,
         as_part: None,
         way: Way::Chart,
@@ -348,7 +348,7 @@ fn by_atlas<'a>(
     registered: &Registered,
     example_side: &Side,
     query: &Side,
-) -> Result<Laid<'a>, EngineError> {
+) -> Result<UnmeasuredMap<'a>, EngineError> {
     let pins: Vec<(Place, Place)> = registered.pinned.iter().map(|p| p.1).collect();
     let mut cross = atlas.cross_map(&pins).map_err(|e| {
         let which: Vec<&str> = registered.pinned.iter().map(|p| p.0.as_str()).collect();
@@ -373,7 +373,7 @@ fn by_atlas<'a>(
         origin: ConstraintOrigin::Feature,
     };
     let tips = atlas.matches.iter().enumerate().map(tip);
-    Ok(Laid {
+    Ok(UnmeasuredMap {
         cross,
         as_part: None,
         way: Way::Atlas(atlas),

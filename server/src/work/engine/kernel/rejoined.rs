@@ -1,7 +1,7 @@
 //! One example on all segments of a query, put together again.
 
 use super::super::{EngineError, Model, OnePart, Stitched};
-use super::model::{Laid, ModelInner};
+use super::model::{ModelInner, WholeMap};
 use quadmuse_kernel::compose::check::extraordinary;
 use quadmuse_kernel::map::{assemble::select, rejoin};
 use quadmuse_kernel::mesh::PolyMesh;
@@ -15,7 +15,7 @@ pub(super) fn rejoin(query: &Model, example: &Model, parts: &[OnePart]) -> Resul
     let (on, of): (&ModelInner, &ModelInner) = (query.inner.open()?, example.inner.open()?);
     let count = of.segmented.parts.len();
     let part_of = of.part_of_faces(example.mesh.faces.len());
-    let is_it = |laid: &&Laid| laid.is_of(&example.mesh) && laid.mesh.faces.len() == example.mesh.faces.len();
+    let is_it = |laid: &&WholeMap| laid.is_of(&example.mesh) && laid.mesh.faces.len() == example.mesh.faces.len();
     let laid = on.laid.as_ref().filter(is_it);
     let by_itself = |part: &OnePart| part.is_edited || part.segment != part.example_segment;
     if let Some(laid) = laid

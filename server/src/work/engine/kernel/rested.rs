@@ -15,9 +15,9 @@ use quadmuse_kernel::fit::rest::Rested;
 use quadmuse_kernel::fit::{Surface, within, without};
 use quadmuse_kernel::map::CrossMap;
 use quadmuse_kernel::map::bend::{Pin, bend};
-use quadmuse_kernel::map::reembed::{Ground, turn_back};
+use quadmuse_kernel::map::reembed::{InputChart, turn_back};
 use quadmuse_kernel::map::untangle::inward;
-use quadmuse_kernel::measure::sound::Grounds;
+use quadmuse_kernel::measure::sound::ReferenceSurface;
 use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::mesh::tri::area_between;
 use quadmuse_kernel::mesh::{NONE, TriMesh, Vec3};
@@ -52,7 +52,7 @@ pub(super) fn rest(
     let (locations, positions) = places.into_iter().map(|p| (Location::from(p), p.point)).unzip();
     let mut cross = CrossMap { locations, positions };
     let mut bare: Vec<bool> = lost.iter().zip(&off).map(|(lost, off)| *lost || *off).collect();
-    let leaps = leaps(&one.patch.mesh, &cross.positions, &Grounds::new((*chart.mesh).clone()));
+    let leaps = leaps(&one.patch.mesh, &cross.positions, &ReferenceSurface::new((*chart.mesh).clone()));
     islands(&one.patch.mesh, &leaps, &mut bare);
     let mut lost = with_turned(&one.patch.mesh, &cross, chart, sign, lost);
     fray(&one.patch.mesh, &leaps, &mut lost);
@@ -70,7 +70,7 @@ pub(super) fn rest(
         example = of_example(&example, less)?;
     }
     let spanned = span(&mut cross, &surface.patch.mesh, &bare, chart);
-    let ground = Ground { chart, index: two.query.index() };
+    let ground = InputChart { chart, index: two.query.index() };
     turn_back(&surface.patch.mesh, &mut cross, &ground, sign, &OnceLock::new());
     mend(&surface.patch.mesh, &mut cross, chart, sign);
     let mut turned = inward(&surface.patch.mesh, &cross, chart, sign);

@@ -5,7 +5,7 @@
 //! hold exactly.
 
 use quadmuse_kernel::map::CrossMap;
-use quadmuse_kernel::map::reembed::{self, Ground};
+use quadmuse_kernel::map::reembed::{self, InputChart};
 use quadmuse_kernel::map::snap::{Snap, snap};
 use quadmuse_kernel::map::walk::walk;
 use quadmuse_kernel::mesh::{TriMesh, Vec3};
@@ -39,7 +39,7 @@ pub(super) fn settle(
     kept: &OnceLock<Settled>,
     laying: &Laying,
     cross: &mut CrossMap,
-    grounds: &[Ground],
+    grounds: &[InputChart],
     mirror: f64,
     constraints: &[Constraint],
 ) {

@@ -4,7 +4,7 @@ use super::super::{Allowed, Appraisal, EngineError, Mapped, Model, Side, Stitche
 use super::fresh;
 use super::model::ModelInner;
 use quadmuse_kernel::compose::apart::owned;
-use quadmuse_kernel::measure::sound::Grounds;
+use quadmuse_kernel::measure::sound::ReferenceSurface;
 use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::mesh::{NONE, PolyMesh, TriMesh, Vec3};
 use quadmuse_kernel::topology::holes::filled;
@@ -15,10 +15,12 @@ pub(super) fn check(mapped: &mut Mapped, query: &Side) -> Result<(), EngineError
     let inner: &ModelInner = query.model.inner.open()?;
     let flaws = if inner.laid.is_some() {
         // A part of what was laid whole ends beside its segment.
-        Grounds::new(owned(inner.ground().input()).into_owned()).flaws(&mapped.mesh).reasons(1.0, 0.0)
+        ReferenceSurface::new(owned(inner.ground().input()).into_owned()).flaws(&mapped.mesh).reasons(1.0, 0.0)
     } else {
         let surface: &TriMesh = &fresh(&query.encoded.encoding)?.chart.mesh;
-        Grounds::new(surface.clone()).flaws(&mapped.mesh).reasons(1.0 - mapped.reach.covers.input, mapped.reach.spanned)
+        ReferenceSurface::new(surface.clone())
+            .flaws(&mapped.mesh)
+            .reasons(1.0 - mapped.reach.covers.input, mapped.reach.spanned)
     };
     if !flaws.is_empty() {
         mapped.verdict = Verdict::Broken;
@@ -34,7 +36,7 @@ pub(super) fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Resu
     let surface = owned(ground.input());
     let with_gaps = inner.segmented.parts.iter().filter(|part| !part.holes.is_empty());
     let filled = with_gaps.map(|part| filled(&part.mesh, &part.holes));
-    let flaws = Grounds::new(surface.into_owned()).with_gaps(filled).flaws(&made.mesh);
+    let flaws = ReferenceSurface::new(surface.into_owned()).with_gaps(filled).flaws(&made.mesh);
     let tree = Bvh::new(ground.input().surface);
     // The segment on which a face stands: that at its middle.
     let segment_of = |face: &[u32]| {

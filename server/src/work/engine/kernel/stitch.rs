@@ -7,10 +7,10 @@ use super::as_one::as_one;
 use super::fresh;
 use super::grouped::Pieces;
 use super::model::ModelInner;
-use super::told;
+use super::notes;
 use crate::pool::Stop;
 use quadmuse_kernel::compose::{
-    self, Closeness, Options, Piece, ground::Ground, layers, net::Net, subdivide, template,
+    self, Closeness, Options, Piece, layers, net::Net, subdivide, surface::ComposedSurface, template,
 };
 use quadmuse_kernel::mesh::{PolyMesh, TriMesh};
 use quadmuse_kernel::register::Query;
@@ -88,7 +88,7 @@ pub(super) fn compose(query: &Model, parts: &[Part], how: Stitching, stop: &Stop
 pub(super) struct Made {
     pub(super) mesh: PolyMesh,
     pub(super) report: compose::Report,
-    brought: told::Brought,
+    brought: notes::Brought,
 }
 
 impl Made {
@@ -105,8 +105,8 @@ impl Made {
 
     pub(super) fn told(self) -> Stitched {
         let is_example = self.is_example();
-        let mut notes = told::brought(&self.brought);
-        notes.extend(told::made(&self.report, self.mesh.faces.len()));
+        let mut notes = notes::brought(&self.brought);
+        notes.extend(notes::made(&self.report, self.mesh.faces.len()));
         Stitched {
             is_poor_kept: false,
             is_example,
@@ -120,13 +120,13 @@ impl Made {
 
 /// One piece for each group of segments.
 pub(super) fn stitched(
-    ground: &Ground<'_>,
+    ground: &ComposedSurface<'_>,
     parts: &[Part],
     pieces: &Pieces,
     how: Stitching,
     stop: &Stop,
 ) -> Result<Made, EngineError> {
-    let mut told = told::Brought::default();
+    let mut told = notes::Brought::default();
     let mut brought: Vec<Brought<'_>> = Vec::new();
     for (segment, joined) in pieces.each() {
         let mut mesh = |part| at_density(part, segment, how.density, &mut told).map(Box::new);
@@ -172,7 +172,7 @@ fn at_density(
     mesh: &PolyMesh,
     segment: usize,
     density: i32,
-    told: &mut told::Brought,
+    told: &mut notes::Brought,
 ) -> Result<PolyMesh, EngineError> {
     if density == 0 {
         return Ok(mesh.clone());

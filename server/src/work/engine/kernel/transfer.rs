@@ -1,7 +1,7 @@
 //! An input cut as an example is cut: the example is laid on it whole, and its parts go where the map takes them.
 
 use super::super::{Engine, EngineError, Model, Opaque, Refusal, Side};
-use super::model::{Laid, ModelInner};
+use super::model::{ModelInner, WholeMap};
 use super::{KernelEngine, registered};
 use crate::pool::Stop;
 use quadmuse_kernel::map::parted;
@@ -43,7 +43,7 @@ pub(super) fn alike(engine: &KernelEngine, query: &Model, example: &Model, stop:
     let mut places = vec![None; of.segmented.mesh.positions.len()];
     patch.vertex_of.iter().zip(&whole.positions).for_each(|(&v, p)| places[v as usize] = Some(*p));
     let registered::Whole { mesh, mirrored, cost, modulus_log, .. } = whole;
-    let laid = Some(Laid { example: example.clone(), mesh, places, mirrored, cost, modulus_log });
+    let laid = Some(WholeMap { example: example.clone(), mesh, places, mirrored, cost, modulus_log });
     let inner = ModelInner { prepared: on.prepared.clone(), segmented, parts: Vec::new(), laid, is_part: false };
     Ok(Model {
         segments: inner.segments(),

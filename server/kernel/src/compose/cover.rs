@@ -1,4 +1,4 @@
-//! What the result passes over, the tips of protrusions above all, it is drawn out to.
+//! Moves vertices to regions of the input that the mesh does not cover, above all the tips of protrusions.
 //!
 //! For each of the input's sample points x, y is the nearest point of the result. Where |x − y| is more than is allowed, the
 //! corner next to x of the face that holds y is asked for; a vertex goes to the farthest x that asks for it, unless a
@@ -11,16 +11,16 @@ use super::smooth::Target;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
 
-/// Rounds of drawing, and rounds in which the others follow after each.
+/// Rounds of moving vertices, and rounds in which the others follow after each.
 const ROUNDS: usize = 12;
 const FOLLOWING: usize = 6;
-/// Edges around a drawn vertex within which the others follow, and how far they go.
+/// Edges around a moved vertex within which the others follow, and how far they go.
 const REACH: usize = 4;
 const STEP: f64 = 0.5;
 
-/// Draws a net of quads out to the points from which it is farther than `allowed`; tells of each vertex
-/// whether it was drawn.
-pub fn draw_out(net: &mut Net, points: &[Vec3], target: &Target, allowed: f64) -> Vec<bool> {
+/// Moves vertices of a net of quads to the points that are farther from it than `allowed`, in units of the mesh; tells of
+/// each vertex whether it was moved.
+pub fn cover(net: &mut Net, points: &[Vec3], target: &Target, allowed: f64) -> Vec<bool> {
     let mut held = vec![false; net.positions.len()];
     for _ in 0..ROUNDS {
         let drawn = farthest_asked(net, points, allowed);
@@ -95,11 +95,11 @@ mod tests {
         net.positions.iter_mut().for_each(|p| *p /= 10.0);
         let (measured, target) = (Measured::new(&surface), Target::new(&surface));
         let before = measured.fit(&net.clone().into_mesh().0);
-        assert!(draw_out(&mut net, measured.points(), &target, 0.02).contains(&true));
+        assert!(cover(&mut net, measured.points(), &target, 0.02).contains(&true));
         let after = measured.fit(&net.clone().into_mesh().0);
         assert!(after.back < 0.35 * before.back, "{before:?} {after:?}");
         let top = net.positions.iter().map(|p| p.z).fold(0.0, f64::max);
         assert!(top > 0.45, "{top}");
-        assert!(!draw_out(&mut net, &[Vec3::zeros()], &target, 0.02).contains(&true));
+        assert!(!cover(&mut net, &[Vec3::zeros()], &target, 0.02).contains(&true));
     }
 }

@@ -36,7 +36,7 @@ pub(super) struct Seen {
 
 /// Normals, rim and area of the input.
 #[derive(Clone, Debug)]
-pub(super) struct Ground<'a> {
+pub(super) struct InputSurface<'a> {
     pub(super) mesh: &'a TriMesh,
     pub(super) normals: Vec<Vec3>,
     pub(super) rim: Vec<bool>,
@@ -51,7 +51,7 @@ pub(super) fn sixfold(x: &Vec3, n: &Vec3) -> [f64; 6] {
     [x.x, x.y, x.z, k * n.x, k * n.y, k * n.z]
 }
 
-impl<'a> Ground<'a> {
+impl<'a> InputSurface<'a> {
     pub(super) fn new(mesh: &'a TriMesh) -> Self {
         let (normals, _) = vertex_normals(&mesh.positions, &mesh.triangles);
         let mut rim = vec![false; mesh.positions.len()];

@@ -1,4 +1,4 @@
-//! The vertices of a net are moved so that its faces lie on the input, and not its vertices alone.
+//! Moves the vertices of a net so that its faces, and not its vertices alone, lie on the input.
 //!
 //! Between vertices on a curved surface the faces lie inside of it, by 2/3 of the sagitta on average. With x_k points of
 //! the faces, w_kv their weights of the corners, a_k the area that each stands for, r_k = π(x_k) − x_k, and likewise the
@@ -7,8 +7,8 @@
 //!
 //! t_v = s · Σ_k a_k w_kv (n_v·r_k) / Σ_k a_k w_kv.
 //!
-//! The vertices then lie a little outside where the surface bulges, and the faces straddle it: a layout of half the
-//! quads follows the input as closely. *Ours, not the paper's.*
+//! The vertices then lie a little outside where the surface bulges, and the surface cuts through the faces: a layout of
+//! half the quads follows the input as closely. *Ours, not the paper's.*
 
 use super::net::Net;
 use super::smooth::Target;
@@ -43,7 +43,7 @@ struct Asked {
 }
 
 /// Moves a net's vertices along their normals; `points` are spread evenly by area over the surface.
-pub fn straddle(net: &mut Net, points: &[Vec3], target: &Target, held: Held<'_>) {
+pub fn fit_surface(net: &mut Net, points: &[Vec3], target: &Target, held: Held<'_>) {
     let is_held = |v: u32| match held {
         Held::Nothing => false,
         Held::Boundary => net.on_boundary(v),
@@ -151,7 +151,7 @@ mod tests {
         let before = measured.fit(&net.clone().into_mesh().0).worst();
         for (held, left) in [(Held::Nothing, 0.45), (Held::Boundary, 0.8)] {
             let mut moved = net.clone();
-            straddle(&mut moved, measured.points(), &target, held);
+            fit_surface(&mut moved, measured.points(), &target, held);
             let after = measured.fit(&moved.clone().into_mesh().0).worst();
             assert!(after < left * before, "{held:?}: {before} to {after}");
             let stays = (0..49u32).filter(|&v| moved.positions[v as usize] == net.positions[v as usize]).count();

@@ -1,7 +1,7 @@
-//! A net comes to rest: its vertices slide along the input until its quads are rectangles of the sizes that are wanted.
+//! Slides the vertices of a net along the input until its quads are rectangles of the wanted sizes.
 //!
 //! E(x) = Σ_q h_q⁻² Σ_k |x_qk − c_q − r_qk|² + Σ_v s_v κ_v |x_v − x⁰_v|², x on the input: c_q is the mean of the corners
-//! x_qk of quad q, r_q the rectangle that it would be, h_q the edge that is wanted there, s_v how firmly a vertex stays at
+//! x_qk of quad q, r_q the rectangle that it would be, h_q the edge that is wanted there, s_v the stiffness that holds a vertex at
 //! its place x⁰_v, and κ_v the weight that its quads give it. With S = (x₁ + x₂ − x₀ − x₃)/4 and T = (x₂ + x₃ − x₀ − x₁)/4
 //! as complex numbers in the quad's plane, the nearest rectangle has the corners e^{iθ}(±a ± ib), 2θ = arg(S² − T²),
 //! a = Re e^{−iθ}S, b = Im e^{−iθ}T; its size √(ab) goes towards h_q/2, and the ratio of its sides towards 1, by a part of the way.
@@ -55,9 +55,9 @@ impl Quad {
     }
 }
 
-/// Goes `rounds` rounds. `firmness` of each vertex: 0 for one that is free, ∞ for one that stays.
-pub fn come_to_rest(net: &mut Net, target: &Target, firmness: &[f64], rounds: u32) {
-    let Some(mut state) = State::new(net, firmness) else { return };
+/// Runs `rounds` rounds. `stiffness` of each vertex: 0 for one that is free, ∞ for one that stays.
+pub fn optimise(net: &mut Net, target: &Target, stiffness: &[f64], rounds: u32) {
+    let Some(mut state) = State::new(net, stiffness) else { return };
     for _ in 0..rounds {
         let asked = state.ask(&net.positions);
         if asked.energy < state.least.0 {
@@ -94,10 +94,10 @@ struct State {
 }
 
 impl State {
-    fn new(net: &Net, firmness: &[f64]) -> Option<Self> {
+    fn new(net: &Net, stiffness: &[f64]) -> Option<Self> {
         let n = net.positions.len();
         let quads = quads(net);
-        if quads.is_empty() || firmness.len() != n {
+        if quads.is_empty() || stiffness.len() != n {
             return None;
         }
         let (mut weights, mut edges) = (vec![0.0; n], vec![(0.0, 0.0); n]);
@@ -107,8 +107,8 @@ impl State {
                 edges[v as usize] = (edges[v as usize].0 + quad.edge, edges[v as usize].1 + 1.0);
             }
         }
-        let fixed: Vec<bool> = firmness.iter().zip(&edges).map(|(s, e)| s.is_infinite() || e.1 == 0.0).collect();
-        let springs: Vec<f64> = (0..n).map(|v| if fixed[v] { 0.0 } else { firmness[v] * weights[v] }).collect();
+        let fixed: Vec<bool> = stiffness.iter().zip(&edges).map(|(s, e)| s.is_infinite() || e.1 == 0.0).collect();
+        let springs: Vec<f64> = (0..n).map(|v| if fixed[v] { 0.0 } else { stiffness[v] * weights[v] }).collect();
         let diagonal: Vec<f64> = (0..n).map(|v| weights[v] * (1.0 + DAMPING) + springs[v]).collect();
         let pairs = |q: &Quad| {
             let c = q.corners;
@@ -256,12 +256,12 @@ mod tests {
     fn moved(by: impl Fn(Vec3) -> Vec3) -> (Net, Target, Vec<f64>) {
         let mut net = sheet(SIDE, SIDE);
         net.positions.iter_mut().for_each(|p| *p /= f64::from(SIDE));
-        let firmness: Vec<f64> =
+        let stiffness: Vec<f64> =
             (0..net.positions.len() as u32).map(|v| if net.on_boundary(v) { f64::INFINITY } else { 0.0 }).collect();
-        for (p, _) in net.positions.iter_mut().zip(&firmness).filter(|(_, s)| **s == 0.0) {
+        for (p, _) in net.positions.iter_mut().zip(&stiffness).filter(|(_, s)| **s == 0.0) {
             *p = by(*p);
         }
-        (net, Target::new(&grid(12, 12, false, false)), firmness)
+        (net, Target::new(&grid(12, 12, false, false)), stiffness)
     }
 
     fn wave(p: Vec3) -> Vec3 {
@@ -297,15 +297,15 @@ mod tests {
 
     #[test]
     fn a_sheared_sheet_gets_its_right_angles_back_and_a_square_one_stays() {
-        let (mut net, target, firmness) = moved(wave);
+        let (mut net, target, stiffness) = moved(wave);
         let (square, ..) = moved(|p| p);
         let before = (mean_deviation_deg(&net), farthest(&net.positions, &square.positions));
-        come_to_rest(&mut net, &target, &firmness, 60);
+        optimise(&mut net, &target, &stiffness, 60);
         let after = (mean_deviation_deg(&net), farthest(&net.positions, &square.positions));
         assert!(after.0 < 0.1 * before.0 && after.1 < 0.2 * before.1, "{before:?} to {after:?}");
         assert!(net.positions.iter().all(|p| p.z.abs() < 1e-12));
         let mut still = square.clone();
-        come_to_rest(&mut still, &target, &firmness, 10);
+        optimise(&mut still, &target, &stiffness, 10);
         assert!(farthest(&still.positions, &square.positions) < 1e-9);
     }
 
@@ -313,11 +313,11 @@ mod tests {
     fn what_is_held_stays_and_what_is_firm_goes_less_far() {
         let middle = (6 * (SIDE + 1) + 5) as usize;
         let gone = [0.0, 1.0, f64::INFINITY].map(|firm| {
-            let (mut net, target, mut firmness) = moved(wave);
+            let (mut net, target, mut stiffness) = moved(wave);
             let start = net.positions.clone();
-            firmness[middle] = firm;
-            come_to_rest(&mut net, &target, &firmness, 60);
-            let border = (0..start.len()).filter(|&v| v != middle && firmness[v].is_infinite());
+            stiffness[middle] = firm;
+            optimise(&mut net, &target, &stiffness, 60);
+            let border = (0..start.len()).filter(|&v| v != middle && stiffness[v].is_infinite());
             assert!(border.into_iter().all(|v| net.positions[v] == start[v]));
             (net.positions[middle] - start[middle]).norm()
         });
@@ -326,22 +326,22 @@ mod tests {
 
     #[test]
     fn crowded_quads_spread() {
-        let (mut net, target, firmness) = moved(|p| p.map(|x| x.powf(1.5)));
+        let (mut net, target, stiffness) = moved(|p| p.map(|x| x.powf(1.5)));
         let spread = |net: &Net| {
             let areas = quads(net).iter().map(|q| quad_area(q.at(&net.positions))).collect::<Vec<_>>();
             areas.iter().copied().fold(0.0, f64::max) / areas.iter().copied().fold(f64::INFINITY, f64::min)
         };
         let before = spread(&net);
-        come_to_rest(&mut net, &target, &firmness, 60);
+        optimise(&mut net, &target, &stiffness, 60);
         assert!(spread(&net) < 0.3 * before, "{before} to {}", spread(&net));
     }
 
     #[test]
     fn a_net_without_area_stays_as_it_is() {
-        let (mut net, target, firmness) = moved(|p| p);
+        let (mut net, target, stiffness) = moved(|p| p);
         net.positions.iter_mut().for_each(|p| *p = Vec3::zeros());
         let start = net.positions.clone();
-        come_to_rest(&mut net, &target, &firmness, 3);
+        optimise(&mut net, &target, &stiffness, 3);
         assert_eq!(net.positions, start);
     }
 }

@@ -1,6 +1,6 @@
 //! The corpus' segments of one topology, side by side for sweeps.
 //!
-//! A shelf is cheap to clone: who changes it copies the one chunk that changes, and who ranks against an older clone
+//! A blocks is cheap to clone: who changes it copies the one chunk that changes, and who ranks against an older clone
 //! goes on seeing what was there.
 
 use super::Resident;
@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 /// Where a segment stands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Place {
+pub struct Slot {
     chunk: u32,
     lane: u8,
 }
@@ -51,24 +51,24 @@ impl Chunk {
 
 /// All segments of a topology.
 #[derive(Clone, Debug, Default)]
-pub struct Shelf {
+pub struct RowBlocks {
     chunks: Vec<Arc<Chunk>>,
-    free: Vec<Place>,
+    free: Vec<Slot>,
 }
 
-impl Shelf {
+impl RowBlocks {
     /// Its chunks.
     pub fn chunks(&self) -> &[Arc<Chunk>] {
         &self.chunks
     }
 
     /// Puts a segment in: `resident` is made once its place is known.
-    pub(super) fn put(&mut self, row: &Row, shape: Shape, resident: impl FnOnce(Place) -> Resident) -> Arc<Resident> {
+    pub(super) fn put(&mut self, row: &Row, shape: Shape, resident: impl FnOnce(Slot) -> Resident) -> Arc<Resident> {
         let place = self.free.pop().unwrap_or_else(|| {
             let chunk = self.chunks.len() as u32;
             self.chunks.push(Arc::default());
-            self.free.extend((1..LANES as u8).rev().map(|lane| Place { chunk, lane }));
-            Place { chunk, lane: 0 }
+            self.free.extend((1..LANES as u8).rev().map(|lane| Slot { chunk, lane }));
+            Slot { chunk, lane: 0 }
         });
         let resident = Arc::new(resident(place));
         if let Some((chunk, lane)) = self.at(place) {
@@ -87,14 +87,14 @@ impl Shelf {
     }
 
     /// Takes a segment out.
-    pub(super) fn remove(&mut self, place: Place) {
+    pub(super) fn remove(&mut self, place: Slot) {
         if let Some((chunk, lane)) = self.at(place) {
             (chunk.facts[lane], chunk.residents[lane]) = (None, None);
             self.free.push(place);
         }
     }
 
-    fn at(&mut self, place: Place) -> Option<(&mut Chunk, usize)> {
+    fn at(&mut self, place: Slot) -> Option<(&mut Chunk, usize)> {
         let chunk = self.chunks.get_mut(place.chunk as usize)?;
         Some((Arc::make_mut(chunk), usize::from(place.lane)))
     }

@@ -26,7 +26,7 @@ const OPENING: f64 = 0.35;
 const GAINS: [i64; 2] = [4, 1];
 
 /// A net with the faces that may be changed.
-pub struct Tidy<'a> {
+pub struct ValenceSimplifier<'a> {
     /// The net, of quads only.
     pub net: Net,
     /// Vertices that were changed.
@@ -49,7 +49,7 @@ impl Star {
     }
 }
 
-impl<'a> Tidy<'a> {
+impl<'a> ValenceSimplifier<'a> {
     /// A net of quads on the input; `free` tells whether a face may be changed (one that is beyond its end may), `touched`
     /// is what was changed before.
     pub fn new(net: Net, free: Vec<bool>, target: &'a Target, touched: Vec<u32>) -> Self {
@@ -287,12 +287,13 @@ mod tests {
         (net, Target::new(&grid(12, 12, false, false)))
     }
 
-    fn tidied(net: Net, free: Vec<bool>, target: &Target) -> (Net, usize) {
-        let mut tidy = Tidy::new(net, free, target, Vec::new());
-        let changes = tidy.run();
-        let anew: Vec<Star> = (0..tidy.net.positions.len() as u32).map(|v| Star::of(&tidy.net, v)).collect();
-        assert_eq!(tidy.stars, anew);
-        (tidy.net, changes)
+    fn simplified(net: Net, free: Vec<bool>, target: &Target) -> (Net, usize) {
+        let mut simplifier = ValenceSimplifier::new(net, free, target, Vec::new());
+        let changes = simplifier.run();
+        let anew: Vec<Star> =
+            (0..simplifier.net.positions.len() as u32).map(|v| Star::of(&simplifier.net, v)).collect();
+        assert_eq!(simplifier.stars, anew);
+        (simplifier.net, changes)
     }
 
     #[test]
@@ -304,8 +305,8 @@ mod tests {
         net.set_face(28, vec![39, 32, 41, 40]);
         assert_eq!(extraordinary(&net.clone().into_mesh().0), 4);
         let held = vec![false; 64];
-        assert_eq!(tidied(net.clone(), held, &target).1, 0);
-        let (net, changes) = tidied(net, Vec::new(), &target);
+        assert_eq!(simplified(net.clone(), held, &target).1, 0);
+        let (net, changes) = simplified(net, Vec::new(), &target);
         let mesh = net.into_mesh().0;
         assert_eq!((changes, extraordinary(&mesh), check(&mesh, DISC)), (1, 0, Ok(())));
     }
@@ -324,7 +325,7 @@ mod tests {
         }
         net.add_face(vec![x, v, y, copy]);
         assert_eq!(extraordinary(&net.clone().into_mesh().0), 4);
-        let (mut net, changes) = tidied(net, Vec::new(), &target);
+        let (mut net, changes) = simplified(net, Vec::new(), &target);
         assert_eq!(changes, 1);
         let mesh = net.clone().into_mesh().0;
         assert_eq!((extraordinary(&mesh), check(&mesh, DISC)), (0, Ok(())));
@@ -335,7 +336,7 @@ mod tests {
             net.set_face(f, corners);
         }
         assert_eq!(extraordinary(&net.clone().into_mesh().0), 3);
-        let (net, changes) = tidied(net, Vec::new(), &target);
+        let (net, changes) = simplified(net, Vec::new(), &target);
         assert_eq!(changes, 1);
         let mesh = net.into_mesh().0;
         assert_eq!((extraordinary(&mesh), check(&mesh, DISC)), (0, Ok(())));

@@ -1,4 +1,4 @@
-//! The surface of a segmentation as it is composed: small holes are filled, crumbs left out, as they are for the maps.
+//! The surface of a segmentation as it is composed: small holes are filled, small components left out, as they are for the maps.
 //!
 //! *Ours, not the paper's.*
 
@@ -10,13 +10,13 @@ use std::borrow::Cow;
 
 /// A surface to be composed on.
 #[derive(Clone, Debug)]
-pub struct Ground<'a> {
+pub struct ComposedSurface<'a> {
     mesh: Cow<'a, TriMesh>,
     owner: Vec<u32>,
     count: usize,
 }
 
-impl<'a> Ground<'a> {
+impl<'a> ComposedSurface<'a> {
     /// That of a segmentation.
     pub fn of(segmented: &'a Segmented) -> Self {
         let mut owner = vec![NONE; segmented.mesh.triangles.len()];
@@ -59,7 +59,7 @@ mod tests {
     use crate::topology::{Components, tests::grid};
 
     #[test]
-    fn a_sheet_with_small_holes_and_a_crumb_becomes_one_sheet_of_quads() {
+    fn a_sheet_with_small_holes_and_a_small_component_becomes_one_sheet_of_quads() {
         let sheet = grid(24, 24, false, false);
         let first = sheet.positions.len() as u32;
         let speck = [Vec3::new(3.0, 0.0, 0.0), Vec3::new(3.01, 0.0, 0.0), Vec3::new(3.0, 0.01, 0.0)];
@@ -68,7 +68,7 @@ mod tests {
         let triangles = kept.chain([[first, first + 1, first + 2]]).collect();
         let surface = TriMesh::from_triangles(positions, triangles).expect("a sheet and a speck");
         let segmented = Segmented::primitive(&surface, Components::Crumbs).expect("a disc");
-        let ground = Ground::of(&segmented);
+        let ground = ComposedSurface::of(&segmented);
         assert_eq!(ground.input().owner.iter().filter(|s| **s == NONE).count(), 1);
         let made = compose(ground.input(), &[Piece::Nothing], Options::default(), &|| false).expect("a layout");
         assert_eq!((made.report.way, made.report.own.len()), (Way::Direct, 0));
