@@ -95,6 +95,12 @@ macro_rules! id_type {
                 Self(generate())
             }
 
+            /// A fresh id of what lives on `server`, if there are several.
+            pub fn generate_on(server: Option<ServerNumber>) -> Self {
+                let id = Self::generate();
+                server.map_or(id, |server| id.on(server))
+            }
+
             /// The id whose bytes, big-endian, are given.
             pub const fn from_bytes(bytes: [u8; ID_BYTES_LEN]) -> Self {
                 Self(Ulid::from_bytes(bytes))

@@ -13,13 +13,14 @@ mod surface;
 mod uploads;
 
 use super::router;
-use crate::app::{App, Settings};
+use crate::app::{App, Settings, Together};
 use crate::audit::Audit;
 use crate::auth::Tokens;
 use crate::pool::{Admission, Pool, User};
 use crate::work::corpus::memory::MemoryCorpus;
 use crate::work::engine::Cut;
 use crate::work::engine::fake::FakeEngine;
+use crate::work::kept::{Files, Kept};
 use crate::work::query::{LiveQuery, QueryOptions};
 use crate::work::uploads::Uploads;
 use crate::work::{Caller, Work};
@@ -96,6 +97,7 @@ impl Bench {
             Arc::new(Tokens::beside(dir.path())),
             Audit::beside(dir.path()),
             Arc::new(Uploads::beside(dir.path(), LIMIT)),
+            Together { kept: Kept::on(Arc::new(Files::beside(dir.path()))), peers: None },
             Settings {
                 upload_limit: LIMIT,
                 allowed_hosts: Vec::new(),
@@ -163,7 +165,8 @@ impl Bench {
         let job = self.work.pool.admit(User(0), 0, None).expect("room");
         let model = self.work.engine.read(b"segment disc 1", None, &Cut::default(), job.stop()).expect("a model");
         let options = QueryOptions { top: 1, resolution: 32, deadline: None, tags: Vec::new(), like: None };
-        let live = Arc::new(LiveQuery::new(Caller::default(), options, Arc::new(model), job, Instant::now()));
+        let id = quadmuse_proto::QueryId::generate();
+        let live = Arc::new(LiveQuery::new(id, Caller::default(), options, Arc::new(model), job, Instant::now()));
         self.work.queries.insert(Arc::clone(&live)).expect("room");
         live
     }
