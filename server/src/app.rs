@@ -2,6 +2,7 @@
 
 use crate::audit::Audit;
 use crate::auth::Tokens;
+use crate::http::forward::Signs;
 use crate::http::idempotency::Idempotency;
 use crate::peers::Peers;
 use crate::rate::Rates;
@@ -57,6 +58,8 @@ pub struct Handles {
     pub kept: Kept,
     /// The servers that share the corpus, if this is one of several.
     pub peers: Option<Arc<Peers>>,
+    /// Which of them were there when they were asked last.
+    pub signs: Signs,
     /// Answers to `Idempotency-Key`.
     pub idempotency: Idempotency,
     /// The metrics.
@@ -86,6 +89,7 @@ impl App {
             uploads,
             kept: together.kept,
             peers: together.peers,
+            signs: Signs::default(),
             idempotency: Idempotency::default(),
             settings,
             metrics: crate::telemetry::metrics(),

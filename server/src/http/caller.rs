@@ -1,7 +1,7 @@
 //! Who asks: the token's role against the one needed, whose turn the work is counted as, and what is the caller's own.
 
 use super::error::{HttpError, REQUEST_ID};
-use super::forward::{AnsweredElsewhere, is_counted_elsewhere};
+use super::forward::{AnsweredElsewhere, is_passed_on};
 use crate::app::App;
 use crate::audit::Line;
 use crate::auth::{Access, Role, TokenRecord};
@@ -125,7 +125,7 @@ fn in_reserve(request: &Request) -> Result<(), HttpError> {
 /// Whether the caller has not asked too often. Health is told to everybody.
 fn rated(app: &App, request: &Request, caller: Caller, own_rate: Option<u32>) -> Result<(), HttpError> {
     let is_free = role_needed(request.method(), request.uri().path()).is_none();
-    if is_free || is_counted_elsewhere(request) {
+    if is_free || is_passed_on(request) {
         return Ok(());
     }
     let cost = if is_read(request.method()) { COST_READ } else { COST_WRITE };

@@ -21,6 +21,7 @@ use axum::middleware::Next;
 use axum::response::Response;
 use futures_util::future::join_all;
 use http_body_util::{BodyExt, Limited};
+pub use link::Signs;
 use link::{Fault, Link};
 use quadmuse_proto::id::ServerNumber;
 use quadmuse_proto::{QueryId, UploadId};
@@ -160,7 +161,7 @@ pub async fn pass(State(app): State<App>, mut request: Request, next: Next) -> R
         Whereabouts::There(..) if passed.is_some() => Err(wanted.gone()),
         Whereabouts::There(number, address) => {
             let limit = app.settings.upload_limit;
-            passed_on(peers, (number, &address), request).await.map_err(|fault| match fault {
+            passed_on(&app, peers, (number, &address), request).await.map_err(|fault| match fault {
                 Fault::Gone => {
                     tracing::warn!(server = number.get(), address, "another server does not answer");
                     wanted.gone()
@@ -176,10 +177,15 @@ pub async fn pass(State(app): State<App>, mut request: Request, next: Next) -> R
     }
 }
 
-async fn passed_on(peers: &Peers, (to, address): (ServerNumber, &str), request: Request) -> Result<Response, Fault> {
+async fn passed_on(
+    app: &App,
+    peers: &Peers,
+    (to, address): (ServerNumber, &str),
+    request: Request,
+) -> Result<Response, Fault> {
     let peer = request.extensions().get::<Peer>().map(|peer| peer.0);
     let (head, body) = request.into_parts();
-    let link = Link::to(address).await?;
+    let link = Link::to(address, &app.signs).await?;
     let answer = link.ask(Request::from_parts(passed_head(peers, to, peer, &head), body)).await?;
     let (mut head, body) = answer.into_parts();
     for name in ["connection", "keep-alive", "transfer-encoding"] {
@@ -197,7 +203,7 @@ fn without_cors(headers: &mut HeaderMap) {
     for name in cors {
         headers.remove(name);
     }
-    let is_other = |value: &&HeaderValue| !value.to_str().is_ok_and(|text| text.contains("access-control-request"));
+    let is_other = |value: &&HeaderValue| !value.as_bytes().starts_with(b"origin");
     let vary: Vec<HeaderValue> = headers.get_all(header::VARY).iter().filter(is_other).cloned().collect();
     headers.remove(header::VARY);
     for value in vary {
@@ -242,7 +248,7 @@ impl Others {
         let is_passed = self.head.extensions.get::<FromPeer>().is_some();
         let Some(peers) = app.peers.as_ref().filter(|_| !is_passed) else { return Vec::new() };
         let asked = peers.others().into_iter().map(|(number, address)| async move {
-            let answer = tokio::time::timeout(LIST_TIME_MAX, self.ask(peers, (number, &address))).await;
+            let answer = tokio::time::timeout(LIST_TIME_MAX, self.ask(app, peers, (number, &address))).await;
             match answer {
                 Ok(Ok(answer)) => serde_json::from_slice(&answer).ok(),
                 Ok(Err(_)) | Err(_) => {
@@ -254,12 +260,12 @@ impl Others {
         join_all(asked).await.into_iter().flatten().collect()
     }
 
-    async fn ask(&self, peers: &Peers, (to, address): (ServerNumber, &str)) -> Result<Vec<u8>, Fault> {
+    async fn ask(&self, app: &App, peers: &Peers, (to, address): (ServerNumber, &str)) -> Result<Vec<u8>, Fault> {
         let peer = self.head.extensions.get::<Peer>().map(|peer| peer.0);
         let mut head = passed_head(peers, to, peer, &self.head);
         head.headers.insert(header::ACCEPT, HeaderValue::from_static("application/json"));
         head.headers.remove(header::IF_NONE_MATCH);
-        let answer = Link::to(address).await?.ask(Request::from_parts(head, Body::empty())).await?;
+        let answer = Link::to(address, &app.signs).await?.ask(Request::from_parts(head, Body::empty())).await?;
         let (head, body) = answer.into_parts();
         if head.status != StatusCode::OK {
             return Err(Fault::Broken(head.status.to_string().into()));
@@ -269,7 +275,7 @@ impl Others {
     }
 }
 
-/// Whether a caller's request was let in by another server, which counts how often the caller asks.
-pub fn is_counted_elsewhere(request: &Request) -> bool {
+/// Whether another server passed a request on: it has checked where the request comes from, and how often the caller asks.
+pub fn is_passed_on(request: &Request) -> bool {
     request.extensions().get::<FromPeer>().is_some()
 }

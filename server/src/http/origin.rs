@@ -13,7 +13,7 @@
 
 use super::caller::is_read;
 use super::error::HttpError;
-use super::forward::is_counted_elsewhere;
+use super::forward::is_passed_on;
 use crate::app::App;
 use crate::auth::Access;
 use axum::extract::{Request, State};
@@ -165,7 +165,7 @@ fn check_origin(headers: &HeaderMap, allowed: &[String]) -> Result<(), HttpError
 /// [`HttpError::HostUnknown`], [`HttpError::CrossOrigin`].
 pub async fn check(State(app): State<App>, request: Request, next: Next) -> Result<Response, HttpError> {
     // Another server has checked it, and knows its own names.
-    if is_counted_elsewhere(&request) {
+    if is_passed_on(&request) {
         return Ok(next.run(request).await);
     }
     check_host(request.headers(), &app.settings.allowed_hosts, app.tokens.access())?;

@@ -5,6 +5,7 @@
 mod access;
 mod bodies;
 mod examples;
+mod forward;
 mod maps;
 mod queries;
 mod sockets;
@@ -88,16 +89,23 @@ impl Bench {
     }
 
     fn with(admission: Admission) -> Self {
+        let dir = tempfile::tempdir().expect("a directory");
+        let kept = Kept::on(Arc::new(Files::beside(dir.path())));
+        Self::one_of(admission, dir, Together { kept, peers: None })
+    }
+
+    fn one_of(admission: Admission, dir: tempfile::TempDir, together: Together) -> Self {
         let corpus = Arc::new(MemoryCorpus::default());
         let pool = Pool::new(2, admission).expect("threads");
-        let work = Work::new(pool, Arc::new(FakeEngine), Arc::<MemoryCorpus>::clone(&corpus) as Arc<_>);
-        let (stopping, dir) = (CancellationToken::new(), tempfile::tempdir().expect("a directory"));
+        let server = together.peers.as_ref().map(|peers| peers.own());
+        let work = Work::on(server, pool, Arc::new(FakeEngine), Arc::<MemoryCorpus>::clone(&corpus) as Arc<_>);
+        let stopping = CancellationToken::new();
         let app = App::new(
             Arc::clone(&work),
             Arc::new(Tokens::beside(dir.path())),
             Audit::beside(dir.path()),
-            Arc::new(Uploads::beside(dir.path(), LIMIT)),
-            Together { kept: Kept::on(Arc::new(Files::beside(dir.path()))), peers: None },
+            Arc::new(Uploads::beside(dir.path(), LIMIT).on(server)),
+            together,
             Settings {
                 upload_limit: LIMIT,
                 allowed_hosts: Vec::new(),
@@ -111,7 +119,11 @@ impl Bench {
 
     /// A service with examples `a` to `d` at 1, 2, 3 and 4.
     async fn stocked() -> Self {
-        let bench = Self::new();
+        Self::new().with_stock().await
+    }
+
+    async fn with_stock(self) -> Self {
+        let bench = self;
         for (name, number) in [("a", 1), ("b", 2), ("c", 3), ("d", 4)] {
             bench.add(name, &format!("segment disc {number}")).await;
         }

@@ -10,8 +10,10 @@ use http_body::{Frame, SizeHint};
 use hyper::body::Incoming;
 use hyper::client::conn::http1::{SendRequest, handshake};
 use hyper_util::rt::TokioIo;
+use std::collections::HashMap;
 use std::error::Error;
 use std::pin::Pin;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll};
 use std::time::Duration;
 use tokio::net::TcpStream;
@@ -54,15 +56,18 @@ impl Drop for Driving {
 }
 
 /// A connection.
-pub(super) struct Link {
+pub(super) struct Link<'a> {
     address: String,
+    signs: &'a Signs,
+    begun: Instant,
     sender: SendRequest<Body>,
     driving: Driving,
 }
 
-impl Link {
+impl<'a> Link<'a> {
     /// A connection to the server at `http://host:port`.
-    pub(super) async fn to(address: &str) -> Result<Self, Fault> {
+    pub(super) async fn to(address: &str, signs: &'a Signs) -> Result<Self, Fault> {
+        let begun = Instant::now();
         let host = address.strip_prefix("http://").unwrap_or(address);
         let connecting = tokio::time::timeout(CONNECT_TIME_MAX, TcpStream::connect(host));
         let stream = connecting.await.map_err(|_| Fault::Gone)?.map_err(|_| Fault::Gone)?;
@@ -71,7 +76,7 @@ impl Link {
         let (sender, connection) = handshake(TokioIo::new(stream)).await.map_err(|_| Fault::Gone)?;
         // What it fails with, the sender tells.
         let driving = Driving(tokio::spawn(async move { drop(connection.await) }));
-        Ok(Self { address: address.to_owned(), sender, driving })
+        Ok(Self { address: address.to_owned(), signs, begun, sender, driving })
     }
 
     /// Sends a request. Who drops the answer, or doesn't wait for it, closes the connection.
@@ -80,7 +85,7 @@ impl Link {
         let asked = tokio::select! {
             biased;
             answer = self.sender.send_request(request) => answer,
-            () = watched(&address) => return Err(Fault::Gone),
+            () = self.signs.watched(&address, self.begun) => return Err(Fault::Gone),
         };
         match asked {
             Ok(answer) => {
@@ -88,22 +93,51 @@ impl Link {
                 Ok(answer.map(|inner| Answer { inner, silence: None, is_waiting: false, _driving: driving }))
             }
             Err(error) if error.is_user() => Err(Fault::Body(error.into())),
-            Err(_) if !is_there(&address).await => Err(Fault::Gone),
+            Err(_) if !self.signs.is_there(&address, Instant::now()).await => Err(Fault::Gone),
             Err(error) => Err(Fault::Broken(error.into())),
         }
     }
 }
 
-/// Returns when a server no longer says that it is there.
-async fn watched(address: &str) {
-    tokio::time::sleep(PATIENCE).await;
-    while is_there(address).await {
-        tokio::time::sleep(SIGN_EVERY).await;
+/// When each of the other servers was asked last whether it is there, and whether it was: those who wait for the same one
+/// share the answer.
+#[derive(Default)]
+pub struct Signs(Mutex<HashMap<String, Arc<Turn>>>);
+
+type Turn = tokio::sync::Mutex<Option<(Instant, bool)>>;
+
+impl Signs {
+    /// Returns when a server no longer says that it is there, to one who has waited since `begun`.
+    async fn watched(&self, address: &str, begun: Instant) {
+        tokio::time::sleep(PATIENCE).await;
+        let mut since = begun;
+        while self.is_there(address, since).await {
+            tokio::time::sleep(SIGN_EVERY).await;
+            since = Instant::now() - SIGN_EVERY / 2;
+        }
+    }
+
+    /// Whether a server said after `since`, or says now, that it is there.
+    async fn is_there(&self, address: &str, since: Instant) -> bool {
+        let turn = {
+            let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+            Arc::clone(all.entry(address.to_owned()).or_default())
+        };
+        // One asks, the others wait for it.
+        let mut last = turn.lock().await;
+        match *last {
+            Some((at, was_there)) if at >= since => was_there,
+            _ => {
+                let is_there = says_so(address).await;
+                *last = Some((Instant::now(), is_there));
+                is_there
+            }
+        }
     }
 }
 
 /// Whether a server says in time that it is there.
-async fn is_there(address: &str) -> bool {
+async fn says_so(address: &str) -> bool {
     let host = address.strip_prefix("http://").unwrap_or(address);
     let asked = async {
         let stream = TcpStream::connect(host).await.ok()?;
