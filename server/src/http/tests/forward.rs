@@ -206,7 +206,7 @@ fn with_id<'a>(headers: &[(&'a str, &'a str)]) -> Vec<(&'a str, &'a str)> {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_stream_comes_as_it_is_written_and_who_hangs_up_is_noticed() {
+async fn a_stream_comes_as_it_is_written_and_breaks_off_with_its_server() {
     let shared = Shared::new();
     let (a, b) = (shared.server().await, shared.server().await);
     let query = a.query("segment disc 1\nslow 60000").await;
@@ -227,6 +227,34 @@ async fn a_stream_comes_as_it_is_written_and_who_hangs_up_is_noticed() {
     connection.abort();
     let gone = b.get(&format!("{query}/stream")).await;
     gone.problem(503, "owner_gone");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn who_hangs_up_on_one_server_cancels_on_the_other() {
+    let shared = Shared::new();
+    let (a, b) = (shared.server().await, shared.server().await);
+    let query = a.query("segment disc 1\nslow 60000").await;
+    let example = a.get("/v1/examples").await.json()["items"][0]["id"].clone();
+    let body = serde_json::json!({"segment": 0, "example": example}).to_string();
+    let path = format!("{query}/maps?wait=120");
+    // The first that is being made of the query, once there is one.
+    let until = async |holds: fn(Option<&str>) -> bool| {
+        let begun = Instant::now();
+        loop {
+            let now = a.get(&query).await.json();
+            if holds(now["making"][0]["state"].as_str()) {
+                return;
+            }
+            assert!(begun.elapsed() < Duration::from_secs(20), "{now}");
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+    };
+    tokio::select! {
+        early = b.ask(Method::POST, &path, &[("content-type", "application/json")], body) => panic!("{}", early.text()),
+        () = until(|state| state.is_some()) => {}
+    }
+    until(|state| state.is_none_or(|state| state == "cancelled")).await;
+    a.ask(Method::DELETE, &query, &[], "").await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
