@@ -16,7 +16,7 @@ use crate::{
     file::{self, MeshBytes, Packing},
     spec::SegmentsSpec,
 };
-use quadmuse_proto::{Code, MeshFormat, Page, Problem, id::RequestId, paging::LIMIT_MAX};
+use quadmuse_proto::{Code, MeshFormat, Page, Problem, QueryId, id::RequestId, paging::LIMIT_MAX};
 use reqwest::{Method, RequestBuilder, Response, StatusCode, Url, header};
 use serde::de::DeserializeOwned;
 use std::{path::Path, time::Duration};
@@ -98,12 +98,18 @@ impl Api {
             }
             let busy = matches!(response.status(), StatusCode::SERVICE_UNAVAILABLE | StatusCode::TOO_MANY_REQUESTS);
             let pause = retry_after(&response);
-            match (again, pause) {
-                (Some(again), Some(pause)) if busy && sending < SENDINGS_MAX => {
+            let query = query_in(response.url());
+            let problem = Box::new(problem(response).await);
+            match (again, pause, query) {
+                // Waiting doesn't bring it back.
+                (_, _, Some(query)) if problem.code == Code::OwnerGone => {
+                    return Err(ClientError::OwnerGone { query, problem });
+                }
+                (Some(again), Some(pause), _) if busy && sending < SENDINGS_MAX => {
                     tokio::time::sleep(pause.min(PAUSE_MAX)).await;
                     request = again;
                 }
-                _ => return Err(ClientError::Refused(Box::new(problem(response).await))),
+                _ => return Err(ClientError::Refused(problem)),
             }
         }
         unreachable!("the loop has no end")
@@ -242,6 +248,12 @@ fn base_url(address: &str) -> Result<Url, ClientError> {
     }
 }
 
+/// The query that an address is of, or of something that belongs to it.
+fn query_in(url: &Url) -> Option<QueryId> {
+    let mut segments = url.path_segments()?.skip_while(|segment| *segment != "queries");
+    segments.nth(1)?.parse().ok()
+}
+
 /// Whether a connection broke, other than by taking too long.
 fn is_broken_early(error: &ClientError) -> bool {
     match error {
@@ -289,6 +301,15 @@ mod tests {
             let error = base_url(address).expect_err(address);
             assert_eq!(error.exit_code(), crate::error::EXIT_USAGE, "{address}");
         }
+    }
+
+    #[test]
+    fn an_address_tells_its_query() {
+        let of = |path: &str| query_in(&format!("http://x/quadmuse/v1/{path}").parse().expect("an address"));
+        let id = QueryId::from_bytes([7; 16]);
+        assert_eq!(of(&format!("queries/{id}/maps/x?wait=1")), Some(id));
+        assert_eq!(of(&format!("queries/{id}")), Some(id));
+        assert_eq!((of("queries"), of("queries/x"), of("examples/x")), (None, None, None));
     }
 
     #[test]

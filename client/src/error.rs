@@ -1,6 +1,6 @@
 //! What can go wrong in a command, what is said about it, and the exit code that follows.
 
-use quadmuse_proto::{Code, Problem};
+use quadmuse_proto::{Code, Problem, QueryId};
 use std::{error::Error, io, path::PathBuf};
 
 /// Everything was done.
@@ -62,6 +62,14 @@ pub enum ClientError {
     /// The service answered with a problem.
     #[error("{}", refusal(.0))]
     Refused(Box<Problem>),
+    /// The server that has a query, one of several, is gone; another one said so.
+    #[error("{}", refusal(.problem))]
+    OwnerGone {
+        /// The query.
+        query: QueryId,
+        /// What was answered.
+        problem: Box<Problem>,
+    },
     /// As [`ClientError::Refused`], where programs have already read the problem in an event.
     #[error("{}", refusal(.0))]
     Told(Box<Problem>),
@@ -311,7 +319,9 @@ impl ClientError {
     /// The problem, if the service answered with one that has not been told yet.
     pub fn problem(&self) -> Option<&Problem> {
         match self {
-            Self::Refused(problem) | Self::NoSuchConstraint { problem, .. } => Some(problem),
+            Self::Refused(problem) | Self::OwnerGone { problem, .. } | Self::NoSuchConstraint { problem, .. } => {
+                Some(problem)
+            }
             _ => None,
         }
     }

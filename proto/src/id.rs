@@ -1,9 +1,11 @@
 //! Identifiers that sort by time of creation.
 //!
 //! Each is a ULID: 26 characters of Crockford base 32, a 48-bit time in milliseconds before 80 random bits. To clients they are
-//! opaque strings. A kind of thing has a kind of id, so that a query's id can't be handed over where an example's is expected.
+//! opaque strings. What lives on one server of several carries the number of that server in the first 16 of its random bits
+//! ([`ServerNumber`]), so that any of them knows whom to ask. A kind of thing has a kind of id, so that a query's id can't be handed over where an example's is expected.
 
 use std::fmt;
+use std::num::NonZeroU16;
 use std::str::FromStr;
 use std::sync::{Mutex, PoisonError};
 
@@ -52,6 +54,35 @@ fn parse(text: &str) -> Result<Ulid, IdError> {
     if id.to_string() == text { Ok(id) } else { Err(IdError::Alphabet) }
 }
 
+/// The number of one start of one server, among those that share a corpus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct ServerNumber(NonZeroU16);
+
+impl ServerNumber {
+    /// The server of this number; `None` for 0.
+    pub const fn new(number: u16) -> Option<Self> {
+        match NonZeroU16::new(number) {
+            Some(number) => Some(Self(number)),
+            None => None,
+        }
+    }
+
+    /// The number, from 1 on.
+    pub const fn get(self) -> u16 {
+        self.0.get()
+    }
+}
+
+impl fmt::Display for ServerNumber {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(&self.0, f)
+    }
+}
+
+/// Where the number of a server stands in the bytes of an id: behind the 48 bits of the time.
+const NUMBER_AT: usize = 6;
+
 macro_rules! id_type {
     ($(#[$doc:meta])* $name:ident) => {
         $(#[$doc])*
@@ -64,6 +95,12 @@ macro_rules! id_type {
                 Self(generate())
             }
 
+            /// A fresh id of what lives on `server`, if there are several.
+            pub fn generate_on(server: Option<ServerNumber>) -> Self {
+                let id = Self::generate();
+                server.map_or(id, |server| id.on(server))
+            }
+
             /// The id whose bytes, big-endian, are given.
             pub const fn from_bytes(bytes: [u8; ID_BYTES_LEN]) -> Self {
                 Self(Ulid::from_bytes(bytes))
@@ -72,6 +109,19 @@ macro_rules! id_type {
             /// The id as bytes, big-endian: they sort as the ids do.
             pub const fn to_bytes(self) -> [u8; ID_BYTES_LEN] {
                 self.0.to_bytes()
+            }
+
+            /// The same id as one of what lives on `server`. Ids that one process made stay in their order.
+            pub const fn on(self, server: ServerNumber) -> Self {
+                let (mut bytes, [high, low]) = (self.to_bytes(), server.get().to_be_bytes());
+                (bytes[NUMBER_AT], bytes[NUMBER_AT + 1]) = (high, low);
+                Self::from_bytes(bytes)
+            }
+
+            /// The server on which what has this id lives, if several share a corpus; of other ids it says nothing.
+            pub const fn server(self) -> Option<ServerNumber> {
+                let bytes = self.to_bytes();
+                ServerNumber::new(u16::from_be_bytes([bytes[NUMBER_AT], bytes[NUMBER_AT + 1]]))
             }
 
             /// Time of creation, in milliseconds since 1970.
@@ -174,6 +224,28 @@ mod tests {
         let id = QueryId::generate();
         assert_eq!(id.to_string().parse::<QueryId>(), Ok(id));
         assert_eq!(QueryId::from_bytes(id.to_bytes()), id);
+    }
+
+    #[test]
+    fn an_id_tells_its_server_and_is_an_id_like_any_other() {
+        for number in [1, 2, 0x1234, u16::MAX] {
+            let server = ServerNumber::new(number).expect("not 0");
+            let (plain, id) = (QueryId::generate(), QueryId::generate().on(server));
+            assert_eq!((id.server(), server.get()), (Some(server), number));
+            assert_eq!(id.to_string().len(), ID_TEXT_LEN);
+            assert_eq!(id.to_string().parse::<QueryId>(), Ok(id));
+            assert!(id.created_unix_ms() >= plain.created_unix_ms());
+            assert_eq!(id.on(server), id);
+        }
+        assert_eq!(ServerNumber::new(0), None);
+        assert_eq!(ExampleId::TEMPLATE.server(), None);
+    }
+
+    #[test]
+    fn ids_of_one_server_sort_by_the_order_in_which_they_were_made() {
+        let server = ServerNumber::new(7).expect("not 0");
+        let ids: Vec<MapId> = (0..2000).map(|_| MapId::generate().on(server)).collect();
+        assert!(ids.windows(2).all(|pair| pair[0] < pair[1]));
     }
 
     #[test]

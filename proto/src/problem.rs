@@ -58,6 +58,8 @@ pub enum Code {
     Deadline,
     /// The query ended, and made room for newer ones; post it again.
     QueryExpired,
+    /// The server that took it, one of several, does not answer; `POST /v1/queries/{id}/restart` starts a query again.
+    OwnerGone,
     /// The bytes of this example are damaged on the server's disk; add the same mesh again, or remove it.
     Damaged,
     /// The disk is full; reads go on.
@@ -71,7 +73,7 @@ pub enum Code {
 
 impl Code {
     /// Every code that the service sends.
-    pub const ALL: [Self; 26] = [
+    pub const ALL: [Self; 27] = [
         Self::MeshUnreadable,
         Self::MeshEmpty,
         Self::MeshNotManifold,
@@ -95,6 +97,7 @@ impl Code {
         Self::Timeout,
         Self::Deadline,
         Self::QueryExpired,
+        Self::OwnerGone,
         Self::Damaged,
         Self::StorageFull,
         Self::Internal,
@@ -126,6 +129,7 @@ impl Code {
             Self::Timeout => "timeout",
             Self::Deadline => "deadline",
             Self::QueryExpired => "query_expired",
+            Self::OwnerGone => "owner_gone",
             Self::Damaged => "damaged",
             Self::StorageFull => "storage_full",
             Self::Internal => "internal",
@@ -159,6 +163,7 @@ impl Code {
             Self::Timeout => "Out of time",
             Self::Deadline => "Not done in time",
             Self::QueryExpired => "The query has expired",
+            Self::OwnerGone => "Its server is gone",
             Self::Damaged => "The example is damaged",
             Self::StorageFull => "The disk is full",
             Self::Internal => "Internal error",

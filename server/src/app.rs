@@ -2,9 +2,12 @@
 
 use crate::audit::Audit;
 use crate::auth::Tokens;
+use crate::http::forward::Signs;
 use crate::http::idempotency::Idempotency;
+use crate::peers::Peers;
 use crate::rate::Rates;
 use crate::work::Work;
+use crate::work::kept::Kept;
 use crate::work::uploads::Uploads;
 use bytes::Bytes;
 use metrics_exporter_prometheus::PrometheusHandle;
@@ -29,6 +32,14 @@ pub struct Settings {
     pub rate_limit: u32,
 }
 
+/// What lets servers stand in for each other.
+pub struct Together {
+    /// What queries were started with.
+    pub kept: Kept,
+    /// The servers that share the corpus, if this is one of several.
+    pub peers: Option<Arc<Peers>>,
+}
+
 /// What [`App`] holds.
 pub struct Handles {
     /// What requests have to keep to.
@@ -43,6 +54,12 @@ pub struct Handles {
     pub audit: Audit,
     /// Files that arrive piece by piece.
     pub uploads: Arc<Uploads>,
+    /// What queries were started with.
+    pub kept: Kept,
+    /// The servers that share the corpus, if this is one of several.
+    pub peers: Option<Arc<Peers>>,
+    /// Which of them were there when they were asked last.
+    pub signs: Signs,
     /// Answers to `Idempotency-Key`.
     pub idempotency: Idempotency,
     /// The metrics.
@@ -60,6 +77,7 @@ impl App {
         tokens: Arc<Tokens>,
         audit: Audit,
         uploads: Arc<Uploads>,
+        together: Together,
         settings: Settings,
         stopping: CancellationToken,
     ) -> Self {
@@ -69,6 +87,9 @@ impl App {
             rates: Rates::new(settings.rate_limit),
             audit,
             uploads,
+            kept: together.kept,
+            peers: together.peers,
+            signs: Signs::default(),
             idempotency: Idempotency::default(),
             settings,
             metrics: crate::telemetry::metrics(),

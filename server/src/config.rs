@@ -161,6 +161,10 @@ pub struct ServeArgs {
     /// A collector of traces, like `http://127.0.0.1:4318`: spans are sent to it by OTLP over HTTP (default: none).
     #[arg(long, env = "QUADMUSE_OTLP", value_name = "URL")]
     pub otlp: Option<String>,
+    /// Where the servers that share its corpus reach this one, such as `http://10.0.0.7:7979` (default: where it listens, or
+    /// the machine's name where it listens on every address).
+    #[arg(long, env = "QUADMUSE_ADVERTISE", value_name = "URL")]
+    pub advertise: Option<String>,
     /// Where the corpus lies, if not in the directory of the store.
     #[command(flatten)]
     #[serde(flatten)]
@@ -243,6 +247,8 @@ pub struct Config {
     pub open: bool,
     /// The engine that holds the corpus; `None`: it lies in `data`.
     pub cluster: Option<ClusterOptions>,
+    /// Where other servers reach this one (`http://host:port`); `None`: where it listens.
+    pub advertise: Option<String>,
 }
 
 impl Config {
@@ -263,6 +269,7 @@ impl Config {
             samples: false,
             open: false,
             cluster: None,
+            advertise: None,
         }
     }
 }
@@ -330,8 +337,12 @@ impl Config {
             samples: args.samples || file.samples,
             open: args.open || file.open,
             cluster: args.cluster.or(file.cluster).options()?,
+            advertise: cluster::advertised(args.advertise.or(file.advertise))?,
         };
         match &resolved {
+            Self { cluster: None, advertise: Some(address), .. } => {
+                Err(ConfigError::Cluster(format!("expected --cluster URLS with --advertise {address}, found none")))
+            }
             c if c.threads > THREADS_MAX => invalid("threads", "at most 1024", c.threads.to_string()),
             c if c.upload_limit == 0 => invalid("upload-limit", "of at least one byte", "0".into()),
             c if c.connections == 0 => invalid("connections", "of at least one", "0".into()),

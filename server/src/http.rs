@@ -10,6 +10,7 @@ pub mod docs;
 pub mod error;
 pub mod examples;
 pub mod files;
+pub mod forward;
 pub mod health;
 pub mod idempotency;
 pub mod known;
@@ -51,6 +52,7 @@ pub fn router(app: App) -> Router {
     let known = known::Known::of(&serde_json::to_value(&api).unwrap_or_default());
     // The body is limited on the wire here, and unpacked and limited again where it is read.
     let layers = ServiceBuilder::new()
+        .layer(from_fn_with_state(app.clone(), forward::receive))
         .layer(from_fn(watchful::identify))
         .layer(from_fn(origin::harden))
         .layer(from_fn(watchful::guard))
@@ -61,7 +63,8 @@ pub fn router(app: App) -> Router {
         .layer(from_fn_with_state(app.clone(), caller::authorize))
         .layer(from_fn_with_state(app.clone(), caller::own))
         .layer(from_fn_with_state(known, known::check))
-        .layer(from_fn_with_state(app.clone(), body::limit));
+        .layer(from_fn_with_state(app.clone(), body::limit))
+        .layer(from_fn_with_state(app.clone(), forward::pass));
     documented
         .route("/openapi.json", get(openapi::get))
         .route("/docs", get(docs::docs))
@@ -85,6 +88,7 @@ fn documented() -> OpenApiRouter<App> {
         .routes(routes!(examples::encoding))
         .routes(routes!(queries::start, queries::list))
         .routes(routes!(queries::get, queries::cancel))
+        .routes(routes!(queries::restart))
         .routes(routes!(queries::mesh))
         .routes(routes!(ranking::get))
         .routes(routes!(stream::stream))

@@ -15,6 +15,7 @@ pub mod config;
 pub mod connections;
 pub mod demo;
 pub mod http;
+pub mod peers;
 pub mod pool;
 pub mod rate;
 pub mod service;

@@ -2,16 +2,18 @@
 
 mod cluster;
 
-use crate::app::{App, Settings};
+use crate::app::{App, Settings, Together};
 use crate::audit::Audit;
 use crate::auth::{Access, NOTE_USES_EVERY, Tokens};
 use crate::config::Config;
 use crate::connections::{ConnectionLimits, Connections};
 use crate::http;
+use crate::peers::{self, Peers};
 use crate::pool::{Admission, Pool};
 use crate::shutdown::serve;
 use crate::work::corpus::stored::StoredCorpus;
 use crate::work::engine::Engine;
+use crate::work::kept::{Files, Kept};
 use crate::work::uploads::{self, Uploads};
 use crate::work::{Work, follow, reencode, scrub};
 use quadmuse_store::{Backend, OpenOptions, StoreError};
@@ -28,6 +30,9 @@ const JOBS_MAX: usize = 1024;
 
 /// Longest time for commits under way to end after the last connection.
 const COMMIT_TIME_MAX: Duration = Duration::from_millis(1500);
+
+/// Longest time to tell the other servers that this one ends.
+const LEAVE_TIME_MAX: Duration = Duration::from_millis(500);
 
 /// The index's pages may take this part of the memory, within bounds in bytes.
 const INDEX_SHARE: u64 = 8;
@@ -69,6 +74,7 @@ pub struct Running {
     pub address: SocketAddr,
     /// What it does.
     pub work: Arc<Work>,
+    peers: Option<Arc<Peers>>,
     stopping: CancellationToken,
     serving: JoinHandle<()>,
     background: JoinHandle<()>,
@@ -94,12 +100,20 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     let listen = config.listen;
     let listener = TcpListener::bind(listen).await.map_err(|source| StartError::Listen { listen, source })?;
     let address = listener.local_addr().map_err(|source| StartError::Listen { listen, source })?;
+    let together = match &shared {
+        Some(shared) => Together {
+            kept: Kept::on(Arc::new(cluster::SharedShelf(Arc::clone(shared)))),
+            peers: Some(cluster::meet(shared, config.advertise.as_deref(), address).await?),
+        },
+        None => Together { kept: Kept::on(Arc::new(Files::beside(&config.data))), peers: None },
+    };
+    let peers = together.peers.clone();
     let pool = Pool::new(config.threads, Admission::new(config.memory_limit, JOBS_MAX))?;
     let corpus = match shared {
         Some(shared) => cluster::corpus_of(shared, &engine).await?,
         None => open_corpus(&config.data, config.memory_limit).await?,
     };
-    let work = Work::new(pool, engine, Arc::new(corpus));
+    let work = Work::on(together.peers.as_ref().map(|peers| peers.own()), pool, engine, Arc::new(corpus));
     let began = Instant::now();
     let loading = work.blocking(|work| {
         work.load();
@@ -111,9 +125,13 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     tracing::info!(examples, segments, ms = began.elapsed().as_millis() as u64, "corpus loaded");
     let stopping = CancellationToken::new();
     let audit = Audit::beside(&config.data);
-    let uploads = Arc::new(Uploads::beside(&config.data, config.upload_limit));
+    let uploads = Arc::new(Uploads::beside(&config.data, config.upload_limit).on(work.server));
     tokio::spawn(uploads::run(Arc::clone(&uploads), stopping.clone()));
-    let app = App::new(Arc::clone(&work), Arc::clone(&tokens), audit, uploads, settings(config), stopping.clone());
+    let app =
+        App::new(Arc::clone(&work), Arc::clone(&tokens), audit, uploads, together, settings(config), stopping.clone());
+    if let Some(peers) = peers.clone() {
+        tokio::spawn(peers::run(peers, stopping.clone()));
+    }
     tokio::spawn(note_uses(tokens, stopping.clone()));
     let limits = ConnectionLimits { all: config.connections, per_address: config.connections_per_address };
     let connections = Connections::new(limits);
@@ -127,7 +145,7 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     tokio::spawn(follow::run(Arc::clone(&work), stopping.clone()));
     tokio::spawn(scrub::run(Arc::clone(&work), stopping.clone()));
     tracing::info!(%address, threads = work.pool.threads(), version = env!("CARGO_PKG_VERSION"), "serving");
-    Ok(Running { address, work, stopping, serving, background })
+    Ok(Running { address, work, peers, stopping, serving, background })
 }
 
 fn check_open(config: &Config, tokens: &Tokens) -> Result<(), StartError> {
@@ -195,6 +213,13 @@ impl Running {
         self.stopping.cancel();
         // A panic of the accept loop has been logged; there is nothing more to wait for then.
         let _ = self.serving.await;
+        if let Some(peers) = self.peers {
+            let leaving = tokio::task::spawn_blocking(move || peers.leave());
+            // Who isn't told finds that nobody answers.
+            if !matches!(tokio::time::timeout(LEAVE_TIME_MAX, leaving).await, Ok(Ok(Ok(())))) {
+                tracing::warn!("not said to the other servers that this one ends");
+            }
+        }
         for query in self.work.queries.all() {
             query.stop().cancel();
             query.makings.cancel_all();

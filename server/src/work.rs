@@ -11,6 +11,7 @@ pub mod engine;
 pub mod error;
 pub mod follow;
 pub mod ingest;
+pub mod kept;
 pub mod landmarks;
 pub mod making;
 pub mod mapping;
@@ -32,6 +33,7 @@ use crate::pool::{Admitted, Job, Pool, PoolError, User};
 use catalogue::Catalogue;
 use corpus::Corpus;
 use engine::Engine;
+use quadmuse_proto::id::ServerNumber;
 use queries::Queries;
 use std::sync::Arc;
 use std::time::Duration;
@@ -55,6 +57,8 @@ pub struct Work {
     pub catalogue: Catalogue,
     /// The queries under way, and after.
     pub queries: Queries,
+    /// This server, if several share the corpus: what it makes has ids that tell it.
+    pub server: Option<ServerNumber>,
     /// Thumbnails that were drawn.
     pub thumbnails: pictures::Thumbnails,
     /// Work that goes on when its request is gone.
@@ -90,6 +94,11 @@ impl Caller {
 impl Work {
     /// Joins the parts; the catalogue is still empty (see [`Work::load`]).
     pub fn new(pool: Pool, engine: Arc<dyn Engine>, corpus: Arc<dyn Corpus>) -> Arc<Self> {
+        Self::on(None, pool, engine, corpus)
+    }
+
+    /// The same on one of several servers.
+    pub fn on(server: Option<ServerNumber>, pool: Pool, engine: Arc<dyn Engine>, corpus: Arc<dyn Corpus>) -> Arc<Self> {
         let catalogue = Catalogue::new(Arc::clone(&corpus), Arc::clone(&engine));
         let queries = Queries::new();
         Arc::new(Self {
@@ -98,6 +107,7 @@ impl Work {
             corpus,
             catalogue,
             queries,
+            server,
             thumbnails: pictures::Thumbnails::default(),
             background: TaskTracker::new(),
         })

@@ -78,8 +78,25 @@ export async function open(started, { mesh = null, name = "", wanted = {} } = {}
   } catch (error) { lost(query, error); }
 }
 
+// The server that had a scan, one of several, is gone: another starts it again with what is kept of it.
+const startAgain = (id) => json(`/v1/queries/${id}/restart`, { method: "POST" });
+
+async function goOn(query) {
+  query.stop.abort();
+  const started = await startAgain(query.id);
+  if (bench.query !== query) return;
+  await open(started, { mesh: query.mesh, name: query.name });
+  say("The server that had this scan is gone; another one has started it again.");
+}
+
 function lost(query, error) {
   if (bench.query !== query) return;
+  if (error.code === "owner_gone") {
+    // Told by whoever asks first.
+    if (!query.isGone) goOn(query).catch((failed) => lost(query, failed));
+    query.isGone = true;
+    return;
+  }
   const gone = error.code === "not_found";
   say(gone ? "The server no longer holds this scan: it keeps scans while it runs, and as long as it has room. Drop the file again." : error.message, "bad");
   if (gone) $("state").textContent = "";
@@ -135,7 +152,8 @@ export function chooseSegment(segment) {
 // Opens the query that the address names.
 export async function openById(id, wanted, name) {
   try {
-    await open(await json(`/v1/queries/${id}`), { name, wanted });
+    const found = await json(`/v1/queries/${id}`).catch((error) => (error.code === "owner_gone" ? startAgain(id) : Promise.reject(error)));
+    await open(found, { name, wanted: found.id === id ? wanted : {} });
   } catch (error) {
     say(error.code === "not_found" || error.status === 404 ? "The server no longer holds this scan: it keeps scans while it runs, and as long as it has room. Drop the file again." : error.message, "bad");
     $("welcome").hidden = false;

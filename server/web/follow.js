@@ -26,7 +26,7 @@ export async function follow(id, signal, take) {
       }
     } catch (error) {
       if (signal.aborted) return;
-      if (error.code === "not_found") throw error;
+      if (error.code === "not_found" || error.code === "owner_gone") throw error;
     }
     if (signal.aborted) return;
     await new Promise((resolve) => setTimeout(resolve, 1000));

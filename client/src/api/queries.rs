@@ -69,6 +69,15 @@ impl Api {
         self.decode(response, "the query that was started").await
     }
 
+    /// Starts a query again from what the service keeps of it: another query, with an id of its own.
+    ///
+    /// # Errors
+    /// The service refuses (it keeps nothing of it) or is out of reach.
+    pub async fn restart_query(&self, id: QueryId) -> Result<Query, ClientError> {
+        self.json(self.request(Method::POST, &["queries", &id.to_string(), "restart"]), "the query that was started")
+            .await
+    }
+
     /// A query as it stands.
     ///
     /// # Errors

@@ -4,7 +4,7 @@ use super::{
     choose::finished,
     deliver::{Delivered, Target, write_composition, write_kept, write_map},
     map::{Held, is_late, lay, lay_best},
-    rank::{check_segment, follow_upload, upload},
+    rank::{again, check_segment, follow_upload, upload},
     screen::Wanted,
 };
 use crate::{
@@ -27,6 +27,7 @@ use quadmuse_proto::{
 const HOLES_CUT_MAX: u32 = 8;
 
 /// How to compose: the flags, the examples that they name, and where it goes.
+#[derive(Clone)]
 pub(super) struct Wish<'a> {
     /// The flags.
     pub(super) lay: &'a LayArgs,
@@ -34,6 +35,15 @@ pub(super) struct Wish<'a> {
     pub(super) uses: Vec<UsePart>,
     /// Where the result goes.
     pub(super) target: Target,
+}
+
+impl Wish<'_> {
+    /// What was cut as an example is takes that example, segment by segment, where nothing else is told.
+    fn like_all(&self, query: &Query, like: Option<ExampleId>) -> Self {
+        let part = |example, segment| UsePart { segment, example: ExampleRef { example, segment: Some(segment) } };
+        let alike = like.into_iter().flat_map(|example| query.segments.iter().map(move |s| part(example, s.segment)));
+        Self { uses: alike.chain(self.uses.iter().copied()).collect(), ..self.clone() }
+    }
 }
 
 pub(super) async fn compose(args: &ComposeCommand, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
@@ -65,49 +75,77 @@ pub(super) async fn make(
     state: &State,
     ui: &mut Ui,
 ) -> Result<Delivered, ClientError> {
+    match made(args, None, &wish, api, state, ui).await {
+        // Of several servers the one that had the scan died: another goes on, from what is kept of it.
+        Err(ClientError::OwnerGone { query, .. }) => {
+            let query = again(query, api, state, ui).await?;
+            made(args, Some(query), &wish, api, state, ui).await
+        }
+        made => made,
+    }
+}
+
+/// The same, from a query that was started already if one is given.
+async fn made(
+    args: &QueryArgs,
+    started: Option<Query>,
+    wish: &Wish<'_>,
+    api: &Api,
+    state: &State,
+    ui: &mut Ui,
+) -> Result<Delivered, ClientError> {
     let like = match &args.rank.like {
         Some(name) => Some(names::example(name, api).await?),
         None => None,
     };
-    let query = ranked(args, api, state, ui).await?;
+    let query = ranked(args, started, api, state, ui).await?;
     if query.segments.len() > 1 || wish.lay.density.is_some() {
-        return stitch(&query, &like_all(&query, wish, like), api, ui).await;
+        return stitch(&query, &wish.like_all(&query, like), api, ui).await;
     }
     for part in &wish.uses {
         check_segment(&query, Some(part.segment))?;
     }
-    let told = told(0, &wish).or(like.map(|example| ExampleRef { example, segment: Some(0) }));
+    let told = told(0, wish).or(like.map(|example| ExampleRef { example, segment: Some(0) }));
     if told.is_some() {
         // Who chose an example wants it as it is.
         let (map, name) = lay(&query, 0, told, (wish.lay.beyond, &Held::default()), api, ui).await?;
         return write_map(&map, Some(&name), &wish.target, api, ui).await;
     }
     let Some(only) = query.segments.first().filter(|only| only.tries > 0) else {
-        return stitch(&query, &wish, api, ui).await;
+        return stitch(&query, wish, api, ui).await;
     };
     // What is worth one try alone has too few faces to be cut.
     let is_free = args.rank.segments.segments.is_none() && args.rank.segments.parts.is_none() && only.tries > 1;
     match lay_best(&query, only, wish.lay.beyond, api, ui).await {
         Ok((map, name)) if is_free && map.verdict.is_poor() => {
-            in_parts(&query, map, &name, (args, &wish), api, state, ui).await
+            in_parts(&query, map, &name, (args, wish), api, state, ui).await
         }
         Ok((map, name)) => {
             if map.verdict.is_poor() {
                 ui.note(&format!("the best example, {name}, fits poorly"));
             }
-            settled(&query, map, &name, &wish, api, ui).await
+            settled(&query, map, &name, wish, api, ui).await
         }
         Err(error) if matches!(error, ClientError::NothingRanked { .. }) || is_late(&error) => {
             ui.note(&error.message());
-            stitch(&query, &wish, api, ui).await
+            stitch(&query, wish, api, ui).await
         }
         Err(error) => Err(error),
     }
 }
 
-/// Uploads, and follows the ranking to its end.
-async fn ranked(args: &QueryArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<Query, ClientError> {
-    let query = upload(args, api, state, ui).await?;
+/// Uploads, unless that was done, and follows the ranking to its end.
+async fn ranked(
+    args: &QueryArgs,
+    started: Option<Query>,
+    api: &Api,
+    state: &State,
+    ui: &mut Ui,
+) -> Result<Query, ClientError> {
+    let query = match started {
+        Some(query) => query,
+        None => upload(args, api, state, ui).await?,
+    };
     Ok(follow_upload(&query, Wanted::Outcome, api, ui).await?.summary)
 }
 
@@ -128,9 +166,9 @@ async fn in_parts(
         return settled(whole, best, name, wish, api, ui).await;
     }
     ui.note(&format!("the best example, {name}, fits poorly as a whole; cutting the mesh into parts"));
-    let mut again = args.clone();
-    again.rank.segments.parts = Some(Parts::Auto);
-    let query = ranked(&again, api, state, ui).await?;
+    let mut in_parts = args.clone();
+    in_parts.rank.segments.parts = Some(Parts::Auto);
+    let query = ranked(&in_parts, None, api, state, ui).await?;
     match query.segments.len() {
         0 | 1 => {
             ui.note("no parts were found; the mesh stays whole");
@@ -174,16 +212,6 @@ fn new_composition(maps: &[Map], Wish { lay, uses, .. }: &Wish<'_>) -> NewCompos
         // Who chose a part wants its layout.
         keep: uses.iter().map(|part| part.segment).collect(),
     }
-}
-
-/// What was cut as an example is takes that example, segment by segment, where nothing else is told.
-fn like_all<'a>(query: &Query, mut wish: Wish<'a>, like: Option<ExampleId>) -> Wish<'a> {
-    if let Some(example) = like {
-        let segments = query.segments.iter().map(|s| s.segment);
-        let part = |segment| UsePart { segment, example: ExampleRef { example, segment: Some(segment) } };
-        wish.uses = segments.map(part).chain(wish.uses).collect();
-    }
-    wish
 }
 
 /// The example that the command line tells a segment to take; the last word counts.

@@ -31,6 +31,7 @@ enum Overwriting {
 }
 
 /// Where a result goes.
+#[derive(Clone)]
 pub(super) struct Target {
     out: OutFile,
     kept: Option<PathBuf>,

@@ -10,17 +10,37 @@ use crate::{
     table,
     ui::Ui,
 };
-use quadmuse_proto::{End, EndState, Query};
+use quadmuse_proto::{End, EndState, Query, QueryId};
 
 pub(super) async fn query(args: &QueryCommand, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
     let query = upload(&args.query, api, state, ui).await?;
     if args.no_follow {
         ui.value(&query)?;
         ui.note(&format!("ranking goes on; see it with `quadmuse ranking {} --follow`", query.id));
-    } else {
-        follow_upload(&query, Wanted::Ranking, api, ui).await?;
+        return ui.text(&query.id.to_string());
     }
-    ui.text(&query.id.to_string())
+    let end = match follow_upload(&query, Wanted::Ranking, api, ui).await {
+        Err(ClientError::OwnerGone { query, .. }) => {
+            let query = again(query, api, state, ui).await?;
+            follow_upload(&query, Wanted::Ranking, api, ui).await?
+        }
+        followed => followed?,
+    };
+    ui.text(&end.query.to_string())
+}
+
+/// Starts a query again whose server is gone, and says so.
+pub(super) async fn again(gone: QueryId, api: &Api, state: &State, ui: &mut Ui) -> Result<Query, ClientError> {
+    let query = api.restart_query(gone).await?;
+    ui.note(&format!("the server that had the query {gone} is gone; it was started again as {}", query.id));
+    remember(&query, api, state, ui);
+    Ok(query)
+}
+
+fn remember(query: &Query, api: &Api, state: &State, ui: &mut Ui) {
+    if let Err(error) = state.keep_query(api.server(), query.id) {
+        ui.note(&format!("the query is not remembered for {}: {}", names::LAST, error.message()));
+    }
 }
 
 /// Uploads a mesh, remembers its query, and tells what was repaired in it.
@@ -33,9 +53,7 @@ pub(super) async fn upload(args: &QueryArgs, api: &Api, state: &State, ui: &mut 
     let query = api.start_query(args, like).await;
     spinner.finish_and_clear();
     let query = query?;
-    if let Err(error) = state.keep_query(api.server(), query.id) {
-        ui.note(&format!("the query is not remembered for {}: {}", names::LAST, error.message()));
-    }
+    remember(&query, api, state, ui);
     for repair in &query.repairs {
         ui.note(&format!("{}: {repair}", args.file.display()));
     }

@@ -3,6 +3,7 @@
 mod batch;
 mod corpus;
 mod fake;
+mod gone;
 mod messages;
 mod names;
 mod output;

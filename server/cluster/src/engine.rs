@@ -4,6 +4,12 @@
 
 use std::time::{Duration, SystemTime};
 
+/// Longest time for which bytes are kept that belong to no example.
+pub const SHELVED_FOR: Duration = Duration::from_secs(24 * 3600);
+
+/// Most bytes that are kept so, on each node.
+pub const SHELF_BYTES_MAX: u64 = 1 << 30;
+
 /// Why the engine did not do it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EngineError {
@@ -86,6 +92,25 @@ pub trait Engine: Send + Sync + 'static {
     /// # Errors
     /// [`EngineError`].
     fn object(&self, name: &str) -> Result<Option<Vec<u8>>, EngineError>;
+
+    /// Keeps bytes under a name for a while: for [`SHELVED_FOR`] at most, and while all that is kept so takes at most
+    /// [`SHELF_BYTES_MAX`] bytes. The oldest goes first.
+    ///
+    /// # Errors
+    /// [`EngineError`] unless it is replicated and acknowledged.
+    fn shelve(&self, name: &str, bytes: &[u8]) -> Result<(), EngineError>;
+
+    /// What was kept so; `None` if nothing was, or if its time is over.
+    ///
+    /// # Errors
+    /// [`EngineError`].
+    fn shelved(&self, name: &str) -> Result<Option<Vec<u8>>, EngineError>;
+
+    /// Removes what was kept so, if it is there.
+    ///
+    /// # Errors
+    /// [`EngineError`].
+    fn unshelve(&self, name: &str) -> Result<(), EngineError>;
 
     /// Writes the entry of `key`, unless it stands at another position than `expected` (0: there is none).
     ///

@@ -1,10 +1,11 @@
 //! The engine on NATS JetStream; the only module that names its client.
 //!
-//! Two streams a corpus, replicated over its nodes, of each subject the newest message only:
+//! Three streams a corpus, replicated over its nodes, of each subject the newest message only:
 //!
 //! ```text
 //! <bucket>_entries   quadmuse.<bucket>.entries.<key>            written with the sequence at which the stream is expected to end
 //! <bucket>_objects   quadmuse.<bucket>.objects.<name>.<piece>   piece 0 last, headed by their number (u32 LE)
+//! <bucket>_shelf     quadmuse.<bucket>.shelf.<name>.<piece>     the same, for a while: the engine removes what is old
 //! ```
 //!
 //! A position is a sequence of the stream of entries. Writes wait for the acknowledgement, which JetStream gives when a
@@ -25,7 +26,7 @@ use async_nats::{ConnectOptions, HeaderMap, ServerAddr};
 use bytes::Bytes;
 use tokio::runtime::Runtime;
 
-use crate::engine::{Deliveries, Engine, EngineError, Entry, Written};
+use crate::engine::{Deliveries, Engine, EngineError, Entry, SHELF_BYTES_MAX, SHELVED_FOR, Written};
 use crate::options::ClusterOptions;
 use following::Following;
 
@@ -51,10 +52,24 @@ pub struct JetStream {
     runtime: Option<Runtime>,
     context: Context,
     entries: Stream,
-    objects: Stream,
+    objects: Pieces,
+    shelf: Pieces,
     bucket: String,
     /// Where the stream of entries ended when this server wrote last. Held while it writes.
     last: Mutex<Option<u64>>,
+}
+
+/// A stream of bytes under names, each in pieces.
+struct Pieces {
+    stream: Stream,
+    /// What the subjects begin with: `quadmuse.<bucket>.<kind>`.
+    prefix: String,
+}
+
+impl Pieces {
+    fn subject(&self, name: &str, piece: u32) -> String {
+        format!("{}.{name}.{piece}", self.prefix)
+    }
 }
 
 impl Drop for JetStream {
@@ -118,11 +133,12 @@ impl JetStream {
             }
         });
         match reached {
-            Ok((context, entries, objects)) => Ok(Self {
+            Ok((context, [entries, objects, shelf])) => Ok(Self {
                 runtime: Some(runtime),
                 context,
                 entries,
-                objects,
+                objects: Pieces { stream: objects, prefix: format!("quadmuse.{}.objects", options.bucket) },
+                shelf: Pieces { stream: shelf, prefix: format!("quadmuse.{}.shelf", options.bucket) },
                 bucket: options.bucket.clone(),
                 last: Mutex::new(None),
             }),
@@ -161,25 +177,21 @@ impl JetStream {
         format!("quadmuse.{}.entries.{key}", self.bucket)
     }
 
-    fn piece_subject(&self, name: &str, piece: u32) -> String {
-        format!("quadmuse.{}.objects.{name}.{piece}", self.bucket)
-    }
-
     async fn publish(&self, subject: String, bytes: Bytes) -> Result<PublishAckFuture, EngineError> {
         self.context.publish(subject, bytes).await.map_err(|error| silent("keep a message", error))
     }
 
-    async fn piece(&self, name: &str, piece: u32) -> Result<Option<Bytes>, EngineError> {
+    async fn piece(&self, pieces: &Pieces, name: &str, piece: u32) -> Result<Option<Bytes>, EngineError> {
         const DOING: &str = "give a piece of an object";
-        let subject = self.piece_subject(name, piece);
-        match tokio::time::timeout(ANSWER, self.objects.direct_get_last_for_subject(&subject)).await {
+        let subject = pieces.subject(name, piece);
+        match tokio::time::timeout(ANSWER, pieces.stream.direct_get_last_for_subject(&subject)).await {
             Ok(Ok(message)) => return Ok(Some(message.payload)),
             Ok(Err(error)) if error.kind() == DirectGetErrorKind::NotFound => {}
             Ok(Err(error)) => tracing::debug!(%error, "a node did not answer; its leader is asked"),
             Err(_) => tracing::debug!("a node did not answer in time; its leader is asked"),
         }
         // The node that was asked may be behind: only the leader can say that there is none.
-        Ok(newest(&self.objects, &subject, DOING).await?.map(|entry| entry.bytes.into()))
+        Ok(newest(&pieces.stream, &subject, DOING).await?.map(|entry| entry.bytes.into()))
     }
 
     /// Writes an entry on the condition that nothing at all was written since its position was looked up: that the engine
@@ -226,7 +238,7 @@ impl JetStream {
         Ok(info.state.last_sequence)
     }
 
-    async fn put(&self, name: &str, bytes: &[u8]) -> Result<(), EngineError> {
+    async fn put(&self, into: &Pieces, name: &str, bytes: &[u8]) -> Result<(), EngineError> {
         const DOING: &str = "keep an object";
         let acknowledged = async |ack: PublishAckFuture| ack.await.map_err(|error| unkept(DOING, &error));
         let (first, rest) = bytes.split_at(bytes.len().min(PIECE_BYTES));
@@ -238,7 +250,7 @@ impl JetStream {
         for some in (1u32..).zip(&pieces).collect::<Vec<_>>().chunks(PIECES_AT_ONCE) {
             let mut sent = Vec::with_capacity(some.len());
             for (number, piece) in some {
-                sent.push(self.publish(self.piece_subject(name, *number), Bytes::copy_from_slice(piece)).await?);
+                sent.push(self.publish(into.subject(name, *number), Bytes::copy_from_slice(piece)).await?);
             }
             for ack in sent {
                 acknowledged(ack).await?;
@@ -246,15 +258,29 @@ impl JetStream {
         }
         // Piece 0 says that the others are there.
         let head = [&count.to_le_bytes()[..], first].concat();
-        acknowledged(self.publish(self.piece_subject(name, 0), head.into()).await?).await.map(drop)
+        acknowledged(self.publish(into.subject(name, 0), head.into()).await?).await.map(drop)
     }
 
-    async fn get(&self, name: &str) -> Result<Option<Vec<u8>>, EngineError> {
-        let Some(head) = self.piece(name, 0).await? else { return Ok(None) };
+    /// Removes the oldest of what is kept for a while until `more` bytes fit.
+    async fn make_room(&self, more: u64) -> Result<(), EngineError> {
+        const DOING: &str = "make room on the shelf";
+        loop {
+            let state = self.shelf.stream.get_info().await.map_err(|error| silent(DOING, error))?.state;
+            if state.messages == 0 || state.bytes.saturating_add(more) <= SHELF_BYTES_MAX {
+                return Ok(());
+            }
+            // A quarter of them, so that this is not done for each one that comes.
+            let end = state.first_sequence + (state.last_sequence - state.first_sequence) / 4 + 1;
+            self.shelf.stream.purge().sequence(end).await.map_err(|error| silent(DOING, error))?;
+        }
+    }
+
+    async fn get(&self, from: &Pieces, name: &str) -> Result<Option<Vec<u8>>, EngineError> {
+        let Some(head) = self.piece(from, name, 0).await? else { return Ok(None) };
         let Some((count, first)) = head.split_first_chunk::<HEAD_BYTES>() else { return Ok(None) };
         let mut bytes = first.to_vec();
         for number in 1..u32::from_le_bytes(*count).min(PIECES_MAX) {
-            match self.piece(name, number).await? {
+            match self.piece(from, name, number).await? {
                 Some(piece) => bytes.extend_from_slice(&piece),
                 None => return Ok(None),
             }
@@ -275,7 +301,7 @@ fn again<T>(time: Duration, what: impl Fn() -> Result<T, EngineError>) -> Result
 }
 
 /// One attempt to reach the engine and find, or make, the streams.
-async fn reach(options: &ClusterOptions) -> Result<(Context, Stream, Stream), EngineError> {
+async fn reach(options: &ClusterOptions) -> Result<(Context, [Stream; 3]), EngineError> {
     const DOING: &str = "be reached";
     let addresses: Result<Vec<ServerAddr>, _> = options.nodes.iter().map(|node| node.parse()).collect();
     let addresses = addresses.map_err(|error| refused(DOING, error))?;
@@ -302,9 +328,10 @@ async fn reach(options: &ClusterOptions) -> Result<(Context, Stream, Stream), En
     }
     let mut context = async_nats::jetstream::new(client);
     context.set_timeout(ANSWER);
-    let entries = streams::find_or_make(&context, options, "entries").await?;
-    let objects = streams::find_or_make(&context, options, "objects").await?;
-    Ok((context, entries, objects))
+    let entries = streams::find_or_make(&context, options, "entries", Duration::ZERO).await?;
+    let objects = streams::find_or_make(&context, options, "objects", Duration::ZERO).await?;
+    let shelf = streams::find_or_make(&context, options, "shelf", SHELVED_FOR).await?;
+    Ok((context, [entries, objects, shelf]))
 }
 
 /// The newest message of a subject, as the stream's leader has it.
@@ -322,11 +349,33 @@ async fn newest(stream: &Stream, subject: &str, doing: &'static str) -> Result<O
 impl Engine for JetStream {
     fn put_object(&self, name: &str, bytes: &[u8]) -> Result<(), EngineError> {
         // The same bytes again: an object that was kept although its answer was lost is only kept anew.
-        again(PUT_FOR, || self.wait("keep an object", self.put(name, bytes)))
+        again(PUT_FOR, || self.wait("keep an object", self.put(&self.objects, name, bytes)))
     }
 
     fn object(&self, name: &str) -> Result<Option<Vec<u8>>, EngineError> {
-        again(GET_FOR, || self.wait("give an object", self.get(name)))
+        again(GET_FOR, || self.wait("give an object", self.get(&self.objects, name)))
+    }
+
+    fn shelve(&self, name: &str, bytes: &[u8]) -> Result<(), EngineError> {
+        const DOING: &str = "keep an upload";
+        // One that takes most of the room would push out everybody else's.
+        if bytes.len() as u64 > SHELF_BYTES_MAX / 4 {
+            return Err(refused(DOING, format!("{} bytes are too many", bytes.len())));
+        }
+        self.wait(DOING, self.make_room(bytes.len() as u64))?;
+        again(PUT_FOR, || self.wait(DOING, self.put(&self.shelf, name, bytes)))
+    }
+
+    fn shelved(&self, name: &str) -> Result<Option<Vec<u8>>, EngineError> {
+        again(GET_FOR, || self.wait("give an upload", self.get(&self.shelf, name)))
+    }
+
+    fn unshelve(&self, name: &str) -> Result<(), EngineError> {
+        const DOING: &str = "remove an upload";
+        let subject = format!("{}.{name}.>", self.shelf.prefix);
+        self.wait(DOING, async {
+            self.shelf.stream.purge().filter(subject).await.map(drop).map_err(|error| silent(DOING, error))
+        })
     }
 
     fn write(&self, key: &str, expected: u64, bytes: &[u8]) -> Result<Written, EngineError> {
@@ -357,12 +406,11 @@ impl Engine for JetStream {
 
     fn collect(&self, before: SystemTime, is_used: &dyn Fn(&str) -> bool) -> Result<u64, EngineError> {
         const DOING: &str = "remove objects";
-        let prefix = self.piece_subject("", 0);
-        let prefix = prefix.trim_end_matches(".0").to_owned();
+        let prefix = format!("{}.", self.objects.prefix);
         let handle = self.runtime.as_ref().map(|runtime| runtime.handle().clone());
         let handle = handle.ok_or_else(|| silent(DOING, "it was left"))?;
-        let newest = self.wait(DOING, self.end_of(&self.objects, DOING))?;
-        let begin = Following::begin(&self.objects, 0, following::Wanted::Heads, prefix, handle);
+        let newest = self.wait(DOING, self.end_of(&self.objects.stream, DOING))?;
+        let begin = Following::begin(&self.objects.stream, 0, following::Wanted::Heads, prefix, handle);
         let mut following = self.wait(DOING, begin)?;
         let mut gone = std::collections::HashSet::new();
         let mut position = 0;
@@ -373,7 +421,7 @@ impl Engine for JetStream {
             if put < before && !is_used(&name) {
                 // By its sequence: one that was put again meanwhile has another.
                 let removed = self.wait(DOING, async {
-                    self.objects.delete_message(position).await.map_err(|error| silent(DOING, error))
+                    self.objects.stream.delete_message(position).await.map_err(|error| silent(DOING, error))
                 });
                 if removed? {
                     gone.insert(name);

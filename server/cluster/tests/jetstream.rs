@@ -42,6 +42,7 @@ fn on_a_real_engine() {
     println!("conformance on three nodes: {:.1} s", begun.elapsed().as_secs_f64());
     a_counter_counts_every_write(&nodes);
     large_objects_come_back(&nodes, dir.path());
+    what_is_kept_for_a_while_comes_back_and_is_no_object(&nodes, dir.path());
     what_was_acknowledged_survives_the_nodes(&mut nodes, dir.path());
 }
 
@@ -101,6 +102,19 @@ fn large_objects_come_back(nodes: &Nodes, dir: &Path) {
     // The bytes are gone from the engine, and come again with the example.
     first.add(&sample.example(), &[]).expect("added");
     eventually("all is whole", || join(nodes, "large", dir).check(&mut |_| {}).is_ok_and(|r| r.problems.is_empty()));
+}
+
+fn what_is_kept_for_a_while_comes_back_and_is_no_object(nodes: &Nodes, dir: &Path) {
+    let bytes: Vec<u8> = (0..3 << 20).map(|at: u32| (at.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+    let (one, other) = (join(nodes, "shelf", dir), join(nodes, "shelf", dir));
+    one.shelve("a", &bytes).expect("kept");
+    one.shelve("b", b"short").expect("kept");
+    assert!(other.shelved("a").expect("answered") == Some(bytes));
+    assert_eq!(other.collect(Duration::ZERO).expect("collected"), 0);
+    other.unshelve("a").expect("removed");
+    assert_eq!(one.shelved("a").expect("answered"), None);
+    assert_eq!(one.shelved("b").expect("answered").as_deref(), Some(&b"short"[..]));
+    assert_eq!(one.shelved("c").expect("answered"), None);
 }
 
 /// What was acknowledged of an example: how often it was renamed for certain, and how often perhaps.

@@ -85,6 +85,21 @@ impl ClusterArgs {
     }
 }
 
+/// The address at which others reach a server, as `--advertise` gives it; an empty one is none.
+///
+/// # Errors
+/// [`ConfigError::Cluster`].
+pub(super) fn advertised(given: Option<String>) -> Result<Option<String>, ConfigError> {
+    let Some(text) = given.filter(|text| !text.is_empty()) else { return Ok(None) };
+    let refused = || ConfigError::Cluster(format!("expected --advertise http://HOST:PORT, found `{text}`"));
+    let rest = text.strip_prefix("http://").ok_or_else(refused)?.trim_end_matches('/');
+    let authority: axum::http::uri::Authority = rest.parse().map_err(|_| refused())?;
+    let port = authority.port_u16().ok_or_else(refused)?;
+    let host = authority.host();
+    let is_plain = !host.is_empty() && !rest.contains('@') && port > 0;
+    if is_plain { Ok(Some(format!("http://{host}:{port}"))) } else { Err(refused()) }
+}
+
 /// What to do with a corpus that servers share.
 #[derive(Debug, Subcommand)]
 pub enum ClusterAction {
@@ -142,6 +157,22 @@ pub enum ClusterAction {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_server_is_advertised_by_host_and_port() {
+        let of = |text: &str| advertised(Some(text.into()));
+        assert_eq!(advertised(None).expect("none"), None);
+        assert_eq!(of("").expect("none"), None);
+        for good in ["http://10.0.0.7:7979", "http://studio-1:80", "http://[::1]:7979"] {
+            assert_eq!(of(good).expect("sound").as_deref(), Some(good));
+        }
+        assert_eq!(of("http://a:1/").expect("sound").as_deref(), Some("http://a:1"));
+        for bad in
+            ["10.0.0.7:7979", "https://a:1", "http://a", "http://:1", "http://a:0", "http://a:1/x", "http://u@a:1"]
+        {
+            assert!(of(bad).is_err(), "{bad}");
+        }
+    }
 
     #[test]
     fn a_bucket_needs_an_engine_and_an_engine_a_sound_name() {

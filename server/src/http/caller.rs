@@ -1,6 +1,7 @@
 //! Who asks: the token's role against the one needed, whose turn the work is counted as, and what is the caller's own.
 
 use super::error::{HttpError, REQUEST_ID};
+use super::forward::{AnsweredElsewhere, is_passed_on};
 use crate::app::App;
 use crate::audit::Line;
 use crate::auth::{Access, Role, TokenRecord};
@@ -103,7 +104,8 @@ pub async fn authorize(State(app): State<App>, mut request: Request, next: Next)
         }
     };
     super::watchful::tell(&mut response, |told| told.user = found.map(|token| token.id.to_string()));
-    if let Some(line) = line {
+    // What another server answered, it wrote down.
+    if let Some(line) = line.filter(|_| response.extensions().get::<AnsweredElsewhere>().is_none()) {
         let made = response.headers().get(header::LOCATION).and_then(|at| at.to_str().ok()).unwrap_or_default();
         app.audit.note(Line { status: response.status().as_u16(), made: made.into(), ..line });
     }
@@ -122,7 +124,8 @@ fn in_reserve(request: &Request) -> Result<(), HttpError> {
 
 /// Whether the caller has not asked too often. Health is told to everybody.
 fn rated(app: &App, request: &Request, caller: Caller, own_rate: Option<u32>) -> Result<(), HttpError> {
-    if role_needed(request.method(), request.uri().path()).is_none() {
+    let is_free = role_needed(request.method(), request.uri().path()).is_none();
+    if is_free || is_passed_on(request) {
         return Ok(());
     }
     let cost = if is_read(request.method()) { COST_READ } else { COST_WRITE };

@@ -158,6 +158,17 @@ pub enum HttpError {
         /// The version found.
         found: String,
     },
+    /// The server that has it, one of several, does not answer.
+    #[error("expected the server that has {of} to answer, found it gone; {way_out}")]
+    OwnerGone {
+        /// What it has.
+        of: String,
+        /// What to do.
+        way_out: String,
+    },
+    /// The server that has it broke off its answer.
+    #[error("expected an answer of the server that has it, found the connection broken; try again shortly")]
+    OwnerBroke,
     /// The service is stopping.
     #[error("expected a running service, found it stopping; try again shortly")]
     Stopping,
@@ -234,6 +245,8 @@ fn judge(error: &HttpError) -> (StatusCode, Code) {
         }
         HttpError::TooManyConnections { beyond: Beyond::All } => (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded),
         HttpError::TusVersion { .. } => (StatusCode::PRECONDITION_FAILED, Code::ParameterInvalid),
+        HttpError::OwnerGone { .. } => (StatusCode::SERVICE_UNAVAILABLE, Code::OwnerGone),
+        HttpError::OwnerBroke => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
         HttpError::Stopping => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
         HttpError::TooSlow { .. } => (StatusCode::GATEWAY_TIMEOUT, Code::Deadline),
         HttpError::Internal(_) => (StatusCode::INTERNAL_SERVER_ERROR, Code::Internal),

@@ -13,6 +13,7 @@
 
 use super::caller::is_read;
 use super::error::HttpError;
+use super::forward::is_passed_on;
 use crate::app::App;
 use crate::auth::Access;
 use axum::extract::{Request, State};
@@ -163,6 +164,10 @@ fn check_origin(headers: &HeaderMap, allowed: &[String]) -> Result<(), HttpError
 /// # Errors
 /// [`HttpError::HostUnknown`], [`HttpError::CrossOrigin`].
 pub async fn check(State(app): State<App>, request: Request, next: Next) -> Result<Response, HttpError> {
+    // Another server has checked it, and knows its own names.
+    if is_passed_on(&request) {
+        return Ok(next.run(request).await);
+    }
     check_host(request.headers(), &app.settings.allowed_hosts, app.tokens.access())?;
     if !is_read(request.method()) {
         check_origin(request.headers(), &app.settings.allowed_origins)?;

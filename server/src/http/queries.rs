@@ -3,6 +3,7 @@
 use super::caller::Who;
 use super::error::{HttpError, problem_of};
 use super::files::{mesh_answer, wanted_format};
+use super::forward::Others;
 use super::idempotency::{Key, Turn};
 use super::making;
 use super::negotiate::{Wants, if_none_match};
@@ -60,7 +61,40 @@ pub async fn start(
         tags: params.all("tag"),
         like: params.get("like", "the id of an example")?,
     };
+    let upload = mesh.upload.clone();
     let live = search::start(&app.work, caller, mesh.upload, options).await?;
+    app.kept.keep(&app.work, &live, upload);
+    claim.made(&live.id);
+    accepted(&wants, &live)
+}
+
+/// Starts a query again, with what it was started with: another query, with an id of its own. For one that has ended, or whose
+/// server is gone (`owner_gone`). Uploads are kept for a day, while there is room.
+#[utoipa::path(
+    post, path = "/v1/queries/{id}/restart", tag = "queries",
+    params(
+        ("id" = QueryId, Path),
+        ("Idempotency-Key" = Option<String>, Header, description = "Sent again with the same key, nothing new is made"),
+    ),
+    responses((status = 202, description = "Started; `location` is the address of the new query", body = Query))
+)]
+pub async fn restart(
+    State(app): State<App>,
+    Who(caller): Who,
+    wants: Wants,
+    key: Key,
+    PathIds((id,)): PathIds<(QueryId,)>,
+) -> Result<Response, HttpError> {
+    let claim = match app.idempotency.turn(key, blake3::hash(&id.to_bytes())).await? {
+        Turn::Made(id) => {
+            let id = id.parse().map_err(|_| HttpError::Internal("a remembered id".into()))?;
+            return accepted(&wants, &*app.work.queries.get(id)?);
+        }
+        Turn::Make(claim) => claim,
+    };
+    let (upload, options) = app.kept.find(&app.work, caller, id, app.settings.upload_limit).await?;
+    let live = search::start(&app.work, caller, upload.clone(), options).await?;
+    app.kept.keep(&app.work, &live, upload);
     claim.made(&live.id);
     accepted(&wants, &live)
 }
@@ -77,7 +111,7 @@ pub fn described(live: &LiveQuery) -> Query {
     Query { problem, making, ..live.describe() }
 }
 
-/// Lists the caller's queries that the server holds, newest last; to an admin everybody's.
+/// Lists the caller's queries that are held, by all servers that share the corpus, newest last; to an admin everybody's.
 #[utoipa::path(
     get, path = "/v1/queries", tag = "queries",
     params(
@@ -91,13 +125,22 @@ pub async fn list(
     Who(caller): Who,
     wants: Wants,
     params: Params,
+    others: Others,
 ) -> Result<Response, HttpError> {
     let limit = params.page_limit()?;
     let after: Option<QueryId> = params.get("cursor", "as `next` gave it")?;
     let wanted = |live: &Arc<LiveQuery>| caller.sees(live.caller.user) && after.is_none_or(|after| live.id > after);
     let held: Vec<Arc<LiveQuery>> = app.work.queries.all().into_iter().filter(wanted).collect();
-    let items: Vec<Query> = held.iter().take(limit).map(|live| described(live)).collect();
-    let next = items.last().filter(|_| held.len() > limit).map(|last| last.id.to_string());
+    let mut items: Vec<Query> = held.iter().take(limit).map(|live| described(live)).collect();
+    let mut has_more = held.len() > limit;
+    for page in others.answers::<Page<Query>>(&app).await {
+        has_more |= page.next.is_some();
+        items.extend(page.items);
+    }
+    items.sort_by_key(|query| query.id);
+    has_more |= items.len() > limit;
+    items.truncate(limit);
+    let next = items.last().filter(|_| has_more).map(|last| last.id.to_string());
     wants.show(&Page { items, next })
 }
 
@@ -123,6 +166,7 @@ pub async fn get(
 )]
 pub async fn cancel(State(app): State<App>, PathIds((id,)): PathIds<(QueryId,)>) -> Result<StatusCode, HttpError> {
     search::cancel(&app.work, id)?;
+    app.kept.remove(&app.work, id);
     Ok(StatusCode::NO_CONTENT)
 }
 

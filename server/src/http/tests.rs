@@ -5,6 +5,7 @@
 mod access;
 mod bodies;
 mod examples;
+mod forward;
 mod maps;
 mod queries;
 mod sockets;
@@ -13,13 +14,14 @@ mod surface;
 mod uploads;
 
 use super::router;
-use crate::app::{App, Settings};
+use crate::app::{App, Settings, Together};
 use crate::audit::Audit;
 use crate::auth::Tokens;
 use crate::pool::{Admission, Pool, User};
 use crate::work::corpus::memory::MemoryCorpus;
 use crate::work::engine::Cut;
 use crate::work::engine::fake::FakeEngine;
+use crate::work::kept::{Files, Kept};
 use crate::work::query::{LiveQuery, QueryOptions};
 use crate::work::uploads::Uploads;
 use crate::work::{Caller, Work};
@@ -87,15 +89,23 @@ impl Bench {
     }
 
     fn with(admission: Admission) -> Self {
+        let dir = tempfile::tempdir().expect("a directory");
+        let kept = Kept::on(Arc::new(Files::beside(dir.path())));
+        Self::one_of(admission, dir, Together { kept, peers: None })
+    }
+
+    fn one_of(admission: Admission, dir: tempfile::TempDir, together: Together) -> Self {
         let corpus = Arc::new(MemoryCorpus::default());
         let pool = Pool::new(2, admission).expect("threads");
-        let work = Work::new(pool, Arc::new(FakeEngine), Arc::<MemoryCorpus>::clone(&corpus) as Arc<_>);
-        let (stopping, dir) = (CancellationToken::new(), tempfile::tempdir().expect("a directory"));
+        let server = together.peers.as_ref().map(|peers| peers.own());
+        let work = Work::on(server, pool, Arc::new(FakeEngine), Arc::<MemoryCorpus>::clone(&corpus) as Arc<_>);
+        let stopping = CancellationToken::new();
         let app = App::new(
             Arc::clone(&work),
             Arc::new(Tokens::beside(dir.path())),
             Audit::beside(dir.path()),
-            Arc::new(Uploads::beside(dir.path(), LIMIT)),
+            Arc::new(Uploads::beside(dir.path(), LIMIT).on(server)),
+            together,
             Settings {
                 upload_limit: LIMIT,
                 allowed_hosts: Vec::new(),
@@ -109,7 +119,11 @@ impl Bench {
 
     /// A service with examples `a` to `d` at 1, 2, 3 and 4.
     async fn stocked() -> Self {
-        let bench = Self::new();
+        Self::new().with_stock().await
+    }
+
+    async fn with_stock(self) -> Self {
+        let bench = self;
         for (name, number) in [("a", 1), ("b", 2), ("c", 3), ("d", 4)] {
             bench.add(name, &format!("segment disc {number}")).await;
         }
@@ -163,7 +177,8 @@ impl Bench {
         let job = self.work.pool.admit(User(0), 0, None).expect("room");
         let model = self.work.engine.read(b"segment disc 1", None, &Cut::default(), job.stop()).expect("a model");
         let options = QueryOptions { top: 1, resolution: 32, deadline: None, tags: Vec::new(), like: None };
-        let live = Arc::new(LiveQuery::new(Caller::default(), options, Arc::new(model), job, Instant::now()));
+        let id = quadmuse_proto::QueryId::generate();
+        let live = Arc::new(LiveQuery::new(id, Caller::default(), options, Arc::new(model), job, Instant::now()));
         self.work.queries.insert(Arc::clone(&live)).expect("room");
         live
     }

@@ -2,10 +2,15 @@
 
 use super::StartError;
 use crate::commands::cluster::unreachable;
+use crate::peers::Peers;
+use crate::work::corpus::CorpusError;
 use crate::work::corpus::stored::{StoredCorpus, row_maker};
 use crate::work::engine::Engine;
+use crate::work::kept::Shelf;
 use quadmuse_cluster::{ClusterOptions, JetStream, SharedCorpus, SharedOptions};
-use quadmuse_store::{Backend, StoreError};
+use quadmuse_proto::QueryId;
+use quadmuse_store::{Backend, Documents, StoreError};
+use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -42,4 +47,51 @@ pub(super) async fn corpus_of(shared: Arc<SharedCorpus>, engine: &Arc<dyn Engine
     let row_maker = row_maker(Arc::clone(engine));
     let reading = tokio::task::spawn_blocking(move || StoredCorpus::of(shared, Some(row_maker)));
     reading.await.map_err(|_| StartError::Interrupted)
+}
+
+/// Uploads of queries, kept on the engine.
+pub(super) struct SharedShelf(pub(super) Arc<SharedCorpus>);
+
+fn shelf_name(id: QueryId) -> String {
+    format!("query-{id}")
+}
+
+impl Shelf for SharedShelf {
+    fn put(&self, id: QueryId, bytes: &[u8]) -> Result<(), CorpusError> {
+        Ok(self.0.shelve(&shelf_name(id), bytes)?)
+    }
+
+    fn get(&self, id: QueryId) -> Result<Option<Vec<u8>>, CorpusError> {
+        Ok(self.0.shelved(&shelf_name(id))?)
+    }
+
+    fn remove(&self, id: QueryId) -> Result<(), CorpusError> {
+        Ok(self.0.unshelve(&shelf_name(id))?)
+    }
+}
+
+/// Becomes one of the servers that share the corpus, at the address given, else where it listens.
+pub(super) async fn meet(
+    shared: &Arc<SharedCorpus>,
+    advertise: Option<&str>,
+    listens: SocketAddr,
+) -> Result<Arc<Peers>, StartError> {
+    let documents = Arc::clone(shared) as Arc<dyn Documents>;
+    let address = advertise.map_or_else(|| reached_at(listens), str::to_owned);
+    let joining = tokio::task::spawn_blocking(move || {
+        let peers = Peers::join(documents, &address)?;
+        let (number, others) = (peers.own().get(), peers.others().len());
+        tracing::info!(number, address, others, "known to the other servers");
+        Ok::<_, StoreError>(Arc::new(peers))
+    });
+    Ok(joining.await.map_err(|_| StartError::Interrupted)??)
+}
+
+/// Where others are likely to reach a server that listens there.
+fn reached_at(listens: SocketAddr) -> String {
+    if !listens.ip().is_unspecified() {
+        return format!("http://{listens}");
+    }
+    let name = rustix::system::uname();
+    format!("http://{}:{}", name.nodename().to_string_lossy(), listens.port())
 }

@@ -75,7 +75,7 @@ pub fn start(
     if under_way.is_empty() {
         check(live, &wanted)?;
     }
-    let id = CompositionId::generate();
+    let id = CompositionId::generate_on(work.server);
     let handles = (Arc::clone(work), Arc::clone(live));
     let make = move |tell: Arc<dyn Fn(&'static str, f64) + Send + Sync>| async move {
         for map in under_way {

@@ -69,7 +69,7 @@ impl LiveMap {
 /// # Errors
 /// What is not there, [`WorkError::TopologyDiffers`], refusals of the pool and of the engine.
 pub async fn create(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: NewMap) -> Result<Arc<LiveMap>, WorkError> {
-    made(work, live, (MapId::generate(), wanted), &untold).await
+    made(work, live, (MapId::generate_on(work.server), wanted), &untold).await
 }
 
 /// Maps an example on a query, on a task of its own; the map's id.
@@ -78,7 +78,7 @@ pub async fn create(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: NewMap) -> 
 /// What is wrong with the request; what goes wrong later, the map's making tells.
 pub fn start(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: NewMap) -> Result<(MapId, Arc<Making>), WorkError> {
     check(work, live, &wanted)?;
-    let id = MapId::generate();
+    let id = MapId::generate_on(work.server);
     let handles = (Arc::clone(work), Arc::clone(live));
     let make = move |tell: Arc<dyn Fn(&'static str, f64) + Send + Sync>| async move {
         made(&handles.0, &handles.1, (id, wanted), &*tell).await.map(drop)

@@ -97,7 +97,14 @@ pub struct SegmentRanking {
 
 impl LiveQuery {
     /// A query that was read and cut. `read_ms` is the time that took; `started` when the upload was there.
-    pub fn new(caller: Caller, options: QueryOptions, model: Arc<Model>, job: Job, started: Instant) -> Self {
+    pub fn new(
+        id: QueryId,
+        caller: Caller,
+        options: QueryOptions,
+        model: Arc<Model>,
+        job: Job,
+        started: Instant,
+    ) -> Self {
         let (count, counts) = (model.segments.len(), counts_of(&model.mesh));
         let timings = QueryTimings { read_ms: ms_since(started), ..QueryTimings::default() };
         let board = Board {
@@ -109,7 +116,7 @@ impl LiveQuery {
             failure: None,
         };
         Self {
-            id: QueryId::generate(),
+            id,
             caller,
             options,
             model,

@@ -78,7 +78,7 @@ pub async fn start(
         let tags = if options.tags.is_empty() { String::new() } else { format!(" and tags {:?}", options.tags) };
         return Err(WorkError::CorpusEmpty { wanted: format!("of topology {}{tags}", wanted.join(" or ")) });
     }
-    let live = Arc::new(LiveQuery::new(caller, options, model, job, started));
+    let live = Arc::new(LiveQuery::new(QueryId::generate_on(work.server), caller, options, model, job, started));
     live.set_corpus_sizes(&corpus.iter().map(|c| c.size as u64).collect::<Vec<_>>());
     work.queries.insert(Arc::clone(&live))?;
     let traced = traces::behind("ranking", &live.id.to_string());
@@ -114,7 +114,8 @@ pub(super) async fn of_rest(work: &Arc<Work>, live: &LiveQuery, cut: &Arc<Model>
     let corpus: Vec<Selection> = (0..cut.segments.len()).map(select).collect();
     // One try each: what finishes the others is for those who choose.
     let options = QueryOptions { top: 1, ..live.options.clone() };
-    let rest = Arc::new(LiveQuery::new(live.caller, options, Arc::clone(cut), job, Instant::now()));
+    let id = QueryId::generate();
+    let rest = Arc::new(LiveQuery::new(id, live.caller, options, Arc::clone(cut), job, Instant::now()));
     rest.set_corpus_sizes(&corpus.iter().map(|c| c.size as u64).collect::<Vec<_>>());
     run(Arc::clone(work), Arc::clone(&rest), corpus, 1).await;
     Ok(rest)

@@ -8,6 +8,7 @@ use super::{Caller, Work, WorkError};
 use crate::pool::User;
 use bytes::Bytes;
 use quadmuse_proto::UploadId;
+use quadmuse_proto::id::ServerNumber;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::fs::{self, File, OpenOptions};
@@ -160,6 +161,8 @@ pub struct Uploads {
     dir: PathBuf,
     largest: u64,
     idle_max: Duration,
+    /// This server, if there are several: ids tell it.
+    server: Option<ServerNumber>,
     all: Mutex<HashMap<UploadId, Arc<Upload>>>,
 }
 
@@ -176,7 +179,12 @@ impl Uploads {
     fn lasting(data: &Path, largest: u64, idle_max: Duration) -> Self {
         let dir = data.join(FOLDER);
         let all = Mutex::new(found(&dir));
-        Self { dir, largest, idle_max, all }
+        Self { dir, largest, idle_max, server: None, all }
+    }
+
+    /// The same on this one of several servers.
+    pub fn on(self, server: Option<ServerNumber>) -> Self {
+        Self { server, ..self }
     }
 
     /// Largest size of an upload, in bytes.
@@ -196,7 +204,7 @@ impl Uploads {
         fs::create_dir_all(&self.dir).map_err(of_disk)?;
         let mut all = lock(&self.all);
         self.check_room(&all, caller.user, length)?;
-        let id = UploadId::generate();
+        let id = UploadId::generate_on(self.server);
         let announced = Announced { owner: caller.user.0, length, metadata };
         // The bytes' file first: one without the other is removed at the next start.
         let written = created(&self.dir.join(id.to_string()))

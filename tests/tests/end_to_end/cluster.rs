@@ -19,7 +19,7 @@ use std::{
 const SEEN_WITHIN: Duration = Duration::from_secs(30);
 
 /// A server of the corpus `studio`, with a cache of its own.
-fn join(nodes: &Nodes, data: &Path) -> (Server, Client) {
+pub(crate) fn join(nodes: &Nodes, data: &Path) -> (Server, Client) {
     let cluster = format!("QUADMUSE_CLUSTER={}", nodes.addresses());
     let server = Server::start_under(&["env", &cluster, "QUADMUSE_BUCKET=studio"], data).expect("a server");
     let client = Client::new(server.url());

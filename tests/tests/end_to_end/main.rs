@@ -8,6 +8,7 @@ mod hostile;
 mod nodes;
 mod path;
 mod shutdown;
+mod together;
 mod traces;
 mod uploads;
 

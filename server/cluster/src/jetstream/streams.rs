@@ -5,15 +5,18 @@ use async_nats::jetstream::ErrorCode;
 use async_nats::jetstream::context::{CreateStreamErrorKind, GetStreamErrorKind};
 use async_nats::jetstream::stream::{Config, DiscardPolicy, RetentionPolicy, StorageType, Stream};
 
+use std::time::Duration;
+
 use super::{refused, silent};
 use crate::engine::EngineError;
 use crate::options::ClusterOptions;
 
-/// A stream of the corpus, `entries` or `objects`.
+/// A stream of the corpus: `entries`, `objects` or `shelf`. Messages older than `age` are removed by the engine; zero: none is.
 pub(super) async fn find_or_make(
     context: &Context,
     options: &ClusterOptions,
     kind: &'static str,
+    age: Duration,
 ) -> Result<Stream, EngineError> {
     const DOING: &str = "find the corpus";
     let name = format!("{}_{kind}", options.bucket);
@@ -28,7 +31,7 @@ pub(super) async fn find_or_make(
         }
         Err(error) => match error.kind() {
             GetStreamErrorKind::JetStream(found) if found.error_code() == ErrorCode::STREAM_NOT_FOUND => {
-                make(context, options, name, kind).await
+                make(context, options, (name, kind), age).await
             }
             _ => Err(silent(DOING, error)),
         },
@@ -38,16 +41,17 @@ pub(super) async fn find_or_make(
 async fn make(
     context: &Context,
     options: &ClusterOptions,
-    name: String,
-    kind: &'static str,
+    (name, kind): (String, &'static str),
+    age: Duration,
 ) -> Result<Stream, EngineError> {
     const DOING: &str = "make the corpus";
     let config = Config {
         subjects: vec![format!("quadmuse.{}.{kind}.>", options.bucket)],
         description: Some(format!("Quadmuse, {kind} of the corpus {}", options.bucket)),
         retention: RetentionPolicy::Limits,
-        // Of each subject the newest; nothing is ever discarded for its age or for want of room.
+        // Of each subject the newest; nothing is ever discarded for want of room.
         max_messages_per_subject: 1,
+        max_age: age,
         discard: DiscardPolicy::New,
         storage: StorageType::File,
         num_replicas: options.replicas(),
