@@ -18,6 +18,7 @@ use serde_bytes::ByteBuf;
 use crate::cache::Cache;
 use crate::documents;
 use crate::engine::{Engine, EngineError, Entry};
+use crate::heal::{Healer, LOOKED_AFTER};
 use crate::inner::Inner;
 use crate::manifest::{DOCUMENT, Manifest, SCHEMA, SegmentEntry};
 use crate::state::Encoding;
@@ -37,6 +38,8 @@ pub struct SharedOptions {
     pub cache_bytes: u64,
     /// Longest time to catch up with the engine.
     pub catch_up: Duration,
+    /// How long after another node began to lead it is looked whether all that was written lately is there.
+    pub looked_after: [Duration; 3],
     /// Makes rows for examples that come whole from another corpus, so that no server has to make them from encodings.
     pub row_maker: Option<RowMaker>,
 }
@@ -44,7 +47,13 @@ pub struct SharedOptions {
 impl SharedOptions {
     /// The usual: 32 GiB of cache in `cache`, and ten minutes to catch up.
     pub fn caching_in(cache: &Path) -> Self {
-        Self { cache: cache.to_path_buf(), cache_bytes: 32 << 30, catch_up: Duration::from_secs(600), row_maker: None }
+        Self {
+            cache: cache.to_path_buf(),
+            cache_bytes: 32 << 30,
+            catch_up: Duration::from_secs(600),
+            looked_after: LOOKED_AFTER,
+            row_maker: None,
+        }
     }
 }
 
@@ -52,18 +61,19 @@ impl SharedOptions {
 pub struct SharedCorpus {
     pub(crate) engine: Arc<dyn Engine>,
     pub(crate) inner: Arc<Inner>,
-    cache: Cache,
+    cache: Arc<Cache>,
     row_maker: Option<RowMaker>,
     stopping: Arc<AtomicBool>,
-    follower: Option<JoinHandle<()>>,
+    threads: Vec<JoinHandle<()>>,
 }
 
 impl Drop for SharedCorpus {
     fn drop(&mut self) {
         self.stopping.store(true, Ordering::Relaxed);
-        if let Some(follower) = self.follower.take() {
+        for thread in self.threads.drain(..) {
+            thread.thread().unpark();
             // It returns what it panicked with: nothing to be done about it here.
-            let _ = follower.join();
+            let _ = thread.join();
         }
     }
 }
@@ -78,13 +88,19 @@ impl SharedCorpus {
         let newest = engine.newest().map_err(unreachable("tell its newest entry"))?;
         let (inner, stopping) = (Arc::new(Inner::new()), Arc::new(AtomicBool::new(false)));
         let (following, engine_of, stop) = (Arc::clone(&inner), Arc::clone(&engine), Arc::clone(&stopping));
-        let run = move || crate::follow::run(&following, &engine_of, &stop);
-        let thread = std::thread::Builder::new().name("cluster-follower".into()).spawn(run);
-        let follower = thread
-            .map_err(|error| StoreError::Unreachable { doing: "be followed by a thread", reason: error.to_string() })?;
-        let cache = Cache::new(&options.cache, options.cache_bytes);
+        let cache = Arc::new(Cache::new(&options.cache, options.cache_bytes));
+        let healer = Healer {
+            engine: Arc::clone(&engine),
+            inner: Arc::clone(&inner),
+            cache: Arc::clone(&cache),
+            looked_after: options.looked_after,
+            stopping: Arc::clone(&stopping),
+        };
         let row_maker = options.row_maker.clone();
-        let corpus = Self { engine, inner, cache, row_maker, stopping, follower: Some(follower) };
+        let mut corpus = Self { engine, inner, cache, row_maker, stopping, threads: Vec::new() };
+        let follower = spawned("cluster-follower", move || crate::follow::run(&following, &engine_of, &stop));
+        corpus.threads.push(follower?);
+        corpus.threads.push(spawned("cluster-healer", move || healer.run())?);
         let begun = Instant::now();
         if !corpus.inner.wait_for(newest, options.catch_up) {
             let (position, seconds) = (corpus.inner.progress().position, begun.elapsed().as_secs());
@@ -147,6 +163,7 @@ impl SharedCorpus {
     pub(crate) fn put_object(&self, name: ContentHash, bytes: &[u8]) -> Result<(), StoreError> {
         self.engine.put_object(&name.to_string(), bytes).map_err(unreachable("keep an object"))?;
         self.cache.put(name, bytes);
+        self.inner.recent.put(name);
         Ok(())
     }
 
@@ -266,6 +283,11 @@ impl SharedCorpus {
         report.examples += 1;
         Ok(())
     }
+}
+
+fn spawned(name: &str, run: impl FnOnce() + Send + 'static) -> Result<JoinHandle<()>, StoreError> {
+    let thread = std::thread::Builder::new().name(name.into()).spawn(run);
+    thread.map_err(|error| StoreError::Unreachable { doing: "be looked after by a thread", reason: error.to_string() })
 }
 
 /// An [`EngineError`] as the store's, for `map_err`.

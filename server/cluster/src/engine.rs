@@ -130,6 +130,12 @@ pub trait Engine: Send + Sync + 'static {
     /// [`EngineError`].
     fn newest(&self) -> Result<u64, EngineError>;
 
+    /// Which nodes lead: another text whenever others do.
+    ///
+    /// # Errors
+    /// [`EngineError`], also while there is no leader.
+    fn leader(&self) -> Result<String, EngineError>;
+
     /// Follows the entries after a position: of each key its newest one at least, in order of their positions.
     ///
     /// # Errors

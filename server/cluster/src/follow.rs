@@ -1,7 +1,8 @@
 //! The thread that follows the engine's entries, so that this server knows what others wrote.
 //!
 //! Deliveries are numbered: those that come too early wait for those before them, and one that stays away begins the
-//! following anew after the last entry that came in order.
+//! following anew after the last entry that came in order. After an election it begins a little before: an engine that
+//! lost its end writes other entries there.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,6 +17,8 @@ const QUIET: Duration = Duration::from_millis(500);
 /// Pause before a following that failed is begun anew: the first, and the longest.
 const PAUSES: (Duration, Duration) = (Duration::from_millis(50), Duration::from_secs(2));
 
+/// Positions that are delivered again after an election.
+const AGAIN: u64 = 1024;
 /// Deliveries that wait for one before them, at most.
 const EARLY_MAX: usize = 256;
 
@@ -36,9 +39,9 @@ pub(crate) struct Progress {
 pub(crate) fn run(inner: &Inner, engine: &Arc<dyn Engine>, stopping: &AtomicBool) {
     let mut pause = PAUSES.0;
     while !stopping.load(Ordering::Relaxed) {
-        let after = inner.progress().position;
+        let before = inner.progress().position;
+        let after = if inner.is_to_follow_anew() { before.saturating_sub(AGAIN) } else { before };
         let begun = engine.follow(after);
-        let before = after;
         let ended = begun.and_then(|mut deliveries| follow(inner, &**engine, &mut *deliveries, stopping));
         match ended {
             Ok(Ended::Gap) => tracing::debug!(after, "a delivery is missing; following anew"),
@@ -68,6 +71,9 @@ fn follow(
     loop {
         if stopping.load(Ordering::Relaxed) {
             return Ok(Ended::Stopped);
+        }
+        if inner.is_asked_to_follow_anew() {
+            return Ok(Ended::Gap);
         }
         match deliveries.next(QUIET)? {
             // Said before.

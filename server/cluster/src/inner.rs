@@ -1,5 +1,6 @@
 //! What the callers and the follower of a shared corpus have in common.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::time::{Duration, Instant};
 
@@ -7,12 +8,16 @@ use quadmuse_store::{Following, Listener};
 
 use crate::engine::Entry;
 use crate::follow::Progress;
+use crate::heal::Recent;
 use crate::state::State;
 
 pub(crate) struct Inner {
     state: RwLock<State>,
     pub(crate) progress: Mutex<Progress>,
     pub(crate) moved: Condvar,
+    pub(crate) recent: Recent,
+    /// Whether the entries are to be followed anew.
+    anew: AtomicBool,
     listeners: Mutex<Vec<Listener>>,
     /// When it was opened.
     begun: Instant,
@@ -24,6 +29,8 @@ impl Inner {
             state: RwLock::default(),
             progress: Mutex::new(Progress { position: 0, newest: 0, sure: None, end: None }),
             moved: Condvar::new(),
+            recent: Recent::default(),
+            anew: AtomicBool::new(false),
             listeners: Mutex::default(),
             begun: Instant::now(),
         }
@@ -44,9 +51,11 @@ impl Inner {
     /// Takes entries in, delivered or written by this server, and tells who listens.
     pub(crate) fn take_in(&self, entries: &[(&str, &Entry)]) {
         self.change(|state| {
-            entries.iter().for_each(|(key, entry)| {
-                state.apply(key, entry);
-            })
+            for (key, entry) in entries {
+                if state.apply(key, entry) {
+                    self.recent.wrote(key, entry);
+                }
+            }
         });
     }
 
@@ -66,6 +75,21 @@ impl Inner {
 
     pub(crate) fn subscribe(&self, listener: Listener) {
         self.listeners.lock().unwrap_or_else(PoisonError::into_inner).push(listener);
+    }
+
+    /// Has the entries followed anew, from a little before where they are.
+    pub(crate) fn follow_anew(&self) {
+        self.anew.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether they are to be.
+    pub(crate) fn is_asked_to_follow_anew(&self) -> bool {
+        self.anew.load(Ordering::Relaxed)
+    }
+
+    /// The same, and takes it as done.
+    pub(crate) fn is_to_follow_anew(&self) -> bool {
+        self.anew.swap(false, Ordering::Relaxed)
     }
 
     /// Waits until everything up to `position` is in, at most for `timeout`; whether it is.

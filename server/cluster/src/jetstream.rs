@@ -35,6 +35,7 @@ const ANSWER: Duration = Duration::from_secs(3);
 /// Longest time to try an object in: a leader is elected in some seconds. Who reads waits less long.
 const PUT_FOR: Duration = Duration::from_secs(15);
 const GET_FOR: Duration = Duration::from_secs(6);
+const LEADING: &str = "tell its leader";
 /// Bytes of an object in one message; the engine takes a MiB unless told otherwise.
 const PIECE_BYTES: usize = 512 << 10;
 /// Pieces of an object that are under way at a time.
@@ -153,12 +154,8 @@ impl JetStream {
     ///
     /// # Errors
     /// [`EngineError`].
-    pub fn leader(&self) -> Result<Option<String>, EngineError> {
-        const DOING: &str = "tell its leader";
-        self.wait(DOING, async {
-            let info = self.entries.get_info().await.map_err(|error| silent(DOING, error))?;
-            Ok(info.cluster.and_then(|cluster| cluster.leader))
-        })
+    pub fn entries_leader(&self) -> Result<Option<String>, EngineError> {
+        self.wait(LEADING, leader_of(&self.entries))
     }
 
     /// Runs to its end what the client does.
@@ -334,6 +331,12 @@ async fn reach(options: &ClusterOptions) -> Result<(Context, [Stream; 3]), Engin
     Ok((context, [entries, objects, shelf]))
 }
 
+/// The node that leads a stream; `None` while there is none, or only one node.
+async fn leader_of(stream: &Stream) -> Result<Option<String>, EngineError> {
+    let info = stream.get_info().await.map_err(|error| silent(LEADING, error))?;
+    Ok(info.cluster.and_then(|cluster| cluster.leader))
+}
+
 /// The newest message of a subject, as the stream's leader has it.
 async fn newest(stream: &Stream, subject: &str, doing: &'static str) -> Result<Option<Entry>, EngineError> {
     match stream.get_last_raw_message_by_subject(subject).await {
@@ -392,6 +395,13 @@ impl Engine for JetStream {
     fn newest(&self) -> Result<u64, EngineError> {
         const DOING: &str = "tell its newest entry";
         self.wait(DOING, self.end_of(&self.entries, DOING))
+    }
+
+    fn leader(&self) -> Result<String, EngineError> {
+        self.wait(LEADING, async {
+            let (entries, objects) = (leader_of(&self.entries).await?, leader_of(&self.objects.stream).await?);
+            Ok(format!("{entries:?}, {objects:?}"))
+        })
     }
 
     fn follow(&self, after: u64) -> Result<Box<dyn Deliveries>, EngineError> {

@@ -9,7 +9,8 @@
 //!
 //! A server holds every entry in memory, follows the entries of others from a position, and fetches objects when it needs
 //! them; it caches them on its disk. What it answers as written is replicated and acknowledged by the engine. Consensus,
-//! replication, election and membership are the engine's.
+//! replication, election and membership are the engine's. What it acknowledged and lost all the same, a server that knows
+//! of it writes again.
 //!
 //! Every call blocks; call from a thread that may wait.
 
@@ -18,6 +19,7 @@ mod corpus;
 mod documents;
 mod engine;
 mod follow;
+mod heal;
 mod inner;
 mod jetstream;
 mod manifest;

@@ -120,6 +120,39 @@ fn objects_that_are_damaged_or_lost_are_told_and_healed_by_adding_again() {
 }
 
 #[test]
+fn what_the_engine_acknowledged_and_lost_is_written_again() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let engine = FakeEngine::new(11, Faults::default());
+    let joined = |cache: &str| {
+        let soon = [1, 2, 3].map(|times| Duration::from_millis(50 * times));
+        let options = SharedOptions { looked_after: soon, ..SharedOptions::caching_in(&dir.path().join(cache)) };
+        SharedCorpus::open(Arc::new(engine.clone()), &options).expect("joined")
+    };
+    let (a, b) = (joined("a"), joined("b"));
+    let mut records: Vec<_> =
+        (0..10).map(|seed| a.add(&small(seed).example(), &[]).expect("added").record().clone()).collect();
+    let renamed = |name: &str| Patch { name: Some(name.into()), ..Patch::default() };
+    a.annotate(records[0].id, renamed("first")).expect("renamed");
+    eventually("the other has them", || b.snapshot().examples == a.snapshot().examples);
+    // The healer has to know who led before.
+    std::thread::sleep(Duration::from_millis(2200));
+    engine.lose(4, &records[9].content_hash.to_string());
+    assert_eq!(joined("c").snapshot().examples.len(), 7, "they are gone");
+    // Another server writes where it ended.
+    records.push(b.add(&small(50).example(), &[]).expect("added").record().clone());
+    eventually("all have all", || {
+        let fresh = joined("d");
+        let whole = fresh.check(&mut |_| {}).is_ok_and(|report| report.examples == 11 && report.problems.is_empty());
+        let same = [&a, &b].iter().all(|server| server.snapshot().examples == fresh.snapshot().examples);
+        std::fs::remove_dir_all(dir.path().join("d")).is_ok() && whole && same
+    });
+    assert_eq!(a.get(records[0].id).expect("there").name, "first");
+    for record in &records {
+        b.annotate(record.id, renamed("again")).expect("renamed");
+    }
+}
+
+#[test]
 fn objects_are_collected_when_nobody_needs_them_and_they_are_old() {
     let dir = tempfile::tempdir().expect("a directory");
     let engine = FakeEngine::new(3, Faults::default());

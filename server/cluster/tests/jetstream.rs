@@ -117,6 +117,9 @@ fn what_is_kept_for_a_while_comes_back_and_is_no_object(nodes: &Nodes, dir: &Pat
     assert_eq!(one.shelved("c").expect("answered"), None);
 }
 
+/// Longest time for what the engine lost to be written again: two looks after the last election, and some more.
+const HEALED_WITHIN: Duration = Duration::from_secs(40);
+
 /// What was acknowledged of an example: how often it was renamed for certain, and how often perhaps.
 struct Acknowledged {
     key: String,
@@ -184,6 +187,27 @@ fn write(server: &dyn Backend, seeds: std::ops::Range<u64>, history: &Mutex<Hist
     }
 }
 
+/// What was acknowledged and is not there, a sentence each.
+fn lost(history: &History, servers: &[&SharedCorpus], engine: &JetStream) -> Vec<String> {
+    let newest = engine.newest().expect("told");
+    let mut lost = Vec::new();
+    for (at, server) in servers.iter().enumerate() {
+        eventually("it is quiet", || server.position() >= newest);
+        for (id, Acknowledged { key, sure, unsure }) in &history.examples {
+            let found = server.get(*id).map_or(0, |record| record.revision);
+            if !(1 + sure..=1 + sure + unsure).contains(&found) {
+                let (most, there) = (sure + unsure, engine.read(key).expect("read").map_or(0, |entry| entry.position));
+                lost.push(format!(
+                    "server {at} has revision {found} of {id} after {sure} to {most} changes; the engine has it at {there}"
+                ));
+            }
+        }
+        let problems = server.check(&mut |_| {}).expect("checked").problems;
+        lost.extend(problems.iter().map(|problem| format!("server {at}: {problem:?}")));
+    }
+    lost
+}
+
 fn what_was_acknowledged_survives_the_nodes(nodes: &mut Nodes, dir: &Path) {
     // How often nodes are killed or stopped; more by hand for a record.
     let kills: usize = std::env::var("QUADMUSE_KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(5);
@@ -198,7 +222,7 @@ fn what_was_acknowledged_survives_the_nodes(nodes: &mut Nodes, dir: &Path) {
         for kill in 0..kills {
             std::thread::sleep(Duration::from_millis(1000));
             let leader = (0..50).find_map(|_| {
-                let told = asking.leader().ok().flatten();
+                let told = asking.entries_leader().ok().flatten();
                 if told.is_none() {
                     std::thread::sleep(Duration::from_millis(100));
                 }
@@ -235,22 +259,17 @@ fn what_was_acknowledged_survives_the_nodes(nodes: &mut Nodes, dir: &Path) {
     );
     assert!(added > 0);
     let fresh = join(nodes, "killed", dir);
-    let mut lost = Vec::new();
-    for (name, server) in [("the first server", &servers[0]), ("the second", &servers[1]), ("a new one", &fresh)] {
-        let newest = asking.newest().expect("told");
-        eventually("it is quiet", || server.position() >= newest);
-        for (id, Acknowledged { key, sure, unsure }) in &history.examples {
-            let found = server.get(*id).map_or(0, |record| record.revision);
-            if !(1 + sure..=1 + sure + unsure).contains(&found) {
-                let there = asking.read(key).expect("read").map_or(0, |entry| entry.position);
-                lost.push(format!("{name} has revision {found} of {id}, {sure} to {} changes were acknowledged; the engine has it at {there}", sure + unsure));
-            }
-        }
+    let mut lost = lost(&history, &[&servers[0], &servers[1], &fresh], &asking);
+    // What the engine itself lost, the servers write again.
+    let begun = Instant::now();
+    while !lost.is_empty() && begun.elapsed() < HEALED_WITHIN {
+        println!("after {:.1} s: {}", begun.elapsed().as_secs_f64(), lost.join("\n"));
+        std::thread::sleep(Duration::from_secs(1));
+        lost = self::lost(&history, &[&servers[0], &servers[1], &fresh], &asking);
     }
     assert!(lost.is_empty(), "{}", lost.join("\n"));
     for server in &servers {
         assert_eq!(server.snapshot().examples, fresh.snapshot().examples, "all servers have the same");
     }
     assert!(fresh.snapshot().examples.len() as u32 <= added + history.unsure);
-    assert_eq!(fresh.check(&mut |_| {}).expect("checked").problems, [], "every object is there and whole");
 }

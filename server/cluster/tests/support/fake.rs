@@ -45,6 +45,8 @@ struct World {
     objects: HashMap<String, (Vec<u8>, SystemTime)>,
     shelf: HashMap<String, Vec<u8>>,
     dice: u64,
+    /// Counts the elections.
+    term: u64,
 }
 
 impl World {
@@ -94,6 +96,16 @@ impl FakeEngine {
             Some(bytes) => drop(world.objects.insert(name.into(), (bytes.into(), SystemTime::now()))),
             None => drop(world.objects.remove(name)),
         }
+    }
+
+    /// Loses the last entries, and an object, in an election.
+    pub(crate) fn lose(&self, entries: usize, object: &str) {
+        let mut world = self.shared.world();
+        let left = world.log.len() - entries;
+        world.log.truncate(left);
+        world.newest = (1..).zip(&world.log).map(|(position, (key, _))| (key.clone(), position)).collect();
+        world.objects.remove(object);
+        world.term += 1;
     }
 
     pub(crate) fn object_count(&self) -> usize {
@@ -165,6 +177,10 @@ impl Engine for FakeEngine {
             let bytes = world.log[position as usize - 1].1.clone();
             Some(Entry { position, bytes })
         })
+    }
+
+    fn leader(&self) -> Result<String, EngineError> {
+        self.call("tell its leader", |world| world.term.to_string())
     }
 
     fn newest(&self) -> Result<u64, EngineError> {

@@ -1,0 +1,172 @@
+//! Writes again what the engine acknowledged and lost.
+//!
+//! A node that is killed while it catches up, and leads soon after, can make JetStream 2.9 lose the end of a stream,
+//! acknowledged messages too (in 200 kills under more load than the machine could take: one entry, one object). Every
+//! server therefore remembers for a while what was written, and looks whether it is there after another node has become
+//! the leader. What is not there is written again: nothing else is, as each write names the position that it follows.
+//!
+//! A stream that lost its end gives its positions away again. So that none stands for two entries, it is filled up first
+//! to where this server knows that it was, and followed anew from a little before.
+
+use std::collections::{HashMap, VecDeque};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use quadmuse_store::ContentHash;
+
+use crate::cache::Cache;
+use crate::engine::{Engine, EngineError, Entry, Written};
+use crate::inner::Inner;
+use crate::manifest::DOCUMENT;
+
+/// How long it is remembered what was written, and how much at most.
+const REMEMBERED: Duration = Duration::from_secs(300);
+const REMEMBERED_MAX: usize = 4096;
+/// How often the engine is asked who leads.
+const ASKED: Duration = Duration::from_secs(1);
+/// How long after another node began to lead it is looked: at first it may not know all that it will.
+pub(crate) const LOOKED_AFTER: [Duration; 3] =
+    [Duration::from_secs(3), Duration::from_secs(15), Duration::from_secs(60)];
+/// The document that a stream is filled up with.
+const FILLER: &str = "filler";
+/// Most entries that a stream is filled up with: more than a stream can lose in the time that is remembered.
+const FILLED_MAX: u64 = 100_000;
+
+/// What was written in the last minutes.
+#[derive(Default)]
+pub(crate) struct Recent {
+    entries: Mutex<VecDeque<(Instant, String, Entry)>>,
+    objects: Mutex<VecDeque<(Instant, ContentHash)>>,
+}
+
+impl Recent {
+    /// Remembers an entry that came from the engine, or was acknowledged by it.
+    pub(crate) fn wrote(&self, key: &str, entry: &Entry) {
+        let mut entries = self.entries.lock().unwrap_or_else(PoisonError::into_inner);
+        entries.push_back((Instant::now(), key.to_owned(), entry.clone()));
+        forget(&mut entries, |(at, _, _)| *at);
+    }
+
+    /// Remembers an object that this server put.
+    pub(crate) fn put(&self, name: ContentHash) {
+        let mut objects = self.objects.lock().unwrap_or_else(PoisonError::into_inner);
+        objects.push_back((Instant::now(), name));
+        forget(&mut objects, |(at, _)| *at);
+    }
+
+    /// The newest entry of each key.
+    fn entries(&self) -> HashMap<String, Entry> {
+        let entries = self.entries.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut newest: HashMap<String, Entry> = HashMap::new();
+        for (_, key, entry) in entries.iter() {
+            if newest.get(key).is_none_or(|there| there.position < entry.position) {
+                newest.insert(key.clone(), entry.clone());
+            }
+        }
+        newest
+    }
+
+    fn objects(&self) -> Vec<ContentHash> {
+        let objects = self.objects.lock().unwrap_or_else(PoisonError::into_inner);
+        objects.iter().map(|(_, name)| *name).collect()
+    }
+}
+
+fn forget<T>(remembered: &mut VecDeque<T>, at: impl Fn(&T) -> Instant) {
+    while remembered.len() > REMEMBERED_MAX || remembered.front().is_some_and(|one| at(one).elapsed() > REMEMBERED) {
+        remembered.pop_front();
+    }
+}
+
+/// Looks after what was written.
+pub(crate) struct Healer {
+    pub(crate) engine: Arc<dyn Engine>,
+    pub(crate) inner: Arc<Inner>,
+    pub(crate) cache: Arc<Cache>,
+    /// How long after another node began to lead it is looked, in ascending order.
+    pub(crate) looked_after: [Duration; 3],
+    pub(crate) stopping: Arc<AtomicBool>,
+}
+
+impl Healer {
+    /// Asks who leads, and looks when that has changed, until it is stopped. Blocks.
+    pub(crate) fn run(&self) {
+        let mut leader: Option<String> = None;
+        let mut due: VecDeque<Instant> = VecDeque::new();
+        while !self.stopping.load(Ordering::Relaxed) {
+            std::thread::park_timeout(ASKED);
+            if let Ok(now) = self.engine.leader() {
+                if leader.as_ref().is_some_and(|before| *before != now) {
+                    let begun = Instant::now();
+                    due = self.looked_after.iter().map(|after| begun + *after).collect();
+                }
+                leader = Some(now);
+            }
+            if due.front().is_some_and(|due| *due <= Instant::now()) {
+                due.pop_front();
+                if let Err(error) = self.look(due.is_empty()) {
+                    tracing::debug!(%error, "what was written could not be looked for; that is tried again");
+                }
+            }
+        }
+    }
+
+    /// Looks whether what was written lately is there, and writes again what is not. `is_last`: an engine that is still
+    /// behind will not catch up.
+    fn look(&self, is_last: bool) -> Result<(), EngineError> {
+        self.inner.follow_anew();
+        for name in self.inner.recent.objects() {
+            if self.is_stopping() {
+                return Ok(());
+            }
+            if self.engine.object(&name.to_string())?.is_none()
+                && let Some(bytes) = self.cache.get(name)
+            {
+                tracing::warn!(%name, "the engine lost an object that it had acknowledged; it is put again");
+                self.engine.put_object(&name.to_string(), &bytes)?;
+            }
+        }
+        let known = self.inner.progress().position;
+        let mut newest = self.engine.newest()?;
+        if newest < known && is_last {
+            tracing::warn!(newest, known, "the engine lost the end of its entries; it is filled up");
+            newest = self.filled_to(known)?;
+        }
+        for (key, entry) in self.inner.recent.entries() {
+            if self.is_stopping() {
+                return Ok(());
+            }
+            // A newer one is known, or the engine may just be behind.
+            if self.inner.state().position(&key) != entry.position || newest < entry.position {
+                continue;
+            }
+            let there = self.engine.read(&key)?.map_or(0, |there| there.position);
+            if there < entry.position {
+                tracing::warn!(key, position = entry.position, "the engine lost an entry that it had acknowledged");
+                if let Written::At(position) = self.engine.write(&key, there, &entry.bytes)? {
+                    self.inner.take_in(&[(&key, &Entry { position, bytes: entry.bytes })]);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes entries that mean nothing until the newest stands at `position`; where it stands then.
+    fn filled_to(&self, position: u64) -> Result<u64, EngineError> {
+        let key = format!("{DOCUMENT}{FILLER}");
+        for _ in 0..FILLED_MAX {
+            let newest = self.engine.newest()?;
+            if newest >= position || self.is_stopping() {
+                return Ok(newest);
+            }
+            let there = self.engine.read(&key)?.map_or(0, |there| there.position);
+            self.engine.write(&key, there, b"")?;
+        }
+        self.engine.newest()
+    }
+
+    fn is_stopping(&self) -> bool {
+        self.stopping.load(Ordering::Relaxed)
+    }
+}
