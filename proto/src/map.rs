@@ -108,8 +108,6 @@ pub struct Map {
     pub inspired: f64,
     /// Faces that lie flipped on the input, beyond the example's own.
     pub folds: u64,
-    /// Largest distance of a mapped vertex to the input's surface, in units of √area of the input.
-    pub distance_max: f64,
     /// How it distorts the example.
     pub distortion: Distortion,
     /// Whether it is worth keeping.

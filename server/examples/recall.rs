@@ -36,7 +36,7 @@ fn exhaustive(work: &Work, live: &LiveQuery, resident: &Resident, stop: &Stop) -
     let mut levels = levels_up_to(RESOLUTION);
     let first = levels.next().and_then(encoding).and_then(|example| work.engine.coarse(&example, query, stop).ok());
     let last = levels.try_fold(first, |from, level| {
-        let refined = work.engine.refine(from.as_ref()?, &encoding(level)?, query, level, stop).ok()?;
+        let refined = work.engine.refine(from.as_ref()?, &encoding(level)?, query, stop).ok()?;
         Some(Some(refined))
     });
     let score = |r| work.engine.score(&r, &resident.facts, query, resident.example.relevance);

@@ -125,7 +125,6 @@ pub(crate) mod tests {
             vertices: 402,
             faces: 400,
             folds: 0,
-            distance_max: 0.0,
             distortion: Distortion { angle: histogram.clone(), area: histogram },
             verdict: Verdict::Fair,
             evidence: None,

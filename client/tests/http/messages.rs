@@ -128,7 +128,6 @@ pub(crate) fn map() -> Map {
         vertices: 9,
         faces: 4,
         folds: 0,
-        distance_max: 0.0,
         distortion,
         verdict: Verdict::Good,
         evidence: None,

@@ -179,8 +179,6 @@ pub struct Encoding {
 pub struct Encoded {
     /// With all levels.
     pub encoding: Encoding,
-    /// The unfolding.
-    pub chart: Opaque,
     /// What unfolding had to mend, a sentence each.
     pub repairs: Vec<String>,
 }
@@ -424,7 +422,7 @@ pub trait Engine: Send + Sync + 'static {
     /// [`EngineError::Internal`].
     fn coarse(&self, example: &Encoding, query: &Encoding, stop: &Stop) -> Result<Registration, EngineError>;
 
-    /// Refines a registration at `level`, which both encodings must hold.
+    /// Refines a registration at the next level, which both encodings must hold.
     ///
     /// # Errors
     /// [`EngineError::Stopped`], [`EngineError::Internal`].
@@ -433,7 +431,6 @@ pub trait Engine: Send + Sync + 'static {
         from: &Registration,
         example: &Encoding,
         query: &Encoding,
-        level: u32,
         stop: &Stop,
     ) -> Result<Registration, EngineError>;
 

@@ -331,7 +331,6 @@ fn summary(
         covers: reach.covers,
         inspired: reach.inspired.unwrap_or(if example == ExampleId::TEMPLATE { 0.0 } else { 1.0 }),
         folds: mapped.folds,
-        distance_max: mapped.distance_max,
         distortion: mapped.distortion.clone(),
         verdict: mapped.verdict,
         reasons: mapped.reasons.clone(),

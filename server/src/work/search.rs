@@ -393,7 +393,7 @@ pub(super) async fn advanced(
             Step::Refine if level == LEVEL_COARSEST => (*start).clone(),
             Step::Refine => {
                 let example = this.catalogue.encoding(id, segment, level)?;
-                this.engine.refine(&start, &example, &query, level, stop)?
+                this.engine.refine(&start, &example, &query, stop)?
             }
             Step::Finish => {
                 let example = this.catalogue.pyramid(id, segment, level)?;

@@ -161,7 +161,7 @@ impl Engine for FakeEngine {
         };
         let encoding =
             Encoding { facts, inner: Opaque::new(FakeEncoding { number, slow: script.slow, panics_refine }) };
-        Ok(Encoded { encoding, chart: Opaque::new(()), repairs: Vec::new() })
+        Ok(Encoded { encoding, repairs: Vec::new() })
     }
 
     fn pack(&self, encoding: &Encoding) -> Result<Packed, EngineError> {
@@ -201,13 +201,12 @@ impl Engine for FakeEngine {
         from: &Registration,
         example: &Encoding,
         query: &Encoding,
-        level: u32,
         stop: &Stop,
     ) -> Result<Registration, EngineError> {
         let (one, two): (&FakeEncoding, &FakeEncoding) = (example.inner.open()?, query.inner.open()?);
         sleep(two.slow, stop)?;
         assert!(!one.panics_refine, "told to panic");
-        Ok(Registration { level, energy: from.energy * 0.9, ..from.clone() })
+        Ok(Registration { level: 2 * from.level, energy: from.energy * 0.9, ..from.clone() })
     }
 
     fn finish(&self, from: &Registration, _: &Encoding, _: &Encoding, _: &Stop) -> Result<Registration, EngineError> {
@@ -231,7 +230,6 @@ impl Engine for FakeEngine {
             is_of_whole: false,
             constraints,
             folds: 0,
-            distance_max: 0.0,
             distortion: Distortion { angle: Histogram::default(), area: Histogram::default() },
             verdict: Verdict::Good,
             reasons: Vec::new(),
@@ -322,7 +320,6 @@ impl Engine for FakeEngine {
             registration,
             constraints: Vec::new(),
             folds: 0,
-            distance_max: 0.0,
             distortion: Distortion { angle: Histogram::default(), area: Histogram::default() },
             verdict: Verdict::Fair,
             reasons: Vec::new(),

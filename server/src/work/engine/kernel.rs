@@ -117,11 +117,10 @@ impl Engine for KernelEngine {
         stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
         let query = Query::new(patch, &UnfoldOptions::default())
             .map_err(|e| EngineError::refused(Refusal::NotEncodable, format!("segment {segment}: {e}")))?;
-        let chart = Opaque::new(());
         let bending = kernel::rank::bending::bending(&patch.mesh) as f32;
         let facts = facts(query.encoding(), inner.faces(segment), bending);
         let repairs = unfolding(segment, &query.chart);
-        Ok(Encoded { encoding: Encoding { facts, inner: Opaque::new(Source::Fresh(Arc::new(query))) }, chart, repairs })
+        Ok(Encoded { encoding: Encoding { facts, inner: Opaque::new(Source::Fresh(Arc::new(query))) }, repairs })
     }
 
     fn pack(&self, encoding: &Encoding) -> Result<Packed, EngineError> {
@@ -186,7 +185,6 @@ impl Engine for KernelEngine {
         from: &Registration,
         example: &Encoding,
         query: &Encoding,
-        _: u32,
         stop: &Stop,
     ) -> Result<Registration, EngineError> {
         let source: &Source = example.inner.open()?;

@@ -21,8 +21,6 @@ pub struct Mapped {
     pub constraints: Vec<Constraint>,
     /// Faces flipped on the input beyond the example's own.
     pub folds: u64,
-    /// Largest distance of a vertex to the input's surface, in units of √area.
-    pub distance_max: f64,
     /// How it distorts the example.
     pub distortion: Distortion,
     /// Whether it is worth keeping.

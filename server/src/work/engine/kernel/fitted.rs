@@ -319,7 +319,7 @@ fn side(whole: &Side, of: &ModelInner, segmented: Segmented, query: Arc<Query>) 
             ..(*whole.model).clone()
         }),
         segment: 0,
-        encoded: Arc::new(Encoded { encoding, chart: Opaque::new(()), repairs: Vec::new() }),
+        encoded: Arc::new(Encoded { encoding, repairs: Vec::new() }),
     }
 }
 

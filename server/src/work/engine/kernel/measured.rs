@@ -72,8 +72,6 @@ pub(super) fn measured(
         registration: Registration { flip, ..describe(laid.registered) },
         is_of_whole,
         folds: folds as u64,
-        // Every vertex is a point of a triangle of the input.
-        distance_max: 0.0,
         distortion: Distortion {
             angle: histogram(&distortion.angle_deg, distortion.faces),
             area: histogram(&distortion.area_log2, distortion.faces),

@@ -224,7 +224,6 @@ pub(super) fn template(query: &Side, stop: &Stop) -> Result<Mapped, EngineError>
         is_of_whole: false,
         constraints: Vec::new(),
         folds: 0,
-        distance_max: 0.0,
         distortion: Distortion { angle: none(), area: none() },
         verdict: Verdict::Fair,
         reasons: vec!["no example was used: a regular layout was made for this segment".into()],

@@ -30,7 +30,7 @@ pub(super) fn alike(engine: &KernelEngine, query: &Model, example: &Model, stop:
     let (first, second) = (&sides.0.encoded.encoding, &sides.1.encoded.encoding);
     let mut registration = registered::wholes(first, second, stop)?;
     while registration.level < SIDE {
-        registration = engine.refine(&registration, first, second, 2 * registration.level, stop)?;
+        registration = engine.refine(&registration, first, second, stop)?;
     }
     let registration = engine.finish(&registration, first, second, stop)?;
     let whole = registered::whole(&registration, &sides.0, &sides.1, stop)?;
