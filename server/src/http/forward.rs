@@ -161,7 +161,10 @@ pub async fn pass(State(app): State<App>, mut request: Request, next: Next) -> R
         Whereabouts::There(..) if passed.is_some() => Err(wanted.gone()),
         Whereabouts::There(number, address) => {
             let limit = app.settings.upload_limit;
-            passed_on(&app, peers, (number, &address), request).await.map_err(|fault| match fault {
+            let answer = passed_on(&app, peers, (number, &address), request).await;
+            let outcome = answer.as_ref().err().map_or("answered", Fault::word);
+            metrics::counter!("quadmuse_passed_on_total", "outcome" => outcome).increment(1);
+            answer.map_err(|fault| match fault {
                 Fault::Gone => {
                     tracing::warn!(server = number.get(), address, "another server does not answer");
                     wanted.gone()
@@ -216,8 +219,13 @@ fn passed_head(peers: &Peers, to: ServerNumber, peer: Option<IpAddr>, head: &Par
     let (mut parts, ()) = Request::new(()).into_parts();
     parts.method = head.method.clone();
     parts.uri = head.uri.path_and_query().cloned().map_or_else(axum::http::Uri::default, axum::http::Uri::from);
+    // What `connection` names concerns the connection, too.
+    let named = head.headers.get_all(header::CONNECTION).iter().filter_map(|value| value.to_str().ok());
+    let named: Vec<String> =
+        named.flat_map(|names| names.split(',').map(|name| name.trim().to_ascii_lowercase())).collect();
     for (name, value) in &head.headers {
-        if !NOT_PASSED_ON.contains(&name.as_str()) {
+        let name_text = name.as_str();
+        if !NOT_PASSED_ON.contains(&name_text) && !named.iter().any(|named| named == name_text) {
             parts.headers.append(name.clone(), value.clone());
         }
     }

@@ -46,6 +46,17 @@ pub(super) enum Fault {
     Broken(Box<dyn Error + Send + Sync>),
 }
 
+impl Fault {
+    /// As a label.
+    pub(super) fn word(&self) -> &'static str {
+        match self {
+            Self::Gone => "gone",
+            Self::Body(_) => "body",
+            Self::Broken(_) => "broken",
+        }
+    }
+}
+
 /// A task that ends with whoever waits for what it brings.
 struct Driving(JoinHandle<()>);
 
