@@ -105,7 +105,13 @@ impl<'a> Link<'a> {
         match asked {
             Ok(answer) => {
                 let driving = self.driving;
-                Ok(answer.map(|inner| Answer { inner, silence: None, is_waiting: false, stopping: None, _driving: driving }))
+                Ok(answer.map(|inner| Answer {
+                    inner,
+                    silence: None,
+                    is_waiting: false,
+                    stopping: None,
+                    _driving: driving,
+                }))
             }
             Err(error) if error.is_user() => Err(Fault::Body(error.into())),
             Err(_) if !self.signs.is_there(&address, Instant::now()).await => Err(Fault::Gone),
