@@ -371,6 +371,7 @@ fn refusal(problem: &Problem) -> String {
         Code::CorpusEmpty => "; `quadmuse list` shows what is there, `quadmuse add FILE…` adds",
         Code::Unauthorized => "; give a token with --token or QUADMUSE_TOKEN",
         Code::Overloaded | Code::Unavailable => "; try again later",
+        Code::OwnerGone => ", or send the scan anew with `quadmuse query FILE`",
         _ => "",
     };
     let id = match (&problem.request_id, problem.status >= 500) {

@@ -94,7 +94,7 @@ pub trait Engine: Send + Sync + 'static {
     fn object(&self, name: &str) -> Result<Option<Vec<u8>>, EngineError>;
 
     /// Keeps bytes under a name for a while: for [`SHELVED_FOR`] at most, and while all that is kept so takes at most
-    /// [`SHELF_BYTES_MAX`] bytes. The oldest goes first.
+    /// [`SHELF_BYTES_MAX`] bytes, unless told otherwise. The oldest goes first, and what takes a quarter of it alone is refused.
     ///
     /// # Errors
     /// [`EngineError`] unless it is replicated and acknowledged.

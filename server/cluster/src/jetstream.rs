@@ -26,7 +26,7 @@ use async_nats::{ConnectOptions, HeaderMap, ServerAddr};
 use bytes::Bytes;
 use tokio::runtime::Runtime;
 
-use crate::engine::{Deliveries, Engine, EngineError, Entry, SHELF_BYTES_MAX, SHELVED_FOR, Written};
+use crate::engine::{Deliveries, Engine, EngineError, Entry, SHELVED_FOR, Written};
 use crate::options::ClusterOptions;
 use following::Following;
 
@@ -55,6 +55,7 @@ pub struct JetStream {
     entries: Stream,
     objects: Pieces,
     shelf: Pieces,
+    shelf_bytes: u64,
     bucket: String,
     /// Where the stream of entries ended when this server wrote last. Held while it writes.
     last: Mutex<Option<u64>>,
@@ -140,6 +141,7 @@ impl JetStream {
                 entries,
                 objects: Pieces { stream: objects, prefix: format!("quadmuse.{}.objects", options.bucket) },
                 shelf: Pieces { stream: shelf, prefix: format!("quadmuse.{}.shelf", options.bucket) },
+                shelf_bytes: options.shelf_bytes,
                 bucket: options.bucket.clone(),
                 last: Mutex::new(None),
             }),
@@ -263,7 +265,7 @@ impl JetStream {
         const DOING: &str = "make room on the shelf";
         loop {
             let state = self.shelf.stream.get_info().await.map_err(|error| silent(DOING, error))?.state;
-            if state.messages == 0 || state.bytes.saturating_add(more) <= SHELF_BYTES_MAX {
+            if state.messages == 0 || state.bytes.saturating_add(more) <= self.shelf_bytes {
                 return Ok(());
             }
             // A quarter of them, so that this is not done for each one that comes.
@@ -362,7 +364,7 @@ impl Engine for JetStream {
     fn shelve(&self, name: &str, bytes: &[u8]) -> Result<(), EngineError> {
         const DOING: &str = "keep an upload";
         // One that takes most of the room would push out everybody else's.
-        if bytes.len() as u64 > SHELF_BYTES_MAX / 4 {
+        if bytes.len() as u64 > self.shelf_bytes / 4 {
             return Err(refused(DOING, format!("{} bytes are too many", bytes.len())));
         }
         self.wait(DOING, self.make_room(bytes.len() as u64))?;

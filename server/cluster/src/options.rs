@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use crate::engine::SHELF_BYTES_MAX;
+
 /// Nodes from which on everything is kept three times.
 const NODES_FOR_THREE: usize = 3;
 
@@ -28,6 +30,8 @@ pub struct ClusterOptions {
     pub replicas: Option<usize>,
     /// How a server gets in.
     pub access: Access,
+    /// Most bytes that are kept for a while, on each node.
+    pub shelf_bytes: u64,
     /// Longest time to reach it at a start.
     pub reach: Duration,
 }
@@ -44,6 +48,7 @@ impl ClusterOptions {
             bucket: bucket.to_owned(),
             replicas: None,
             access: Access::default(),
+            shelf_bytes: SHELF_BYTES_MAX,
             reach: Duration::from_secs(30),
         }
     }

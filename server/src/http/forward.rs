@@ -7,7 +7,7 @@
 mod link;
 
 use super::body::body_error;
-use super::caller::Peer;
+use super::caller::{Peer, is_read};
 use super::error::{HttpError, REQUEST_ID};
 use super::watchful::X_REQUEST_ID;
 use crate::app::App;
@@ -29,12 +29,16 @@ use serde::de::DeserializeOwned;
 use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Duration;
+use tokio_util::sync::CancellationToken;
 
 /// What one server tells another of a request that it passes on. Sealed: strangers may send it, and nobody reads theirs.
 const PASSED: HeaderName = HeaderName::from_static("quadmuse-passed");
 
 /// Longest time for another server to give its part of a list.
 const LIST_TIME_MAX: Duration = Duration::from_secs(2);
+
+/// For so long a stopping server waits for answers that others still owe it.
+const STOPPING_GRACE: Duration = Duration::from_secs(1);
 
 /// Longest part of a list, in bytes.
 const LIST_BYTES_MAX: usize = 64 << 20;
@@ -139,7 +143,7 @@ async fn id_in<T: std::str::FromStr>(request: &mut Request) -> Option<T> {
 /// The innermost layer: passes a request on to the server where what it wants lives, if that is another one.
 ///
 /// # Errors
-/// [`HttpError::OwnerGone`], [`HttpError::OwnerBroke`].
+/// [`HttpError::OwnerGone`], [`HttpError::OwnerBroke`], [`HttpError::Stopping`].
 pub async fn pass(State(app): State<App>, mut request: Request, next: Next) -> Result<Response, HttpError> {
     let Some(peers) = &app.peers else { return Ok(next.run(request).await) };
     let Some(wanted) = wanted(&mut request).await else { return Ok(next.run(request).await) };
@@ -161,11 +165,15 @@ pub async fn pass(State(app): State<App>, mut request: Request, next: Next) -> R
         Whereabouts::There(..) if passed.is_some() => Err(wanted.gone()),
         Whereabouts::There(number, address) => {
             let limit = app.settings.upload_limit;
-            passed_on(&app, peers, (number, &address), request).await.map_err(|fault| match fault {
+            let answer = passed_on(&app, peers, (number, &address), request).await;
+            let outcome = answer.as_ref().err().map_or("answered", Fault::word);
+            metrics::counter!("quadmuse_passed_on_total", "outcome" => outcome).increment(1);
+            answer.map_err(|fault| match fault {
                 Fault::Gone => {
                     tracing::warn!(server = number.get(), address, "another server does not answer");
                     wanted.gone()
                 }
+                Fault::Stopping => HttpError::Stopping,
                 Fault::Body(error) => body_error(&*error, limit),
                 Fault::Broken(error) => {
                     tracing::warn!(server = number.get(), address, %error, "another server broke off");
@@ -186,14 +194,28 @@ async fn passed_on(
     let peer = request.extensions().get::<Peer>().map(|peer| peer.0);
     let (head, body) = request.into_parts();
     let link = Link::to(address, &app.signs).await?;
-    let answer = link.ask(Request::from_parts(passed_head(peers, to, peer, &head), body)).await?;
-    let (mut head, body) = answer.into_parts();
-    for name in ["connection", "keep-alive", "transfer-encoding"] {
-        head.headers.remove(name);
+    let asking = link.ask(Request::from_parts(passed_head(peers, to, peer, &head), body));
+    let answer = tokio::select! {
+        answer = asking => answer?,
+        // What only waits is asked again elsewhere, and soon; what changes anything is waited for to the end.
+        () = ending(&app.stopping), if is_read(&head.method) => return Err(Fault::Stopping),
+    };
+    let (mut answer, mut body) = answer.into_parts();
+    if head.uri.path().ends_with("/stream") {
+        body.breaks_off_at(app.stopping.clone());
     }
-    without_cors(&mut head.headers);
-    head.extensions.insert(AnsweredElsewhere);
-    Ok(Response::from_parts(head, Body::new(body)))
+    for name in ["connection", "keep-alive", "transfer-encoding"] {
+        answer.headers.remove(name);
+    }
+    without_cors(&mut answer.headers);
+    answer.extensions.insert(AnsweredElsewhere);
+    Ok(Response::from_parts(answer, Body::new(body)))
+}
+
+/// Returns when the service has been stopping for a while.
+async fn ending(stopping: &CancellationToken) {
+    stopping.cancelled().await;
+    tokio::time::sleep(STOPPING_GRACE).await;
 }
 
 /// This server says by itself what pages of other origins may read.
@@ -216,8 +238,13 @@ fn passed_head(peers: &Peers, to: ServerNumber, peer: Option<IpAddr>, head: &Par
     let (mut parts, ()) = Request::new(()).into_parts();
     parts.method = head.method.clone();
     parts.uri = head.uri.path_and_query().cloned().map_or_else(axum::http::Uri::default, axum::http::Uri::from);
+    // What `connection` names concerns the connection, too.
+    let named = head.headers.get_all(header::CONNECTION).iter().filter_map(|value| value.to_str().ok());
+    let named: Vec<String> =
+        named.flat_map(|names| names.split(',').map(|name| name.trim().to_ascii_lowercase())).collect();
     for (name, value) in &head.headers {
-        if !NOT_PASSED_ON.contains(&name.as_str()) {
+        let name_text = name.as_str();
+        if !NOT_PASSED_ON.contains(&name_text) && !named.iter().any(|named| named == name_text) {
             parts.headers.append(name.clone(), value.clone());
         }
     }

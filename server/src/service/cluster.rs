@@ -77,6 +77,9 @@ pub(super) async fn meet(
     listens: SocketAddr,
 ) -> Result<Arc<Peers>, StartError> {
     let documents = Arc::clone(shared) as Arc<dyn Documents>;
+    if advertise.is_none() && listens.ip().is_loopback() {
+        tracing::warn!("this server listens on the loopback: servers on other machines can't pass requests on to it");
+    }
     let address = advertise.map_or_else(|| reached_at(listens), str::to_owned);
     let joining = tokio::task::spawn_blocking(move || {
         let peers = Peers::join(documents, &address)?;

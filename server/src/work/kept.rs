@@ -22,7 +22,7 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 use tokio::sync::Semaphore;
 
-/// Uploads that are put away at a time; the others wait.
+/// Uploads that are put away, and that are fetched, at a time; the others wait.
 const AT_ONCE: usize = 2;
 
 /// How well they are compressed: fast.
@@ -102,12 +102,13 @@ fn unpacked(kept: &[u8]) -> Option<(Asked, &[u8])> {
 pub struct Kept {
     shelf: Arc<dyn Shelf>,
     turns: Arc<Semaphore>,
+    readers: Semaphore,
 }
 
 impl Kept {
     /// On a shelf.
     pub fn on(shelf: Arc<dyn Shelf>) -> Self {
-        Self { shelf, turns: Arc::new(Semaphore::new(AT_ONCE)) }
+        Self { shelf, turns: Arc::new(Semaphore::new(AT_ONCE)), readers: Semaphore::new(AT_ONCE) }
     }
 
     /// Keeps what a query was started with, in the background.
@@ -146,6 +147,9 @@ impl Kept {
         id: QueryId,
         largest: u64,
     ) -> Result<(Upload, QueryOptions), WorkError> {
+        work.look(caller.user)?;
+        // What comes from the shelf is paid for only once its length is known.
+        let _reader = self.readers.acquire().await.map_err(|_| WorkError::Lost)?;
         let shelf = Arc::clone(&self.shelf);
         let found = work.blocking(move |_| Ok(shelf.get(id)?)).await?;
         let kept = found.as_deref().and_then(unpacked);

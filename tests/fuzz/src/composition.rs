@@ -1,7 +1,7 @@
 //! Composition: small meshes spoilt at random, all of the way to regular layouts that are stitched.
 
 use crate::dice::Dice;
-use quadmuse_kernel::compose::{self, Options, Piece, ground::Ground};
+use quadmuse_kernel::compose::{self, Options, Piece, surface::ComposedSurface};
 use quadmuse_kernel::mesh::{self, PolyMesh, Vec3};
 use quadmuse_kernel::numerics::stop;
 use quadmuse_kernel::register::Query;
@@ -73,7 +73,7 @@ fn composed(poly: &PolyMesh) -> Option<PolyMesh> {
     let cut = segment(&surface, PartCount::AsNeeded).ok()?;
     let queries: Vec<Query> =
         cut.parts.iter().map(|patch| Query::new(patch, &UnfoldOptions::default())).collect::<Result<_, _>>().ok()?;
-    let ground = Ground::of(&cut);
+    let ground = ComposedSurface::of(&cut);
     let pieces: Vec<Piece<'_>> = queries.iter().map(|query| Piece::Regular(&query.chart, query.index())).collect();
     Some(compose::compose(ground.input(), &pieces, Options::default(), &|| false).ok()?.mesh)
 }

@@ -19,6 +19,7 @@ use std::time::Duration;
 use tokio::net::TcpStream;
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, Sleep};
+use tokio_util::sync::{CancellationToken, WaitForCancellationFutureOwned};
 
 /// Longest time for a connection to come about.
 const CONNECT_TIME_MAX: Duration = Duration::from_millis(1500);
@@ -40,10 +41,24 @@ const SILENCE_TIME_MAX: Duration = Duration::from_secs(30);
 pub(super) enum Fault {
     /// It takes no connection, or does not say that it is there.
     Gone,
+    /// This server is stopping.
+    Stopping,
     /// The body that it was to get failed on the way in.
     Body(Box<dyn Error + Send + Sync>),
     /// It is there, and broke off.
     Broken(Box<dyn Error + Send + Sync>),
+}
+
+impl Fault {
+    /// As a label.
+    pub(super) fn word(&self) -> &'static str {
+        match self {
+            Self::Gone => "gone",
+            Self::Stopping => "stopping",
+            Self::Body(_) => "body",
+            Self::Broken(_) => "broken",
+        }
+    }
 }
 
 /// A task that ends with whoever waits for what it brings.
@@ -90,7 +105,13 @@ impl<'a> Link<'a> {
         match asked {
             Ok(answer) => {
                 let driving = self.driving;
-                Ok(answer.map(|inner| Answer { inner, silence: None, is_waiting: false, _driving: driving }))
+                Ok(answer.map(|inner| Answer {
+                    inner,
+                    silence: None,
+                    is_waiting: false,
+                    stopping: None,
+                    _driving: driving,
+                }))
             }
             Err(error) if error.is_user() => Err(Fault::Body(error.into())),
             Err(_) if !self.signs.is_there(&address, Instant::now()).await => Err(Fault::Gone),
@@ -157,7 +178,16 @@ pub(super) struct Answer {
     silence: Option<Pin<Box<Sleep>>>,
     /// Whether the other side is waited for, and not the client.
     is_waiting: bool,
+    /// Set when it is to break off.
+    stopping: Option<Pin<Box<WaitForCancellationFutureOwned>>>,
     _driving: Driving,
+}
+
+impl Answer {
+    /// Lets a stream without an end break off when this server stops: its reader goes on with another.
+    pub(super) fn breaks_off_at(&mut self, stopping: CancellationToken) {
+        self.stopping = Some(Box::pin(stopping.cancelled_owned()));
+    }
 }
 
 impl http_body::Body for Answer {
@@ -169,6 +199,9 @@ impl http_body::Body for Answer {
         if let Poll::Ready(frame) = Pin::new(&mut this.inner).poll_frame(cx) {
             this.is_waiting = false;
             return Poll::Ready(frame.map(|frame| frame.map_err(Into::into)));
+        }
+        if this.stopping.as_mut().is_some_and(|stopping| stopping.as_mut().poll(cx).is_ready()) {
+            return Poll::Ready(Some(Err("this server is stopping".into())));
         }
         let until = Instant::now() + SILENCE_TIME_MAX;
         let silence = this.silence.get_or_insert_with(|| Box::pin(tokio::time::sleep_until(until)));

@@ -107,6 +107,24 @@ impl Server {
         self.ask(Method::GET, path, &[], Body::empty()).await
     }
 
+    /// What comes of an answer that breaks off.
+    async fn broken(&self, path: &str) -> String {
+        let stream = tokio::net::TcpStream::connect(self.address).await.expect("a connection");
+        let (mut sender, connection) =
+            hyper::client::conn::http1::handshake::<_, Body>(TokioIo::new(stream)).await.expect("a connection");
+        tokio::spawn(connection);
+        let request = Request::get(path).header("host", "localhost").body(Body::empty()).expect("a request");
+        let mut body = sender.send_request(request).await.expect("answered").into_body();
+        let mut text = String::new();
+        loop {
+            match tokio::time::timeout(Duration::from_secs(20), body.frame()).await.expect("in time") {
+                Some(Ok(frame)) => text.push_str(&String::from_utf8_lossy(&frame.into_data().unwrap_or_default())),
+                Some(Err(_)) => return text,
+                None => panic!("it ended: {text}"),
+            }
+        }
+    }
+
     /// Starts a query; its path.
     async fn query(&self, mesh: &str) -> String {
         let answer = self.ask(Method::POST, "/v1/queries", &[], mesh.to_owned()).await;
@@ -254,6 +272,25 @@ async fn who_hangs_up_on_one_server_cancels_on_the_other() {
         () = until(|state| state.is_some()) => {}
     }
     until(|state| state.is_none_or(|state| state == "cancelled")).await;
+    a.ask(Method::DELETE, &query, &[], "").await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_server_that_stops_lets_go_of_what_others_answer() {
+    let shared = Shared::new();
+    let (a, b) = (shared.server().await, shared.server().await);
+    let query = a.query("segment disc 1\nslow 60000").await;
+    let stream = format!("{query}/stream");
+    let poll = format!("{query}/ranking?after=99&wait_ms=60000");
+    let stop = async {
+        tokio::time::sleep(Duration::from_millis(200)).await;
+        b.bench.stopping.cancel();
+    };
+    let begun = Instant::now();
+    let (polled, streamed, ()) = tokio::join!(b.get(&poll), b.broken(&stream), stop);
+    polled.problem(503, "unavailable");
+    assert!(streamed.contains("event: begin"), "{streamed}");
+    assert!(begun.elapsed() < Duration::from_secs(7), "{:?}", begun.elapsed());
     a.ask(Method::DELETE, &query, &[], "").await;
 }
 

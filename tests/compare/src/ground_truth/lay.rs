@@ -5,7 +5,7 @@ use super::loaded::Loaded;
 use super::method::Method;
 use quadmuse_kernel::encode::index::PlanarIndex;
 use quadmuse_kernel::map::atlas::Atlas;
-use quadmuse_kernel::map::reembed::{Ground, settle};
+use quadmuse_kernel::map::reembed::{InputChart, settle};
 use quadmuse_kernel::map::snap::lines::Lines;
 use quadmuse_kernel::map::snap::{Snapped, creases_on, snap};
 use quadmuse_kernel::map::untangle::untangle;
@@ -49,7 +49,7 @@ pub struct Outcome {
     pub seconds: [f64; 3],
 }
 
-struct Laid {
+struct UnmeasuredMap {
     cross: CrossMap,
     mirrored: bool,
     cost: f64,
@@ -158,21 +158,27 @@ fn unburden(example: &Loaded, one: &Query, two: &Query, entry: &mut Entry, metho
     entry.unburden_poles(two, one.encoding(), solver.as_ref(), &burden, &|| false).map_err(|e| e.to_string())
 }
 
-fn by_chart(example: &Loaded, one: &Query, two: &Query, entry: &Entry, method: Method) -> Result<Laid, String> {
+fn by_chart(
+    example: &Loaded,
+    one: &Query,
+    two: &Query,
+    entry: &Entry,
+    method: Method,
+) -> Result<UnmeasuredMap, String> {
     let best = entry.best();
     let input = two.chart_for(&best.unfolded.poles).map_err(|e| e.to_string())?;
     let index = PlanarIndex::new(&input);
     let mut cross = cross_map(&best.registration, &one.chart, &input, &index);
     let mirrored = best.registration.flip.is_mirror();
     let sign = if mirrored { -1.0 } else { 1.0 };
-    let laid_angle_deg = settled(method, example, &mut cross, &[Ground { chart: &input, index: &index }], sign);
+    let laid_angle_deg = settled(method, example, &mut cross, &[InputChart { chart: &input, index: &index }], sign);
     let snapped = snapped(method, example, &mut cross, &input, sign);
     let distortion = measure::distortion(&example.patch.mesh, &cross, &input, sign);
     let in_domain = folded_faces(&best.registration, &one.chart, &example.patch.mesh);
-    Ok(Laid { cross, mirrored, cost: best.cost(), in_domain, distortion, laid_angle_deg, snapped })
+    Ok(UnmeasuredMap { cross, mirrored, cost: best.cost(), in_domain, distortion, laid_angle_deg, snapped })
 }
 
-fn by_atlas(example: &Loaded, one: &Query, two: &Query, method: Method) -> Result<Option<Laid>, String> {
+fn by_atlas(example: &Loaded, one: &Query, two: &Query, method: Method) -> Result<Option<UnmeasuredMap>, String> {
     let Some(atlas) = Atlas::build(one, two, method.solver().as_ref(), &|| false).map_err(|e| e.to_string())? else {
         return Ok(None);
     };
@@ -183,7 +189,7 @@ fn by_atlas(example: &Loaded, one: &Query, two: &Query, method: Method) -> Resul
     let snapped = snapped(method, example, &mut cross, input, sign);
     let distortion = measure::distortion(&example.patch.mesh, &cross, input, sign);
     let in_domain = atlas.folded_faces(&example.patch.mesh);
-    Ok(Some(Laid {
+    Ok(Some(UnmeasuredMap {
         cross,
         mirrored: atlas.mirrored,
         cost: atlas.mean_cost(),
@@ -227,7 +233,7 @@ fn errors(mapped: &[Vec3], truth: &[Vec3], area: f64) -> [f64; 2] {
 }
 
 /// Lets the map come to rest, as the service does. The 95th percentile of the angle distortion before that.
-fn settled(method: Method, example: &Loaded, cross: &mut CrossMap, grounds: &[Ground], sign: f64) -> f64 {
+fn settled(method: Method, example: &Loaded, cross: &mut CrossMap, grounds: &[InputChart], sign: f64) -> f64 {
     let laid = measure::angle_distortion(&example.patch.mesh, cross).p95;
     if method.polishes() {
         settle(&example.patch.mesh, cross, grounds, sign);
