@@ -102,7 +102,7 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     let address = listener.local_addr().map_err(|source| StartError::Listen { listen, source })?;
     let together = match &shared {
         Some(shared) => Together {
-            kept: Kept::on(Arc::new(cluster::SharedShelf(Arc::clone(shared)))),
+            kept: Kept::on(Arc::new(cluster::SharedUploads(Arc::clone(shared)))),
             peers: Some(cluster::meet(shared, config.advertise.as_deref(), address).await?),
         },
         None => Together { kept: Kept::on(Arc::new(Files::beside(&config.data))), peers: None },

@@ -136,28 +136,28 @@ impl SharedCorpus {
         self.engine.collect(before, &|name| used.contains(name)).map_err(unreachable("remove objects"))
     }
 
-    /// Keeps bytes for a while, for [`SHELVED_FOR`](crate::SHELVED_FOR) at most. Blocks.
+    /// Keeps bytes for a while, for [`UPLOADS_KEPT_FOR`](crate::UPLOADS_KEPT_FOR) at most. Blocks.
     ///
     /// # Errors
     /// [`StoreError::Unreachable`], [`StoreError::EngineFull`].
-    pub fn shelve(&self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
-        self.engine.shelve(name, bytes).map_err(unreachable("keep an upload"))
+    pub fn keep_upload(&self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
+        self.engine.keep_upload(name, bytes).map_err(unreachable("keep an upload"))
     }
 
     /// What was kept for a while under a name; `None` if there is nothing, or no more. Blocks.
     ///
     /// # Errors
     /// [`StoreError::Unreachable`].
-    pub fn shelved(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
-        self.engine.shelved(name).map_err(unreachable("give an upload"))
+    pub fn upload(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+        self.engine.upload(name).map_err(unreachable("give an upload"))
     }
 
     /// Removes what was kept for a while under a name, if it is there. Blocks.
     ///
     /// # Errors
     /// [`StoreError::Unreachable`].
-    pub fn unshelve(&self, name: &str) -> Result<(), StoreError> {
-        self.engine.unshelve(name).map_err(unreachable("remove an upload"))
+    pub fn remove_upload(&self, name: &str) -> Result<(), StoreError> {
+        self.engine.remove_upload(name).map_err(unreachable("remove an upload"))
     }
 
     pub(crate) fn put_object(&self, name: ContentHash, bytes: &[u8]) -> Result<(), StoreError> {

@@ -5,10 +5,10 @@
 use std::time::{Duration, SystemTime};
 
 /// Longest time for which bytes are kept that belong to no example.
-pub const SHELVED_FOR: Duration = Duration::from_secs(24 * 3600);
+pub const UPLOADS_KEPT_FOR: Duration = Duration::from_secs(24 * 3600);
 
 /// Most bytes that are kept so, on each node.
-pub const SHELF_BYTES_MAX: u64 = 1 << 30;
+pub const UPLOADS_BYTES_MAX: u64 = 1 << 30;
 
 /// Why the engine did not do it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -93,24 +93,24 @@ pub trait Engine: Send + Sync + 'static {
     /// [`EngineError`].
     fn object(&self, name: &str) -> Result<Option<Vec<u8>>, EngineError>;
 
-    /// Keeps bytes under a name for a while: for [`SHELVED_FOR`] at most, and while all that is kept so takes at most
-    /// [`SHELF_BYTES_MAX`] bytes, unless told otherwise. The oldest goes first, and what takes a quarter of it alone is refused.
+    /// Keeps bytes under a name for a while: for [`UPLOADS_KEPT_FOR`] at most, and while all that is kept so takes at most
+    /// [`UPLOADS_BYTES_MAX`] bytes, unless told otherwise. The oldest goes first, and what takes a quarter of it alone is refused.
     ///
     /// # Errors
     /// [`EngineError`] unless it is replicated and acknowledged.
-    fn shelve(&self, name: &str, bytes: &[u8]) -> Result<(), EngineError>;
+    fn keep_upload(&self, name: &str, bytes: &[u8]) -> Result<(), EngineError>;
 
     /// What was kept so; `None` if nothing was, or if its time is over.
     ///
     /// # Errors
     /// [`EngineError`].
-    fn shelved(&self, name: &str) -> Result<Option<Vec<u8>>, EngineError>;
+    fn upload(&self, name: &str) -> Result<Option<Vec<u8>>, EngineError>;
 
     /// Removes what was kept so, if it is there.
     ///
     /// # Errors
     /// [`EngineError`].
-    fn unshelve(&self, name: &str) -> Result<(), EngineError>;
+    fn remove_upload(&self, name: &str) -> Result<(), EngineError>;
 
     /// Writes the entry of `key`, unless it stands at another position than `expected` (0: there is none).
     ///

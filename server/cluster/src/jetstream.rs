@@ -5,7 +5,7 @@
 //! ```text
 //! <bucket>_entries   quadmuse.<bucket>.entries.<key>            written with the sequence at which the stream is expected to end
 //! <bucket>_objects   quadmuse.<bucket>.objects.<name>.<piece>   piece 0 last, headed by their number (u32 LE)
-//! <bucket>_shelf     quadmuse.<bucket>.shelf.<name>.<piece>     the same, for a while: the engine removes what is old
+//! <bucket>_uploads   quadmuse.<bucket>.uploads.<name>.<piece>   the same, for a while: the engine removes what is old
 //! ```
 //!
 //! A position is a sequence of the stream of entries. Writes wait for the acknowledgement, which JetStream gives when a
@@ -26,7 +26,7 @@ use async_nats::{ConnectOptions, HeaderMap, ServerAddr};
 use bytes::Bytes;
 use tokio::runtime::Runtime;
 
-use crate::engine::{Deliveries, Engine, EngineError, Entry, SHELVED_FOR, Written};
+use crate::engine::{Deliveries, Engine, EngineError, Entry, UPLOADS_KEPT_FOR, Written};
 use crate::options::ClusterOptions;
 use following::Following;
 
@@ -54,8 +54,8 @@ pub struct JetStream {
     context: Context,
     entries: Stream,
     objects: Pieces,
-    shelf: Pieces,
-    shelf_bytes: u64,
+    uploads: Pieces,
+    uploads_bytes: u64,
     bucket: String,
     /// Where the stream of entries ended when this server wrote last. Held while it writes.
     last: Mutex<Option<u64>>,
@@ -135,13 +135,13 @@ impl JetStream {
             }
         });
         match reached {
-            Ok((context, [entries, objects, shelf])) => Ok(Self {
+            Ok((context, [entries, objects, uploads])) => Ok(Self {
                 runtime: Some(runtime),
                 context,
                 entries,
                 objects: Pieces { stream: objects, prefix: format!("quadmuse.{}.objects", options.bucket) },
-                shelf: Pieces { stream: shelf, prefix: format!("quadmuse.{}.shelf", options.bucket) },
-                shelf_bytes: options.shelf_bytes,
+                uploads: Pieces { stream: uploads, prefix: format!("quadmuse.{}.uploads", options.bucket) },
+                uploads_bytes: options.uploads_bytes,
                 bucket: options.bucket.clone(),
                 last: Mutex::new(None),
             }),
@@ -262,15 +262,15 @@ impl JetStream {
 
     /// Removes the oldest of what is kept for a while until `more` bytes fit.
     async fn make_room(&self, more: u64) -> Result<(), EngineError> {
-        const DOING: &str = "make room on the shelf";
+        const DOING: &str = "make room for an upload";
         loop {
-            let state = self.shelf.stream.get_info().await.map_err(|error| silent(DOING, error))?.state;
-            if state.messages == 0 || state.bytes.saturating_add(more) <= self.shelf_bytes {
+            let state = self.uploads.stream.get_info().await.map_err(|error| silent(DOING, error))?.state;
+            if state.messages == 0 || state.bytes.saturating_add(more) <= self.uploads_bytes {
                 return Ok(());
             }
             // A quarter of them, so that this is not done for each one that comes.
             let end = state.first_sequence + (state.last_sequence - state.first_sequence) / 4 + 1;
-            self.shelf.stream.purge().sequence(end).await.map_err(|error| silent(DOING, error))?;
+            self.uploads.stream.purge().sequence(end).await.map_err(|error| silent(DOING, error))?;
         }
     }
 
@@ -329,8 +329,8 @@ async fn reach(options: &ClusterOptions) -> Result<(Context, [Stream; 3]), Engin
     context.set_timeout(ANSWER);
     let entries = streams::find_or_make(&context, options, "entries", Duration::ZERO).await?;
     let objects = streams::find_or_make(&context, options, "objects", Duration::ZERO).await?;
-    let shelf = streams::find_or_make(&context, options, "shelf", SHELVED_FOR).await?;
-    Ok((context, [entries, objects, shelf]))
+    let uploads = streams::find_or_make(&context, options, "uploads", UPLOADS_KEPT_FOR).await?;
+    Ok((context, [entries, objects, uploads]))
 }
 
 /// The node that leads a stream; `None` while there is none, or only one node.
@@ -361,25 +361,25 @@ impl Engine for JetStream {
         again(GET_FOR, || self.wait("give an object", self.get(&self.objects, name)))
     }
 
-    fn shelve(&self, name: &str, bytes: &[u8]) -> Result<(), EngineError> {
+    fn keep_upload(&self, name: &str, bytes: &[u8]) -> Result<(), EngineError> {
         const DOING: &str = "keep an upload";
         // One that takes most of the room would push out everybody else's.
-        if bytes.len() as u64 > self.shelf_bytes / 4 {
+        if bytes.len() as u64 > self.uploads_bytes / 4 {
             return Err(refused(DOING, format!("{} bytes are too many", bytes.len())));
         }
         self.wait(DOING, self.make_room(bytes.len() as u64))?;
-        again(PUT_FOR, || self.wait(DOING, self.put(&self.shelf, name, bytes)))
+        again(PUT_FOR, || self.wait(DOING, self.put(&self.uploads, name, bytes)))
     }
 
-    fn shelved(&self, name: &str) -> Result<Option<Vec<u8>>, EngineError> {
-        again(GET_FOR, || self.wait("give an upload", self.get(&self.shelf, name)))
+    fn upload(&self, name: &str) -> Result<Option<Vec<u8>>, EngineError> {
+        again(GET_FOR, || self.wait("give an upload", self.get(&self.uploads, name)))
     }
 
-    fn unshelve(&self, name: &str) -> Result<(), EngineError> {
+    fn remove_upload(&self, name: &str) -> Result<(), EngineError> {
         const DOING: &str = "remove an upload";
-        let subject = format!("{}.{name}.>", self.shelf.prefix);
+        let subject = format!("{}.{name}.>", self.uploads.prefix);
         self.wait(DOING, async {
-            self.shelf.stream.purge().filter(subject).await.map(drop).map_err(|error| silent(DOING, error))
+            self.uploads.stream.purge().filter(subject).await.map(drop).map_err(|error| silent(DOING, error))
         })
     }
 

@@ -4,7 +4,7 @@
 //! entries      one a example, under its identity: record, where its encodings are, rows; written on the condition of a position
 //! documents    small values that servers share, such as the list of tokens; beside the entries
 //! objects      meshes, labels and packed encodings, under the hash of their bytes; never changed
-//! shelf        bytes that are kept for a while, under names: the uploads of queries
+//! uploads      bytes that are kept for a while, under names: the uploads of queries
 //! ```
 //!
 //! A server holds every entry in memory, follows the entries of others from a position, and fetches objects when it needs
@@ -29,6 +29,6 @@ mod write;
 
 pub use corpus::{RowMaker, SharedCorpus, SharedOptions, UNSURE_MAX};
 pub use documents::SharedDocuments;
-pub use engine::{Deliveries, Delivery, Engine, EngineError, Entry, SHELF_BYTES_MAX, SHELVED_FOR, Written};
+pub use engine::{Deliveries, Delivery, Engine, EngineError, Entry, UPLOADS_BYTES_MAX, UPLOADS_KEPT_FOR, Written};
 pub use jetstream::JetStream;
 pub use options::{Access, ClusterOptions};

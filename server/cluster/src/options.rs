@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use crate::engine::SHELF_BYTES_MAX;
+use crate::engine::UPLOADS_BYTES_MAX;
 
 /// Nodes from which on everything is kept three times.
 const NODES_FOR_THREE: usize = 3;
@@ -31,7 +31,7 @@ pub struct ClusterOptions {
     /// How a server gets in.
     pub access: Access,
     /// Most bytes that are kept for a while, on each node.
-    pub shelf_bytes: u64,
+    pub uploads_bytes: u64,
     /// Longest time to reach it at a start.
     pub reach: Duration,
 }
@@ -48,7 +48,7 @@ impl ClusterOptions {
             bucket: bucket.to_owned(),
             replicas: None,
             access: Access::default(),
-            shelf_bytes: SHELF_BYTES_MAX,
+            uploads_bytes: UPLOADS_BYTES_MAX,
             reach: Duration::from_secs(30),
         }
     }

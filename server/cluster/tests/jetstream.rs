@@ -43,7 +43,7 @@ fn on_a_real_engine() {
     a_counter_counts_every_write(&nodes);
     large_objects_come_back(&nodes, dir.path());
     what_is_kept_for_a_while_comes_back_and_is_no_object(&nodes, dir.path());
-    a_shelf_is_bounded(&nodes);
+    kept_uploads_are_bounded(&nodes);
     what_was_acknowledged_survives_the_nodes(&mut nodes, dir.path());
 }
 
@@ -107,29 +107,29 @@ fn large_objects_come_back(nodes: &Nodes, dir: &Path) {
 
 fn what_is_kept_for_a_while_comes_back_and_is_no_object(nodes: &Nodes, dir: &Path) {
     let bytes: Vec<u8> = (0..3 << 20).map(|at: u32| (at.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
-    let (one, other) = (join(nodes, "shelf", dir), join(nodes, "shelf", dir));
-    one.shelve("a", &bytes).expect("kept");
-    one.shelve("b", b"short").expect("kept");
-    assert!(other.shelved("a").expect("answered") == Some(bytes));
+    let (one, other) = (join(nodes, "uploads", dir), join(nodes, "uploads", dir));
+    one.keep_upload("a", &bytes).expect("kept");
+    one.keep_upload("b", b"short").expect("kept");
+    assert!(other.upload("a").expect("answered") == Some(bytes));
     assert_eq!(other.collect(Duration::ZERO).expect("collected"), 0);
-    other.unshelve("a").expect("removed");
-    assert_eq!(one.shelved("a").expect("answered"), None);
-    assert_eq!(one.shelved("b").expect("answered").as_deref(), Some(&b"short"[..]));
-    assert_eq!(one.shelved("c").expect("answered"), None);
+    other.remove_upload("a").expect("removed");
+    assert_eq!(one.upload("a").expect("answered"), None);
+    assert_eq!(one.upload("b").expect("answered").as_deref(), Some(&b"short"[..]));
+    assert_eq!(one.upload("c").expect("answered"), None);
 }
 
 /// What comes pushes out the oldest, and never all.
-fn a_shelf_is_bounded(nodes: &Nodes) {
-    let options = ClusterOptions { shelf_bytes: 4 << 20, ..ClusterOptions::new(&nodes.addresses(), "bounded") };
+fn kept_uploads_are_bounded(nodes: &Nodes) {
+    let options = ClusterOptions { uploads_bytes: 4 << 20, ..ClusterOptions::new(&nodes.addresses(), "bounded") };
     let engine = JetStream::connect(&options).expect("reached");
     let bytes = vec![7; 700 << 10];
     for number in 0..12 {
-        engine.shelve(&format!("q{number}"), &bytes).expect("kept");
+        engine.keep_upload(&format!("q{number}"), &bytes).expect("kept");
     }
-    let is_kept = |number: i32| engine.shelved(&format!("q{number}")).expect("answered").is_some();
+    let is_kept = |number: i32| engine.upload(&format!("q{number}")).expect("answered").is_some();
     let kept: Vec<i32> = (0..12).filter(|&number| is_kept(number)).collect();
     assert!(kept.ends_with(&[10, 11]) && (2..=5).contains(&kept.len()), "{kept:?}");
-    assert!(engine.shelve("large", &vec![7; 2 << 20]).is_err());
+    assert!(engine.keep_upload("large", &vec![7; 2 << 20]).is_err());
 }
 
 /// Longest time for what the engine lost to be written again: two looks after the last election, and some more.

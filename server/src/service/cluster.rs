@@ -6,7 +6,7 @@ use crate::peers::Peers;
 use crate::work::corpus::CorpusError;
 use crate::work::corpus::stored::{StoredCorpus, row_maker};
 use crate::work::engine::Engine;
-use crate::work::kept::Shelf;
+use crate::work::kept::UploadStore;
 use quadmuse_cluster::{ClusterOptions, JetStream, SharedCorpus, SharedOptions};
 use quadmuse_proto::QueryId;
 use quadmuse_store::{Backend, Documents, StoreError};
@@ -50,23 +50,23 @@ pub(super) async fn corpus_of(shared: Arc<SharedCorpus>, engine: &Arc<dyn Engine
 }
 
 /// Uploads of queries, kept on the engine.
-pub(super) struct SharedShelf(pub(super) Arc<SharedCorpus>);
+pub(super) struct SharedUploads(pub(super) Arc<SharedCorpus>);
 
-fn shelf_name(id: QueryId) -> String {
+fn upload_name(id: QueryId) -> String {
     format!("query-{id}")
 }
 
-impl Shelf for SharedShelf {
+impl UploadStore for SharedUploads {
     fn put(&self, id: QueryId, bytes: &[u8]) -> Result<(), CorpusError> {
-        Ok(self.0.shelve(&shelf_name(id), bytes)?)
+        Ok(self.0.keep_upload(&upload_name(id), bytes)?)
     }
 
     fn get(&self, id: QueryId) -> Result<Option<Vec<u8>>, CorpusError> {
-        Ok(self.0.shelved(&shelf_name(id))?)
+        Ok(self.0.upload(&upload_name(id))?)
     }
 
     fn remove(&self, id: QueryId) -> Result<(), CorpusError> {
-        Ok(self.0.unshelve(&shelf_name(id))?)
+        Ok(self.0.remove_upload(&upload_name(id))?)
     }
 }
 

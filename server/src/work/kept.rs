@@ -11,7 +11,7 @@ use super::query::{LiveQuery, QueryOptions};
 use super::{Caller, Work, WorkError};
 use crate::pool::User;
 use bytes::Bytes;
-use quadmuse_cluster::{SHELF_BYTES_MAX, SHELVED_FOR};
+use quadmuse_cluster::{UPLOADS_BYTES_MAX, UPLOADS_KEPT_FOR};
 use quadmuse_proto::{Components, ExampleId, MeshFormat, Parts, QueryId, Segmentation};
 use serde::{Deserialize, Serialize};
 use std::fs::{self, OpenOptions};
@@ -28,9 +28,9 @@ const AT_ONCE: usize = 2;
 /// How well they are compressed: fast.
 const ZSTD_LEVEL: i32 = 1;
 
-/// Where uploads of queries are kept for [`SHELVED_FOR`] at most, and while they take at most [`SHELF_BYTES_MAX`]. Every
+/// Where uploads of queries are kept for [`UPLOADS_KEPT_FOR`] at most, and while they take at most [`UPLOADS_BYTES_MAX`]. Every
 /// call blocks.
-pub trait Shelf: Send + Sync + 'static {
+pub trait UploadStore: Send + Sync + 'static {
     /// Puts one away.
     ///
     /// # Errors
@@ -100,20 +100,20 @@ fn unpacked(kept: &[u8]) -> Option<(Asked, &[u8])> {
 
 /// Keeps and gives back what queries were started with.
 pub struct Kept {
-    shelf: Arc<dyn Shelf>,
+    uploads: Arc<dyn UploadStore>,
     turns: Arc<Semaphore>,
     readers: Semaphore,
 }
 
 impl Kept {
-    /// On a shelf.
-    pub fn on(shelf: Arc<dyn Shelf>) -> Self {
-        Self { shelf, turns: Arc::new(Semaphore::new(AT_ONCE)), readers: Semaphore::new(AT_ONCE) }
+    /// On a store of uploads.
+    pub fn on(uploads: Arc<dyn UploadStore>) -> Self {
+        Self { uploads, turns: Arc::new(Semaphore::new(AT_ONCE)), readers: Semaphore::new(AT_ONCE) }
     }
 
     /// Keeps what a query was started with, in the background.
     pub fn keep(&self, work: &Arc<Work>, live: &LiveQuery, upload: Upload) {
-        let (shelf, turns, work) = (Arc::clone(&self.shelf), Arc::clone(&self.turns), Arc::clone(work));
+        let (uploads, turns, work) = (Arc::clone(&self.uploads), Arc::clone(&self.turns), Arc::clone(work));
         let (id, owner, options) = (live.id, live.caller.user, live.options.clone());
         let tracked = Arc::clone(&work);
         tracked.background.spawn(async move {
@@ -121,10 +121,10 @@ impl Kept {
             let kept = work.blocking(move |work| {
                 // Removed while it waited: nobody wants it.
                 if work.queries.owner(id).is_some() {
-                    shelf.put(id, &packed(owner, &upload, &options)?)?;
+                    uploads.put(id, &packed(owner, &upload, &options)?)?;
                     drop(upload);
                     if work.queries.owner(id).is_none() {
-                        shelf.remove(id)?;
+                        uploads.remove(id)?;
                     }
                 }
                 Ok(())
@@ -148,10 +148,10 @@ impl Kept {
         largest: u64,
     ) -> Result<(Upload, QueryOptions), WorkError> {
         work.look(caller.user)?;
-        // What comes from the shelf is paid for only once its length is known.
+        // What comes from there is paid for only once its length is known.
         let _reader = self.readers.acquire().await.map_err(|_| WorkError::Lost)?;
-        let shelf = Arc::clone(&self.shelf);
-        let found = work.blocking(move |_| Ok(shelf.get(id)?)).await?;
+        let uploads = Arc::clone(&self.uploads);
+        let found = work.blocking(move |_| Ok(uploads.get(id)?)).await?;
         let kept = found.as_deref().and_then(unpacked);
         let (asked, bytes) = kept.ok_or(WorkError::NoSuchQuery(id))?;
         if !caller.sees(User(asked.owner)) || asked.length > largest {
@@ -183,10 +183,10 @@ impl Kept {
 
     /// Removes what a query was started with, in the background.
     pub fn remove(&self, work: &Arc<Work>, id: QueryId) {
-        let (shelf, tracked) = (Arc::clone(&self.shelf), Arc::clone(work));
+        let (uploads, tracked) = (Arc::clone(&self.uploads), Arc::clone(work));
         let work = Arc::clone(work);
         tracked.background.spawn(async move {
-            if let Err(error) = work.blocking(move |_| Ok(shelf.remove(id)?)).await {
+            if let Err(error) = work.blocking(move |_| Ok(uploads.remove(id)?)).await {
                 tracing::debug!(%error, query = %id, "its upload was not removed; it goes with its time");
             }
         });
@@ -199,7 +199,7 @@ const FOLDER: &str = "queries";
 /// Free space that is left alone, in bytes: as much as uploads leave alone.
 const FREE_LEAST: u64 = 256 << 20;
 
-/// The shelf of one server: files beside its store, each under the id of its query.
+/// The uploads of one server: files beside its store, each under the id of its query.
 pub struct Files {
     dir: PathBuf,
 }
@@ -221,8 +221,8 @@ impl Files {
         files.sort();
         let mut used: u64 = files.iter().map(|(_, length, _)| length).sum();
         for (put, length, path) in files {
-            let is_old = put.elapsed().is_ok_and(|age| age > SHELVED_FOR);
-            if !is_old && used + more <= SHELF_BYTES_MAX {
+            let is_old = put.elapsed().is_ok_and(|age| age > UPLOADS_KEPT_FOR);
+            if !is_old && used + more <= UPLOADS_BYTES_MAX {
                 break;
             }
             // Somebody else may have removed it: it is gone either way.
@@ -259,14 +259,14 @@ fn of_disk(error: std::io::Error) -> CorpusError {
     }
 }
 
-impl Shelf for Files {
+impl UploadStore for Files {
     fn put(&self, id: QueryId, bytes: &[u8]) -> Result<(), CorpusError> {
         self.write(id, bytes).map_err(of_disk)
     }
 
     fn get(&self, id: QueryId) -> Result<Option<Vec<u8>>, CorpusError> {
         let path = self.dir.join(id.to_string());
-        let is_old = |facts: fs::Metadata| facts.modified().ok()?.elapsed().ok().map(|age| age > SHELVED_FOR);
+        let is_old = |facts: fs::Metadata| facts.modified().ok()?.elapsed().ok().map(|age| age > UPLOADS_KEPT_FOR);
         match fs::metadata(&path).map(is_old).and_then(|is_old| Ok((is_old, fs::read(&path)?))) {
             Ok((Some(true), _)) => Ok(None),
             Ok((_, bytes)) => Ok(Some(bytes)),
@@ -321,7 +321,7 @@ mod tests {
         assert_eq!(files.get(one).expect("answered"), None);
 
         let old = fs::File::options().write(true).open(dir.path().join(FOLDER).join(other.to_string())).expect("there");
-        old.set_modified(SystemTime::now() - SHELVED_FOR - Duration::from_secs(60)).expect("set");
+        old.set_modified(SystemTime::now() - UPLOADS_KEPT_FOR - Duration::from_secs(60)).expect("set");
         assert_eq!(files.get(other).expect("answered"), None);
         files.put(one, b"one").expect("put");
         assert_eq!(fs::read_dir(dir.path().join(FOLDER)).expect("a folder").count(), 1);

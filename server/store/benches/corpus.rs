@@ -3,6 +3,7 @@
 //! example, written, synced and renamed.
 //!
 //! `cargo bench -p quadmuse-store --bench corpus -- 1000`
+#![allow(clippy::unwrap_used, reason = "a benchmark")]
 
 use std::fs;
 use std::io::Write;

@@ -11,7 +11,7 @@ use super::{refused, silent};
 use crate::engine::EngineError;
 use crate::options::ClusterOptions;
 
-/// A stream of the corpus: `entries`, `objects` or `shelf`. Messages older than `age` are removed by the engine; zero: none is.
+/// A stream of the corpus: `entries`, `objects` or `uploads`. Messages older than `age` are removed by the engine; zero: none is.
 pub(super) async fn find_or_make(
     context: &Context,
     options: &ClusterOptions,

@@ -43,7 +43,7 @@ struct World {
     log: Vec<(String, Vec<u8>)>,
     newest: HashMap<String, u64>,
     objects: HashMap<String, (Vec<u8>, SystemTime)>,
-    shelf: HashMap<String, Vec<u8>>,
+    uploads: HashMap<String, Vec<u8>>,
     dice: u64,
     /// Counts the elections.
     term: u64,
@@ -142,16 +142,16 @@ impl Engine for FakeEngine {
         (0..20).find_map(|_| get().ok()).ok_or_else(|| silent("give an object"))
     }
 
-    fn shelve(&self, name: &str, bytes: &[u8]) -> Result<(), EngineError> {
-        self.call("keep an upload", |world| drop(world.shelf.insert(name.into(), bytes.into())))
+    fn keep_upload(&self, name: &str, bytes: &[u8]) -> Result<(), EngineError> {
+        self.call("keep an upload", |world| drop(world.uploads.insert(name.into(), bytes.into())))
     }
 
-    fn shelved(&self, name: &str) -> Result<Option<Vec<u8>>, EngineError> {
-        self.call("give an upload", |world| world.shelf.get(name).cloned())
+    fn upload(&self, name: &str) -> Result<Option<Vec<u8>>, EngineError> {
+        self.call("give an upload", |world| world.uploads.get(name).cloned())
     }
 
-    fn unshelve(&self, name: &str) -> Result<(), EngineError> {
-        self.call("remove an upload", |world| drop(world.shelf.remove(name)))
+    fn remove_upload(&self, name: &str) -> Result<(), EngineError> {
+        self.call("remove an upload", |world| drop(world.uploads.remove(name)))
     }
 
     fn write(&self, key: &str, expected: u64, bytes: &[u8]) -> Result<Written, EngineError> {

@@ -11,10 +11,10 @@ use std::net::SocketAddr;
 use tokio::net::{TcpListener, TcpSocket};
 use tokio::runtime::Runtime;
 
-/// What the servers share: their list, and a shelf.
+/// What the servers share: their list, and what queries were started with.
 struct Shared {
     documents: Arc<InMemory>,
-    shelf: tempfile::TempDir,
+    uploads: tempfile::TempDir,
 }
 
 /// One of them.
@@ -35,7 +35,7 @@ impl Drop for Server {
 
 impl Shared {
     fn new() -> Self {
-        Self { documents: Arc::default(), shelf: tempfile::tempdir().expect("a directory") }
+        Self { documents: Arc::default(), uploads: tempfile::tempdir().expect("a directory") }
     }
 
     fn join(&self, address: &str) -> Arc<Peers> {
@@ -49,7 +49,7 @@ impl Shared {
         let binding = runtime.spawn(TcpListener::bind("127.0.0.1:0"));
         let listener = binding.await.expect("no panic").expect("a port");
         let address = listener.local_addr().expect("an address");
-        let kept = Kept::on(Arc::new(Files::beside(self.shelf.path())));
+        let kept = Kept::on(Arc::new(Files::beside(self.uploads.path())));
         let together = Together { kept, peers: Some(self.join(&format!("http://{address}"))) };
         let bench = Bench::one_of(Admission::new(64 << 20, 32), dir, together).with_stock().await;
         let connections = Connections::new(ConnectionLimits { all: 100, per_address: 100 });
@@ -59,10 +59,10 @@ impl Shared {
 
     /// Waits until the upload of a query is kept.
     async fn until_kept(&self, path: &str) {
-        use crate::work::kept::Shelf;
+        use crate::work::kept::UploadStore;
         let id = id_of(path);
         let begun = Instant::now();
-        while Files::beside(self.shelf.path()).get(id).expect("answered").is_none() {
+        while Files::beside(self.uploads.path()).get(id).expect("answered").is_none() {
             assert!(begun.elapsed() < Duration::from_secs(20), "{path} is not kept");
             tokio::time::sleep(Duration::from_millis(5)).await;
         }
