@@ -105,20 +105,25 @@ impl Healer {
             }
             if due.front().is_some_and(|due| *due <= Instant::now()) {
                 due.pop_front();
-                if let Err(error) = self.look(due.is_empty()) {
-                    tracing::debug!(%error, "what was written could not be looked for; that is tried again");
+                match self.look(due.is_empty()) {
+                    // Until the next election nothing more can go.
+                    Ok(true) => due.clear(),
+                    Ok(false) => {}
+                    Err(error) => {
+                        tracing::debug!(%error, "what was written could not be looked for; that is tried again");
+                    }
                 }
             }
         }
     }
 
-    /// Looks whether what was written lately is there, and writes again what is not. `is_last`: an engine that is still
-    /// behind will not catch up.
-    fn look(&self, is_last: bool) -> Result<(), EngineError> {
+    /// Looks whether what was written lately is there, and writes again what is not; whether all is there now. `is_last`: an
+    /// engine that is still behind will not catch up.
+    fn look(&self, is_last: bool) -> Result<bool, EngineError> {
         self.inner.follow_anew();
         for name in self.inner.recent.objects() {
             if self.is_stopping() {
-                return Ok(());
+                return Ok(false);
             }
             if self.engine.object(&name.to_string())?.is_none()
                 && let Some(bytes) = self.cache.get(name)
@@ -133,9 +138,10 @@ impl Healer {
             tracing::warn!(newest, known, "the engine lost the end of its entries; it is filled up");
             newest = self.filled_to(known)?;
         }
+        let mut all = newest >= known;
         for (key, entry) in self.inner.recent.entries() {
             if self.is_stopping() {
-                return Ok(());
+                return Ok(false);
             }
             // A newer one is known, or the engine may just be behind.
             if self.inner.state().position(&key) != entry.position || newest < entry.position {
@@ -144,12 +150,16 @@ impl Healer {
             let there = self.engine.read(&key)?.map_or(0, |there| there.position);
             if there < entry.position {
                 tracing::warn!(key, position = entry.position, "the engine lost an entry that it had acknowledged");
-                if let Written::At(position) = self.engine.write(&key, there, &entry.bytes)? {
-                    self.inner.take_in(&[(&key, &Entry { position, bytes: entry.bytes })]);
+                match self.engine.write(&key, there, &entry.bytes)? {
+                    Written::At(position) => {
+                        self.inner.take_in(&[(&key, &Entry { position, bytes: entry.bytes })]);
+                    }
+                    // Another server is at it, too.
+                    Written::Elsewhere => all = false,
                 }
             }
         }
-        Ok(())
+        Ok(all)
     }
 
     /// Writes entries that mean nothing until the newest stands at `position`; where it stands then.
