@@ -148,10 +148,10 @@ impl Map {
         sure * self.covers.input
     }
 
-    /// Tells whether no more examples have to be laid once `tried` were. Up to `tries` the map has to be good; after them it
-    /// is enough that it explains a little of the input.
+    /// Tells whether no more examples have to be laid once `tried` were. Up to `tries` the map has to be good, on however small a
+    /// part, or to explain much of the input; after them it is enough that it explains a little.
     pub fn is_enough(&self, tried: usize, tries: usize) -> bool {
-        self.worth() >= if tried < tries { ENOUGH } else { LITTLE }
+        self.verdict == Verdict::Good || self.worth() >= if tried < tries { ENOUGH } else { LITTLE }
     }
 }
 

@@ -31,11 +31,21 @@ pub struct Ranking {
     pub corpus_size: u64,
 }
 
-/// The entries that are worth laying in turn until one fits: the first `count` that are no near-duplicates of one above, then as
-/// many more, those that lie on the input best. A regular layout is one only where nothing is better.
+/// A rough fit that agrees less is no map: of such only the first entry is laid. *Untuned:* maps that were worth keeping had more
+/// than −0.1.
+const AGREES_FROM: f64 = -0.15;
+
+/// The entries that are worth laying in turn until one fits: the first `count` that are no near-duplicates of one above. Where some
+/// were laid roughly, those that did not fit are left out, but for the first; else as many more follow, those that lie on the input
+/// best. A regular layout is one only where nothing is better.
 pub fn promising(entries: &[Entry], count: usize) -> Vec<&Entry> {
     let mut own: Vec<&Entry> =
         entries.iter().filter(|e| e.similar_to.is_none() && (e.template.is_none() || e.rank == 1)).collect();
+    if entries.iter().any(|e| e.agreement.is_some()) {
+        let first = own.iter().take(1).copied();
+        let others = own.iter().skip(1).filter(|e| e.agreement.is_some_and(|agreement| agreement >= AGREES_FROM));
+        return first.chain(others.copied()).take(count).collect();
+    }
     let mut others = own.split_off(count.min(own.len()));
     others.retain(|entry| entry.likeness.is_some());
     others.sort_by(|a, b| b.likeness.unwrap_or(0.0).total_cmp(&a.likeness.unwrap_or(0.0)));
@@ -76,6 +86,10 @@ pub struct Entry {
     /// it is far better of one than of the first, entries stand in its order, each with the score of its place.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub likeness: Option<f64>,
+    /// How sure it is when it is laid on the input roughly, below 1; absent where that was not tried. Entries with more than 0 stand
+    /// first, by this times the share of the input that they cover.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub agreement: Option<f64>,
     /// The rank of an entry above that it nearly duplicates.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub similar_to: Option<u32>,
@@ -134,6 +148,7 @@ mod tests {
             resolution: 128,
             state: EntryState::Done,
             likeness,
+            agreement: None,
             similar_to: None,
             template: None,
         };
@@ -146,5 +161,8 @@ mod tests {
         assert_eq!(ranks(&all, 2), [1, 3, 5, 4]);
         assert_eq!(ranks(&[entry(1, None), entry(2, None), regular(3)], 2), [1, 2]);
         assert_eq!(ranks(&[regular(1), entry(2, None)], 2), [1, 2]);
+        let fits = |rank: u32, agreement: f64| Entry { agreement: Some(agreement), ..entry(rank, Some(0.9)) };
+        let laid = [fits(1, -0.4), fits(2, 0.2), entry(3, Some(0.9)), fits(4, -0.3), fits(5, -0.1), fits(6, 0.1)];
+        assert_eq!(ranks(&laid, 3), [1, 2, 5]);
     }
 }

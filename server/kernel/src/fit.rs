@@ -6,6 +6,7 @@
 pub mod beyond;
 pub mod mend;
 pub mod rest;
+pub mod rough;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -424,11 +424,7 @@ async fn best_map(
         promising(&entries, tries).into_iter().map(|entry| (entry.example, entry.example_segment)).collect()
     });
     let one = |(example, example_segment)| async move {
-        let is_this = |map: &&Arc<LiveMap>| {
-            let summary = &map.newest().summary;
-            (summary.segment, summary.example, summary.example_segment) == (segment, example, example_segment)
-        };
-        let there = live.maps().values().find(is_this).cloned();
+        let there = mapping::find(live, segment, (example, example_segment));
         let new = NewMap { beyond: Beyond::Extend, ..NewMap::new(segment, example, example_segment) };
         match there {
             Some(map) => Ok(map),

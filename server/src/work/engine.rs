@@ -11,7 +11,7 @@ use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::spectra::Row;
 use quadmuse_kernel::settle::Likeness;
 use quadmuse_proto::composition::AS_MAPPED;
-use quadmuse_proto::{Beyond, ConstraintEdit, Flip, Landmark, MeshFormat, Topology};
+use quadmuse_proto::{ConstraintEdit, Flip, MeshFormat, Topology};
 use std::any::Any;
 use std::fmt;
 use std::sync::Arc;
@@ -21,9 +21,11 @@ mod cut;
 pub(crate) mod fake;
 pub mod kernel;
 mod mapped;
+mod rough;
 
 pub use cut::{Besides, Cut, Grain};
-pub use mapped::{Fitted, Mapped, Reach};
+pub use mapped::{Fitted, Lead, Mapped, Reach, Wishes};
+pub use rough::{Rough, RoughLead};
 
 /// Why the engine refused or gave up.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -457,7 +459,7 @@ pub trait Engine: Send + Sync + 'static {
     fn map(&self, from: &Registration, example: &Side, query: &Side, stop: &Stop) -> Result<Mapped, EngineError>;
 
     /// Lays an example's segment on the query's wherever it fits best: on all of it, on a part of it, or a part of the example on
-    /// it. `from` is the registration of both as wholes, where there is one. The `landmarks` are held on their places.
+    /// it. `from` is the registration of both as wholes, where there is one. Landmarks are held on their places.
     ///
     /// # Errors
     /// [`EngineError::Refused`] where the two can't be compared, or a landmark names no point; [`EngineError::Stopped`].
@@ -466,11 +468,10 @@ pub trait Engine: Send + Sync + 'static {
         from: Option<&Registration>,
         example: &Side,
         query: &Side,
-        beyond: Beyond,
-        landmarks: &[Landmark],
+        wishes: &Wishes,
         stop: &Stop,
     ) -> Result<Fitted, EngineError> {
-        let _ = (beyond, landmarks);
+        let _ = wishes;
         let from = from.ok_or_else(|| EngineError::Internal("expected surfaces of one topology".into()))?;
         let mapped = self.map(from, example, query, stop)?;
         Ok(Fitted { mapped, example: example.clone(), query: query.clone() })
@@ -492,6 +493,23 @@ pub trait Engine: Send + Sync + 'static {
     fn likeness(&self, one: &Opaque, two: &Opaque, stop: &Stop) -> Result<Likeness, EngineError> {
         let _ = (one, two);
         stop.reason().map_or(Ok(Likeness::default()), |reason| Err(reason.into()))
+    }
+
+    /// Lays an example's segment on the query's roughly, at a tenth of what a map costs. `encodings`: of both, where tips are to be
+    /// matched. `lead`: an example that lies on the query, and tells where this one belongs. `None` where it can't be laid so.
+    ///
+    /// # Errors
+    /// [`EngineError::Stopped`], [`EngineError::Internal`].
+    fn rough(
+        &self,
+        example: (&Model, u32),
+        query: (&Model, u32),
+        encodings: Option<[&Encoding; 2]>,
+        lead: Option<&RoughLead>,
+        stop: &Stop,
+    ) -> Result<Option<Rough>, EngineError> {
+        let _ = (example, query, encodings, lead);
+        stop.reason().map_or(Ok(None), |reason| Err(reason.into()))
     }
 
     /// The topologies of the examples that a query of some topology is ranked against, its own first.

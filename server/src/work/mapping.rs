@@ -2,7 +2,7 @@
 //!
 //! An example that was passed over at a coarse level is first registered through the levels it missed.
 
-use super::engine::{Encoding, EngineError, Mapped, Refusal, Side};
+use super::engine::{Encoding, EngineError, Lead, Mapped, Refusal, Side, Wishes};
 use super::ingest::{self, encode};
 use super::making::{self, Making, Tell, untold};
 use super::query::{LiveQuery, MAPS_MAX, ms_since};
@@ -12,7 +12,7 @@ use super::{REQUEST_TIME_MAX, Work, WorkError, landmarks};
 use crate::pool::{Job, Lane};
 use quadmuse_proto::constraint::CONSTRAINTS_MAX;
 use quadmuse_proto::{
-    ConstraintEdit, EntryState, Example, ExampleId, MakingState, Map, MapId, MapTimings, NewMap, Product,
+    Beyond, ConstraintEdit, EntryState, Example, ExampleId, MakingState, Map, MapId, MapTimings, NewMap, Product,
 };
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -143,21 +143,53 @@ async fn made(
     let candidate = registered(work, &job, live, &wanted, &encoding).await?;
     let register_ms = ms_since(start);
     tell("reading the example", 0.3);
-    let (beyond, landmarks) = (wanted.beyond, landmarks::held(&example, &wanted)?);
+    let landmarks = landmarks::held(&example, &wanted)?;
+    let lead = match candidate.as_ref().and_then(|candidate| candidate.lead).filter(|_| landmarks.is_empty()) {
+        Some(of) => lead(work, live, wanted.segment, of).await?,
+        None => None,
+    };
+    let wishes = Wishes { beyond: wanted.beyond, landmarks: landmarks.clone(), lead };
     let example_side = example_side(work, &job, &example, segment).await?;
     let query_side = Side { model: Arc::clone(&live.model), segment: wanted.segment, encoded: query };
     let (from, (one, two)) = (candidate.map(|c| Arc::clone(&c.registration)), (example_side, query_side));
     tell("laying the example on the scan", 0.4);
     let engine = Arc::clone(&work.engine);
-    let held = landmarks.clone();
-    let fit = move |stop: &_| engine.fit(from.as_deref(), &one, &two, beyond, &landmarks, stop);
+    let fit = move |stop: &_| engine.fit(from.as_deref(), &one, &two, &wishes, stop);
     let fitted = work.pool.run(&job, Lane::Lay, fit).await??;
     let mut mapped = fitted.mapped;
-    mapped.reasons = landmarks::called(mapped.reasons, &held);
+    mapped.reasons = landmarks::called(mapped.reasons, &landmarks);
     let timings = MapTimings { register_ms, map_ms: ms_since(start) - register_ms, total_ms: ms_since(start) };
     let summary = summary(live, id, wanted.segment, (wanted.example, segment), 1, &mapped, timings);
     let held = job.kept(work.engine.memory_of_map(example.bytes));
     Ok(keep(live, held, Some(fitted.example), fitted.query, MapState { mapped, summary }))
+}
+
+/// The map of an example that leads another, made where it is not there yet.
+async fn lead(
+    work: &Arc<Work>,
+    live: &Arc<LiveQuery>,
+    segment: u32,
+    (example, example_segment): (ExampleId, u32),
+) -> Result<Option<Lead>, WorkError> {
+    let there = find(live, segment, (example, example_segment));
+    let map = match there {
+        Some(map) => map,
+        None => {
+            let new = NewMap { beyond: Beyond::Extend, ..NewMap::new(segment, example, example_segment) };
+            Box::pin(made(work, live, (MapId::generate_on(work.server), new), &untold)).await?
+        }
+    };
+    let mapped = map.newest().mapped.clone();
+    Ok(map.example().map(|example| Lead { example: example.clone(), mapped }))
+}
+
+/// The map of an example on a segment, if there is one.
+pub fn find(live: &LiveQuery, segment: u32, of: (ExampleId, u32)) -> Option<Arc<LiveMap>> {
+    let is_this = |map: &&Arc<LiveMap>| {
+        let summary = &map.newest().summary;
+        summary.segment == segment && (summary.example, summary.example_segment) == of
+    };
+    live.maps().values().find(is_this).cloned()
 }
 
 /// Lays a regular layout on a segment, in place of an example.

@@ -9,7 +9,7 @@
 //! are as many choices: it would rank like it, if it were registered as finely.
 
 use super::catalogue::{LEVEL_COARSEST, Resident};
-use super::engine::Registration;
+use super::engine::{Registration, Rough};
 use quadmuse_kernel::settle::Likeness;
 use quadmuse_proto::query::LEVELS;
 use quadmuse_proto::{Entry, EntryState, ExampleId, Flip, Topology};
@@ -32,6 +32,10 @@ pub struct Candidate {
     pub depth: Depth,
     /// How well the surface itself lies on the query's, where that was asked.
     pub likeness: Option<Likeness>,
+    /// How it lies on the query when it is laid roughly, where that was tried.
+    pub rough: Option<Rough>,
+    /// An example that lies on the query and on a part of this one: it tells where this one belongs.
+    pub lead: Option<(ExampleId, u32)>,
     /// A better candidate that it nearly duplicates: only that one goes on.
     pub similar_to: Option<(ExampleId, u32)>,
 }
@@ -165,13 +169,31 @@ pub fn by_likeness(laid: Vec<Candidate>, passed_over: Vec<Candidate>) -> Vec<Can
     let (one, two) = if overturned { (with_rim, closed) } else { (closed, with_rim) };
     let mut laid: Vec<Candidate> = one.into_iter().chain(two).chain(passed_over).collect();
     if reordered {
-        let mut scores: Vec<f64> = laid.iter().map(|c| c.score).collect();
-        scores.sort_by(f64::total_cmp);
-        laid.iter_mut().zip(scores).for_each(|(c, score)| c.score = score);
+        with_scores_of_places(&mut laid);
     } else {
         laid.sort_by(|a, b| a.score.total_cmp(&b.score));
     }
     laid
+}
+
+/// All candidates: those first that lie on the query when they are laid roughly, by how much of it they explain, each with the
+/// score of the place it comes to.
+pub fn by_fit(all: Vec<Candidate>) -> Vec<Candidate> {
+    let worth = |c: &Candidate| c.rough.as_ref().map_or(0.0, Rough::worth);
+    let (mut fitting, others): (Vec<Candidate>, Vec<Candidate>) = all.into_iter().partition(|c| worth(c) > 0.0);
+    if fitting.is_empty() {
+        return others;
+    }
+    fitting.sort_by(|a, b| worth(b).total_cmp(&worth(a)));
+    fitting.extend(others);
+    with_scores_of_places(&mut fitting);
+    fitting
+}
+
+fn with_scores_of_places(candidates: &mut [Candidate]) {
+    let mut scores: Vec<f64> = candidates.iter().map(|c| c.score).collect();
+    scores.sort_by(f64::total_cmp);
+    candidates.iter_mut().zip(scores).for_each(|(c, score)| c.score = score);
 }
 
 /// Puts a candidate that was resumed into its place among those of its level; where the shapes gave the order, it keeps the
@@ -179,7 +201,12 @@ pub fn by_likeness(laid: Vec<Candidate>, passed_over: Vec<Candidate>) -> Vec<Can
 pub fn resume(candidates: &mut Vec<Candidate>, resumed: Candidate, top: usize) {
     if candidates.iter().any(|c| c.likeness.is_some()) {
         if let Some(own) = candidates.iter_mut().find(|c| c.key() == resumed.key()) {
-            *own = Candidate { score: own.score, likeness: own.likeness, similar_to: own.similar_to, ..resumed };
+            *own = Candidate {
+                registration: resumed.registration,
+                state: resumed.state,
+                depth: resumed.depth,
+                ..own.clone()
+            };
         }
         return;
     }
@@ -210,6 +237,7 @@ pub fn entries(candidates: &[Candidate], limit: usize) -> Vec<Entry> {
         resolution: c.registration.level,
         state: c.state,
         likeness: c.likeness.map(|likeness| likeness.score),
+        agreement: c.rough.as_ref().map(|rough| rough.agreement),
         similar_to: c.similar_to.and_then(|key| above(key, place)),
         template: c.resident.example.template.clone(),
     };
@@ -233,6 +261,7 @@ pub fn template_entry(entries: &[Entry], topology: Topology) -> Entry {
         resolution: 0,
         state: EntryState::Done,
         likeness: None,
+        agreement: None,
         similar_to: None,
         template: Some(topology.as_str().to_owned()),
     }
@@ -275,6 +304,8 @@ mod tests {
             state: EntryState::Refining,
             depth: Depth::Registered,
             likeness: None,
+            rough: None,
+            lead: None,
             similar_to: None,
         }
     }
@@ -391,6 +422,21 @@ mod tests {
         resume(&mut all, resumed, 2);
         assert_eq!((hashes(&all).as_str(), all[1].score, all[1].state), ("cbad", 1.5, EntryState::Done));
         assert!(by_likeness(Vec::new(), Vec::new()).is_empty());
+    }
+
+    #[test]
+    fn what_explains_more_of_the_query_comes_first_and_what_explains_nothing_stays() {
+        let rough = |agreement, covered| Some(Rough { agreement, covered, off: 0.0, places: Arc::default() });
+        let mut all: Vec<Candidate> =
+            [("a", 1.0), ("b", 2.0), ("c", 3.0), ("d", 4.0)].map(|(hash, score)| candidate(hash, score)).into();
+        all[0].rough = rough(-0.2, 1.0);
+        all[2].rough = rough(0.6, 0.1);
+        all[3].rough = rough(0.3, 0.9);
+        let ordered = by_fit(all.clone());
+        assert_eq!(hashes(&ordered), "dcab");
+        assert_eq!(ordered.iter().map(|c| c.score).collect::<Vec<_>>(), [1.0, 2.0, 3.0, 4.0]);
+        all.iter_mut().for_each(|c| c.rough = None);
+        assert_eq!(hashes(&by_fit(all)), "abcd");
     }
 
     #[test]

@@ -439,6 +439,8 @@ pub(super) async fn newcomer(
             state: EntryState::Refining,
             depth: Depth::Registered,
             likeness: None,
+            rough: None,
+            lead: None,
             similar_to: None,
         };
         Ok(scored(&*this.engine, from, registration, &query))

@@ -26,6 +26,11 @@ const FINALISTS: usize = 3;
 /// Places whose vertices are less apart in the mean, in √area of the input, are one.
 const SAME: f64 = 0.03;
 
+/// What is weighed where places are only compared: half of the default. *Untuned.*
+const ROUGH_NODES: [usize; 3] = [300, 700, 700];
+const ROUGH_SAMPLES: [usize; 2] = [3000, 3000];
+const ROUGH_SENT: usize = 1200;
+
 /// A rough place of an example.
 #[derive(Clone, Debug)]
 pub struct Start {
@@ -78,7 +83,20 @@ pub struct Rests<'a> {
 impl<'a> Rests<'a> {
     /// Prepares; `None` where either has no area.
     pub fn new(example: &TriMesh, input: &'a TriMesh) -> Option<Self> {
-        let settler = |mirror| Settler::new(example, input, mirror, &Options::default());
+        Self::with(example, input, &Options::default())
+    }
+
+    /// Prepares for places that are only compared: [`Rests::into_best`] would settle what few samples show.
+    pub fn roughly(example: &TriMesh, input: &'a TriMesh) -> Option<Self> {
+        Self::with(
+            example,
+            input,
+            &Options { nodes: ROUGH_NODES, samples: ROUGH_SAMPLES, sent: ROUGH_SENT, ..Options::default() },
+        )
+    }
+
+    fn with(example: &TriMesh, input: &'a TriMesh, options: &Options) -> Option<Self> {
+        let settler = |mirror| Settler::new(example, input, mirror, options);
         Some(Self { plain: settler(1.0)?, mirrored: settler(-1.0)?, laid: Vec::new(), area: input.total_area() })
     }
 

@@ -41,11 +41,20 @@ const FULL: Effort = Effort {
     sifted_by: 32,
     rests: &[(240, 64, 4), (24, 256, 12)],
 };
+/// To lay one roughly.
+const MIDDLE: Effort = Effort {
+    places: 100,
+    turns: 12,
+    shares: &[0.12, 0.18, 0.27, 0.4, 0.6, 0.9],
+    large: 1500,
+    sifted_by: 24,
+    rests: &[(96, 64, 4), (10, 128, 8)],
+};
 /// To tell which of many examples are worth it.
 const QUICK: Effort = Effort {
     places: 60,
     turns: 12,
-    shares: &[0.2, 0.4, 0.8],
+    shares: &[0.12, 0.22, 0.42, 0.8],
     large: 1500,
     sifted_by: 24,
     rests: &[(48, 64, 4), (6, 128, 6)],
@@ -55,6 +64,8 @@ const QUICK: Effort = Effort {
 pub enum Sought {
     /// As for a scan.
     Thoroughly,
+    /// A third of the work.
+    Roughly,
     /// A twelfth of the work: for inputs of few faces.
     Quickly,
 }
@@ -91,8 +102,12 @@ pub fn poses(
     sought: Sought,
     stop: &dyn Fn() -> bool,
 ) -> Vec<(f64, Similarity)> {
-    let is_quick = sought == Sought::Quickly || input.triangles.len() < FULL_FROM_TRIANGLES;
-    let effort = if is_quick { &QUICK } else { &FULL };
+    let effort = match sought {
+        _ if input.triangles.len() < FULL_FROM_TRIANGLES => &QUICK,
+        Sought::Quickly => &QUICK,
+        Sought::Roughly => &MIDDLE,
+        Sought::Thoroughly => &FULL,
+    };
     let [one, two] = [(example, may_be_small[0]), (input, may_be_small[1])]
         .map(|s| Posed::new(&InputSurface::new(s.0), s.1, effort));
     let mut kept: Vec<(f64, Similarity)> = Vec::new();

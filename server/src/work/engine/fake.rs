@@ -243,13 +243,12 @@ impl Engine for FakeEngine {
         from: Option<&Registration>,
         example: &Side,
         query: &Side,
-        _: Beyond,
-        landmarks: &[Landmark],
+        wishes: &Wishes,
         stop: &Stop,
     ) -> Result<Fitted, EngineError> {
         let from = from.ok_or_else(|| EngineError::Internal("expected surfaces of one topology".into()))?;
         let mut mapped = self.map(from, example, query, stop)?;
-        for landmark in landmarks {
+        for landmark in &wishes.landmarks {
             let (on_example, on_input) = (located(&landmark.on_example), located(&landmark.on_input));
             let id = format!("c{}", mapped.constraints.len());
             mapped.constraints.push(Constraint { id, on_example, on_input, origin: ConstraintOrigin::User });

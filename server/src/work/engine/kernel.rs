@@ -14,6 +14,7 @@ mod parts;
 mod registered;
 mod rejoined;
 mod rested;
+mod roughly;
 mod settled;
 mod sound;
 mod spanned;
@@ -22,7 +23,8 @@ mod transfer;
 
 use super::{
     Allowed, Appraisal, ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Fitted, Mapped, Model, OnePart,
-    Opaque, Packed, PackedFeature, Part, Refusal, Registration, SegmentFacts, Side, Stitched, Stitching,
+    Opaque, Packed, PackedFeature, Part, Refusal, Registration, Rough, RoughLead, SegmentFacts, Side, Stitched,
+    Stitching, Wishes,
 };
 use crate::pool::Stop;
 use model::{ModelInner, format_of, refused};
@@ -36,7 +38,7 @@ use quadmuse_kernel::register::spectra::Row;
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
 use quadmuse_kernel::settle::{Likeness, Posed};
 use quadmuse_kernel::unfold::UnfoldOptions;
-use quadmuse_proto::{Beyond, Landmark, MeshFormat, Topology, Verdict};
+use quadmuse_proto::{MeshFormat, Topology, Verdict};
 use registered::Registered;
 use std::sync::Arc;
 
@@ -231,11 +233,10 @@ impl Engine for KernelEngine {
         from: Option<&Registration>,
         example: &Side,
         query: &Side,
-        beyond: Beyond,
-        landmarks: &[Landmark],
+        wishes: &Wishes,
         stop: &Stop,
     ) -> Result<Fitted, EngineError> {
-        let mut fitted = fitted::fit(from, example, query, (beyond, landmarks), stop)?;
+        let mut fitted = fitted::fit(from, example, query, wishes, stop)?;
         let own = continued::own(&fitted.mapped);
         sound::check(&mut fitted.mapped, query)?;
         if let (Verdict::Broken, Some(mut own)) = (fitted.mapped.verdict, own) {
@@ -258,6 +259,17 @@ impl Engine for KernelEngine {
     fn likeness(&self, one: &Opaque, two: &Opaque, stop: &Stop) -> Result<Likeness, EngineError> {
         let found = one.open::<Posed>()?.likeness(two.open()?, &|| stop.reason().is_some());
         stop.reason().map_or(Ok(found), |reason| Err(EngineError::Stopped(reason)))
+    }
+
+    fn rough(
+        &self,
+        example: (&Model, u32),
+        query: (&Model, u32),
+        encodings: Option<[&Encoding; 2]>,
+        lead: Option<&RoughLead>,
+        stop: &Stop,
+    ) -> Result<Option<Rough>, EngineError> {
+        roughly::lay(example, query, encodings, lead, stop)
     }
 
     fn ranked_against(&self, query: Topology) -> Vec<Topology> {

@@ -2,7 +2,7 @@
 
 use super::{Registration, Side};
 use quadmuse_kernel::mesh::PolyMesh;
-use quadmuse_proto::{Constraint, Covers, Distortion, MapEvidence, Verdict};
+use quadmuse_proto::{Beyond, Constraint, Covers, Distortion, Landmark, MapEvidence, Verdict};
 use std::sync::Arc;
 
 /// An example's segment on a query's segment.
@@ -31,6 +31,26 @@ pub struct Mapped {
     pub reach: Reach,
     /// The measures behind the verdict, where the example has settled on the input.
     pub evidence: Option<MapEvidence>,
+}
+
+/// How an example is to be laid.
+#[derive(Clone, Debug, Default)]
+pub struct Wishes {
+    /// How the input is treated where it reaches beyond the example.
+    pub beyond: Beyond,
+    /// Points of the example that are held on points of the input.
+    pub landmarks: Vec<Landmark>,
+    /// A map of another example on the same segment, which tells where this one belongs.
+    pub lead: Option<Lead>,
+}
+
+/// A map of an example that lies on a part of others, too.
+#[derive(Clone, Debug)]
+pub struct Lead {
+    /// Its example.
+    pub example: Side,
+    /// The map.
+    pub mapped: Mapped,
 }
 
 impl Mapped {

@@ -225,5 +225,15 @@ fn candidate(ranked: Ranked, similar_to: Option<(ExampleId, u32)>) -> Candidate 
     // NaN scores, which should not be, go last.
     let score = if translation.score.is_finite() { translation.score } else { f64::MAX };
     let (registration, state) = (Arc::new(registration), EntryState::Refining);
-    Candidate { resident, registration, score, state, depth: Depth::Translated, likeness: None, similar_to }
+    Candidate {
+        resident,
+        registration,
+        score,
+        state,
+        depth: Depth::Translated,
+        likeness: None,
+        rough: None,
+        lead: None,
+        similar_to,
+    }
 }

@@ -7,10 +7,10 @@
 use super::{SegmentSearch, caught_up};
 use crate::pool::{Lane, Stop};
 use crate::work::WorkError;
-use crate::work::engine::Opaque;
+use crate::work::engine::{Model, Opaque, Rough, RoughLead};
 use crate::work::ingest;
 use crate::work::query::ms_since;
-use crate::work::ranking::{Candidate, by_likeness};
+use crate::work::ranking::{Candidate, by_fit, by_likeness};
 use crate::work::worth::FACES_CHOSEN_MIN;
 use futures_util::{StreamExt, stream};
 use quadmuse_kernel::settle::Likeness;
@@ -26,6 +26,18 @@ const HOLES_SURE: u32 = 8;
 const LAID_MAX: usize = 32;
 /// Closed examples that are laid on what is closed, too.
 const CLOSED_MAX: usize = 16;
+/// Examples that are laid roughly: the first, and of either kind those that are most alike, as a whole and for their size.
+/// *Untuned.*
+const ROUGH_FIRST: usize = 4;
+const ROUGH_ALIKE: usize = 6;
+/// So many at a time, until one explains so much of the query. *Untuned:* of right maps on scans of other people it is .3 and more.
+const ROUGH_AT_A_TIME: usize = 4;
+const ROUGH_ENOUGH: f64 = 0.3;
+/// An example that explains less of the query than this, and is at least so sure, may lead others. *Untuned.*
+const LEADS_BELOW: f64 = 0.5;
+const LEADS_FROM: f64 = 0.25;
+/// Examples that one may lead, of those with a rim: the most alike, then the first. Most are found to hold no such part at once.
+const LED_MAX: usize = 24;
 /// A segment with less of the query's faces is not worth it; nor is one of few faces, which lies on anything.
 const SHARE_MIN: f64 = 0.25;
 
@@ -47,20 +59,99 @@ impl SegmentSearch<'_> {
         for (candidate, likeness) in laid.iter_mut().zip(found) {
             candidate.likeness = Some(likeness?);
         }
-        self.published(by_likeness(laid, passed_over), start).await
+        let mut ordered = by_likeness(laid, passed_over);
+        self.fit_roughly(&mut ordered).await?;
+        self.published(by_fit(ordered), start).await
+    }
+
+    /// Lays the best few roughly, and lets the best of these lead others.
+    async fn fit_roughly(&self, candidates: &mut [Candidate]) -> Result<(), WorkError> {
+        let worth = |c: &Candidate| c.rough.as_ref().map_or(f64::NEG_INFINITY, Rough::worth);
+        let chosen = worth_laying(candidates);
+        for some in chosen.chunks(ROUGH_AT_A_TIME) {
+            let fits = self.all_rough(candidates, some, None).await?;
+            some.iter().zip(fits).for_each(|(&at, fit)| candidates[at].rough = fit);
+            if some.iter().any(|&at| worth(&candidates[at]) >= ROUGH_ENOUGH) {
+                break;
+            }
+        }
+        let best = chosen.iter().copied().max_by(|&a, &b| worth(&candidates[a]).total_cmp(&worth(&candidates[b])));
+        let Some(best) = best else { return Ok(()) };
+        let (from, least) = (candidates[best].clone(), worth(&candidates[best]));
+        let Some(rough) = from.rough.clone().filter(|r| r.agreement >= LEADS_FROM && r.covered < LEADS_BELOW) else {
+            return Ok(());
+        };
+        let model = ingest::model(self.work, &self.live.job, Lane::Fine, &from.resident.example).await?;
+        let lead = RoughLead { model, segment: from.resident.segment, rough };
+        let may_follow = |at: &usize| {
+            let c = &candidates[*at];
+            *at != best && c.resident.facts.topology == Topology::Disc && !c.resident.is_part()
+        };
+        let mut led: Vec<usize> = (0..candidates.len()).filter(may_follow).collect();
+        led.sort_by(|&a, &b| alike(&candidates[b]).total_cmp(&alike(&candidates[a])));
+        led.truncate(LED_MAX);
+        let fits = self.all_rough(candidates, &led, Some(lead)).await?;
+        for (at, fit) in led.into_iter().zip(fits) {
+            if fit.as_ref().is_some_and(|fit| fit.worth() > least) {
+                (candidates[at].rough, candidates[at].lead) = (fit, Some(from.key()));
+            }
+        }
+        Ok(())
+    }
+
+    /// How some of the candidates lie on the query, laid roughly.
+    async fn all_rough(
+        &self,
+        candidates: &[Candidate],
+        chosen: &[usize],
+        lead: Option<RoughLead>,
+    ) -> Result<Vec<Option<Rough>>, WorkError> {
+        let lead = lead.map(Arc::new);
+        let tasks: Vec<_> = chosen.iter().map(|&at| self.rough(&candidates[at], lead.clone())).collect();
+        stream::iter(tasks).buffered(self.window()).collect::<Vec<_>>().await.into_iter().collect()
+    }
+
+    async fn rough(&self, candidate: &Candidate, lead: Option<Arc<RoughLead>>) -> Result<Option<Rough>, WorkError> {
+        let Some(model) = self.read(candidate).await? else { return Ok(None) };
+        let closed = |topology| topology == Topology::Sphere;
+        let both_closed = closed(candidate.resident.facts.topology) && closed(self.query.facts.topology);
+        let segment = candidate.resident.segment;
+        let encoded = match both_closed {
+            true => Some(ingest::encode(self.work, &self.live.job, Lane::Fine, &model, segment).await?),
+            false => None,
+        };
+        let (engine, on, own) = (Arc::clone(&self.work.engine), Arc::clone(&self.live.model), self.segment as u32);
+        let (query, leading) = (Arc::clone(&self.query), lead.clone());
+        let quantum = move |stop: &Stop| {
+            let encodings = encoded.as_ref().map(|encoded| [&encoded.encoding, &*query]);
+            engine.rough((&model, segment), (&on, own), encodings, leading.as_deref(), stop)
+        };
+        let is_led = lead.is_some();
+        let found = self.work.pool.run(&self.live.job, Lane::Fine, quantum).await??;
+        if let Some(Rough { agreement, covered, off, .. }) = &found {
+            let example = &candidate.resident.example.name;
+            tracing::debug!(query = %self.live.id, %example, segment, agreement, covered, off, is_led, "laid roughly");
+        }
+        Ok(found)
+    }
+
+    /// An example, read again; `None` where it can't be.
+    async fn read(&self, candidate: &Candidate) -> Result<Option<Arc<Model>>, WorkError> {
+        let example = &candidate.resident.example;
+        match ingest::model(self.work, &self.live.job, Lane::Fine, example).await {
+            Ok(model) => Ok(Some(model)),
+            Err(error) if error.stop_reason().is_some() => Err(error),
+            Err(error) => {
+                tracing::warn!(query = %self.live.id, example = %example.id, %error, "not laid");
+                Ok(None)
+            }
+        }
     }
 
     /// How well an example, which is read again and let go of, lies on the query; not at all where it can't be read or compared.
     async fn likeness(&self, candidate: &Candidate, own: &Opaque) -> Result<Likeness, WorkError> {
-        let (example, segment) = (&candidate.resident.example, candidate.resident.segment);
-        let model = match ingest::model(self.work, &self.live.job, Lane::Fine, example).await {
-            Ok(model) => model,
-            Err(error) if error.stop_reason().is_some() => return Err(error),
-            Err(error) => {
-                tracing::warn!(query = %self.live.id, example = %example.id, %error, "not laid");
-                return Ok(Likeness::default());
-            }
-        };
+        let segment = candidate.resident.segment;
+        let Some(model) = self.read(candidate).await? else { return Ok(Likeness::default()) };
         let (engine, own) = (Arc::clone(&self.work.engine), own.clone());
         let quantum = move |stop: &Stop| match engine.posed(&model, segment)? {
             Some(posed) => engine.likeness(&posed, &own, stop),
@@ -105,13 +196,43 @@ impl SegmentSearch<'_> {
                 candidate.state = EntryState::Locked;
                 continue;
             }
-            let (score, likeness) = (candidate.score, candidate.likeness);
             let from = candidate.clone();
             let done = caught_up(self.work, &self.live.job, Lane::Fine, from, &self.query, level).await?;
-            *candidate = Candidate { score, likeness, state: EntryState::Done, ..done };
+            *candidate = Candidate { score: candidate.score, state: EntryState::Done, ..done };
         }
         let timing = LevelTiming { segment: self.segment as u32, level, entries: laid as u64, ms: ms_since(start) };
         self.live.publish(self.segment, level, candidates, timing);
         Ok(())
     }
+}
+
+fn alike(candidate: &Candidate) -> f64 {
+    candidate.likeness.map_or(0.0, |likeness| likeness.weighed)
+}
+
+/// The places of the candidates that are worth laying roughly, of those whose likeness is known: the first, and of those with a rim
+/// and of closed ones those that are most alike, in turn.
+fn worth_laying(candidates: &[Candidate]) -> Vec<usize> {
+    let known: Vec<usize> = (0..candidates.len()).filter(|&at| candidates[at].likeness.is_some()).collect();
+    let score = |c: &Candidate| c.likeness.map_or(0.0, |likeness| likeness.score);
+    let mut orders: Vec<Vec<usize>> = Vec::new();
+    for closed in [false, true] {
+        for by in [alike, score] {
+            let is_one = |at: &usize| (candidates[*at].resident.facts.topology == Topology::Sphere) == closed;
+            let mut most: Vec<usize> = known.iter().copied().filter(is_one).collect();
+            most.sort_by(|&a, &b| by(&candidates[b]).total_cmp(&by(&candidates[a])));
+            most.truncate(ROUGH_ALIKE);
+            orders.push(most);
+        }
+    }
+    orders.push(known.into_iter().take(ROUGH_FIRST).collect());
+    let mut chosen: Vec<usize> = Vec::new();
+    for turn in 0..ROUGH_FIRST.max(ROUGH_ALIKE) {
+        for at in orders.iter().filter_map(|order| order.get(turn)) {
+            if !chosen.contains(at) {
+                chosen.push(*at);
+            }
+        }
+    }
+    chosen
 }

@@ -4,7 +4,7 @@
 //! input with its boundary free ([`Rests`]), until one is convincing. Faces of the example that lie beyond the input are left
 //! out, and what of the input lies beyond the example is continued by rows of quads, where that is asked for.
 
-use super::super::{Encoded, Encoding, EngineError, Fitted, Model, Opaque, Refusal, Registration, Side};
+use super::super::{Encoded, Encoding, EngineError, Fitted, Lead, Model, Opaque, Refusal, Registration, Side, Wishes};
 use super::constrain::{self, locate};
 use super::model::ModelInner;
 use super::registered::{self, Registered};
@@ -14,6 +14,7 @@ use crate::pool::Stop;
 use quadmuse_kernel::encode::index::Location;
 use quadmuse_kernel::extent::{Crop, Extent, extents};
 use quadmuse_kernel::fit::rest::{Rested, Rests, Start};
+use quadmuse_kernel::fit::rough::{between, spread};
 use quadmuse_kernel::fit::{Cropped, Surface, crop, crop_between};
 use quadmuse_kernel::map::atlas::likely_matches;
 use quadmuse_kernel::mesh::bvh::Bvh;
@@ -22,7 +23,7 @@ use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
 use quadmuse_kernel::segment::Segmented;
 use quadmuse_kernel::settle::{Landmark as KernelLandmark, Similarity, Sought, poses};
 use quadmuse_kernel::topology::Patch;
-use quadmuse_proto::{Beyond, ConstraintEdit, Landmark, NewConstraint, OnFold, Topology as Primitive, Verdict};
+use quadmuse_proto::{ConstraintEdit, Landmark, NewConstraint, OnFold, Topology as Primitive, Verdict};
 use std::sync::{Arc, OnceLock};
 
 /// The finest level at which parts are registered, in pixels a side.
@@ -66,9 +67,10 @@ pub(super) fn fit(
     from: Option<&Registration>,
     example: &Side,
     query: &Side,
-    (beyond, landmarks): (Beyond, &[Landmark]),
+    wishes: &Wishes,
     stop: &Stop,
 ) -> Result<Fitted, EngineError> {
+    let Wishes { beyond, landmarks, lead } = wishes;
     let held = held(landmarks, example, query)?;
     let from = from.map(|from| of_wholes(from, example, query, stop)).transpose()?.flatten();
     let by_charts = |from: &Registration| -> Result<Fitted, EngineError> {
@@ -94,10 +96,15 @@ pub(super) fn fit(
     let whole = whole.map(|whole| Start { positions: whole.positions, mirrored: whole.mirrored });
     let input = Arc::clone(&two.query.chart.mesh);
     let relief = |rests: &Rests| whole.as_ref().and_then(|whole| rests.relief(whole)).unwrap_or(-1.0);
-    let settled = settled(whole.as_ref(), (example, &one), (query, &two), (&input, &held), &relief, stop)?;
+    let led = match lead.as_ref().filter(|_| held.is_empty()) {
+        Some(lead) => led(lead, (example, &one), &input, stop)?,
+        None => Vec::new(),
+    };
+    let known = Known { held: &held, led: &led };
+    let settled = settled(whole.as_ref(), (example, &one), (query, &two), (&input, known), &relief, stop)?;
     match (settled, &from) {
         (Some(rested), from) => {
-            let fitted = rest(rested, (example, &one), (query, &two), (beyond, &held), stop)?;
+            let fitted = rest(rested, (example, &one), (query, &two), (*beyond, &held), stop)?;
             let covers = fitted.mapped.reach.covers;
             // Where boundary on boundary is a good map, the two surfaces end alike.
             if !held.is_empty() {
@@ -120,22 +127,68 @@ pub(super) fn fit(
     }
 }
 
+/// What is known of where an example belongs, before anything is sought.
+#[derive(Clone, Copy, Default)]
+struct Known<'a> {
+    /// Points that are held.
+    held: &'a [Held],
+    /// Points that lead there, and are let go then.
+    led: &'a [KernelLandmark],
+}
+
+/// Where points of an example belong on the input, by a map of another example that lies on both.
+///
+/// # Errors
+/// [`Refusal::Unlike`] where the other does not lie on this example.
+fn led(
+    lead: &Lead,
+    (example, one): (&Side, &Surface),
+    input: &TriMesh,
+    stop: &Stop,
+) -> Result<Vec<KernelLandmark>, EngineError> {
+    let part = surface(&lead.example)?;
+    let own = Arc::clone(&one.query.chart.mesh);
+    let anywhere = |_: &Rests| -1.0;
+    let found = settled(None, (&lead.example, &part), (example, one), (&own, Known::default()), &anywhere, stop)?;
+    let Some(found) = found.filter(|found| found.evidence.relief >= DOUBTFUL) else {
+        let detail = "expected an example of which the one that leads is a part, found another; choose another to lead";
+        return Err(EngineError::refused(Refusal::Unlike, detail));
+    };
+    let on_part = Bvh::new(&part.patch.mesh);
+    let mesh = &lead.example.model.mesh;
+    let kept: Vec<u32> = lead.mapped.reach.kept.clone().unwrap_or_else(|| (0..mesh.positions.len() as u32).collect());
+    let carried = |(&v, &there): (&u32, &Vec3)| {
+        let place = on_part.closest(*mesh.positions.get(v as usize)?);
+        let corners = part.patch.mesh.triangles.get(place.triangle as usize)?;
+        let is_lost = corners.iter().any(|&v| found.lost[v as usize] || found.off[v as usize]);
+        let point = |k: usize| found.places[corners[k] as usize].point * place.barycentric[k];
+        (!is_lost).then(|| (point(0) + point(1) + point(2), there))
+    };
+    let pairs: Vec<(Vec3, Vec3)> = kept.iter().zip(&lead.mapped.mesh.positions).filter_map(carried).collect();
+    Ok(between(&one.patch.mesh, input, &spread(&pairs)))
+}
+
 /// The best place at which the example settles, if it is better than where the charts lay it.
 fn settled(
     whole: Option<&Start>,
     (example, one): (&Side, &Surface),
     (query, two): (&Side, &Surface),
-    (input, held): (&TriMesh, &[Held]),
+    (input, known): (&TriMesh, Known<'_>),
     relief: &dyn Fn(&Rests) -> f64,
     stop: &Stop,
 ) -> Result<Option<Rested>, EngineError> {
     let stopped = || stop.reason().is_some();
     let mesh = &one.patch.mesh;
     let Some(mut rests) = Rests::new(mesh, input) else { return Ok(None) };
-    if !held.is_empty() {
+    if !known.led.is_empty() {
+        rests.tries_led(known.led, &stopped);
+        let best = rests.into_best(&stopped);
+        return stop.reason().map_or(Ok(best), |reason| Err(EngineError::Stopped(reason)));
+    }
+    if !known.held.is_empty() {
         let trees = (Bvh::new(mesh), Bvh::new(input));
         let at = |h: &Held| KernelLandmark::between(mesh, &trees.0.closest(h.from), trees.1.closest(h.at));
-        let landmarks: Vec<KernelLandmark> = held.iter().filter_map(at).collect();
+        let landmarks: Vec<KernelLandmark> = known.held.iter().filter_map(at).collect();
         rests = rests.holding(&landmarks);
     }
     // What three points or more say of the pose is not sought.
@@ -151,15 +204,8 @@ fn settled(
     let has_tips = on.has_tips(query.segment, input);
     let has_parts = has_tips && on.is_scan();
     if has_tips && !rests.is_convincing() {
-        let trees = (Bvh::new(mesh), Bvh::new(input));
-        let (own, there) = (&one.query.chart.mesh, &two.query.chart.mesh);
-        let solver = LevenbergMarquardt::default();
-        for tips in &likely_matches(&one.query, &two.query, &solver, LED, &stopped) {
-            let pair = |(a, b): &(u32, u32)| {
-                let (from, at) = (own.positions.get(*a as usize)?, there.positions.get(*b as usize)?);
-                KernelLandmark::between(mesh, &trees.0.closest(*from), trees.1.closest(*at))
-            };
-            rests.tries_led(&tips.iter().filter_map(pair).collect::<Vec<_>>(), &stopped);
+        for tips in &matched_tips([&one.query, &two.query], (mesh, input), stop) {
+            rests.tries_led(tips, &stopped);
             if rests.is_convincing() {
                 break;
             }
@@ -192,6 +238,18 @@ fn settled(
     let best = rests.into_best(&stopped);
     stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
     Ok(best.filter(|best| best.evidence.relief > least))
+}
+
+/// The likeliest ways to match the tips of two surfaces, as landmarks of an example's mesh on an input.
+pub(super) fn matched_tips(
+    [one, two]: [&Query; 2],
+    (mesh, input): (&TriMesh, &TriMesh),
+    stop: &Stop,
+) -> Vec<Vec<KernelLandmark>> {
+    let (own, there) = (&one.chart.mesh, &two.chart.mesh);
+    let pair = |(a, b): &(u32, u32)| Some((*own.positions.get(*a as usize)?, *there.positions.get(*b as usize)?));
+    let matches = likely_matches(one, two, &LevenbergMarquardt::default(), LED, &|| stop.reason().is_some());
+    matches.iter().map(|tips| between(mesh, input, &tips.iter().filter_map(pair).collect::<Vec<_>>())).collect()
 }
 
 /// The registration of all of both: the one given, unless that is of a part; `None` where the topologies differ.

@@ -1,0 +1,181 @@
+//! How well an example lies on an input when it is laid roughly: enough to choose among many, at a tenth of what a map costs.
+//!
+//! Each start (the likeliest rigid [`poses`], ways to match tips, or another example that leads) comes to rest as a whole and
+//! bends down to a twentieth of √area. The evidence of the best is that of a finished map, roughly. *Ours, not a paper's.*
+
+use super::rest::{Rested, Rests, Start};
+use crate::mesh::Vec3;
+use crate::mesh::bvh::Bvh;
+use crate::mesh::tri::TriMesh;
+use crate::settle::{Landmark, Sought, poses};
+
+/// Poses that are laid.
+const POSED: usize = 3;
+/// Points by which one example leads another.
+const LEADING: usize = 24;
+/// An example whose best rough pose on another scores less is no part of it. *Untuned:* the face of one person on the head of
+/// another has more than half.
+const PART_FROM: f64 = 0.35;
+
+/// A surface that is laid, or laid on.
+#[derive(Clone, Copy, Debug)]
+pub struct Shape<'a> {
+    /// Its mesh.
+    pub mesh: &'a TriMesh,
+    /// Whether it has no rim: then it is no part of anything.
+    pub is_closed: bool,
+}
+
+/// An example that lies on an input, to lead others there of which it is a part: a face, for a head.
+#[derive(Clone, Copy, Debug)]
+pub struct Lead<'a> {
+    /// Its mesh.
+    pub mesh: &'a TriMesh,
+    /// Where each of its vertices lies on the input.
+    pub places: &'a [Vec3],
+}
+
+/// An example on an input, roughly.
+#[derive(Clone, Debug)]
+pub struct RoughFit {
+    /// How sure it is: [`crate::settle::Evidence::agreement`].
+    pub agreement: f64,
+    /// Share of the input's area that the example lies on.
+    pub covered: f64,
+    /// Share of the example's area for which the input has nothing, although it does not end there.
+    pub off: f64,
+    /// Where each vertex of the example lies.
+    pub places: Vec<Vec3>,
+}
+
+/// Lays an example roughly; `None` where there is no way to, or when stopped. `tips`: ways to match the tips of both.
+pub fn rough(
+    example: Shape<'_>,
+    input: Shape<'_>,
+    tips: &[Vec<Landmark>],
+    lead: Option<Lead<'_>>,
+    stop: &dyn Fn() -> bool,
+) -> Option<RoughFit> {
+    let mut rests = Rests::roughly(example.mesh, input.mesh)?;
+    match lead {
+        Some(lead) => rests.tries_led(&leading(lead, example, input.mesh, stop)?, stop),
+        None => {
+            tips.iter().for_each(|tips| rests.tries_led(tips, stop));
+            let may_be_part = [!example.is_closed, !input.is_closed];
+            for (_, pose) in poses(example.mesh, input.mesh, may_be_part, Sought::Roughly, stop).iter().take(POSED) {
+                let positions = example.mesh.positions.iter().map(|x| pose.apply(x)).collect();
+                rests.tries_whole(&Start { positions, mirrored: false }, stop);
+                if rests.is_convincing() {
+                    break;
+                }
+            }
+        }
+    }
+    let best = rests.best().filter(|_| !stop())?;
+    Some(RoughFit::of(best, example.mesh))
+}
+
+impl RoughFit {
+    fn of(rested: &Rested, example: &TriMesh) -> Self {
+        let evidence = &rested.evidence;
+        let places = rested.places.iter().map(|place| place.point).collect();
+        let is_off =
+            |t: &usize| example.triangles[*t].iter().all(|&v| rested.off[v as usize] && !rested.lost[v as usize]);
+        let off = (0..example.triangles.len()).filter(is_off).map(|t| example.area(t)).sum::<f64>();
+        let off = off / example.total_area().max(f64::MIN_POSITIVE);
+        Self { agreement: evidence.agreement(), covered: evidence.covered, off, places }
+    }
+}
+
+/// Points of an example with where they belong on the input, by a part of the example that lies there; `None` where that is no
+/// part of it.
+fn leading(lead: Lead<'_>, example: Shape<'_>, input: &TriMesh, stop: &dyn Fn() -> bool) -> Option<Vec<Landmark>> {
+    let may_be_part = [true, false];
+    let found = poses(lead.mesh, example.mesh, may_be_part, Sought::Roughly, stop);
+    let (_, pose) = found.first().filter(|(score, _)| *score >= PART_FROM)?;
+    let pairs: Vec<(Vec3, Vec3)> =
+        lead.mesh.positions.iter().zip(lead.places).map(|(from, there)| (pose.apply(from), *there)).collect();
+    Some(between(example.mesh, input, &spread(&pairs)))
+}
+
+/// Landmarks from points near the example to points near the input.
+pub fn between(example: &TriMesh, input: &TriMesh, pairs: &[(Vec3, Vec3)]) -> Vec<Landmark> {
+    let (on_example, on_input) = (Bvh::new(example), Bvh::new(input));
+    let landmark =
+        |(from, to): &(Vec3, Vec3)| Landmark::between(example, &on_example.closest(*from), on_input.closest(*to));
+    pairs.iter().filter_map(landmark).collect()
+}
+
+/// Some pairs of points, the first of each as far from the others' as may be.
+pub fn spread(pairs: &[(Vec3, Vec3)]) -> Vec<(Vec3, Vec3)> {
+    let mut away = vec![f64::INFINITY; pairs.len()];
+    let mut chosen = Vec::new();
+    while chosen.len() < LEADING.min(pairs.len()) {
+        let Some(next) = (0..pairs.len()).max_by(|&a, &b| away[a].total_cmp(&away[b])) else { break };
+        chosen.push(pairs[next]);
+        for (away, (point, _)) in away.iter_mut().zip(pairs) {
+            *away = away.min((point - pairs[next].0).norm());
+        }
+    }
+    chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::topology::tests::grid;
+
+    /// A sheet with bumps that nothing else has, from x = `from` to `to` of 0 to 1.
+    fn sheet(n: u32, from: f64, to: f64) -> TriMesh {
+        let flat = grid(n, n, false, false);
+        let size = flat.positions.iter().fold(0.0f64, |most, p| most.max(p.x).max(p.y));
+        let bump = |x: f64, y: f64| {
+            0.16 * (5.0 * x + 0.4).sin() * (3.9 * y).cos() + 0.08 * (7.1 * y + 2.0 * x).sin() + 0.2 * (x - 0.3).powi(2)
+        };
+        let place = |p: &Vec3| {
+            let (x, y) = (from + (to - from) * p.x / size, p.y / size);
+            Vec3::new(x, y, bump(2.0 * x, 2.0 * y))
+        };
+        let positions = flat.positions.iter().map(place).collect();
+        TriMesh::from_triangles(positions, flat.triangles.clone()).expect("a sheet")
+    }
+
+    fn open(mesh: &TriMesh) -> Shape<'_> {
+        Shape { mesh, is_closed: false }
+    }
+
+    #[test]
+    fn what_is_like_the_input_agrees_better_than_what_is_not() {
+        let (input, like) = (sheet(48, 0.0, 1.0), sheet(30, 0.0, 1.0));
+        let mut other = sheet(30, 0.0, 1.0);
+        other.positions.iter_mut().for_each(|p| p.z = 0.3 * (9.0 * p.x).cos() * (8.0 * p.y + 1.0).sin());
+        let agreement =
+            |example: &TriMesh| rough(open(example), open(&input), &[], None, &|| false).expect("a fit").agreement;
+        let (right, wrong) = (agreement(&like), agreement(&other));
+        assert!(right > 0.5, "{right}");
+        assert!(right > wrong + 0.2, "{right} {wrong}");
+    }
+
+    #[test]
+    fn a_part_leads_the_whole_to_its_place() {
+        let (input, whole, part) = (sheet(56, 0.0, 1.0), sheet(36, 0.0, 1.0), sheet(24, 0.0, 0.5));
+        let lead = Lead { mesh: &part, places: &part.positions };
+        let fit = rough(open(&whole), open(&input), &[], Some(lead), &|| false).expect("a part of it");
+        let off: f64 = fit.places.iter().zip(&whole.positions).map(|(at, p)| (at - p).norm()).sum();
+        assert!(off / (whole.positions.len() as f64) < 0.02, "{off}");
+        let mut other = sheet(24, 0.0, 1.0);
+        other.positions.iter_mut().for_each(|p| p.z = 0.4 * (9.0 * p.x).cos() * (8.0 * p.y + 1.0).sin());
+        let lead = Lead { mesh: &other, places: &other.positions };
+        assert!(rough(open(&whole), open(&input), &[], Some(lead), &|| false).is_none());
+    }
+
+    #[test]
+    fn points_are_spread_over_all_of_them() {
+        let pairs: Vec<(Vec3, Vec3)> = (0..100).map(|k| Vec3::new(f64::from(k), 0.0, 0.0)).map(|p| (p, p)).collect();
+        let chosen = spread(&pairs);
+        assert_eq!(chosen.len(), LEADING);
+        let mut at: Vec<f64> = chosen.iter().map(|c| c.0.x).collect();
+        at.sort_by(f64::total_cmp);
+        assert!((at[0], at[LEADING - 1]) == (0.0, 99.0) && at.windows(2).all(|w| w[1] - w[0] <= 7.0), "{at:?}");
+    }
+}
