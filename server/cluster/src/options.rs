@@ -34,7 +34,12 @@ pub struct ClusterOptions {
     pub uploads_bytes: u64,
     /// Longest time to reach it at a start.
     pub reach: Duration,
+    /// For so long nobody else gets a job of which nothing is heard; what the first server says counts.
+    pub lease: Duration,
 }
+
+/// For so long nobody else gets a job of which nothing is heard, unless told otherwise.
+pub const LEASE: Duration = Duration::from_secs(30);
 
 /// Longest name of a corpus.
 const BUCKET_LENGTH_MAX: usize = 64;
@@ -50,6 +55,7 @@ impl ClusterOptions {
             access: Access::default(),
             uploads_bytes: UPLOADS_BYTES_MAX,
             reach: Duration::from_secs(30),
+            lease: LEASE,
         }
     }
 

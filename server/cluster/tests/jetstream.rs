@@ -7,6 +7,8 @@
 mod conformance;
 #[path = "support/nodes.rs"]
 mod nodes;
+#[path = "support/queue.rs"]
+mod queue;
 #[path = "../../store/tests/support/sample.rs"]
 mod sample;
 
@@ -41,6 +43,7 @@ fn on_a_real_engine() {
     });
     println!("conformance on three nodes: {:.1} s", begun.elapsed().as_secs_f64());
     a_counter_counts_every_write(&nodes);
+    jobs_are_done_once_with_effect(&nodes);
     large_objects_come_back(&nodes, dir.path());
     what_is_kept_for_a_while_comes_back_and_is_no_object(&nodes, dir.path());
     kept_uploads_are_bounded(&nodes);
@@ -85,6 +88,12 @@ fn a_full_engine_is_told_as_one_and_reads_go_on() {
     let refused = (1..20).find_map(|seed| server.add(&large(seed).example(), &[]).err()).expect("it fills up");
     assert!(refused.is_full(), "{refused}");
     assert_eq!(join(&nodes, "full", dir.path()).mesh_bytes(kept).expect("there"), large(0).mesh);
+}
+
+fn jobs_are_done_once_with_effect(nodes: &Nodes) {
+    let options = ClusterOptions { lease: Duration::from_secs(2), ..ClusterOptions::new(&nodes.addresses(), "jobs") };
+    let [one, other] = [(); 2].map(|()| JetStream::connect(&options).expect("reached"));
+    queue::all([&one, &other], options.lease, true);
 }
 
 fn large_objects_come_back(nodes: &Nodes, dir: &Path) {
