@@ -58,7 +58,7 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Run the service (the default).
-    Serve(ServeArgs),
+    Serve(Box<ServeArgs>),
     /// Show the whole path with built-in samples: nothing is needed but this binary.
     Demo(DemoArgs),
     /// Bring a store on this machine's disk to this release's schema.
@@ -455,6 +455,7 @@ mod tests {
         assert_eq!(config.listen.to_string(), LISTEN_DEFAULT);
         let explicit = Cli::try_parse_from(["quadmuse-server", "serve", "--data", "d"]).expect("a good command line");
         let Some(Command::Serve(args)) = explicit.command else { panic!("expected serve") };
+        let args = *args;
         assert_eq!(Config::resolve(args).expect("settings"), config);
     }
 

@@ -313,13 +313,16 @@ fn again<T>(time: Duration, what: impl Fn() -> Result<T, EngineError>) -> Result
 /// One attempt to reach the engine and find, or make, the streams.
 async fn reach(options: &ClusterOptions) -> Result<(Context, [Stream; 4]), EngineError> {
     const DOING: &str = "be reached";
-    let addresses: Result<Vec<ServerAddr>, _> = options.nodes.iter().map(|node| node.parse()).collect();
+    let addresses: Result<Vec<ServerAddr>, _> = options.addresses().map(|node| node.parse()).collect();
     let addresses = addresses.map_err(|error| refused(DOING, error))?;
     let mut connect = ConnectOptions::new()
         .name("quadmuse-server")
         .connection_timeout(ANSWER)
         .request_timeout(Some(ANSWER))
         .ping_interval(Duration::from_secs(5));
+    if let Some((user, password)) = options.login() {
+        connect = connect.user_and_password(user, password);
+    }
     let access = &options.access;
     if let Some(file) = &access.credentials {
         let read = connect.credentials_file(file).await;

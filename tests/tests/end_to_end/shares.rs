@@ -37,7 +37,7 @@ fn ranked(server: &Server, mesh: &str) -> (Value, Value) {
 fn three_servers_with_a_third_each_answer_as_one_does_and_say_what_is_missing_when_one_is_killed() {
     let Some(nodes) = Nodes::start(3) else { return };
     let places: Vec<Place> = (0..6).map(|_| Place::new()).collect();
-    let (whole, client) = join_with(&nodes, &places[0].data(), &[]);
+    let (mut whole, client) = join_with(&nodes, &places[0].data(), &[]);
     for kind in 0..12 {
         let mesh = shapes::vase(kind % 6, 12 + kind, 8, Faces::Quads);
         let file = places[0].file(&format!("v{kind}.obj"), &mesh);
@@ -50,7 +50,7 @@ fn three_servers_with_a_third_each_answer_as_one_does_and_say_what_is_missing_wh
     let (query, ranking) = ranked(&whole, &scan);
     assert_eq!(ranking["corpus_size"], 12, "{ranking}");
     // From here on nobody holds everything.
-    drop(whole.stop());
+    whole.terminate(ENDS_WITHIN).expect("terminated");
     for server in &servers {
         let (its_query, its) = ranked(server, &scan);
         assert_eq!(its["entries"].to_string(), ranking["entries"].to_string());
