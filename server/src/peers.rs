@@ -58,6 +58,17 @@ pub enum Kept {
 /// Another server: its number and its address.
 pub type Other = (ServerNumber, String);
 
+/// Who has a share in memory.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct HoldersOf {
+    /// Those that hold this share.
+    pub exact: Vec<Other>,
+    /// Those that hold everything.
+    pub whole: Vec<Other>,
+    /// Either, of whom nothing was heard for long. They may have ended without a word, or have a clock that is wrong.
+    pub silent: Vec<Other>,
+}
+
 /// The servers that share a corpus, as this one of them knows them.
 pub struct Peers {
     documents: Arc<dyn Documents>,
@@ -159,16 +170,24 @@ impl Peers {
         others.map(|record| (record.number, record.address.clone())).collect()
     }
 
-    /// The others that hold a share, and those that hold everything, as far as they are likely to answer.
-    pub fn holders(&self, share: Share) -> (Vec<Other>, Vec<Other>) {
+    /// The others that have a share in memory.
+    pub fn holders(&self, share: Share) -> HoldersOf {
         let (seen, now) = (self.now(), now_s());
-        let alive = |record: &&Record| !record.has_left && record.seen_s + SILENT_MAX_S >= now;
-        let others = seen.list.servers.iter().filter(alive).filter(|record| record.number != self.own);
-        let of = |wanted: Option<Share>| {
-            let those = others.clone().filter(|record| record.share == wanted);
-            those.map(|record| (record.number, record.address.clone())).collect()
-        };
-        (of(Some(share)), of(None))
+        let mut found = HoldersOf::default();
+        let others = seen.list.servers.iter().filter(|record| !record.has_left && record.number != self.own);
+        for record in others {
+            let is_silent = record.seen_s + SILENT_MAX_S < now;
+            let place = match record.share {
+                _ if is_silent => &mut found.silent,
+                Some(own) if own == share => &mut found.exact,
+                None => &mut found.whole,
+                Some(_) => continue,
+            };
+            if record.share.is_none_or(|own| own == share) {
+                place.push((record.number, record.address.clone()));
+            }
+        }
+        found
     }
 
     fn now(&self) -> MutexGuard<'_, Seen> {
@@ -355,12 +374,13 @@ pub(crate) mod tests {
         let b = join("http://b:1", Some(share("2/2"))).expect("joined");
         let c = join("http://c:1", Some(share("2/2"))).expect("joined");
         let whole = join("http://d:1", None).expect("joined");
-        let numbers = |(exact, whole): (Vec<Other>, Vec<Other>)| {
-            [exact, whole].map(|some| some.into_iter().map(|(number, _)| number).collect::<Vec<_>>())
+        let numbers = |found: HoldersOf| {
+            let of = |some: Vec<Other>| some.into_iter().map(|(number, _)| number).collect::<Vec<_>>();
+            [of(found.exact), of(found.whole), of(found.silent)]
         };
-        assert_eq!(numbers(a.holders(share("2/2"))), [vec![b.own(), c.own()], vec![whole.own()]]);
-        assert_eq!(numbers(b.holders(share("2/2"))), [vec![c.own()], vec![whole.own()]]);
-        assert_eq!(numbers(a.holders(share("2/3"))), [vec![], vec![whole.own()]]);
+        assert_eq!(numbers(a.holders(share("2/2"))), [vec![b.own(), c.own()], vec![whole.own()], vec![]]);
+        assert_eq!(numbers(b.holders(share("2/2"))), [vec![c.own()], vec![whole.own()], vec![]]);
+        assert_eq!(numbers(a.holders(share("2/3"))), [vec![], vec![whole.own()], vec![]]);
         b.leave().expect("left");
         assert_eq!(numbers(a.holders(share("2/2")))[0], [c.own()]);
 
@@ -369,6 +389,16 @@ pub(crate) mod tests {
         let text = String::from_utf8(written.bytes.to_vec()).expect("text").replace("\"share\"", "\"unknown\"");
         assert!(documents.write(NAME, written.revision, text.as_bytes()).expect("written"));
         assert!(numbers(a.holders(share("2/2")))[0].is_empty());
+        c.renew().expect("renewed");
+        assert_eq!(numbers(a.holders(share("2/2")))[0], [c.own()]);
+
+        // The clock of a server is an hour behind: it is asked when nobody else answers, and not before.
+        let written = documents.known(NAME).expect("a list");
+        let mut list = List::parse(&written.bytes).expect("a list");
+        list.servers.iter_mut().for_each(|record| record.seen_s -= 3600 * u64::from(record.number == c.own()));
+        assert!(documents.write(NAME, written.revision, &list.to_bytes().expect("bytes")).expect("written"));
+        let [exact, _, silent] = numbers(a.holders(share("2/2")));
+        assert_eq!((exact, silent), (vec![], vec![c.own()]));
         c.renew().expect("renewed");
         assert_eq!(numbers(a.holders(share("2/2")))[0], [c.own()]);
     }

@@ -7,7 +7,7 @@ use super::link::{Fault, Link};
 use super::{FromPeer, PASSED, Signs};
 use crate::app::App;
 use crate::http::error::HttpError;
-use crate::peers::Peers;
+use crate::peers::{HoldersOf, Peers};
 use crate::work::search::scattered;
 use crate::work::shares::Holders;
 use axum::body::Body;
@@ -50,9 +50,10 @@ impl PeerHolders {
         Self { peers, signs, turn: AtomicUsize::new(0), avoided: Mutex::default() }
     }
 
-    /// Whom to ask, in this order: those with the share in turn, then who holds everything; those that failed just now last.
+    /// Whom to ask, in this order: those with the share in turn, then who holds everything; those that failed just now, and
+    /// those of whom nothing was heard for long, last.
     fn order(&self, share: Share) -> Vec<(ServerNumber, String)> {
-        let (mut exact, whole) = self.peers.holders(share);
+        let HoldersOf { mut exact, whole, silent } = self.peers.holders(share);
         if !exact.is_empty() {
             let turn = self.turn.fetch_add(1, Ordering::Relaxed) % exact.len();
             exact.rotate_left(turn);
@@ -62,6 +63,7 @@ impl PeerHolders {
         exact.extend(whole);
         // Stable: among each kind the order stays.
         exact.sort_by_key(|(number, _)| avoided.contains_key(number));
+        exact.extend(silent);
         exact
     }
 
@@ -104,7 +106,7 @@ impl Holders for PeerHolders {
     }
 
     fn count(&self, share: Share) -> usize {
-        let (exact, whole) = self.peers.holders(share);
+        let HoldersOf { exact, whole, .. } = self.peers.holders(share);
         exact.len() + whole.len()
     }
 }
