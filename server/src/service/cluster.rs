@@ -19,6 +19,10 @@ use std::time::{Duration, Instant};
 /// What the cache is called, in the directory that would hold the store.
 const CACHE: &str = "cluster-cache";
 
+/// Longest time to become known to the other servers, and the pause between two attempts.
+const MEET_WITHIN: Duration = Duration::from_secs(30);
+const MEET_AGAIN: Duration = Duration::from_millis(250);
+
 /// Joins the servers that share the corpus; it is caught up when this returns.
 pub(super) async fn join(
     options: &ClusterOptions,
@@ -124,7 +128,16 @@ pub(super) async fn meet(
     }
     let address = advertise.map_or_else(|| reached_at(listens), str::to_owned);
     let joining = tokio::task::spawn_blocking(move || {
-        let peers = Peers::join_with(documents, &address, share)?;
+        let begun = Instant::now();
+        let peers = loop {
+            match Peers::join_with(Arc::clone(&documents), &address, share) {
+                // A leader is being elected: whoever starts then waits for it.
+                Err(StoreError::Unreachable { .. } | StoreError::Busy) if begun.elapsed() < MEET_WITHIN => {
+                    std::thread::sleep(MEET_AGAIN);
+                }
+                joined => break joined?,
+            }
+        };
         let (number, others) = (peers.own().get(), peers.others().len());
         tracing::info!(number, address, others, "known to the other servers");
         Ok::<_, StoreError>(Arc::new(peers))

@@ -34,6 +34,8 @@ use std::{
 const COUNT: usize = 3;
 /// For so long a part is away.
 const AWAY: Duration = Duration::from_millis(1500);
+/// Longest time for a server to start, however often it is tried.
+const STARTS_WITHIN: Duration = Duration::from_secs(120);
 /// Longest time until everything is quiet at the end.
 const QUIET_WITHIN: Duration = Duration::from_secs(180);
 
@@ -89,9 +91,17 @@ fn main() -> ExitCode {
     }
 }
 
+/// A server; one that ends while it starts is started again, as systemd does.
 fn server(nodes: &Nodes, data: &Path) -> Result<Server, Box<dyn Error>> {
     let cluster = format!("QUADMUSE_CLUSTER={}", nodes.addresses());
-    Ok(Server::start_under(&["env", &cluster, "QUADMUSE_BUCKET=studio", "QUADMUSE_LOG=error"], data)?)
+    let words = ["env", &cluster, "QUADMUSE_BUCKET=studio", "QUADMUSE_LOG=error"];
+    let begun = Instant::now();
+    loop {
+        match Server::start_under(&words, data) {
+            Err(error) if begun.elapsed() < STARTS_WITHIN => eprintln!("started again: {error}"),
+            started => return Ok(started?),
+        }
+    }
 }
 
 fn run(kills: u64, every: Duration) -> Result<bool, Box<dyn Error>> {
@@ -111,6 +121,10 @@ fn run(kills: u64, every: Duration) -> Result<bool, Box<dyn Error>> {
         scope.spawn(|| query(&addresses, &history));
         let ended = (0..kills).try_for_each(|kill| {
             std::thread::sleep(every);
+            if kill % 20 == 0 {
+                let [(_, writes), (_, reads)] = [history.writes.told(), history.reads.told()];
+                eprintln!("{kill} kills, {:.0} s, {writes} writes, {reads} reads", begun.elapsed().as_secs_f64());
+            }
             strike(kill, &mut nodes, &mut servers, &data, &addresses)
         });
         history.is_over.store(true, Ordering::Relaxed);

@@ -58,7 +58,7 @@ async fn three_servers_with_a_share_each_answer_bit_for_bit_as_one_with_everythi
             assert!(its.get("incomplete").is_none() && its_query.get("incomplete").is_none(), "{its_query}");
         }
     }
-    let held: Vec<usize> = servers.iter().map(|server| held_of(server)).collect();
+    let held: Vec<usize> = servers.iter().map(held_of).collect();
     assert_eq!(held.iter().sum::<usize>(), 60);
     assert!(held.iter().all(|held| *held < 60), "{held:?}");
 }
