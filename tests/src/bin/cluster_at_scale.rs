@@ -65,7 +65,7 @@ fn run(corpora: &Path, count: usize, times: usize) -> Result<(), Box<dyn Error>>
     let cluster = format!("QUADMUSE_CLUSTER={engine}");
     let start = |name: &str, more: &[&str]| -> Result<Server, Box<dyn Error>> {
         let words: Vec<&str> = ["env", "QUADMUSE_LOG=error"].iter().chain(more).copied().collect();
-        let data = if more.is_empty() { store.clone() } else { dir.path().join(name) };
+        let data = if more.is_empty() { store.clone() } else { dir.path().join(name.replace('/', "-")) };
         let begun = Instant::now();
         let server = Server::start_under(&words, &data)?;
         let [resident, _] = process::resident(server.id());
