@@ -145,8 +145,18 @@ mod tests {
     fn events() -> Vec<Event> {
         let query = QueryId::generate();
         let (state, entries) = (QueryState::Ranking, Vec::new());
-        let ranking =
-            Ranking { query, segment: 0, revision: 3, level: 32, resolution: 128, state, entries, corpus_size: 9 };
+        let (incomplete, corpus_size) = (Vec::new(), 9);
+        let ranking = Ranking {
+            query,
+            segment: 0,
+            revision: 3,
+            level: 32,
+            resolution: 128,
+            state,
+            entries,
+            corpus_size,
+            incomplete,
+        };
         vec![Event::Begin(Begin { query, segments: 1, resolution: 128, corpus_size: 9 }), Event::Level(ranking)]
     }
 

@@ -19,6 +19,7 @@ pub mod query;
 pub mod ranking;
 pub mod sample;
 pub mod segment;
+pub mod share;
 pub mod stream;
 pub mod token;
 pub mod upload;
@@ -40,5 +41,6 @@ pub use query::{LevelTiming, Progress, Query, QuerySegment, QueryState, QueryTim
 pub use ranking::{Entry, EntryState, Flip, Ranking};
 pub use sample::{Sample, SampleKind};
 pub use segment::{Components, Parts, Segmentation, Topology};
+pub use share::Share;
 pub use stream::{Begin, End, EndState, Event, StreamError};
 pub use token::{CreatedToken, NewToken, Quota, Role, Token, TokenPatch};

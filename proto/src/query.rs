@@ -1,6 +1,6 @@
 //! Queries: an input mesh while it is ranked against the corpus, and after.
 
-use crate::{example::MeshCounts, id::QueryId, making::Making, problem::Problem, segment::Topology};
+use crate::{example::MeshCounts, id::QueryId, making::Making, problem::Problem, segment::Topology, share::Share};
 use serde::{Deserialize, Serialize};
 
 /// Entries a segment that go on to the full resolution when the caller names no `top`.
@@ -92,6 +92,9 @@ pub struct Query {
     pub revision: u64,
     /// Corpus segments it is ranked against, all its segments together.
     pub corpus_size: u64,
+    /// Shares of the corpus that no server answered for, for one segment at least: the rankings are without their examples.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub incomplete: Vec<Share>,
     /// When it was uploaded: RFC 3339, UTC.
     pub created: String,
     /// Why it failed.

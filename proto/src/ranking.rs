@@ -3,6 +3,7 @@
 use crate::{
     id::{ExampleId, QueryId},
     query::QueryState,
+    share::Share,
 };
 use serde::{Deserialize, Serialize};
 
@@ -29,6 +30,9 @@ pub struct Ranking {
     pub entries: Vec<Entry>,
     /// Corpus segments ranked, of which `entries` are the best; an example that is there whole and by its parts counts once.
     pub corpus_size: u64,
+    /// Shares of the corpus that no server answered for: their examples are not among the entries.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub incomplete: Vec<Share>,
 }
 
 /// A rough fit that agrees less is no map: of such only the first entry is laid. *Untuned:* maps that were worth keeping had more

@@ -1,5 +1,6 @@
 //! Schemas of the ids: strings on the wire.
 
+use crate::Share;
 use crate::id::{CompositionId, ExampleId, MapId, QueryId, TokenId, UploadId};
 use std::borrow::Cow;
 use utoipa::openapi::{ObjectBuilder, RefOr, Schema, schema::Type};
@@ -29,3 +30,16 @@ id_schema!(
     TokenId: "A token's public id: opaque, sorts by time of creation.",
     UploadId: "An upload's id: opaque, sorts by time of creation."
 );
+
+impl PartialSchema for Share {
+    fn schema() -> RefOr<Schema> {
+        let what = "A share of a corpus that servers hold together: `2/3` is the second of three.";
+        ObjectBuilder::new().schema_type(Type::String).description(Some(what)).into()
+    }
+}
+
+impl ToSchema for Share {
+    fn name() -> Cow<'static, str> {
+        "Share".into()
+    }
+}

@@ -110,7 +110,8 @@ mod tests {
     fn ranking() -> Ranking {
         let query = QueryId::generate();
         let (state, entries) = (QueryState::Ranking, Vec::new());
-        Ranking { query, segment: 1, revision: 7, level: 32, resolution: 128, state, entries, corpus_size: 3 }
+        let (incomplete, corpus_size) = (Vec::new(), 3);
+        Ranking { query, segment: 1, revision: 7, level: 32, resolution: 128, state, entries, corpus_size, incomplete }
     }
 
     #[test]

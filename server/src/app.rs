@@ -3,6 +3,7 @@
 use crate::audit::Audit;
 use crate::auth::Tokens;
 use crate::http::forward::Signs;
+use crate::http::forward::shares::PeerHolders;
 use crate::http::idempotency::Idempotency;
 use crate::peers::Peers;
 use crate::rate::Rates;
@@ -38,6 +39,8 @@ pub struct Together {
     pub kept: Kept,
     /// The servers that share the corpus, if this is one of several.
     pub peers: Option<Arc<Peers>>,
+    /// Which of them were there when they were asked last.
+    pub signs: Arc<Signs>,
 }
 
 /// What [`App`] holds.
@@ -59,7 +62,7 @@ pub struct Handles {
     /// The servers that share the corpus, if this is one of several.
     pub peers: Option<Arc<Peers>>,
     /// Which of them were there when they were asked last.
-    pub signs: Signs,
+    pub signs: Arc<Signs>,
     /// Answers to `Idempotency-Key`.
     pub idempotency: Idempotency,
     /// The metrics.
@@ -81,6 +84,9 @@ impl App {
         settings: Settings,
         stopping: CancellationToken,
     ) -> Self {
+        if let Some(peers) = &together.peers {
+            work.shares.reach(Arc::new(PeerHolders::of(Arc::clone(peers), Arc::clone(&together.signs))));
+        }
         Self(Arc::new(Handles {
             work,
             tokens,
@@ -89,7 +95,7 @@ impl App {
             uploads,
             kept: together.kept,
             peers: together.peers,
-            signs: Signs::default(),
+            signs: together.signs,
             idempotency: Idempotency::default(),
             settings,
             metrics: crate::telemetry::metrics(),

@@ -12,7 +12,7 @@ use crate::work::corpus::{CorpusError, NewExample};
 use crate::work::engine::{Cut, Engine, EngineError, Packed};
 use clap::Args;
 use quadmuse_kernel::mesh::{Format, write};
-use quadmuse_proto::query::RESOLUTION_DEFAULT;
+use quadmuse_proto::query::{LEVELS, RESOLUTION_DEFAULT};
 use quadmuse_proto::{MeshCounts, Topology};
 use quadmuse_store::{OpenOptions, StoreError};
 use rayon::prelude::*;
@@ -47,6 +47,9 @@ pub struct BenchCorpusArgs {
     /// of the source, which are costly to warp and to pack, and only take their place on the disk.
     #[arg(long, value_name = "SIDE", default_value_t = RESOLUTION_DEFAULT)]
     pub warped: u32,
+    /// Leave out levels finer than this, in pixels a side: for measures of the coarsest ranking alone.
+    #[arg(long, value_name = "SIDE", default_value_t = FINEST)]
+    pub finest: u32,
     /// What the variations are drawn from.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -54,6 +57,9 @@ pub struct BenchCorpusArgs {
     #[arg(long, value_name = "SECONDS")]
     pub time: Option<u64>,
 }
+
+/// The finest level there is.
+const FINEST: u32 = LEVELS[LEVELS.len() - 1];
 
 /// Why no corpus was made.
 #[derive(Debug, thiserror::Error)]
@@ -141,13 +147,14 @@ fn example(sources: &[Source], number: usize, args: &BenchCorpusArgs, encoder_ve
     let of_its_own = number < sources.len();
     // Levels that are alike are packed once a commit.
     let source = &sources[if of_its_own { number } else { number / RUN % sources.len() }];
-    let packed = match of_its_own {
+    let mut packed = match of_its_own {
         true => source.packed.clone(),
         false => {
             let seed = seed ^ (number as u64).wrapping_mul(0xd134_2543_de82_ef95);
             variant::variant(&source.packed, args.warped, seed)
         }
     };
+    packed.levels.retain(|(side, _)| *side <= args.finest);
     let name = format!("{} #{number}", source.name);
     let stub = format!("# stands for segment {number}, seed {seed}\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n");
     NewExample {
@@ -224,6 +231,7 @@ mod tests {
                 meshes: vec![meshes.path().to_path_buf()],
                 topology: Topology::Disc,
                 warped: 128,
+                finest: 512,
                 seed: 3,
                 time: None,
             };

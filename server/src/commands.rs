@@ -83,7 +83,7 @@ pub enum CommandError {
 pub fn run(cli: Cli) -> Result<(), CommandError> {
     match cli.command {
         None => serve(cli.serve),
-        Some(Command::Serve(args)) => serve(args),
+        Some(Command::Serve(args)) => serve(*args),
         Some(Command::Demo(args)) => demo(&args),
         Some(Command::Migrate { store, dry_run }) => migrate(&store, dry_run),
         Some(Command::Check { store, scratch }) => check(&store, scratch),

@@ -8,6 +8,7 @@ use crate::connections::ConnectionLimits;
 use crate::telemetry::traces::Collector;
 use clap::{Args, Parser, Subcommand};
 use quadmuse_cluster::ClusterOptions;
+use quadmuse_proto::Share;
 use serde::Deserialize;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -57,7 +58,7 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Run the service (the default).
-    Serve(ServeArgs),
+    Serve(Box<ServeArgs>),
     /// Show the whole path with built-in samples: nothing is needed but this binary.
     Demo(DemoArgs),
     /// Bring a store on this machine's disk to this release's schema.
@@ -165,6 +166,10 @@ pub struct ServeArgs {
     /// the machine's name where it listens on every address).
     #[arg(long, env = "QUADMUSE_ADVERTISE", value_name = "URL")]
     pub advertise: Option<String>,
+    /// Hold only a share of the corpus's pictures in memory, such as `2/3`, where it has no room for all: servers with the
+    /// other shares are asked in each search. Every share has to be held by a server, and may be by several.
+    #[arg(long, env = "QUADMUSE_SHARD", value_name = "K/N")]
+    pub shard: Option<Share>,
     /// Where the corpus lies, if not in the directory of the store.
     #[command(flatten)]
     #[serde(flatten)]
@@ -249,6 +254,8 @@ pub struct Config {
     pub cluster: Option<ClusterOptions>,
     /// Where other servers reach this one (`http://host:port`); `None`: where it listens.
     pub advertise: Option<String>,
+    /// The share of the corpus whose pictures it holds in memory; `None`: all of it.
+    pub share: Option<Share>,
 }
 
 impl Config {
@@ -270,6 +277,7 @@ impl Config {
             open: false,
             cluster: None,
             advertise: None,
+            share: None,
         }
     }
 }
@@ -338,10 +346,14 @@ impl Config {
             open: args.open || file.open,
             cluster: args.cluster.or(file.cluster).options()?,
             advertise: cluster::advertised(args.advertise.or(file.advertise))?,
+            share: args.shard.or(file.shard),
         };
         match &resolved {
             Self { cluster: None, advertise: Some(address), .. } => {
                 Err(ConfigError::Cluster(format!("expected --cluster URLS with --advertise {address}, found none")))
+            }
+            Self { cluster: None, share: Some(share), .. } => {
+                Err(ConfigError::Cluster(format!("expected --cluster URLS with --shard {share}, found none")))
             }
             c if c.threads > THREADS_MAX => invalid("threads", "at most 1024", c.threads.to_string()),
             c if c.upload_limit == 0 => invalid("upload-limit", "of at least one byte", "0".into()),
@@ -443,6 +455,7 @@ mod tests {
         assert_eq!(config.listen.to_string(), LISTEN_DEFAULT);
         let explicit = Cli::try_parse_from(["quadmuse-server", "serve", "--data", "d"]).expect("a good command line");
         let Some(Command::Serve(args)) = explicit.command else { panic!("expected serve") };
+        let args = *args;
         assert_eq!(Config::resolve(args).expect("settings"), config);
     }
 

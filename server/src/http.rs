@@ -37,7 +37,7 @@ use axum::body::Body;
 use axum::extract::DefaultBodyLimit;
 use axum::http::Request;
 use axum::middleware::{from_fn, from_fn_with_state};
-use axum::routing::get;
+use axum::routing::{get, post};
 use axum::{Router, response::IntoResponse};
 use error::HttpError;
 use tower::ServiceBuilder;
@@ -66,6 +66,7 @@ pub fn router(app: App) -> Router {
         .layer(from_fn_with_state(app.clone(), body::limit))
         .layer(from_fn_with_state(app.clone(), forward::pass));
     documented
+        .route(forward::shares::PATH, post(forward::shares::answer))
         .route("/openapi.json", get(openapi::get))
         .route("/docs", get(docs::docs))
         .route("/", get(docs::index))

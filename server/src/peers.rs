@@ -10,6 +10,7 @@
 mod list;
 
 use list::{List, Record};
+use quadmuse_proto::Share;
 use quadmuse_proto::id::ServerNumber;
 use quadmuse_store::{Documents, StoreError};
 use std::net::IpAddr;
@@ -54,11 +55,26 @@ pub enum Kept {
     OnDisk,
 }
 
+/// Another server: its number and its address.
+pub type Other = (ServerNumber, String);
+
+/// Who has a share in memory.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct HoldersOf {
+    /// Those that hold this share.
+    pub exact: Vec<Other>,
+    /// Those that hold everything.
+    pub whole: Vec<Other>,
+    /// Either, of whom nothing was heard for long. They may have ended without a word, or have a clock that is wrong.
+    pub silent: Vec<Other>,
+}
+
 /// The servers that share a corpus, as this one of them knows them.
 pub struct Peers {
     documents: Arc<dyn Documents>,
     own: ServerNumber,
     address: String,
+    share: Option<Share>,
     secret: blake3::Hash,
     seen: Mutex<Seen>,
 }
@@ -72,11 +88,20 @@ struct Seen {
 }
 
 impl Peers {
-    /// Joins them as the one that the others reach at `address`, with a number of its own. Blocks.
+    /// Joins them as the one that the others reach at `address`, with a number of its own. It holds the whole corpus in
+    /// memory. Blocks.
+    ///
+    /// # Errors
+    /// As [`Peers::join_with`].
+    pub fn join(documents: Arc<dyn Documents>, address: &str) -> Result<Self, StoreError> {
+        Self::join_with(documents, address, None)
+    }
+
+    /// The same with a share of the corpus.
     ///
     /// # Errors
     /// [`StoreError`] if the engine does not answer, or holds something else.
-    pub fn join(documents: Arc<dyn Documents>, address: &str) -> Result<Self, StoreError> {
+    pub fn join_with(documents: Arc<dyn Documents>, address: &str, share: Option<Share>) -> Result<Self, StoreError> {
         let mut random = [0; 32];
         getrandom::fill(&mut random).map_err(|_| StoreError::Invalid {
             field: "the system's random source",
@@ -85,7 +110,7 @@ impl Peers {
         })?;
         let (own, list) = change(&*documents, |list| {
             list.secret.get_or_insert_with(|| blake3::Hash::from_bytes(random).to_hex().to_string());
-            list.enter(address, now_s())
+            list.enter(address, share, now_s())
         })?;
         let secret = list.secret.as_deref().and_then(|secret| blake3::Hash::from_hex(secret).ok());
         let secret = secret.ok_or_else(|| StoreError::Invalid {
@@ -94,7 +119,7 @@ impl Peers {
             found: "another text".into(),
         })?;
         let seen = Mutex::new(Seen { list, ..Seen::default() });
-        Ok(Self { documents, own, address: address.to_owned(), secret, seen })
+        Ok(Self { documents, own, address: address.to_owned(), share, secret, seen })
     }
 
     /// This server's number.
@@ -138,11 +163,31 @@ impl Peers {
     }
 
     /// The others that are likely to answer: their numbers and addresses.
-    pub fn others(&self) -> Vec<(ServerNumber, String)> {
+    pub fn others(&self) -> Vec<Other> {
         let (seen, now) = (self.now(), now_s());
         let alive = |record: &&Record| !record.has_left && record.seen_s + SILENT_MAX_S >= now;
         let others = seen.list.servers.iter().filter(alive).filter(|record| record.number != self.own);
         others.map(|record| (record.number, record.address.clone())).collect()
+    }
+
+    /// The others that have a share in memory.
+    pub fn holders(&self, share: Share) -> HoldersOf {
+        let (seen, now) = (self.now(), now_s());
+        let mut found = HoldersOf::default();
+        let others = seen.list.servers.iter().filter(|record| !record.has_left && record.number != self.own);
+        for record in others {
+            let is_silent = record.seen_s + SILENT_MAX_S < now;
+            let place = match record.share {
+                _ if is_silent => &mut found.silent,
+                Some(own) if own == share => &mut found.exact,
+                None => &mut found.whole,
+                Some(_) => continue,
+            };
+            if record.share.is_none_or(|own| own == share) {
+                place.push((record.number, record.address.clone()));
+            }
+        }
+        found
     }
 
     fn now(&self) -> MutexGuard<'_, Seen> {
@@ -159,7 +204,8 @@ impl Peers {
     /// # Errors
     /// [`StoreError`].
     pub fn renew(&self) -> Result<(), StoreError> {
-        let (is_replaced, _) = change(&*self.documents, |list| list.renew(self.own, &self.address, now_s()))?;
+        let (is_replaced, _) =
+            change(&*self.documents, |list| list.renew(self.own, &self.address, self.share, now_s()))?;
         if is_replaced {
             tracing::error!(
                 address = self.address,
@@ -317,6 +363,44 @@ pub(crate) mod tests {
         assert!(b.others().is_empty());
         let unknown = ServerNumber::new(9999).expect("not 0");
         assert_eq!(b.place_of(unknown, Kept::InMemory), Whereabouts::Unknown);
+    }
+
+    #[test]
+    fn who_holds_a_share_is_known_to_the_others_and_said_again_with_each_sign_of_life() {
+        let documents = Arc::new(InMemory::default());
+        let share = |text: &str| text.parse::<Share>().expect("a share");
+        let join = |address: &str, share| Peers::join_with(Arc::clone(&documents) as Arc<_>, address, share);
+        let a = join("http://a:1", Some(share("1/2"))).expect("joined");
+        let b = join("http://b:1", Some(share("2/2"))).expect("joined");
+        let c = join("http://c:1", Some(share("2/2"))).expect("joined");
+        let whole = join("http://d:1", None).expect("joined");
+        let numbers = |found: HoldersOf| {
+            let of = |some: Vec<Other>| some.into_iter().map(|(number, _)| number).collect::<Vec<_>>();
+            [of(found.exact), of(found.whole), of(found.silent)]
+        };
+        assert_eq!(numbers(a.holders(share("2/2"))), [vec![b.own(), c.own()], vec![whole.own()], vec![]]);
+        assert_eq!(numbers(b.holders(share("2/2"))), [vec![c.own()], vec![whole.own()], vec![]]);
+        assert_eq!(numbers(a.holders(share("2/3"))), [vec![], vec![whole.own()], vec![]]);
+        b.leave().expect("left");
+        assert_eq!(numbers(a.holders(share("2/2")))[0], [c.own()]);
+
+        // An older release wrote the list without shares.
+        let written = documents.known(NAME).expect("a list");
+        let text = String::from_utf8(written.bytes.to_vec()).expect("text").replace("\"share\"", "\"unknown\"");
+        assert!(documents.write(NAME, written.revision, text.as_bytes()).expect("written"));
+        assert!(numbers(a.holders(share("2/2")))[0].is_empty());
+        c.renew().expect("renewed");
+        assert_eq!(numbers(a.holders(share("2/2")))[0], [c.own()]);
+
+        // The clock of a server is an hour behind: it is asked when nobody else answers, and not before.
+        let written = documents.known(NAME).expect("a list");
+        let mut list = List::parse(&written.bytes).expect("a list");
+        list.servers.iter_mut().for_each(|record| record.seen_s -= 3600 * u64::from(record.number == c.own()));
+        assert!(documents.write(NAME, written.revision, &list.to_bytes().expect("bytes")).expect("written"));
+        let [exact, _, silent] = numbers(a.holders(share("2/2")));
+        assert_eq!((exact, silent), (vec![], vec![c.own()]));
+        c.renew().expect("renewed");
+        assert_eq!(numbers(a.holders(share("2/2")))[0], [c.own()]);
     }
 
     #[test]

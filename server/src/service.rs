@@ -13,9 +13,10 @@ use crate::pool::{Admission, Pool};
 use crate::shutdown::serve;
 use crate::work::corpus::stored::StoredCorpus;
 use crate::work::engine::Engine;
+use crate::work::jobs::Queue;
 use crate::work::kept::{Files, Kept};
 use crate::work::uploads::{self, Uploads};
-use crate::work::{Work, follow, reencode, scrub};
+use crate::work::{Work, follow, jobs, reencode, scrub};
 use quadmuse_store::{Backend, OpenOptions, StoreError};
 use std::net::SocketAddr;
 use std::path::Path;
@@ -78,6 +79,7 @@ pub struct Running {
     stopping: CancellationToken,
     serving: JoinHandle<()>,
     background: JoinHandle<()>,
+    jobs: JoinHandle<()>,
 }
 
 /// Starts a service on the store that `config` names; it answers when this returns.
@@ -88,7 +90,7 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     ignore_file_size_signal();
     // A corpus that servers share has their tokens, too: it comes first then.
     let shared = match &config.cluster {
-        Some(options) => Some(cluster::join(options, &config.data).await?),
+        Some(options) => Some(cluster::join(options, &config.data, config.share).await?),
         None => None,
     };
     let tokens = match shared.clone().and_then(Backend::documents) {
@@ -103,17 +105,23 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     let together = match &shared {
         Some(shared) => Together {
             kept: Kept::on(Arc::new(cluster::SharedUploads(Arc::clone(shared)))),
-            peers: Some(cluster::meet(shared, config.advertise.as_deref(), address).await?),
+            peers: Some(cluster::meet(shared, config.advertise.as_deref(), config.share, address).await?),
+            signs: Arc::default(),
         },
-        None => Together { kept: Kept::on(Arc::new(Files::beside(&config.data))), peers: None },
+        None => Together { kept: Kept::on(Arc::new(Files::beside(&config.data))), peers: None, signs: Arc::default() },
     };
     let peers = together.peers.clone();
     let pool = Pool::new(config.threads, Admission::new(config.memory_limit, JOBS_MAX))?;
+    let queue = shared.clone().map(|shared| Arc::new(cluster::SharedQueue(shared)) as Arc<dyn Queue>);
     let corpus = match shared {
         Some(shared) => cluster::corpus_of(shared, &engine).await?,
         None => open_corpus(&config.data, config.memory_limit).await?,
     };
-    let work = Work::on(together.peers.as_ref().map(|peers| peers.own()), pool, engine, Arc::new(corpus));
+    let number = together.peers.as_ref().map(|peers| peers.own());
+    let work = Work::holding(config.share, number, pool, engine, Arc::new(corpus));
+    if let Some(queue) = queue {
+        let _ = work.queue.set(queue);
+    }
     let began = Instant::now();
     let loading = work.blocking(|work| {
         work.load();
@@ -143,9 +151,10 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     }
     let background = tokio::spawn(reencode::run(Arc::clone(&work), stopping.clone()));
     tokio::spawn(follow::run(Arc::clone(&work), stopping.clone()));
+    let jobs = tokio::spawn(jobs::run(Arc::clone(&work), stopping.clone()));
     tokio::spawn(scrub::run(Arc::clone(&work), stopping.clone()));
     tracing::info!(%address, threads = work.pool.threads(), version = env!("CARGO_PKG_VERSION"), "serving");
-    Ok(Running { address, work, peers, stopping, serving, background })
+    Ok(Running { address, work, peers, stopping, serving, background, jobs })
 }
 
 fn check_open(config: &Config, tokens: &Tokens) -> Result<(), StartError> {
@@ -225,6 +234,8 @@ impl Running {
             query.makings.cancel_all();
         }
         let _ = self.background.await;
+        // Jobs under way are given back, so that others do them at once.
+        let _ = tokio::time::timeout(COMMIT_TIME_MAX, self.jobs).await;
         self.work.background.close();
         if tokio::time::timeout(COMMIT_TIME_MAX, self.work.background.wait()).await.is_err() {
             tracing::warn!(left = self.work.background.len(), "some background work did not end");

@@ -11,6 +11,7 @@ pub mod engine;
 pub mod error;
 pub mod follow;
 pub mod ingest;
+pub mod jobs;
 pub mod kept;
 pub mod landmarks;
 pub mod making;
@@ -23,6 +24,7 @@ pub mod ranking;
 pub mod reencode;
 pub mod scrub;
 pub mod search;
+pub mod shares;
 pub mod texts;
 pub mod uploads;
 pub mod worth;
@@ -33,9 +35,10 @@ use crate::pool::{Admitted, Job, Pool, PoolError, User};
 use catalogue::Catalogue;
 use corpus::Corpus;
 use engine::Engine;
+use quadmuse_proto::Share;
 use quadmuse_proto::id::ServerNumber;
 use queries::Queries;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 use tokio_util::task::TaskTracker;
 
@@ -57,6 +60,10 @@ pub struct Work {
     pub catalogue: Catalogue,
     /// The queries under way, and after.
     pub queries: Queries,
+    /// What the servers that share the corpus do together; unset on one that is alone.
+    pub queue: OnceLock<Arc<dyn jobs::Queue>>,
+    /// The shares of the corpus that other servers hold in memory.
+    pub shares: shares::Shares,
     /// This server, if several share the corpus: what it makes has ids that tell it.
     pub server: Option<ServerNumber>,
     /// Thumbnails that were drawn.
@@ -99,7 +106,18 @@ impl Work {
 
     /// The same on one of several servers.
     pub fn on(server: Option<ServerNumber>, pool: Pool, engine: Arc<dyn Engine>, corpus: Arc<dyn Corpus>) -> Arc<Self> {
-        let catalogue = Catalogue::new(Arc::clone(&corpus), Arc::clone(&engine));
+        Self::holding(None, server, pool, engine, corpus)
+    }
+
+    /// The same with one share of the corpus's pictures in memory.
+    pub fn holding(
+        share: Option<Share>,
+        server: Option<ServerNumber>,
+        pool: Pool,
+        engine: Arc<dyn Engine>,
+        corpus: Arc<dyn Corpus>,
+    ) -> Arc<Self> {
+        let catalogue = Catalogue::new(Arc::clone(&corpus), Arc::clone(&engine)).holding(share);
         let queries = Queries::new();
         Arc::new(Self {
             pool,
@@ -107,6 +125,8 @@ impl Work {
             corpus,
             catalogue,
             queries,
+            queue: OnceLock::new(),
+            shares: shares::Shares::default(),
             server,
             thumbnails: pictures::Thumbnails::default(),
             background: TaskTracker::new(),

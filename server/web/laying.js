@@ -55,6 +55,9 @@ export function draw(query = bench.query) {
   if (!ranking) return;
   const own = ranking.entries.filter((e) => !isTemplate(e)).length;
   $("ranking-title").textContent = own ? (ranking.corpus_size === 1 ? "The only example" : `Best of ${ranking.corpus_size} examples`) : "Regular layouts";
+  const missing = ranking.incomplete ?? [];
+  $("ranking-missing").hidden = missing.length === 0;
+  $("ranking-missing").textContent = `Incomplete: nobody answered for share ${missing.join(", ")} of the corpus. Drop the scan again once its server is back.`;
   drawRanking(ranking.entries, query.laid.get(query.segment)?.key, (entry) => {
     query.touched = true;
     // Whoever lays an example on a part has chosen it for that part.

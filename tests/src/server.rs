@@ -14,7 +14,7 @@ use std::{
 };
 
 /// How long a server may take until it is ready.
-const READY_TIME_MAX: Duration = Duration::from_secs(60);
+const READY_TIME_MAX: Duration = Duration::from_secs(300);
 /// Pause between two looks.
 const PAUSE: Duration = Duration::from_millis(20);
 

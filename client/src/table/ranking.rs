@@ -3,7 +3,7 @@
 use super::{Column, line, new_table, word};
 use crate::ui::Room;
 use comfy_table::Table;
-use quadmuse_proto::{Entry, EntryState, Flip, Query, Ranking};
+use quadmuse_proto::{Entry, EntryState, Flip, Query, Ranking, Share};
 
 /// Lines of a ranking that are no entries: title, header, rules, the rest's count, the line below.
 const FRAME_LINES: usize = 5;
@@ -34,10 +34,11 @@ pub fn revision(ranking: &Ranking) -> String {
     let Ranking { segment, level, resolution, .. } = ranking;
     match ranking.entries.first() {
         Some(best) => format!(
-            "segment {segment} · level {level} of {resolution} · best: {}, score {:.4} ({})",
+            "segment {segment} · level {level} of {resolution} · best: {}, score {:.4} ({}){}",
             name(best),
             best.score,
-            example(best)
+            example(best),
+            without(&ranking.incomplete)
         ),
         None => title(ranking),
     }
@@ -116,8 +117,27 @@ fn title(ranking: &Ranking) -> String {
     let Ranking { segment, level, resolution, corpus_size, state, .. } = ranking;
     match (ranking.level, ranking.entries.is_empty()) {
         (0, _) => format!("segment {segment} · {} · no ranking yet", state.as_str()),
-        (_, true) => format!("segment {segment} · {} · nothing in the corpus has its topology", state.as_str()),
-        _ => format!("segment {segment} · level {level} of {resolution} · {corpus_size} ranked · {}", state.as_str()),
+        (_, true) if ranking.incomplete.is_empty() => {
+            format!("segment {segment} · {} · nothing in the corpus has its topology", state.as_str())
+        }
+        (_, true) => format!("segment {segment} · {} · nothing found{}", state.as_str(), without(&ranking.incomplete)),
+        _ => {
+            let without = without(&ranking.incomplete);
+            format!(
+                "segment {segment} · level {level} of {resolution} · {corpus_size} ranked · {}{without}",
+                state.as_str()
+            )
+        }
+    }
+}
+
+/// What a ranking is without, where no server answered for some of the corpus.
+fn without(incomplete: &[Share]) -> String {
+    let shares: Vec<String> = incomplete.iter().map(Share::to_string).collect();
+    match shares.len() {
+        0 => String::new(),
+        1 => format!(" · INCOMPLETE: without share {} of the corpus", shares.join("")),
+        _ => format!(" · INCOMPLETE: without shares {} of the corpus", shares.join(", ")),
     }
 }
 
@@ -150,7 +170,12 @@ pub fn summary(query: &Query, rankings: &[Option<Ranking>], room: Room) -> Strin
     }
     let rest = query.segments.len() - shown;
     let table = room.paint.table(&table.to_string());
-    if rest > 0 { format!("{table}\n… and {rest} more segments") } else { table }
+    let more = if rest > 0 { format!("\n… and {rest} more segments") } else { String::new() };
+    let without = without(&query.incomplete);
+    match without.strip_prefix(" · ") {
+        Some(without) => format!("{table}{more}\n{without}"),
+        None => format!("{table}{more}"),
+    }
 }
 
 fn name(entry: &Entry) -> String {
@@ -223,6 +248,7 @@ pub(crate) mod tests {
             state: QueryState::Ranking,
             entries: (1..=count).map(entry).collect(),
             corpus_size: u64::from(count) + 2,
+            incomplete: Vec::new(),
         }
     }
 
@@ -251,6 +277,7 @@ pub(crate) mod tests {
             segments: (0..segments).map(segment).collect(),
             revision: 2,
             corpus_size: 5,
+            incomplete: Vec::new(),
             progress: Progress::default(),
             timings: QueryTimings::default(),
             created: String::new(),
@@ -296,6 +323,21 @@ pub(crate) mod tests {
         assert_eq!(ranking(&early, Room::default()), "segment 0 · ranking · no ranking yet");
         early.level = 32;
         assert!(ranking(&early, Room::default()).contains("nothing in the corpus"));
+    }
+
+    #[test]
+    fn a_ranking_says_which_shares_of_the_corpus_it_is_without() {
+        let share = |text: &str| text.parse::<Share>().expect("a share");
+        let mut some = Ranking { incomplete: vec![share("2/3")], ..with_entries(3) };
+        let text = ranking(&some, Room::default());
+        assert!(text.lines().next().is_some_and(|title| title.ends_with("without share 2/3 of the corpus")), "{text}");
+        assert!(revision(&some).contains("INCOMPLETE"), "{}", revision(&some));
+        some.entries.clear();
+        assert!(!ranking(&some, Room::default()).contains("nothing in the corpus"));
+        let all = Query { incomplete: vec![share("1/3"), share("2/3")], ..query(2) };
+        let text = summary(&all, &[], Room::default());
+        assert!(text.ends_with("INCOMPLETE: without shares 1/3, 2/3 of the corpus"), "{text}");
+        assert!(!summary(&query(2), &[], Room::default()).contains("INCOMPLETE"));
     }
 
     #[test]

@@ -79,6 +79,7 @@ pub(crate) fn query(state: QueryState, segments: u32) -> Query {
         timings: QueryTimings::default(),
         revision: 0,
         corpus_size: u64::from(segments) * 3,
+        incomplete: Vec::new(),
         created: "2025-01-01T00:00:00Z".into(),
         problem: None,
         making: Vec::new(),
@@ -105,7 +106,8 @@ pub(crate) fn ranking(segment: u32, revision: u64, level: u32, state: QueryState
         template: None,
     };
     let entries = (1..=3).map(entry).collect();
-    Ranking { query: query_id(), segment, revision, level, resolution: 128, state, entries, corpus_size: 3 }
+    let (query, incomplete) = (query_id(), Vec::new());
+    Ranking { query, segment, revision, level, resolution: 128, state, entries, corpus_size: 3, incomplete }
 }
 
 /// The map.

@@ -21,7 +21,7 @@ use crate::engine::{Engine, EngineError, Entry};
 use crate::heal::{Healer, LOOKED_AFTER};
 use crate::inner::Inner;
 use crate::manifest::{DOCUMENT, Manifest, SCHEMA, SegmentEntry};
-use crate::state::Encoding;
+use crate::state::{Encoding, RowKeeper};
 
 /// Writes are refused, and the server is not ready, when it is not known for so long to be up to date.
 pub const UNSURE_MAX: Duration = Duration::from_secs(10);
@@ -42,6 +42,8 @@ pub struct SharedOptions {
     pub looked_after: [Duration; 3],
     /// Makes rows for examples that come whole from another corpus, so that no server has to make them from encodings.
     pub row_maker: Option<RowMaker>,
+    /// What of each row is kept in memory until it is asked for: a server with a share of the corpus leaves out the others'.
+    pub row_keeper: Option<RowKeeper>,
 }
 
 impl SharedOptions {
@@ -53,6 +55,7 @@ impl SharedOptions {
             catch_up: Duration::from_secs(600),
             looked_after: LOOKED_AFTER,
             row_maker: None,
+            row_keeper: None,
         }
     }
 }
@@ -86,7 +89,7 @@ impl SharedCorpus {
     /// newer release have written to it.
     pub fn open(engine: Arc<dyn Engine>, options: &SharedOptions) -> Result<Self, StoreError> {
         let newest = engine.newest().map_err(unreachable("tell its newest entry"))?;
-        let (inner, stopping) = (Arc::new(Inner::new()), Arc::new(AtomicBool::new(false)));
+        let (inner, stopping) = (Arc::new(Inner::new(options.row_keeper.clone())), Arc::new(AtomicBool::new(false)));
         let (following, engine_of, stop) = (Arc::clone(&inner), Arc::clone(&engine), Arc::clone(&stopping));
         let cache = Arc::new(Cache::new(&options.cache, options.cache_bytes));
         let healer = Healer {
@@ -389,6 +392,10 @@ impl Backend for SharedCorpus {
             // Another server may have been faster, with a newer encoder.
             let place = next.segments.get_mut(segment as usize);
             match place {
+                // Made twice, as a job that was taken again: it has been put, and nothing changes.
+                Some(Some(there)) if there.encoder_version == encoder_version && there.object == entry.object => {
+                    Ok(None)
+                }
                 Some(place) if place.as_ref().is_none_or(|there| there.encoder_version <= encoder_version) => {
                     *place = Some(entry.clone());
                     Ok(Some(next))
@@ -507,6 +514,14 @@ impl Backend for SharedCorpus {
 
     fn subscribe(&self, listener: Listener) {
         self.inner.subscribe(listener);
+    }
+
+    fn reached(&self) -> u64 {
+        self.inner.progress().position.max(self.inner.state().newest())
+    }
+
+    fn wait_for(&self, position: u64, time: Duration) -> bool {
+        self.inner.wait_for(position, time)
     }
 
     fn following(&self) -> Following {

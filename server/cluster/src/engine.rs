@@ -7,6 +7,9 @@ use std::time::{Duration, SystemTime};
 /// Longest time for which bytes are kept that belong to no example.
 pub const UPLOADS_KEPT_FOR: Duration = Duration::from_secs(24 * 3600);
 
+/// Longest time for which a job waits: one that nobody does is forgotten.
+pub const JOBS_KEPT_FOR: Duration = Duration::from_secs(24 * 3600);
+
 /// Most bytes that are kept so, on each node.
 pub const UPLOADS_BYTES_MAX: u64 = 1 << 30;
 
@@ -79,6 +82,37 @@ pub trait Deliveries: Send {
     fn next(&mut self, wait: Duration) -> Result<Option<Delivery>, EngineError>;
 }
 
+/// A job that was taken. Nobody else gets it for a while; then somebody does, unless it was said meanwhile that work on it
+/// goes on. So a job whose taker dies is done by another, and may be done twice: its effect has to be the same then.
+pub trait Job: Send {
+    /// The name under which it was added.
+    fn name(&self) -> &str;
+
+    /// What is to be done.
+    fn payload(&self) -> &[u8];
+
+    /// How often it was taken, this time included.
+    fn times_taken(&self) -> u64;
+
+    /// Says that work on it goes on.
+    ///
+    /// # Errors
+    /// [`EngineError`].
+    fn goes_on(&self) -> Result<(), EngineError>;
+
+    /// Says that it is done: nobody gets it again.
+    ///
+    /// # Errors
+    /// [`EngineError`]; it may be taken again then.
+    fn done(&self) -> Result<(), EngineError>;
+
+    /// Gives it back: somebody gets it after `pause`.
+    ///
+    /// # Errors
+    /// [`EngineError`]; it is given to somebody else later then.
+    fn give_back(&self, pause: Duration) -> Result<(), EngineError>;
+}
+
 /// The engine. Every call blocks until the engine has answered, for some seconds at most.
 pub trait Engine: Send + Sync + 'static {
     /// Keeps an object under its name. The same name always means the same bytes.
@@ -141,6 +175,25 @@ pub trait Engine: Send + Sync + 'static {
     /// # Errors
     /// [`EngineError`].
     fn follow(&self, after: u64) -> Result<Box<dyn Deliveries>, EngineError>;
+
+    /// Adds a job of a kind, to be taken by one of those who do such; whether it was added: of a kind and a name one waits, or
+    /// is being done, at a time.
+    ///
+    /// # Errors
+    /// [`EngineError`] unless it is replicated and acknowledged.
+    fn add_job(&self, kind: &str, name: &str, payload: &[u8]) -> Result<bool, EngineError>;
+
+    /// Takes a job of a kind; `None` if there is none within `wait`.
+    ///
+    /// # Errors
+    /// [`EngineError`].
+    fn take_job(&self, kind: &str, wait: Duration) -> Result<Option<Box<dyn Job>>, EngineError>;
+
+    /// Jobs of all kinds that wait or are being done.
+    ///
+    /// # Errors
+    /// [`EngineError`].
+    fn jobs(&self) -> Result<u64, EngineError>;
 
     /// Removes objects that were put before `before` and that `is_used` doesn't know; how many. One that was put again
     /// since stays.

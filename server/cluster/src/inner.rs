@@ -9,7 +9,7 @@ use quadmuse_store::{Following, Listener};
 use crate::engine::Entry;
 use crate::follow::Progress;
 use crate::heal::Recent;
-use crate::state::State;
+use crate::state::{RowKeeper, State};
 
 pub(crate) struct Inner {
     state: RwLock<State>,
@@ -24,9 +24,9 @@ pub(crate) struct Inner {
 }
 
 impl Inner {
-    pub(crate) fn new() -> Self {
+    pub(crate) fn new(row_keeper: Option<RowKeeper>) -> Self {
         Self {
-            state: RwLock::default(),
+            state: RwLock::new(State::keeping(row_keeper)),
             progress: Mutex::new(Progress { position: 0, newest: 0, sure: None, end: None }),
             moved: Condvar::new(),
             recent: Recent::default(),

@@ -1,11 +1,12 @@
 //! The engine on NATS JetStream; the only module that names its client.
 //!
-//! Three streams a corpus, replicated over its nodes, of each subject the newest message only:
+//! Four streams a corpus, replicated over its nodes, of each subject the newest message only:
 //!
 //! ```text
 //! <bucket>_entries   quadmuse.<bucket>.entries.<key>            written with the sequence at which the stream is expected to end
 //! <bucket>_objects   quadmuse.<bucket>.objects.<name>.<piece>   piece 0 last, headed by their number (u32 LE)
 //! <bucket>_uploads   quadmuse.<bucket>.uploads.<name>.<piece>   the same, for a while: the engine removes what is old
+//! <bucket>_jobs      quadmuse.<bucket>.jobs.<kind>.<name>       a work queue: what is acknowledged as done goes
 //! ```
 //!
 //! A position is a sequence of the stream of entries. Writes wait for the acknowledgement, which JetStream gives when a
@@ -13,6 +14,7 @@
 //! may lose the last two minutes, the end of a process loses nothing.
 
 mod following;
+mod jobs;
 mod streams;
 
 use std::sync::{Mutex, PoisonError};
@@ -20,15 +22,16 @@ use std::time::{Duration, Instant, SystemTime};
 
 use async_nats::jetstream::Context;
 use async_nats::jetstream::context::{PublishAckFuture, PublishError, PublishErrorKind};
-use async_nats::jetstream::stream::{DirectGetErrorKind, LastRawMessageErrorKind, Stream};
+use async_nats::jetstream::stream::{DirectGetErrorKind, LastRawMessageErrorKind, RetentionPolicy, Stream};
 use async_nats::jetstream::{Error as Refusal, ErrorCode};
 use async_nats::{ConnectOptions, HeaderMap, ServerAddr};
 use bytes::Bytes;
 use tokio::runtime::Runtime;
 
-use crate::engine::{Deliveries, Engine, EngineError, Entry, UPLOADS_KEPT_FOR, Written};
+use crate::engine::{Deliveries, Engine, EngineError, Entry, JOBS_KEPT_FOR, Job, UPLOADS_KEPT_FOR, Written};
 use crate::options::ClusterOptions;
 use following::Following;
+use jobs::Jobs;
 
 /// Longest time for one answer of the engine.
 const ANSWER: Duration = Duration::from_secs(3);
@@ -56,6 +59,7 @@ pub struct JetStream {
     objects: Pieces,
     uploads: Pieces,
     uploads_bytes: u64,
+    jobs: Jobs,
     bucket: String,
     /// Where the stream of entries ended when this server wrote last. Held while it writes.
     last: Mutex<Option<u64>>,
@@ -107,6 +111,12 @@ fn unkept(doing: &'static str, error: &PublishError) -> EngineError {
     }
 }
 
+/// Whether a message was refused because one of its subject waits already. The engine has no code for that alone.
+fn is_there_already(error: &PublishError) -> bool {
+    let told = std::error::Error::source(error).and_then(|source| source.downcast_ref::<Refusal>());
+    told.is_some_and(|told| told.to_string().contains("maximum messages per subject"))
+}
+
 impl JetStream {
     /// Reaches the engine, and creates the corpus there if it isn't yet. Blocks.
     ///
@@ -135,13 +145,14 @@ impl JetStream {
             }
         });
         match reached {
-            Ok((context, [entries, objects, uploads])) => Ok(Self {
+            Ok((context, [entries, objects, uploads, jobs])) => Ok(Self {
                 runtime: Some(runtime),
                 context,
                 entries,
                 objects: Pieces { stream: objects, prefix: format!("quadmuse.{}.objects", options.bucket) },
                 uploads: Pieces { stream: uploads, prefix: format!("quadmuse.{}.uploads", options.bucket) },
                 uploads_bytes: options.uploads_bytes,
+                jobs: Jobs::of(jobs, format!("quadmuse.{}.jobs", options.bucket), options.lease),
                 bucket: options.bucket.clone(),
                 last: Mutex::new(None),
             }),
@@ -300,15 +311,18 @@ fn again<T>(time: Duration, what: impl Fn() -> Result<T, EngineError>) -> Result
 }
 
 /// One attempt to reach the engine and find, or make, the streams.
-async fn reach(options: &ClusterOptions) -> Result<(Context, [Stream; 3]), EngineError> {
+async fn reach(options: &ClusterOptions) -> Result<(Context, [Stream; 4]), EngineError> {
     const DOING: &str = "be reached";
-    let addresses: Result<Vec<ServerAddr>, _> = options.nodes.iter().map(|node| node.parse()).collect();
+    let addresses: Result<Vec<ServerAddr>, _> = options.addresses().map(|node| node.parse()).collect();
     let addresses = addresses.map_err(|error| refused(DOING, error))?;
     let mut connect = ConnectOptions::new()
         .name("quadmuse-server")
         .connection_timeout(ANSWER)
         .request_timeout(Some(ANSWER))
         .ping_interval(Duration::from_secs(5));
+    if let Some((user, password)) = options.login() {
+        connect = connect.user_and_password(user, password);
+    }
     let access = &options.access;
     if let Some(file) = &access.credentials {
         let read = connect.credentials_file(file).await;
@@ -327,10 +341,13 @@ async fn reach(options: &ClusterOptions) -> Result<(Context, [Stream; 3]), Engin
     }
     let mut context = async_nats::jetstream::new(client);
     context.set_timeout(ANSWER);
-    let entries = streams::find_or_make(&context, options, "entries", Duration::ZERO).await?;
-    let objects = streams::find_or_make(&context, options, "objects", Duration::ZERO).await?;
-    let uploads = streams::find_or_make(&context, options, "uploads", UPLOADS_KEPT_FOR).await?;
-    Ok((context, [entries, objects, uploads]))
+    let kept = |kind, age| streams::Wanted { kind, age, retention: RetentionPolicy::Limits };
+    let jobs = streams::Wanted { retention: RetentionPolicy::WorkQueue, ..kept("jobs", JOBS_KEPT_FOR) };
+    let entries = streams::find_or_make(&context, options, kept("entries", Duration::ZERO)).await?;
+    let objects = streams::find_or_make(&context, options, kept("objects", Duration::ZERO)).await?;
+    let uploads = streams::find_or_make(&context, options, kept("uploads", UPLOADS_KEPT_FOR)).await?;
+    let jobs = streams::find_or_make(&context, options, jobs).await?;
+    Ok((context, [entries, objects, uploads, jobs]))
 }
 
 /// The node that leads a stream; `None` while there is none, or only one node.
@@ -414,6 +431,35 @@ impl Engine for JetStream {
         let following =
             self.wait(DOING, Following::begin(&self.entries, after, following::Wanted::All, prefix, handle))?;
         Ok(Box::new(following))
+    }
+
+    fn add_job(&self, kind: &str, name: &str, payload: &[u8]) -> Result<bool, EngineError> {
+        const DOING: &str = "take a job";
+        let subject = format!("{}.{kind}.{name}", self.jobs.prefix);
+        let payload = Bytes::copy_from_slice(payload);
+        self.wait(DOING, async {
+            match self.publish(subject, payload).await?.await {
+                Ok(_) => Ok(true),
+                Err(error) if is_there_already(&error) => Ok(false),
+                Err(error) => Err(unkept(DOING, &error)),
+            }
+        })
+    }
+
+    fn take_job(&self, kind: &str, wait: Duration) -> Result<Option<Box<dyn Job>>, EngineError> {
+        const DOING: &str = "give a job";
+        let handle = self.runtime.as_ref().map(|runtime| runtime.handle().clone());
+        let handle = handle.ok_or_else(|| silent(DOING, "it was left"))?;
+        let taken = self.wait(DOING, self.jobs.take(kind, wait, handle))?;
+        Ok(taken.map(|taken| Box::new(taken) as Box<dyn Job>))
+    }
+
+    fn jobs(&self) -> Result<u64, EngineError> {
+        const DOING: &str = "count its jobs";
+        self.wait(DOING, async {
+            let info = self.jobs.stream.get_info().await.map_err(|error| silent(DOING, error))?;
+            Ok(info.state.messages)
+        })
     }
 
     fn collect(&self, before: SystemTime, is_used: &dyn Fn(&str) -> bool) -> Result<u64, EngineError> {

@@ -5,6 +5,7 @@
 //! documents    small values that servers share, such as the list of tokens; beside the entries
 //! objects      meshes, labels and packed encodings, under the hash of their bytes; never changed
 //! uploads      bytes that are kept for a while, under names: the uploads of queries
+//! jobs         what is to be done by any one of the servers, until it is said to be done
 //! ```
 //!
 //! A server holds every entry in memory, follows the entries of others from a position, and fetches objects when it needs
@@ -22,6 +23,7 @@ mod follow;
 mod heal;
 mod inner;
 mod jetstream;
+mod jobs;
 mod manifest;
 mod options;
 mod state;
@@ -29,6 +31,9 @@ mod write;
 
 pub use corpus::{RowMaker, SharedCorpus, SharedOptions, UNSURE_MAX};
 pub use documents::SharedDocuments;
-pub use engine::{Deliveries, Delivery, Engine, EngineError, Entry, UPLOADS_BYTES_MAX, UPLOADS_KEPT_FOR, Written};
+pub use engine::{
+    Deliveries, Delivery, Engine, EngineError, Entry, JOBS_KEPT_FOR, Job, UPLOADS_BYTES_MAX, UPLOADS_KEPT_FOR, Written,
+};
 pub use jetstream::JetStream;
-pub use options::{Access, ClusterOptions};
+pub use options::{Access, ClusterOptions, LEASE};
+pub use state::RowKeeper;

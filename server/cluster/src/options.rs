@@ -34,7 +34,12 @@ pub struct ClusterOptions {
     pub uploads_bytes: u64,
     /// Longest time to reach it at a start.
     pub reach: Duration,
+    /// For so long nobody else gets a job of which nothing is heard; what the first server says counts.
+    pub lease: Duration,
 }
+
+/// For so long nobody else gets a job of which nothing is heard, unless told otherwise.
+pub const LEASE: Duration = Duration::from_secs(30);
 
 /// Longest name of a corpus.
 const BUCKET_LENGTH_MAX: usize = 64;
@@ -50,12 +55,31 @@ impl ClusterOptions {
             access: Access::default(),
             uploads_bytes: UPLOADS_BYTES_MAX,
             reach: Duration::from_secs(30),
+            lease: LEASE,
         }
     }
 
     /// How many nodes are to keep everything.
     pub fn replicas(&self) -> usize {
         self.replicas.unwrap_or(if self.nodes.len() >= NODES_FOR_THREE { 3 } else { 1 })
+    }
+
+    /// The user and the password that one of the addresses names, as `nats://user:password@host` does; `%40` stands for `@`.
+    pub(crate) fn login(&self) -> Option<(String, String)> {
+        self.nodes.iter().find_map(|node| {
+            let (login, _) = node.split_once("://").map_or(node.as_str(), |(_, rest)| rest).rsplit_once('@')?;
+            let (user, password) = login.split_once(':').unwrap_or((login, ""));
+            Some((unescaped(user), unescaped(password)))
+        })
+    }
+
+    /// The addresses without what they say of users: the client would pass over it, and show it in its errors.
+    pub(crate) fn addresses(&self) -> impl Iterator<Item = String> {
+        self.nodes.iter().map(|node| match (node.split_once("://"), node.rsplit_once('@')) {
+            (Some((scheme, _)), Some((_, host))) => format!("{scheme}://{host}"),
+            (None, Some((_, host))) => host.to_owned(),
+            (_, None) => node.clone(),
+        })
     }
 
     /// What is wrong with it, if something is.
@@ -74,9 +98,30 @@ impl ClusterOptions {
     }
 }
 
+/// A part of an address, with the characters that `%` and two digits stand for.
+fn unescaped(text: &str) -> String {
+    let (mut bytes, mut rest) = (Vec::with_capacity(text.len()), text.as_bytes());
+    while let Some((&first, others)) = rest.split_first() {
+        let pair = others.get(..2).and_then(|pair| std::str::from_utf8(pair).ok());
+        let escaped = pair.filter(|_| first == b'%').and_then(|pair| u8::from_str_radix(pair, 16).ok());
+        bytes.push(escaped.unwrap_or(first));
+        rest = if escaped.is_some() { &others[2..] } else { others };
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn who_gets_in_is_read_from_the_address_and_left_out_of_it() {
+        let options = ClusterOptions::new("nats://a:1, nats://quad%40muse:s3%25:ret@b:2,tls://c:3", "studio");
+        assert_eq!(options.login(), Some(("quad@muse".into(), "s3%:ret".into())));
+        assert_eq!(options.addresses().collect::<Vec<_>>(), ["nats://a:1", "nats://b:2", "tls://c:3"]);
+        assert_eq!(ClusterOptions::new("nats://a:1,b:2", "studio").login(), None);
+        assert_eq!(unescaped("100%"), "100%");
+    }
 
     #[test]
     fn three_nodes_keep_everything_three_times() {

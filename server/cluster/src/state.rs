@@ -41,6 +41,9 @@ struct Slot {
     id: Option<ExampleId>,
 }
 
+/// What is kept in memory of the row of a segment of an example, which is opaque here.
+pub type RowKeeper = Arc<dyn Fn(ExampleId, Vec<u8>) -> Vec<u8> + Send + Sync>;
+
 #[derive(Default)]
 pub(crate) struct State {
     slots: HashMap<ContentHash, Slot>,
@@ -51,14 +54,23 @@ pub(crate) struct State {
     /// Examples whose ground state was found damaged, and how.
     damaged: BTreeMap<ExampleId, String>,
     log: ChangeLog,
+    /// The newest position of all entries that came or were written here.
+    newest: u64,
+    row_keeper: Option<RowKeeper>,
     snapshot: Option<Arc<Snapshot>>,
     /// Entries that this release can't read, by key: a sentence each.
     unread: BTreeSet<String>,
 }
 
 impl State {
+    /// An empty one that keeps of each row what is told; all of it, if nothing is.
+    pub(crate) fn keeping(row_keeper: Option<RowKeeper>) -> Self {
+        Self { row_keeper, ..Self::default() }
+    }
+
     /// Takes an entry in, unless a newer one of its key is; whether anything changed.
     pub(crate) fn apply(&mut self, key: &str, entry: &Entry) -> bool {
+        self.newest = self.newest.max(entry.position);
         if let Some(name) = key.strip_prefix(DOCUMENT) {
             let newer = self.documents.get(name).is_none_or(|known| known.revision < entry.position);
             if newer {
@@ -115,6 +127,10 @@ impl State {
         if same {
             self.log.push(Changed::Annotated(id));
         } else {
+            let rows = match &self.row_keeper {
+                Some(keep) => rows.into_iter().map(|(segment, row)| (segment, keep(id, row))).collect(),
+                None => rows,
+            };
             self.rows.insert(id, rows);
             self.log.push(Changed::Encoded(id));
         }
@@ -173,6 +189,10 @@ impl State {
 
     pub(crate) fn document(&self, name: &str) -> Option<Document> {
         self.documents.get(name).cloned()
+    }
+
+    pub(crate) fn newest(&self) -> u64 {
+        self.newest
     }
 
     pub(crate) fn log(&self) -> &ChangeLog {

@@ -4,6 +4,8 @@
 mod conformance;
 #[path = "support/fake.rs"]
 mod fake;
+#[path = "support/queue.rs"]
+mod queue;
 #[path = "../../store/tests/support/sample.rs"]
 mod sample;
 
@@ -25,6 +27,34 @@ fn join(engine: &FakeEngine, dir: &Path) -> Arc<SharedCorpus> {
 
 fn pair(engine: &FakeEngine, dir: &Path) -> Pair {
     (join(engine, dir), join(engine, dir))
+}
+
+#[test]
+fn jobs_are_done_once_with_effect_whoever_dies_and_whatever_is_lost() {
+    let reliable = FakeEngine::new(1, Faults::default());
+    queue::all([&reliable, &reliable.clone()], fake::LEASE, true);
+    let faulty = FakeEngine::new(2, Faults::many());
+    queue::all([&faulty, &faulty.clone()], fake::LEASE, false);
+}
+
+#[test]
+fn an_encoding_that_was_made_twice_changes_nothing() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let server = join(&FakeEngine::new(1, Faults::default()), dir.path());
+    let sample = small(1);
+    let id = server.add(&sample.example(), &[]).expect("added").record().id;
+    let derived = &sample.example().derived[0];
+    server.put_derived(id, 0, 9, derived, None).expect("put");
+    let position = server.position();
+    eventually("it is delivered", || server.position() >= position);
+    let (position, changes) = (server.reached(), server.changes(u64::MAX).position);
+    server.put_derived(id, 0, 9, derived, None).expect("put");
+    // An older one, of a server that is not yet upgraded.
+    server.put_derived(id, 0, 8, derived, None).expect("put");
+    assert_eq!((server.reached(), server.changes(u64::MAX).position), (position, changes));
+    assert_eq!(server.missing_derived(9), []);
+    server.put_derived(id, 0, 10, derived, None).expect("put");
+    assert!(server.reached() > position);
 }
 
 #[test]

@@ -7,6 +7,8 @@
 mod conformance;
 #[path = "support/nodes.rs"]
 mod nodes;
+#[path = "support/queue.rs"]
+mod queue;
 #[path = "../../store/tests/support/sample.rs"]
 mod sample;
 
@@ -41,6 +43,8 @@ fn on_a_real_engine() {
     });
     println!("conformance on three nodes: {:.1} s", begun.elapsed().as_secs_f64());
     a_counter_counts_every_write(&nodes);
+    jobs_are_done_once_with_effect(&nodes);
+    a_follower_that_does_not_read_for_a_while_misses_nothing(&nodes);
     large_objects_come_back(&nodes, dir.path());
     what_is_kept_for_a_while_comes_back_and_is_no_object(&nodes, dir.path());
     kept_uploads_are_bounded(&nodes);
@@ -85,6 +89,40 @@ fn a_full_engine_is_told_as_one_and_reads_go_on() {
     let refused = (1..20).find_map(|seed| server.add(&large(seed).example(), &[]).err()).expect("it fills up");
     assert!(refused.is_full(), "{refused}");
     assert_eq!(join(&nodes, "full", dir.path()).mesh_bytes(kept).expect("there"), large(0).mesh);
+}
+
+/// More is written than the engine sends at a time, while a follower does not read.
+fn a_follower_that_does_not_read_for_a_while_misses_nothing(nodes: &Nodes) {
+    const WRITTEN: u64 = 700;
+    let [writer, reader] =
+        [(); 2].map(|()| JetStream::connect(&ClusterOptions::new(&nodes.addresses(), "slow")).expect("reached"));
+    let mut deliveries = reader.follow(0).expect("followed");
+    let mut newest = 0;
+    for number in 0..WRITTEN {
+        let written = writer.write(&format!("key-{number}"), 0, &[number as u8; 2000]).expect("answered");
+        let Written::At(position) = written else { panic!("nobody else writes") };
+        newest = position;
+    }
+    let (mut last, mut count, begun) = (0, 0, Instant::now());
+    while last < newest {
+        assert!(begun.elapsed() < Duration::from_secs(60), "{count} of {WRITTEN} were delivered");
+        match deliveries.next(Duration::from_secs(1)) {
+            Ok(Some(delivery)) => {
+                assert_eq!(delivery.entry.position, last + 1, "in order, none left out, none twice");
+                (last, count) = (delivery.entry.position, count + 1);
+            }
+            Ok(None) => {}
+            // The engine gave it up: it goes on after the last that came.
+            Err(_) => deliveries = reader.follow(last).expect("followed"),
+        }
+    }
+    assert_eq!(count, WRITTEN);
+}
+
+fn jobs_are_done_once_with_effect(nodes: &Nodes) {
+    let options = ClusterOptions { lease: Duration::from_secs(2), ..ClusterOptions::new(&nodes.addresses(), "jobs") };
+    let [one, other] = [(); 2].map(|()| JetStream::connect(&options).expect("reached"));
+    queue::all([&one, &other], options.lease, true);
 }
 
 fn large_objects_come_back(nodes: &Nodes, dir: &Path) {

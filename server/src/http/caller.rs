@@ -1,7 +1,7 @@
 //! Who asks: the token's role against the one needed, whose turn the work is counted as, and what is the caller's own.
 
 use super::error::{HttpError, REQUEST_ID};
-use super::forward::{AnsweredElsewhere, is_passed_on};
+use super::forward::{self, AnsweredElsewhere, is_passed_on};
 use crate::app::App;
 use crate::audit::Line;
 use crate::auth::{Access, Role, TokenRecord};
@@ -83,7 +83,9 @@ pub async fn authorize(State(app): State<App>, mut request: Request, next: Next)
     let peer = request.extensions().get::<Peer>().map(|peer| peer.0);
     let found = bearer(request.headers()).and_then(|token| app.tokens.find(token));
     let is_open = app.tokens.access() == Access::Open;
-    let line = (!is_read(request.method())).then(|| line_of(&request, peer, found.as_ref(), is_open));
+    // What another server asks changes nothing.
+    let is_question = request.uri().path() == forward::shares::PATH && is_passed_on(&request);
+    let line = (!is_read(request.method()) && !is_question).then(|| line_of(&request, peer, found.as_ref(), is_open));
     let caller = caller(peer, found.as_ref(), is_open);
     let quota = found.as_ref().map(|token| token.quota).unwrap_or_default();
     let allowed = in_reserve(&request)

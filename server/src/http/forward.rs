@@ -5,6 +5,7 @@
 //! server that does not take a connection, or has stopped answering, is told to be gone within two seconds.
 
 mod link;
+pub mod shares;
 
 use super::body::body_error;
 use super::caller::{Peer, is_read};

@@ -83,6 +83,11 @@ fn gauges(app: &App) {
     let following = app.work.corpus.following();
     metrics::gauge!("quadmuse_cluster_behind").set(following.behind as f64);
     metrics::gauge!("quadmuse_cluster_unsure_seconds").set(following.unsure_ms as f64 / 1000.0);
+    if let Some(own) = app.work.catalogue.share() {
+        metrics::gauge!("quadmuse_share").set(f64::from(own.number()));
+        metrics::gauge!("quadmuse_shares").set(f64::from(own.of()));
+        metrics::gauge!("quadmuse_shares_missing").set(app.work.shares.without_holder(own).len() as f64);
+    }
     metrics::gauge!("quadmuse_quarantined").set(health.quarantined.len() as f64);
     metrics::gauge!("quadmuse_writable").set(f64::from(u8::from(health.read_only.is_none())));
 }

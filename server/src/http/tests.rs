@@ -8,6 +8,7 @@ mod examples;
 mod forward;
 mod maps;
 mod queries;
+mod shares;
 mod sockets;
 mod streams;
 mod surface;
@@ -29,6 +30,7 @@ use axum::Router;
 use axum::body::Body;
 use axum::http::{HeaderMap, Method, Request, StatusCode, header};
 use http_body_util::BodyExt;
+use quadmuse_proto::Share;
 use serde_json::Value;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -91,14 +93,26 @@ impl Bench {
     fn with(admission: Admission) -> Self {
         let dir = tempfile::tempdir().expect("a directory");
         let kept = Kept::on(Arc::new(Files::beside(dir.path())));
-        Self::one_of(admission, dir, Together { kept, peers: None })
+        Self::one_of(admission, dir, Together { kept, peers: None, signs: Arc::default() })
     }
 
     fn one_of(admission: Admission, dir: tempfile::TempDir, together: Together) -> Self {
-        let corpus = Arc::new(MemoryCorpus::default());
+        Self::holding(None, Arc::default(), admission, dir, together)
+    }
+
+    /// One with a share of a corpus.
+    fn holding(
+        share: Option<Share>,
+        corpus: Arc<MemoryCorpus>,
+        admission: Admission,
+        dir: tempfile::TempDir,
+        together: Together,
+    ) -> Self {
         let pool = Pool::new(2, admission).expect("threads");
         let server = together.peers.as_ref().map(|peers| peers.own());
-        let work = Work::on(server, pool, Arc::new(FakeEngine), Arc::<MemoryCorpus>::clone(&corpus) as Arc<_>);
+        let shared = Arc::<MemoryCorpus>::clone(&corpus) as Arc<_>;
+        let work = Work::holding(share, server, pool, Arc::new(FakeEngine), shared);
+        work.load();
         let stopping = CancellationToken::new();
         let app = App::new(
             Arc::clone(&work),
@@ -123,11 +137,14 @@ impl Bench {
     }
 
     async fn with_stock(self) -> Self {
-        let bench = self;
+        self.stock().await;
+        self
+    }
+
+    async fn stock(&self) {
         for (name, number) in [("a", 1), ("b", 2), ("c", 3), ("d", 4)] {
-            bench.add(name, &format!("segment disc {number}")).await;
+            self.add(name, &format!("segment disc {number}")).await;
         }
-        bench
     }
 
     async fn send(&self, request: Request<Body>) -> Answer {

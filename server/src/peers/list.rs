@@ -1,5 +1,6 @@
 //! The document in which the servers stand.
 
+use quadmuse_proto::Share;
 use quadmuse_proto::id::ServerNumber;
 use quadmuse_store::StoreError;
 use serde::{Deserialize, Serialize};
@@ -18,6 +19,9 @@ pub(super) struct Record {
     /// Whether it has ended, or another took its place.
     #[serde(default)]
     pub(super) has_left: bool,
+    /// The share of the corpus that it holds in memory; all of it, if none is told.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) share: Option<Share>,
 }
 
 /// The document.
@@ -61,12 +65,12 @@ impl List {
     }
 
     /// Adds a server in the place of whoever stood at its address; its number.
-    pub(super) fn enter(&mut self, address: &str, now_s: u64) -> ServerNumber {
+    pub(super) fn enter(&mut self, address: &str, share: Option<Share>, now_s: u64) -> ServerNumber {
         for record in self.servers.iter_mut().filter(|record| record.address == address) {
             record.has_left = true;
         }
         let number = self.free_number();
-        self.servers.push(Record { number, address: address.to_owned(), seen_s: now_s, has_left: false });
+        self.servers.push(Record { number, address: address.to_owned(), seen_s: now_s, has_left: false, share });
         while self.servers.len() > SERVERS_MAX {
             // Those first that are known to have ended, then who was silent for the longest; the new one stays.
             let others = self.servers.iter().enumerate().filter(|(_, record)| record.number != number);
@@ -88,14 +92,22 @@ impl List {
     }
 
     /// Notes that a server is alive; whether another took its place meanwhile. One that was forgotten is there again.
-    pub(super) fn renew(&mut self, number: ServerNumber, address: &str, now_s: u64) -> bool {
+    pub(super) fn renew(&mut self, number: ServerNumber, address: &str, share: Option<Share>, now_s: u64) -> bool {
         match self.servers.iter_mut().find(|record| record.number == number) {
             Some(record) => {
                 record.seen_s = record.seen_s.max(now_s);
+                // A server of an older release leaves it out when it writes the list.
+                record.share = share;
                 record.has_left
             }
             None => {
-                self.servers.push(Record { number, address: address.to_owned(), seen_s: now_s, has_left: false });
+                self.servers.push(Record {
+                    number,
+                    address: address.to_owned(),
+                    seen_s: now_s,
+                    has_left: false,
+                    share,
+                });
                 false
             }
         }
@@ -116,9 +128,9 @@ mod tests {
     #[test]
     fn the_list_is_bounded_and_forgets_first_who_has_ended() {
         let mut list = List::default();
-        let alive = list.enter("http://alive", 1);
+        let alive = list.enter("http://alive", None, 1);
         for start in 0..300u64 {
-            list.enter("http://other", start);
+            list.enter("http://other", None, start);
         }
         assert_eq!(list.servers.len(), SERVERS_MAX);
         assert!(list.record(alive).is_some_and(|record| !record.has_left));
@@ -128,20 +140,20 @@ mod tests {
     #[test]
     fn numbers_go_around_without_0_and_without_those_in_use() {
         let mut list = List { last: u16::MAX - 1, ..List::default() };
-        assert_eq!(list.enter("http://a", 0).get(), u16::MAX);
-        assert_eq!(list.enter("http://b", 0).get(), 1);
+        assert_eq!(list.enter("http://a", None, 0).get(), u16::MAX);
+        assert_eq!(list.enter("http://b", None, 0).get(), 1);
         list.last = u16::MAX - 1;
-        assert_eq!(list.enter("http://c", 0).get(), 2);
+        assert_eq!(list.enter("http://c", None, 0).get(), 2);
     }
 
     #[test]
     fn one_that_was_forgotten_comes_back_with_its_next_sign_of_life() {
         let mut list = List::default();
-        let number = list.enter("http://a", 0);
+        let number = list.enter("http://a", None, 0);
         list.servers.clear();
-        assert!(!list.renew(number, "http://a", 5));
+        assert!(!list.renew(number, "http://a", None, 5));
         assert_eq!(list.record(number).map(|record| record.seen_s), Some(5));
-        list.enter("http://a", 6);
-        assert!(list.renew(number, "http://a", 7));
+        list.enter("http://a", None, 6);
+        assert!(list.renew(number, "http://a", None, 7));
     }
 }

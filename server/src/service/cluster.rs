@@ -4,22 +4,31 @@ use super::StartError;
 use crate::commands::cluster::unreachable;
 use crate::peers::Peers;
 use crate::work::corpus::CorpusError;
-use crate::work::corpus::stored::{StoredCorpus, row_maker};
+use crate::work::corpus::stored::{StoredCorpus, row_maker, without_picture};
 use crate::work::engine::Engine;
+use crate::work::jobs::Queue;
 use crate::work::kept::UploadStore;
-use quadmuse_cluster::{ClusterOptions, JetStream, SharedCorpus, SharedOptions};
-use quadmuse_proto::QueryId;
+use quadmuse_cluster::{ClusterOptions, JetStream, Job, RowKeeper, SharedCorpus, SharedOptions};
+use quadmuse_proto::{QueryId, Share};
 use quadmuse_store::{Backend, Documents, StoreError};
 use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// What the cache is called, in the directory that would hold the store.
 const CACHE: &str = "cluster-cache";
 
+/// Longest time to become known to the other servers, and the pause between two attempts.
+const MEET_WITHIN: Duration = Duration::from_secs(30);
+const MEET_AGAIN: Duration = Duration::from_millis(250);
+
 /// Joins the servers that share the corpus; it is caught up when this returns.
-pub(super) async fn join(options: &ClusterOptions, data: &Path) -> Result<Arc<SharedCorpus>, StartError> {
+pub(super) async fn join(
+    options: &ClusterOptions,
+    data: &Path,
+    share: Option<Share>,
+) -> Result<Arc<SharedCorpus>, StartError> {
     if data.join(quadmuse_migrations::SCHEMA_FILE).exists() {
         tracing::warn!(data = %data.display(), "the store in this directory is not used: the corpus lies on the cluster's engine");
     }
@@ -33,13 +42,20 @@ pub(super) async fn join(options: &ClusterOptions, data: &Path) -> Result<Arc<Sh
             source,
         })?;
         let engine = JetStream::connect(&options).map_err(unreachable)?;
-        let corpus = SharedCorpus::open(Arc::new(engine), &SharedOptions::caching_in(&cache))?;
+        let corpus = SharedCorpus::open(Arc::new(engine), &options_of(&cache, share))?;
         let (examples, position) = (corpus.snapshot().examples.len(), corpus.position());
         let (bucket, ms) = (&options.bucket, begun.elapsed().as_millis() as u64);
         tracing::info!(bucket, examples, position, ms, "joined the cluster");
         Ok::<_, StoreError>(Arc::new(corpus))
     });
     Ok(joining.await.map_err(|_| StartError::Interrupted)??)
+}
+
+/// Of what belongs to another share, the pictures are not kept, not even until the catalogue asks for them.
+fn options_of(cache: &Path, share: Option<Share>) -> SharedOptions {
+    let keep = share
+        .map(|own| -> RowKeeper { Arc::new(move |id, row| if own.holds(id) { row } else { without_picture(row) }) });
+    SharedOptions { row_keeper: keep, ..SharedOptions::caching_in(cache) }
 }
 
 /// The corpus as the service has it. Rows are made where an example is added, and travel with it.
@@ -70,10 +86,40 @@ impl UploadStore for SharedUploads {
     }
 }
 
+/// Jobs, kept on the engine.
+pub(super) struct SharedQueue(pub(super) Arc<SharedCorpus>);
+
+impl Queue for SharedQueue {
+    fn add(&self, kind: &str, name: &str, payload: &[u8]) -> Result<bool, CorpusError> {
+        Ok(self.0.add_job(kind, name, payload)?)
+    }
+
+    fn take(&self, kind: &str, wait: Duration) -> Result<Option<Box<dyn Job>>, CorpusError> {
+        Ok(self.0.take_job(kind, wait)?)
+    }
+
+    fn count(&self) -> Result<u64, CorpusError> {
+        Ok(self.0.jobs()?)
+    }
+
+    fn keep(&self, name: &str, bytes: &[u8]) -> Result<(), CorpusError> {
+        Ok(self.0.keep_upload(name, bytes)?)
+    }
+
+    fn kept(&self, name: &str) -> Result<Option<Vec<u8>>, CorpusError> {
+        Ok(self.0.upload(name)?)
+    }
+
+    fn forget(&self, name: &str) -> Result<(), CorpusError> {
+        Ok(self.0.remove_upload(name)?)
+    }
+}
+
 /// Becomes one of the servers that share the corpus, at the address given, else where it listens.
 pub(super) async fn meet(
     shared: &Arc<SharedCorpus>,
     advertise: Option<&str>,
+    share: Option<Share>,
     listens: SocketAddr,
 ) -> Result<Arc<Peers>, StartError> {
     let documents = Arc::clone(shared) as Arc<dyn Documents>;
@@ -82,7 +128,16 @@ pub(super) async fn meet(
     }
     let address = advertise.map_or_else(|| reached_at(listens), str::to_owned);
     let joining = tokio::task::spawn_blocking(move || {
-        let peers = Peers::join(documents, &address)?;
+        let begun = Instant::now();
+        let peers = loop {
+            match Peers::join_with(Arc::clone(&documents), &address, share) {
+                // A leader is being elected: whoever starts then waits for it.
+                Err(StoreError::Unreachable { .. } | StoreError::Busy) if begun.elapsed() < MEET_WITHIN => {
+                    std::thread::sleep(MEET_AGAIN);
+                }
+                joined => break joined?,
+            }
+        };
         let (number, others) = (peers.own().get(), peers.others().len());
         tracing::info!(number, address, others, "known to the other servers");
         Ok::<_, StoreError>(Arc::new(peers))

@@ -10,7 +10,7 @@ use super::error::WorkError;
 use super::ranking::levels_up_to;
 use quadmuse_kernel::register::spectra::LANES;
 use quadmuse_proto::query::LEVELS;
-use quadmuse_proto::{Example, ExampleId, Topology};
+use quadmuse_proto::{Example, ExampleId, Share, Topology};
 use quadmuse_store::Changed;
 use row_blocks::{RowBlocks, Slot};
 use std::collections::BTreeMap;
@@ -28,7 +28,7 @@ pub struct Resident {
     pub segment: u32,
     /// What is known of it.
     pub facts: SegmentFacts,
-    /// Where it stands on its blocks.
+    /// Where it stands on its blocks; of no meaning where another server holds its picture.
     pub place: Slot,
 }
 
@@ -72,15 +72,29 @@ impl Stock {
 /// The resident corpus at some moment.
 #[derive(Clone, Debug, Default)]
 pub struct Snapshot {
+    /// The share whose pictures are in memory; `None`: all are.
+    share: Option<Share>,
     examples: BTreeMap<ExampleId, Arc<Example>>,
     segments: BTreeMap<(ExampleId, u32), Arc<Resident>>,
     row_blocks: BTreeMap<(Topology, Stock), RowBlocks>,
+    /// Those whose pictures other servers hold.
+    elsewhere: BTreeMap<(Topology, Stock), BTreeMap<(ExampleId, u32), Arc<Resident>>>,
 }
 
 impl Snapshot {
+    /// The share whose pictures are in memory; `None`: all are.
+    pub fn share(&self) -> Option<Share> {
+        self.share
+    }
+
     /// The segments of a topology.
     pub fn row_blocks(&self, topology: Topology, stock: Stock) -> Option<&RowBlocks> {
         self.row_blocks.get(&(topology, stock))
+    }
+
+    /// The segments of a topology whose pictures other servers hold.
+    pub fn elsewhere(&self, topology: Topology, stock: Stock) -> impl Iterator<Item = &Arc<Resident>> {
+        self.elsewhere.get(&(topology, stock)).into_iter().flat_map(BTreeMap::values)
     }
 
     /// A segment.
@@ -120,10 +134,17 @@ impl Snapshot {
             self.take_out((example.id, segment));
             let is_part = example.segments.get(segment as usize).is_some_and(|segment| segment.is_part);
             let stock = if is_part { Stock::Parts } else { Stock::Wholes };
-            let blocks = self.row_blocks.entry((facts.topology, stock)).or_default();
+            let row_is_elsewhere = row.is_none();
             let made = |place| Resident { example: Arc::clone(example), segment, facts, place };
-            let resident = blocks.put(&row, facts.shape(), made);
-            self.segments.insert((example.id, segment), resident);
+            let (key, kind) = ((example.id, segment), (facts.topology, stock));
+            let resident = match row {
+                Some(row) => self.row_blocks.entry(kind).or_default().put(&row, facts.shape(), made),
+                None => Arc::new(made(Slot::default())),
+            };
+            if row_is_elsewhere {
+                self.elsewhere.entry(kind).or_default().insert(key, Arc::clone(&resident));
+            }
+            self.segments.insert(key, resident);
         }
     }
 
@@ -133,7 +154,10 @@ impl Snapshot {
         for (&(_, segment), resident) in self.segments.range_mut((example.id, 0)..=(example.id, u32::MAX)) {
             let Resident { facts, place, .. } = **resident;
             *resident = Arc::new(Resident { example: Arc::clone(example), segment, facts, place });
-            if let Some(blocks) = self.row_blocks.get_mut(&(facts.topology, Stock::of(resident))) {
+            let kind = (facts.topology, Stock::of(resident));
+            if let Some(there) = self.elsewhere.get_mut(&kind).and_then(|all| all.get_mut(&(example.id, segment))) {
+                *there = Arc::clone(resident);
+            } else if let Some(blocks) = self.row_blocks.get_mut(&kind) {
                 blocks.replace(resident);
             }
         }
@@ -155,9 +179,10 @@ impl Snapshot {
     }
 
     fn take_out(&mut self, key: (ExampleId, u32)) {
-        if let Some(gone) = self.segments.remove(&key)
-            && let Some(blocks) = self.row_blocks.get_mut(&(gone.facts.topology, Stock::of(&gone)))
-        {
+        let Some(gone) = self.segments.remove(&key) else { return };
+        let kind = (gone.facts.topology, Stock::of(&gone));
+        let was_elsewhere = self.elsewhere.get_mut(&kind).and_then(|all| all.remove(&key)).is_some();
+        if let Some(blocks) = self.row_blocks.get_mut(&kind).filter(|_| !was_elsewhere) {
             blocks.remove(gone.place);
         }
     }
@@ -179,6 +204,8 @@ const FOLLOWED_AT_ONCE: usize = 1000;
 pub struct Catalogue {
     corpus: Arc<dyn Corpus>,
     engine: Arc<dyn Engine>,
+    /// The share whose pictures are in memory; `None`: all are.
+    share: Option<Share>,
     now: RwLock<Arc<Snapshot>>,
     /// The position of the last change that is in. Held while changes are brought in, so that they come in order.
     followed: Mutex<u64>,
@@ -187,7 +214,24 @@ pub struct Catalogue {
 impl Catalogue {
     /// An empty catalogue of `corpus`.
     pub fn new(corpus: Arc<dyn Corpus>, engine: Arc<dyn Engine>) -> Self {
-        Self { corpus, engine, now: RwLock::default(), followed: Mutex::new(0) }
+        Self { corpus, engine, share: None, now: RwLock::default(), followed: Mutex::new(0) }
+    }
+
+    /// The same with the pictures of one share alone.
+    #[must_use]
+    pub fn holding(self, share: Option<Share>) -> Self {
+        let now = RwLock::new(Arc::new(Snapshot { share, ..Snapshot::default() }));
+        Self { share, now, ..self }
+    }
+
+    /// The share whose pictures are in memory; `None`: all are.
+    pub fn share(&self) -> Option<Share> {
+        self.share
+    }
+
+    /// Whether the pictures of an example are to be in memory.
+    fn is_held(&self, id: ExampleId) -> bool {
+        self.share.is_none_or(|share| share.holds(id))
     }
 
     /// The corpus now.
@@ -207,11 +251,11 @@ impl Catalogue {
     fn load_at(&self, followed: &mut u64) -> usize {
         // What changes while the corpus is read comes in twice, and is the same then.
         *followed = self.corpus.changes(u64::MAX).position;
-        let mut fresh = Snapshot::default();
+        let mut fresh = Snapshot { share: self.share, ..Snapshot::default() };
         let mut kept = self.corpus.take_rows();
         let mut made = 0;
         for example in self.corpus.list() {
-            let rows = kept.remove(&example.id).filter(|rows| rows.len() == example.segments.len());
+            let rows = kept.remove(&example.id).and_then(|rows| self.whole(&example, rows));
             let rows = rows.unwrap_or_else(|| {
                 let rows = self.rows_of(&example);
                 made += rows.len();
@@ -231,7 +275,10 @@ impl Catalogue {
         let snapshot = self.snapshot();
         let chunks = snapshot.row_blocks.values().flat_map(|blocks| blocks.chunks());
         let rows = chunks.flat_map(|chunk| (0..LANES).filter_map(|lane| chunk.row(lane)));
-        let mut rows = rows.map(|(row, r)| (r.example.id, KeptRow { segment: r.segment, facts: r.facts, row }));
+        let kept = |(row, r): (_, &Arc<Resident>)| {
+            (r.example.id, KeptRow { segment: r.segment, facts: r.facts, row: Some(row) })
+        };
+        let mut rows = rows.map(kept);
         self.corpus.keep_rows(&mut rows)
     }
 
@@ -261,7 +308,7 @@ impl Catalogue {
     fn now_of(&self, id: ExampleId, is_encoded: bool) -> Now {
         match self.corpus.get(id) {
             Ok(example) if is_encoded => {
-                let rows = self.corpus.rows_of(id).filter(|rows| rows.len() == example.segments.len());
+                let rows = self.corpus.rows_of(id).and_then(|rows| self.whole(&example, rows));
                 let rows = rows.unwrap_or_else(|| self.rows_of(&example));
                 Now::Encoded(example, rows)
             }
@@ -277,11 +324,23 @@ impl Catalogue {
         change(Arc::make_mut(&mut now));
     }
 
+    /// The rows of an example, if all are there, with the pictures that are to be in memory and without the others.
+    fn whole(&self, example: &Example, mut rows: Vec<KeptRow>) -> Option<Vec<KeptRow>> {
+        let is_held = self.is_held(example.id);
+        if !is_held {
+            rows.iter_mut().for_each(|kept| kept.row = None);
+        }
+        let is_whole = rows.len() == example.segments.len() && (!is_held || rows.iter().all(|kept| kept.row.is_some()));
+        is_whole.then_some(rows)
+    }
+
     /// The rows of the encodings that are there; those that are not are left to `reencode`.
     fn rows_of(&self, example: &Example) -> Vec<KeptRow> {
+        let is_held = self.is_held(example.id);
         let load = |segment: u32| {
             let encoding = self.encoding(example.id, segment, LEVEL_COARSEST);
-            match encoding.and_then(|encoding| Ok((encoding.facts, self.engine.row(&encoding)?))) {
+            let row = |encoding: &Encoding| is_held.then(|| self.engine.row(encoding)).transpose();
+            match encoding.and_then(|encoding| Ok((encoding.facts, row(&encoding)?))) {
                 Ok((facts, row)) => Some(KeptRow { segment, facts, row }),
                 Err(error) => {
                     tracing::warn!(example = %example.id, segment, %error, "no encoding: not ranked until it is rebuilt");

@@ -94,8 +94,8 @@ pub struct KeptRow {
     pub segment: u32,
     /// What is known of it.
     pub facts: SegmentFacts,
-    /// Its coarsest picture.
-    pub row: Row,
+    /// Its coarsest picture; `None` where the server holds another share of the corpus.
+    pub row: Option<Row>,
 }
 
 /// How the corpus is.
@@ -233,6 +233,14 @@ pub trait Corpus: Send + Sync + 'static {
 
     /// The position of the newest change; 0 before the first.
     fn watch(&self) -> watch::Receiver<u64>;
+
+    /// The newest change that is known here, by a number that all servers count alike; 0 where nobody else writes.
+    fn reached(&self) -> u64 {
+        0
+    }
+
+    /// Waits until a change with such a number is known here, for `time` at most. Blocks.
+    fn wait_for(&self, _position: u64, _time: std::time::Duration) {}
 
     /// How well it knows what other servers changed.
     fn following(&self) -> Following {

@@ -2,7 +2,7 @@
 
 use super::corpus::{NewExample, Put};
 use super::engine::{Besides, Cut, Encoded, EngineError, Grain, Model, Packed};
-use super::{Caller, REQUEST_TIME_MAX, Work, WorkError, landmarks, texts};
+use super::{Caller, REQUEST_TIME_MAX, Work, WorkError, jobs, landmarks, texts};
 use crate::pool::{Job, Lane, User};
 use bytes::Bytes;
 use quadmuse_kernel::mesh::PolyMesh;
@@ -81,12 +81,37 @@ pub async fn add(
     {
         return Ok((there, Put::There));
     }
+    let annotation = Annotation { tags, ..annotation };
+    if work.queue.get().is_some() {
+        // A bad mesh is refused soon, however busy the encoders are.
+        drop(read_example(work, caller, &upload).await?);
+        if let Some(added) = jobs::added(work, caller, &upload, &annotation).await {
+            return Ok(added);
+        }
+    }
+    add_here(work, caller, upload, annotation).await
+}
+
+/// Reads and cuts what is to be an example.
+async fn read_example(work: &Arc<Work>, caller: Caller, upload: &Upload) -> Result<Arc<Model>, WorkError> {
     let estimate = work.engine.memory_estimate(upload.bytes.len() as u64);
     let job = work.admit(caller.user, estimate, REQUEST_TIME_MAX)?;
+    let upload = Upload { cut: Cut { grain: Grain::Faces, ..upload.cut.clone() }, ..upload.clone() };
+    read(work, &job, Lane::Coarse, &upload).await
+}
+
+/// Encodes an upload on this server and adds it; durable when it returns.
+///
+/// # Errors
+/// As [`add`].
+pub(super) async fn add_here(
+    work: &Arc<Work>,
+    caller: Caller,
+    upload: Upload,
+    annotation: Annotation,
+) -> Result<(Arc<Example>, Put), WorkError> {
     // A bad mesh is refused soon, however busy the encoders are.
-    let upload = Upload { cut: Cut { grain: Grain::Faces, ..upload.cut }, ..upload };
-    let model = read(work, &job, Lane::Coarse, &upload).await?;
-    drop(job);
+    let model = read_example(work, caller, &upload).await?;
     let job = work.admit(caller.user, memory_of(work, upload.bytes.len() as u64, &model), REQUEST_TIME_MAX)?;
     let (segments, mended, besides) = encode_all(work, &job, &model).await?;
     let cut = match &model.labels {
@@ -96,7 +121,7 @@ pub async fn add(
     let repairs = model.repairs.iter().cloned().chain(mended).collect();
     let new = NewExample {
         name: annotation.name,
-        tags,
+        tags: annotation.tags,
         relevance: annotation.relevance,
         bytes: upload.bytes,
         format: model.format.as_str().into(),

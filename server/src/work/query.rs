@@ -15,7 +15,7 @@ use crate::pool::{Job, Stop};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::{
     Begin, CompositionId, End, EndState, Entry, EntryState, ExampleId, LevelTiming, MapId, MeshCounts, Progress, Query,
-    QueryId, QuerySegment, QueryState, QueryTimings, Ranking,
+    QueryId, QuerySegment, QueryState, QueryTimings, Ranking, Share,
 };
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -93,6 +93,8 @@ pub struct SegmentRanking {
     pub candidates: Vec<Candidate>,
     /// Corpus segments it is ranked against.
     pub corpus_size: u64,
+    /// Shares of the corpus that no server answered for.
+    pub incomplete: Vec<Share>,
 }
 
 impl LiveQuery {
@@ -189,6 +191,18 @@ impl LiveQuery {
         self.update(|board| {
             for (ranking, &corpus_size) in board.rankings.iter_mut().zip(sizes) {
                 *ranking = Arc::new(SegmentRanking { corpus_size, ..SegmentRanking::default() });
+            }
+        });
+    }
+
+    /// Notes which shares of the corpus a segment's ranking is without, before its first one.
+    pub fn lacks(&self, segment: usize, incomplete: Vec<Share>) {
+        if incomplete.is_empty() {
+            return;
+        }
+        self.update(|board| {
+            if let Some(slot) = board.rankings.get_mut(segment) {
+                *slot = Arc::new(SegmentRanking { incomplete, ..SegmentRanking::clone(slot) });
             }
         });
     }
@@ -290,6 +304,7 @@ impl LiveQuery {
             timings,
             revision: board.revision,
             corpus_size: board.corpus_size(),
+            incomplete: board.incomplete(),
             created: rfc3339(self.id.created_unix_ms()),
             problem: None,
             making: Vec::new(),
@@ -340,6 +355,7 @@ impl LiveQuery {
             state: board.state,
             entries: shown,
             corpus_size: ranking.corpus_size,
+            incomplete: ranking.incomplete.clone(),
         })
     }
 
@@ -388,11 +404,18 @@ impl Board {
         self.rankings.iter().map(|ranking| ranking.corpus_size).sum()
     }
 
+    /// Shares of the corpus that the ranking of one segment at least is without.
+    fn incomplete(&self) -> Vec<Share> {
+        let all: BTreeSet<Share> =
+            self.rankings.iter().flat_map(|ranking| ranking.incomplete.iter().copied()).collect();
+        all.into_iter().collect()
+    }
+
     fn put_ranking(&mut self, segment: usize, level: u32, candidates: Vec<Candidate>) {
         if let Some(slot) = self.rankings.get_mut(segment) {
             self.revision += 1;
-            let (revision, corpus_size) = (self.revision, slot.corpus_size);
-            *slot = Arc::new(SegmentRanking { revision, level, candidates, corpus_size });
+            let (revision, corpus_size, incomplete) = (self.revision, slot.corpus_size, slot.incomplete.clone());
+            *slot = Arc::new(SegmentRanking { revision, level, candidates, corpus_size, incomplete });
         }
     }
 }

@@ -3,7 +3,7 @@
 //! The old encoding of an example, where there is one, is ranked until its new one is stored.
 
 use super::engine::Packed;
-use super::{Work, WorkError, ingest};
+use super::{Work, WorkError, ingest, jobs};
 use crate::pool::{Lane, User};
 use quadmuse_proto::ExampleId;
 use std::sync::Arc;
@@ -31,12 +31,28 @@ pub async fn run(work: Arc<Work>, stopping: CancellationToken) {
 /// One look over the corpus; an example that fails is logged and left for the next.
 pub async fn round(work: &Arc<Work>) {
     let Ok(stale) = work.blocking(|work| Ok(work.corpus.stale(work.engine.version()))).await else { return };
+    if work.queue.get().is_some() {
+        // Whichever server is free does it.
+        if let Err(error) = jobs::encode_again(work, stale).await {
+            tracing::warn!(%error, "what is to be encoded again is not in the queue");
+        }
+        return;
+    }
     for (example, segment) in stale {
         match rebuild(work, example, segment).await {
             Ok(()) => tracing::info!(%example, segment, "encoded again"),
             Err(error) => tracing::warn!(%example, segment, %error, "not encoded again"),
         }
     }
+}
+
+/// Encodes a segment again, unless somebody did meanwhile.
+pub(super) async fn rebuilt(work: &Arc<Work>, id: ExampleId, segment: u32) -> Result<(), WorkError> {
+    let is_stale = work.blocking(move |work| {
+        work.catalogue.follow();
+        Ok(work.corpus.stale(work.engine.version()).contains(&(id, segment)))
+    });
+    if is_stale.await? { rebuild(work, id, segment).await } else { Ok(()) }
 }
 
 async fn rebuild(work: &Arc<Work>, id: ExampleId, segment: u32) -> Result<(), WorkError> {

@@ -11,6 +11,7 @@
 
 mod coarse;
 mod likened;
+pub mod scattered;
 mod siblings;
 
 use super::catalogue::{LEVEL_COARSEST, Resident, Stock};

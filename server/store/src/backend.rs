@@ -197,6 +197,16 @@ pub trait Backend: Send + Sync + 'static {
     /// Calls `listener` after every change.
     fn subscribe(&self, listener: Listener);
 
+    /// The newest change that is known here, by a number that all who share the corpus count alike; 0 where nobody does.
+    fn reached(&self) -> u64 {
+        0
+    }
+
+    /// Waits until a change with such a number is known here, for `time` at most; whether it is.
+    fn wait_for(&self, _position: u64, _time: std::time::Duration) -> bool {
+        true
+    }
+
     /// How well it knows what others changed.
     fn following(&self) -> Following {
         Following::default()

@@ -20,8 +20,14 @@ const SEEN_WITHIN: Duration = Duration::from_secs(30);
 
 /// A server of the corpus `studio`, with a cache of its own.
 pub(crate) fn join(nodes: &Nodes, data: &Path) -> (Server, Client) {
+    join_with(nodes, data, &[])
+}
+
+/// The same with more variables.
+pub(crate) fn join_with(nodes: &Nodes, data: &Path, variables: &[&str]) -> (Server, Client) {
     let cluster = format!("QUADMUSE_CLUSTER={}", nodes.addresses());
-    let server = Server::start_under(&["env", &cluster, "QUADMUSE_BUCKET=studio"], data).expect("a server");
+    let words: Vec<&str> = ["env", &cluster, "QUADMUSE_BUCKET=studio"].iter().chain(variables).copied().collect();
+    let server = Server::start_under(&words, data).expect("a server");
     let client = Client::new(server.url());
     (server, client)
 }

@@ -7,6 +7,7 @@ mod hostile;
 #[path = "../../../server/cluster/tests/support/nodes.rs"]
 mod nodes;
 mod path;
+mod shares;
 mod shutdown;
 mod together;
 mod traces;

@@ -11,15 +11,25 @@ use super::{refused, silent};
 use crate::engine::EngineError;
 use crate::options::ClusterOptions;
 
-/// A stream of the corpus: `entries`, `objects` or `uploads`. Messages older than `age` are removed by the engine; zero: none is.
+/// A stream of the corpus.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wanted {
+    /// `entries`, `objects`, `uploads` or `jobs`.
+    pub(super) kind: &'static str,
+    /// Messages that are older are removed by the engine; zero: none is.
+    pub(super) age: Duration,
+    /// Whether acknowledged messages are removed.
+    pub(super) retention: RetentionPolicy,
+}
+
+/// Finds a stream, or makes it.
 pub(super) async fn find_or_make(
     context: &Context,
     options: &ClusterOptions,
-    kind: &'static str,
-    age: Duration,
+    wanted: Wanted,
 ) -> Result<Stream, EngineError> {
     const DOING: &str = "find the corpus";
-    let name = format!("{}_{kind}", options.bucket);
+    let name = format!("{}_{}", options.bucket, wanted.kind);
     match context.get_stream(&name).await {
         Ok(stream) => {
             let replicas = stream.cached_info().config.num_replicas;
@@ -31,7 +41,7 @@ pub(super) async fn find_or_make(
         }
         Err(error) => match error.kind() {
             GetStreamErrorKind::JetStream(found) if found.error_code() == ErrorCode::STREAM_NOT_FOUND => {
-                make(context, options, (name, kind), age).await
+                make(context, options, name, wanted).await
             }
             _ => Err(silent(DOING, error)),
         },
@@ -41,18 +51,19 @@ pub(super) async fn find_or_make(
 async fn make(
     context: &Context,
     options: &ClusterOptions,
-    (name, kind): (String, &'static str),
-    age: Duration,
+    name: String,
+    Wanted { kind, age, retention }: Wanted,
 ) -> Result<Stream, EngineError> {
     const DOING: &str = "make the corpus";
     let config = Config {
         subjects: vec![format!("quadmuse.{}.{kind}.>", options.bucket)],
         description: Some(format!("Quadmuse, {kind} of the corpus {}", options.bucket)),
-        retention: RetentionPolicy::Limits,
-        // Of each subject the newest; nothing is ever discarded for want of room.
+        retention,
+        // Of each subject the newest; of jobs the one that waits; nothing is ever discarded for want of room.
         max_messages_per_subject: 1,
         max_age: age,
         discard: DiscardPolicy::New,
+        discard_new_per_subject: retention == RetentionPolicy::WorkQueue,
         storage: StorageType::File,
         num_replicas: options.replicas(),
         allow_direct: true,

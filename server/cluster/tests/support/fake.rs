@@ -1,11 +1,11 @@
 //! An engine in memory that is unreliable in every way the real one may be: it delivers late, twice, in the wrong order or not
 //! at all, ends followings, loses requests and answers, and reads what was written before. What it acknowledged it keeps.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
-use quadmuse_cluster::{Deliveries, Delivery, Engine, EngineError, Entry, Written};
+use quadmuse_cluster::{Deliveries, Delivery, Engine, EngineError, Entry, Job, Written};
 
 /// How unreliable it is: of how many calls or deliveries one fails, each way; 0: none does.
 #[derive(Clone, Copy, Debug, Default)]
@@ -44,9 +44,22 @@ struct World {
     newest: HashMap<String, u64>,
     objects: HashMap<String, (Vec<u8>, SystemTime)>,
     uploads: HashMap<String, Vec<u8>>,
+    /// By kind and name.
+    jobs: BTreeMap<(String, String), Waiting>,
     dice: u64,
     /// Counts the elections.
     term: u64,
+}
+
+/// For so long nobody else gets a job of which nothing is heard.
+pub(crate) const LEASE: Duration = Duration::from_millis(300);
+
+#[derive(Clone, Debug)]
+struct Waiting {
+    payload: Vec<u8>,
+    times_taken: u64,
+    /// Nobody gets it before.
+    not_before: Instant,
 }
 
 impl World {
@@ -193,12 +206,92 @@ impl Engine for FakeEngine {
         Ok(Box::new(Followed { engine: self.clone(), position: after, number: 0, waiting: VecDeque::new() }))
     }
 
+    fn add_job(&self, kind: &str, name: &str, payload: &[u8]) -> Result<bool, EngineError> {
+        self.call("take a job", |world| {
+            let key = (kind.to_owned(), name.to_owned());
+            let is_new = !world.jobs.contains_key(&key);
+            let fresh = || Waiting { payload: payload.into(), times_taken: 0, not_before: Instant::now() };
+            world.jobs.entry(key).or_insert_with(fresh);
+            is_new
+        })
+    }
+
+    fn take_job(&self, kind: &str, wait: Duration) -> Result<Option<Box<dyn Job>>, EngineError> {
+        let begun = Instant::now();
+        // A request is lost once or not at all, however long it waits.
+        self.call("give a job", |_| ())?;
+        loop {
+            let taken = {
+                let mut world = self.shared.world();
+                let mut waiting = world.jobs.iter_mut().filter(|((own, _), _)| own == kind);
+                waiting.find(|(_, job)| job.not_before <= Instant::now()).map(|((kind, name), job)| {
+                    (job.times_taken, job.not_before) = (job.times_taken + 1, Instant::now() + LEASE);
+                    Taken { engine: self.clone(), key: (kind.clone(), name.clone()), job: job.clone() }
+                })
+            };
+            if let Some(taken) = taken {
+                return Ok(Some(Box::new(taken)));
+            }
+            if begun.elapsed() >= wait {
+                return Ok(None);
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    fn jobs(&self) -> Result<u64, EngineError> {
+        self.call("count its jobs", |world| world.jobs.len() as u64)
+    }
+
     fn collect(&self, before: SystemTime, is_used: &dyn Fn(&str) -> bool) -> Result<u64, EngineError> {
         self.call("remove objects", |world| {
             let count = world.objects.len();
             world.objects.retain(|name, (_, put)| *put >= before || is_used(name));
             (count - world.objects.len()) as u64
         })
+    }
+}
+
+struct Taken {
+    engine: FakeEngine,
+    key: (String, String),
+    job: Waiting,
+}
+
+impl Taken {
+    fn put_off(&self, doing: &'static str, pause: Duration) -> Result<(), EngineError> {
+        self.engine.call(doing, |world| {
+            // Of somebody else meanwhile, or done: what is said comes too late.
+            if let Some(job) = world.jobs.get_mut(&self.key).filter(|job| job.times_taken == self.job.times_taken) {
+                job.not_before = Instant::now() + pause;
+            }
+        })
+    }
+}
+
+impl Job for Taken {
+    fn name(&self) -> &str {
+        &self.key.1
+    }
+
+    fn payload(&self) -> &[u8] {
+        &self.job.payload
+    }
+
+    fn times_taken(&self) -> u64 {
+        self.job.times_taken
+    }
+
+    fn goes_on(&self) -> Result<(), EngineError> {
+        self.put_off("hear that a job goes on", LEASE)
+    }
+
+    fn done(&self) -> Result<(), EngineError> {
+        self.engine.call("hear that a job is done", |world| drop(world.jobs.remove(&self.key)))
+    }
+
+    fn give_back(&self, pause: Duration) -> Result<(), EngineError> {
+        self.put_off("take a job back", pause)
     }
 }
 

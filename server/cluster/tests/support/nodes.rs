@@ -46,6 +46,11 @@ impl Nodes {
 
     /// The same with room for so much on each.
     pub(crate) fn start_with(count: usize, room: &str) -> Option<Self> {
+        Self::start_configured(count, room, "")
+    }
+
+    /// The same with more settings.
+    pub(crate) fn start_configured(count: usize, room: &str, settings: &str) -> Option<Self> {
         let Some(program) = program() else {
             eprintln!("left out: there is no nats-server (Debian: apt-get install nats-server)");
             return None;
@@ -61,7 +66,7 @@ impl Nodes {
                 routes.iter().map(|route| format!("\"{route}\"")).collect::<Vec<_>>().join(", ")
             );
             let text = format!(
-                "server_name: node{at}\nlisten: \"127.0.0.1:{port}\"\njetstream {{ store_dir: \"{}\", max_file: {room}, max_mem: 256MB }}\n{}",
+                "server_name: node{at}\nlisten: \"127.0.0.1:{port}\"\njetstream {{ store_dir: \"{}\", max_file: {room}, max_mem: 256MB }}\n{settings}{}",
                 data.display(),
                 if count > 1 { &clustered } else { "" }
             );

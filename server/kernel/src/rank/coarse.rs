@@ -124,6 +124,11 @@ impl CoarseQuery {
         Self { topology, sides: sides.collect(), arch: pulp::Arch::new() }
     }
 
+    /// What [`CoarseQuery::from_spectra`] makes the same query of.
+    pub fn spectra(&self) -> impl Iterator<Item = (&Spectrum, Shape)> {
+        self.sides.iter().filter(|side| !side.flip_v).map(|side| (&side.spectrum, side.shape))
+    }
+
     /// What the query is.
     pub fn topology(&self) -> Topology {
         self.topology

@@ -266,6 +266,16 @@ impl Spectrum {
         Some(Self { values: Box::new(values), mean, variance: image.variance })
     }
 
+    /// The picture with these coefficients, mean and variance, as [`Spectrum::values`] gives them.
+    pub fn from_values(values: Box<[f64; VALUES]>, mean: f64, variance: f64) -> Self {
+        Self { values, mean, variance }
+    }
+
+    /// Its coefficients.
+    pub fn values(&self) -> &[f64; VALUES] {
+        &self.values
+    }
+
     /// The query against which an example mirrored in v is to be looked for: its rows in reverse.
     #[must_use]
     pub fn turned(&self, flip: Flip) -> Self {

@@ -12,15 +12,15 @@ use tokio::net::{TcpListener, TcpSocket};
 use tokio::runtime::Runtime;
 
 /// What the servers share: their list, and what queries were started with.
-struct Shared {
+pub(super) struct Shared {
     documents: Arc<InMemory>,
     uploads: tempfile::TempDir,
 }
 
 /// One of them.
-struct Server {
-    bench: Bench,
-    address: SocketAddr,
+pub(super) struct Server {
+    pub(super) bench: Bench,
+    pub(super) address: SocketAddr,
     /// What serves, so that it can end at once with all its connections, as a process that is killed.
     runtime: Option<Runtime>,
 }
@@ -34,15 +34,22 @@ impl Drop for Server {
 }
 
 impl Shared {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self { documents: Arc::default(), uploads: tempfile::tempdir().expect("a directory") }
     }
 
-    fn join(&self, address: &str) -> Arc<Peers> {
-        Arc::new(Peers::join(Arc::clone(&self.documents) as Arc<_>, address).expect("joined"))
+    pub(super) fn join(&self, address: &str, share: Option<Share>) -> Arc<Peers> {
+        Arc::new(Peers::join_with(Arc::clone(&self.documents) as Arc<_>, address, share).expect("joined"))
     }
 
     async fn server(&self) -> Server {
+        let server = self.holding(None, Arc::default()).await;
+        server.bench.stock().await;
+        server
+    }
+
+    /// A server with a share of a corpus.
+    pub(super) async fn holding(&self, share: Option<Share>, corpus: Arc<MemoryCorpus>) -> Server {
         let dir = tempfile::tempdir().expect("a directory");
         let runtime =
             tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().expect("threads");
@@ -50,8 +57,9 @@ impl Shared {
         let listener = binding.await.expect("no panic").expect("a port");
         let address = listener.local_addr().expect("an address");
         let kept = Kept::on(Arc::new(Files::beside(self.uploads.path())));
-        let together = Together { kept, peers: Some(self.join(&format!("http://{address}"))) };
-        let bench = Bench::one_of(Admission::new(64 << 20, 32), dir, together).with_stock().await;
+        let peers = Some(self.join(&format!("http://{address}"), share));
+        let together = Together { kept, peers, signs: Arc::default() };
+        let bench = Bench::holding(share, corpus, Admission::new(64 << 20, 32), dir, together);
         let connections = Connections::new(ConnectionLimits { all: 100, per_address: 100 });
         runtime.spawn(serve(listener, bench.router.clone(), connections, bench.stopping.clone()));
         Server { bench, address, runtime: Some(runtime) }
@@ -99,11 +107,17 @@ impl Server {
         Answer { status: parts.status, headers: parts.headers, bytes }
     }
 
-    async fn ask(&self, method: Method, path: &str, headers: &[(&str, &str)], body: impl Into<Body>) -> Answer {
+    pub(super) async fn ask(
+        &self,
+        method: Method,
+        path: &str,
+        headers: &[(&str, &str)],
+        body: impl Into<Body>,
+    ) -> Answer {
         self.ask_from([127, 0, 0, 1], (method, path), headers, body).await
     }
 
-    async fn get(&self, path: &str) -> Answer {
+    pub(super) async fn get(&self, path: &str) -> Answer {
         self.ask(Method::GET, path, &[], Body::empty()).await
     }
 
@@ -126,14 +140,14 @@ impl Server {
     }
 
     /// Starts a query; its path.
-    async fn query(&self, mesh: &str) -> String {
+    pub(super) async fn query(&self, mesh: &str) -> String {
         let answer = self.ask(Method::POST, "/v1/queries", &[], mesh.to_owned()).await;
         assert_eq!(answer.status, StatusCode::ACCEPTED, "{}", answer.text());
         answer.header("location").to_owned()
     }
 
     /// Ends as a process would that is killed: nobody is told.
-    async fn die(self) {
+    pub(super) async fn die(self) {
         let address = self.address;
         drop(self);
         let begun = Instant::now();
@@ -328,7 +342,7 @@ async fn a_server_that_is_silent_is_gone_too() {
     let b = shared.server().await;
     // It takes connections, as the system does for a process that is stopped, and never answers.
     let silent = TcpListener::bind("127.0.0.1:0").await.expect("a port");
-    let peers = shared.join(&format!("http://{}", silent.local_addr().expect("an address")));
+    let peers = shared.join(&format!("http://{}", silent.local_addr().expect("an address")), None);
     let id = QueryId::generate().on(peers.own());
     b.get(&format!("/v1/queries/{id}/ranking?after=1&wait_ms=10000")).await.problem(503, "owner_gone");
     // One that said that it ends is not asked.
@@ -361,7 +375,7 @@ async fn a_request_makes_one_hop_and_strangers_are_not_believed() {
     assert!(!there.contains("DELETE"), "{there}");
 
     // Another took the place of `b` in the list: what is meant for it comes to `b`, and goes no further.
-    let usurper = shared.join(&format!("http://{}", b.address));
+    let usurper = shared.join(&format!("http://{}", b.address), None);
     let id = QueryId::generate().on(usurper.own());
     a.get(&format!("/v1/queries/{id}")).await.problem(503, "owner_gone");
 }

@@ -289,7 +289,14 @@ async fn invented_methods_make_no_new_metrics() {
 
 #[test]
 fn dashboard_and_alerts_name_metrics_that_there_are() {
-    let sources = [include_str!("../health.rs"), include_str!("../watchful.rs"), include_str!("../../work/scrub.rs")];
+    let sources = [
+        include_str!("../health.rs"),
+        include_str!("../watchful.rs"),
+        include_str!("../forward.rs"),
+        include_str!("../../work/scrub.rs"),
+        include_str!("../../work/jobs.rs"),
+        include_str!("../../work/search/scattered.rs"),
+    ];
     let told = [
         include_str!("../../../../docs/operations/grafana.json"),
         include_str!("../../../../docs/operations/alerts.yaml"),

@@ -41,6 +41,11 @@ impl MemoryCorpus {
         self.rows.lock().expect("not poisoned")
     }
 
+    /// Makes all encodings those of an older encoder.
+    pub(crate) fn make_old(&self) {
+        self.rows().values_mut().flat_map(|row| &mut row.segments).for_each(|(version, _)| *version -= 1);
+    }
+
     fn tell(&self, changed: Changed) {
         let position = self.log.lock().expect("not poisoned").push(changed);
         self.newest.send_replace(position);

@@ -6,6 +6,8 @@
 mod row;
 mod shaped;
 
+pub use row::without_picture;
+
 use super::{Corpus, CorpusCheck, CorpusError, CorpusHealth, KeptRow, NewExample, Put};
 use crate::work::engine::{Besides, Cut, Engine, Packed, SegmentFacts};
 use crate::work::ingest::counts_of;
@@ -23,6 +25,7 @@ use shaped::{Shaped, derived_in, feature_out, labels_in, landmark_out, patch_in,
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
+use std::time::Duration;
 use tokio::sync::watch;
 
 /// Makes the row that a search keeps of an encoding; `None` if there is none.
@@ -135,7 +138,10 @@ impl StoredCorpus {
             let coarse = coarse_when_kept(derived).ok()?;
             let packed = packed_of(&coarse, coarse.level.clone(), *faces);
             let row = maker(&packed)?;
-            Some(row::write(&KeptRow { segment, facts: packed.facts, row }, (counts.triangles, counts.quads)))
+            Some(row::write(
+                &KeptRow { segment, facts: packed.facts, row: Some(row) },
+                (counts.triangles, counts.quads),
+            ))
         };
         let rows: Option<Vec<_>> = (0..).zip(derived.iter().zip(faces)).map(row).collect();
         rows.unwrap_or_default()
@@ -172,7 +178,7 @@ pub fn row_of_packed(
     let faces = u64::from(record.segments.get(segment as usize)?.faces);
     let read = packed_of(&coarse, coarse.level.clone(), faces);
     let row = maker(&read)?;
-    Some(row::write(&KeptRow { segment, facts: read.facts, row }, counts))
+    Some(row::write(&KeptRow { segment, facts: read.facts, row: Some(row) }, counts))
 }
 
 /// A maker of rows by the geometry.
@@ -427,6 +433,14 @@ impl Corpus for StoredCorpus {
 
     fn watch(&self) -> watch::Receiver<u64> {
         self.newest.clone()
+    }
+
+    fn reached(&self) -> u64 {
+        self.store.reached()
+    }
+
+    fn wait_for(&self, position: u64, time: Duration) {
+        self.store.wait_for(position, time);
     }
 
     fn following(&self) -> Following {

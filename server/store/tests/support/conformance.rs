@@ -19,7 +19,7 @@ use crate::sample::{Sample, segment_of};
 pub(crate) type Pair = (Arc<dyn Backend>, Arc<dyn Backend>);
 
 /// Longest time for one server to see what another wrote.
-const SEEN_WITHIN: Duration = Duration::from_secs(30);
+const SEEN_WITHIN: Duration = Duration::from_secs(60);
 
 /// Waits until `holds`.
 ///
