@@ -6,11 +6,13 @@
 //! the others stay; and a result that misses the input is subdivided ([`fit`]). Success is certain: at the very end stand
 //! the input's own triangles.
 
+mod along_field;
 pub mod apart;
 pub mod check;
 pub mod cover;
 pub mod crease;
 mod density;
+mod field;
 pub mod fit;
 pub mod fit_surface;
 mod following;

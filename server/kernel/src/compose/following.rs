@@ -45,16 +45,20 @@ pub(super) struct Near {
 }
 
 impl Stitching<'_> {
-    /// The mesh optimised, and moved to cover the input if it is to follow it.
-    pub(super) fn near(&self, mesh: PolyMesh, sites: &[Site<'_>]) -> Near {
-        let origins: Vec<LayoutOrigin> = sites.iter().map(LayoutOrigin::of).collect();
+    /// What is stitched, [near](Self::near) its input.
+    pub(super) fn stitched_near(&self, mesh: PolyMesh, sites: &[Site<'_>]) -> Near {
+        self.near(mesh, sites.iter().map(LayoutOrigin::of).collect(), self.allowed(sites))
+    }
+
+    /// The mesh optimised, and moved to cover the input if it is to follow it; `allowed` is by how much it may miss it.
+    pub(super) fn near(&self, mesh: PolyMesh, origins: Vec<LayoutOrigin>, allowed: f64) -> Near {
         let fit = self.measured.fit(&mesh);
         let laid =
             self.optimised(Draft { mesh, fit, tips: Vec::new(), on_line: Vec::new() }, &origins, OPTIMISE_ROUNDS);
         if self.options.closeness != Closeness::Followed || self.is_late() {
             return Near { laid, origins, is_missed: false };
         }
-        let is_missed = laid.fit.worst() > self.allowed(sites);
+        let is_missed = laid.fit.worst() > allowed;
         Near { laid: self.nearer(laid, &origins), origins, is_missed }
     }
 

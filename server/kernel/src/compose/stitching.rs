@@ -92,11 +92,14 @@ impl<'a> Stitching<'a> {
     /// Stitches; what doesn't fit gives way, segment by segment, until everything does. `None` if nothing is left to try,
     /// or the caller asked to stop.
     pub(super) fn run(&self, pieces: &[Piece<'_>], report: &mut Report, stop: &dyn Fn() -> bool) -> Option<PolyMesh> {
+        if let Some(mesh) = self.along_field(pieces, report) {
+            return Some(mesh);
+        }
         let mut sites = self.sites(pieces);
         self.settle_density(&mut sites);
         let mesh = self.fitted(&mut sites, report, stop)?;
         self.tell(pieces, &sites, report);
-        let mut made = self.near(mesh, &sites);
+        let mut made = self.stitched_near(mesh, &sites);
         for _ in 0..REFITTED_MAX {
             if stop() {
                 return None;
@@ -112,7 +115,7 @@ impl<'a> Stitching<'a> {
             let mut again = Report::default();
             let Some(mesh) = self.fitted(&mut sites, &mut again, stop) else { break };
             self.tell(pieces, &sites, &mut again);
-            let finer = self.near(mesh, &sites);
+            let finer = self.stitched_near(mesh, &sites);
             if !self.is_worth_while(made.laid.fit, finer.laid.fit) {
                 break;
             }
