@@ -102,6 +102,7 @@ pub(crate) fn ranking(segment: u32, revision: u64, level: u32, state: QueryState
         resolution: level,
         state: EntryState::Refining,
         likeness: None,
+        agreement: None,
         similar_to: None,
         template: None,
     };

@@ -30,9 +30,9 @@ const CLOSED_MAX: usize = 16;
 /// *Untuned.*
 const ROUGH_FIRST: usize = 4;
 const ROUGH_ALIKE: usize = 6;
-/// So many at a time, until one explains so much of the query. *Untuned:* of right maps on scans of other people it is .3 and more.
-const ROUGH_AT_A_TIME: usize = 4;
-const ROUGH_ENOUGH: f64 = 0.3;
+/// So many at a time, until one explains so much of the query. *Untuned:* of wrong fits it is below .1.
+const ROUGH_AT_A_TIME: usize = 2;
+const ROUGH_ENOUGH: f64 = 0.15;
 /// An example that explains less of the query than this, and is at least so sure, may lead others. *Untuned.*
 const LEADS_BELOW: f64 = 0.5;
 const LEADS_FROM: f64 = 0.25;
@@ -215,7 +215,7 @@ fn alike(candidate: &Candidate) -> f64 {
 fn worth_laying(candidates: &[Candidate]) -> Vec<usize> {
     let known: Vec<usize> = (0..candidates.len()).filter(|&at| candidates[at].likeness.is_some()).collect();
     let score = |c: &Candidate| c.likeness.map_or(0.0, |likeness| likeness.score);
-    let mut orders: Vec<Vec<usize>> = Vec::new();
+    let mut orders: Vec<Vec<usize>> = vec![known.iter().copied().take(ROUGH_FIRST).collect()];
     for closed in [false, true] {
         for by in [alike, score] {
             let is_one = |at: &usize| (candidates[*at].resident.facts.topology == Topology::Sphere) == closed;
@@ -225,7 +225,6 @@ fn worth_laying(candidates: &[Candidate]) -> Vec<usize> {
             orders.push(most);
         }
     }
-    orders.push(known.into_iter().take(ROUGH_FIRST).collect());
     let mut chosen: Vec<usize> = Vec::new();
     for turn in 0..ROUGH_FIRST.max(ROUGH_ALIKE) {
         for at in orders.iter().filter_map(|order| order.get(turn)) {

@@ -204,7 +204,7 @@ fn settled(
     let has_tips = on.has_tips(query.segment, input);
     let has_parts = has_tips && on.is_scan();
     if has_tips && !rests.is_convincing() {
-        for tips in &matched_tips([&one.query, &two.query], (mesh, input), stop) {
+        for tips in &matched_tips([&one.query, &two.query], (mesh, input), LED, stop) {
             rests.tries_led(tips, &stopped);
             if rests.is_convincing() {
                 break;
@@ -240,15 +240,17 @@ fn settled(
     Ok(best.filter(|best| best.evidence.relief > least))
 }
 
-/// The likeliest ways to match the tips of two surfaces, as landmarks of an example's mesh on an input.
+/// The likeliest ways to match the tips of two surfaces, at most `most` of either orientation, as landmarks of an example's mesh
+/// on an input.
 pub(super) fn matched_tips(
     [one, two]: [&Query; 2],
     (mesh, input): (&TriMesh, &TriMesh),
+    most: usize,
     stop: &Stop,
 ) -> Vec<Vec<KernelLandmark>> {
     let (own, there) = (&one.chart.mesh, &two.chart.mesh);
     let pair = |(a, b): &(u32, u32)| Some((*own.positions.get(*a as usize)?, *there.positions.get(*b as usize)?));
-    let matches = likely_matches(one, two, &LevenbergMarquardt::default(), LED, &|| stop.reason().is_some());
+    let matches = likely_matches(one, two, &LevenbergMarquardt::default(), most, &|| stop.reason().is_some());
     matches.iter().map(|tips| between(mesh, input, &tips.iter().filter_map(pair).collect::<Vec<_>>())).collect()
 }
 

@@ -9,6 +9,9 @@ use quadmuse_kernel::fit::rough::{Lead, Shape, rough};
 use quadmuse_kernel::topology::{Patch, Topology};
 use std::sync::Arc;
 
+/// Ways to match tips that are tried, of either orientation.
+const MATCHED: usize = 1;
+
 /// Lays an example's segment on a query's; `None` where either has no caps.
 pub(super) fn lay(
     (example, of_example): (&Model, u32),
@@ -21,7 +24,7 @@ pub(super) fn lay(
     let (one, two) = (own.patch(of_example)?, on.patch(of_query)?);
     let (Some(example), Some(input)) = (shape(one), shape(two)) else { return Ok(None) };
     let tips = match encodings {
-        Some([one, two]) => matched_tips([fresh(one)?, fresh(two)?], (example.mesh, input.mesh), stop),
+        Some([one, two]) => matched_tips([fresh(one)?, fresh(two)?], (example.mesh, input.mesh), MATCHED, stop),
         None => Vec::new(),
     };
     let leading: Option<&ModelInner> = lead.map(|lead| lead.model.inner.open()).transpose()?;
