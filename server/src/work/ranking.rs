@@ -177,9 +177,10 @@ pub fn by_likeness(laid: Vec<Candidate>, passed_over: Vec<Candidate>) -> Vec<Can
 }
 
 /// All candidates: those first that lie on the query when they are laid roughly, by how much of it they explain, each with the
-/// score of the place it comes to.
+/// score of the place it comes to. Of near equals the one comes first that lies better without being bent.
 pub fn by_fit(all: Vec<Candidate>) -> Vec<Candidate> {
-    let worth = |c: &Candidate| c.rough.as_ref().map_or(0.0, Rough::worth);
+    let alike = |c: &Candidate| c.likeness.map_or(0.0, |likeness| likeness.weighed);
+    let worth = |c: &Candidate| c.rough.as_ref().map_or(0.0, Rough::worth) * (1.0 + alike(c));
     let (mut fitting, others): (Vec<Candidate>, Vec<Candidate>) = all.into_iter().partition(|c| worth(c) > 0.0);
     if fitting.is_empty() {
         return others;
