@@ -242,26 +242,35 @@ fn stitched_sound(
     let made = engine.compose(model, &parts, how, stop)?;
     let appraisal = engine.appraise(model, &made, allowed)?;
     let is_example = |segment: &u32| made.is_example.get(*segment as usize) == Some(&true);
-    let mut gave_way = Vec::new();
-    for segment in appraisal.flawed.iter().copied().filter(|_| !appraisal.flaws.is_empty()).filter(is_example) {
-        let slots = (parts.get_mut(segment as usize), instead.get(segment as usize));
-        if let (Some(part), Some(Some(instead))) = slots {
-            *part = Part::Template(Arc::clone(instead));
-            gave_way.push(segment);
+    if appraisal.flaws.is_empty() {
+        return Ok(Sound::of(made, appraisal));
+    }
+    // First those that are to blame; then all, since what no example stands on is laid out as one.
+    let blamed: Vec<u32> = appraisal.flawed.iter().copied().filter(is_example).collect();
+    let all: Vec<u32> = (0..parts.len() as u32).filter(is_example).collect();
+    let blamed = if blamed.len() < all.len() { blamed } else { Vec::new() };
+    for giving_way in [blamed, all] {
+        let mut gave_way = Vec::new();
+        for segment in giving_way {
+            let slots = (parts.get_mut(segment as usize), instead.get(segment as usize));
+            if let (Some(part), Some(Some(instead))) = slots {
+                *part = Part::Template(Arc::clone(instead));
+                gave_way.push(segment);
+            }
+        }
+        if gave_way.is_empty() {
+            continue;
+        }
+        let mut again = engine.compose(model, &parts, how, stop)?;
+        let after = engine.appraise(model, &again, allowed)?;
+        if after.flaws.is_empty() {
+            let segments = gave_way.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+            let why = appraisal.flaws.join("; ");
+            again.notes.push(format!("examples gave way to regular layouts on segments {segments}: {why}"));
+            return Ok(Sound { gave_way, ..Sound::of(again, after) });
         }
     }
-    if gave_way.is_empty() {
-        return Ok(Sound::of(made, appraisal));
-    }
-    let mut again = engine.compose(model, &parts, how, stop)?;
-    let after = engine.appraise(model, &again, allowed)?;
-    if !after.flaws.is_empty() {
-        return Ok(Sound::of(made, appraisal));
-    }
-    let segments = gave_way.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
-    let why = appraisal.flaws.join("; ");
-    again.notes.push(format!("examples gave way to regular layouts on segments {segments}: {why}"));
-    Ok(Sound { gave_way, ..Sound::of(again, after) })
+    Ok(Sound::of(made, appraisal))
 }
 
 /// More of the scan left bare than this is beyond what a layout can be made to follow.
