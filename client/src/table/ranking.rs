@@ -233,6 +233,7 @@ pub(crate) mod tests {
             resolution: 64,
             state: if rank < 3 { EntryState::Refining } else { EntryState::Locked },
             likeness: None,
+            agreement: None,
             similar_to: (rank == 3).then_some(1),
             template: None,
         }
