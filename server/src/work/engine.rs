@@ -21,10 +21,12 @@ mod cut;
 pub(crate) mod fake;
 pub mod kernel;
 mod mapped;
+mod packed;
 mod rough;
 
 pub use cut::{Besides, Cut, Grain};
 pub use mapped::{Fitted, Lead, Mapped, Reach, Wishes};
+pub use packed::{Packed, PackedFeature};
 pub use rough::{Rough, RoughLead};
 
 /// Why the engine refused or gave up.
@@ -314,28 +316,6 @@ pub struct Appraisal {
     pub flaws: Vec<String>,
     /// Segments on which the faces stand that make it so.
     pub flawed: Vec<u32>,
-}
-
-/// What an encoding is worth as bytes: a head that is read as a whole and its levels, each on its own.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Packed {
-    /// What is known of the segment.
-    pub facts: SegmentFacts,
-    /// Feature points.
-    pub features: Vec<PackedFeature>,
-    /// λ, level by level from the coarsest: the side in pixels and the pixels, row after row.
-    pub levels: Vec<(u32, Vec<f32>)>,
-}
-
-/// A feature point, as it is stored.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PackedFeature {
-    /// Where it lies in the domain.
-    pub uv: [f64; 2],
-    /// λ there.
-    pub lambda: f32,
-    /// Side of the level it was found at, in pixels.
-    pub side: u32,
 }
 
 /// What the service asks of the geometry.

@@ -92,6 +92,9 @@ impl<'a> Stitching<'a> {
     /// Stitches; what doesn't fit gives way, segment by segment, until everything does. `None` if nothing is left to try,
     /// or the caller asked to stop.
     pub(super) fn run(&self, pieces: &[Piece<'_>], report: &mut Report, stop: &dyn Fn() -> bool) -> Option<PolyMesh> {
+        if stop() {
+            return None;
+        }
         if let Some(mesh) = self.along_field(pieces, report) {
             return Some(mesh);
         }

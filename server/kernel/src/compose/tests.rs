@@ -259,9 +259,12 @@ fn what_misses_the_surface_is_made_finer_there_and_the_whole_is_not_subdivided()
     mesh.positions.iter_mut().for_each(|p| p.z = wave(p));
     let owner = owners(&mesh, |p| u32::from(p.x > 0.5));
     let input = Input { surface: &mesh, owner: &owner, count: 2 };
+    // Beside an example, a segment without one takes a template; without any, both would be laid out as one.
+    let example = disc(&layout::layout(&mesh, &owner, 2).curves[0][0], 8, 0.0, &Target::new(&mesh));
     let quads = |edge_scale: f64, closeness: Closeness| {
         let options = Options { edge_scale, closeness, ..Options::default() };
-        let made = compose(input, &[Piece::Nothing; 2], options, &|| false).expect("a valid surface");
+        let pieces = [Piece::Mapped(&example), Piece::Nothing];
+        let made = compose(input, &pieces, options, &|| false).expect("a valid surface");
         let middle = |c: &[u32]| c.iter().map(|&v| made.mesh.positions[v as usize].x).sum::<f64>() / c.len() as f64;
         let rough = made.mesh.faces.iter().filter(|c| middle(c) > 0.5).count();
         ([made.mesh.faces.len() - rough, rough], made.report)
