@@ -41,9 +41,20 @@ def before_load_schema(ctx, raw_schema):
                     content.pop("example", None)
 
 
+def packable(value):
+    """Makes floats of the integers that MessagePack has no room for: a JSON number may be of any length."""
+    if isinstance(value, dict):
+        return {packable(key): packable(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [packable(item) for item in value]
+    if isinstance(value, int) and not -(2**63) <= value < 2**64:
+        return float(value) if abs(value) < 2**1000 else float("inf")
+    return value
+
+
 @schemathesis.serializer("application/msgpack")
 def packed(ctx, value):
-    return msgpack.packb(value)
+    return msgpack.packb(packable(value))
 
 
 @schemathesis.deserializer("application/msgpack")
