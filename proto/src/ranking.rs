@@ -37,7 +37,7 @@ pub struct Ranking {
 
 /// A rough fit that agrees less is no map: of such only the first entry is laid. *Untuned:* maps that were worth keeping had more
 /// than −0.1.
-const AGREES_FROM: f64 = -0.15;
+pub const AGREES_FROM: f64 = -0.15;
 
 /// The entries that are worth laying in turn until one fits: the first `count` that are no near-duplicates of one above. Where some
 /// were laid roughly, those that did not fit are left out, but for the first; else as many more follow, those that lie on the input

@@ -177,15 +177,17 @@ pub fn by_likeness(laid: Vec<Candidate>, passed_over: Vec<Candidate>) -> Vec<Can
 }
 
 /// All candidates: those first that lie on the query when they are laid roughly, by how much of it they explain, each with the
-/// score of the place it comes to. Of near equals the one comes first that lies better without being bent.
+/// score of the place it comes to. Of near equals the one comes first that lies better without being bent. Those that another
+/// leads come before it: they have all that it has, and more.
 pub fn by_fit(all: Vec<Candidate>) -> Vec<Candidate> {
     let alike = |c: &Candidate| c.likeness.map_or(0.0, |likeness| likeness.weighed);
     let worth = |c: &Candidate| c.rough.as_ref().map_or(0.0, Rough::worth) * (1.0 + alike(c));
-    let (mut fitting, others): (Vec<Candidate>, Vec<Candidate>) = all.into_iter().partition(|c| worth(c) > 0.0);
+    let fits = |c: &Candidate| c.lead.is_some() || worth(c) > 0.0;
+    let (mut fitting, others): (Vec<Candidate>, Vec<Candidate>) = all.into_iter().partition(fits);
     if fitting.is_empty() {
         return others;
     }
-    fitting.sort_by(|a, b| worth(b).total_cmp(&worth(a)));
+    fitting.sort_by(|a, b| b.lead.is_some().cmp(&a.lead.is_some()).then(worth(b).total_cmp(&worth(a))));
     fitting.extend(others);
     with_scores_of_places(&mut fitting);
     fitting

@@ -7,7 +7,7 @@ use super::rest::{Rested, Rests, Start};
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::TriMesh;
-use crate::settle::{Landmark, Sought, poses};
+use crate::settle::{Landmark, Similarity, Sought, poses};
 
 /// Poses that are laid.
 const POSED: usize = 3;
@@ -16,6 +16,8 @@ const LEADING: usize = 24;
 /// An example whose best rough pose on another scores less is no part of it. *Untuned:* the face of one person on the head of
 /// another has more than half.
 const PART_FROM: f64 = 0.35;
+/// A part has at most this share of the whole's area: else either is as much a part of the other. *Untuned.*
+const PART_MAX: f64 = 0.7;
 
 /// A surface that is laid, or laid on.
 #[derive(Clone, Copy, Debug)]
@@ -58,7 +60,10 @@ pub fn rough(
 ) -> Option<RoughFit> {
     let mut rests = Rests::roughly(example.mesh, input.mesh)?;
     match lead {
-        Some(lead) => rests.tries_led(&leading(lead, example, input.mesh, stop)?, stop),
+        Some(lead) => {
+            rests = rests.holding(&leading(lead, example, input.mesh, stop)?);
+            rests.tries(&rests.carried()?, stop);
+        }
         None => {
             tips.iter().for_each(|tips| rests.tries_led(tips, stop));
             let may_be_part = [!example.is_closed, !input.is_closed];
@@ -92,7 +97,8 @@ impl RoughFit {
 fn leading(lead: Lead<'_>, example: Shape<'_>, input: &TriMesh, stop: &dyn Fn() -> bool) -> Option<Vec<Landmark>> {
     let may_be_part = [true, false];
     let found = poses(lead.mesh, example.mesh, may_be_part, Sought::Roughly, stop);
-    let (_, pose) = found.first().filter(|(score, _)| *score >= PART_FROM)?;
+    let share = |pose: &Similarity| pose.scale.powi(2) * lead.mesh.total_area() / example.mesh.total_area();
+    let (_, pose) = found.first().filter(|(score, pose)| *score >= PART_FROM && share(pose) <= PART_MAX)?;
     let pairs: Vec<(Vec3, Vec3)> =
         lead.mesh.positions.iter().zip(lead.places).map(|(from, there)| (pose.apply(from), *there)).collect();
     Some(between(example.mesh, input, &spread(&pairs)))

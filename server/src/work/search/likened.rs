@@ -36,6 +36,10 @@ const ROUGH_ENOUGH: f64 = 0.15;
 /// An example that explains less of the query than this, and is at least so sure, may lead others. *Untuned.*
 const LEADS_BELOW: f64 = 0.5;
 const LEADS_FROM: f64 = 0.25;
+/// An example that is led there and agrees less does not follow: what it has beyond the part is too unlike the query.
+const FOLLOWS_FROM: f64 = quadmuse_proto::ranking::AGREES_FROM;
+/// Examples that follow one: their maps decide whether they are worth more than the part alone.
+const FOLLOWERS: usize = 2;
 /// Examples that one may lead, of those with a rim: the most alike, then the first. Most are found to hold no such part at once.
 const LED_MAX: usize = 24;
 /// A segment with less of the query's faces is not worth it; nor is one of few faces, which lies on anything.
@@ -77,7 +81,7 @@ impl SegmentSearch<'_> {
         }
         let best = chosen.iter().copied().max_by(|&a, &b| worth(&candidates[a]).total_cmp(&worth(&candidates[b])));
         let Some(best) = best else { return Ok(()) };
-        let (from, least) = (candidates[best].clone(), worth(&candidates[best]));
+        let from = candidates[best].clone();
         let Some(rough) = from.rough.clone().filter(|r| r.agreement >= LEADS_FROM && r.covered < LEADS_BELOW) else {
             return Ok(());
         };
@@ -91,10 +95,15 @@ impl SegmentSearch<'_> {
         led.sort_by(|&a, &b| alike(&candidates[b]).total_cmp(&alike(&candidates[a])));
         led.truncate(LED_MAX);
         let fits = self.all_rough(candidates, &led, Some(lead)).await?;
-        for (at, fit) in led.into_iter().zip(fits) {
-            if fit.as_ref().is_some_and(|fit| fit.worth() > least) {
-                (candidates[at].rough, candidates[at].lead) = (fit, Some(from.key()));
-            }
+        let mut followers: Vec<(usize, Rough)> = led
+            .into_iter()
+            .zip(fits)
+            .filter_map(|(at, fit)| Some((at, fit?)))
+            .filter(|(at, fit)| fit.agreement >= FOLLOWS_FROM && fit.worth() > worth(&candidates[*at]))
+            .collect();
+        followers.sort_by(|(_, a), (_, b)| b.worth().total_cmp(&a.worth()));
+        for (at, fit) in followers.into_iter().take(FOLLOWERS) {
+            (candidates[at].rough, candidates[at].lead) = (Some(fit), Some(from.key()));
         }
         Ok(())
     }

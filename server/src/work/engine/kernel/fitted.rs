@@ -132,7 +132,7 @@ pub(super) fn fit(
 struct Known<'a> {
     /// Points that are held.
     held: &'a [Held],
-    /// Points that lead there, and are let go then.
+    /// Points that lead there: they are held while it settles, but not met exactly.
     led: &'a [KernelLandmark],
 }
 
@@ -181,11 +181,9 @@ fn settled(
     let mesh = &one.patch.mesh;
     let Some(mut rests) = Rests::new(mesh, input) else { return Ok(None) };
     if !known.led.is_empty() {
-        rests.tries_led(known.led, &stopped);
-        let best = rests.into_best(&stopped);
-        return stop.reason().map_or(Ok(best), |reason| Err(EngineError::Stopped(reason)));
-    }
-    if !known.held.is_empty() {
+        // Let go of, what lies right would be drawn away by what the example has beyond: a head by a crown.
+        rests = rests.holding(known.led);
+    } else if !known.held.is_empty() {
         let trees = (Bvh::new(mesh), Bvh::new(input));
         let at = |h: &Held| KernelLandmark::between(mesh, &trees.0.closest(h.from), trees.1.closest(h.at));
         let landmarks: Vec<KernelLandmark> = known.held.iter().filter_map(at).collect();

@@ -1,0 +1,260 @@
+#!/usr/bin/env python3
+"""Judges Quadmuse on the shared meshes: one table a set, in Markdown.
+
+    judged.py SET[:PREFIX]… [--programs DIR] [--shared DIR] [--out DIR]
+
+Sets: scans (retopo with the shared corpus), extents, cross, species, unseen, groundtruth (one example onto one input).
+PREFIX limits a set to rows whose name begins with it. DIR of --programs has quadmuse and quadmuse-server (default:
+target/release). Needs numpy and scipy. Starts a server of its own on a free port. Results, maps and pictures stay in --out.
+"""
+
+import argparse
+import csv
+import json
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+TICKS = os.sysconf("SC_CLK_TCK")
+
+
+class Service:
+    """A server on a free port, and the client that talks to it."""
+
+    def __init__(self, programs, folder):
+        self.client = str(programs / "quadmuse")
+        log = open(folder / "server.log", "w")
+        command = [programs / "quadmuse-server", "serve", "--data", folder / "data", "--listen", "127.0.0.1:0"]
+        self.server = subprocess.Popen(command, stdout=log, stderr=log)
+        for _ in range(300):
+            found = re.search(r'"address":"(127[0-9.:]*)', (folder / "server.log").read_text())
+            if found:
+                break
+            time.sleep(0.1)
+        self.url = f"http://{found[1]}"
+
+    def run(self, *arguments):
+        """Runs the client; answers with its last line of JSON and its complaints."""
+        command = [self.client, "--server", self.url, "--json", *map(str, arguments)]
+        done = subprocess.run(command, capture_output=True, text=True)
+        lines = done.stdout.strip().splitlines()
+        try:
+            answer = json.loads(lines[-1]) if lines else {}
+        except json.JSONDecodeError:
+            answer = {}
+        return answer, done.stderr.strip()
+
+    def seconds(self):
+        """Processor seconds of the server until now."""
+        fields = pathlib.Path(f"/proc/{self.server.pid}/stat").read_text().rsplit(")", 1)[1].split()
+        return (int(fields[11]) + int(fields[12])) / TICKS
+
+    def stop(self):
+        self.server.terminate()
+        self.server.wait()
+
+
+def rows_of(path):
+    with open(path) as file:
+        return list(csv.DictReader(file))
+
+
+def print_table(head, rows):
+    print("| " + " | ".join(head) + " |\n|" + "---|" * len(head))
+    for row in rows:
+        print("| " + " | ".join("–" if value is None else str(value) for value in row) + " |")
+
+
+def mean(values):
+    values = [value for value in values if value is not None]
+    return round(sum(values) / len(values), 3) if values else None
+
+
+def judge_scans(service, meshes, out, prefix):
+    """Retopology of all scans with the shared corpus; the mean of the inspired share is the figure."""
+    names = [row["file"] for row in rows_of(meshes / "quads/manifest.csv") if row["category"] not in ("cloth", "hair")]
+    service.run("add", *[meshes / "quads" / name for name in names])
+    table = []
+    for row in rows_of(meshes / "scans/manifest.csv"):
+        name = row["file"]
+        stem = name.rsplit(".", 1)[0]
+        if not name.startswith(prefix):
+            continue
+        before, begun = service.seconds(), time.time()
+        mesh, picture = out / f"{stem}.obj", out / f"{stem}.png"
+        answer, problem = service.run("retopo", meshes / "scans" / name, "-o", mesh, "--force", "--picture", picture)
+        took, used = time.time() - begun, service.seconds() - before
+        (out / f"{stem}.json").write_text(json.dumps(answer, indent=1) + "\n" + problem)
+        share = (answer.get("inspired") or 0) * ((answer.get("covers") or {}).get("input") or 1)
+        judged = {}
+        if mesh.exists():
+            import judge
+
+            vertices, faces = judge.load(mesh)
+            judged = judge.mesh_report(vertices, faces)
+            judged.update(judge.distance(vertices, faces, *judge.load(meshes / "scans" / name)))
+        example = answer.get("example") or answer.get("name") or ""
+        row = [stem, answer.get("verdict", "refused"), round(share, 3), example, judged.get("quads"), judged.get("extraordinary"),
+               judged.get("angle_deviation_mean_deg"), judged.get("angle_deviation_p95_deg"), *far(judged), round(took, 1), round(used, 1)]
+        table.append(row)
+        print("|", *row, file=sys.stderr, flush=True)
+    head = ["scan", "verdict", "inspired", "example", "quads", "extraordinary", "angle °", "p95 °", "to scan p95 %", "from scan p95 %", "s", "processor s"]
+    print_table(head, table)
+    print(f"\nscans: {len(table)}, inspired {mean([row[2] for row in table])}, seconds {mean([row[-2] for row in table])}, processor seconds {mean([row[-1] for row in table])}")
+
+
+def far(judged):
+    """The distances within which 95 % of the result lies from the scan, and of the scan from the result."""
+    return [judged.get(way, {}).get("p95") for way in ("out_to_scan_pct", "scan_to_out_pct")]
+
+
+def mapped(service, example, scan, out, tag):
+    """Maps one example onto one input; answers with the resource, the files, seconds and what went wrong."""
+    mesh, kept = out / f"{tag}.obj", out / f"{tag}.kept"
+    for stale in (mesh, kept):
+        stale.unlink(missing_ok=True)
+    _, problem = service.run("add", example, "--whole-only", "--tag", tag)
+    query, more = service.run("query", scan, "--tag", tag, "--top", 1, "--segments", "whole")
+    before = service.seconds()
+    answer, most = service.run("map", "@last", example.stem, "-o", mesh, "--force", "--kept", kept)
+    used = service.seconds() - before
+    (out / f"{tag}.json").write_text(json.dumps(answer, indent=1) + "\n" + "\n".join([problem, more, most]))
+    return answer, mesh if mesh.exists() else None, kept if kept.exists() else None, used, (most or more or problem).splitlines()[-1:]
+
+
+def is_shown(prefix, *names):
+    return any(name.startswith(prefix) for name in names)
+
+
+def judge_pairs(service, meshes, out, prefix, folder):
+    """Pairs with a truth for each vertex: extents, unseen, groundtruth."""
+    import judge
+    import judge_extents
+    import numpy
+
+    table = []
+    for number, row in enumerate(rows_of(meshes / folder / "pairs.csv")):
+        tag = f"{folder}-{row['kind']}-{number}"
+        if not is_shown(prefix, row["kind"], row["example"]):
+            continue
+        at = meshes / folder
+        answer, mesh, kept, used, problem = mapped(service, at / row["example"], at / row["input"], out, tag)
+        judged = {}
+        if mesh:
+            vertices, faces = judge_extents.read(mesh)
+            true_vertices, true_faces = judge_extents.read(at / row["truth"])
+            numbers = numpy.loadtxt(kept).astype(int) if kept and answer.get("kept") is not None else None
+            own = len(true_vertices) if numbers is None else len(numbers)
+            inside = numpy.loadtxt(at / row["inside"]).astype(bool) if "inside" in row else numpy.ones(len(true_vertices), bool)
+            judged = judge_extents.report(vertices[:own], true_vertices, true_faces, inside, numbers)
+        cells = [row["kind"], row["example"].removeprefix("example_").removesuffix(".obj"), answer.get("verdict"), judged.get("median_pct"),
+                 judged.get("p95_pct"), judged.get("missing"), round(used, 1), "; ".join(answer.get("reasons") or problem)[:100]]
+        table.append(cells)
+        print("|", *cells, file=sys.stderr, flush=True)
+    print_table(["kind", "pair", "verdict", "median %", "p95 %", "missing", "processor s", "reasons"], table)
+    print("\n| kind | pairs | mean median % | worst median % | mean p95 % | verdicts | processor s |\n|---|---|---|---|---|---|---|")
+    for kind in dict.fromkeys(row[0] for row in table):
+        of = [row for row in table if row[0] == kind]
+        medians = [row[3] for row in of if row[3] is not None]
+        verdicts = " ".join(f"{verdict} {[row[2] for row in of].count(verdict)}" for verdict in dict.fromkeys(row[2] for row in of))
+        print(f"| {kind} | {len(of)} | {mean(medians)} | {max(medians, default=None)} | {mean([row[4] for row in of])} | {verdicts} | {mean([row[6] for row in of])} |")
+
+
+def judge_cross(service, meshes, out, prefix):
+    """Heads of two families onto each other, by named points: m is asked at most .075 in the mean, .15 at worst."""
+    import judge_cross
+    import judge_extents
+    import numpy
+
+    table = []
+    for family, other in (("mh", "ict"), ("ict", "mh")):
+        for i in range(4):
+            for j in range(4):
+                example, scan = f"{family}_{i:02}", f"{other}_{j:02}"
+                if not is_shown(prefix, example):
+                    continue
+                tag = f"cross-{example}-{scan}"
+                at = meshes / "cross"
+                answer, mesh, kept, used, problem = mapped(service, at / f"{example}.obj", at / f"input_{scan}.ply", out, tag)
+                judged = {}
+                if mesh:
+                    numbers = numpy.loadtxt(kept).astype(int) if kept and answer.get("kept") is not None else None
+                    judged = judge_cross.report(judge_extents.read(mesh)[0], family, scan, numbers)
+                cells = [example, scan, answer.get("verdict"), judged.get("m"), judged.get("worst"), judged.get("missing"), round(used, 1)]
+                table.append(cells)
+                print("|", *cells, *problem, file=sys.stderr, flush=True)
+    print_table(["example", "scan", "verdict", "m", "worst point", "points missing", "processor s"], table)
+    ms = [row[3] for row in table if row[3] is not None]
+    print(f"\ncross: {len(table)} maps, mean m {mean(ms)}, worst {max(ms, default=None)}, processor seconds {mean([row[-1] for row in table])}")
+
+
+def judge_species(service, meshes, out, prefix):
+    """Animals onto each other, by named parts: agreement is asked at least .85 in the mean without trex."""
+    import judge_extents
+    import judge_species
+
+    at = meshes / "species"
+    species = sorted(path.stem.removeprefix("quads_") for path in at.glob("quads_*.obj"))
+    table = []
+    for example in species:
+        for scan in species:
+            if example == scan or not is_shown(prefix, example):
+                continue
+            answer, mesh, kept, used, problem = mapped(service, at / f"quads_{example}.obj", at / f"input_{scan}.ply", out, f"species-{example}-{scan}")
+            agree = legs = None
+            if mesh:
+                vertices, faces = judge_extents.read(mesh)
+                labels = (at / f"labels_{example}.txt").read_text().split()
+                if kept and answer.get("kept") is not None:
+                    labels = [labels[int(line)] for line in kept.read_text().split()]
+                placed, _ = judge_extents.read(at / f"placed_{scan}.obj")
+                own = len(labels)
+                faces = [face for face in faces if max(face) < own]
+                judged = judge_species.report(vertices[:own], faces, labels, placed, (at / f"labels_{scan}.txt").read_text().split())
+                agree, legs = judged["agree"], judged["legs"]
+            cells = [example, scan, answer.get("verdict"), agree, legs, round(used, 1)]
+            table.append(cells)
+            print("|", *cells, *problem, file=sys.stderr, flush=True)
+    print_table(["example", "scan", "verdict", "agreement", "legs", "processor s"], table)
+    known = [row for row in table if "trex" not in row[:2]]
+    print(f"\nspecies: {len(table)} maps; without trex mean agreement {mean([row[3] for row in known])}, {sum((row[3] or 0) >= .96 for row in known)} of {len(known)} at least .96")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("sets", nargs="+", metavar="SET[:PREFIX]")
+    parser.add_argument("--programs", type=pathlib.Path, default=ROOT / "target/release")
+    parser.add_argument("--shared", type=pathlib.Path, default=pathlib.Path(os.environ.get("QUADMUSE_SHARED", ROOT.parent / "shared")))
+    parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("judged"))
+    arguments = parser.parse_args()
+    meshes = arguments.shared / "meshes"
+    if not meshes.is_dir():
+        sys.exit(f"no meshes at {meshes}: set QUADMUSE_SHARED, or give --shared")
+    sys.path.insert(0, str(arguments.shared / "eval"))
+    for asked in arguments.sets:
+        name, _, prefix = asked.partition(":")
+        out = arguments.out / name
+        out.mkdir(parents=True, exist_ok=True)
+        service = Service(arguments.programs, out)
+        try:
+            print(f"\n## {name}\n", flush=True)
+            if name == "scans":
+                judge_scans(service, meshes, out, prefix)
+            elif name == "cross":
+                judge_cross(service, meshes, out, prefix)
+            elif name == "species":
+                judge_species(service, meshes, out, prefix)
+            elif name in ("extents", "unseen", "groundtruth"):
+                judge_pairs(service, meshes, out, prefix, name)
+            else:
+                sys.exit(f"no set is called {name}")
+        finally:
+            service.stop()
+
+
+if __name__ == "__main__":
+    main()
