@@ -4,7 +4,7 @@ mod headline;
 mod surrounded;
 
 use super::engine::{
-    Allowed, Appraisal, BARE, Encoded, Engine, EngineError, Model, ModelSegment, OnePart, Part, Stitched, Stitching,
+    Allowed, Appraisal, BARE, Encoded, Engine, EngineError, Model, OnePart, Part, Stitched, Stitching,
 };
 use super::making::{self, Making, Tell};
 use super::mapping::{self, LiveMap, get};
@@ -123,7 +123,7 @@ async fn made(
     // Whatever finding it took.
     let job = job.renew(Some(REQUEST_TIME_MAX));
     let alone = lone.filter(|_| wanted.density == 0);
-    let most = most(&live.model, &maps).filter(|_| wanted.density == 0);
+    let is_as_dense = wanted.density == 0;
     let stitch = move |stop: &Stop| -> Result<Sound, EngineError> {
         match surrounded.map(|surrounded| surrounded.stitched(&*engine, (how, allowed), stop)) {
             Some(Ok(Some(sound))) => return Ok(sound),
@@ -132,7 +132,7 @@ async fn made(
             }
             _ => {}
         }
-        if let Some(alone) = alone.map(|map| as_mapped(&map, 1, 0)) {
+        if let Some(alone) = alone.map(|map| as_mapped(&[(0, map)], 1)) {
             let appraisal = engine.appraise(&model, &alone, allowed)?;
             return Ok(Sound::of(alone, appraisal));
         }
@@ -144,20 +144,22 @@ async fn made(
             return Ok(Sound::of(whole, appraisal));
         }
         let sound = stitched_sound(&*engine, &model, (parts, &instead), (how, allowed), stop)?;
-        let Some((segment, map)) = most.filter(|_| sound.is_poor_beside_alone()) else { return Ok(sound) };
-        let map = as_mapped(&map, model.segments.len(), segment);
-        let appraisal = engine.appraise(&model, &map, Allowed { bare: 1.0, ..allowed })?;
-        Ok(if appraisal.flaws.is_empty() { Sound::alone(map, appraisal, segment as u32) } else { sound })
+        let standing = if is_as_dense { standing(&model, &engine.alone(&model)?, &maps) } else { Vec::new() };
+        if standing.is_empty() || !sound.is_poor_beside(&standing, &model) {
+            return Ok(sound);
+        }
+        Ok(unstitched(&*engine, &model, standing, allowed)?.unwrap_or(sound))
     };
-    let Sound { made: stitched, appraisal, gave_way, alone, around } = work.pool.run(&job, Lane::Lay, stitch).await??;
+    let Sound { made: stitched, appraisal, gave_way, unstitched, around } =
+        work.pool.run(&job, Lane::Lay, stitch).await??;
     if stitched.is_poor_kept {
         summaries.append(&mut poor);
     }
     templates.extend(poor.iter().map(|part| part.segment));
     templates.extend(&gave_way);
     summaries.retain(|part| !gave_way.contains(&part.segment));
-    if let Some(segment) = alone {
-        summaries.retain(|part| part.segment == segment);
+    if !unstitched.is_empty() {
+        summaries.retain(|part| unstitched.contains(&part.segment));
         templates.clear();
     }
     templates.sort_unstable();
@@ -168,7 +170,7 @@ async fn made(
         laid.iter_mut().flatten().for_each(|laid| laid.reasons.retain(|reason| !reason.starts_with(BARE)));
     }
     let mut headline = headline(&laid, &appraisal);
-    if alone.is_some() {
+    if !unstitched.is_empty() && unstitched.len() < live.model.segments.len() {
         headline.verdict = headline.verdict.max(Verdict::Fair);
         headline.reasons.push(ALONE.into());
     }
@@ -198,7 +200,7 @@ async fn made(
     Ok(composition)
 }
 
-/// What is said of a composition that is but the map of most of the scan.
+/// What is said of a composition that is but the maps of most of the scan.
 const ALONE: &str = "the smaller parts of the scan are left bare: with them the mesh was broken, or lost the example";
 
 /// What a composition came to.
@@ -207,26 +209,25 @@ struct Sound {
     appraisal: Appraisal,
     /// Segments whose examples gave way to regular layouts.
     gave_way: Vec<u32>,
-    /// The segment on which alone there is a mesh.
-    alone: Option<u32>,
+    /// The segments on which alone there is a mesh, where that is their maps side by side; else empty.
+    unstitched: Vec<u32>,
     /// What is told of the parts of a scan that was cut along the rim of its map.
     around: Option<Vec<Option<BroughtMap>>>,
 }
 
 impl Sound {
     fn of(made: Stitched, appraisal: Appraisal) -> Self {
-        Self { made, appraisal, gave_way: Vec::new(), alone: None, around: None }
+        Self { made, appraisal, gave_way: Vec::new(), unstitched: Vec::new(), around: None }
     }
 
-    /// Whether the map of most of the scan alone is better, if it is sound: this mesh is not, or next to nothing of it is an
-    /// example's any more.
-    fn is_poor_beside_alone(&self) -> bool {
+    /// Whether some maps side by side are better, if they are sound: this mesh is not, or the examples lost most of what they
+    /// have there.
+    fn is_poor_beside(&self, standing: &[(usize, Arc<LiveMap>)], model: &Model) -> bool {
         let inspired = self.appraisal.examples.iter().sum::<f64>() * self.appraisal.covered;
-        !self.appraisal.flaws.is_empty() || inspired < INSPIRED_BESIDE_ALONE
-    }
-
-    fn alone(made: Stitched, appraisal: Appraisal, segment: u32) -> Self {
-        Self { alone: Some(segment), ..Self::of(made, appraisal) }
+        let all: u64 = model.segments.iter().map(|segment| segment.faces).sum();
+        let share = |number: usize| model.segments.get(number).map_or(0.0, |s| s.faces as f64 / all.max(1) as f64);
+        let beside: f64 = standing.iter().map(|(number, map)| share(*number) * map.newest().summary.covers.input).sum();
+        !self.appraisal.flaws.is_empty() || inspired < LOST * beside
     }
 }
 
@@ -282,23 +283,60 @@ fn lone(maps: &[Option<Arc<LiveMap>>], bare: f64) -> Option<Arc<LiveMap>> {
     (bare > BARE_MIN).then(|| Arc::clone(map))
 }
 
-/// Where examples have less of the scan than this, half of what a segment that is most of it has at least, one of these was lost.
-const INSPIRED_BESIDE_ALONE: f64 = 0.25;
+/// Where examples have less than this share of the scan that their maps cover, they were lost.
+const LOST: f64 = 0.5;
 
 /// A segment with this share of a scan's faces is most of it.
 const MOST: f64 = 0.5;
 
-/// The map of the one of several segments that is most of a scan, with its segment.
-fn most(model: &Model, maps: &[Option<Arc<LiveMap>>]) -> Option<(usize, Arc<LiveMap>)> {
+/// Maps that can stand side by side without being stitched, with their segments: those of segments that have their components of the
+/// scan to themselves (`alone`), where these are most of it, or else that of the one segment that is.
+fn standing(model: &Model, alone: &[bool], maps: &[Option<Arc<LiveMap>>]) -> Vec<(usize, Arc<LiveMap>)> {
+    if maps.len() < 2 {
+        return Vec::new();
+    }
     let all: u64 = model.segments.iter().map(|segment| segment.faces).sum();
-    let is_most = |segment: &ModelSegment| segment.faces as f64 >= MOST * all as f64;
-    let mut mapped = maps.iter().zip(&model.segments).enumerate().filter(|_| maps.len() > 1);
-    mapped.find_map(|(number, (map, segment))| Some((number, Arc::clone(map.as_ref().filter(|_| is_most(segment))?))))
+    let faces = |number: usize| model.segments.get(number).map_or(0, |segment| segment.faces);
+    let is_most = |some: &[(usize, Arc<LiveMap>)]| {
+        some.iter().map(|(number, _)| faces(*number)).sum::<u64>() as f64 >= MOST * all as f64
+    };
+    let mapped: Vec<(usize, Arc<LiveMap>)> =
+        maps.iter().enumerate().filter_map(|(number, map)| Some((number, Arc::clone(map.as_ref()?)))).collect();
+    let apart: Vec<(usize, Arc<LiveMap>)> =
+        mapped.iter().filter(|(number, _)| alone.get(*number) == Some(&true)).cloned().collect();
+    if is_most(&apart) {
+        return apart;
+    }
+    mapped.into_iter().find(|one| is_most(std::slice::from_ref(one))).into_iter().collect()
 }
 
-/// A map as a composition of `count` segments.
-fn as_mapped(map: &LiveMap, count: usize, segment: usize) -> Stitched {
-    Stitched::as_mapped(&map.newest().mapped.mesh, (0..count).map(|k| k == segment).collect())
+/// The maps of some segments side by side, without those to blame for what is wrong with them; `None` where none is left.
+fn unstitched(
+    engine: &dyn Engine,
+    model: &Model,
+    mut standing: Vec<(usize, Arc<LiveMap>)>,
+    allowed: Allowed,
+) -> Result<Option<Sound>, EngineError> {
+    while !standing.is_empty() {
+        let made = as_mapped(&standing, model.segments.len());
+        let appraisal = engine.appraise(model, &made, Allowed { bare: 1.0, ..allowed })?;
+        let count = standing.len();
+        if appraisal.flaws.is_empty() {
+            let unstitched = standing.iter().map(|(number, _)| *number as u32).collect();
+            return Ok(Some(Sound { unstitched, ..Sound::of(made, appraisal) }));
+        }
+        standing.retain(|(number, _)| !appraisal.flawed.contains(&(*number as u32)));
+        if standing.len() == count {
+            break;
+        }
+    }
+    Ok(None)
+}
+
+/// Maps as a composition of `count` segments.
+fn as_mapped(maps: &[(usize, Arc<LiveMap>)], count: usize) -> Stitched {
+    let meshes: Vec<Arc<PolyMesh>> = maps.iter().map(|(_, map)| Arc::clone(&map.newest().mapped.mesh)).collect();
+    Stitched::as_mapped(&meshes, (0..count).map(|k| maps.iter().any(|(number, _)| *number == k)).collect())
 }
 
 /// What the maps of all segments are on purpose. A map that leaves some of the scan bare does so alone: beside others the rest is

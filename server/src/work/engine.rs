@@ -4,7 +4,7 @@
 //! Every method is a plain sequential computation, to be run on the pool.
 
 use crate::pool::{Stop, StopReason};
-use quadmuse_kernel::compose::check::extraordinary;
+use quadmuse_kernel::compose::{apart::side_by_side, check::extraordinary};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_kernel::rank::Shape;
 use quadmuse_kernel::rank::coarse::CoarseQuery;
@@ -282,11 +282,15 @@ pub struct Stitched {
 }
 
 impl Stitched {
-    /// The mesh of a map as it is.
-    pub fn as_mapped(mesh: &Arc<PolyMesh>, is_example: Vec<bool>) -> Self {
-        let extraordinary = extraordinary(mesh) as u64;
+    /// The meshes of some maps as they are.
+    pub fn as_mapped(meshes: &[Arc<PolyMesh>], is_example: Vec<bool>) -> Self {
+        let mesh = match meshes {
+            [mesh] => Arc::clone(mesh),
+            _ => Arc::new(side_by_side(meshes.iter().map(|mesh| &**mesh))),
+        };
+        let extraordinary = extraordinary(&mesh) as u64;
         Self {
-            mesh: Arc::clone(mesh),
+            mesh,
             is_example,
             is_poor_kept: false,
             extraordinary_vertices: extraordinary,
@@ -563,6 +567,14 @@ pub trait Engine: Send + Sync + 'static {
     ///
     /// There is one part a segment, in their order.
     fn compose(&self, query: &Model, parts: &[Part], how: Stitching, stop: &Stop) -> Result<Stitched, EngineError>;
+
+    /// Whether each segment has its components of the input to itself, so that it needs no stitching.
+    ///
+    /// # Errors
+    /// [`EngineError::Internal`].
+    fn alone(&self, query: &Model) -> Result<Vec<bool>, EngineError> {
+        Ok(vec![false; query.segments.len()])
+    }
 
     /// Measures a composition against its input.
     ///

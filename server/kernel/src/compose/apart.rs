@@ -92,18 +92,10 @@ fn component(input: Input<'_>, triangles: &[u32]) -> Component {
 
 /// One mesh of those of the components, and one report of theirs; `fit` is to be measured.
 pub fn together(made: Vec<(Vec<usize>, Composed)>, segments: usize) -> (PolyMesh, Report) {
-    let mut mesh = PolyMesh::default();
+    let mesh = side_by_side(made.iter().map(|(_, composed)| &composed.mesh));
     let mut all = Report { subdivided: vec![0; segments], ..Report::default() };
     let is_lone = made.len() == 1;
-    for (of, Composed { mesh: part, report }) in made {
-        let first = mesh.positions.len() as u32;
-        mesh.positions.extend(&part.positions);
-        let mut corners = Vec::new();
-        for face in part.faces.iter() {
-            corners.clear();
-            corners.extend(face.iter().map(|v| first + v));
-            mesh.faces.push(&corners);
-        }
+    for (of, Composed { report, .. }) in made {
         let way = match report.way {
             Way::InputSubdivided if !is_lone => Way::PartsReplaced,
             way => way,
@@ -128,6 +120,33 @@ pub fn together(made: Vec<(Vec<usize>, Composed)>, segments: usize) -> (PolyMesh
     all.missing.sort_unstable();
     all.own.sort_unstable();
     (mesh, all)
+}
+
+/// The vertices and faces of several meshes as those of one, in their order.
+pub fn side_by_side<'a>(meshes: impl IntoIterator<Item = &'a PolyMesh>) -> PolyMesh {
+    let mut all = PolyMesh::default();
+    let mut corners = Vec::new();
+    for mesh in meshes {
+        let first = all.positions.len() as u32;
+        all.positions.extend(&mesh.positions);
+        for face in mesh.faces.iter() {
+            corners.clear();
+            corners.extend(face.iter().map(|v| first + v));
+            all.faces.push(&corners);
+        }
+    }
+    all
+}
+
+/// Whether each segment has its components of the input to itself, so that it needs no stitching.
+pub fn alone(input: Input<'_>) -> Vec<bool> {
+    let mut alone = vec![false; input.count];
+    for component in apart(input) {
+        if let [segment] = component.segments[..] {
+            alone[segment] = true;
+        }
+    }
+    alone
 }
 
 /// What distances and lengths of edges are measured by: the whole input, also for one of its components.
@@ -163,6 +182,12 @@ mod tests {
         // A segment on both keeps them together.
         let owner: Vec<u32> = owner.iter().map(|s| s / 2).collect();
         assert_eq!(apart(Input { surface: &surface, owner: &owner, count: 2 }).len(), 1);
+    }
+
+    #[test]
+    fn a_segment_that_shares_its_component_is_not_alone() {
+        let (surface, owner) = two_sheets();
+        assert_eq!(alone(Input { surface: &surface, owner: &owner, count: 4 }), [false, true, false, false]);
     }
 
     #[test]

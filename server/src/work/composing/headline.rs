@@ -37,7 +37,7 @@ pub(super) fn headline(brought: &[Option<BroughtMap>], appraisal: &Appraisal) ->
         all.filter_map(|(segment, (laid, share))| Some((segment, laid.as_ref()?, *share))).filter(|part| part.2 > 0.0)
     };
     let whole: f64 = used().map(|part| part.2).sum();
-    let inspired = used().map(|(_, laid, share)| share * laid.inspired).sum::<f64>().clamp(0.0, 1.0);
+    let inspired = used().map(|(_, laid, share)| share * laid.inspired).sum::<f64>().clamp(0.0, 1.0).abs();
     let mean = used().map(|(_, laid, share)| share * laid.covers_example).sum::<f64>() / whole.max(f64::MIN_POSITIVE);
     let covers = Covers { example: if whole > 0.0 { mean } else { 0.0 }, input: appraisal.covered };
     let (mut verdict, mut reasons) = (Verdict::Good, appraisal.flaws.clone());

@@ -323,6 +323,11 @@ impl Engine for KernelEngine {
         stitch::compose(query, parts, how, stop)
     }
 
+    fn alone(&self, query: &Model) -> Result<Vec<bool>, EngineError> {
+        let inner: &ModelInner = query.inner.open()?;
+        Ok(kernel::compose::apart::alone(inner.ground().input()))
+    }
+
     fn appraise(&self, query: &Model, made: &Stitched, allowed: Allowed) -> Result<Appraisal, EngineError> {
         sound::appraise(query, made, allowed)
     }
