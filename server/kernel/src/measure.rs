@@ -11,6 +11,7 @@ use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
 use crate::register::Query;
 use crate::register::entry::Hypothesis;
+use crate::topology::Topology;
 use crate::unfold::Chart;
 pub use coverage::Coverage;
 
@@ -95,6 +96,42 @@ pub fn angle_distortion(example: &TriMesh, cross: &CrossMap) -> Distribution {
     distribution(stretches(example, cross).map(angle).collect(), 0.0, 60.0)
 }
 
+/// By how much a map changes the angles that matter to a layout, as a distribution like [`Distortion::angle_deg`]. Along a ring or
+/// torus a layout may be drawn out: there it is by how much the angle between rows (constant v) and columns changes, in degrees;
+/// `chart` is the example's.
+pub fn layout_distortion(example: &TriMesh, cross: &CrossMap, chart: &Chart) -> Distribution {
+    if !is_ring(chart) {
+        return angle_distortion(example, cross);
+    }
+    let sheared = |(t, corners): (usize, &[u32; 3])| {
+        let v = corners.map(|c| chart.uv[c as usize][1]);
+        let beside = |to: f64| to - v[0] - if chart.topology == Topology::Torus { (to - v[0]).round() } else { 0.0 };
+        let before = flat(corners.map(|v| example.positions[v as usize]));
+        let jacobian = jacobian(before, flat(corners.map(|v| cross.positions[v as usize])))?;
+        Some((shear_deg(before, jacobian, [beside(v[1]), beside(v[2])]), example.area(t)))
+    };
+    distribution(example.triangles.iter().enumerate().filter_map(sheared).collect(), 0.0, 60.0)
+}
+
+/// Whether a surface goes round: a ring, or a torus.
+pub fn is_ring(chart: &Chart) -> bool {
+    matches!(chart.topology, Topology::Annulus | Topology::Torus)
+}
+
+/// By how much the angle between the lines of constant v and those across them changes, in degrees; `rise`: v at the second and the
+/// third corner, from the first.
+fn shear_deg([l, a, h]: [f64; 3], [x, y, z]: [f64; 3], rise: [f64; 2]) -> f64 {
+    let (along, across) = (rise[0] / l, (rise[1] - a * rise[0] / l) / h);
+    let carried = |[p, q]: [f64; 2]| [x * p + y * q, z * q];
+    let (one, two) = (carried([along, across]), carried([-across, along]));
+    let lengths = one[0].hypot(one[1]) * two[0].hypot(two[1]);
+    if lengths > 0.0 {
+        ((one[0] * two[0] + one[1] * two[1]) / lengths).abs().min(1.0).asin().to_degrees()
+    } else {
+        90.0
+    }
+}
+
 /// The singular values of the map of each triangle that has an area, and that area.
 fn stretches(example: &TriMesh, cross: &CrossMap) -> impl Iterator<Item = ([f64; 2], f64)> {
     example.triangles.iter().enumerate().filter_map(|(t, corners)| {
@@ -104,20 +141,22 @@ fn stretches(example: &TriMesh, cross: &CrossMap) -> impl Iterator<Item = ([f64;
     })
 }
 
+/// A triangle in its own plane: the length of its first edge, and the third corner along and across it.
+fn flat(p: [Vec3; 3]) -> [f64; 3] {
+    let (e, f) = (p[1] - p[0], p[2] - p[0]);
+    let length = e.norm();
+    let along = if length > 0.0 { e.dot(&f) / length } else { 0.0 };
+    [length, along, (f.norm_squared() - along * along).max(0.0).sqrt()]
+}
+
+/// The linear map (x y; 0 z) between two triangles in their planes; `None` for a triangle without area.
+fn jacobian([l, a, h]: [f64; 3], [m, b, g]: [f64; 3]) -> Option<[f64; 3]> {
+    (l > 0.0 && h > 0.0).then(|| [m / l, (b - a * m / l) / h, g / h])
+}
+
 /// Singular values (greater first) of the linear map between two triangles; `None` for a triangle without area.
 fn singular_values(before: [Vec3; 3], after: [Vec3; 3]) -> Option<[f64; 2]> {
-    let flat = |p: [Vec3; 3]| {
-        let (e, f) = (p[1] - p[0], p[2] - p[0]);
-        let length = e.norm();
-        let along = if length > 0.0 { e.dot(&f) / length } else { 0.0 };
-        [length, along, (f.norm_squared() - along * along).max(0.0).sqrt()]
-    };
-    let ([l, a, h], [m, b, g]) = (flat(before), flat(after));
-    if l <= 0.0 || h <= 0.0 {
-        return None;
-    }
-    // Upper triangular Jacobian (x 0; y z) in frames along the first edge.
-    let (x, y, z) = (m / l, (b - a * m / l) / h, g / h);
+    let [x, y, z] = jacobian(flat(before), flat(after))?;
     let (sum, difference) = ((x + z).hypot(y), (x - z).hypot(y));
     Some([0.5 * (sum + difference), 0.5 * (sum - difference).abs()])
 }
@@ -174,7 +213,14 @@ pub struct Evidence {
     pub laid_angle_p95_deg: f64,
     /// What of the input the map leaves out.
     pub coverage: Coverage,
+    /// Whether the surfaces go round: their pictures are mostly flat, so that neither these nor their features tell much, and a layout
+    /// may be drawn out along them.
+    pub is_ring: bool,
 }
+
+/// How much longer, as a logarithm, a ring may be than the example's whose layout is drawn out on it: good, and fair. *Untuned:* its
+/// quads become rectangles of 3 : 2, and of 3 : 1.
+const RING_LIMITS: (f64, f64) = (0.41, 1.1);
 
 /// Each measure with the limits below which it is good, or fair. Calibrated in tests/records.
 const LIMITS: [(&str, f64, f64); 7] = [
@@ -189,17 +235,22 @@ const LIMITS: [(&str, f64, f64); 7] = [
 
 /// The verdict with a sentence for each measure that is not good.
 pub fn verdict(evidence: &Evidence) -> (Verdict, Vec<String>) {
+    let of_pictures = |value: f64| if evidence.is_ring { 0.0 } else { value };
     let values = [
-        evidence.cost,
+        of_pictures(evidence.cost),
         evidence.modulus_log.abs(),
         evidence.turned_share,
         evidence.angle_p95_deg,
         evidence.laid_angle_p95_deg,
         evidence.coverage.uncovered_share,
-        evidence.coverage.missing as f64 / evidence.coverage.features.max(1) as f64,
+        of_pictures(evidence.coverage.missing as f64 / evidence.coverage.features.max(1) as f64),
     ];
+    let mut limits = LIMITS;
+    if evidence.is_ring {
+        (limits[1].1, limits[1].2) = RING_LIMITS;
+    }
     let (mut word, mut reasons) = (Verdict::Good, Vec::new());
-    for ((text, good, fair), value) in LIMITS.into_iter().zip(values) {
+    for ((text, good, fair), value) in limits.into_iter().zip(values) {
         if value <= good {
             continue;
         }
@@ -228,6 +279,36 @@ mod tests {
     }
 
     #[test]
+    fn drawn_out_along_a_ring_rows_and_columns_stay_at_right_angles() {
+        let before = triangle([[0.0, 0.0], [1.0, 0.2], [0.3, 1.1]]);
+        // v rises along y.
+        let rise = [0.2, 1.1];
+        let sheared = |map: &dyn Fn(Vec3) -> Vec3| {
+            let jacobian = jacobian(flat(before), flat(before.map(map))).expect("area");
+            shear_deg(flat(before), jacobian, rise)
+        };
+        assert!(sheared(&|p| Vec3::new(p.x, 3.0 * p.y, 0.0)) < 1e-9);
+        assert!((sheared(&|p| Vec3::new(p.x + p.y, p.y, 0.0)) - 45.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_ring_may_be_longer_than_the_example() {
+        let coverage = Coverage { uncovered_share: 0.0, features: 4, missing: 4 };
+        let longer = Evidence {
+            cost: 0.9,
+            modulus_log: 0.7,
+            turned_share: 0.0,
+            angle_p95_deg: 20.0,
+            laid_angle_p95_deg: 22.0,
+            coverage,
+            is_ring: true,
+        };
+        assert_eq!(verdict(&longer).0, Verdict::Fair);
+        assert_eq!(verdict(&Evidence { modulus_log: 1.4, ..longer }).0, Verdict::Poor);
+        assert_eq!(verdict(&Evidence { is_ring: false, ..longer }).0, Verdict::Poor);
+    }
+
+    #[test]
     fn a_bad_match_is_called_poor_with_its_reason() {
         let good = Evidence {
             cost: 0.05,
@@ -236,6 +317,7 @@ mod tests {
             angle_p95_deg: 20.0,
             laid_angle_p95_deg: 22.0,
             coverage: Coverage { uncovered_share: 0.0, features: 4, missing: 0 },
+            is_ring: false,
         };
         assert_eq!(verdict(&good), (Verdict::Good, Vec::new()));
         let (word, reasons) = verdict(&Evidence { cost: 0.9, ..good });

@@ -54,9 +54,10 @@ pub(super) fn measured(
         cost: laid.cost,
         modulus_log: laid.modulus_log,
         turned_share: distortion.inward.len() as f64 / distortion.faces.max(1) as f64,
-        angle_p95_deg: distortion.angle_deg.p95,
+        angle_p95_deg: measure::layout_distortion(&patch.mesh, &laid.cross, chart).p95,
         laid_angle_p95_deg,
         coverage,
+        is_ring: measure::is_ring(chart),
     };
     let (word, reasons) = measure::verdict(&evidence);
     let on = model_of(query)?;

@@ -268,7 +268,10 @@ pub(super) fn lay<'a>(
     let other: &ModelInner = query.model.inner.open()?;
     let is_whole = model.is_whole(example.segment) && other.is_whole(query.segment);
     let laying = Laying { mesh: &patch.mesh, creases, snap: if is_whole { Snap::All } else { Snap::Creases } };
-    let angle_p95_deg = measure::angle_distortion(&patch.mesh, &laid.cross).p95;
+    let angle_p95_deg = {
+        let chart = &fresh(&example.encoded.encoding)?.chart;
+        measure::layout_distortion(&patch.mesh, &laid.cross, chart).p95
+    };
     let grounds = match atlas {
         Some(atlas) => atlas.grounds(),
         None => vec![registered.surface(query)?.ground()],
