@@ -117,10 +117,11 @@ def mapped(service, example, scan, out, tag):
     mesh, kept = out / f"{tag}.obj", out / f"{tag}.kept"
     for stale in (mesh, kept):
         stale.unlink(missing_ok=True)
-    _, problem = service.run("add", example, "--whole-only", "--tag", tag)
-    query, more = service.run("query", scan, "--tag", tag, "--top", 1, "--segments", "whole")
+    # An example that is there keeps the tag that it came with.
+    _, problem = service.run("add", example, "--whole-only", "--tag", example.stem)
+    query, more = service.run("query", scan, "--tag", example.stem, "--top", 1, "--segments", "whole")
     before = service.seconds()
-    answer, most = service.run("map", "@last", example.stem, "-o", mesh, "--force", "--kept", kept)
+    answer, most = service.run("map", query.get("query", "@last"), example.stem, "-o", mesh, "--force", "--kept", kept)
     used = service.seconds() - before
     (out / f"{tag}.json").write_text(json.dumps(answer, indent=1) + "\n" + "\n".join([problem, more, most]))
     return answer, mesh if mesh.exists() else None, kept if kept.exists() else None, used, (most or more or problem).splitlines()[-1:]

@@ -12,7 +12,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for pair in files.chunks_exact(2) {
         let (input, mesh) = (read(&pair[0])?, read(&pair[1])?);
         let grounds = ReferenceSurface::new(mesh::prepare(&input)?.mesh);
-        let f = grounds.flaws(&mesh);
+        let f = grounds.flaws(&mesh, &[]);
         let name = pair[1].rsplit('/').next().unwrap_or(&pair[1]);
         let [astray, off, bare, inward, collapsed] =
             [f.astray, f.off, f.bare, f.inward, f.collapsed].map(|share| format!("{:.2}", 100.0 * share));

@@ -4,10 +4,10 @@ mod headline;
 mod surrounded;
 
 use super::engine::{
-    Allowed, Appraisal, BARE, Encoded, Engine, EngineError, Model, OnePart, Part, Stitched, Stitching,
+    Allowed, Appraisal, BARE, Encoded, Engine, EngineError, Mapped, Model, OnePart, Part, Stitched, Stitching,
 };
 use super::making::{self, Making, Tell};
-use super::mapping::{self, LiveMap, get};
+use super::mapping::{self, LiveMap, MapState, get};
 use super::query::{LiveQuery, ms_since};
 use super::ranking::entries;
 use super::worth::tries;
@@ -117,8 +117,8 @@ async fn made(
     let one = one_example(&maps).filter(|_| wanted.density == 0);
     let lone = lone(&maps, allowed.bare);
     let surrounded = match &lone {
-        Some(map) => Surrounded::of(work, live, map, &job).await?,
-        None => None,
+        Some(map) if allowed.bare > BARE_MIN => Surrounded::of(work, live, map, &job).await?,
+        _ => None,
     };
     // Whatever finding it took.
     let job = job.renew(Some(REQUEST_TIME_MAX));
@@ -277,10 +277,14 @@ fn stitched_sound(
 /// More of the scan left bare than this is beyond what a layout can be made to follow.
 const BARE_MIN: f64 = 0.05;
 
-/// The one map of a query where it leaves some of the scan bare.
+/// More faces that span gaps of the scan can't be moved onto it.
+const BRIDGING_MIN: f64 = 0.05;
+
+/// The one map of a query where it leaves some of the scan bare, or spans gaps of it.
 fn lone(maps: &[Option<Arc<LiveMap>>], bare: f64) -> Option<Arc<LiveMap>> {
     let [Some(map)] = maps else { return None };
-    (bare > BARE_MIN).then(|| Arc::clone(map))
+    let spanned = map.newest().mapped.reach.spanned;
+    (bare > BARE_MIN || spanned > BRIDGING_MIN).then(|| Arc::clone(map))
 }
 
 /// Where examples have less than this share of the scan that their maps cover, they were lost.
@@ -335,8 +339,9 @@ fn unstitched(
 
 /// Maps as a composition of `count` segments.
 fn as_mapped(maps: &[(usize, Arc<LiveMap>)], count: usize) -> Stitched {
-    let meshes: Vec<Arc<PolyMesh>> = maps.iter().map(|(_, map)| Arc::clone(&map.newest().mapped.mesh)).collect();
-    Stitched::as_mapped(&meshes, (0..count).map(|k| maps.iter().any(|(number, _)| *number == k)).collect())
+    let newest: Vec<Arc<MapState>> = maps.iter().map(|(_, map)| map.newest()).collect();
+    let mapped: Vec<&Mapped> = newest.iter().map(|state| &state.mapped).collect();
+    Stitched::as_mapped(&mapped, (0..count).map(|k| maps.iter().any(|(number, _)| *number == k)).collect())
 }
 
 /// What the maps of all segments are on purpose. A map that leaves some of the scan bare does so alone: beside others the rest is

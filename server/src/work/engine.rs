@@ -4,13 +4,11 @@
 //! Every method is a plain sequential computation, to be run on the pool.
 
 use crate::pool::{Stop, StopReason};
-use quadmuse_kernel::compose::{apart::side_by_side, check::extraordinary};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_kernel::rank::Shape;
 use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::spectra::Row;
 use quadmuse_kernel::settle::Likeness;
-use quadmuse_proto::composition::AS_MAPPED;
 use quadmuse_proto::{ConstraintEdit, Flip, MeshFormat, Topology};
 use std::any::Any;
 use std::fmt;
@@ -23,11 +21,13 @@ pub mod kernel;
 mod mapped;
 mod packed;
 mod rough;
+mod stitched;
 
 pub use cut::{Besides, Cut, Grain};
 pub use mapped::{Fitted, Lead, Mapped, Reach, Wishes};
 pub use packed::{Packed, PackedFeature};
 pub use rough::{Rough, RoughLead};
+pub use stitched::Stitched;
 
 /// Why the engine refused or gave up.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -262,42 +262,6 @@ pub struct Stitching {
     pub smoothing: u32,
     /// Times each part is subdivided (above 0) or coarsened where its layout allows (below 0).
     pub density: i32,
-}
-
-/// A stitched mesh.
-#[derive(Clone, Debug)]
-pub struct Stitched {
-    /// The mesh.
-    pub mesh: Arc<PolyMesh>,
-    /// Whether an example's layout stands on each segment, in order.
-    pub is_example: Vec<bool>,
-    /// Whether a [`Part::Poor`] was taken all the same.
-    pub is_poor_kept: bool,
-    /// Inner vertices with another number of edges than four.
-    pub extraordinary_vertices: u64,
-    /// Those that the parts had inside before.
-    pub extraordinary_before: u64,
-    /// What was done beyond plain stitching, a sentence each.
-    pub notes: Vec<String>,
-}
-
-impl Stitched {
-    /// The meshes of some maps as they are.
-    pub fn as_mapped(meshes: &[Arc<PolyMesh>], is_example: Vec<bool>) -> Self {
-        let mesh = match meshes {
-            [mesh] => Arc::clone(mesh),
-            _ => Arc::new(side_by_side(meshes.iter().map(|mesh| &**mesh))),
-        };
-        let extraordinary = extraordinary(&mesh) as u64;
-        Self {
-            mesh,
-            is_example,
-            is_poor_kept: false,
-            extraordinary_vertices: extraordinary,
-            extraordinary_before: extraordinary,
-            notes: vec![AS_MAPPED.into()],
-        }
-    }
 }
 
 /// What is no flaw of a composition, since its maps are so on purpose. Shares from 0 to 1.

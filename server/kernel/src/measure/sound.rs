@@ -152,8 +152,9 @@ impl ReferenceSurface {
         !ways.is_within(&self.surface, [&ends[0], &ends[1]], limit)
     }
 
-    /// Measures a mesh of polygons; one without faces lies nowhere.
-    pub fn flaws(&self, mesh: &PolyMesh) -> Flaws {
+    /// Measures a mesh of polygons; one without faces lies nowhere. `bridging` are faces, in order, that span a gap of the surface on
+    /// purpose: they may leave it, but for spikes.
+    pub fn flaws(&self, mesh: &PolyMesh, bridging: &[u32]) -> Flaws {
         let usual = usual_edges(mesh.positions.len(), mesh.faces.iter().flat_map(sides), &mesh.positions);
         let (mut all, mut off, mut inward, mut astray) = (0.0, 0.0, 0.0, 0.0);
         let (mut astray_edges, mut collapsed) = (0usize, 0usize);
@@ -168,18 +169,21 @@ impl ReferenceSurface {
             collapsed += usize::from(area <= COLLAPSED * usual * usual);
             let centre = points.iter().sum::<Vec3>() / points.len().max(1) as f64;
             let near = self.tree.closest(centre);
+            let bridges = bridging.binary_search(&f).is_ok();
             let is_off = near.triangle == NONE || near.distance > (FAR * self.diagonal).max(FAR_EDGES * usual);
+            let is_off = is_off && !bridges;
             if is_off {
                 off += area;
             }
-            if near.triangle != NONE && self.surface.area_vector(near.triangle as usize).dot(&normal) < 0.0 {
+            if !bridges && near.triangle != NONE && self.surface.area_vector(near.triangle as usize).dot(&normal) < 0.0
+            {
                 inward += area;
             }
             let leaves = (LEAVES_MIN * self.diagonal).max(LEAVES_EDGES * usual);
             let edges = (0..points.len()).map(|k| [points[k], points[(k + 1) % points.len()]]);
             let mut gone = 0;
             for [a, b] in edges.filter(|edge| self.leaves(*edge, leaves)) {
-                gone += 1;
+                gone += usize::from(!bridges);
                 let length = (b - a).norm();
                 if length > SPIKE_EDGES * usual {
                     long.push((length, [a, b]));
@@ -292,7 +296,7 @@ mod tests {
     fn found(change: impl Fn(&mut PolyMesh)) -> (Flaws, Vec<String>) {
         let mut mesh = bent(40);
         change(&mut mesh);
-        let flaws = grounds().flaws(&mesh);
+        let flaws = grounds().flaws(&mesh, &[]);
         let reasons = flaws.reasons(0.0, 0.0);
         (flaws, reasons)
     }
@@ -300,7 +304,7 @@ mod tests {
     #[test]
     fn a_sheet_on_its_surface_has_no_flaw_however_coarse_it_is() {
         for along in [40, 12] {
-            let flaws = grounds().flaws(&bent(along));
+            let flaws = grounds().flaws(&bent(along), &[]);
             assert_eq!(
                 (flaws.reasons(0.0, 0.0), flaws.astray_edges, flaws.inward),
                 (Vec::new(), 0, 0.0),
@@ -323,12 +327,12 @@ mod tests {
         assert_eq!(patch.holes.len(), 3);
         let mesh = bent(40);
         let bare = ReferenceSurface::new(rag.clone());
-        assert!(!bare.flaws(&mesh).reasons(0.0, 0.0).is_empty());
+        assert!(!bare.flaws(&mesh, &[]).reasons(0.0, 0.0).is_empty());
         let bridged = bare.with_gaps(std::iter::once(filled(&patch.mesh, &patch.holes)));
-        assert_eq!(bridged.flaws(&mesh).reasons(0.0, 0.0), Vec::<String>::new());
+        assert_eq!(bridged.flaws(&mesh, &[]).reasons(0.0, 0.0), Vec::<String>::new());
         let mut torn = mesh;
         torn.positions[2 * 11 + 5].x = 0.15;
-        assert!(!bridged.flaws(&torn).reasons(0.0, 0.0).is_empty());
+        assert!(!bridged.flaws(&torn, &[]).reasons(0.0, 0.0).is_empty());
     }
 
     #[test]
@@ -403,6 +407,6 @@ mod tests {
     fn a_mesh_that_is_not_finite_or_has_no_face_is_broken() {
         let (_, reasons) = found(|mesh| mesh.positions[..100].iter_mut().for_each(|p| p.x = f64::NAN));
         assert!(!reasons.is_empty());
-        assert!(!grounds().flaws(&PolyMesh::default()).reasons(0.0, 0.0).is_empty());
+        assert!(!grounds().flaws(&PolyMesh::default(), &[]).reasons(0.0, 0.0).is_empty());
     }
 }

@@ -292,6 +292,7 @@ impl Engine for FakeEngine {
             mesh,
             is_example: parts.iter().map(|part| !matches!(part, Part::Template(_) | Part::Poor { .. })).collect(),
             is_poor_kept: false,
+            bridging: Vec::new(),
             extraordinary_vertices: 0,
             extraordinary_before: 0,
             notes: Vec::new(),

@@ -57,7 +57,12 @@ impl Mapped {
     /// This map as an edit of another: what was kept of the example and how well the shapes agree stays; new folds make it worse.
     #[must_use]
     pub fn after(mut self, before: &Self) -> Self {
-        self.reach = Reach { covers: before.reach.covers, kept: before.reach.kept.clone(), ..Reach::default() };
+        self.reach = Reach {
+            covers: before.reach.covers,
+            kept: before.reach.kept.clone(),
+            bridging: before.reach.bridging.clone(),
+            ..Reach::default()
+        };
         if before.evidence.is_some() {
             self.evidence = before.evidence;
             let folds = self.folds > before.folds;
@@ -86,7 +91,9 @@ pub struct Reach {
     pub own: Option<(u64, u64)>,
     /// Share of the mesh's area that its own faces have; `None`: all of it.
     pub inspired: Option<f64>,
-    /// Share of the example's faces for which the scan has nothing: they are spanned flat.
+    /// Faces of the mesh, in order, for which the scan has nothing: they are spanned flat.
+    pub bridging: Vec<u32>,
+    /// Share of the example's faces that these are.
     pub spanned: f64,
 }
 

@@ -50,10 +50,10 @@ pub(super) fn as_one(
         return Ok(None);
     };
     if splits == 0 && 100.0 * miss.mean <= CLOSE_PCT {
-        return Ok(Some(Stitched::as_mapped(std::slice::from_ref(whole), vec![true])));
+        return Ok(Some(Stitched::as_it_is(Arc::clone(whole), vec![true])));
     }
     let follows = |miss: Miss| 100.0 * miss.mean <= MISS_TOLD_PCT;
-    let as_it_is = (splits == 0 && follows(miss)).then(|| Stitched::as_mapped(std::slice::from_ref(whole), vec![true]));
+    let as_it_is = (splits == 0 && follows(miss)).then(|| Stitched::as_it_is(Arc::clone(whole), vec![true]));
     let mut best: Option<(Miss, Stitched)> = None;
     loop {
         // What misses by more needs smaller quads at once.

@@ -56,6 +56,7 @@ pub(super) fn rejoin(query: &Model, example: &Model, parts: &[OnePart]) -> Resul
 fn whole(mesh: PolyMesh, example: &Model, segments: usize) -> Stitched {
     Stitched {
         is_poor_kept: false,
+        bridging: Vec::new(),
         is_example: vec![true; segments],
         extraordinary_vertices: extraordinary(&mesh) as u64,
         extraordinary_before: extraordinary(&example.mesh) as u64,

@@ -20,7 +20,7 @@ use quadmuse_kernel::map::untangle::inward;
 use quadmuse_kernel::measure::sound::ReferenceSurface;
 use quadmuse_kernel::mesh::bvh::Bvh;
 use quadmuse_kernel::mesh::tri::area_between;
-use quadmuse_kernel::mesh::{NONE, TriMesh, Vec3};
+use quadmuse_kernel::mesh::{NONE, PolyMesh, TriMesh, Vec3};
 use quadmuse_kernel::register::{Entry, Flip};
 use quadmuse_kernel::settle::Evidence;
 use quadmuse_kernel::unfold::{Chart, Uv};
@@ -88,6 +88,7 @@ pub(super) fn rest(
         covers: Covers { example: kept_share, input: covered },
         kept: (kept_share < 1.0).then(|| kept(&example)).transpose()?,
         spanned: spanned.len() as f64 / mapped.mesh.faces.len().max(1) as f64,
+        bridging: numbers(&spanned, &surface.patch.mesh, &mapped.mesh),
         ..Reach::default()
     };
     mapped.evidence = Some(MapEvidence {
@@ -114,6 +115,18 @@ pub(super) fn rest(
         extend(&mut fitted, rest.as_ref());
     }
     Ok(fitted)
+}
+
+/// The numbers in a map's mesh of some faces of the example's file, in order. The mesh has all faces of the file, or those of the
+/// `patch`.
+fn numbers(faces: &[u32], patch: &TriMesh, mapped: &PolyMesh) -> Vec<u32> {
+    let mut own = patch.polygon_of.clone();
+    own.sort_unstable();
+    own.dedup();
+    if own.len() < mapped.faces.len() {
+        return faces.to_vec();
+    }
+    faces.iter().filter_map(|face| own.binary_search(face).ok()).map(|number| number as u32).collect()
 }
 
 /// Landmarks as constraints of the map of a surface, and a sentence for each that is met nearly only: one whose face lies on the

@@ -15,11 +15,11 @@ pub(super) fn check(mapped: &mut Mapped, query: &Side) -> Result<(), EngineError
     let inner: &ModelInner = query.model.inner.open()?;
     let flaws = if inner.laid.is_some() {
         // A part of what was laid whole ends beside its segment.
-        ReferenceSurface::new(owned(inner.ground().input()).into_owned()).flaws(&mapped.mesh).reasons(1.0, 0.0)
+        ReferenceSurface::new(owned(inner.ground().input()).into_owned()).flaws(&mapped.mesh, &[]).reasons(1.0, 0.0)
     } else {
         let surface: &TriMesh = &fresh(&query.encoded.encoding)?.chart.mesh;
         ReferenceSurface::new(surface.clone())
-            .flaws(&mapped.mesh)
+            .flaws(&mapped.mesh, &mapped.reach.bridging)
             .reasons(1.0 - mapped.reach.covers.input, mapped.reach.spanned)
     };
     if !flaws.is_empty() {
@@ -36,7 +36,7 @@ pub(super) fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Resu
     let surface = owned(ground.input());
     let with_gaps = inner.segmented.parts.iter().filter(|part| !part.holes.is_empty());
     let filled = with_gaps.map(|part| filled(&part.mesh, &part.holes));
-    let flaws = ReferenceSurface::new(surface.into_owned()).with_gaps(filled).flaws(&made.mesh);
+    let flaws = ReferenceSurface::new(surface.into_owned()).with_gaps(filled).flaws(&made.mesh, &made.bridging);
     let tree = Bvh::new(ground.input().surface);
     // The segment on which a face stands: that at its middle.
     let segment_of = |face: &[u32]| {
@@ -105,6 +105,7 @@ mod tests {
             mesh: Arc::new(mesh),
             is_example: vec![is_example],
             is_poor_kept: false,
+            bridging: Vec::new(),
             extraordinary_vertices: 0,
             extraordinary_before: 0,
             notes: Vec::new(),

@@ -109,6 +109,7 @@ impl Made {
         notes.extend(notes::made(&self.report, self.mesh.faces.len()));
         Stitched {
             is_poor_kept: false,
+            bridging: Vec::new(),
             is_example,
             extraordinary_vertices: self.report.extraordinary_after as u64,
             extraordinary_before: self.report.extraordinary_before as u64,

@@ -1,0 +1,57 @@
+//! A mesh that maps were stitched to.
+
+use super::Mapped;
+use quadmuse_kernel::compose::{apart::side_by_side, check::extraordinary};
+use quadmuse_kernel::mesh::PolyMesh;
+use quadmuse_proto::composition::AS_MAPPED;
+use std::sync::Arc;
+
+/// A stitched mesh.
+#[derive(Clone, Debug)]
+pub struct Stitched {
+    /// The mesh.
+    pub mesh: Arc<PolyMesh>,
+    /// Whether an example's layout stands on each segment, in order.
+    pub is_example: Vec<bool>,
+    /// Whether a [`Part::Poor`] was taken all the same.
+    pub is_poor_kept: bool,
+    /// Inner vertices with another number of edges than four.
+    pub extraordinary_vertices: u64,
+    /// Those that the parts had inside before.
+    pub extraordinary_before: u64,
+    /// What was done beyond plain stitching, a sentence each.
+    pub notes: Vec<String>,
+    /// Faces of the mesh, in order, that span a gap of the scan on purpose.
+    pub bridging: Vec<u32>,
+}
+
+impl Stitched {
+    /// A mesh that needed no stitching.
+    pub fn as_it_is(mesh: Arc<PolyMesh>, is_example: Vec<bool>) -> Self {
+        let extraordinary = extraordinary(&mesh) as u64;
+        Self {
+            mesh,
+            is_example,
+            is_poor_kept: false,
+            extraordinary_vertices: extraordinary,
+            extraordinary_before: extraordinary,
+            notes: vec![AS_MAPPED.into()],
+            bridging: Vec::new(),
+        }
+    }
+
+    /// The meshes of some maps, side by side as they are.
+    pub fn as_mapped(maps: &[&Mapped], is_example: Vec<bool>) -> Self {
+        let mesh = match maps {
+            [map] => Arc::clone(&map.mesh),
+            _ => Arc::new(side_by_side(maps.iter().map(|map| &*map.mesh))),
+        };
+        let mut made = Self::as_it_is(mesh, is_example);
+        let mut first = 0;
+        for map in maps {
+            made.bridging.extend(map.reach.bridging.iter().map(|face| first + face));
+            first += map.mesh.faces.len() as u32;
+        }
+        made
+    }
+}
