@@ -117,8 +117,8 @@ async fn made(
     let one = one_example(&maps).filter(|_| wanted.density == 0);
     let lone = lone(&maps, allowed.bare);
     let surrounded = match &lone {
-        Some(map) if allowed.bare > BARE_MIN => Surrounded::of(work, live, map, &job).await?,
-        _ => None,
+        Some(map) => Surrounded::of(work, live, map, &job).await?,
+        None => None,
     };
     // Whatever finding it took.
     let job = job.renew(Some(REQUEST_TIME_MAX));
@@ -277,14 +277,10 @@ fn stitched_sound(
 /// More of the scan left bare than this is beyond what a layout can be made to follow.
 const BARE_MIN: f64 = 0.05;
 
-/// More faces that span gaps of the scan can't be moved onto it.
-const BRIDGING_MIN: f64 = 0.05;
-
-/// The one map of a query where it leaves some of the scan bare, or spans gaps of it.
+/// The one map of a query where it leaves some of the scan bare.
 fn lone(maps: &[Option<Arc<LiveMap>>], bare: f64) -> Option<Arc<LiveMap>> {
     let [Some(map)] = maps else { return None };
-    let spanned = map.newest().mapped.reach.spanned;
-    (bare > BARE_MIN || spanned > BRIDGING_MIN).then(|| Arc::clone(map))
+    (bare > BARE_MIN).then(|| Arc::clone(map))
 }
 
 /// Where examples have less than this share of the scan that their maps cover, they were lost.
@@ -296,9 +292,6 @@ const MOST: f64 = 0.5;
 /// Maps that can stand side by side without being stitched, with their segments: those of segments that have their components of the
 /// scan to themselves (`alone`), where these are most of it, or else that of the one segment that is.
 fn standing(model: &Model, alone: &[bool], maps: &[Option<Arc<LiveMap>>]) -> Vec<(usize, Arc<LiveMap>)> {
-    if maps.len() < 2 {
-        return Vec::new();
-    }
     let all: u64 = model.segments.iter().map(|segment| segment.faces).sum();
     let faces = |number: usize| model.segments.get(number).map_or(0, |segment| segment.faces);
     let is_most = |some: &[(usize, Arc<LiveMap>)]| {

@@ -438,6 +438,10 @@ mod tests {
         let ordered = by_fit(all.clone());
         assert_eq!(hashes(&ordered), "dcab");
         assert_eq!(ordered.iter().map(|c| c.score).collect::<Vec<_>>(), [1.0, 2.0, 3.0, 4.0]);
+        // Who is led has all that the leader has, and more.
+        all[0].lead = Some(all[3].key());
+        assert_eq!(hashes(&by_fit(all.clone())), "adcb");
+        all[0].lead = None;
         all.iter_mut().for_each(|c| c.rough = None);
         assert_eq!(hashes(&by_fit(all)), "abcd");
     }

@@ -314,6 +314,20 @@ mod tests {
     }
 
     #[test]
+    fn faces_that_span_a_gap_on_purpose_are_no_flaw() {
+        // From one leg of the U to the other.
+        let mut mesh = bent(40);
+        let [from, to] = [2u32, 38].map(|row| row * 11);
+        for k in 0..10 {
+            mesh.faces.push(&[from + k, from + k + 1, to + k + 1, to + k]);
+        }
+        let across: Vec<u32> = (400..410).collect();
+        let reasons = |bridging: &[u32]| grounds().flaws(&mesh, bridging).reasons(0.0, 0.0);
+        assert!(reasons(&[]).iter().any(|reason| reason.contains("leap over a gap")), "{:?}", reasons(&[]));
+        assert!(!reasons(&across).iter().any(|reason| reason.contains("leap over a gap")), "{:?}", reasons(&across));
+    }
+
+    #[test]
     fn faces_may_bridge_a_gap_and_nothing_else() {
         use crate::topology::holes::filled;
         use crate::topology::{Components, primitive};

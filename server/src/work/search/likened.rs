@@ -18,8 +18,8 @@ use quadmuse_proto::{EntryState, LevelTiming, Topology};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// From this score on the best picture is not sure: right ones have up to some 0.2, and wrong ones of whole scans 0.11 and more.
-const UNSURE: f64 = 0.1;
+/// From this score on the best picture is not sure: right ones have up to some 0.2, and wrong ones of whole scans 0.2 and more.
+const UNSURE: f64 = 0.15;
 /// Nor is it of a scan with more holes.
 const HOLES_SURE: u32 = 8;
 /// Examples with a rim that are laid, and as many that are parts of examples.
