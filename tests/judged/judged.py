@@ -118,10 +118,11 @@ def mapped(service, example, scan, out, tag):
     for stale in (mesh, kept):
         stale.unlink(missing_ok=True)
     # An example that is there keeps the tag that it came with.
-    _, problem = service.run("add", example, "--whole-only", "--tag", example.stem)
-    query, more = service.run("query", scan, "--tag", example.stem, "--top", 1, "--segments", "whole")
+    added, problem = service.run("add", example, "--whole-only", "--tag", example.stem)
+    there = service.run("show", added.get("id", example.stem))[0]
+    query, more = service.run("query", scan, "--tag", (there.get("tags") or [example.stem])[0], "--top", 1, "--segments", "whole")
     before = service.seconds()
-    answer, most = service.run("map", query.get("query", "@last"), example.stem, "-o", mesh, "--force", "--kept", kept)
+    answer, most = service.run("map", query.get("query", "@last"), added.get("id", example.stem), "-o", mesh, "--force", "--kept", kept)
     used = service.seconds() - before
     (out / f"{tag}.json").write_text(json.dumps(answer, indent=1) + "\n" + "\n".join([problem, more, most]))
     return answer, mesh if mesh.exists() else None, kept if kept.exists() else None, used, (most or more or problem).splitlines()[-1:]
