@@ -47,7 +47,15 @@ pub(crate) fn all(engines: [&dyn Engine; 2], lease: Duration, is_reliable: bool)
         take(one, "once", SOON).expect("a job").done().expect("answered");
         assert!(take(one, "once", lease + SOON).is_none(), "all are done");
         a_job_that_goes_on_is_nobody_elses(one, lease);
-        assert_eq!(other.jobs().expect("answered"), 0);
+        // A replica may count a moment late.
+        let is_empty = || other.jobs().expect("answered") == 0;
+        assert!(
+            (0..50).any(|_| is_empty() || {
+                std::thread::sleep(SOON / 2);
+                false
+            }),
+            "all are done"
+        );
     }
 }
 
