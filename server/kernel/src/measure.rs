@@ -113,7 +113,7 @@ pub fn layout_distortion(example: &TriMesh, cross: &CrossMap, chart: &Chart) -> 
     distribution(example.triangles.iter().enumerate().filter_map(sheared).collect(), 0.0, 60.0)
 }
 
-/// Whether a surface goes round: a ring, or a torus.
+/// Tells whether a surface goes round, as a ring or a torus does.
 pub fn is_ring(chart: &Chart) -> bool {
     matches!(chart.topology, Topology::Annulus | Topology::Torus)
 }
@@ -213,8 +213,8 @@ pub struct Evidence {
     pub laid_angle_p95_deg: f64,
     /// What of the input the map leaves out.
     pub coverage: Coverage,
-    /// Whether the surfaces go round: their pictures are mostly flat, so that neither these nor their features tell much, and a layout
-    /// may be drawn out along them.
+    /// True for rings and tori. Their pictures are mostly flat, so that neither these nor their features tell much, and a layout may
+    /// be drawn out along them.
     pub is_ring: bool,
 }
 

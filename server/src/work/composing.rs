@@ -122,8 +122,9 @@ async fn made(
     };
     // Whatever finding it took.
     let job = job.renew(Some(REQUEST_TIME_MAX));
-    let alone = lone.filter(|_| wanted.density == 0);
+    // Maps as they are have the density of their examples.
     let is_as_dense = wanted.density == 0;
+    let alone = lone.filter(|_| is_as_dense);
     let stitch = move |stop: &Stop| -> Result<Sound, EngineError> {
         match surrounded.map(|surrounded| surrounded.stitched(&*engine, (how, allowed), stop)) {
             Some(Ok(Some(sound))) => return Ok(sound),
@@ -200,7 +201,7 @@ async fn made(
     Ok(composition)
 }
 
-/// What is said of a composition that is but the maps of most of the scan.
+/// The reason given where a composition leaves small parts of the scan bare.
 const ALONE: &str = "the smaller parts of the scan are left bare: with them the mesh was broken, or lost the example";
 
 /// What a composition came to.
@@ -220,8 +221,8 @@ impl Sound {
         Self { made, appraisal, gave_way: Vec::new(), unstitched: Vec::new(), around: None }
     }
 
-    /// Whether some maps side by side are better, if they are sound: this mesh is not, or the examples lost most of what they
-    /// have there.
+    /// Tells whether the maps that stand side by side would be better, if they are sound: this mesh is broken, or its examples have
+    /// less than half of what they have there.
     fn is_poor_beside(&self, standing: &[(usize, Arc<LiveMap>)], model: &Model) -> bool {
         let inspired = self.appraisal.examples.iter().sum::<f64>() * self.appraisal.covered;
         let all: u64 = model.segments.iter().map(|segment| segment.faces).sum();

@@ -532,7 +532,7 @@ pub trait Engine: Send + Sync + 'static {
     /// There is one part a segment, in their order.
     fn compose(&self, query: &Model, parts: &[Part], how: Stitching, stop: &Stop) -> Result<Stitched, EngineError>;
 
-    /// Whether each segment has its components of the input to itself, so that it needs no stitching.
+    /// Tells of each segment whether it has its components of the input to itself, so that it needs no stitching.
     ///
     /// # Errors
     /// [`EngineError::Internal`].

@@ -138,7 +138,7 @@ pub fn side_by_side<'a>(meshes: impl IntoIterator<Item = &'a PolyMesh>) -> PolyM
     all
 }
 
-/// Whether each segment has its components of the input to itself, so that it needs no stitching.
+/// Tells of each segment whether it has its components of the input to itself, so that it needs no stitching.
 pub fn alone(input: Input<'_>) -> Vec<bool> {
     let mut alone = vec![false; input.count];
     for component in apart(input) {

@@ -11,9 +11,9 @@ use std::sync::Arc;
 pub struct Stitched {
     /// The mesh.
     pub mesh: Arc<PolyMesh>,
-    /// Whether an example's layout stands on each segment, in order.
+    /// True for each segment, in order, on which an example's layout stands.
     pub is_example: Vec<bool>,
-    /// Whether a [`Part::Poor`] was taken all the same.
+    /// True where a poor map was taken all the same.
     pub is_poor_kept: bool,
     /// Inner vertices with another number of edges than four.
     pub extraordinary_vertices: u64,
