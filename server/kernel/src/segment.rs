@@ -13,6 +13,7 @@ mod distance;
 mod mended;
 mod merge;
 mod necks;
+mod opened;
 mod order;
 mod parts;
 mod refined;
@@ -58,6 +59,8 @@ pub struct Segmented {
     pub parts: Vec<Patch>,
     /// Where parts border on each other, in order of their parts.
     pub seams: Vec<Seam>,
+    /// Handles along whose shortest loops the only part is cut, both sides of which are among its holes.
+    pub handles_opened: u32,
 }
 
 /// How many parts to cut a surface into.
@@ -264,7 +267,7 @@ impl Segmented {
         }
         let seams = seams::between(&mesh, &part_of);
         let surface_vertices = surface.positions.len();
-        Self { mesh, surface_vertices, part_of, source_of: refined.source_of, parts, seams }
+        Self { mesh, surface_vertices, part_of, source_of: refined.source_of, parts, seams, handles_opened: 0 }
     }
 
     /// One part, the whole surface.
@@ -298,6 +301,11 @@ impl Segmented {
     /// out; `None` for any other surface.
     pub fn mended(surface: &TriMesh) -> Option<Self> {
         mended::pieces(surface)
+    }
+
+    /// One part, the largest component of a scan, cut along a loop around each of its few handles; `None` for any other surface.
+    pub fn opened(surface: &TriMesh) -> Option<Self> {
+        opened::opened(surface)
     }
 
     /// One part a label, in order of label; `labels` holds one a polygon, so every cut runs along polygon edges.
@@ -342,7 +350,8 @@ impl Segmented {
         }
         let source_of = (0..surface.triangles.len() as u32).collect();
         let seams = seams::between(surface, &part_of);
-        Self { mesh: surface.clone(), surface_vertices: surface.positions.len(), part_of, source_of, parts, seams }
+        let (mesh, surface_vertices) = (surface.clone(), surface.positions.len());
+        Self { mesh, surface_vertices, part_of, source_of, parts, seams, handles_opened: 0 }
     }
 
     /// The parts that border on part `part`, in order, each once.

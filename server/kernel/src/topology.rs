@@ -299,7 +299,7 @@ fn renumbered(mesh: &TriMesh, triangles: &[u32]) -> (Vec<u32>, Vec<[u32; 3]>) {
 }
 
 /// Gives each fan of faces around a vertex its own vertex; returns the vertex that each new one copies.
-fn split_pinched(mesh: &mut TriMesh) -> Vec<u32> {
+pub(crate) fn split_pinched(mesh: &mut TriMesh) -> Vec<u32> {
     let mut owner = vec![false; mesh.positions.len()];
     let mut seen = vec![false; mesh.twins.len()];
     let mut copies = Vec::new();

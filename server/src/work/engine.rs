@@ -460,8 +460,10 @@ pub trait Engine: Send + Sync + 'static {
         stop.reason().map_or(Ok(None), |reason| Err(reason.into()))
     }
 
-    /// The topologies of the examples that a query of some topology is ranked against, its own first.
-    fn ranked_against(&self, query: Topology) -> Vec<Topology> {
+    /// The topologies of the examples that a query of some topology is ranked against, its own first; `is_most`: whether it is most
+    /// of a scan.
+    fn ranked_against(&self, query: Topology, is_most: bool) -> Vec<Topology> {
+        let _ = is_most;
         vec![query]
     }
 

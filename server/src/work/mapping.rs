@@ -148,7 +148,8 @@ async fn made(
         Some(of) => lead(work, live, wanted.segment, of).await?,
         None => None,
     };
-    let wishes = Wishes { beyond: wanted.beyond, landmarks: landmarks.clone(), lead };
+    let rough = candidate.as_ref().and_then(|candidate| candidate.rough.clone());
+    let wishes = Wishes { beyond: wanted.beyond, landmarks: landmarks.clone(), lead, rough };
     let example_side = example_side(work, &job, &example, segment).await?;
     let query_side = Side { model: Arc::clone(&live.model), segment: wanted.segment, encoded: query };
     let (from, (one, two)) = (candidate.map(|c| Arc::clone(&c.registration)), (example_side, query_side));

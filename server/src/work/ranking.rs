@@ -150,13 +150,13 @@ const OVERTURNS_CLOSED: f64 = 2.0;
 /// All candidates: those of `laid` first that lie on the query best, if one of them does so far better than the first, each with
 /// the score of the place it comes to; else as they stood, in increasing score.
 ///
-/// Where some are closed, as the query then is, limbs lie as they like, and pictures tell more than rigid poses: closed ones
-/// stand in their order, before those with a rim, unless one of these lies far better than all of them.
-pub fn by_likeness(laid: Vec<Candidate>, passed_over: Vec<Candidate>) -> Vec<Candidate> {
+/// Where some are closed, as the query is, limbs lie as they like, and pictures tell more than rigid poses: closed ones stand in
+/// their order, before those with a rim, unless one of these lies far better than all of them.
+pub fn by_likeness(laid: Vec<Candidate>, passed_over: Vec<Candidate>, query: Topology) -> Vec<Candidate> {
     let of = |c: &Candidate| c.likeness.map_or(0.0, |likeness| likeness.weighed);
     let best = |all: &[Candidate]| all.iter().map(of).fold(0.0, f64::max);
-    let (closed, mut with_rim): (Vec<Candidate>, Vec<Candidate>) =
-        laid.into_iter().partition(|c| c.resident.facts.topology == Topology::Sphere);
+    let as_closed = |c: &Candidate| query == Topology::Sphere && c.resident.facts.topology == query;
+    let (closed, mut with_rim): (Vec<Candidate>, Vec<Candidate>) = laid.into_iter().partition(as_closed);
     let bar = match closed.is_empty() {
         true => OVERTURNS * with_rim.first().map_or(0.0, of),
         false => OVERTURNS_CLOSED * best(&closed),
@@ -401,7 +401,7 @@ mod tests {
             all
         };
         let other = || vec![Candidate { score: 1.5, ..candidate("d", 1.5) }];
-        let same = by_likeness(likened([0.2, 0.25, 0.24]), other());
+        let same = by_likeness(likened([0.2, 0.25, 0.24]), other(), Topology::Disc);
         assert_eq!(hashes(&same), "adbc");
         assert_eq!(same.iter().map(|c| c.score).collect::<Vec<_>>(), [1.0, 1.5, 2.0, 3.0]);
         // Closed ones stand as the pictures have them, before those with a rim, which stand by likeness.
@@ -414,9 +414,9 @@ mod tests {
             }
             all
         };
-        assert_eq!(hashes(&by_likeness(some_closed([0.1, 0.2, 0.3]), other())), "abcd");
-        assert_eq!(hashes(&by_likeness(some_closed([0.1, 0.2, 0.5]), other())), "cabd");
-        let mut all = by_likeness(likened([0.2, 0.25, 0.5]), other());
+        assert_eq!(hashes(&by_likeness(some_closed([0.1, 0.2, 0.3]), other(), Topology::Sphere)), "abcd");
+        assert_eq!(hashes(&by_likeness(some_closed([0.1, 0.2, 0.5]), other(), Topology::Sphere)), "cabd");
+        let mut all = by_likeness(likened([0.2, 0.25, 0.5]), other(), Topology::Disc);
         assert_eq!(hashes(&all), "cbad");
         assert_eq!(all.iter().map(|c| c.score).collect::<Vec<_>>(), [1.0, 1.5, 2.0, 3.0]);
         // One that is resumed keeps its place, however it scores.
@@ -424,12 +424,13 @@ mod tests {
         (resumed.score, resumed.state) = (0.1, EntryState::Done);
         resume(&mut all, resumed, 2);
         assert_eq!((hashes(&all).as_str(), all[1].score, all[1].state), ("cbad", 1.5, EntryState::Done));
-        assert!(by_likeness(Vec::new(), Vec::new()).is_empty());
+        assert!(by_likeness(Vec::new(), Vec::new(), Topology::Disc).is_empty());
     }
 
     #[test]
     fn what_explains_more_of_the_query_comes_first_and_what_explains_nothing_stays() {
-        let rough = |agreement, covered| Some(Rough { agreement, covered, off: 0.0, places: Arc::default() });
+        let rough =
+            |agreement, covered| Some(Rough { agreement, covered, off: 0.0, places: Arc::default(), mirrored: false });
         let mut all: Vec<Candidate> =
             [("a", 1.0), ("b", 2.0), ("c", 3.0), ("d", 4.0)].map(|(hash, score)| candidate(hash, score)).into();
         all[0].rough = rough(-0.2, 1.0);

@@ -15,11 +15,11 @@ pub mod scattered;
 mod siblings;
 
 use super::catalogue::{LEVEL_COARSEST, Resident, Stock};
-use super::engine::{Cut, Encoding, Engine, Model, Registration};
+use super::engine::{Cut, Encoding, Engine, Model, ModelSegment, Registration};
 use super::ingest::{self, Upload, encode, normal_tags};
 use super::query::{LiveQuery, QueryOptions, ms_since};
 use super::ranking::{Candidate, Depth, levels_up_to, mark, order, registered_at};
-use super::worth::is_worth_an_example;
+use super::worth::{is_most_of_scan, is_worth_an_example};
 use super::{Caller, REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, PoolError, Stop, StopReason};
 use crate::telemetry::traces;
@@ -69,8 +69,10 @@ pub async fn start(
     let snapshot = work.catalogue.snapshot();
     let stocks = stocks_for(&model);
     let select = |topologies: &[Topology]| Selection::new(&snapshot, topologies, stocks, &options.tags);
-    let against = |topology| work.engine.ranked_against(topology);
-    let corpus: Vec<Selection> = model.segments.iter().map(|s| select(&against(s.topology))).collect();
+    let against = |(k, s): (usize, &ModelSegment)| {
+        select(&work.engine.ranked_against(s.topology, is_most_of_scan(&model.segments, k)))
+    };
+    let corpus: Vec<Selection> = model.segments.iter().enumerate().map(against).collect();
     // A segment for which there is no example takes a regular layout; a corpus without any is a mistake to be told.
     if select(&TOPOLOGIES).size == 0 {
         let mut wanted: Vec<&str> = model.segments.iter().map(|s| s.topology.as_str()).collect();
@@ -106,7 +108,7 @@ pub(super) async fn of_rest(work: &Arc<Work>, live: &LiveQuery, cut: &Arc<Model>
     ranked.retain(|&segment| cut.segments[segment].faces as f64 >= RANKED_SHARE_MIN * all as f64);
     let stocks = [Stock::Wholes, Stock::Parts];
     let select = |segment: usize| {
-        let against = work.engine.ranked_against(cut.segments[segment].topology);
+        let against = work.engine.ranked_against(cut.segments[segment].topology, false);
         match ranked.contains(&segment) {
             true => Selection::new(&snapshot, &against, &stocks, &live.options.tags),
             false => Selection::default(),

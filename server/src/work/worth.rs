@@ -39,14 +39,20 @@ pub fn is_worth_an_example(segments: &[ModelSegment], segment: usize) -> bool {
     own >= own_min && segments.iter().enumerate().filter(is_before).count() < most
 }
 
+/// Whether a segment is most of a scan, with enough form to choose an example by.
+pub fn is_most_of_scan(segments: &[ModelSegment], segment: usize) -> bool {
+    let all = segments.iter().map(|s| s.faces).sum::<u64>();
+    let faces = segments.get(segment).map_or(0, |s| s.faces);
+    2 * faces >= all && faces >= FACES_CHOSEN_MIN && all >= FACES_OF_SCAN_MIN
+}
+
 /// How many examples of a segment's ranking are laid on it unasked, until one is not poor. Of a part between others only the
 /// first is: a regular layout between its neighbours has better angles than an example that fits but fairly. Queries tell it, so
 /// that whoever asks for maps one by one asks for as many.
 pub fn tries(segments: &[ModelSegment], segment: usize) -> usize {
     match segments.get(segment).map(|s| s.faces) {
         Some(faces) if faces >= FACES_MIN && is_worth_an_example(segments, segment) => {
-            let all = segments.iter().map(|s| s.faces).sum::<u64>();
-            if 2 * faces >= all && faces >= FACES_CHOSEN_MIN && all >= FACES_OF_SCAN_MIN { TRIES } else { 1 }
+            if is_most_of_scan(segments, segment) { TRIES } else { 1 }
         }
         _ => 0,
     }

@@ -48,6 +48,8 @@ pub struct RoughFit {
     pub off: f64,
     /// Where each vertex of the example lies.
     pub places: Vec<Vec3>,
+    /// Whether it lies mirrored.
+    pub mirrored: bool,
 }
 
 /// Lays an example roughly; `None` where there is no way to, or when stopped. `tips`: ways to match the tips of both.
@@ -88,7 +90,7 @@ impl RoughFit {
             |t: &usize| example.triangles[*t].iter().all(|&v| rested.off[v as usize] && !rested.lost[v as usize]);
         let off = (0..example.triangles.len()).filter(is_off).map(|t| example.area(t)).sum::<f64>();
         let off = off / example.total_area().max(f64::MIN_POSITIVE);
-        Self { agreement: evidence.agreement(), covered: evidence.covered, off, places }
+        Self { agreement: evidence.agreement(), covered: evidence.covered, off, places, mirrored: rested.mirrored }
     }
 }
 

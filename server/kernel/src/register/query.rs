@@ -9,6 +9,7 @@ use super::trial::Trials;
 use super::view::View;
 use crate::encode::index::PlanarIndex;
 use crate::encode::{Encoding, SIDE_FINEST, encode, encode_to};
+use crate::mesh::TriMesh;
 use crate::topology::{Patch, Topology};
 use crate::unfold::moebius::Conformal;
 use crate::unfold::pole::Breadth;
@@ -94,6 +95,8 @@ pub struct Query {
     conformal: Option<Conformal>,
     candidates: OnceLock<Vec<Arc<Unfolded>>>,
     parts: OnceLock<Vec<Arc<Unfolded>>>,
+    /// A disc with its boundary filled; `None` where that can't be unfolded.
+    closed: OnceLock<Option<Box<Query>>>,
     trials: OnceLock<Trials>,
     tried: Kept<Option<Arc<Unfolded>>>,
     solved: Kept<Result<Arc<Unfolded>, UnfoldError>>,
@@ -131,6 +134,7 @@ impl Query {
             conformal,
             candidates: OnceLock::new(),
             parts: OnceLock::new(),
+            closed: OnceLock::new(),
             trials: OnceLock::new(),
             tried: Kept::default(),
             solved: Kept::default(),
@@ -170,6 +174,29 @@ impl Query {
         let whole = if same { self.candidates() } else { &[] };
         let parts = if topology == Topology::Disc { self.parts() } else { &[] };
         whole.iter().chain(parts).cloned().collect()
+    }
+
+    /// What examples of a topology are compared with: the surface itself, or, for closed examples, a disc with its boundary
+    /// filled. `None` where that can't be unfolded. *Ours, not the paper's.*
+    pub fn facing(&self, example: Topology) -> Option<&Self> {
+        match (self.best.encoding.topology, example) {
+            (Topology::Disc, Topology::Sphere) => self.closed.get_or_init(|| self.filled().map(Box::new)).as_deref(),
+            _ => Some(self),
+        }
+    }
+
+    /// The same surface with its boundary filled.
+    fn filled(&self) -> Option<Self> {
+        let mesh = TriMesh::clone(self.unfolder.mesh());
+        let patch = Patch {
+            topology: Topology::Sphere,
+            vertex_of: (0..mesh.positions.len() as u32).collect(),
+            triangle_of: (0..mesh.triangles.len() as u32).collect(),
+            holes: mesh.boundary_loops(),
+            left_out: 0,
+            mesh,
+        };
+        Self::new(&patch, &UnfoldOptions::default()).ok()
     }
 
     /// An unfolding that has the level `side` too.

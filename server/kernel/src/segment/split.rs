@@ -82,12 +82,15 @@ pub(super) fn halve(region: &Region) -> Vec<Vec<u32>> {
     region.groups(&group_of)
 }
 
-/// Marks the triangles of an annulus around the shortest loop found that does not separate the surface.
-fn around_handle(mesh: &TriMesh, genus: i64) -> Option<Vec<u32>> {
-    let marcher = Marcher::new(mesh);
+/// Length and vertices of the shortest loop found that does not separate a surface of so many handles.
+pub(super) fn shortest_ring(mesh: &TriMesh, genus: i64) -> Option<(f64, Vec<u32>)> {
+    ring_by(&Marcher::new(mesh), mesh, genus)
+}
+
+fn ring_by(marcher: &Marcher, mesh: &TriMesh, genus: i64) -> Option<(f64, Vec<u32>)> {
     let mut best: Option<(f64, Vec<u32>)> = None;
     let bases_count = (BASES[0] / genus.max(1) as usize).max(BASES[1]);
-    let mut bases: Vec<u32> = spread(&marcher, bases_count).into_iter().map(|s| s.0).collect();
+    let mut bases: Vec<u32> = spread(marcher, bases_count).into_iter().map(|s| s.0).collect();
     let mut from = 0;
     while let Some(&base) = bases.get(from) {
         from += 1;
@@ -100,7 +103,13 @@ fn around_handle(mesh: &TriMesh, genus: i64) -> Option<Vec<u32>> {
             best = Some(found);
         }
     }
-    let (length, ring) = best?;
+    best
+}
+
+/// Marks the triangles of an annulus around the shortest loop found that does not separate the surface.
+fn around_handle(mesh: &TriMesh, genus: i64) -> Option<Vec<u32>> {
+    let marcher = Marcher::new(mesh);
+    let (length, ring) = ring_by(&marcher, mesh, genus)?;
     let distance = marcher.distances(&ring);
     let far = distance.iter().copied().filter(|d| d.is_finite()).fold(0.0, f64::max).min(2.0 * length);
     let mut widest = None;

@@ -88,6 +88,12 @@ fn fresh(encoding: &Encoding) -> Result<&Arc<Query>, EngineError> {
     }
 }
 
+/// What examples of a topology are compared with.
+fn facing(query: &Encoding, example: kernel::topology::Topology) -> Result<&Query, EngineError> {
+    let detail = "the surface can't be unfolded with its boundary filled, as closed examples are compared with it";
+    fresh(query)?.facing(example).ok_or_else(|| EngineError::refused(Refusal::NotEncodable, detail))
+}
+
 impl Engine for KernelEngine {
     fn version(&self) -> u32 {
         kernel::encode::ENCODER_VERSION
@@ -166,7 +172,12 @@ impl Engine for KernelEngine {
     }
 
     fn coarse_query(&self, query: &Encoding, examples: Topology) -> Result<CoarseQuery, EngineError> {
-        Ok(CoarseQuery::new(fresh(query)?, topology_in(examples), query.facts.bending))
+        let examples = topology_in(examples);
+        let query = (fresh(query)?.facing(examples), query.facts.bending);
+        Ok(match query {
+            (Some(facing), bending) => CoarseQuery::new(facing, examples, bending),
+            (None, _) => CoarseQuery::from_spectra(examples, Vec::new()),
+        })
     }
 
     fn ready(&self, query: &Encoding) {
@@ -176,7 +187,8 @@ impl Engine for KernelEngine {
     fn coarse(&self, example: &Encoding, query: &Encoding, stop: &Stop) -> Result<Registration, EngineError> {
         let source: &Source = example.inner.open()?;
         let stopped = || stop.reason().is_some();
-        let entry = Entry::coarse_with_parts(fresh(query)?, source.encoding(), &self.solver, &stopped);
+        let query = facing(query, source.encoding().topology)?;
+        let entry = Entry::coarse_with_parts(query, source.encoding(), &self.solver, &stopped);
         let entry =
             entry.ok_or_else(|| EngineError::Internal("expected the coarsest level and like topologies".into()))?;
         registered::checked(entry, stop)
@@ -192,7 +204,8 @@ impl Engine for KernelEngine {
         let source: &Source = example.inner.open()?;
         let mut entry = from.inner.open::<Registered>()?.entry.clone();
         let stopped = || stop.reason().is_some();
-        entry.advance(fresh(query)?, source.encoding(), &self.solver, &stopped).map_err(internal)?;
+        let query = facing(query, source.encoding().topology)?;
+        entry.advance(query, source.encoding(), &self.solver, &stopped).map_err(internal)?;
         registered::checked(entry, stop)
     }
 
@@ -209,7 +222,8 @@ impl Engine for KernelEngine {
             return Ok(from.clone());
         }
         let stopped = || stop.reason().is_some();
-        entry.refine_poles(fresh(query)?, source.encoding(), &self.solver, &stopped).map_err(internal)?;
+        let query = facing(query, source.encoding().topology)?;
+        entry.refine_poles(query, source.encoding(), &self.solver, &stopped).map_err(internal)?;
         registered::checked(entry, stop)
     }
 
@@ -272,8 +286,8 @@ impl Engine for KernelEngine {
         roughly::lay(example, query, encodings, lead, stop)
     }
 
-    fn ranked_against(&self, query: Topology) -> Vec<Topology> {
-        fitted::ranked_against(query)
+    fn ranked_against(&self, query: Topology, is_most: bool) -> Vec<Topology> {
+        fitted::ranked_against(query, is_most)
     }
 
     fn reaches(&self, example: Topology, query: Topology) -> bool {

@@ -1,6 +1,6 @@
 //! Maps as the engine makes them.
 
-use super::{Registration, Side};
+use super::{Registration, Rough, Side};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::{Beyond, Constraint, Covers, Distortion, Landmark, MapEvidence, Verdict};
 use std::sync::Arc;
@@ -42,6 +42,8 @@ pub struct Wishes {
     pub landmarks: Vec<Landmark>,
     /// A map of another example on the same segment, which tells where this one belongs.
     pub lead: Option<Lead>,
+    /// How it lies when it is laid roughly, where the ranking tried that.
+    pub rough: Option<Rough>,
 }
 
 /// A map of an example that lies on a part of others, too.

@@ -15,6 +15,8 @@ pub struct Rough {
     pub off: f64,
     /// Where each vertex of its surface lies.
     pub places: Arc<Vec<Vec3>>,
+    /// Whether it lies mirrored.
+    pub mirrored: bool,
 }
 
 impl Rough {

@@ -24,15 +24,18 @@ const UNSURE: f64 = 0.15;
 const HOLES_SURE: u32 = 8;
 /// Examples with a rim that are laid, and as many that are parts of examples.
 const LAID_MAX: usize = 32;
-/// Closed examples that are laid on what is closed, too.
+/// Closed examples that are laid on what is closed, too; of one that was cut its picture, filled, tells less.
 const CLOSED_MAX: usize = 16;
+const CLOSED_MAX_CUT: usize = 32;
 /// Examples that are laid roughly: the first, and of either kind those that are most alike, as a whole and for their size.
 /// *Untuned.*
 const ROUGH_FIRST: usize = 4;
 const ROUGH_ALIKE: usize = 6;
-/// So many at a time, until one explains so much of the query. *Untuned:* of wrong fits it is below .1.
+/// So many at a time, until some explain so much of the query: if the map of the first fails, there is another. *Untuned:* of wrong
+/// fits it is below .1.
 const ROUGH_AT_A_TIME: usize = 2;
 const ROUGH_ENOUGH: f64 = 0.15;
+const ROUGH_WANTED: usize = 2;
 /// An example that explains less of the query than this, and is at least so sure, may lead others. *Untuned.*
 const LEADS_BELOW: f64 = 0.5;
 const LEADS_FROM: f64 = 0.25;
@@ -40,7 +43,7 @@ const LEADS_FROM: f64 = 0.25;
 const FOLLOWS_FROM: f64 = quadmuse_proto::ranking::AGREES_FROM;
 /// Examples that follow one: their maps decide whether they are worth more than the part alone.
 const FOLLOWERS: usize = 2;
-/// Examples that one may lead, of those with a rim: the most alike, then the first. Most are found to hold no such part at once.
+/// Examples that one may lead: the most alike, then the first. Most are found to hold no such part at once.
 const LED_MAX: usize = 24;
 /// A segment with less of the query's faces is not worth it; nor is one of few faces, which lies on anything.
 const SHARE_MIN: f64 = 0.25;
@@ -63,7 +66,7 @@ impl SegmentSearch<'_> {
         for (candidate, likeness) in laid.iter_mut().zip(found) {
             candidate.likeness = Some(likeness?);
         }
-        let mut ordered = by_likeness(laid, passed_over);
+        let mut ordered = by_likeness(laid, passed_over, self.query.facts.topology);
         self.fit_roughly(&mut ordered).await?;
         self.published(by_fit(ordered), start).await
     }
@@ -75,7 +78,7 @@ impl SegmentSearch<'_> {
         for some in chosen.chunks(ROUGH_AT_A_TIME) {
             let fits = self.all_rough(candidates, some, None).await?;
             some.iter().zip(fits).for_each(|(&at, fit)| candidates[at].rough = fit);
-            if some.iter().any(|&at| worth(&candidates[at]) >= ROUGH_ENOUGH) {
+            if candidates.iter().filter(|c| worth(c) >= ROUGH_ENOUGH).count() >= ROUGH_WANTED {
                 break;
             }
         }
@@ -89,7 +92,8 @@ impl SegmentSearch<'_> {
         let lead = RoughLead { model, segment: from.resident.segment, rough };
         let may_follow = |at: &usize| {
             let c = &candidates[*at];
-            *at != best && c.resident.facts.topology == Topology::Disc && !c.resident.is_part()
+            let has_rim = c.resident.facts.topology == Topology::Disc || self.query.facts.topology == Topology::Disc;
+            *at != best && has_rim && !c.resident.is_part()
         };
         let mut led: Vec<usize> = (0..candidates.len()).filter(may_follow).collect();
         led.sort_by(|&a, &b| alike(&candidates[b]).total_cmp(&alike(&candidates[a])));
@@ -175,7 +179,9 @@ impl SegmentSearch<'_> {
         let (Some(own), Some(first)) = (segments.get(self.segment), candidates.first()) else { return false };
         let faces: u64 = segments.iter().map(|s| s.faces).sum();
         let is_worth_it = own.faces >= FACES_CHOSEN_MIN && own.faces as f64 >= SHARE_MIN * faces as f64;
-        let is_unsure = first.score > UNSURE || own.holes > HOLES_SURE;
+        // Of a closed example a picture of what was cut tells little.
+        let is_cut = own.topology == Topology::Disc && first.resident.facts.topology == Topology::Sphere;
+        let is_unsure = first.score > UNSURE || own.holes > HOLES_SURE || is_cut;
         let has_caps = |topology| matches!(topology, Topology::Disc | Topology::Sphere);
         is_worth_it && is_unsure && has_caps(first.resident.facts.topology)
     }
@@ -183,11 +189,13 @@ impl SegmentSearch<'_> {
     /// The first few candidates of either topology that are no near-duplicates, and all others, each in order.
     fn chosen(&self, candidates: &[Candidate]) -> (Vec<Candidate>, Vec<Candidate>) {
         let (mut with_rim, mut parts, mut closed) = (0, 0, 0);
+        let is_cut = self.query.facts.topology == Topology::Disc;
+        let closed_max = if is_cut { CLOSED_MAX_CUT } else { CLOSED_MAX };
         candidates.iter().cloned().partition(|c| {
             let (count, most) = match c.resident.facts.topology {
                 Topology::Disc if c.resident.is_part() => (&mut parts, LAID_MAX),
                 Topology::Disc => (&mut with_rim, LAID_MAX),
-                Topology::Sphere => (&mut closed, CLOSED_MAX),
+                Topology::Sphere => (&mut closed, closed_max),
                 _ => return false,
             };
             let is_chosen = *count < most && c.similar_to.is_none();

@@ -54,10 +54,12 @@ pub(super) fn reaches(example: Primitive, query: Primitive) -> bool {
     example == query || has_caps(example) && has_caps(query)
 }
 
-/// The topologies of the examples that a query is ranked against: a disc may lie about either pole of a closed surface.
-pub(super) fn ranked_against(query: Primitive) -> Vec<Primitive> {
+/// The topologies of the examples that a query is ranked against: a disc may lie about either pole of a closed surface, and may
+/// be all that is there of one, if it is no part of a scan that was cut.
+pub(super) fn ranked_against(query: Primitive, is_most: bool) -> Vec<Primitive> {
     match query {
         Primitive::Sphere => vec![Primitive::Sphere, Primitive::Disc],
+        Primitive::Disc if is_most => vec![Primitive::Disc, Primitive::Sphere],
         _ => vec![query],
     }
 }
@@ -70,7 +72,7 @@ pub(super) fn fit(
     wishes: &Wishes,
     stop: &Stop,
 ) -> Result<Fitted, EngineError> {
-    let Wishes { beyond, landmarks, lead } = wishes;
+    let Wishes { beyond, landmarks, lead, rough } = wishes;
     let held = held(landmarks, example, query)?;
     let from = from.map(|from| of_wholes(from, example, query, stop)).transpose()?.flatten();
     let by_charts = |from: &Registration| -> Result<Fitted, EngineError> {
@@ -100,7 +102,8 @@ pub(super) fn fit(
         Some(lead) => led(lead, (example, &one), &input, stop)?,
         None => Vec::new(),
     };
-    let known = Known { held: &held, led: &led };
+    let rough = rough.as_ref().map(|rough| Start { positions: rough.places.to_vec(), mirrored: rough.mirrored });
+    let known = Known { held: &held, led: &led, rough: rough.as_ref() };
     let settled = settled(whole.as_ref(), (example, &one), (query, &two), (&input, known), &relief, stop)?;
     match (settled, &from) {
         (Some(rested), from) => {
@@ -134,12 +137,12 @@ struct Known<'a> {
     held: &'a [Held],
     /// Points that lead there: they are held while it settles, but not met exactly.
     led: &'a [KernelLandmark],
+    /// How it lies when it is laid roughly.
+    rough: Option<&'a Start>,
 }
 
-/// Where points of an example belong on the input, by a map of another example that lies on both.
-///
-/// # Errors
-/// [`Refusal::Unlike`] where the other does not lie on this example.
+/// Where points of an example belong on the input, by a map of another example that lies on both; none where the other does not
+/// lie on this example.
 fn led(
     lead: &Lead,
     (example, one): (&Side, &Surface),
@@ -150,10 +153,7 @@ fn led(
     let own = Arc::clone(&one.query.chart.mesh);
     let anywhere = |_: &Rests| -1.0;
     let found = settled(None, (&lead.example, &part), (example, one), (&own, Known::default()), &anywhere, stop)?;
-    let Some(found) = found.filter(|found| found.evidence.relief >= DOUBTFUL) else {
-        let detail = "expected an example of which the one that leads is a part, found another; choose another to lead";
-        return Err(EngineError::refused(Refusal::Unlike, detail));
-    };
+    let Some(found) = found.filter(|found| found.evidence.relief >= DOUBTFUL) else { return Ok(Vec::new()) };
     let on_part = Bvh::new(&part.patch.mesh);
     let mesh = &lead.example.model.mesh;
     let kept: Vec<u32> = lead.mapped.reach.kept.clone().unwrap_or_else(|| (0..mesh.positions.len() as u32).collect());
@@ -195,8 +195,8 @@ fn settled(
         stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
         return Ok(rests.into_best(&stopped));
     }
-    if let Some(whole) = whole {
-        rests.tries(whole, &stopped);
+    for start in whole.into_iter().chain(known.rough) {
+        rests.tries(start, &stopped);
     }
     let on: &ModelInner = query.model.inner.open()?;
     let has_tips = on.has_tips(query.segment, input);
@@ -260,6 +260,10 @@ fn of_wholes(
     stop: &Stop,
 ) -> Result<Option<Registration>, EngineError> {
     let registered: &Registered = from.inner.open()?;
+    if example.encoded.encoding.facts.topology != query.encoded.encoding.facts.topology {
+        // The ranking compared it with a surface that was filled, or with a part.
+        return Ok(None);
+    }
     if registered.entry.best().unfolded.is_whole() {
         return Ok(Some(from.clone()));
     }

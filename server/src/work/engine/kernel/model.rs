@@ -154,7 +154,7 @@ pub(super) fn read(bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, limits: 
             .repairs
             .iter()
             .map(ToString::to_string)
-            .chain(inner.segmented.parts.iter().flat_map(mended))
+            .chain(inner.segmented.parts.iter().flat_map(|part| mended(part, inner.segmented.handles_opened)))
             .collect(),
         segments: inner.segments(),
         labels: asked.then(|| inner.labels(mesh.faces.len())),
@@ -227,8 +227,10 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, 
                 let groups = || few_groups().and_then(|labels| Segmented::by_labels(surface, &labels).ok());
                 let repaired = || Segmented::primitive(surface, policy).ok();
                 let pieces = || is_scan(cut).then(|| Segmented::mended(surface)).flatten();
-                let as_it_is = Segmented::whole(surface).ok().or_else(groups);
-                if let Some(whole) = as_it_is.or_else(repaired).or_else(pieces) {
+                let is_grouped = few_groups().is_some();
+                let opened = || (is_scan(cut) && !is_grouped).then(|| Segmented::opened(surface)).flatten();
+                let as_it_is = || Segmented::whole(surface).ok().or_else(groups);
+                if let Some(whole) = opened().or_else(as_it_is).or_else(repaired).or_else(pieces) {
                     return Ok(meant(whole));
                 }
             }
@@ -248,16 +250,22 @@ fn few(labels: &[i64]) -> Result<&[i64], EngineError> {
     Ok(labels)
 }
 
-/// What was left out of a patch, or will be filled, to make it a primitive.
-fn mended(patch: &Patch) -> Vec<String> {
+/// What was left out of a patch, will be filled, or was opened, to make it a primitive.
+fn mended(patch: &Patch, handles_opened: u32) -> Vec<String> {
     let mut sentences = Vec::new();
     if patch.left_out > 0 {
         let n = patch.left_out;
         let s = if n == 1 { "" } else { "s" };
         sentences.push(format!("{n} small component{s} beside the largest left out"));
     }
-    if !patch.holes.is_empty() {
-        let (n, edges) = (patch.holes.len(), patch.holes.iter().map(Vec::len).max().unwrap_or(0));
+    if handles_opened > 0 {
+        let s = if handles_opened == 1 { "" } else { "s" };
+        sentences.push(format!("{handles_opened} handle{s} cut open for the computation; maps keep to the surface"));
+    }
+    // Both sides of each such cut are holes, too.
+    let n = patch.holes.len().saturating_sub(2 * handles_opened as usize);
+    if n > 0 {
+        let edges = patch.holes.iter().map(Vec::len).max().unwrap_or(0);
         let s = if n == 1 { "" } else { "s" };
         sentences.push(format!(
             "{n} small hole{s} (the longest of {edges} edges) filled for the computation; maps keep to the surface"

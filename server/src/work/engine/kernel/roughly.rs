@@ -41,6 +41,7 @@ pub(super) fn lay(
         covered: fit.covered,
         off: fit.off,
         places: Arc::new(fit.places),
+        mirrored: fit.mirrored,
     }))
 }
 

@@ -1,0 +1,135 @@
+//! A scan with handles, opened: cut along the shortest loop around each, so that examples without handles can be laid on all of it.
+//!
+//! An animal that stands on a rock has three handles between its legs, and no animal among the examples has any. Both sides of
+//! each cut count as holes that are filled where the surface is unfolded; the surface itself stays as it is. *Ours, not the
+//! paper's.*
+
+use super::Segmented;
+use super::split::shortest_ring;
+use crate::mesh::tri::{NONE, TriMesh};
+use crate::topology::{self, Patch, invariants, primitive, split_pinched};
+
+/// A surface of more handles is no body with something between its limbs: it is cut into parts. *Untuned.*
+const HANDLES_MAX: i64 = 6;
+/// A closed surface of one handle is a torus, unless a loop around the handle is shorter than this, in √area: two legs on a base.
+/// *Untuned:* ankles have some .15, rings that anybody lays quads on more than .25.
+const TORUS_LOOP_MAX: f64 = 0.2;
+/// All components beside the largest have at most this share of the area together.
+const SMALL_COMPONENTS_SHARE: f64 = 0.1;
+
+/// The largest component of a surface without its handles, as one part; `None` where it has none, or too many, or is a torus, or is
+/// no primitive even then.
+pub(super) fn opened(surface: &TriMesh) -> Option<Segmented> {
+    let mut sets: Vec<(f64, Vec<u32>)> = topology::pieces(surface)
+        .into_iter()
+        .map(|set| (set.iter().map(|&t| surface.area(t as usize)).sum(), set))
+        .collect();
+    sets.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let total: f64 = sets.iter().map(|set| set.0).sum();
+    let left_out = sets.len().checked_sub(1)?;
+    let (area, triangle_of) =
+        sets.into_iter().next().filter(|first| first.0 >= (1.0 - SMALL_COMPONENTS_SHARE) * total)?;
+    let (mut mesh, mut vertex_of) = topology::submesh(surface, &triangle_of);
+    let found = invariants(&mesh);
+    if !(1..=HANDLES_MAX).contains(&found.genus) {
+        return None;
+    }
+    let is_torus = found.genus == 1 && found.boundary_loops == 0;
+    let mut is_slit = vec![false; mesh.twins.len()];
+    for left in (1..=found.genus).rev() {
+        let (length, ring) = shortest_ring(&mesh, left)?;
+        if is_torus && length > TORUS_LOOP_MAX * area.sqrt() {
+            return None;
+        }
+        cut(&mut mesh, &ring, &mut is_slit);
+        for copied in split_pinched(&mut mesh) {
+            vertex_of.push(vertex_of[copied as usize]);
+        }
+    }
+    let (gaps, _) = primitive::gaps(&mesh, &|_| false);
+    let is_filled = |edges: &Vec<u32>| edges.iter().all(|&h| is_slit[h as usize]) || gaps.contains(edges);
+    let (holes, ends): (Vec<_>, Vec<_>) = mesh.boundary_loops().into_iter().partition(is_filled);
+    let topology = primitive::with_ends(&mesh, ends.len()).ok()?;
+    let part = Patch { topology, mesh, vertex_of, triangle_of, holes, left_out };
+    Some(Segmented { handles_opened: found.genus as u32, ..Segmented::uncut(surface, vec![part]) })
+}
+
+/// Parts the faces on both sides of a ring of vertices, each joined to the next by an edge.
+fn cut(mesh: &mut TriMesh, ring: &[u32], is_slit: &mut [bool]) {
+    let on_ring = |a: u32, b: u32| {
+        (0..ring.len()).any(|k| {
+            let edge = [ring[k], ring[(k + 1) % ring.len()]];
+            edge == [a, b] || edge == [b, a]
+        })
+    };
+    let mut is_of_ring = vec![false; mesh.positions.len()];
+    ring.iter().for_each(|&v| is_of_ring[v as usize] = true);
+    for h in 0..mesh.twins.len() as u32 {
+        let (a, b) = (mesh.tail(h), mesh.head(h));
+        if is_of_ring[a as usize] && is_of_ring[b as usize] && mesh.twin(h) != NONE && on_ring(a, b) {
+            let twin = mesh.twin(h);
+            for side in [h, twin] {
+                mesh.twins[side as usize] = NONE;
+                is_slit[side as usize] = true;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Vec3;
+    use crate::topology::Topology;
+    use crate::topology::tests::grid;
+
+    /// A torus of n × n squares whose tube has a radius of `tube`, around a ring of radius 1.
+    fn torus(n: u32, tube: f64) -> TriMesh {
+        let flat = grid(n, n, true, true);
+        let turn = |k: u32| std::f64::consts::TAU * f64::from(k) / f64::from(n);
+        let place = |k: u32| {
+            let (u, v) = (turn(k % n), turn(k / n));
+            let radius = 1.0 + tube * v.cos();
+            Vec3::new(radius * u.cos(), radius * u.sin(), tube * v.sin())
+        };
+        let positions = (0..flat.positions.len() as u32).map(place).collect();
+        TriMesh::from_triangles(positions, flat.triangles.clone()).expect("a torus")
+    }
+
+    #[test]
+    fn a_thin_handle_is_opened_and_its_surface_stays() {
+        let thin = torus(40, 0.03);
+        let found = opened(&thin).expect("one handle");
+        assert_eq!((found.handles_opened, found.parts.len()), (1, 1));
+        let part = &found.parts[0];
+        assert_eq!((part.topology, part.holes.len()), (Topology::Sphere, 2));
+        assert!(found.mesh.positions == thin.positions && found.mesh.triangles == thin.triangles);
+        for (own, &of_surface) in part.mesh.triangles.iter().zip(&part.triangle_of) {
+            assert_eq!(own.map(|v| part.vertex_of[v as usize]), thin.triangles[of_surface as usize]);
+        }
+        for (v, &of_surface) in part.vertex_of.iter().enumerate() {
+            assert_eq!(part.mesh.positions[v], thin.positions[of_surface as usize]);
+        }
+    }
+
+    #[test]
+    fn a_torus_stays_one_and_what_has_no_handle_is_as_it_is() {
+        assert!(opened(&torus(40, 0.4)).is_none());
+        assert!(opened(&grid(20, 20, false, false)).is_none());
+    }
+
+    #[test]
+    fn a_torus_with_a_hole_is_a_disc_once_it_is_opened() {
+        let whole = torus(40, 0.4);
+        let cut_out: Vec<u32> = (0..whole.triangles.len() as u32)
+            .filter(|&t| whole.triangles[t as usize].iter().all(|&v| whole.positions[v as usize].x < 0.8))
+            .collect();
+        // A bent tube, open at both ends, has no handle.
+        assert!(opened(&topology::submesh(&whole, &cut_out).0).is_none());
+        let holed: Vec<u32> = (0..whole.triangles.len() as u32)
+            .filter(|&t| whole.triangles[t as usize].iter().any(|&v| whole.positions[v as usize].x < 1.2))
+            .collect();
+        let found = opened(&topology::submesh(&whole, &holed).0).expect("one handle, and an end");
+        assert_eq!((found.parts[0].topology, found.parts[0].holes.len()), (Topology::Disc, 2));
+    }
+}
