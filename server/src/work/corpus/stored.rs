@@ -90,7 +90,8 @@ impl StoredCorpus {
 
     fn example(&self, record: &ExampleRecord) -> Arc<Example> {
         let known = self.described.read().unwrap_or_else(PoisonError::into_inner).get(&record.id).cloned();
-        Arc::new(example_of(record, &known.unwrap_or_default()))
+        // Whoever follows the corpus may see what another request has just added before that request has described it.
+        Arc::new(example_of(record, &known.unwrap_or_else(|| Arc::new(described(&*self.store, record)))))
     }
 
     fn describe(&self, id: ExampleId, known: Described) {
