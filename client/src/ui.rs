@@ -258,6 +258,14 @@ impl Ui {
         }
     }
 
+    /// A remark that nobody should miss. For people only.
+    pub fn warn(&mut self, text: &str) {
+        if self.is_for_people() {
+            self.settle();
+            let _ = writeln!(self.notes, "{} {}", self.notes_paint.warning("warning:"), printable(text));
+        }
+    }
+
     /// Says what went wrong: to people in a sentence, to programs as the problem that the service answered with.
     pub fn report(&mut self, error: &ClientError) {
         if error.is_silent() {

@@ -1,6 +1,6 @@
 // The corpus: found by name, tag and surface, added to, and looked at.
 
-import { $, call, json, make, picture, send, upload } from "/web/call.js";
+import { $, call, json, make, picture, send, sentence, upload } from "/web/call.js";
 import { showExample } from "/web/example.js";
 import { formatOf } from "/web/files.js";
 import { forgetFacts } from "/web/laying.js";
@@ -180,11 +180,10 @@ async function send1({ name, get, tags, relevance, stem, bar, told, item }) {
   try {
     const { status, answer } = await upload(`/v1/examples?${parameters}`, await get(), (part) => { bar.value = part; told.textContent = part < 1 ? `${Math.floor(100 * part)} %` : "being read and encoded…"; });
     const parts = answer.segments.filter((s) => s.is_part).length;
-    const quads = share(answer.counts);
     const facts = [status === 201 ? "added" : "was there already", `${answer.counts.faces} faces`, SURFACES[answer.segments[0]?.topology] ?? "", parts ? `${parts} parts` : ""].filter(Boolean).join(", ");
     Object.assign(told, { className: "good", textContent: facts });
-    if (quads < 50) {
-      item.append(make("span", `Only ${quads} % of its faces are quads: is it a scan? Scans taken as examples spoil rankings.`, { className: "bad" }));
+    if (answer.doubts?.length) {
+      item.append(make("span", `${answer.doubts.map(sentence).join(" ")} Scans taken as examples spoil rankings.`, { className: "bad" }));
       const out = make("button", "Take it out again", { type: "button", className: "plain small" });
       out.onclick = async () => { await call(`/v1/examples/${answer.id}`, { method: "DELETE" }); item.remove(); await show(); onchange(); };
       if (status === 201) item.append(out);

@@ -2,7 +2,7 @@
 
 use super::corpus::{NewExample, Put};
 use super::engine::{Besides, Cut, Encoded, EngineError, Grain, Model, Packed};
-use super::{Caller, REQUEST_TIME_MAX, Work, WorkError, jobs, landmarks, texts};
+use super::{Caller, REQUEST_TIME_MAX, Work, WorkError, doubts, jobs, landmarks, texts};
 use crate::pool::{Job, Lane, User};
 use bytes::Bytes;
 use quadmuse_kernel::mesh::PolyMesh;
@@ -84,9 +84,10 @@ pub async fn add(
     let annotation = Annotation { tags, ..annotation };
     if work.queue.get().is_some() {
         // A bad mesh is refused soon, however busy the encoders are.
-        drop(read_example(work, caller, &upload).await?);
-        if let Some(added) = jobs::added(work, caller, &upload, &annotation).await {
-            return Ok(added);
+        let model = read_example(work, caller, &upload).await?;
+        let doubts = work.blocking(move |_| Ok(doubts::doubts(&model.mesh))).await?;
+        if let Some((example, put)) = jobs::added(work, caller, &upload, &annotation).await {
+            return Ok((doubted(&example, doubts), put));
         }
     }
     add_here(work, caller, upload, annotation).await
@@ -135,9 +136,14 @@ pub(super) async fn add_here(
     work.blocking(move |work| {
         let (example, put) = work.corpus.put(new)?;
         work.catalogue.follow();
-        Ok((example, put))
+        Ok((doubted(&example, doubts::doubts(&model.mesh)), put))
     })
     .await
+}
+
+/// An example as it is answered to whoever added it: with what speaks against its being one.
+fn doubted(example: &Arc<Example>, doubts: Vec<String>) -> Arc<Example> {
+    if doubts.is_empty() { Arc::clone(example) } else { Arc::new(Example { doubts, ..Example::clone(example) }) }
 }
 
 /// Reads and cuts an upload.

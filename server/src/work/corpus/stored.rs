@@ -258,6 +258,7 @@ fn example_of(record: &ExampleRecord, known: &Described) -> Example {
         counts: MeshCounts { vertices, faces, triangles: known.triangles, quads: known.quads },
         segments: record.segments.iter().enumerate().map(segment).collect(),
         repairs: record.repairs.clone(),
+        doubts: Vec::new(),
         created: rfc3339(record.created_unix_ms),
         template: None,
     }
