@@ -88,8 +88,10 @@ export class Viewer {
     if (this.meshes.scan) this.sendScan();
   }
 
-  setQuads(mesh) {
+  // `tint`: a colour a face, or null.
+  setQuads(mesh, tint = null) {
     this.meshes.quads = mesh;
+    this.tints.quads = tint;
     this.heat = null;
     this.isDraped = false;
     if (!mesh) for (const name of ["quads", "inner", "rim", "dots"]) this.painter.send(name, null);
@@ -100,7 +102,7 @@ export class Viewer {
   sendQuads() {
     if (!this.meshes.quads) return;
     const { centre } = this.frames.result;
-    this.sendFaces("quads", this.meshes.quads, centre, { inner: "inner", rim: "rim", dots: "dots" }, { value: this.heat });
+    this.sendFaces("quads", this.meshes.quads, centre, { inner: "inner", rim: "rim", dots: "dots" }, { value: this.heat, tint: this.tints.quads });
   }
 
   sendFaces(name, mesh, centre, names, more = {}) {
@@ -223,7 +225,7 @@ export class Viewer {
     const show = meshes.quads ? options.show : "scan";
     if (show !== "quads") painter.surface(this.isMoving && painter.has("coarse") ? "coarse" : "scan", view, { colour: COLOURS.scan, mode: this.tints.scan && meshes.scan.segments ? 1 : 0, flat: options.flat });
     if (show === "quads") {
-      const mode = this.heat ? 2 : options.checker && meshes.quads.uvs ? 3 : 0;
+      const mode = this.heat ? 2 : options.checker && meshes.quads.uvs ? 3 : this.tints.quads ? 1 : 0;
       painter.surface("quads", view, { colour: COLOURS.quads, mode, flat: options.flat });
       this.drawEdges("inner", "rim", view);
     }

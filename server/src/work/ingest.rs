@@ -269,20 +269,48 @@ pub async fn bytes(work: &Arc<Work>, user: User, id: ExampleId) -> Result<Bytes,
     work.blocking(move |work| Ok(share.held(work.corpus.bytes(id)?.into()))).await
 }
 
-/// The mesh of an example, in another format than it was uploaded in if need be.
+/// What the faces of an example's mesh tell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Faces {
+    /// Their corners.
+    Plain,
+    /// The segment that they are of, too; 0 for what is of no part of a whole.
+    Labelled,
+}
+
+/// The mesh of an example, in another format than it was uploaded in if need be. Only PLY has a place for labels.
 ///
 /// # Errors
 /// Refusals of the corpus and of the format.
-pub async fn mesh(work: &Arc<Work>, caller: Caller, id: ExampleId, format: MeshFormat) -> Result<Bytes, WorkError> {
+pub async fn mesh(
+    work: &Arc<Work>,
+    caller: Caller,
+    id: ExampleId,
+    (format, faces): (MeshFormat, Faces),
+) -> Result<Bytes, WorkError> {
+    if faces == Faces::Labelled && format != MeshFormat::Ply {
+        return Err(WorkError::parameter(
+            "labels",
+            "`format=ply` beside it: no other format has labels",
+            format.as_str(),
+        ));
+    }
     let example = work.catalogue.example(id)?;
     let bytes = bytes(work, caller.user, id).await?;
-    if example.format == format.as_str() {
+    if example.format == format.as_str() && faces == Faces::Plain {
         return Ok(bytes);
     }
     let estimate = work.engine.memory_estimate(bytes.len() as u64);
     let job = work.admit(caller.user, estimate, REQUEST_TIME_MAX)?;
     let model = model(work, &job, Lane::Lay, &example).await?;
-    write(work, job, caller.user, &model.mesh, format).await
+    let mesh = match faces {
+        Faces::Plain => Arc::clone(&model.mesh),
+        Faces::Labelled => {
+            let engine = Arc::clone(&work.engine);
+            work.pool.run(&job, Lane::Lay, move |_| engine.told_apart(&model)).await??
+        }
+    };
+    write(work, job, caller.user, &mesh, format).await
 }
 
 /// An example, read again from its bytes.
