@@ -64,6 +64,30 @@ export const correcting = {
     console.log(`     from an edit to its picture: ${await page.evaluate(() => { const row = [...document.querySelectorAll(".facts tr")].find((r) => r.textContent.startsWith("Last edit")); return row?.lastChild.textContent ?? "–"; })}`);
   },
 
+  async "the quads of a whole scan are made denser, and as they were again"({ open, scan }) {
+    const page = await open();
+    await laid(page, scan("old_man"));
+    await rest(page);
+    const quads = () => viewer(page, "(v) => v.meshes.quads.starts.length - 1");
+    const before = await quads();
+    const map = page.url();
+    await page.selectOption("#density", "1");
+    await until("a denser mesh", () => page.url().includes("/composition/"), 120_000);
+    await rest(page);
+    const after = await quads();
+    check(after > 3.5 * before && after < 4.5 * before, `${before} quads became ${after}`);
+    check((await page.inputValue("#density")) === "1", "the density is not told");
+    await shoot(page, "denser");
+    await noComplaints(page, "denser");
+    // A reload shows it again, and the map is a choice away.
+    await page.reload();
+    await page.waitForSelector("#panel .verdict", { timeout: 30_000 });
+    check((await page.inputValue("#density")) === "1" && (await quads()) === after, "the denser mesh is not there again");
+    await page.selectOption("#density", "0");
+    await until("the map", () => page.url() === map, 30_000);
+    check((await quads()) === before, "the map is another one");
+  },
+
   async "on a symmetric example the point across goes along"({ open, scan }) {
     const page = await open();
     await laid(page, scan("old_man"));
