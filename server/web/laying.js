@@ -201,10 +201,24 @@ export async function resume(query, making) {
   say("");
 }
 
+// What each part took, by its number: the name of an example, or that it is a regular layout.
+async function taken(query, { parts, templates }) {
+  const { items } = await json(`/v1/queries/${query.id}/maps`);
+  const names = new Map(templates.map((segment) => [segment, "a regular layout"]));
+  await Promise.all(parts.map(async ({ segment, map }) => {
+    const of = items.find((m) => m.id === map)?.example;
+    const known = of && !isTemplate({ example: of }) ? await factsOf(of) : null;
+    if (known) names.set(segment, known.name || of);
+  }));
+  return names;
+}
+
 export async function showComposition(query, made) {
   const path = `/v1/queries/${query.id}/compositions/${made.id}`;
-  const quads = readPly(await buffer(`${path}/mesh?format=ply`));
+  const [bytes, took] = await Promise.all([buffer(`${path}/mesh?format=ply`), taken(query, made).catch(() => new Map())]);
   if (bench.query !== query) return;
+  const quads = readPly(bytes);
+  query.took = took;
   query.touched = true;
   const inParts = query.segments.length > 1;
   query.shown = { made, path, name: inParts ? "all parts" : `${made.quads} quads` };

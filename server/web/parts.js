@@ -51,7 +51,7 @@ function item(query, { segment, topology, faces }) {
   const pick = make("button", `Part ${segment + 1}`, { type: "button", className: "part", ariaPressed: String(segment === query.segment), id: `part-${segment}` });
   pick.onclick = () => choose(query, segment);
   const own = query.chosen?.has(segment) ? example(query, segment) : null;
-  made.append(dot, pick, make("small", `${SURFACES[topology] ?? topology}, ${faces} faces · ${own ? nameOf(own) : "its best example"}`));
+  made.append(dot, pick, make("small", `${SURFACES[topology] ?? topology}, ${faces} faces · ${own ? nameOf(own) : query.took?.get(segment) ?? "its best example"}`));
   if (own) made.append(button("Forget", () => { query.chosen.delete(segment); query.laid.delete(segment); chooseSegment(segment); showPanel(query); }, { className: "plain small", ariaLabel: `Forget the example of part ${segment + 1}`, id: `forget-${segment}` }));
   return made;
 }

@@ -301,6 +301,8 @@ export const correcting = {
     await page.waitForTimeout(300);
     await shoot(page, "stitched");
     await noComplaints(page, "stitched");
+    const took = await page.locator("#part-list small").allTextContents();
+    check(took.length === 2 && took.every((text) => !text.includes("its best example")), `the parts don't tell what they took: ${took}`);
     await page.click("#show-parts");
     await page.waitForTimeout(300);
     await shoot(page, "parts");

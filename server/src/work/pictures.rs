@@ -1,6 +1,6 @@
 //! Pictures as PNG files: thumbnails of examples, previews of maps, encodings.
 
-use super::picture::{Paint, SIDE_MAX, SIDE_MIN, View, encoding_picture, render};
+use super::picture::{Paint, Poles, SIDE_MAX, SIDE_MIN, View, encoding_picture, render};
 use super::{Caller, REQUEST_TIME_MAX, Work, WorkError, ingest};
 use crate::pool::{Lane, User};
 use bytes::Bytes;
@@ -90,8 +90,9 @@ pub async fn thumbnail(
         Ok(match segment {
             None => render(&model.mesh, &view, size).to_png(),
             Some(segment) => {
-                let paint = Paint::Segment(segment.into());
-                render(&*engine.told_apart(&model)?, &View { paint, ..view }, size).to_png()
+                // Marks of the rest would hide what is meant.
+                let view = View { paint: Paint::Segment(segment.into()), poles: Poles::Unmarked, ..view };
+                render(&*engine.told_apart(&model)?, &view, size).to_png()
             }
         })
     };
