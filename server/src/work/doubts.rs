@@ -8,8 +8,8 @@ use quadmuse_kernel::mesh::PolyMesh;
 const QUADS_SHARE_MIN: f64 = 0.5;
 
 /// Share of vertices with another number of edges than four above which a mesh of quads is hardly a layout. Of the same 93
-/// none has more than .43: few quads make a whole animal.
-const EXTRAORDINARY_SHARE_MAX: f64 = 0.5;
+/// none has more than .43, where few quads make a whole animal; triangles that were each cut into three quads come to .5.
+const EXTRAORDINARY_SHARE_MAX: f64 = 0.45;
 
 /// Vertices below which that share says nothing: a box has eight, each with three edges.
 const VERTICES_MIN: u64 = 64;
@@ -59,7 +59,7 @@ mod tests {
     #[test]
     fn a_scan_whose_triangles_were_cut_into_quads_is_doubted() {
         // Each triangle is cut into three quads around its middle: every other vertex has three edges, or six and more.
-        let n = 6;
+        let n = 30;
         let corner = |x: usize, y: usize| (2 * y) * (2 * n + 1) + 2 * x;
         let mut text: String = (0..=2 * n).flat_map(|y| (0..=2 * n).map(move |x| format!("v {x} {y} 0\n"))).collect();
         let mut next = (2 * n + 1) * (2 * n + 1);
