@@ -7,6 +7,7 @@ mod choose;
 mod compose;
 mod corpus;
 mod deliver;
+mod making;
 mod manual;
 mod map;
 mod open;

@@ -38,6 +38,11 @@ impl Paint {
         self.with(BOLD_RED, text)
     }
 
+    /// The word before a warning.
+    pub fn warning(self, text: &str) -> String {
+        self.with(YELLOW, text)
+    }
+
     /// Marks a heading.
     pub fn heading(self, text: &str) -> String {
         self.with(BOLD, text)

@@ -6,7 +6,7 @@ use crate::{
     error::{ClientError, printable},
     paint::Paint,
 };
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle, TermLike};
 use serde::Serialize;
 use std::{
     env,
@@ -45,13 +45,17 @@ pub struct Ui {
     /// Whether `out` is for data alone, so that all texts go to `notes`.
     sides: Sides,
     notes_paint: Paint,
-    bars: Bars,
+    /// Where bars are drawn, below each other; it is hidden where nobody sees them.
+    bars: MultiProgress,
     /// Lines of the drawing that the next one replaces.
     drawn_lines: usize,
 }
 
 /// How often a sign of life moves.
 const SPINNER_TICK: Duration = Duration::from_millis(100);
+/// A step of unknown length, and one of which is known how far it is.
+const SPINNER: &str = "{spinner} {msg}";
+const SHARE: &str = "{spinner} {msg} {bar:24} {pos:>3} %";
 
 /// Where texts and values go.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,11 +66,19 @@ enum Sides {
     Notes,
 }
 
-/// Whether progress bars are shown.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Bars {
-    Shown,
-    Hidden,
+/// A style, or indicatif's own where the template is none.
+fn style(template: &str) -> ProgressStyle {
+    ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
+}
+
+/// Shows on a sign of life what is being done, and how far that is, 0–1.
+pub(crate) fn tell_share(spinner: &ProgressBar, what: &str, share: f64) {
+    spinner.set_message(printable(what));
+    spinner.set_position((100.0 * share.clamp(0.0, 1.0)) as u64);
+    if spinner.length().is_none() {
+        spinner.set_length(100);
+        spinner.set_style(style(SHARE));
+    }
 }
 
 impl Ui {
@@ -81,7 +93,9 @@ impl Ui {
             let (height, width) = (size.map(|size| size.0), size.map(|size| size.1));
             Room { width, height, paint: coloured }
         });
-        let bars = if err.is_term() && !json { Bars::Shown } else { Bars::Hidden };
+        let shown = err.is_term() && !json;
+        let target = if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let bars = MultiProgress::with_draw_target(target);
         let is_dialogue = io::stdin().is_terminal() && err.is_term() && !json;
         let answers = is_dialogue.then(|| Box::new(io::BufReader::new(io::stdin())) as Box<dyn BufRead + Send>);
         let notes_paint = if err.is_term() && !json { coloured } else { Paint::Plain };
@@ -104,14 +118,25 @@ impl Ui {
             answers: None,
             sides: Sides::Out,
             notes_paint: terminal.unwrap_or_default().paint,
-            bars: Bars::Hidden,
+            bars: MultiProgress::with_draw_target(ProgressDrawTarget::hidden()),
             drawn_lines: 0,
         }
+    }
+
+    /// With a terminal to draw bars on.
+    pub fn with_bars(self, terminal: impl TermLike + 'static) -> Self {
+        let target = ProgressDrawTarget::term_like(Box::new(terminal));
+        Self { bars: MultiProgress::with_draw_target(target), ..self }
     }
 
     /// Somewhere to print where nobody reads.
     pub fn silent() -> Self {
         Self::new(Audience::People, None, io::sink(), io::sink())
+    }
+
+    /// Somewhere to print where nobody reads, but whose bars are seen below these.
+    pub fn silent_below(&self) -> Self {
+        Self { bars: self.bars.clone(), ..Self::silent() }
     }
 
     /// With somebody who answers questions, a line each.
@@ -233,6 +258,14 @@ impl Ui {
         }
     }
 
+    /// A remark that nobody should miss. For people only.
+    pub fn warn(&mut self, text: &str) {
+        if self.is_for_people() {
+            self.settle();
+            let _ = writeln!(self.notes, "{} {}", self.notes_paint.warning("warning:"), printable(text));
+        }
+    }
+
     /// Says what went wrong: to people in a sentence, to programs as the problem that the service answered with.
     pub fn report(&mut self, error: &ClientError) {
         if error.is_silent() {
@@ -252,24 +285,23 @@ impl Ui {
 
     /// A progress bar of `length` steps; it is hidden unless standard error is a terminal.
     pub fn bar(&self, length: u64, what: &'static str) -> ProgressBar {
-        let style = ProgressStyle::with_template("{prefix} {wide_bar} {pos}/{len}");
-        let bar = ProgressBar::hidden().with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        bar.set_length(length);
+        let bar = ProgressBar::new(length).with_style(style("{prefix} {wide_bar} {pos}/{len}"));
         bar.set_prefix(what);
-        if self.bars == Bars::Shown {
-            bar.set_draw_target(ProgressDrawTarget::stderr());
-        }
-        bar
+        self.bars.add(bar)
     }
 
     /// A sign of life during a step of unknown length; it is hidden unless standard error is a terminal.
     pub fn spinner(&self, what: &'static str) -> ProgressBar {
-        let bar = ProgressBar::hidden().with_style(ProgressStyle::default_spinner()).with_message(what);
-        if self.bars == Bars::Shown {
-            bar.set_draw_target(ProgressDrawTarget::stderr());
+        let bar = self.bars.add(ProgressBar::no_length().with_style(style(SPINNER)).with_message(what));
+        if self.shows_bars() {
             bar.enable_steady_tick(SPINNER_TICK);
         }
         bar
+    }
+
+    /// Whether anybody sees bars.
+    pub fn shows_bars(&self) -> bool {
+        !self.bars.is_hidden()
     }
 
     /// Hands everything printed to the system.

@@ -66,6 +66,9 @@ pub struct Example {
     pub segments: Vec<ExampleSegment>,
     /// What was repaired while reading, a sentence each.
     pub repairs: Vec<String>,
+    /// Why it may be no artist's layout, a sentence each: few quads, or few vertices with four edges. Told to whoever adds it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub doubts: Vec<String>,
     /// When it was added: RFC 3339, UTC.
     pub created: String,
     /// The name of the built-in regular layout, if it is one.

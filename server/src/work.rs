@@ -7,6 +7,7 @@
 pub mod catalogue;
 pub mod composing;
 pub mod corpus;
+mod doubts;
 pub mod engine;
 pub mod error;
 pub mod follow;

@@ -1,6 +1,6 @@
 // The corpus: found by name, tag and surface, added to, and looked at.
 
-import { $, call, json, make, picture, send, upload } from "/web/call.js";
+import { $, call, json, make, picture, send, sentence, upload } from "/web/call.js";
 import { showExample } from "/web/example.js";
 import { formatOf } from "/web/files.js";
 import { forgetFacts } from "/web/laying.js";
@@ -38,11 +38,14 @@ export async function show(id) {
   if (id) openExample(id);
 }
 
+const RATED = { "": () => true, low: (r) => r < 3, 3: (r) => r >= 3, 4: (r) => r >= 4, 5: (r) => r >= 5 };
+const ORDERS = { "": () => 0, name: (a, b) => a.name.localeCompare(b.name, undefined, { numeric: true }), rating: (a, b) => b.relevance - a.relevance, faces: (a, b) => a.counts.faces - b.counts.faces };
+
 function wanted(example) {
   const words = $("search").value.trim().toLowerCase().split(/\s+/).filter(Boolean);
-  const text = [example.name, example.id, ...example.tags].join(" ").toLowerCase();
+  const text = [example.name, example.id, ...example.tags, example.author, example.licence, example.notes].join(" ").toLowerCase();
   const [tag, topology] = [$("filter-tag").value, $("filter-topology").value];
-  return words.every((w) => text.includes(w)) && (!tag || example.tags.includes(tag)) && (!topology || example.segments.some((s) => !s.is_part && s.topology === topology));
+  return words.every((w) => text.includes(w)) && (!tag || example.tags.includes(tag)) && RATED[$("filter-rating").value](example.relevance) && (!topology || example.segments.some((s) => !s.is_part && s.topology === topology));
 }
 
 const share = ({ faces, quads }) => Math.round((100 * quads) / Math.max(1, faces));
@@ -55,7 +58,7 @@ function tile(example) {
   const text = make("span", undefined, { className: "text" });
   const surface = SURFACES[example.segments[0]?.topology] ?? "";
   const quads = share(example.counts);
-  text.append(make("span", name), make("small", [`${example.counts.faces} faces`, surface, quads < 95 ? `${quads} % quads` : ""].filter(Boolean).join(" · ")));
+  text.append(make("span", name), make("small", [`${example.counts.faces} faces`, surface, quads < 95 ? `${quads} % quads` : "", example.relevance === 3 ? "" : `rated ${example.relevance}`].filter(Boolean).join(" · ")));
   if (example.tags.length) text.append(make("small", example.tags.join(", ")));
   button.append(picture(`/v1/examples/${example.id}/thumbnail.png?size=256`, ""), text);
   button.onclick = () => openExample(example.id);
@@ -68,7 +71,7 @@ export function draw() {
   const tag = $("filter-tag").value;
   $("filter-tag").replaceChildren(make("option", "any", { value: "" }), ...tags.map((t) => make("option", t, { value: t })));
   $("filter-tag").value = tags.includes(tag) ? tag : "";
-  const found = examples.filter(wanted);
+  const found = examples.filter(wanted).sort(ORDERS[$("order").value]);
   const focused = document.activeElement?.dataset?.id;
   $("grid").replaceChildren(...found.map(tile));
   if (focused) $("grid").querySelector(`[data-id="${focused}"]`)?.focus();
@@ -180,11 +183,10 @@ async function send1({ name, get, tags, relevance, stem, bar, told, item }) {
   try {
     const { status, answer } = await upload(`/v1/examples?${parameters}`, await get(), (part) => { bar.value = part; told.textContent = part < 1 ? `${Math.floor(100 * part)} %` : "being read and encoded…"; });
     const parts = answer.segments.filter((s) => s.is_part).length;
-    const quads = share(answer.counts);
     const facts = [status === 201 ? "added" : "was there already", `${answer.counts.faces} faces`, SURFACES[answer.segments[0]?.topology] ?? "", parts ? `${parts} parts` : ""].filter(Boolean).join(", ");
     Object.assign(told, { className: "good", textContent: facts });
-    if (quads < 50) {
-      item.append(make("span", `Only ${quads} % of its faces are quads: is it a scan? Scans taken as examples spoil rankings.`, { className: "bad" }));
+    if (answer.doubts?.length) {
+      item.append(make("span", `${answer.doubts.map(sentence).join(" ")} Scans taken as examples spoil rankings.`, { className: "bad" }));
       const out = make("button", "Take it out again", { type: "button", className: "plain small" });
       out.onclick = async () => { await call(`/v1/examples/${answer.id}`, { method: "DELETE" }); item.remove(); await show(); onchange(); };
       if (status === 201) item.append(out);
@@ -196,5 +198,5 @@ async function send1({ name, get, tags, relevance, stem, bar, told, item }) {
 }
 
 $("add-samples").onclick = addSamples;
-for (const id of ["search", "filter-tag", "filter-topology"]) $(id).addEventListener("input", draw);
+for (const id of ["search", "filter-tag", "filter-topology", "filter-rating", "order"]) $(id).addEventListener("input", draw);
 $("filters").onsubmit = (event) => event.preventDefault();

@@ -1,8 +1,10 @@
 // One example of the corpus: in the round, with its parts, and what is known of it.
 
-import { $, make, save } from "/web/call.js";
+import { $, buffer, make, save } from "/web/call.js";
 import { exampleMesh } from "/web/laying.js";
 import { Naming } from "/web/naming.js";
+import { colourOf, css } from "/web/parts.js";
+import { readPly } from "/web/read.js";
 import { go } from "/web/route.js";
 import { Viewer } from "/web/viewer.js";
 import { SURFACES } from "/web/words.js";
@@ -21,12 +23,55 @@ function pair(...fields) {
   return row;
 }
 
-function parts(example) {
-  const list = make("ul", undefined, { className: "soft" });
-  if (example.segments.length === 1) return make("p", `Surface: ${SURFACES[example.segments[0].topology]}`, { className: "soft" });
-  for (const s of example.segments) list.append(make("li", `${s.is_part ? `part ${s.segment}` : example.segments.some((o) => o.is_part) ? "whole" : `segment ${s.segment}`}: ${SURFACES[s.topology] ?? s.topology}, ${s.faces} faces`));
-  return list;
+const ASIDE = [0.62, 0.64, 0.68];
+
+// Its parts: all in their colours, or one that stands out. `take(viewer, mesh)` once the mesh is there, whose faces tell their part.
+class Parts {
+  constructor({ segments }) {
+    this.element = make("div", undefined, { id: "example-parts" });
+    this.shown = null;
+    const whole = segments.find((s) => !s.is_part);
+    const hasWhole = segments.some((s) => s.is_part);
+    this.all = segments.length > 1 ? segments.filter((s) => s.is_part || !hasWhole) : [];
+    this.element.append(make("p", segments.length === 1 || hasWhole ? `Surface: ${SURFACES[whole.topology] ?? whole.topology}` : "Kept by its parts alone", { className: "soft" }));
+    this.list = make("ul");
+    if (this.all.length) this.element.append(this.list);
+    this.draw();
+  }
+
+  take(viewer, mesh) {
+    Object.assign(this, { viewer, mesh });
+    this.show(null);
+  }
+
+  // `part`: the number of one, "all", or null for none.
+  show(part) {
+    this.shown = part;
+    const labels = this.mesh?.segments;
+    const known = new Set(this.all.map((s) => s.segment));
+    const tint = (label) => (!known.has(label) || (part !== "all" && label !== part) ? ASIDE : colourOf(label, part !== "all"));
+    if (labels) this.viewer.setQuads(this.mesh, part === null ? null : (face) => tint(labels[face]));
+    this.draw();
+  }
+
+  draw() {
+    const focused = document.activeElement?.id;
+    const toggle = (part, text, colour) => {
+      const item = make("li");
+      const button = make("button", undefined, { type: "button", className: "plain small", ariaPressed: String(this.shown === part), id: `example-part-${part}`, disabled: !this.mesh?.segments });
+      if (colour) { const dot = make("span", undefined, { className: "dot" }); dot.style.background = css(colour); button.append(dot); }
+      button.append(text);
+      button.onclick = () => this.show(this.shown === part ? null : part);
+      item.append(button);
+      return item;
+    };
+    const items = this.all.map((s) => toggle(s.segment, `part ${s.segment}: ${SURFACES[s.topology] ?? s.topology}, ${s.faces} faces`, colourOf(s.segment, this.shown === s.segment)));
+    if (items.length) this.list.replaceChildren(toggle("all", "All parts in colours"), ...items);
+    if (focused && document.activeElement === document.body) document.getElementById(focused)?.focus();
+  }
 }
+
+const labelled = (example) => (example.segments.length > 1 ? buffer(`/v1/examples/${example.id}/mesh?format=ply&labels=true`).then(readPly) : exampleMesh(example.id));
 
 // `act`: { change(patch), remove(), closed() }.
 export function showExample(example, act) {
@@ -48,6 +93,7 @@ export function showExample(example, act) {
   const told = make("p", "", { className: "soft", id: "example-told" });
   told.setAttribute("role", "status");
   const naming = new Naming(example.landmarks);
+  const parts = new Parts(example);
   form.onsubmit = async (event) => {
     event.preventDefault();
     try {
@@ -67,7 +113,7 @@ export function showExample(example, act) {
   remove.onclick = () => { dialog.close(); act.remove(); };
   buttons.append(make("button", "Save"), download, remove, close);
   const { faces, quads, vertices } = example.counts;
-  form.append(make("h2", example.name || example.id, { id: "example-name" }), field("Name", name), pair(field("Tags", tags), field("Rating", rating)), pair(field("Author", author), field("Licence", licence)), field("Notes", notes), naming.element, make("p", `${faces} faces (${Math.round((100 * quads) / Math.max(1, faces))} % quads), ${vertices} vertices, added ${example.created.slice(0, 10)}`, { className: "soft" }), parts(example), buttons, told);
+  form.append(make("h2", example.name || example.id, { id: "example-name" }), field("Name", name), pair(field("Tags", tags), field("Rating", rating)), pair(field("Author", author), field("Licence", licence)), field("Notes", notes), naming.element, make("p", `${faces} faces (${Math.round((100 * quads) / Math.max(1, faces))} % quads), ${vertices} vertices, added ${example.created.slice(0, 10)}`, { className: "soft" }), parts.element, buttons, told);
   dialog.replaceChildren(box, form);
   let viewer = null;
   dialog.onclose = () => { viewer?.end(); dialog.replaceChildren(); act.closed(); };
@@ -75,6 +121,6 @@ export function showExample(example, act) {
   go(`corpus/${example.id}`);
   try {
     viewer = new Viewer(canvas, marks, {});
-    exampleMesh(example.id).then((mesh) => { if (!canvas.isConnected) return; viewer.setScan(mesh); viewer.setQuads(mesh); viewer.set({ dots: true }); naming.take(viewer, mesh); }, (error) => { told.textContent = error.message; });
+    labelled(example).then((mesh) => { if (!canvas.isConnected) return; viewer.setScan(mesh); viewer.setQuads(mesh); viewer.set({ dots: true }); naming.take(viewer, mesh); parts.take(viewer, mesh); }, (error) => { told.textContent = error.message; });
   } catch (error) { told.textContent = error.message; }
 }

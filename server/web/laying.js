@@ -147,6 +147,7 @@ export async function showMap(query, map, { keep = true } = {}) {
   const isNew = query.shown?.map?.example !== map.example || query.shown?.map?.segment !== map.segment;
   query.shown = { map, path };
   query.laid.set(map.segment, { key: `${map.example}:${map.example_segment}`, map: map.id });
+  query.quads = faceCount(quads);
   viewer.setQuads(quads);
   if (isNew) viewer.setExample(example, example ? { lies: correspond(map, example, quads), tint: highlight(map, example) } : {});
   if (keep) record(query, map);
@@ -178,6 +179,19 @@ export async function stitch(query, { density = 0 }) {
   await showComposition(query, made);
 }
 
+// The map of a scan in one piece, with denser or coarser quads; 0 shows the map itself.
+export async function refine(query, density) {
+  const map = query.shown.map?.id ?? query.shown.made.parts[0]?.map;
+  if (!map) { say("This is a regular layout, and has no other density.", "bad"); showPanel(query); return; }
+  query.touched = true;
+  if (!density) { await showMap(query, await json(`/v1/queries/${query.id}/maps/${map}`)); say(""); return; }
+  const body = { parts: [{ segment: 0, map }], keep: [0], density };
+  const made = await busy("Changing the density of the quads…", (signal, tell) => make(`/v1/queries/${query.id}/compositions`, body, signal, tell));
+  if (!made || bench.query !== query) { if (bench.query === query) showPanel(query); return; }
+  await showComposition(query, made);
+  say(made.quads === query.quads ? "This layout can't be made coarser." : `${made.quads} quads, in ${(made.total_ms / 1000).toFixed(1)} s.`);
+}
+
 // What was being made when the page was loaded: it is followed on, and shown.
 export async function resume(query, making) {
   const of = making.product === "map" ? "maps" : "compositions";
@@ -187,17 +201,32 @@ export async function resume(query, making) {
   say("");
 }
 
+// What each part took, by its number: the name of an example, or that it is a regular layout.
+async function taken(query, { parts, templates }) {
+  const { items } = await json(`/v1/queries/${query.id}/maps`);
+  const names = new Map(templates.map((segment) => [segment, "a regular layout"]));
+  await Promise.all(parts.map(async ({ segment, map }) => {
+    const of = items.find((m) => m.id === map)?.example;
+    const known = of && !isTemplate({ example: of }) ? await factsOf(of) : null;
+    if (known) names.set(segment, known.name || of);
+  }));
+  return names;
+}
+
 export async function showComposition(query, made) {
   const path = `/v1/queries/${query.id}/compositions/${made.id}`;
-  const quads = readPly(await buffer(`${path}/mesh?format=ply`));
+  const [bytes, took] = await Promise.all([buffer(`${path}/mesh?format=ply`), taken(query, made).catch(() => new Map())]);
   if (bench.query !== query) return;
+  const quads = readPly(bytes);
+  query.took = took;
   query.touched = true;
-  query.shown = { made, path, name: "all parts" };
+  const inParts = query.segments.length > 1;
+  query.shown = { made, path, name: inParts ? "all parts" : `${made.quads} quads` };
   bench.viewer.setQuads(quads);
   bench.viewer.setExample(null);
   bench.viewer.setPoints([]);
   bench.viewer.setPairs([]);
-  tools.setNames({ example: "", result: `${query.name}, stitched: ${made.quads} quads` });
+  tools.setNames({ example: "", result: inParts ? `${query.name}, stitched: ${made.quads} quads` : `${query.name} with ${made.quads} quads` });
   tools.set({ layout: "one", show: "quads" });
   tools.setLaid(null);
   go(`${query.id}/composition/${made.id}`);

@@ -2,6 +2,7 @@
 
 import { bounds, place, triangles } from "/web/mesh.js";
 import { nearestOf } from "/web/near.js";
+import { mirrorPlane, reflected, turned, unit } from "/web/plane.js";
 
 // Of a mesh that is its own mirror image 95 in a hundred vertices lie so near to its surface once they are mirrored, in the diagonal
 // of its box: heads as artists draw them do, hands and limbs lie three times as far.
@@ -62,22 +63,23 @@ function laid({ vertices, weights }, quads, numberOf) {
   return [0, 1, 2].map((c) => points.reduce((sum, p, k) => sum + weights[k] * p[c], 0));
 }
 
-// The mirror plane of the quads, by what lies across on the example: a reflection of directions.
-function reflection(quads, { axis, at, pairs }, example, numberOf) {
-  const normal = [0, 0, 0];
+// The mirror plane of the quads, by what lies across on the example: { normal, at }.
+function planeOf(quads, { axis, at, pairs }, example, numberOf) {
+  const [normal, middle] = [[0, 0, 0], [0, 0, 0]];
+  let count = 0;
   for (const { vertex, image } of pairs) {
     const to = numberOf.has(vertex) ? laid(image, quads, numberOf) : null;
     if (!to) continue;
+    const from = place(quads, numberOf.get(vertex));
     const side = Math.sign(example.positions[3 * vertex + axis] - at);
-    minus(place(quads, numberOf.get(vertex)), to).forEach((x, k) => { normal[k] += side * x; });
+    minus(from, to).forEach((x, k) => { normal[k] += side * x; middle[k] += (from[k] + to[k]) / 2; });
+    count += 1;
   }
-  const n = normal.map((x) => x / (length(normal) || 1));
-  return (a) => { const along = a.reduce((sum, x, k) => sum + x * n[k], 0); return a.map((x, k) => x - 2 * along * n[k]); };
+  return { normal: unit(normal), at: middle.map((x) => x / Math.max(1, count)) };
 }
 
-// What is to be done across where a point of the example is brought to a point of the scan: a further entry of `set`. Null where the
-// point lies in the plane, or nothing lies across.
-export function across({ map, example, quads }, onExample, onInput) {
+// What lies across: the point of the example, and where it and the first are on the quads now; null where the first lies in the plane.
+function opposite({ map, example, quads }, onExample) {
   const found = symmetry(example);
   if (!found) return null;
   const other = mirrored(onExample, found);
@@ -85,10 +87,38 @@ export function across({ map, example, quads }, onExample, onInput) {
   const all = map.kept ?? Array.from({ length: example.positions.length / 3 }, (_, v) => v);
   const numberOf = new Map(all.map((v, k) => [v, k]));
   const [here, there] = [onExample, other].map((point) => { const at = located(example, point, found.diagonal); return at && laid(at, quads, numberOf); });
-  if (!here || !there) return null;
+  return { other, here, there, plane: planeOf(quads, found, example, numberOf) };
+}
+
+// Whether a point of the example is the one across from another.
+export function isAcross(example, point, from) {
+  const found = symmetry(example);
+  return found !== null && length(minus(mirrored(from, found), point)) < SAME * found.diagonal;
+}
+
+// What is to be done across where a point of the example is brought to a point of the scan: a further entry of `set`. Null where the
+// point lies in the plane, or nothing lies across.
+export function across(shown, onExample, onInput) {
+  const found = opposite(shown, onExample);
+  if (!found?.here || !found.there) return null;
+  const { other, here, there, plane } = found;
   // As far from where it lay as the point is moved, the other way round.
-  const off = reflection(quads, found, example, numberOf)(minus(onInput, here));
+  const off = turned(minus(onInput, here), plane.normal);
   const to = there.map((x, k) => x + off[k]);
-  const known = map.constraints.find((c) => length(minus(c.on_example.point, other)) < SAME * found.diagonal);
+  const known = shown.map.constraints.find((c) => isAcross(shown.example, c.on_example.point, onExample));
   return known ? { id: known.id, on_input: to } : { on_example: other, on_input: to };
+}
+
+// The landmark across from one: { example, input }, the latter on the scan. It goes by the scan's own mirror plane where it has one, since
+// whoever places landmarks mistrusts the map; else by the map. Null where the landmark lies in the plane, or nothing lies across.
+export function acrossLandmark({ map, example, quads, scan }, onExample, onInput) {
+  const found = opposite({ map, example, quads }, onExample);
+  if (!found) return null;
+  const { other, here, there, plane } = found;
+  scan.plane ??= { is: mirrorPlane(scan, plane) };
+  const own = scan.plane.is;
+  const off = here && there ? turned(minus(onInput, here), plane.normal) : null;
+  const to = own ? reflected(onInput, own) : off && there.map((x, k) => x + off[k]);
+  const input = to && nearestOf(scan).point(to, 0.2 * bounds(scan).diagonal);
+  return input ? { example: other, input } : null;
 }

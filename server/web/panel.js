@@ -2,14 +2,14 @@
 
 import { $, make, save, sentence } from "/web/call.js";
 import { histograms } from "/web/histograms.js";
-import { lay, stitch } from "/web/laying.js";
+import { lay, refine, stitch } from "/web/laying.js";
 import { begin as paintParts, showPainting } from "/web/painting.js";
 import { showParts } from "/web/parts.js";
 import { showPoints } from "/web/points.js";
 import { isTemplate, key, nameOf } from "/web/ranking.js";
 import { bench } from "/web/state.js";
 import { say } from "/web/status.js";
-import { headline, reasons, unlike } from "/web/words.js";
+import { DENSITIES, headline, reasons, unlike } from "/web/words.js";
 
 const FORMATS = ["obj", "ply", "off", "stl", "glb"];
 // Reasons told at once; all of them stand under the details.
@@ -56,8 +56,21 @@ function downloads(query) {
   const stem = `${query.name.replace(/\.[^.]*$/, "")}_${name}`.replace(/[^\w.-]+/g, "_");
   for (const format of FORMATS) row.append(button(format.toUpperCase(), () => save(`${path}/mesh?format=${format}`, `${stem}.${format}`), { className: format === "obj" ? "" : "plain", ariaLabel: `Download as ${format.toUpperCase()}`, id: `save-${format}` }));
   const section = make("section");
-  section.append(make("h2", "Take it along"), row, button("Copy the link to this result", async (b) => { await navigator.clipboard.writeText(location.href); b.textContent = "Copied"; }, { className: "plain small", id: "copy" }));
+  section.append(make("h2", "Take it along"));
+  if (query.segments.length === 1) section.append(density(query));
+  section.append(row, button("Copy the link to this result", async (b) => { await navigator.clipboard.writeText(location.href); b.textContent = "Copied"; }, { className: "plain small", id: "copy" }));
   return section;
+}
+
+// How dense the quads are, of a scan in one piece; parts have it where they are stitched.
+function density(query) {
+  const label = make("label", "Density ");
+  const select = make("select", undefined, { id: "density" });
+  select.append(...Object.entries(DENSITIES).map(([value, text]) => make("option", text, { value })));
+  select.value = String(query.shown.made?.density ?? 0);
+  select.onchange = () => refine(query, Number(select.value)).catch((error) => { say(error.message, "bad"); showPanel(query); });
+  label.append(select);
+  return label;
 }
 
 // What to try next, the cheapest first.
@@ -161,7 +174,7 @@ export function showPanel(query) {
     sections.push(section);
   }
   if (query.segments.length > 1) sections.push(showParts(query, { stitch }));
-  if (query.shown?.made) sections.push(added(query.shown.made));
+  if (query.shown?.made && query.segments.length > 1) sections.push(added(query.shown.made));
   if (query.shown?.map) sections.push(showPoints(query));
   if (query.shown) sections.push(downloads(query));
   if (query.shown?.map) sections.push(...alike(query.shown.map));

@@ -8,7 +8,7 @@ import { key, nameOf } from "/web/ranking.js";
 import { bench } from "/web/state.js";
 import { say } from "/web/status.js";
 import * as tools from "/web/tools.js";
-import { SURFACES } from "/web/words.js";
+import { DENSITIES, SURFACES } from "/web/words.js";
 
 // Colours that differ from their neighbours: steps of the golden angle around the hue.
 export function colourOf(segment, isChosen) {
@@ -51,7 +51,7 @@ function item(query, { segment, topology, faces }) {
   const pick = make("button", `Part ${segment + 1}`, { type: "button", className: "part", ariaPressed: String(segment === query.segment), id: `part-${segment}` });
   pick.onclick = () => choose(query, segment);
   const own = query.chosen?.has(segment) ? example(query, segment) : null;
-  made.append(dot, pick, make("small", `${SURFACES[topology] ?? topology}, ${faces} faces · ${own ? nameOf(own) : "its best example"}`));
+  made.append(dot, pick, make("small", `${SURFACES[topology] ?? topology}, ${faces} faces · ${own ? nameOf(own) : query.took?.get(segment) ?? "its best example"}`));
   if (own) made.append(button("Forget", () => { query.chosen.delete(segment); query.laid.delete(segment); chooseSegment(segment); showPanel(query); }, { className: "plain small", ariaLabel: `Forget the example of part ${segment + 1}`, id: `forget-${segment}` }));
   return made;
 }
@@ -63,7 +63,7 @@ export function showParts(query, { stitch }) {
   list.append(...query.segments.map((s) => item(query, s)));
   const label = make("label", "Density ");
   const density = make("select", undefined, { id: "density" });
-  density.append(...[["-1", "coarser"], ["0", "as the examples"], ["1", "4 times the quads"], ["2", "16 times the quads"]].map(([value, text]) => make("option", text, { value })));
+  density.append(...Object.entries(DENSITIES).map(([value, text]) => make("option", text, { value })));
   density.value = String(query.density ?? 0);
   density.onchange = () => { query.density = Number(density.value); };
   label.append(density);

@@ -1,17 +1,16 @@
-// Putting a map right: landmarks before it is laid, and points dragged after; with undo, redo, and by keyboard.
+// Putting a map right: points that hold the quads are dragged, pinned and taken off; with undo, redo, and by keyboard.
 
 import { $, buffer, make, send } from "/web/call.js";
-import { lay, showMap } from "/web/laying.js";
 import { canRedo, canUndo, step } from "/web/history.js";
-import { across, symmetry } from "/web/mirror.js";
+import { showMap } from "/web/laying.js";
+import * as landmarks from "/web/landmarks.js";
+import { across } from "/web/mirror.js";
 import { brush } from "/web/painting.js";
 import { button, showPanel } from "/web/panel.js";
 import { readPly } from "/web/read.js";
 import { bench } from "/web/state.js";
 import { say } from "/web/status.js";
-import * as tools from "/web/tools.js";
 
-const LANDMARKS_MAX = 32;
 // By how far (in CSS pixels) an arrow key moves a point.
 const NUDGE = 6;
 const NUDGE_PAUSE_MS = 350;
@@ -126,86 +125,24 @@ export const hooks = {
     const { query } = bench;
     if (query?.shown?.map) edit(query, pins(query, found)).catch((error) => say(error.message, "bad"));
   },
-  onpick(pane, { face, barycentric, point }) {
+  onpick(pane, { face, point }) {
     const { query } = bench;
     if (!query) return;
-    if (query.placing) pair(query, pane, { face, barycentric, point });
+    if (query.placing) landmarks.pick(query, pane, point);
     else bench.onpart(pane, face);
   },
+  onpair: landmarks.dragged,
 };
 
 export async function undo(by) {
   const { query } = bench;
+  if (query && landmarks.canStep(query, by)) { landmarks.step(query, by); return; }
   if (!query?.past.length || !query.past[query.at + by]) return;
   try {
     const map = await step(query, by);
     if (map) await showMap(query, map, { keep: false });
     say(by < 0 ? "Undone." : "Done again.");
   } catch (error) { say(error.message, "bad"); }
-}
-
-// ---- landmarks
-
-function pair(query, pane, found) {
-  const open = query.pairs.find((p) => !p.example || !p.input);
-  const end = pane === "example" ? "example" : "input";
-  if (open) open[end] = found.point;
-  else if (query.pairs.length < LANDMARKS_MAX) query.pairs.push({ example: null, input: null, [end]: found.point });
-  // Whoever places a point by name goes on with the next.
-  const next = open?.name && query.shown?.named?.find((l) => query.pairs.every((p) => p.name !== l.name));
-  if (next) { placeNamed(query, next); return; }
-  if (open?.name) { place(query, false); return; }
-  const half = query.pairs.find((p) => !p.example || !p.input);
-  bench.viewer.picks = half?.example ? "result" : "example";
-  tools.draw();
-  showPanel(query);
-}
-
-export function place(query, on) {
-  query.placing = on;
-  query.pairs = query.pairs.filter((p) => on || (p.example && p.input));
-  bench.viewer.picks = on ? "example" : false;
-  bench.viewer.canvas.classList.toggle("picking", on);
-  tools.set({ layout: on ? "two" : bench.viewer.options.layout });
-  if (on) say("Click a point of the example, then where it belongs on the scan. With the keyboard: turn until it lies under the cross, then Enter.");
-  else say("");
-  showPanel(query);
-}
-
-// Begins a landmark at a point that the example names: its place on the scan is all that is wanted.
-function placeNamed(query, { name, point }) {
-  query.pairs = query.pairs.filter((p) => p.example && p.input && p.name !== name);
-  if (query.pairs.length >= LANDMARKS_MAX) { say(`${LANDMARKS_MAX} landmarks are the most that a map is held by.`, "bad"); return; }
-  place(query, true);
-  query.pairs.push({ name, example: point, input: null });
-  bench.viewer.picks = "result";
-  say(`Click where “${name}” is on the scan.`);
-  tools.draw();
-  showPanel(query);
-}
-
-// The points that the example names, to be placed on the scan one by one.
-function names(query) {
-  const { named = [] } = query.shown;
-  if (!named.length) return null;
-  const box = make("div", undefined, { id: "names" });
-  const row = make("p", undefined, { className: "row" });
-  for (const [k, landmark] of named.entries()) {
-    const pair = query.pairs.find((p) => p.name === landmark.name);
-    const isOpen = Boolean(pair && !pair.input);
-    const number = pair?.input ? `${query.pairs.indexOf(pair) + 1} · ` : "";
-    row.append(button(`${number}${landmark.name}`, () => (isOpen ? place(query, false) : placeNamed(query, landmark)), { className: `plain small${pair?.input ? " placed" : ""}`, ariaPressed: String(isOpen), id: `name-${k}`, title: pair?.input ? "It is placed; click to place it anew" : "Place it on the scan" }));
-  }
-  box.append(make("p", "This example names points. Choose one, then click where it is on the scan:", { className: "soft" }), row);
-  return box;
-}
-
-function layHeld(query) {
-  const { map, name } = query.shown;
-  const landmarks = query.pairs.filter((p) => p.example && p.input).map((p, k) => ({ name: p.name ?? String(k + 1), on_example: p.example, on_input: p.input }));
-  query.touched = true;
-  place(query, false);
-  return lay(query, { example: map.example, example_segment: map.example_segment, name }, { landmarks });
 }
 
 // ---- the keyboard
@@ -241,7 +178,7 @@ export function begin(canvas) {
   document.addEventListener("keydown", (event) => {
     const { query } = bench;
     if (!query?.shown?.map) return;
-    if (event.key === "Escape" && query.placing) { place(query, false); return; }
+    if (event.key === "Escape" && query.placing) { landmarks.place(query, false); return; }
     if (event.target === canvas && event.key === "Enter" && query.placing) {
       const pane = bench.viewer.picks;
       const found = bench.viewer.inTheMiddle(pane);
@@ -270,38 +207,16 @@ function list(query) {
   return items;
 }
 
-function landmarks(query) {
-  const box = make("div");
-  const full = query.pairs.filter((p) => p.example && p.input).length;
-  const example = bench.viewer.meshes.example;
-  const own = names(query);
-  if (own) box.append(own);
-  box.append(button(query.placing ? "Stop placing" : "Place landmarks", () => place(query, !query.placing), { ariaPressed: String(Boolean(query.placing)), id: "place", disabled: !example }));
-  if (query.pairs.some((p) => !p.name)) {
-    const items = make("ul", undefined, { id: "pairs" });
-    query.pairs.forEach((p, k) => {
-      if (p.name) return;
-      const item = make("li", p.example && p.input ? `Landmark ${k + 1} ` : `Landmark ${k + 1}: ${p.example ? "now where it belongs on the scan" : "now the same point of the example"} `);
-      item.append(button("Remove", () => { query.pairs.splice(k, 1); bench.viewer.picks = query.placing ? "example" : false; showPanel(query); }, { className: "plain small", ariaLabel: `Remove landmark ${k + 1}`, id: `pair-${k}` }));
-      items.append(item);
-    });
-    box.append(items);
-  }
-  if (full) box.append(button(`Lay it by ${full === 1 ? "this landmark" : `these ${full} landmarks`}`, () => layHeld(query), { className: "", id: "lay-held" }));
-  if (full && full < 3) box.append(make("p", "Three or more fix how it lies.", { className: "soft" }));
-  return box;
-}
-
 export function showPoints(query) {
   const { map } = query.shown;
   if (!map.constraints.some((c) => c.id === query.point)) query.point = null;
   showOnScan(query);
   const section = make("section");
   const row = make("p", undefined, { className: "row" });
-  row.append(button("Undo", () => undo(-1), { disabled: !canUndo(query), id: "undo", title: "Ctrl+Z" }), button("Redo", () => undo(1), { disabled: !canRedo(query), id: "redo", title: "Ctrl+Shift+Z" }));
-  const { example } = bench.viewer.meshes;
-  if (example && symmetry(example)) row.append(button("Mirror", () => { query.mirrors = !query.mirrors; showPanel(query); }, { ariaPressed: String(Boolean(query.mirrors)), id: "mirror", title: "What is done to a point is done to the one across, too: this example is its own mirror image" }));
-  section.append(make("h2", "Put it right"), row, landmarks(query));
+  row.append(button("Undo", () => undo(-1), { disabled: !canUndo(query) && !landmarks.canStep(query, -1), id: "undo", title: "Ctrl+Z" }), button("Redo", () => undo(1), { disabled: !canRedo(query) && !landmarks.canStep(query, 1), id: "redo", title: "Ctrl+Shift+Z" }));
+  const mirror = landmarks.mirrorButton(query);
+  if (mirror) row.append(mirror);
+  section.append(make("h2", "Put it right"), row, landmarks.showLandmarks(query));
   if (map.constraints.length) {
     section.append(make("p", "Or drag a blue point to where it belongs; double-click the quads to pin another. Alt and the arrow keys move the chosen point.", { className: "soft" }));
     const box = make("details", undefined, { id: "point-list", open: $("point-list")?.open ?? false });

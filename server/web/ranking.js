@@ -18,7 +18,7 @@ function card(entry, onlay) {
   const item = make("li");
   item.dataset.key = key(entry);
   const button = make("button", undefined, { type: "button" });
-  button.append(isTemplate(entry) ? make("span", "▦", { className: "blank", ariaHidden: "true" }) : picture(`/v1/examples/${entry.example}/thumbnail.png?size=136`, ""), make("span", nameOf(entry), { className: "name" }), make("span", "", { className: "what" }), make("span", "", { className: "place" }));
+  button.append(isTemplate(entry) ? make("span", "▦", { className: "blank", ariaHidden: "true" }) : picture(`/v1/examples/${entry.example}/thumbnail.png?size=136&segment=${entry.example_segment}`, ""), make("span", nameOf(entry), { className: "name" }), make("span", "", { className: "what" }), make("span", "", { className: "place" }));
   button.onclick = () => onlay(item.entry);
   item.append(button);
   return item;

@@ -20,7 +20,7 @@ const UPRIGHT = [1, 0, 0, 0, 1, 0, 0, 0, 1];
 export class Viewer {
   // `hooks`: `ondrag(id, point)` while a point is dragged, `ondrop(id, point)` when it is let go; `onpick(pane, hit)` for a
   // click on a mesh where `picks` is set; `onpin(hit)` for a double click on the quads; `onbrush(hit, isFirst)` for strokes
-  // where `brush` is set, with null at the end of each.
+  // where `brush` is set, with null at the end of each; `onpair(k, end, point)` when a landmark was dragged.
   constructor(canvas, marks, hooks) {
     this.painter = new Painter(canvas);
     Object.assign(this, { canvas, marks, hooks, points: [], pairs: [], held: null, picks: false, meshes: {}, frames: {}, heat: null, tints: {} });
@@ -33,7 +33,7 @@ export class Viewer {
       onhold: (event) => this.hold(event),
       onlet: (event) => this.letGo(event),
       onpoint: (event) => this.point(event),
-      onhover: (event) => canvas.classList.toggle("over-point", this.picks || (this.points.length > 0 && this.grasped(event) !== null)),
+      onhover: (event) => canvas.classList.toggle("over-point", this.picks || (this.pairs.length > 0 && this.graspedPair(event) !== null) || (this.points.length > 0 && this.grasped(event) !== null)),
     });
     canvas.addEventListener("dblclick", (event) => this.pin(event));
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
@@ -88,8 +88,10 @@ export class Viewer {
     if (this.meshes.scan) this.sendScan();
   }
 
-  setQuads(mesh) {
+  // `tint`: a colour a face, or null.
+  setQuads(mesh, tint = null) {
     this.meshes.quads = mesh;
+    this.tints.quads = tint;
     this.heat = null;
     this.isDraped = false;
     if (!mesh) for (const name of ["quads", "inner", "rim", "dots"]) this.painter.send(name, null);
@@ -100,7 +102,7 @@ export class Viewer {
   sendQuads() {
     if (!this.meshes.quads) return;
     const { centre } = this.frames.result;
-    this.sendFaces("quads", this.meshes.quads, centre, { inner: "inner", rim: "rim", dots: "dots" }, { value: this.heat });
+    this.sendFaces("quads", this.meshes.quads, centre, { inner: "inner", rim: "rim", dots: "dots" }, { value: this.heat, tint: this.tints.quads });
   }
 
   sendFaces(name, mesh, centre, names, more = {}) {
@@ -223,7 +225,7 @@ export class Viewer {
     const show = meshes.quads ? options.show : "scan";
     if (show !== "quads") painter.surface(this.isMoving && painter.has("coarse") ? "coarse" : "scan", view, { colour: COLOURS.scan, mode: this.tints.scan && meshes.scan.segments ? 1 : 0, flat: options.flat });
     if (show === "quads") {
-      const mode = this.heat ? 2 : options.checker && meshes.quads.uvs ? 3 : 0;
+      const mode = this.heat ? 2 : options.checker && meshes.quads.uvs ? 3 : this.tints.quads ? 1 : 0;
       painter.surface("quads", view, { colour: COLOURS.quads, mode, flat: options.flat });
       this.drawEdges("inner", "rim", view);
     }
@@ -346,6 +348,21 @@ export class Viewer {
     return near.filter((p) => p.far < reach).sort((a, b) => b.depth - a.depth)[0] ?? null;
   }
 
+  // The end of a landmark that is under the pointer: { pair, end, point }, or null.
+  graspedPair(event) {
+    if (!this.hooks.onpair || !this.pairs.length) return null;
+    const box = this.paneAt(event);
+    const end = box.name === "example" ? "example" : "input";
+    const { left, top } = this.canvas.getBoundingClientRect();
+    const near = this.pairs.map((p, pair) => {
+      if (!p[end] || !this.frames[box.name]) return { far: Infinity };
+      const [x, y] = this.onScreen(p[end], box);
+      return { pair, end, point: p[end], far: Math.hypot(x - event.clientX + left, y - event.clientY + top) };
+    });
+    const found = near.filter((p) => p.far < (REACH[event.pointerType] ?? REACH.mouse)).sort((a, b) => a.far - b.far);
+    return found.find((p) => !this.isHidden(p.point, box)) ?? null;
+  }
+
   grasp(event) {
     if (this.brush) {
       const found = this.under(event);
@@ -353,8 +370,10 @@ export class Viewer {
       if (found) this.hooks.onbrush(found, true);
       return this.isBrushing;
     }
-    const point = this.grasped(event);
-    this.held = point && { id: point.id, point: point.point, moved: false };
+    // Numbers lie over points.
+    const pair = this.graspedPair(event);
+    const point = pair ?? this.grasped(event);
+    this.held = point && { ...point, moved: false };
     this.draw();
     return point !== null;
   }
@@ -365,9 +384,15 @@ export class Viewer {
       if (found) this.hooks.onbrush(found, false);
       return;
     }
-    const found = this.under(event, this.paneBoxes().find((b) => b.name === "result"));
+    const pane = this.held.end === "example" ? "example" : "result";
+    const found = this.under(event, this.paneBoxes().find((b) => b.name === pane));
     if (!found) return;
     Object.assign(this.held, { point: found.point, moved: true });
+    if (this.held.end) {
+      this.pairs = this.pairs.map((p, k) => (k === this.held.pair ? { ...p, [this.held.end]: found.point } : p));
+      this.draw();
+      return;
+    }
     this.hooks.ondrag(this.held.id, found.point);
     this.bend();
   }
@@ -400,7 +425,11 @@ export class Viewer {
     }
     const { held } = this;
     this.held = null;
-    if (held && event) this.hooks.ondrop(held.id, held.moved ? held.point : null);
+    if (held?.end) {
+      // A click on a number places what is placed, as anywhere else.
+      if (held.moved) this.hooks.onpair(held.pair, held.end, held.point);
+      else if (event) this.point(event);
+    } else if (held && event) this.hooks.ondrop(held.id, held.moved ? held.point : null);
     else if (held) this.sendQuads();
     this.draw();
   }

@@ -78,5 +78,8 @@ export function unlike(scan, example) {
   return { text: `The scan is ${SURFACES[scan]}, and this example is ${SURFACES[example]}.`, help: "Let both end at the same places: close holes of the scan, or add an example that ends as it does." };
 }
 
+// Steps of density, by how often rows and columns are doubled.
+export const DENSITIES = { "-1": "coarser", 0: "as the example", 1: "4 times the quads", 2: "16 times the quads" };
+
 export const STATES = { refining: "being compared", locked: "passed over", done: "compared in full" };
 export const ENDS = { done: "Done", cancelled: "Cancelled", failed: "Failed", deadline: "Stopped by its deadline" };

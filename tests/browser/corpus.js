@@ -24,6 +24,21 @@ export const corpus = {
     await page.fill("#search", "");
     await page.selectOption("#filter-topology", "annulus");
     check((await names(page)).length < all.length, "the filter does nothing");
+    await page.selectOption("#filter-topology", "");
+    // The samples are rated 3; one of them is preferred here.
+    const { items } = await (await fetch(`${url}/v1/examples`)).json();
+    const rate = (relevance) => fetch(`${url}/v1/examples/${items[1].id}`, { method: "PATCH", headers: { "content-type": "application/json" }, body: JSON.stringify({ relevance }) });
+    await rate(5);
+    await page.reload();
+    await page.waitForSelector("#grid li");
+    await page.selectOption("#order", "rating");
+    check((await names(page))[0] === items[1].name, "the preferred does not stand first");
+    await page.selectOption("#order", "name");
+    const ordered = await names(page);
+    check(ordered.every((n, k) => k === 0 || ordered[k - 1].localeCompare(n, undefined, { numeric: true }) <= 0), `${ordered}`);
+    await page.selectOption("#filter-rating", "5");
+    check((await names(page)).join() === items[1].name, "the rating is not filtered by");
+    await rate(3);
     const dark = await open({ dark: true, width: 390, height: 844 }, `${url}/#corpus`);
     await dark.waitForSelector("#grid li");
     await pictures(dark);
@@ -76,6 +91,27 @@ export const corpus = {
     check(there.items.length === 1 && there.items[0].relevance === 5, JSON.stringify(there));
     const { author, licence, landmarks } = there.items[0];
     check(author === "Ada" && licence === "CC0-1.0" && landmarks.map((l) => l.name).join() === "breast,landmark 2", JSON.stringify(landmarks));
+  },
+
+  async "the parts of an example stand out, all of them or one"({ open, url }) {
+    const page = await open({}, `${url}/#corpus`);
+    await page.waitForSelector("#grid li");
+    await page.fill("#search", "pig");
+    await page.click("#grid li button");
+    await page.waitForSelector("#example-part-all:not([disabled])");
+    const seen = () => page.evaluate(() => { const v = document.querySelector("#example-dialog canvas").viewer; v.drawNow(); const { gl } = v.painter; const out = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight); gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.UNSIGNED_BYTE, out); return out.reduce((sum, x, k) => (sum * 31 + x * (k % 7 + 1)) % 1000003, 7); });
+    const parts = await page.locator("#example-parts li").count();
+    check(parts > 2, `the pig has no parts: ${parts}`);
+    const bare = await seen();
+    await page.click("#example-part-all");
+    const all = await seen();
+    await shoot(page, "example-parts");
+    await noComplaints(page, "example with parts");
+    await page.click("#example-part-1");
+    const one = await seen();
+    check(bare !== all && all !== one && (await page.getAttribute("#example-part-1", "aria-pressed")) === "true", "the parts do not stand out");
+    await page.click("#example-part-1");
+    check((await seen()) === bare, "the picture is not as it was");
   },
 
   async "an empty corpus takes the samples at a click, and a sample scan is laid at another"({ open }) {

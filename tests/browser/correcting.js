@@ -64,6 +64,30 @@ export const correcting = {
     console.log(`     from an edit to its picture: ${await page.evaluate(() => { const row = [...document.querySelectorAll(".facts tr")].find((r) => r.textContent.startsWith("Last edit")); return row?.lastChild.textContent ?? "–"; })}`);
   },
 
+  async "the quads of a whole scan are made denser, and as they were again"({ open, scan }) {
+    const page = await open();
+    await laid(page, scan("old_man"));
+    await rest(page);
+    const quads = () => viewer(page, "(v) => v.meshes.quads.starts.length - 1");
+    const before = await quads();
+    const map = page.url();
+    await page.selectOption("#density", "1");
+    await until("a denser mesh", () => page.url().includes("/composition/"), 120_000);
+    await rest(page);
+    const after = await quads();
+    check(after > 3.5 * before && after < 4.5 * before, `${before} quads became ${after}`);
+    check((await page.inputValue("#density")) === "1", "the density is not told");
+    await shoot(page, "denser");
+    await noComplaints(page, "denser");
+    // A reload shows it again, and the map is a choice away.
+    await page.reload();
+    await page.waitForSelector("#panel .verdict", { timeout: 30_000 });
+    check((await page.inputValue("#density")) === "1" && (await quads()) === after, "the denser mesh is not there again");
+    await page.selectOption("#density", "0");
+    await until("the map", () => page.url() === map, 30_000);
+    check((await quads()) === before, "the map is another one");
+  },
+
   async "on a symmetric example the point across goes along"({ open, scan }) {
     const page = await open();
     await laid(page, scan("old_man"));
@@ -115,6 +139,65 @@ export const correcting = {
     // Undo leads back to the map before.
     await page.click("#undo");
     await until("the map before", () => page.url() === before, 30_000);
+  },
+
+  async "on a symmetric example the landmark across is placed, goes along, and is undone with it"({ open, scan }) {
+    const page = await open();
+    await laid(page, scan("old_man"));
+    await rest(page);
+    await page.click("#mirror");
+    await page.click("#place");
+    await page.waitForTimeout(200);
+    const pairs = () => viewer(page, "(v) => v.pairs");
+    // A point that both panes show, and the place of its mark in each.
+    const marks = (k) => viewer(page, `(v, k) => {
+      const { left, top } = v.canvas.getBoundingClientRect();
+      return v.paneBoxes().map((box) => v.onScreen(v.pairs[k][box.name === "example" ? "example" : "input"], box)).map(([x, y]) => [left + x, top + y]);
+    }`, k);
+    const box = await page.locator("#canvas").boundingBox();
+    const at = (x, y) => [box.x + x * box.width, box.y + y * box.height];
+    await page.mouse.click(...at(0.2, 0.45));
+    await page.waitForTimeout(150);
+    await page.mouse.click(...at(0.7, 0.45));
+    await until("the one across", async () => (await pairs()).length === 2);
+    // Where the quads have the point across is where the scan has it, but for what the map is off: a twentieth of the scan.
+    const off = () => viewer(page, `(v) => {
+      const { example, quads, scan } = v.meshes;
+      const far = (a, b) => Math.hypot(...a.map((x, k) => x - b[k]));
+      const at = (mesh, k) => [...mesh.positions.subarray(3 * k, 3 * k + 3)];
+      const nearest = (mesh, p) => { let best = 0; for (let k = 0; k < mesh.positions.length / 3; k++) if (far(at(mesh, k), p) < far(at(mesh, best), p)) best = k; return best; };
+      return v.pairs.map((p) => far(at(quads, nearest(example, p.example)), p.input) / v.frames.result.radius);
+    }`);
+    const far = await off();
+    check(far[1] < far[0] + 0.1, `the one across lies ${far[1]} of the scan's size from where the quads have it, the first ${far[0]}`);
+    const both = await pairs();
+    check(Math.abs(both[0].example[0] + both[1].example[0]) < 0.1 * Math.abs(both[0].example[0]), `not across on the example: ${JSON.stringify(both)}`);
+    await shoot(page, "landmarks-mirrored");
+    await noComplaints(page, "landmarks mirrored");
+    // Dragging one takes the other along.
+    const [, [x, y]] = await marks(0);
+    await page.mouse.move(x, y);
+    await page.mouse.down();
+    await page.mouse.move(x + 12, y + 10, { steps: 4 });
+    await page.mouse.up();
+    const moved = await pairs();
+    check(moved.length === 2 && moved.every((p, k) => Math.hypot(...p.input.map((c, i) => c - both[k].input[i])) > 0), `not both moved: ${JSON.stringify(moved)}`);
+    const same = (a, b) => JSON.stringify(a.map((p) => [p.example, p.input])) === JSON.stringify(b.map((p) => [p.example, p.input]));
+    await page.keyboard.press("Control+z");
+    await until("undo", async () => same(await pairs(), both));
+    await page.keyboard.press("Control+Shift+z");
+    await until("redo", async () => same(await pairs(), moved));
+    // One step takes back both, and another the first click.
+    for (const left of [2, 1, 0]) {
+      await page.click("#undo");
+      await until(`${left} landmarks`, async () => (await pairs()).length === left);
+    }
+    // Off goes the one across, too.
+    await page.click("#redo");
+    await page.click("#redo");
+    await until("both are back", async () => (await pairs()).length === 2);
+    await page.click("#pair-1");
+    await until("none is left", async () => (await pairs()).length === 0);
   },
 
   async "points that examples name are placed by name, and hold other examples, too"({ open, scan, url }) {
@@ -218,6 +301,8 @@ export const correcting = {
     await page.waitForTimeout(300);
     await shoot(page, "stitched");
     await noComplaints(page, "stitched");
+    const took = await page.locator("#part-list small").allTextContents();
+    check(took.length === 2 && took.every((text) => !text.includes("its best example")), `the parts don't tell what they took: ${took}`);
     await page.click("#show-parts");
     await page.waitForTimeout(300);
     await shoot(page, "parts");

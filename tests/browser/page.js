@@ -4,6 +4,7 @@
 import { readdirSync } from "node:fs";
 import { join } from "node:path";
 import * as bed from "./bed.js";
+import { clicks } from "./clicks.js";
 import { correcting } from "./correcting.js";
 import { corpus } from "./corpus.js";
 import { looking } from "./looking.js";
@@ -19,7 +20,7 @@ async function prepare() {
   return { server, url: server.url, scan: (name) => join(scans, `scan_${name}.obj`), example: (name) => join(examples, `${name}.obj`), browser: await launch() };
 }
 
-const tests = { ...looking, ...correcting, ...corpus, ...trouble };
+const tests = { ...looking, ...correcting, ...corpus, ...clicks, ...trouble };
 
 async function main() {
   const words = process.argv.slice(2);

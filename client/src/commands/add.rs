@@ -93,7 +93,7 @@ pub(super) async fn add(args: &AddArgs, api: &Api, ui: &mut Ui) -> Result<(), Cl
 
 /// A line a file; with its repairs below it where they are wanted.
 fn tell_added(file: &Path, added: &Added, detail: Detail, ui: &mut Ui) -> Result<(), ClientError> {
-    let Example { id, counts, segments, repairs, .. } = &added.example;
+    let Example { id, counts, segments, repairs, doubts, .. } = &added.example;
     ui.value(&FileAnswer::Added { file: file.display().to_string(), example: &added.example })?;
     let how = match added.how {
         Gain::New => "added",
@@ -110,6 +110,9 @@ fn tell_added(file: &Path, added: &Added, detail: Detail, ui: &mut Ui) -> Result
         n => format!(", {n} repairs"),
     };
     ui.text(&format!("{id}  {how}: {} ({segments}, {} faces{repaired})", file.display(), counts.faces))?;
+    for doubt in doubts {
+        ui.warn(&format!("{}: {doubt}; if it is none, `quadmuse remove {id}` takes it out", file.display()));
+    }
     if detail == Detail::Repairs {
         repairs.iter().for_each(|repair| ui.note(&format!("  {repair}")));
     }

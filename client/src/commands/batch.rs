@@ -53,7 +53,7 @@ pub(super) async fn batch(args: &BatchArgs, api: &Api, state: &State, ui: &mut U
     let (mut lines, mut failed) = (Vec::new(), 0);
     for (scan, name) in scans.iter().zip(&names) {
         let begun = Instant::now();
-        let result = one(args, scan, &args.out.join(name), api, state).await;
+        let result = one(args, scan, &args.out.join(name), api, state, &mut ui.silent_below()).await;
         if let Err(error @ (ClientError::Unreachable { .. } | ClientError::BrokenOff { .. })) = result {
             // Without a server every other scan would fail alike.
             bar.finish_and_clear();
@@ -120,13 +120,20 @@ fn prepare(args: &BatchArgs, names: &[String], ui: &mut Ui) -> Result<(), Client
     may_overwrite(&paths.map(|path| path.display().to_string()).collect::<Vec<_>>(), ui)
 }
 
-/// One scan, of which nothing is printed.
-async fn one(args: &BatchArgs, scan: &Path, out: &Path, api: &Api, state: &State) -> Result<Delivered, ClientError> {
+/// One scan; what is printed of it goes to `ui`.
+async fn one(
+    args: &BatchArgs,
+    scan: &Path,
+    out: &Path,
+    api: &Api,
+    state: &State,
+    ui: &mut Ui,
+) -> Result<Delivered, ClientError> {
     let file = OutFile { path: out.into(), format: args.format, packing: Packing::Plain };
     let picture = args.pictures.then(|| out.with_extension("png"));
     let wish = Wish { lay: &args.lay, uses: Vec::new(), target: Target::silent(file, picture) };
     let query = QueryArgs { file: scan.into(), rank: args.rank.clone() };
-    make(&query, wish, api, state, &mut Ui::silent()).await
+    make(&query, wish, api, state, ui).await
 }
 
 fn line_of(scan: &Path, result: Result<Delivered, ClientError>, args: &BatchArgs, took: Duration) -> Line {

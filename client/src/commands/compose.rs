@@ -3,6 +3,7 @@
 use super::{
     choose::finished,
     deliver::{Delivered, Target, write_composition, write_kept, write_map},
+    making::{Awaited, awaited},
     map::{Held, is_late, lay, lay_best},
     rank::{again, check_segment, follow_upload, upload},
     screen::Wanted,
@@ -18,7 +19,7 @@ use crate::{
     ui::Ui,
 };
 use quadmuse_proto::{
-    CompositionPart, ExampleId, Map, NewComposition, Query, QuerySegment,
+    Composition, CompositionPart, ExampleId, Map, NewComposition, Product, Query, QuerySegment,
     composition::{AS_MAPPED, SMOOTHING_DEFAULT},
     segment::Parts,
 };
@@ -189,10 +190,7 @@ async fn settled(
     ui: &mut Ui,
 ) -> Result<Delivered, ClientError> {
     let named = if map.verdict.is_poor() { &[][..] } else { std::slice::from_ref(&map) };
-    let spinner = ui.spinner("stitching");
-    let composition = api.start_composition(query.id, &new_composition(named, wish)).await;
-    spinner.finish_and_clear();
-    let composition = composition?;
+    let composition = stitched(query, &new_composition(named, wish), api, ui).await?;
     if composition.notes.iter().any(|note| note == AS_MAPPED) {
         return write_map(&map, Some(name), &wish.target, api, ui).await;
     }
@@ -202,6 +200,12 @@ async fn settled(
     }
     let maps = if composition.parts.is_empty() { Vec::new() } else { vec![map] };
     write_composition(&composition, &maps, &wish.target, api, ui).await
+}
+
+/// What the service stitches.
+async fn stitched(query: &Query, new: &NewComposition, api: &Api, ui: &Ui) -> Result<Composition, ClientError> {
+    let wanted = Awaited { query: query.id, product: Product::Composition, what: "stitching" };
+    awaited(wanted, api.start_composition(query.id, new), api, ui).await
 }
 
 fn new_composition(maps: &[Map], Wish { lay, uses, .. }: &Wish<'_>) -> NewComposition {
@@ -273,8 +277,6 @@ async fn stitch(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Resul
     if let Some(density) = wish.lay.density {
         ui.note(&table::expected_quads(&maps, query.segments.len(), density));
     }
-    let spinner = ui.spinner("stitching");
-    let composition = api.start_composition(query.id, &new_composition(&maps, wish)).await;
-    spinner.finish_and_clear();
-    write_composition(&composition?, &maps, &wish.target, api, ui).await
+    let composition = stitched(query, &new_composition(&maps, wish), api, ui).await?;
+    write_composition(&composition, &maps, &wish.target, api, ui).await
 }

@@ -3,6 +3,7 @@
 use super::{
     choose::{choose, finished, promising},
     deliver::{Target, write_map},
+    making::{Awaited, awaited},
     rank::check_segment,
 };
 use crate::{
@@ -16,7 +17,8 @@ use crate::{
 };
 use futures_util::{StreamExt, stream};
 use quadmuse_proto::{
-    Beyond, Code, ConstraintEdit, ExampleId, Landmark, Map, MapId, NewMap, Place, Problem, Query, QueryId, QuerySegment,
+    Beyond, Code, ConstraintEdit, ExampleId, Landmark, Map, MapId, NewMap, Place, Problem, Product, Query, QueryId,
+    QuerySegment,
 };
 use std::collections::BTreeMap;
 
@@ -84,10 +86,7 @@ pub(super) async fn lay(
     api: &Api,
     ui: &mut Ui,
 ) -> Result<(Map, String), ClientError> {
-    let spinner = ui.spinner("mapping");
-    let found = laid(query, segment, told, (beyond, held), api).await;
-    spinner.finish_and_clear();
-    found
+    awaited(mapping(query), laid(query, segment, told, (beyond, held), api), api, ui).await
 }
 
 /// The same, and says nothing.
@@ -112,6 +111,11 @@ async fn laid(
     Ok((map, choice.name))
 }
 
+/// A map of a query that is awaited.
+fn mapping(query: &Query) -> Awaited {
+    Awaited { query: query.id, product: Product::Map, what: "mapping" }
+}
+
 /// Lays the ranking's best examples on a segment until a map is good enough; the map that is worth most, or else the best
 /// example's, and its example's name. As many are tried as the service calls worth it, but one at least.
 pub(super) async fn lay_best(
@@ -129,26 +133,21 @@ pub(super) async fn lay_best(
     }
     // The first is mostly good enough. Where it is not, two at a time are laid, and looked at in order.
     let others = promising(query, segment.segment, tries, api).await?;
-    let spinner = ui.spinner("mapping");
     let one = |told| laid(query, segment.segment, Some(told), (beyond, &free), api);
     let mut found = stream::iter(others.into_iter().skip(1).map(one)).buffered(AT_A_TIME);
     let mut tried = 1;
-    while let Some(found) = found.next().await {
+    while let Some(found) = awaited(mapping(query), found.next(), api, ui).await {
         tried += 1;
         match found {
             Ok(found) if found.0.worth() > best.0.worth() => best = found,
             Ok(_) => {}
             Err(error) if is_late(&error) => break,
-            Err(error) => {
-                spinner.finish_and_clear();
-                return Err(error);
-            }
+            Err(error) => return Err(error),
         }
         if best.0.is_enough(tried, tries) {
             break;
         }
     }
-    spinner.finish_and_clear();
     Ok(best)
 }
 

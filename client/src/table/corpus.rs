@@ -155,6 +155,7 @@ pub(crate) mod tests {
             counts: MeshCounts { vertices: 402, faces: 400, triangles: 0, quads: 400 },
             segments: vec![segment(0, Topology::Disc), segment(1, Topology::Annulus), segment(2, Topology::Disc)],
             repairs: vec!["2 vertices that no face uses were left out".into()],
+            doubts: Vec::new(),
             created: "2025-01-01T00:00:00Z".into(),
             template: None,
         }

@@ -300,6 +300,25 @@ async fn add_takes_a_line_a_file_and_tells_repairs_where_they_are_asked_for() {
 }
 
 #[tokio::test]
+async fn add_warns_of_what_looks_like_a_scan_and_tells_the_way_out() {
+    let doubted = || Example { doubts: vec!["only 0 % of its faces are quads".into()], ..example(1) };
+    let server = Fake::start(move |_| Reply::json(201, &doubted()));
+    let (folder, _) = files(&["a.obj"]);
+    let at = folder.path().display();
+    let ran = run(&server.url, &format!("add {at}/a.obj")).await;
+    assert_eq!((ran.out.lines().count(), ran.code()), (1, 0), "{}", ran.notes);
+    let way_out = format!("`quadmuse remove {}` takes it out", example_id(1));
+    assert!(ran.notes.starts_with("warning: ") && ran.notes.contains("only 0 %"), "{}", ran.notes);
+    assert!(ran.notes.contains(&way_out), "{}", ran.notes);
+    // A program reads it in the answer.
+    let ran = run(&server.url, &format!("--json add {at}/a.obj")).await;
+    assert_eq!(
+        (ran.json_lines()[0]["doubts"][0].as_str(), ran.notes.as_str()),
+        (Some("only 0 % of its faces are quads"), "")
+    );
+}
+
+#[tokio::test]
 async fn a_compressed_mesh_travels_as_it_is_and_beside_labels_unpacked() {
     let server = Fake::start(|_| Reply::json(201, &example(1)));
     let (folder, _) = files(&["labels.txt"]);

@@ -45,10 +45,10 @@ assets!(
     "access.js" SCRIPT, "bench.css" STYLE, "bench.js" SCRIPT, "call.js" SCRIPT, "camera.js" SCRIPT, "coarse.js" SCRIPT,
     "corpus.js" SCRIPT,
     "docs.js" SCRIPT, "drape.js" SCRIPT, "example.js" SCRIPT, "files.js" SCRIPT, "follow.js" SCRIPT, "heat.js" SCRIPT,
-    "histograms.js" SCRIPT, "history.js" SCRIPT, "icon.svg" PICTURE, "index.js" SCRIPT, "laying.js" SCRIPT, "making.js" SCRIPT, "mesh.js" SCRIPT,
+    "histograms.js" SCRIPT, "history.js" SCRIPT, "icon.svg" PICTURE, "index.js" SCRIPT, "landmarks.js" SCRIPT, "laying.js" SCRIPT, "making.js" SCRIPT, "mesh.js" SCRIPT,
     "mirror.js" SCRIPT, "naming.js" SCRIPT,
     "near.js" SCRIPT,
-    "paint.js" SCRIPT, "painting.js" SCRIPT, "panel.js" SCRIPT, "parts.js" SCRIPT, "points.js" SCRIPT, "pose.js" SCRIPT, "ranking.js" SCRIPT,
+    "paint.js" SCRIPT, "painting.js" SCRIPT, "panel.js" SCRIPT, "parts.js" SCRIPT, "plane.js" SCRIPT, "points.js" SCRIPT, "pose.js" SCRIPT, "ranking.js" SCRIPT,
     "read.js" SCRIPT, "route.js" SCRIPT, "samples.js" SCRIPT, "state.js" SCRIPT, "status.js" SCRIPT, "style.css" STYLE, "tools.js" SCRIPT,
     "viewer.js" SCRIPT, "weld.js" SCRIPT, "words.js" SCRIPT,
 );

@@ -11,7 +11,7 @@ use super::upload::MeshUpload;
 use crate::app::App;
 use crate::work::corpus::Put;
 use crate::work::engine::Cut;
-use crate::work::ingest::Upload;
+use crate::work::ingest::{Faces, Upload};
 use crate::work::{ingest, pictures};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
@@ -143,7 +143,11 @@ pub async fn remove(State(app): State<App>, PathIds((id,)): PathIds<(ExampleId,)
 /// The mesh as uploaded, or in another format.
 #[utoipa::path(
     get, path = "/v1/examples/{id}/mesh", tag = "examples",
-    params(("id" = ExampleId, Path), ("format" = Option<quadmuse_proto::MeshFormat>, Query, description = "Else by Accept, else as uploaded")),
+    params(
+        ("id" = ExampleId, Path),
+        ("format" = Option<quadmuse_proto::MeshFormat>, Query, description = "Else by Accept, else as uploaded"),
+        ("labels" = Option<bool>, Query, description = "Each face tells the segment that it is of, as the property `segment` of a PLY file; 0 for what is of no part of an example that is there whole"),
+    ),
     responses((status = 200, description = "The mesh", content_type = "application/octet-stream", body = Vec<u8>))
 )]
 pub async fn mesh(
@@ -155,9 +159,13 @@ pub async fn mesh(
 ) -> Result<Response, HttpError> {
     let example = app.work.catalogue.example(id)?;
     let format = wanted_format(&params, &headers, example.format.parse().unwrap_or_default())?;
-    let tag = format!("\"{}-{format}\"", example.hash);
+    let (faces, labelled) = match params.get::<bool>("labels", "true or false")? {
+        Some(true) => (Faces::Labelled, "-labels"),
+        Some(false) | None => (Faces::Plain, ""),
+    };
+    let tag = format!("\"{}-{format}{labelled}\"", example.hash);
     mesh_answer(format, &tag, if_none_match(&headers).as_deref(), &id.to_string(), async || {
-        Ok(ingest::mesh(&app.work, caller, id, format).await?)
+        Ok(ingest::mesh(&app.work, caller, id, (format, faces)).await?)
     })
     .await
 }
@@ -165,7 +173,11 @@ pub async fn mesh(
 /// A shaded picture with the example's quads.
 #[utoipa::path(
     get, path = "/v1/examples/{id}/thumbnail.png", tag = "examples",
-    params(("id" = ExampleId, Path), ("size" = Option<u32>, Query, minimum = 16, maximum = 1024, description = "Side in pixels; default 256")),
+    params(
+        ("id" = ExampleId, Path),
+        ("size" = Option<u32>, Query, minimum = 16, maximum = 1024, description = "Side in pixels; default 256"),
+        ("segment" = Option<u32>, Query, minimum = 0, description = "A segment that stands out from the rest"),
+    ),
     responses((status = 200, description = "A picture", content_type = "image/png", body = Vec<u8>))
 )]
 pub async fn thumbnail(
@@ -176,9 +188,11 @@ pub async fn thumbnail(
     headers: HeaderMap,
 ) -> Result<Response, HttpError> {
     let size = params.get("size", "from 16 to 1024")?.unwrap_or(pictures::SIZE_DEFAULT);
-    let tag = format!("\"{}-{size}\"", app.work.catalogue.example(id)?.hash);
+    let segment = params.get("segment", "the number of a segment")?;
+    let of = segment.map(|segment: u32| format!("-{segment}")).unwrap_or_default();
+    let tag = format!("\"{}-{size}{of}\"", app.work.catalogue.example(id)?.hash);
     picture_answer(&tag, if_none_match(&headers).as_deref(), async || {
-        Ok(pictures::thumbnail(&app.work, caller, id, size).await?)
+        Ok(pictures::thumbnail(&app.work, caller, id, (size, segment)).await?)
     })
     .await
 }

@@ -2,7 +2,7 @@
 
 use super::corpus::{NewExample, Put};
 use super::engine::{Besides, Cut, Encoded, EngineError, Grain, Model, Packed};
-use super::{Caller, REQUEST_TIME_MAX, Work, WorkError, jobs, landmarks, texts};
+use super::{Caller, REQUEST_TIME_MAX, Work, WorkError, doubts, jobs, landmarks, texts};
 use crate::pool::{Job, Lane, User};
 use bytes::Bytes;
 use quadmuse_kernel::mesh::PolyMesh;
@@ -84,9 +84,10 @@ pub async fn add(
     let annotation = Annotation { tags, ..annotation };
     if work.queue.get().is_some() {
         // A bad mesh is refused soon, however busy the encoders are.
-        drop(read_example(work, caller, &upload).await?);
-        if let Some(added) = jobs::added(work, caller, &upload, &annotation).await {
-            return Ok(added);
+        let model = read_example(work, caller, &upload).await?;
+        let doubts = work.blocking(move |_| Ok(doubts::doubts(&model.mesh))).await?;
+        if let Some((example, put)) = jobs::added(work, caller, &upload, &annotation).await {
+            return Ok((doubted(&example, doubts), put));
         }
     }
     add_here(work, caller, upload, annotation).await
@@ -135,9 +136,14 @@ pub(super) async fn add_here(
     work.blocking(move |work| {
         let (example, put) = work.corpus.put(new)?;
         work.catalogue.follow();
-        Ok((example, put))
+        Ok((doubted(&example, doubts::doubts(&model.mesh)), put))
     })
     .await
+}
+
+/// An example as it is answered to whoever added it: with what speaks against its being one.
+fn doubted(example: &Arc<Example>, doubts: Vec<String>) -> Arc<Example> {
+    if doubts.is_empty() { Arc::clone(example) } else { Arc::new(Example { doubts, ..Example::clone(example) }) }
 }
 
 /// Reads and cuts an upload.
@@ -263,20 +269,48 @@ pub async fn bytes(work: &Arc<Work>, user: User, id: ExampleId) -> Result<Bytes,
     work.blocking(move |work| Ok(share.held(work.corpus.bytes(id)?.into()))).await
 }
 
-/// The mesh of an example, in another format than it was uploaded in if need be.
+/// What the faces of an example's mesh tell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Faces {
+    /// Their corners.
+    Plain,
+    /// The segment that they are of, too; 0 for what is of no part of a whole.
+    Labelled,
+}
+
+/// The mesh of an example, in another format than it was uploaded in if need be. Only PLY has a place for labels.
 ///
 /// # Errors
 /// Refusals of the corpus and of the format.
-pub async fn mesh(work: &Arc<Work>, caller: Caller, id: ExampleId, format: MeshFormat) -> Result<Bytes, WorkError> {
+pub async fn mesh(
+    work: &Arc<Work>,
+    caller: Caller,
+    id: ExampleId,
+    (format, faces): (MeshFormat, Faces),
+) -> Result<Bytes, WorkError> {
+    if faces == Faces::Labelled && format != MeshFormat::Ply {
+        return Err(WorkError::parameter(
+            "labels",
+            "`format=ply` beside it: no other format has labels",
+            format.as_str(),
+        ));
+    }
     let example = work.catalogue.example(id)?;
     let bytes = bytes(work, caller.user, id).await?;
-    if example.format == format.as_str() {
+    if example.format == format.as_str() && faces == Faces::Plain {
         return Ok(bytes);
     }
     let estimate = work.engine.memory_estimate(bytes.len() as u64);
     let job = work.admit(caller.user, estimate, REQUEST_TIME_MAX)?;
     let model = model(work, &job, Lane::Lay, &example).await?;
-    write(work, job, caller.user, &model.mesh, format).await
+    let mesh = match faces {
+        Faces::Plain => Arc::clone(&model.mesh),
+        Faces::Labelled => {
+            let engine = Arc::clone(&work.engine);
+            work.pool.run(&job, Lane::Lay, move |_| engine.told_apart(&model)).await??
+        }
+    };
+    write(work, job, caller.user, &mesh, format).await
 }
 
 /// An example, read again from its bytes.

@@ -1,6 +1,6 @@
 //! Pictures as PNG files: thumbnails of examples, previews of maps, encodings.
 
-use super::picture::{SIDE_MAX, SIDE_MIN, View, encoding_picture, render};
+use super::picture::{Paint, Poles, SIDE_MAX, SIDE_MIN, View, encoding_picture, render};
 use super::{Caller, REQUEST_TIME_MAX, Work, WorkError, ingest};
 use crate::pool::{Lane, User};
 use bytes::Bytes;
@@ -23,10 +23,13 @@ const CACHE_BYTES_MAX: usize = 64 << 20;
 #[derive(Default)]
 pub struct Thumbnails(Mutex<Drawn>);
 
+/// An example, the side of its picture, and the segment that stands out.
+type Drawing = (ExampleId, u32, Option<u32>);
+
 #[derive(Default)]
 struct Drawn {
-    pictures: HashMap<(ExampleId, u32), Bytes>,
-    order: VecDeque<(ExampleId, u32)>,
+    pictures: HashMap<Drawing, Bytes>,
+    order: VecDeque<Drawing>,
     bytes: usize,
 }
 
@@ -35,17 +38,17 @@ impl Thumbnails {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn get(&self, id: ExampleId, size: u32) -> Option<Bytes> {
-        self.lock().pictures.get(&(id, size)).cloned()
+    fn get(&self, of: Drawing) -> Option<Bytes> {
+        self.lock().pictures.get(&of).cloned()
     }
 
-    fn put(&self, id: ExampleId, size: u32, picture: &Bytes) {
+    fn put(&self, of: Drawing, picture: &Bytes) {
         let mut drawn = self.lock();
-        if drawn.pictures.insert((id, size), picture.clone()).is_some() {
+        if drawn.pictures.insert(of, picture.clone()).is_some() {
             return;
         }
         drawn.bytes += picture.len();
-        drawn.order.push_back((id, size));
+        drawn.order.push_back(of);
         while drawn.bytes > CACHE_BYTES_MAX {
             let Some(oldest) = drawn.order.pop_front() else { return };
             let freed = drawn.pictures.remove(&oldest).map_or(0, |picture| picture.len());
@@ -54,23 +57,47 @@ impl Thumbnails {
     }
 }
 
-/// An example, shaded, with its quads.
+/// An example, shaded, with its quads; a segment of it may stand out.
 ///
 /// # Errors
 /// What is not there, the size, refusals of the pool.
-pub async fn thumbnail(work: &Arc<Work>, caller: Caller, id: ExampleId, size: u32) -> Result<Bytes, WorkError> {
+pub async fn thumbnail(
+    work: &Arc<Work>,
+    caller: Caller,
+    id: ExampleId,
+    (size, segment): (u32, Option<u32>),
+) -> Result<Bytes, WorkError> {
     let size = checked(size)?;
     let example = work.catalogue.example(id)?;
-    if let Some(drawn) = work.thumbnails.get(id, size) {
+    let (of, count) = ("the example", example.segments.len());
+    if let Some(segment) = segment.filter(|segment| *segment as usize >= count) {
+        return Err(WorkError::NoSuchSegment { of, count, segment });
+    }
+    // A whole stands out from nothing.
+    let is_whole =
+        |segment: &u32| example.segments.get(*segment as usize).is_none_or(|s| s.faces >= example.counts.faces);
+    let segment = segment.filter(|segment| !is_whole(segment));
+    if let Some(drawn) = work.thumbnails.get((id, size, segment)) {
         return Ok(drawn);
     }
     let job =
         work.admit(caller.user, work.engine.memory_estimate(example.bytes) + drawing_bytes(size), REQUEST_TIME_MAX)?;
     // Behind what people wait for: a page asks for many at once.
     let model = ingest::model(work, &job, Lane::Fine, &example).await?;
-    let draw = move |_: &_| render(&model.mesh, &View::guess(&model.mesh), size).to_png();
-    let picture = Bytes::from(work.pool.run(&job, Lane::Fine, draw).await?);
-    work.thumbnails.put(id, size, &picture);
+    let engine = Arc::clone(&work.engine);
+    let draw = move |_: &_| -> Result<Vec<u8>, WorkError> {
+        let view = View::guess(&model.mesh);
+        Ok(match segment {
+            None => render(&model.mesh, &view, size).to_png(),
+            Some(segment) => {
+                // Marks of the rest would hide what is meant.
+                let view = View { paint: Paint::Segment(segment.into()), poles: Poles::Unmarked, ..view };
+                render(&*engine.told_apart(&model)?, &view, size).to_png()
+            }
+        })
+    };
+    let picture = Bytes::from(work.pool.run(&job, Lane::Fine, draw).await??);
+    work.thumbnails.put((id, size, segment), &picture);
     Ok(picture)
 }
 
@@ -139,10 +166,11 @@ mod tests {
         let thumbnails = Thumbnails::default();
         let picture = Bytes::from(vec![0; CACHE_BYTES_MAX / 4]);
         let ids: Vec<ExampleId> = (0..6).map(|_| ExampleId::generate()).collect();
-        ids.iter().for_each(|id| thumbnails.put(*id, 64, &picture));
-        let kept: Vec<bool> = ids.iter().map(|id| thumbnails.get(*id, 64).is_some()).collect();
+        ids.iter().for_each(|id| thumbnails.put((*id, 64, None), &picture));
+        let kept: Vec<bool> = ids.iter().map(|id| thumbnails.get((*id, 64, None)).is_some()).collect();
         assert_eq!(kept, [false, false, true, true, true, true]);
-        assert_eq!(thumbnails.get(ids[5], 32), None);
+        assert_eq!(thumbnails.get((ids[5], 32, None)), None);
+        assert_eq!(thumbnails.get((ids[5], 64, Some(1))), None);
         assert_eq!(thumbnails.lock().bytes, CACHE_BYTES_MAX);
     }
 }

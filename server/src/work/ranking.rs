@@ -294,6 +294,7 @@ mod tests {
             counts: MeshCounts::default(),
             segments: Vec::new(),
             repairs: Vec::new(),
+            doubts: Vec::new(),
             created: String::new(),
             template: None,
         };

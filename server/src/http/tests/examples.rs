@@ -217,6 +217,11 @@ async fn the_mesh_comes_back_as_uploaded_or_in_another_format() {
     let known =
         bench.request(Method::GET, &format!("{path}?format=ply"), &[("if-none-match", &tag)], Body::empty()).await;
     assert_eq!((known.status, known.bytes.len()), (StatusCode::NOT_MODIFIED, 0));
+    let labelled = bench.get(&format!("{path}?format=ply&labels=true")).await;
+    assert_eq!(labelled.status, StatusCode::OK);
+    assert_ne!(labelled.header("etag"), tag, "it is another file");
+    bench.get(&format!("{path}?format=obj&labels=true")).await.problem(400, "parameter_invalid");
+    bench.get(&format!("{path}?format=ply&labels=yes")).await.problem(400, "parameter_invalid");
     bench.get(&format!("{path}?format=xyz")).await.problem(415, "format_unknown");
     bench.request(Method::GET, &path, &[("accept", "image/png")], Body::empty()).await.problem(406, "not_acceptable");
 }
@@ -234,6 +239,10 @@ async fn pictures_are_png_and_their_sizes_are_limited() {
         bench.get(&format!("{path}/{wrong}")).await.problem(400, "parameter_invalid");
     }
     bench.get(&format!("{path}/segments/1/encoding.png")).await.problem(404, "not_found");
+    let whole = bench.get(&format!("{path}/thumbnail.png?segment=0")).await;
+    assert_eq!((whole.status, whole.header("content-type")), (StatusCode::OK, "image/png"));
+    bench.get(&format!("{path}/thumbnail.png?segment=1")).await.problem(404, "not_found");
+    bench.get(&format!("{path}/thumbnail.png?segment=x")).await.problem(400, "parameter_invalid");
     bench.get(&format!("{path}/segments/x/encoding.png")).await.problem(404, "not_found");
 }
 

@@ -86,6 +86,7 @@ fn described(new: &NewExample) -> Example {
         counts: MeshCounts::clone(&new.counts),
         segments: new.segments.iter().enumerate().map(segment).collect(),
         repairs: new.repairs.clone(),
+        doubts: Vec::new(),
         created: rfc3339(id.created_unix_ms()),
         template: None,
     }

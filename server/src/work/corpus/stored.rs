@@ -90,7 +90,8 @@ impl StoredCorpus {
 
     fn example(&self, record: &ExampleRecord) -> Arc<Example> {
         let known = self.described.read().unwrap_or_else(PoisonError::into_inner).get(&record.id).cloned();
-        Arc::new(example_of(record, &known.unwrap_or_default()))
+        // Whoever follows the corpus may see what another request has just added before that request has described it.
+        Arc::new(example_of(record, &known.unwrap_or_else(|| Arc::new(described(&*self.store, record)))))
     }
 
     fn describe(&self, id: ExampleId, known: Described) {
@@ -257,6 +258,7 @@ fn example_of(record: &ExampleRecord, known: &Described) -> Example {
         counts: MeshCounts { vertices, faces, triangles: known.triangles, quads: known.quads },
         segments: record.segments.iter().enumerate().map(segment).collect(),
         repairs: record.repairs.clone(),
+        doubts: Vec::new(),
         created: rfc3339(record.created_unix_ms),
         template: None,
     }

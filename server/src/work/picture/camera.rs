@@ -46,6 +46,8 @@ pub enum Paint {
     Clay,
     /// A colour for each segment number, and clay where faces have none.
     Segments,
+    /// Clay for one segment, and a cold grey for the rest.
+    Segment(i64),
 }
 
 /// How a mesh is looked at.

@@ -9,6 +9,8 @@ pub struct Palette {
     pub floor: [f32; 3],
     /// Albedo of outer faces, linear.
     pub clay: [f32; 3],
+    /// Albedo of outer faces that are not what is meant, linear.
+    pub aside: [f32; 3],
     /// Albedo of faces seen from inside, linear.
     pub inside: [f32; 3],
     /// Polygon edges, linear.
@@ -26,6 +28,7 @@ impl Palette {
             sky: [0.86, 0.87, 0.89],
             floor: [0.60, 0.60, 0.61],
             clay: [0.66, 0.60, 0.54],
+            aside: [0.26, 0.29, 0.34],
             inside: [0.30, 0.33, 0.40],
             line: [0.025, 0.022, 0.03],
             rim: [0.45, 0.06, 0.02],
@@ -39,6 +42,7 @@ impl Palette {
             sky: [0.050, 0.053, 0.060],
             floor: [0.018, 0.019, 0.022],
             clay: [0.62, 0.57, 0.52],
+            aside: [0.10, 0.11, 0.13],
             inside: [0.17, 0.19, 0.24],
             line: [0.012, 0.011, 0.014],
             rim: [0.80, 0.22, 0.05],

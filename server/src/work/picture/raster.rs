@@ -35,8 +35,11 @@ pub(super) fn triangles(frame: &mut Frame, surface: &Surface, projected: &Projec
     order.sort_by(|a, b| b.0.total_cmp(&a.0));
     for (_, t) in order {
         let turned = surface.normals[t].map(|n| projected.rotation * n);
-        let label = if paint == Paint::Segments { surface.segments.get(t) } else { None };
-        let clay = label.map_or(palette.clay, |label| segment_albedo(*label));
+        let clay = match (paint, surface.segments.get(t)) {
+            (Paint::Segments, Some(label)) => segment_albedo(*label),
+            (Paint::Segment(one), Some(label)) if *label != one => palette.aside,
+            _ => palette.clay,
+        };
         triangle(frame, &corners(t), &turned, &Palette { clay, ..*palette });
     }
 }

@@ -40,6 +40,19 @@ fn edges_of_polygons_are_drawn_and_diagonals_are_not() {
 }
 
 #[test]
+fn a_segment_that_stands_out_keeps_its_clay_and_the_rest_does_not() {
+    let mut mesh = cube(&CUBE);
+    mesh.attributes.segments = Some(vec![0, 1, 0, 0, 0, 0]);
+    let bare = |paint| render(&mesh, &View { wires: Wires::Hidden, paint, ..plain(0.6, 0.5) }, 200);
+    let [all, front] = [bare(Paint::Clay), bare(Paint::Segment(1))];
+    // The square in front is clay as ever, the two beside it are not.
+    let seen = changed(&render(&PolyMesh::default(), &plain(0.6, 0.5), 200), &all).len();
+    let others = changed(&all, &front).len();
+    assert!(others > seen / 4 && others < 3 * seen / 4, "{others} of {seen} pixels");
+    assert_eq!(changed(&all, &bare(Paint::Segment(7))).len(), seen, "all of it stands aside");
+}
+
+#[test]
 fn an_edge_behind_the_surface_appears_once_the_surface_is_taken_away() {
     let closed = render(&cube(&CUBE), &plain(0.0, 0.0), 200);
     let open = cube(&CUBE.iter().copied().filter(|f| *f != CUBE[1]).collect::<Vec<_>>());

@@ -153,6 +153,16 @@ fn counts_are_told_while_encodings_are_made_anew() {
 }
 
 #[test]
+fn what_was_added_tells_its_counts_before_it_is_described() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let corpus = open(dir.path());
+    let (example, _) = corpus.put(new_example(b"mesh", None)).expect("added");
+    // As another request sees it that comes between the commit and the description.
+    corpus.described.write().expect("no panic").remove(&example.id);
+    assert_eq!(corpus.get(example.id).expect("there"), example);
+}
+
+#[test]
 fn a_damaged_example_says_so_also_after_a_restart() {
     let dir = tempfile::tempdir().expect("a directory");
     let corpus = open(dir.path());

@@ -129,7 +129,9 @@ impl ModelInner {
 pub(super) fn told_apart(model: &Model) -> Result<Arc<PolyMesh>, EngineError> {
     let inner: &ModelInner = model.inner.open()?;
     let mut mesh = PolyMesh::clone(&model.mesh);
-    mesh.attributes.segments = Some(inner.labels(mesh.faces.len()));
+    // Of a whole that has parts besides, each face tells its part.
+    let labels = model.besides.clone().unwrap_or_else(|| inner.labels(mesh.faces.len()));
+    mesh.attributes.segments = Some(labels);
     Ok(Arc::new(mesh))
 }
 

@@ -93,6 +93,8 @@ mod tests {
         let known = sample("pig", Besides::Known(labels.clone()));
         assert_eq!((&known.segments, known.besides), (&pig.segments, Some(labels.clone())));
         let engine = KernelEngine::default();
+        let told = engine.told_apart(&pig).expect("a mesh");
+        assert_eq!(told.attributes.segments.as_ref(), Some(&labels), "each face tells its part");
         let [first, again] = [&pig, &sample("pig", Besides::Known(labels))].map(|model| {
             let part = engine.encode(model, 2, &Stop::new(None)).expect("encoded");
             engine.pack(&part.encoding).expect("packed")
