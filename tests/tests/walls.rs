@@ -41,6 +41,15 @@ fn only_one_crate_names_an_engine_and_every_crate_keeps_the_lints() {
 }
 
 #[test]
+fn programs_that_are_not_tested_hold_no_tests() {
+    let (manifests, sources) = (manifests(), sources());
+    let named: usize = manifests.iter().map(|file| manifest::programs_without_tests(&file.text).len()).sum();
+    assert!(named > 0, "no manifest has such programs");
+    let found = manifests.iter().flat_map(|file| manifest::tests_never_run(&file.path, &file.text, &sources));
+    assert_none(&found.collect::<Vec<_>>());
+}
+
+#[test]
 fn modules_name_only_what_stands_before_them() {
     let found = sources().iter().flat_map(|file| modules::complaints(&file.path, &file.text)).collect::<Vec<_>>();
     assert_none(&found);
@@ -130,6 +139,25 @@ fn the_walls_that_hold_anywhere_bite() {
         "server/store/Cargo.toml",
         &format!("[dependencies]\nsled = \"0.34\"\n{lints}"),
     ));
+}
+
+#[test]
+fn the_wall_of_programs_without_tests_bites() {
+    let source = |path: &str, text: &str| SourceFile { path: path.into(), text: text.into() };
+    let with_tests = "fn main() {}\n#[cfg(test)]\nmod tests {}\n";
+    let sources = [
+        source("tests/src/bin/a.rs", with_tests),
+        source("tests/src/bin/b.rs", "fn main() {}\n"),
+        source("client/src/main.rs", with_tests),
+    ];
+    let list = "bin = [\n    { name = \"a\", test = false },\n    { name = \"b\", test = false },\n    { name = \"c\", test = false },\n]\n";
+    let found = manifest::tests_never_run("tests/Cargo.toml", list, &sources);
+    assert_eq!(found.len(), 2, "{found:?}");
+    assert!(found[0].starts_with("tests/src/bin/a.rs holds tests") && found[1].contains("program c;"), "{found:?}");
+    let table = "[[bin]]\nname = \"quadmuse\"\npath = \"src/main.rs\"\ntest = false\n";
+    let found = manifest::tests_never_run("client/Cargo.toml", table, &sources);
+    assert!(found.len() == 1 && found[0].starts_with("client/src/main.rs holds tests"), "{found:?}");
+    assert_none(&manifest::tests_never_run("client/Cargo.toml", &table.replace("test = false\n", ""), &sources));
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! Walls between crates: who may depend on whom, read from the manifests.
 
+use super::tree::SourceFile;
+
 /// What a crate may, or may not, depend on.
 #[derive(Clone, Copy, Debug)]
 pub struct CrateWall {
@@ -115,6 +117,38 @@ pub fn complaints_anywhere(path: &str, manifest: &str) -> Vec<String> {
     let lints: String = manifest.split_whitespace().collect();
     if !is_workspace && !lints.contains("[lints]workspace=true") {
         found.push(format!("{path} leaves out the shared lints; add `[lints]` with `workspace = true`"));
+    }
+    found
+}
+
+/// The programs of which a manifest says that they hold no tests (`test = false`).
+pub fn programs_without_tests(manifest: &str) -> Vec<&str> {
+    let mut names = Vec::new();
+    let mut last = None;
+    for line in manifest.lines().filter(|line| !line.starts_with('#')) {
+        if let Some((_, rest)) = line.split_once("name = \"") {
+            last = rest.split('"').next();
+        }
+        if line.contains("test = false") {
+            names.extend(last);
+        }
+    }
+    names
+}
+
+/// The tests that nobody would run: those of programs of which their manifest says that they hold none.
+pub fn tests_never_run(path: &str, manifest: &str, sources: &[SourceFile]) -> Vec<String> {
+    let folder = path.trim_end_matches("Cargo.toml");
+    let of = |name: &str| [format!("{folder}src/bin/{name}.rs"), format!("{folder}src/main.rs")];
+    let mut found = Vec::new();
+    for name in programs_without_tests(manifest) {
+        match of(name).iter().find_map(|path| sources.iter().find(|source| source.path == *path)) {
+            None => found.push(format!("{path} names the program {name}; its source is not where cargo looks for it")),
+            Some(source) if source.text.lines().any(|line| matches!(line.trim(), "#[cfg(test)]" | "#[test]")) => {
+                found.push(format!("{} holds tests that are never run; take `test = false` out of {path}", source.path))
+            }
+            Some(_) => {}
+        }
     }
     found
 }
