@@ -8,7 +8,7 @@ mod queries;
 mod uploads;
 
 pub use examples::{Added, ExampleFilter, ExampleUpload, Gain};
-pub use queries::{MeshSource, RankingView};
+pub use queries::{MeshSource, RankingView, Resized};
 
 use crate::{
     args::SegmentsArg,

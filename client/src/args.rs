@@ -310,6 +310,17 @@ impl OutArgs {
     }
 }
 
+/// The size of a result.
+#[derive(Clone, Debug, Default, Args)]
+pub struct SizeArgs {
+    /// Write it with about so many quads: rows of quads are split or taken out, and the layout's extraordinary vertices stay
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(6..=1_000_000), conflicts_with = "tolerance")]
+    pub quads: Option<u32>,
+    /// Write it with rows of quads split until 95 % of it and of the scan are so near to each other, in % of the scan's diagonal
+    #[arg(long, value_name = "PCT", value_parser = tolerance)]
+    pub tolerance: Option<f64>,
+}
+
 /// `map`.
 #[derive(Debug, Args)]
 pub struct MapArgs {
@@ -345,6 +356,9 @@ pub struct MapArgs {
     /// has an example's quads; `fair`, `good`: its verdict is that or better. A broken result always exits with 1
     #[arg(long, value_name = "inspired|fair|good")]
     pub require: Option<Require>,
+    /// How many quads to write
+    #[command(flatten)]
+    pub size: SizeArgs,
     /// Where to write it
     #[command(flatten)]
     pub out: OutArgs,
@@ -408,6 +422,9 @@ pub struct ComposeArgs {
     /// A file for the numbers of the example's vertices that were kept, from 0, one a line: others lie beyond the input
     #[arg(long, value_name = "FILE")]
     pub kept: Option<PathBuf>,
+    /// How many quads to write
+    #[command(flatten)]
+    pub size: SizeArgs,
     /// Where to write it
     #[command(flatten)]
     pub out: OutArgs,
@@ -465,6 +482,12 @@ fn picture(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     let is_png = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("png"));
     if is_png { Ok(path) } else { Err("expected a file name that ends in .png".into()) }
+}
+
+fn tolerance(text: &str) -> Result<f64, String> {
+    let percent: Option<f64> = text.trim_end_matches('%').parse().ok();
+    let is_there = |percent: &f64| (0.001..=100.0).contains(percent);
+    percent.filter(is_there).ok_or_else(|| "expected % of the scan's diagonal, from 0.001 to 100".into())
 }
 
 fn beyond(text: &str) -> Result<Beyond, String> {

@@ -23,6 +23,7 @@ pub mod queries;
 pub mod query;
 pub mod ranking;
 pub mod reencode;
+pub mod resized;
 pub mod scrub;
 pub mod search;
 pub mod shares;

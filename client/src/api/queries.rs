@@ -1,7 +1,11 @@
 //! Calls on `/v1/queries`: queries, their rankings, maps and compositions.
 
 use super::{Api, WORK_TIMEOUT};
-use crate::{args::QueryArgs, error::ClientError, stream::StreamFormat};
+use crate::{
+    args::{QueryArgs, SizeArgs},
+    error::ClientError,
+    stream::StreamFormat,
+};
 use quadmuse_proto::{
     Composition, CompositionId, CompositionOrMaking, ConstraintEdit, ExampleId, Making, MakingState, Map, MapId,
     MapOrMaking, MeshFormat, NewComposition, NewMap, Page, Query, QueryId, Ranking,
@@ -41,6 +45,15 @@ pub struct RankingView {
     pub after: Option<u64>,
     /// For so long at most, in milliseconds.
     pub wait_ms: u64,
+}
+
+/// What became of a mesh that was asked for in another size than its own.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Resized {
+    /// Its faces.
+    pub faces: u64,
+    /// The distance that 95 % of it and of the scan have from each other at most, in % of the scan's diagonal.
+    pub within_percent: f64,
 }
 
 /// Where a mesh is downloaded from.
@@ -197,12 +210,30 @@ impl Api {
         }
     }
 
-    /// Downloads a mesh.
+    /// Downloads a mesh, in the size that is wanted.
     ///
     /// # Errors
     /// The service refuses or is out of reach.
-    pub async fn mesh(&self, id: QueryId, source: MeshSource, format: MeshFormat) -> Result<Vec<u8>, ClientError> {
-        self.bytes(self.of_source(id, source, "mesh").query(&[("format", format.as_str())])).await
+    pub async fn mesh(
+        &self,
+        id: QueryId,
+        source: MeshSource,
+        format: MeshFormat,
+        size: &SizeArgs,
+    ) -> Result<(Vec<u8>, Option<Resized>), ClientError> {
+        let mut request = self.of_source(id, source, "mesh").query(&[("format", format.as_str())]);
+        if let Some(quads) = size.quads {
+            request = request.query(&[("quads", quads)]);
+        }
+        if let Some(tolerance) = size.tolerance {
+            request = request.query(&[("tolerance", tolerance)]);
+        }
+        let response = self.send(request.timeout(WORK_TIMEOUT)).await?;
+        let told = |name: &str| response.headers().get(name)?.to_str().ok();
+        let faces = told("quadmuse-faces").and_then(|faces| faces.parse().ok());
+        let within = told("quadmuse-within").and_then(|within| within.parse().ok());
+        let sized = faces.zip(within).map(|(faces, within_percent)| Resized { faces, within_percent });
+        Ok((response.bytes().await.map_err(|source| self.broken(source, 0))?.to_vec(), sized))
     }
 
     /// Downloads a shaded picture of a mesh, with its quads: a PNG of 1024² pixels.

@@ -60,7 +60,7 @@ pub(super) async fn retopo(args: &RetopoArgs, api: &Api, state: &State, ui: &mut
 }
 
 async fn wish<'a>(args: &'a ComposeArgs, api: &Api, ui: &mut Ui) -> Result<Wish<'a>, ClientError> {
-    let target = Target::of(&args.out, args.kept.as_deref());
+    let target = Target::of(&args.out, args.kept.as_deref()).sized(&args.size);
     target.prepare(ui)?;
     Ok(Wish { lay: &args.lay, uses: names::uses(&args.uses, api).await?, target })
 }

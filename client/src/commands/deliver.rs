@@ -1,8 +1,8 @@
 //! Delivers the result of a command: writes the mesh and its picture, and prints its verdict.
 
 use crate::{
-    api::{Api, MeshSource},
-    args::OutArgs,
+    api::{Api, MeshSource, Resized},
+    args::{OutArgs, SizeArgs},
     error::ClientError,
     file::{self, OutFile},
     spec::Require,
@@ -17,9 +17,15 @@ use std::path::{Path, PathBuf};
 #[derive(Serialize)]
 struct Written<'a, T> {
     file: String,
+    /// What was written in another size than the message tells.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    resized: Option<Resized>,
     #[serde(flatten)]
     message: &'a T,
 }
+
+/// A count is met if it is off by no more than this share.
+const COUNT_NEAR: f64 = 0.1;
 
 /// Decides whether existing files are replaced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,6 +43,7 @@ pub(super) struct Target {
     kept: Option<PathBuf>,
     picture: Option<PathBuf>,
     overwriting: Overwriting,
+    size: SizeArgs,
 }
 
 impl Target {
@@ -44,12 +51,17 @@ impl Target {
     pub(super) fn of(args: &OutArgs, kept: Option<&Path>) -> Self {
         let overwriting = if args.force { Overwriting::Silent } else { Overwriting::Asks };
         let kept = kept.map(Path::to_owned);
-        Self { out: args.file(), kept, picture: args.picture.clone(), overwriting }
+        Self { out: args.file(), kept, picture: args.picture.clone(), overwriting, size: SizeArgs::default() }
+    }
+
+    /// The same, with as many quads as are asked for.
+    pub(super) fn sized(self, size: &SizeArgs) -> Self {
+        Self { size: size.clone(), ..self }
     }
 
     /// A file, and a picture, about which nobody is asked.
     pub(super) fn silent(out: OutFile, picture: Option<PathBuf>) -> Self {
-        Self { out, kept: None, picture, overwriting: Overwriting::Silent }
+        Self { out, kept: None, picture, overwriting: Overwriting::Silent, size: SizeArgs::default() }
     }
 
     /// Sees to it, before the work, that what it makes can be written.
@@ -74,13 +86,32 @@ impl Target {
     }
 
     /// Downloads a mesh, writes it, and draws it where that is asked for.
-    async fn put(&self, query: QueryId, source: MeshSource, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
-        let mesh = api.mesh(query, source, self.out.format).await?;
+    async fn put(
+        &self,
+        query: QueryId,
+        source: MeshSource,
+        api: &Api,
+        ui: &mut Ui,
+    ) -> Result<Option<Resized>, ClientError> {
+        let (mesh, resized) = api.mesh(query, source, self.out.format, &self.size).await?;
         self.out.write(&mesh, ui)?;
-        match &self.picture {
-            Some(path) => file::write(path, &api.picture(query, source).await?),
-            None => Ok(()),
+        if let Some(path) = &self.picture {
+            file::write(path, &api.picture(query, source).await?)?;
         }
+        if let (Some(most), Some(found)) = (self.size.tolerance, resized)
+            && found.within_percent > most
+        {
+            ui.note(&format!(
+                "more quads come no nearer than {:.3} % of the scan's diagonal: what is left is bare, or not the scan's",
+                found.within_percent
+            ));
+        }
+        if let (Some(wanted), Some(found)) = (self.size.quads, resized)
+            && (found.faces as f64 / f64::from(wanted) - 1.0).abs() > COUNT_NEAR
+        {
+            ui.note(&format!("{} quads is as near to {wanted} as the layout's rows allow", found.faces));
+        }
+        Ok(resized)
     }
 }
 
@@ -142,12 +173,13 @@ pub(super) async fn write_map(
     ui: &mut Ui,
 ) -> Result<Delivered, ClientError> {
     write_kept(map, target)?;
-    target.put(map.query, MeshSource::Map(map.id), api, ui).await?;
+    let resized = target.put(map.query, MeshSource::Map(map.id), api, ui).await?;
+    let faces = resized.map_or(map.faces, |resized| resized.faces);
     let file = target.out.name();
     let told = table::map(map, name, ui.room().paint);
-    ui.text(&format!("{told}\nwritten    {file}: {}, {} faces", map.verdict.as_str(), map.faces))?;
-    ui.value(&Written { file: file.clone(), message: map })?;
-    let Map { query, verdict, inspired, faces, .. } = *map;
+    ui.text(&format!("{told}\nwritten    {file}: {}, {} faces", map.verdict.as_str(), faces))?;
+    ui.value(&Written { file: file.clone(), resized, message: map })?;
+    let Map { query, verdict, inspired, .. } = *map;
     Ok(Delivered { query, verdict, inspired, reasons: map.reasons.clone(), faces, file })
 }
 
@@ -174,13 +206,14 @@ pub(super) async fn write_composition(
     api: &Api,
     ui: &mut Ui,
 ) -> Result<Delivered, ClientError> {
-    target.put(composition.query, MeshSource::Composition(composition.id), api, ui).await?;
+    let resized = target.put(composition.query, MeshSource::Composition(composition.id), api, ui).await?;
     let file = target.out.name();
     let verdicts = table::verdicts(maps, composition.templates.len());
-    let Composition { query, verdict, inspired, quads, triangles, .. } = *composition;
+    let Composition { query, verdict, inspired, triangles, .. } = *composition;
+    let quads = resized.map_or(composition.quads, |resized| resized.faces);
     let told = table::composition(composition, ui.room().paint);
     ui.text(&format!("{told}\nwritten     {file}: {quads} quads, {verdicts}"))?;
-    ui.value(&Written { file: file.clone(), message: composition })?;
+    ui.value(&Written { file: file.clone(), resized, message: composition })?;
     let reasons = composition.reasons.clone();
     Ok(Delivered { query, verdict, inspired, reasons, faces: quads + triangles, file })
 }

@@ -26,7 +26,7 @@ use std::collections::BTreeMap;
 const AT_A_TIME: usize = 2;
 
 pub(super) async fn map(args: &MapArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
-    let target = Target::of(&args.out, args.kept.as_deref());
+    let target = Target::of(&args.out, args.kept.as_deref()).sized(&args.size);
     target.prepare(ui)?;
     let held = Held::of(args)?;
     let told = match &args.example {

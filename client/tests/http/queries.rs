@@ -196,6 +196,36 @@ async fn map_lays_the_best_entry_and_writes_the_format_of_the_extension() {
 }
 
 #[tokio::test]
+async fn a_result_is_written_with_as_many_quads_as_are_asked_for_and_the_client_tells_how_many_there_are() {
+    let server = Fake::start(|asked| {
+        let mut reply = service(asked, 1);
+        if asked.line.contains("quads=") || asked.line.contains("tolerance=") {
+            reply.headers.extend(["quadmuse-faces: 6000".to_owned(), "quadmuse-within: 0.4".to_owned()]);
+        }
+        reply
+    });
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.obj");
+    let told = async |flags: &str| {
+        let ran = run(&server.url, &format!("map {} -o {} {flags}", query_id(), out.display())).await;
+        assert_eq!(ran.code(), 0, "{}", ran.notes);
+        assert!(ran.out.contains("6000 faces"), "{}", ran.out);
+        (server.lines().last().expect("a request").clone(), ran.notes)
+    };
+    let (line, notes) = told("--quads 6000").await;
+    assert!(line.ends_with("/mesh?format=obj&quads=6000") && !notes.contains("6000"), "{line} {notes}");
+    let (_, notes) = told("--quads 500").await;
+    assert!(notes.contains("6000 quads is as near to 500 as the layout's rows allow"), "{notes}");
+    let (line, notes) = told("--tolerance 0.1%").await;
+    assert!(line.ends_with("/mesh?format=obj&tolerance=0.1"), "{line}");
+    assert!(notes.contains("no nearer than 0.400 %"), "{notes}");
+    for flags in ["--quads 5", "--tolerance 0", "--quads 100 --tolerance 1"] {
+        let ran = run(&server.url, &format!("map {} -o {} {flags}", query_id(), out.display())).await;
+        assert_eq!(ran.code(), 2, "{flags}");
+    }
+}
+
+#[tokio::test]
 async fn less_than_is_required_is_written_and_exits_with_1() {
     let mesh = mesh_file();
     let folder = tempfile::tempdir().expect("a folder");

@@ -28,6 +28,7 @@ mod placement;
 pub mod plan;
 pub mod resolve;
 pub mod rim;
+pub mod rows;
 pub mod seam;
 pub mod simplify_valence;
 pub mod site;

@@ -2,7 +2,7 @@
 
 use super::body::Message;
 use super::error::HttpError;
-use super::files::{mesh_answer, picture_answer, wanted_format};
+use super::files::{picture_answer, result_answer};
 use super::idempotency::{Key, Turn};
 use super::making;
 use super::negotiate::{Wants, if_none_match};
@@ -10,7 +10,7 @@ use super::params::{Params, PathIds};
 use crate::app::App;
 use crate::work::composing::LiveComposition;
 use crate::work::query::LiveQuery;
-use crate::work::{composing, ingest, pictures};
+use crate::work::{composing, pictures};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
@@ -159,7 +159,9 @@ async fn there(
     get, path = "/v1/queries/{id}/compositions/{composition}/mesh", tag = "compositions",
     params(
         ("id" = QueryId, Path), ("composition" = CompositionId, Path),
-        ("format" = Option<MeshFormat>, Query, description = "Else by Accept, else OBJ")
+        ("format" = Option<MeshFormat>, Query, description = "Else by Accept, else OBJ"),
+        ("quads" = Option<u32>, Query, minimum = 6, maximum = 1000000, description = "With about so many faces: rows of quads are split or taken out; the layout's extraordinary vertices stay. Header `quadmuse-faces` tells how many there are"),
+        ("tolerance" = Option<f64>, Query, minimum = 0.001, maximum = 100, description = "In place of `quads`: rows are split until 95 % of the mesh and of the scan are so near to each other, in % of the scan's diagonal. Header `quadmuse-within` tells how near they are")
     ),
     responses((status = 200, description = "The mesh", content_type = "application/octet-stream", body = Vec<u8>))
 )]
@@ -170,12 +172,8 @@ pub async fn mesh(
     headers: HeaderMap,
 ) -> Result<Response, HttpError> {
     let (live, found) = there(&app, id, composition).await?;
-    let format = wanted_format(&params, &headers, MeshFormat::Obj)?;
-    let (tag, name) = (format!("\"{composition}-{format}\""), composition.to_string());
-    mesh_answer(format, &tag, if_none_match(&headers).as_deref(), &name, async || {
-        Ok(ingest::mesh_file(&app.work, live.caller.user, &found.mesh, format).await?)
-    })
-    .await
+    let name = composition.to_string();
+    result_answer(&app, &live, &found.mesh, (&params, &headers), (&name, &name)).await
 }
 
 /// A shaded picture of the stitched mesh.

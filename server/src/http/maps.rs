@@ -2,7 +2,7 @@
 
 use super::body::Message;
 use super::error::HttpError;
-use super::files::{mesh_answer, picture_answer, wanted_format};
+use super::files::{picture_answer, result_answer};
 use super::idempotency::{Key, Turn};
 use super::making;
 use super::negotiate::{Wants, if_none_match};
@@ -10,7 +10,7 @@ use super::params::{Params, PathIds};
 use crate::app::App;
 use crate::work::mapping::MapState;
 use crate::work::query::LiveQuery;
-use crate::work::{ingest, mapping, pictures};
+use crate::work::{mapping, pictures};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
@@ -148,7 +148,12 @@ async fn there(app: &App, id: QueryId, map: MapId) -> Result<(Arc<LiveQuery>, Ar
 /// The example's mesh on the input: the same vertex order, faces, UVs and groups.
 #[utoipa::path(
     get, path = "/v1/queries/{id}/maps/{map}/mesh", tag = "maps",
-    params(("id" = QueryId, Path), ("map" = MapId, Path), ("format" = Option<MeshFormat>, Query, description = "Else by Accept, else OBJ")),
+    params(
+        ("id" = QueryId, Path), ("map" = MapId, Path),
+        ("format" = Option<MeshFormat>, Query, description = "Else by Accept, else OBJ"),
+        ("quads" = Option<u32>, Query, minimum = 6, maximum = 1000000, description = "With about so many faces: rows of quads are split or taken out; the layout's extraordinary vertices stay. Header `quadmuse-faces` tells how many there are"),
+        ("tolerance" = Option<f64>, Query, minimum = 0.001, maximum = 100, description = "In place of `quads`: rows are split until 95 % of the mesh and of the scan are so near to each other, in % of the scan's diagonal. Header `quadmuse-within` tells how near they are")
+    ),
     responses((status = 200, description = "The mesh", content_type = "application/octet-stream", body = Vec<u8>))
 )]
 pub async fn mesh(
@@ -158,12 +163,8 @@ pub async fn mesh(
     headers: HeaderMap,
 ) -> Result<Response, HttpError> {
     let (live, state) = there(&app, id, map).await?;
-    let format = wanted_format(&params, &headers, MeshFormat::Obj)?;
-    let tag = format!("\"{map}-{}-{format}\"", state.summary.revision);
-    mesh_answer(format, &tag, if_none_match(&headers).as_deref(), &map.to_string(), async || {
-        Ok(ingest::mesh_file(&app.work, live.caller.user, &state.mapped.mesh, format).await?)
-    })
-    .await
+    let tag = format!("{map}-{}", state.summary.revision);
+    result_answer(&app, &live, &state.mapped.mesh, (&params, &headers), (&tag, &map.to_string())).await
 }
 
 /// A shaded picture of the mapped mesh.

@@ -44,6 +44,9 @@ const MEMORY_PER_FACE: u64 = 1500;
 /// Memory that stitching takes for each face of the input: its surface, and the trees it is sought in.
 const MEMORY_PER_INPUT_FACE: u64 = 300;
 
+/// Where that was too little, this many times as much is admitted, once.
+const MEMORY_TIMES: u64 = 8;
+
 /// Memory that the stitched mesh takes for each face, as long as it is held.
 const MEMORY_PER_FACE_HELD: u64 = 200;
 
@@ -125,6 +128,7 @@ async fn made(
     // Maps as they are have the density of their examples.
     let is_as_dense = wanted.density == 0;
     let alone = lone.filter(|_| is_as_dense);
+    let again = (Arc::clone(&engine), Arc::clone(&model), parts.clone(), instead.clone());
     let stitch = move |stop: &Stop| -> Result<Sound, EngineError> {
         match surrounded.map(|surrounded| surrounded.stitched(&*engine, (how, allowed), stop)) {
             Some(Ok(Some(sound))) => return Ok(sound),
@@ -151,8 +155,18 @@ async fn made(
         }
         Ok(unstitched(&*engine, &model, standing, allowed)?.unwrap_or(sound))
     };
-    let Sound { made: stitched, appraisal, gave_way, unstitched, around } =
-        work.pool.run(&job, Lane::Lay, stitch).await??;
+    let mut job = job;
+    let mut found: Result<Sound, WorkError> =
+        work.pool.run(&job, Lane::Lay, stitch).await.map_err(WorkError::from).and_then(|found| Ok(found?));
+    if found.as_ref().err().and_then(WorkError::stop_reason) == Some(StopReason::Memory) {
+        // Of a mesh of very many handles the estimate is too low. What it takes is paid for, if there is as much.
+        drop(job);
+        job = work.admit(live.caller.user, needed * MEMORY_TIMES, REQUEST_TIME_MAX)?;
+        let (engine, model, parts, instead) = again;
+        let plainly = move |stop: &Stop| stitched_sound(&*engine, &model, (parts, &instead), (how, allowed), stop);
+        found = work.pool.run(&job, Lane::Lay, plainly).await.map_err(WorkError::from).and_then(|found| Ok(found?));
+    }
+    let Sound { made: stitched, appraisal, gave_way, unstitched, around } = found?;
     if stitched.is_poor_kept {
         summaries.append(&mut poor);
     }

@@ -4,7 +4,7 @@
 //! Every method is a plain sequential computation, to be run on the pool.
 
 use crate::pool::{Stop, StopReason};
-use quadmuse_kernel::mesh::PolyMesh;
+pub use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_kernel::rank::Shape;
 use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::spectra::Row;
@@ -26,6 +26,7 @@ mod stitched;
 pub use cut::{Besides, Cut, Grain};
 pub use mapped::{Fitted, Lead, Mapped, Reach, Wishes};
 pub use packed::{Packed, PackedFeature};
+pub use quadmuse_kernel::compose::rows::{Resized, Wanted};
 pub use rough::{Rough, RoughLead};
 pub use stitched::Stitched;
 
@@ -321,6 +322,15 @@ pub trait Engine: Send + Sync + 'static {
         let _ = (query, example);
         let refused = EngineError::refused(Refusal::Unlike, "this engine does not cut inputs as examples are");
         stop.reason().map_or(Err(refused), |reason| Err(reason.into()))
+    }
+
+    /// A mesh that lies on a scan with more or fewer rows of quads; as it is where the engine can't.
+    ///
+    /// # Errors
+    /// [`EngineError::Stopped`], [`EngineError::Internal`].
+    fn resized(&self, scan: &Model, mesh: &PolyMesh, wanted: Wanted, stop: &Stop) -> Result<Resized, EngineError> {
+        let _ = (scan, wanted, stop);
+        Ok(Resized { mesh: mesh.clone(), within: 0.0 })
     }
 
     /// A model's mesh, whose faces tell the segment that they belong to.

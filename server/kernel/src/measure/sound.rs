@@ -30,6 +30,8 @@ const ALONG: [f64; 3] = [0.25, 0.5, 0.75];
 const FAR: f64 = 0.03;
 /// … unless edges near by are so long that it may.
 const FAR_EDGES: f64 = 0.5;
+/// A point of the surface that is farther is bare, however long the edges are: the mesh is too coarse to have its form.
+const FAR_MAX: f64 = 0.06;
 /// A face of less area than this share of the square of the usual edge near by has collapsed.
 const COLLAPSED: f64 = 1e-3;
 
@@ -223,7 +225,7 @@ impl ReferenceSurface {
         let mut edges: Vec<f64> = usual.iter().copied().filter(|e| *e > 0.0).collect();
         let middle = edges.len() / 2;
         let edge = if edges.is_empty() { 0.0 } else { *edges.select_nth_unstable_by(middle, f64::total_cmp).1 };
-        let far = (FAR * self.diagonal).max(FAR_EDGES * edge);
+        let far = (FAR_EDGES * edge).clamp(FAR * self.diagonal, FAR_MAX * self.diagonal);
         back.iter().filter(|(_, away)| *away > far).count() as f64 / back.len().max(1) as f64
     }
 }

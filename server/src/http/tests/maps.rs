@@ -32,6 +32,26 @@ async fn a_locked_example_is_resumed_and_mapped() {
     assert_eq!(bench.get(&format!("{path}/maps")).await.json()["items"][0], map);
 }
 
+#[tokio::test]
+async fn a_mesh_is_sent_in_the_size_that_is_asked_for() {
+    let (bench, path, example) = mapped().await;
+    let made = bench.post_json(&format!("{path}/maps?wait=60"), json!({"segment": 0, "example": example})).await;
+    let address = made.header("location").to_owned();
+    let sized = bench.get(&format!("{address}/mesh?quads=600")).await;
+    // The engine of these tests leaves meshes as they are, and says so.
+    assert_eq!(
+        (sized.status, sized.header("quadmuse-faces"), sized.header("quadmuse-within")),
+        (StatusCode::OK, "1", "0.0000")
+    );
+    let near = bench.get(&format!("{address}/mesh?tolerance=0.5&format=ply")).await;
+    assert_eq!((near.status, near.text().as_str()), (StatusCode::OK, "ply with 1 faces"));
+    assert_ne!(sized.header("etag"), near.header("etag"));
+    for refused in ["quads=5", "quads=1000001", "quads=many", "tolerance=0", "tolerance=NaN", "quads=9&tolerance=1"] {
+        let answer = bench.get(&format!("{address}/mesh?{refused}")).await;
+        assert_eq!(answer.status, StatusCode::BAD_REQUEST, "{refused}: {}", answer.text());
+    }
+}
+
 /// Asks until what is made under an address is over.
 async fn over(bench: &Bench, address: &str) -> Value {
     loop {

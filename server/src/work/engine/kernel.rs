@@ -23,8 +23,8 @@ mod transfer;
 
 use super::{
     Allowed, Appraisal, ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Fitted, Mapped, Model, OnePart,
-    Opaque, Packed, PackedFeature, Part, Refusal, Registration, Rough, RoughLead, SegmentFacts, Side, Stitched,
-    Stitching, Wishes,
+    Opaque, Packed, PackedFeature, Part, Refusal, Registration, Resized, Rough, RoughLead, SegmentFacts, Side,
+    Stitched, Stitching, Wanted, Wishes,
 };
 use crate::pool::Stop;
 use model::{ModelInner, format_of, refused};
@@ -117,6 +117,12 @@ impl Engine for KernelEngine {
 
     fn told_apart(&self, model: &Model) -> Result<Arc<PolyMesh>, EngineError> {
         model::told_apart(model)
+    }
+
+    fn resized(&self, scan: &Model, mesh: &PolyMesh, wanted: Wanted, stop: &Stop) -> Result<Resized, EngineError> {
+        let inner: &ModelInner = scan.inner.open()?;
+        stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
+        Ok(kernel::compose::rows::resized(mesh, &inner.prepared.mesh, wanted))
     }
 
     fn encode(&self, model: &Model, segment: u32, stop: &Stop) -> Result<Encoded, EngineError> {
