@@ -155,6 +155,12 @@ export async function drop(page, files, selector = "body") {
   for (const kind of ["dragenter", "dragover", "drop"]) await page.dispatchEvent(selector, kind, { dataTransfer: transfer });
 }
 
+/** Stops a test's own server once nothing on the page asks it any more: what is not answered would be a complaint. */
+export async function gone(page, server) {
+  await page.goto("about:blank");
+  await server.stop();
+}
+
 export async function clean() {
   await Promise.all([...running].map((server) => server.stop()));
   folders.forEach((path) => rmSync(path, { recursive: true, force: true }));

@@ -2,7 +2,7 @@
 // drag, and so is a drop of files; an entry of a list takes two.
 
 import { join } from "node:path";
-import { check, drop, Server, addExample, samples, until } from "./bed.js";
+import { addExample, check, drop, gone, samples, Server, until } from "./bed.js";
 import { laid } from "./looking.js";
 
 const rest = (page) => until("a rest", () => page.evaluate(() => !document.querySelector("#status button") && !/Laying|…/.test(document.querySelector("#status").textContent)));
@@ -135,7 +135,7 @@ export const clicks = {
     await page.click("#stitch");
     await until("stitched anew", () => page.url().includes("/composition/") && page.url() !== stitched, 240_000);
     tell("exchange the example of a part, and stitch", await count.end(), 3);
-    await server.stop();
+    await gone(page, server);
     console.log(counts.map((line) => `     ${line}`).join("\n"));
   },
 };

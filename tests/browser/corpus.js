@@ -2,7 +2,7 @@
 
 import { join } from "node:path";
 import { writeFileSync } from "node:fs";
-import { check, drop, folder, shoot, Server, until } from "./bed.js";
+import { check, drop, folder, gone, Server, shoot, until } from "./bed.js";
 import { noComplaints } from "./looking.js";
 
 const names = (page) => page.evaluate(() => [...document.querySelectorAll("#grid li .text span")].map((s) => s.textContent));
@@ -131,7 +131,7 @@ export const corpus = {
     await noComplaints(page, "sample scans");
     await page.click("#sample-scans button:has-text('old man')");
     await until("a map", () => page.url().includes("/map/"), 120_000);
-    await server.stop();
+    await gone(page, server);
   },
 
   async "several examples are added with tags, and each tells what came of it"({ open, example, scan }) {
@@ -159,6 +159,6 @@ export const corpus = {
     await until("it is out", async () => (await names(page)).length === 2);
     const tags = await page.evaluate(() => fetch("/v1/examples").then((r) => r.json()).then((p) => p.items.filter((e) => !e.template).map((e) => e.tags.join())));
     check(tags.every((t) => t === "head,sample"), `${tags}`);
-    await server.stop();
+    await gone(page, server);
   },
 };

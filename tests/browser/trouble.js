@@ -2,7 +2,7 @@
 
 import { join } from "node:path";
 import { writeFileSync } from "node:fs";
-import { addExample, check, drop, folder, launch, open, shoot, Server, until } from "./bed.js";
+import { addExample, check, drop, folder, gone, launch, open, Server, shoot, until } from "./bed.js";
 import { laid, noComplaints } from "./looking.js";
 
 // A closed scan: a cube, its faces cut fine enough to have form.
@@ -57,7 +57,7 @@ export const trouble = {
     await page.waitForTimeout(300);
     await shoot(page, "closed-among-open");
     await noComplaints(page, "closed among open");
-    await server.stop();
+    await gone(page, server);
   },
 
   async "a server with tokens asks for one before anything else"({ open }) {
@@ -78,7 +78,7 @@ export const trouble = {
     await page.keyboard.press("Enter");
     await page.waitForFunction(() => !document.querySelector("#token-dialog").open);
     await page.waitForFunction(() => document.querySelector("#health").textContent.includes("examples"));
-    await server.stop();
+    await gone(page, server);
   },
 
   async "a server that goes is told, and the page goes on when it is back"({ open, example, scan }) {
@@ -101,7 +101,7 @@ export const trouble = {
     await page.reload();
     await page.waitForFunction(() => document.querySelector("#status").textContent.includes("no longer holds"), null, { timeout: 20_000 });
     await shoot(page, "scan-gone");
-    await server.stop();
+    await gone(page, server);
   },
 
   async "where nothing can be drawn the page says so, and the corpus is tended all the same"({ url }) {

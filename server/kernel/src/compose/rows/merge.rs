@@ -136,10 +136,8 @@ fn rebuilt(mesh: &PolyMesh, positions: Vec<Vec3>, becomes: &[u32], kept: &[usize
     for &f in kept {
         mesh.faces.face(f).iter().for_each(|&v| number[becomes[v as usize] as usize] = 0);
     }
-    let mut count = 0;
-    for slot in number.iter_mut().filter(|slot| **slot == 0) {
-        *slot = count;
-        count += 1;
+    for (count, slot) in number.iter_mut().filter(|slot| **slot == 0).enumerate() {
+        *slot = count as u32;
     }
     let used = positions.into_iter().zip(&number).filter(|(_, number)| **number != NONE).map(|(p, _)| p).collect();
     let mut faces = Polygons::default();
