@@ -26,7 +26,7 @@ mod stitched;
 pub use cut::{Besides, Cut, Grain};
 pub use mapped::{Fitted, Lead, Mapped, Reach, Wishes};
 pub use packed::{Packed, PackedFeature};
-pub use quadmuse_kernel::compose::rows::{Resized, Wanted};
+pub use quadmuse_kernel::compose::rows::{Resized, Wanted, faces_within_max};
 pub use rough::{Rough, RoughLead};
 pub use stitched::Stitched;
 

@@ -1,6 +1,6 @@
 //! Results with more or fewer rows of quads than their examples have, made for whoever downloads them.
 
-use super::engine::{Model, Resized, Wanted};
+use super::engine::{Model, Resized, Wanted, faces_within_max};
 use super::{REQUEST_TIME_MAX, Work, WorkError, ingest};
 use crate::pool::{Lane, User};
 use bytes::Bytes;
@@ -10,8 +10,6 @@ use std::sync::Arc;
 
 /// Memory that resizing takes for each face, and for each face of the scan.
 const MEMORY_PER_FACE: u64 = 800;
-/// Faces that may come of a distance.
-const FACES_WITHIN_MAX: u64 = 200_000;
 
 /// A mesh in the size that is wanted, as a file; with its faces, and its distance from the scan in % of that one's diagonal.
 ///
@@ -24,12 +22,13 @@ pub async fn file(
     wanted: Wanted,
     format: MeshFormat,
 ) -> Result<(Bytes, u64, f64), WorkError> {
-    let own = mesh.faces.len() as u64;
+    let own = mesh.faces.len();
     let most = match wanted {
-        Wanted::Quads(count) => own.max(count as u64),
-        Wanted::Within(_) => own.max(FACES_WITHIN_MAX),
+        Wanted::Quads(count) => own.max(count),
+        Wanted::Within(_) => faces_within_max(own),
     };
-    let job = work.admit(user, (most + scan.mesh.faces.len() as u64) * MEMORY_PER_FACE, REQUEST_TIME_MAX)?;
+    let faces = (most + scan.mesh.faces.len()) as u64;
+    let job = work.admit(user, faces * MEMORY_PER_FACE, REQUEST_TIME_MAX)?;
     let (engine, scan, from) = (Arc::clone(&work.engine), Arc::clone(scan), Arc::clone(mesh));
     let made = work.pool.run(&job, Lane::Lay, move |stop| engine.resized(&scan, &from, wanted, stop)).await??;
     let Resized { mesh, within } = made;
