@@ -3,7 +3,8 @@
 
     judged.py SET[:PREFIX]… [--programs DIR] [--shared DIR] [--out DIR]
 
-Sets: scans (retopo with the shared corpus), extents, cross, species, unseen, groundtruth (one example onto one input).
+Sets: scans (retopo with the shared corpus), made (the same of scans that are made of shared meshes, without examples of their
+family), extents, cross, species, unseen, groundtruth (one example onto one input).
 PREFIX limits a set to rows whose name begins with it. DIR of --programs has quadmuse and quadmuse-server (default:
 target/release). Needs numpy and scipy. Starts a server of its own on a free port. Results, maps and pictures stay in --out.
 """
@@ -105,6 +106,36 @@ def judge_scans(service, meshes, out, prefix):
     head = ["scan", "verdict", "inspired", "example", "quads", "extraordinary", "angle °", "p95 °", "to scan p95 %", "from scan p95 %", "s", "processor s"]
     print_table(head, table)
     print(f"\nscans: {len(table)}, inspired {mean([row[2] for row in table])}, seconds {mean([row[-2] for row in table])}, processor seconds {mean([row[-1] for row in table])}")
+
+
+def judge_made(service, meshes, out, prefix):
+    """Retopology of scans that are cut, seen from one side, or on a rock, with the shared corpus but for their own family."""
+    import made
+
+    families = sorted({*made.INPUTS, *made.STANDING})
+    names = [row["file"] for row in rows_of(meshes / "quads/manifest.csv") if row["category"] not in ("cloth", "hair")]
+    by_tags = {}
+    for name in names:
+        tags = tuple(f"not_{family}" for family in families if not any(part in name for part in made.kept_from(family)))
+        by_tags.setdefault(tags, []).append(meshes / "quads" / name)
+    for tags, files in by_tags.items():
+        service.run("add", *files, *[word for tag in tags for word in ("--tag", tag)])
+    table = []
+    for path in made.make(meshes, out / "made"):
+        name, kind = path.stem.rsplit("_", 1)
+        if not path.stem.startswith(prefix):
+            continue
+        before = service.seconds()
+        answer, problem = service.run("retopo", path, "-o", out / path.name, "--force", "--picture", out / f"{path.stem}.png", "--tag", f"not_{name}")
+        (out / f"{path.stem}.json").write_text(json.dumps(answer, indent=1) + "\n" + problem)
+        share = (answer.get("inspired") or 0) * ((answer.get("covers") or {}).get("input") or 1)
+        reasons = "; ".join(answer.get("reasons") or [problem])[:80]
+        table.append([path.stem, kind, answer.get("verdict", "refused"), round(share, 3), round(service.seconds() - before, 1), reasons])
+        print("|", *table[-1], file=sys.stderr, flush=True)
+    print_table(["scan", "kind", "verdict", "inspired", "processor s", "reasons"], table)
+    for kind in dict.fromkeys(row[1] for row in table):
+        of = [row for row in table if row[1] == kind]
+        print(f"\n{kind}: {len(of)}, inspired {mean([row[3] for row in of])}, processor seconds {mean([row[4] for row in of])}")
 
 
 def far(judged):
@@ -246,6 +277,8 @@ def main():
             print(f"\n## {name}\n", flush=True)
             if name == "scans":
                 judge_scans(service, meshes, out, prefix)
+            elif name == "made":
+                judge_made(service, meshes, out, prefix)
             elif name == "cross":
                 judge_cross(service, meshes, out, prefix)
             elif name == "species":

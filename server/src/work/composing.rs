@@ -123,19 +123,31 @@ async fn made(
         Some(map) => Surrounded::of(work, live, map, &job).await?,
         None => None,
     };
-    // Whatever finding it took.
-    let job = job.renew(Some(REQUEST_TIME_MAX));
     // Maps as they are have the density of their examples.
     let is_as_dense = wanted.density == 0;
     let alone = lone.filter(|_| is_as_dense);
     let again = (Arc::clone(&engine), Arc::clone(&model), parts.clone(), instead.clone());
-    let stitch = move |stop: &Stop| -> Result<Sound, EngineError> {
-        match surrounded.map(|surrounded| surrounded.stitched(&*engine, (how, allowed), stop)) {
-            Some(Ok(Some(sound))) => return Ok(sound),
-            Some(Err(error)) if alone.is_none() || !matches!(error, EngineError::Stopped(StopReason::Deadline)) => {
-                return Err(error);
+    // The map alone is there at once, and is better than nothing: what surrounds it has half of the time.
+    let around = match surrounded {
+        Some(surrounded) => {
+            let (job, engine) = (job.renew(Some(REQUEST_TIME_MAX / 2)), Arc::clone(&engine));
+            let stitch = move |stop: &Stop| surrounded.stitched(&*engine, (how, allowed), stop);
+            let found = work.pool.run(&job, Lane::Lay, stitch).await.map_err(WorkError::from);
+            match found.and_then(|found| Ok(found?)) {
+                Ok(found) => found,
+                Err(error) if alone.is_some() && error.stop_reason().is_some_and(|r| r != StopReason::Cancelled) => {
+                    None
+                }
+                Err(error) => return Err(error),
             }
-            _ => {}
+        }
+        None => None,
+    };
+    // Whatever that took.
+    let job = job.renew(Some(REQUEST_TIME_MAX));
+    let stitch = move |stop: &Stop| -> Result<Sound, EngineError> {
+        if let Some(sound) = around {
+            return Ok(sound);
         }
         if let Some(alone) = alone.map(|map| as_mapped(&[(0, map)], 1)) {
             let appraisal = engine.appraise(&model, &alone, allowed)?;
