@@ -47,7 +47,7 @@ pub struct RankingView {
     pub wait_ms: u64,
 }
 
-/// What became of a mesh that was asked for in another size than its own.
+/// The size of a mesh that was asked for in another size than its own.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Resized {
     /// Its faces.

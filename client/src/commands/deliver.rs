@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 #[derive(Serialize)]
 struct Written<'a, T> {
     file: String,
-    /// What was written in another size than the message tells.
+    /// The size that was written, where it is another than the message tells.
     #[serde(skip_serializing_if = "Option::is_none")]
     resized: Option<Resized>,
     #[serde(flatten)]

@@ -10,14 +10,14 @@ use std::{convert::Infallible, time::Duration};
 /// How often the service is asked how far it is.
 const ASK_PAUSE: Duration = Duration::from_millis(500);
 
-/// What is awaited: something made of a query.
+/// A map or composition that is awaited.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Awaited {
     /// The query.
     pub(super) query: QueryId,
     /// What is made of it.
     pub(super) product: Product,
-    /// What people call that, until the service says what it is at.
+    /// Its name for people, until the service says which stage it is at.
     pub(super) what: &'static str,
 }
 
@@ -48,7 +48,7 @@ pub(super) async fn awaited<T>(wanted: Awaited, answer: impl Future<Output = T>,
     answer
 }
 
-/// What the program waits for: of several that are made at a time, the one that was asked for first.
+/// The one that the program waits for: of several that are made at a time, the first that was asked for.
 fn current(query: &Query, product: Product) -> Option<&Making> {
     let open = query.making.iter().filter(|making| making.product == product && !making.state.is_final());
     // Ids sort by time.

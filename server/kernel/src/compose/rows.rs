@@ -8,9 +8,11 @@
 mod merge;
 mod split;
 
+use super::check::diagonal;
 use super::fit::Measured;
 use crate::mesh::PolyMesh;
 use crate::mesh::bvh::Bvh;
+use crate::mesh::disjoint::Sets;
 use crate::mesh::tri::TriMesh;
 use crate::numerics::stop;
 use std::collections::HashMap;
@@ -52,7 +54,7 @@ pub fn faces_within_max(own: usize) -> usize {
 /// Splits rows of a mesh that lies on a surface, or takes some out.
 pub fn resized(mesh: &PolyMesh, surface: &TriMesh, wanted: Wanted) -> Resized {
     let (tree, measured) = (Bvh::new(surface), Measured::new(surface));
-    let diagonal = diagonal(surface);
+    let diagonal = diagonal(&surface.positions).max(f64::MIN_POSITIVE);
     let within =
         |mesh: &PolyMesh| measured.distances(mesh).map(|found| p95(&found)).into_iter().fold(0.0, f64::max) / diagonal;
     let of = |mesh: PolyMesh| Resized { within: within(&mesh), mesh };
@@ -96,12 +98,6 @@ fn p95(distances: &[(crate::mesh::Vec3, f64)]) -> f64 {
     if all.is_empty() { 0.0 } else { *all.select_nth_unstable_by(at, f64::total_cmp).1 }
 }
 
-fn diagonal(surface: &TriMesh) -> f64 {
-    let first = surface.positions.first().copied().unwrap_or_default();
-    let (low, high) = surface.positions.iter().fold((first, first), |(low, high), p| (low.inf(p), high.sup(p)));
-    (high - low).norm().max(f64::MIN_POSITIVE)
-}
-
 /// The chords of a mesh.
 #[derive(Debug)]
 struct Chords {
@@ -135,7 +131,7 @@ impl Chords {
                 edge_of.push(found);
             }
         }
-        let mut leader: Vec<u32> = (0..ends.len() as u32).collect();
+        let mut sets = Sets::new(ends.len());
         let sides = |f: usize| {
             let start = mesh.faces.start(f);
             &edge_of[start..start + mesh.faces.face(f).len()]
@@ -143,14 +139,13 @@ impl Chords {
         for f in (0..mesh.faces.len()).filter(|&f| mesh.faces.face(f).len() == 4) {
             let side = sides(f);
             for [a, b] in [[side[0], side[2]], [side[1], side[3]]] {
-                let (a, b) = (find(&mut leader, a), find(&mut leader, b));
-                leader[a.max(b) as usize] = a.min(b);
+                sets.join(a, b);
             }
         }
         let mut chord_of = vec![u32::MAX; ends.len()];
         let mut count = 0;
         for edge in 0..ends.len() as u32 {
-            let first = find(&mut leader, edge) as usize;
+            let first = sets.root(edge) as usize;
             if chord_of[first] == u32::MAX {
                 chord_of[first] = count;
                 count += 1;
@@ -188,14 +183,6 @@ impl Chords {
         let start = mesh.faces.start(f as usize);
         [0, 1].map(|k| self.chord_of[self.edge_of[start + k] as usize])
     }
-}
-
-fn find(leader: &mut [u32], mut x: u32) -> u32 {
-    while leader[x as usize] != x {
-        leader[x as usize] = leader[leader[x as usize] as usize];
-        x = leader[x as usize];
-    }
-    x
 }
 
 #[cfg(test)]

@@ -11,16 +11,20 @@ use crate::topology::{self, Components, Patch};
 /// A component with a boundary and less than this share of the area is a small component.
 const SMALL_COMPONENT_SHARE: f64 = 0.01;
 /// Share of the area that all small components may have together.
-const SMALL_COMPONENTS_SHARE: f64 = 0.1;
+pub(super) const SMALL_COMPONENTS_SHARE: f64 = 0.1;
+
+/// The pieces of a surface with their areas, the largest first.
+pub(super) fn by_area(surface: &TriMesh) -> Vec<(f64, Vec<u32>)> {
+    let area = |set: &[u32]| set.iter().map(|&t| surface.area(t as usize)).sum();
+    let mut sets: Vec<(f64, Vec<u32>)> = topology::pieces(surface).into_iter().map(|set| (area(&set), set)).collect();
+    sets.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    sets
+}
 
 /// One part a piece, the largest first; `None` where a piece is no primitive even when its small holes are filled, or
 /// nothing has to be filled: such a surface is to be cut as it is.
 pub(super) fn pieces(surface: &TriMesh) -> Option<Segmented> {
-    let mut sets: Vec<(f64, Vec<u32>)> = topology::pieces(surface)
-        .into_iter()
-        .map(|set| (set.iter().map(|&t| surface.area(t as usize)).sum(), set))
-        .collect();
-    sets.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let sets = by_area(surface);
     let total: f64 = sets.iter().map(|set| set.0).sum();
     let (mut parts, mut left_out, mut small) = (Vec::new(), 0, 0.0);
     for (area, set) in sets {

@@ -5,6 +5,7 @@
 //! paper's.*
 
 use super::Segmented;
+use super::mended::{SMALL_COMPONENTS_SHARE, by_area};
 use super::split::shortest_ring;
 use crate::mesh::tri::{NONE, TriMesh};
 use crate::topology::{self, Patch, invariants, primitive, split_pinched};
@@ -14,17 +15,11 @@ const HANDLES_MAX: i64 = 6;
 /// A closed surface of one handle is a torus, unless a loop around the handle is shorter than this, in √area: two legs on a base.
 /// *Untuned:* ankles have some .15, rings that anybody lays quads on more than .25.
 const TORUS_LOOP_MAX: f64 = 0.2;
-/// All components beside the largest have at most this share of the area together.
-const SMALL_COMPONENTS_SHARE: f64 = 0.1;
 
 /// The largest component of a surface without its handles, as one part; `None` where it has none, or too many, or is a torus, or is
 /// no primitive even then.
 pub(super) fn opened(surface: &TriMesh) -> Option<Segmented> {
-    let mut sets: Vec<(f64, Vec<u32>)> = topology::pieces(surface)
-        .into_iter()
-        .map(|set| (set.iter().map(|&t| surface.area(t as usize)).sum(), set))
-        .collect();
-    sets.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let sets = by_area(surface);
     let total: f64 = sets.iter().map(|set| set.0).sum();
     let left_out = sets.len().checked_sub(1)?;
     let (area, triangle_of) =
