@@ -13,6 +13,7 @@ use list::{List, Record};
 use quadmuse_proto::Share;
 use quadmuse_proto::id::ServerNumber;
 use quadmuse_store::{Documents, StoreError};
+use std::collections::HashMap;
 use std::net::IpAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
@@ -28,7 +29,7 @@ const TRIES: usize = 32;
 const RENEW_EVERY: Duration = Duration::from_secs(60);
 
 /// A server that has not said for so long that it is alive is not asked for lists.
-const SILENT_MAX_S: u64 = 300;
+const SILENT_MAX: Duration = Duration::from_secs(300);
 
 /// Shortest time between two questions for the document because of a number that nobody knows: invented ids cost no more.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
@@ -65,7 +66,7 @@ pub struct HoldersOf {
     pub exact: Vec<Other>,
     /// Those that hold everything.
     pub whole: Vec<Other>,
-    /// Either, of whom nothing was heard for long. They may have ended without a word, or have a clock that is wrong.
+    /// Either, of whom nothing was heard for long. They may have ended without a word.
     pub silent: Vec<Other>,
 }
 
@@ -84,6 +85,7 @@ pub struct Peers {
 struct Seen {
     revision: u64,
     list: List,
+    signs: Signs,
     looked: Option<Instant>,
 }
 
@@ -118,7 +120,9 @@ impl Peers {
             expected: "in hex".into(),
             found: "another text".into(),
         })?;
-        let seen = Mutex::new(Seen { list, ..Seen::default() });
+        let mut seen = Seen { list, ..Seen::default() };
+        seen.signs.note(&seen.list, Instant::now(), now_s());
+        let seen = Mutex::new(seen);
         Ok(Self { documents, own, address: address.to_owned(), share, secret, seen })
     }
 
@@ -164,21 +168,20 @@ impl Peers {
 
     /// The others that are likely to answer: their numbers and addresses.
     pub fn others(&self) -> Vec<Other> {
-        let (seen, now) = (self.now(), now_s());
-        let alive = |record: &&Record| !record.has_left && record.seen_s + SILENT_MAX_S >= now;
+        let (seen, now) = (self.now(), Instant::now());
+        let alive = |record: &&Record| !record.has_left && !seen.signs.is_silent(record.number, now);
         let others = seen.list.servers.iter().filter(alive).filter(|record| record.number != self.own);
         others.map(|record| (record.number, record.address.clone())).collect()
     }
 
     /// The others that have a share in memory.
     pub fn holders(&self, share: Share) -> HoldersOf {
-        let (seen, now) = (self.now(), now_s());
+        let (seen, now) = (self.now(), Instant::now());
         let mut found = HoldersOf::default();
         let others = seen.list.servers.iter().filter(|record| !record.has_left && record.number != self.own);
         for record in others {
-            let is_silent = record.seen_s + SILENT_MAX_S < now;
             let place = match record.share {
-                _ if is_silent => &mut found.silent,
+                _ if seen.signs.is_silent(record.number, now) => &mut found.silent,
                 Some(own) if own == share => &mut found.exact,
                 None => &mut found.whole,
                 Some(_) => continue,
@@ -271,9 +274,44 @@ impl Seen {
         }
         self.revision = document.revision;
         match List::parse(&document.bytes) {
-            Ok(list) => self.list = list,
+            Ok(list) => {
+                self.list = list;
+                self.signs.note(&self.list, Instant::now(), now_s());
+            }
             Err(error) => tracing::error!(%error, "the list of servers can't be read; the one before holds"),
         }
+    }
+}
+
+/// When the servers said last that they are alive, by this server's own time: no two clocks are compared, save for what
+/// was said before it came.
+#[derive(Default)]
+struct Signs(HashMap<ServerNumber, Sign>);
+
+struct Sign {
+    /// As the server wrote it, by its clock.
+    seen_s: u64,
+    /// When that came here; `None`: long ago.
+    came: Option<Instant>,
+}
+
+impl Signs {
+    /// Takes in a list that came at `now`, which is `now_s` by this machine's clock.
+    fn note(&mut self, list: &List, now: Instant, now_s: u64) {
+        let is_first = self.0.is_empty();
+        self.0.retain(|number, _| list.record(*number).is_some());
+        for record in &list.servers {
+            let is_old = is_first && record.seen_s + SILENT_MAX.as_secs() < now_s;
+            let sign = Sign { seen_s: record.seen_s, came: (!is_old).then_some(now) };
+            if self.0.get(&record.number).is_none_or(|before| before.seen_s != sign.seen_s) {
+                self.0.insert(record.number, sign);
+            }
+        }
+    }
+
+    fn is_silent(&self, number: ServerNumber, now: Instant) -> bool {
+        let came = self.0.get(&number).and_then(|sign| sign.came);
+        came.is_none_or(|came| now.saturating_duration_since(came) > SILENT_MAX)
     }
 }
 
@@ -312,7 +350,6 @@ pub async fn run(peers: Arc<Peers>, stopping: CancellationToken) {
 pub(crate) mod tests {
     use super::*;
     use quadmuse_store::Document;
-    use std::collections::HashMap;
 
     /// Documents in memory, as several servers would share them.
     #[derive(Default)]
@@ -392,15 +429,41 @@ pub(crate) mod tests {
         c.renew().expect("renewed");
         assert_eq!(numbers(a.holders(share("2/2")))[0], [c.own()]);
 
-        // The clock of a server is an hour behind: it is asked when nobody else answers, and not before.
+        // Of what a server said an hour before this one came, or whose clock is an hour behind, it is asked when nobody
+        // else answers, and not before.
         let written = documents.known(NAME).expect("a list");
         let mut list = List::parse(&written.bytes).expect("a list");
         list.servers.iter_mut().for_each(|record| record.seen_s -= 3600 * u64::from(record.number == c.own()));
         assert!(documents.write(NAME, written.revision, &list.to_bytes().expect("bytes")).expect("written"));
-        let [exact, _, silent] = numbers(a.holders(share("2/2")));
+        let late = join("http://e:1", None).expect("joined");
+        let [exact, _, silent] = numbers(late.holders(share("2/2")));
         assert_eq!((exact, silent), (vec![], vec![c.own()]));
+        assert!(late.others().iter().all(|(number, _)| *number != c.own()));
         c.renew().expect("renewed");
-        assert_eq!(numbers(a.holders(share("2/2")))[0], [c.own()]);
+        assert_eq!(numbers(late.holders(share("2/2")))[0], [c.own()]);
+        assert_eq!(late.others().len(), 3);
+    }
+
+    #[test]
+    fn a_server_is_silent_when_it_says_nothing_whatever_its_clock_says() {
+        let mut list = List::default();
+        let (behind, ahead) = (list.enter("http://a:1", None, 1_000), list.enter("http://b:1", None, 90_000));
+        let (mut signs, begun) = (Signs::default(), Instant::now());
+        signs.note(&list, begun, 50_000);
+        let is_silent = |signs: &Signs, now| [behind, ahead].map(|number| signs.is_silent(number, now));
+        assert_eq!(is_silent(&signs, begun), [true, false]);
+        // Each says something; the clock of the second has been set back by a day, and that of this machine to the future.
+        let mut now = begun + SILENT_MAX;
+        list.renew(behind, "http://a:1", None, 1_060);
+        list.renew(ahead, "http://b:1", None, 3_600);
+        signs.note(&list, now, 500_000);
+        assert_eq!(is_silent(&signs, now + SILENT_MAX), [false, false]);
+        // Only the second goes on.
+        now += SILENT_MAX;
+        list.renew(ahead, "http://b:1", None, 3_660);
+        signs.note(&list, now, 500_060);
+        assert_eq!(is_silent(&signs, now + Duration::from_secs(1)), [true, false]);
+        assert_eq!(is_silent(&signs, now + 2 * SILENT_MAX), [true, true]);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! A corpus that several servers share.
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -21,7 +22,7 @@ use crate::engine::{Engine, EngineError, Entry};
 use crate::heal::{Healer, LOOKED_AFTER};
 use crate::inner::Inner;
 use crate::manifest::{DOCUMENT, Manifest, SCHEMA, SegmentEntry};
-use crate::state::{Encoding, RowKeeper};
+use crate::state::{Encoding, Known, RowKeeper};
 
 /// Writes are refused, and the server is not ready, when it is not known for so long to be up to date.
 pub const UNSURE_MAX: Duration = Duration::from_secs(10);
@@ -135,7 +136,9 @@ impl SharedCorpus {
         let used: std::collections::HashSet<String> =
             state.examples().flat_map(|known| known.objects().map(|object| object.to_string())).collect();
         drop(state);
-        let before = SystemTime::now().checked_sub(age).unwrap_or(SystemTime::UNIX_EPOCH);
+        // By both clocks: where this machine's is ahead, what others are adding right now would look old.
+        let clock = self.engine.clock().map_err(unreachable("tell its time"))?.min(SystemTime::now());
+        let before = clock.checked_sub(age).unwrap_or(SystemTime::UNIX_EPOCH);
         self.engine.collect(before, &|name| used.contains(name)).map_err(unreachable("remove objects"))
     }
 
@@ -206,7 +209,10 @@ impl SharedCorpus {
     }
 
     fn packed(&self, id: ExampleId, segment: u32) -> Result<Arc<PackedSegment>, StoreError> {
-        let encoding = self.encoding_of(id, segment)?;
+        self.packed_as(id, segment, self.encoding_of(id, segment)?)
+    }
+
+    fn packed_as(&self, id: ExampleId, segment: u32, encoding: Encoding) -> Result<Arc<PackedSegment>, StoreError> {
         if let Some(packed) = self.cache.recent(encoding.object) {
             return Ok(packed);
         }
@@ -215,6 +221,22 @@ impl SharedCorpus {
         let packed = Arc::new(PackedSegment::from_bytes(&bytes).map_err(damaged)?);
         self.cache.remember(encoding.object, &packed);
         Ok(packed)
+    }
+
+    /// An example as it is, or was, known: with what can be read of its encodings.
+    fn whole_of(&self, known: &Known) -> Result<Whole, StoreError> {
+        let (record, id) = (Arc::clone(&known.record), known.record.id);
+        let objects = record.objects().map(|object| self.ground(id, object)).collect::<Result<_, _>>()?;
+        let mut segments = Vec::with_capacity(known.encodings.len());
+        for (segment, encoding) in (0u32..).zip(&known.encodings) {
+            let Some(encoding) = encoding else { continue };
+            match self.packed_as(id, segment, *encoding) {
+                Ok(packed) => segments.push((segment, (*packed).clone())),
+                Err(StoreError::DamagedDerived { .. }) => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(Whole { record, objects, segments })
     }
 
     /// Puts the object of an encoding; what an entry says of it.
@@ -475,17 +497,9 @@ impl Backend for SharedCorpus {
     }
 
     fn whole(&self, id: ExampleId) -> Result<Whole, StoreError> {
-        let record = self.get(id)?;
-        let objects = record.objects().map(|object| self.ground(id, object)).collect::<Result<_, _>>()?;
-        let mut segments = Vec::with_capacity(record.segments.len());
-        for segment in 0..record.segments.len() as u32 {
-            match self.packed(id, segment) {
-                Ok(packed) => segments.push((segment, (*packed).clone())),
-                Err(StoreError::MissingDerived { .. } | StoreError::DamagedDerived { .. }) => {}
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(Whole { record, objects, segments })
+        self.get(id)?;
+        let known = self.inner.state().example(id).cloned().ok_or(StoreError::NotFound { id })?;
+        self.whole_of(&known)
     }
 
     fn put_whole(&self, whole: Whole) -> Result<Added, StoreError> {
@@ -533,7 +547,17 @@ impl Backend for SharedCorpus {
     }
 
     fn backup(&self, writer: &mut dyn Write) -> Result<BackupReport, StoreError> {
-        quadmuse_store::write_backup(self, writer)
+        // What is removed from now on keeps its objects on the engine until they are collected: it is in the backup, too.
+        let (known, skipped) = {
+            let state = self.inner.state();
+            let sound = state.examples().filter(|known| state.damage(known.record.id).is_none());
+            (sound.map(|known| (known.record.id, known.clone())).collect::<BTreeMap<_, _>>(), state.damaged())
+        };
+        let records: Vec<_> = known.values().map(|known| Arc::clone(&known.record)).collect();
+        let whole = |record: &ExampleRecord| {
+            known.get(&record.id).ok_or(StoreError::NotFound { id: record.id }).and_then(|known| self.whole_of(known))
+        };
+        quadmuse_store::write_backup_of(&records, skipped, &whole, writer)
     }
 }
 

@@ -195,7 +195,14 @@ pub trait Engine: Send + Sync + 'static {
     /// [`EngineError`].
     fn jobs(&self) -> Result<u64, EngineError>;
 
-    /// Removes objects that were put before `before` and that `is_used` doesn't know; how many. One that was put again
+    /// What the engine's clock said when it kept the newest entry or object: no later than now by that clock, whatever
+    /// this machine's says.
+    ///
+    /// # Errors
+    /// [`EngineError`].
+    fn clock(&self) -> Result<SystemTime, EngineError>;
+
+    /// Removes objects that were put before `before`, by the engine's clock, and that `is_used` doesn't know; how many. One that was put again
     /// since stays.
     ///
     /// # Errors

@@ -199,6 +199,23 @@ fn objects_are_collected_when_nobody_needs_them_and_they_are_old() {
 }
 
 #[test]
+fn a_clock_that_is_wrong_collects_nothing_that_is_young() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let engine = FakeEngine::new(3, Faults::default());
+    let server = join(&engine, dir.path());
+    // Once by the engine's clock, as if those of the servers were two days ahead, and once by theirs.
+    engine.set_clock_behind(Duration::from_secs(2 * 86_400));
+    let gone = server.add(&small(1).example(), &[]).expect("added").record().id;
+    server.remove(gone).expect("removed");
+    assert_eq!(server.collect(Duration::from_secs(86_400)).expect("collected"), 0, "it was put just now");
+    engine.set_clock_behind(Duration::ZERO);
+    let gone = server.add(&small(2).example(), &[]).expect("added").record().id;
+    server.remove(gone).expect("removed");
+    assert_eq!(server.collect(Duration::from_secs(86_400)).expect("collected"), 2, "the first is two days old by now");
+    assert_eq!(server.collect(Duration::ZERO).expect("collected"), 2);
+}
+
+#[test]
 fn documents_are_shared_and_not_overwritten_silently() {
     let dir = tempfile::tempdir().expect("a directory");
     let engine = FakeEngine::new(5, Faults { answer_lost: 3, ..Faults::default() });
@@ -212,6 +229,56 @@ fn documents_are_shared_and_not_overwritten_silently() {
     eventually("the first knows it", || a.known("tokens").is_some_and(|document| *document.bytes == *b"two"));
     assert!(a.snapshot().examples.is_empty());
     assert!(matches!(Documents::write(&*a, "long", 0, &vec![0; 1 << 20]), Err(StoreError::Invalid { .. })));
+}
+
+/// Keeps what is written, and has something happen before the second piece.
+struct Interrupted<'a> {
+    bytes: Vec<u8>,
+    pieces: u32,
+    happens: &'a dyn Fn(),
+}
+
+impl std::io::Write for Interrupted<'_> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.pieces += 1;
+        if self.pieces == 2 {
+            (self.happens)();
+        }
+        self.bytes.extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_backup_is_the_corpus_of_one_moment_whatever_others_do_meanwhile() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let engine = FakeEngine::new(13, Faults::default());
+    let (a, b) = (join(&engine, dir.path()), join(&engine, dir.path()));
+    let ids: Vec<_> = (0..5).map(|seed| a.add(&small(seed).example(), &[]).expect("added").record().id).collect();
+    let mut before = Vec::new();
+    a.backup(&mut before).expect("written");
+    let happens = || {
+        eventually("the other has them", || b.snapshot().examples.len() == 5);
+        b.remove(ids[3]).expect("removed");
+        b.add(&small(7).example(), &[]).expect("added");
+        b.annotate(ids[4], Patch { name: Some("later".into()), ..Patch::default() }).expect("renamed");
+        eventually("it is seen", || a.snapshot().examples == b.snapshot().examples);
+        assert_eq!(a.collect(Duration::from_secs(3600)).expect("collected"), 0);
+    };
+    let mut meanwhile = Interrupted { bytes: Vec::new(), pieces: 0, happens: &happens };
+    assert_eq!(a.backup(&mut meanwhile).expect("written").examples, 5);
+    assert!(meanwhile.bytes == before, "another corpus than that of the moment at which it was begun");
+    // It fills another engine.
+    let elsewhere = FakeEngine::new(17, Faults::many());
+    let c = join(&elsewhere, dir.path());
+    assert_eq!(quadmuse_store::read_backup(&*c, &mut &before[..]).expect("read"), 5);
+    let mut again = Vec::new();
+    join(&elsewhere, dir.path()).backup(&mut again).expect("written");
+    assert!(again == before);
 }
 
 #[test]

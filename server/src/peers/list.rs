@@ -95,7 +95,8 @@ impl List {
     pub(super) fn renew(&mut self, number: ServerNumber, address: &str, share: Option<Share>, now_s: u64) -> bool {
         match self.servers.iter_mut().find(|record| record.number == number) {
             Some(record) => {
-                record.seen_s = record.seen_s.max(now_s);
+                // Another number in any case: a clock that was set back is no silence.
+                record.seen_s = now_s.max(record.seen_s + 1);
                 // A server of an older release leaves it out when it writes the list.
                 record.share = share;
                 record.has_left

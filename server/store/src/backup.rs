@@ -101,18 +101,32 @@ impl Out<'_> {
     }
 }
 
-/// Writes the whole of a corpus, as it is at this moment, to `writer`. The service goes on meanwhile.
+/// Writes the whole of a corpus, as it is at this moment, to `writer`; what is removed while it is written is left out. The
+/// service goes on meanwhile.
 ///
 /// # Errors
 /// [`StoreError::Io`] if writing or reading fails; [`StoreError::ReadOnly`] while there is no open index;
 /// [`StoreError::Unreachable`].
-pub fn write(from: &dyn Backend, writer: &mut dyn Write) -> Result<BackupReport, StoreError> {
-    let mut report = BackupReport { skipped: from.quarantined(), ..BackupReport::default() };
-    let snapshot = from.snapshot();
+pub(crate) fn write(from: &dyn Backend, writer: &mut dyn Write) -> Result<BackupReport, StoreError> {
+    let (skipped, snapshot) = (from.quarantined(), from.snapshot());
+    write_these(&snapshot.examples, skipped, &|record| from.whole(record.id), writer)
+}
+
+/// Writes these examples to `writer`, as `whole` gives them; one that it doesn't find is left out.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_these(
+    records: &[Arc<ExampleRecord>],
+    skipped: Vec<(ExampleId, String)>,
+    whole: &dyn Fn(&ExampleRecord) -> Result<Whole, StoreError>,
+    writer: &mut dyn Write,
+) -> Result<BackupReport, StoreError> {
+    let mut report = BackupReport { skipped, ..BackupReport::default() };
     let mut out = Out { writer, hash: blake3::Hasher::new(), bytes: 0 };
-    out.value(HEAD, &Head { format: FORMAT, examples: snapshot.examples.len() as u64 })?;
-    for record in &snapshot.examples {
-        match from.whole(record.id) {
+    out.value(HEAD, &Head { format: FORMAT, examples: records.len() as u64 })?;
+    for record in records {
+        match whole(record) {
             Ok(whole) => out.example(&Whole { record: record.clone(), ..whole }, &mut report)?,
             Err(StoreError::Quarantined { id, reason }) => report.skipped.push((id, reason)),
             // Removed since the snapshot was taken.

@@ -43,7 +43,7 @@ mod store;
 mod writer;
 
 pub use backend::{Backend, Document, Documents, Following, Listener, Whole};
-pub use backup::{BackupReport, read as read_backup, write as write_backup};
+pub use backup::{BackupReport, read as read_backup, write_these as write_backup_of};
 pub use changes::{ChangeLog, Changed, Changes};
 pub use check::{CheckReport, Problem};
 pub use codec::LEVEL_SIDE_MAX;

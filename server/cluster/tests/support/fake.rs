@@ -49,6 +49,8 @@ struct World {
     dice: u64,
     /// Counts the elections.
     term: u64,
+    /// By how much its clock is behind the servers'.
+    clock_behind: Duration,
 }
 
 /// For so long nobody else gets a job of which nothing is heard.
@@ -63,6 +65,10 @@ struct Waiting {
 }
 
 impl World {
+    fn now(&self) -> SystemTime {
+        SystemTime::now() - self.clock_behind
+    }
+
     /// Whether it happens, once in `often` times.
     fn happens(&mut self, often: u32) -> bool {
         self.dice ^= self.dice << 13;
@@ -105,8 +111,9 @@ impl FakeEngine {
     /// Damages, or takes away, an object.
     pub(crate) fn spoil(&self, name: &str, bytes: Option<&[u8]>) {
         let mut world = self.shared.world();
+        let now = world.now();
         match bytes {
-            Some(bytes) => drop(world.objects.insert(name.into(), (bytes.into(), SystemTime::now()))),
+            Some(bytes) => drop(world.objects.insert(name.into(), (bytes.into(), now))),
             None => drop(world.objects.remove(name)),
         }
     }
@@ -119,6 +126,11 @@ impl FakeEngine {
         world.newest = (1..).zip(&world.log).map(|(position, (key, _))| (key.clone(), position)).collect();
         world.objects.remove(object);
         world.term += 1;
+    }
+
+    /// Sets its clock back, or, as one would see it from here, those of the servers ahead.
+    pub(crate) fn set_clock_behind(&self, by: Duration) {
+        self.shared.world().clock_behind = by;
     }
 
     pub(crate) fn object_count(&self) -> usize {
@@ -144,7 +156,8 @@ impl Engine for FakeEngine {
         // The real one tries again by itself.
         let put = || {
             self.call("keep an object", |world| {
-                world.objects.insert(name.into(), (bytes.into(), SystemTime::now()));
+                let now = world.now();
+                world.objects.insert(name.into(), (bytes.into(), now));
             })
         };
         (0..20).find_map(|_| put().ok()).ok_or_else(|| silent("keep an object"))
@@ -241,6 +254,10 @@ impl Engine for FakeEngine {
 
     fn jobs(&self) -> Result<u64, EngineError> {
         self.call("count its jobs", |world| world.jobs.len() as u64)
+    }
+
+    fn clock(&self) -> Result<SystemTime, EngineError> {
+        self.call("tell its time", |world| world.now())
     }
 
     fn collect(&self, before: SystemTime, is_used: &dyn Fn(&str) -> bool) -> Result<u64, EngineError> {
