@@ -5,6 +5,8 @@
 
 #[path = "../../store/tests/support/conformance.rs"]
 mod conformance;
+#[path = "support/history.rs"]
+mod history;
 #[path = "support/nodes.rs"]
 mod nodes;
 #[path = "support/queue.rs"]
@@ -12,17 +14,17 @@ mod queue;
 #[path = "../../store/tests/support/sample.rs"]
 mod sample;
 
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use conformance::{eventually, small};
+use history::History;
 use nodes::Nodes;
 use quadmuse_cluster::{ClusterOptions, Engine, Entry, JetStream, SharedCorpus, SharedOptions, Written};
 use quadmuse_proto::id::ExampleId;
-use quadmuse_store::{Backend, Patch, StoreError};
+use quadmuse_store::Backend;
 
 fn join(nodes: &Nodes, bucket: &str, dir: &Path) -> Arc<SharedCorpus> {
     let engine = JetStream::connect(&ClusterOptions::new(&nodes.addresses(), bucket)).expect("reached");
@@ -170,97 +172,6 @@ fn kept_uploads_are_bounded(nodes: &Nodes) {
     assert!(engine.keep_upload("large", &vec![7; 2 << 20]).is_err());
 }
 
-/// Longest time for what the engine lost to be written again: two looks after the last election, and some more.
-const HEALED_WITHIN: Duration = Duration::from_secs(40);
-
-/// What was acknowledged of an example: how often it was renamed for certain, and how often perhaps.
-struct Acknowledged {
-    key: String,
-    sure: u32,
-    unsure: u32,
-}
-
-/// What was acknowledged.
-#[derive(Default)]
-struct History {
-    examples: BTreeMap<ExampleId, Acknowledged>,
-    added: u32,
-    unsure: u32,
-    /// The longest time between two acknowledgements, of all writers together.
-    gap: Duration,
-    last: Option<Instant>,
-}
-
-impl History {
-    fn acknowledged(&mut self) {
-        let now = Instant::now();
-        self.gap = self.gap.max(self.last.map_or(Duration::ZERO, |last| now - last));
-        self.last = Some(now);
-    }
-}
-
-/// Adds and renames until `stopping`. What it wrote it reads at once, on the same server.
-fn write(server: &dyn Backend, seeds: std::ops::Range<u64>, history: &Mutex<History>, stopping: &AtomicBool) {
-    for seed in seeds {
-        if stopping.load(Ordering::Relaxed) {
-            return;
-        }
-        let record = match server.add(&small(seed).example(), &[]) {
-            Ok(added) => Arc::clone(added.record()),
-            Err(StoreError::Unreachable { .. } | StoreError::Busy) => {
-                history.lock().expect("whole").unsure += 1;
-                continue;
-            }
-            Err(error) => panic!("an add failed: {error}"),
-        };
-        assert!(server.get(record.id).is_ok(), "its own write is read");
-        let mut all = history.lock().expect("whole");
-        all.acknowledged();
-        all.added += 1;
-        let key = format!("example.{}", record.identity);
-        all.examples.insert(record.id, Acknowledged { key, sure: 0, unsure: 0 });
-        drop(all);
-        for k in 0..3 {
-            let name = Patch { name: Some(format!("{seed}-{k}")), ..Patch::default() };
-            let renamed = server.annotate(record.id, name);
-            let mut all = history.lock().expect("whole");
-            let entry = all.examples.get_mut(&record.id).expect("added");
-            match renamed {
-                Ok(renamed) => {
-                    entry.sure += 1;
-                    all.acknowledged();
-                    drop(all);
-                    let read = server.get(record.id).expect("there").revision;
-                    assert!(read >= renamed.revision, "no read older than the reader's own write");
-                }
-                Err(StoreError::Unreachable { .. } | StoreError::Busy) => entry.unsure += 1,
-                Err(error) => panic!("renaming failed: {error}"),
-            }
-        }
-    }
-}
-
-/// What was acknowledged and is not there, a sentence each.
-fn lost(history: &History, servers: &[&SharedCorpus], engine: &JetStream) -> Vec<String> {
-    let newest = engine.newest().expect("told");
-    let mut lost = Vec::new();
-    for (at, server) in servers.iter().enumerate() {
-        eventually("it is quiet", || server.position() >= newest);
-        for (id, Acknowledged { key, sure, unsure }) in &history.examples {
-            let found = server.get(*id).map_or(0, |record| record.revision);
-            if !(1 + sure..=1 + sure + unsure).contains(&found) {
-                let (most, there) = (sure + unsure, engine.read(key).expect("read").map_or(0, |entry| entry.position));
-                lost.push(format!(
-                    "server {at} has revision {found} of {id} after {sure} to {most} changes; the engine has it at {there}"
-                ));
-            }
-        }
-        let problems = server.check(&mut |_| {}).expect("checked").problems;
-        lost.extend(problems.iter().map(|problem| format!("server {at}: {problem:?}")));
-    }
-    lost
-}
-
 fn what_was_acknowledged_survives_the_nodes(nodes: &mut Nodes, dir: &Path) {
     // How often nodes are killed or stopped; more by hand for a record.
     let kills: usize = std::env::var("QUADMUSE_KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(5);
@@ -270,7 +181,7 @@ fn what_was_acknowledged_survives_the_nodes(nodes: &mut Nodes, dir: &Path) {
     std::thread::scope(|scope| {
         for writer in 0..4u64 {
             let (server, history, stopping) = (&servers[writer as usize % 2], &history, &stopping);
-            scope.spawn(move || write(&**server, 1_000_000 * (writer + 1)..u64::MAX, history, stopping));
+            scope.spawn(move || history::write(&**server, 1_000_000 * (writer + 1)..u64::MAX, history, stopping));
         }
         for kill in 0..kills {
             std::thread::sleep(Duration::from_millis(1000));
@@ -300,29 +211,5 @@ fn what_was_acknowledged_survives_the_nodes(nodes: &mut Nodes, dir: &Path) {
         }
         stopping.store(true, Ordering::Relaxed);
     });
-    let history = history.into_inner().expect("whole");
-    let (added, sure, unsure) = (
-        history.added,
-        history.examples.values().map(|entry| entry.sure).sum::<u32>(),
-        history.unsure + history.examples.values().map(|entry| entry.unsure).sum::<u32>(),
-    );
-    println!(
-        "{kills} kills: {added} adds and {sure} changes acknowledged, {unsure} not known; longest gap between two {:.1} s",
-        history.gap.as_secs_f64()
-    );
-    assert!(added > 0);
-    let fresh = join(nodes, "killed", dir);
-    let mut lost = lost(&history, &[&servers[0], &servers[1], &fresh], &asking);
-    // What the engine itself lost, the servers write again.
-    let begun = Instant::now();
-    while !lost.is_empty() && begun.elapsed() < HEALED_WITHIN {
-        println!("after {:.1} s: {}", begun.elapsed().as_secs_f64(), lost.join("\n"));
-        std::thread::sleep(Duration::from_secs(1));
-        lost = self::lost(&history, &[&servers[0], &servers[1], &fresh], &asking);
-    }
-    assert!(lost.is_empty(), "{}", lost.join("\n"));
-    for server in &servers {
-        assert_eq!(server.snapshot().examples, fresh.snapshot().examples, "all servers have the same");
-    }
-    assert!(fresh.snapshot().examples.len() as u32 <= added + history.unsure);
+    history::judge(history, &servers, &join(nodes, "killed", dir), &asking, &format!("{kills} kills"));
 }

@@ -14,10 +14,50 @@ pub(crate) fn program() -> Option<PathBuf> {
     named.into_iter().chain(places.map(|place| place.join("nats-server"))).find(|program| program.is_file())
 }
 
+/// Where a node is to be.
+struct Place {
+    clients: String,
+    nodes: String,
+    space: Option<PathBuf>,
+}
+
 struct Node {
-    port: u16,
+    /// Where clients reach it.
+    address: String,
+    /// The network namespace that it is in, if it has one of its own.
+    space: Option<PathBuf>,
     config: PathBuf,
     process: Option<Child>,
+}
+
+/// What leads to a node that has a network of its own.
+#[derive(Clone, Copy)]
+pub(crate) enum Link {
+    Clients,
+    Nodes,
+}
+
+impl Link {
+    /// The name of this end of a node's link, and of the bridge that it is on.
+    fn names(self, at: usize) -> (String, &'static str) {
+        match self {
+            Self::Clients => (format!("c{at}"), "clients"),
+            Self::Nodes => (format!("n{at}"), "nodes"),
+        }
+    }
+
+    fn network(self) -> &'static str {
+        match self {
+            Self::Clients => "10.77.1",
+            Self::Nodes => "10.77.2",
+        }
+    }
+}
+
+/// Runs `ip` with these words.
+fn ip(words: &str) {
+    let done = Command::new("ip").args(words.split(' ')).status().expect("ip runs");
+    assert!(done.success(), "ip {words}");
 }
 
 pub(crate) struct Nodes {
@@ -55,34 +95,85 @@ impl Nodes {
             eprintln!("left out: there is no nats-server (Debian: apt-get install nats-server)");
             return None;
         };
-        let dir = tempfile::tempdir().expect("a directory");
         let ports = free_ports(2 * count);
-        let routes: Vec<String> = ports[count..].iter().map(|port| format!("nats-route://127.0.0.1:{port}")).collect();
+        let local = |port: &u16| format!("127.0.0.1:{port}");
+        let places: Vec<Place> = (0..count)
+            .map(|at| Place { clients: local(&ports[at]), nodes: local(&ports[count + at]), space: None })
+            .collect();
+        Some(Self::start_at(program, &places, room, settings))
+    }
+
+    /// The same, each node in a network namespace of its own. The caller has a network, and a `/run`, that nobody else uses.
+    pub(crate) fn start_apart(count: usize) -> Option<Self> {
+        let program = program()?;
+        for link in [Link::Clients, Link::Nodes] {
+            let bridge = link.names(0).1;
+            ip(&format!("link add {bridge} type bridge"));
+            ip(&format!("addr add {}.254/24 dev {bridge}", link.network()));
+            ip(&format!("link set {bridge} up"));
+        }
+        let place = |at: usize| {
+            let space = format!("node{at}");
+            ip(&format!("netns add {space}"));
+            ip(&format!("-n {space} link set lo up"));
+            let address = |link: Link, port: u16| {
+                let ((end, bridge), host) = (link.names(at), format!("{}.{}", link.network(), at + 1));
+                ip(&format!("link add {end} type veth peer name {bridge} netns {space}"));
+                ip(&format!("link set {end} master {bridge} up"));
+                ip(&format!("-n {space} addr add {host}/24 dev {bridge}"));
+                ip(&format!("-n {space} link set {bridge} up"));
+                format!("{host}:{port}")
+            };
+            let (clients, nodes) = (address(Link::Clients, 4222), address(Link::Nodes, 6222));
+            Place { clients, nodes, space: Some(PathBuf::from("/run/netns").join(space)) }
+        };
+        Some(Self::start_at(program, &(0..count).map(place).collect::<Vec<_>>(), "4GB", ""))
+    }
+
+    fn start_at(program: PathBuf, places: &[Place], room: &str, settings: &str) -> Self {
+        let dir = tempfile::tempdir().expect("a directory");
+        let count = places.len();
+        let routes: Vec<String> = places.iter().map(|place| format!("nats-route://{}", place.nodes)).collect();
         let node = |at: usize| {
-            let (port, cluster) = (ports[at], ports[count + at]);
+            let Place { clients, nodes: cluster, space } = &places[at];
             let data = dir.path().join(format!("node{at}"));
             let clustered = format!(
-                "cluster {{ name: test, listen: \"127.0.0.1:{cluster}\", routes: [{}] }}\n",
+                "cluster {{ name: test, listen: \"{cluster}\", routes: [{}] }}\n",
                 routes.iter().map(|route| format!("\"{route}\"")).collect::<Vec<_>>().join(", ")
             );
             let text = format!(
-                "server_name: node{at}\nlisten: \"127.0.0.1:{port}\"\njetstream {{ store_dir: \"{}\", max_file: {room}, max_mem: 256MB }}\n{settings}{}",
+                "server_name: node{at}\nlisten: \"{clients}\"\njetstream {{ store_dir: \"{}\", max_file: {room}, max_mem: 256MB }}\n{settings}{}",
                 data.display(),
                 if count > 1 { &clustered } else { "" }
             );
             let config = dir.path().join(format!("node{at}.conf"));
             std::fs::write(&config, text).expect("written");
-            Node { port, config, process: None }
+            Node { address: clients.clone(), space: space.clone(), config, process: None }
         };
         let nodes = (0..count).map(node).collect();
         let mut started = Self { program, nodes, _dir: dir };
         (0..count).for_each(|at| started.revive(at));
-        Some(started)
+        started
+    }
+
+    /// Takes a link of a node away: what is sent over it vanishes.
+    pub(crate) fn cut(&self, at: usize, link: Link) {
+        ip(&format!("link set {} down", link.names(at).0));
+    }
+
+    /// Brings it back.
+    pub(crate) fn mend(&self, at: usize, link: Link) {
+        ip(&format!("link set {} up", link.names(at).0));
     }
 
     /// Addresses of all nodes.
     pub(crate) fn addresses(&self) -> String {
-        self.nodes.iter().map(|node| format!("nats://127.0.0.1:{}", node.port)).collect::<Vec<_>>().join(",")
+        (0..self.nodes.len()).map(|at| self.address(at)).collect::<Vec<_>>().join(",")
+    }
+
+    /// The address of one.
+    pub(crate) fn address(&self, at: usize) -> String {
+        format!("nats://{}", self.nodes[at].address)
     }
 
     /// Ends a node without a word.
@@ -105,12 +196,19 @@ impl Nodes {
     pub(crate) fn revive(&mut self, at: usize) {
         let node = &mut self.nodes[at];
         let log = std::fs::OpenOptions::new().create(true).append(true).open(node.config.with_extension("log"));
-        let mut command = Command::new(&self.program);
+        let mut command = match &node.space {
+            None => Command::new(&self.program),
+            Some(space) => {
+                let mut command = Command::new("nsenter");
+                command.arg(format!("--net={}", space.display())).arg(&self.program);
+                command
+            }
+        };
         command.arg("-c").arg(&node.config).stdin(Stdio::null()).stdout(Stdio::null());
         command.stderr(log.map_or_else(|_| Stdio::null(), Stdio::from));
         node.process = Some(command.spawn().expect("started"));
         let begun = Instant::now();
-        while std::net::TcpStream::connect(("127.0.0.1", node.port)).is_err() {
+        while std::net::TcpStream::connect(&node.address).is_err() {
             assert!(begun.elapsed() < Duration::from_secs(20), "a node does not start");
             std::thread::sleep(Duration::from_millis(20));
         }
