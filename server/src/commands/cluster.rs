@@ -10,9 +10,13 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// How often a copy says how far it is, in examples.
 const PROGRESS_EVERY: usize = 1000;
+
+/// Examples that are copied at a time.
+const AT_ONCE: usize = 8;
 
 /// Bytes of objects that a command keeps on disk: each is read about once.
 const CACHE_BYTES: u64 = 64 << 20;
@@ -81,26 +85,46 @@ fn count(corpus: &dyn Backend) -> usize {
     corpus.snapshot().examples.len()
 }
 
-/// Copies every example, with its id, its revision and its encodings; how many were not there.
+/// Copies every example, with its id, its revision and its encodings; how many were not there. Several are under way at
+/// a time: one alone mostly waits for the engine.
 fn copy(from: &dyn Backend, to: &dyn Backend) -> Result<usize, CommandError> {
-    let mut added = 0;
-    for (at, record) in (1..).zip(&from.snapshot().examples) {
-        match from.whole(record.id).and_then(|whole| to.put_whole(whole)) {
-            Ok(Added::Created(_)) => added += 1,
-            Ok(Added::Exists(_)) => {}
-            // Removed meanwhile.
-            Err(StoreError::NotFound { .. }) => {}
-            Err(error) => return Err(error.into()),
+    let snapshot = from.snapshot();
+    let (begun, added) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let copy_some = || -> Result<(), StoreError> {
+        loop {
+            let at = begun.fetch_add(1, Ordering::Relaxed);
+            let Some(record) = snapshot.examples.get(at) else { return Ok(()) };
+            match from.whole(record.id).and_then(|whole| to.put_whole(whole)) {
+                Ok(Added::Created(_)) => drop(added.fetch_add(1, Ordering::Relaxed)),
+                Ok(Added::Exists(_)) => {}
+                // Removed meanwhile.
+                Err(StoreError::NotFound { .. }) => {}
+                Err(error) => {
+                    // The others end with what they are at.
+                    begun.store(snapshot.examples.len(), Ordering::Relaxed);
+                    return Err(error);
+                }
+            }
+            if (at + 1).is_multiple_of(PROGRESS_EVERY) {
+                tracing::info!(at = at + 1, added = added.load(Ordering::Relaxed), "examples copied");
+            }
         }
-        if at % PROGRESS_EVERY == 0 {
-            tracing::info!(at, added, "examples copied");
-        }
-    }
+    };
+    std::thread::scope(|scope| {
+        let all: Vec<_> = (0..AT_ONCE).map(|_| scope.spawn(copy_some)).collect();
+        let ended = all.into_iter().map(|one| one.join().map_err(|_| panicked("the copy to end")));
+        ended.collect::<Result<Vec<_>, _>>()?.into_iter().collect::<Result<(), _>>().map_err(CommandError::from)
+    })?;
     let left_out = from.quarantined();
     for (id, reason) in &left_out {
         say(&format!("left out {id}: {reason}"));
     }
-    if left_out.is_empty() { Ok(added) } else { Err(CommandError::LeftOut(left_out.len())) }
+    if left_out.is_empty() { Ok(added.into_inner()) } else { Err(CommandError::LeftOut(left_out.len())) }
+}
+
+/// A thread of a command ended by a panic, which is said where it happened.
+fn panicked(what: &'static str) -> CommandError {
+    CommandError::System { what, source: std::io::Error::other("a panic") }
 }
 
 /// Through a restore, so that what is interrupted is never taken for a whole store.
@@ -115,8 +139,7 @@ fn export(from: &SharedCorpus, dir: &Path) -> Result<(), CommandError> {
     });
     let (written, restored) = restored;
     let (_, report) = restored?;
-    let written = written
-        .map_err(|_| CommandError::System { what: "the export to end", source: std::io::Error::other("a panic") })??;
+    let written = written.map_err(|_| panicked("the export to end"))??;
     say(&format!("{} examples in {}", report.examples, dir.display()));
     if written.skipped.is_empty() { Ok(()) } else { Err(CommandError::LeftOut(written.skipped.len())) }
 }
