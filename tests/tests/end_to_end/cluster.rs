@@ -41,7 +41,7 @@ fn command(nodes: &Nodes, words: &[&str], path: &Path) -> Output {
     output
 }
 
-fn eventually(what: &str, holds: impl Fn() -> bool) {
+pub(crate) fn eventually(what: &str, holds: impl Fn() -> bool) {
     let begun = Instant::now();
     while !holds() {
         assert!(begun.elapsed() < SEEN_WITHIN, "not so after {SEEN_WITHIN:?}: {what}");
@@ -112,6 +112,12 @@ fn servers_share_one_corpus_its_tokens_and_its_changes() {
     assert!(String::from_utf8_lossy(&backup.stdout).contains("3 examples"));
     let read = |path: &str| std::fs::read(place.path(path)).expect("a file");
     assert!(read("shared.backup") == read("again"));
+
+    // The backup fills another engine, here one of a single node.
+    let elsewhere = Nodes::start(1).expect("a node");
+    command(&elsewhere, &["cluster", "restore"], &place.path("shared.backup"));
+    command(&elsewhere, &["cluster", "backup"], &place.path("restored.backup"));
+    assert!(read("shared.backup") == read("restored.backup"));
 
     // A token that is made anywhere holds everywhere.
     let words = ["token", "--data", exported, "create", "--role", "admin", "--name"];

@@ -1,5 +1,6 @@
 //! The whole path over HTTP: the real server, the real client, a store on disk.
 
+mod clocks;
 mod cluster;
 mod crash;
 mod disks;
@@ -7,6 +8,7 @@ mod hostile;
 #[path = "../../../server/cluster/tests/support/nodes.rs"]
 mod nodes;
 mod path;
+mod proxies;
 mod shares;
 mod shutdown;
 mod together;

@@ -1,6 +1,6 @@
 //! Several servers behind a proxy that knows nothing of them: each answers for all. Left out where there is no `nats-server`.
 
-use crate::{Place, cluster::join, nodes::Nodes, text};
+use crate::{Place, cluster::join, nodes::Nodes, proxies::Proxy, text};
 use quadmuse_tests::{
     client::Client,
     http::{self, Answer},
@@ -8,52 +8,15 @@ use quadmuse_tests::{
 };
 use serde_json::Value;
 use std::{
-    io::{Read, Write},
-    net::{SocketAddr, TcpListener, TcpStream},
-    sync::atomic::{AtomicUsize, Ordering},
+    net::SocketAddr,
     time::{Duration, Instant},
 };
 
 /// Longest time for what is asked again and again to hold.
 const HOLDS_WITHIN: Duration = Duration::from_secs(60);
 
-/// A proxy that gives each request to the next server in turn, and none to one that takes no connection; its address.
-fn proxy(servers: Vec<SocketAddr>) -> SocketAddr {
-    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
-    let address = listener.local_addr().expect("an address");
-    std::thread::spawn(move || {
-        let turn = AtomicUsize::new(0);
-        for client in listener.incoming().flatten() {
-            let connect = |_| TcpStream::connect(servers[turn.fetch_add(1, Ordering::Relaxed) % servers.len()]).ok();
-            if let Some(server) = (0..servers.len()).find_map(connect) {
-                std::thread::spawn(move || pass(client, server));
-            }
-        }
-    });
-    address
-}
-
-/// One request and its answer; both ends close the connection after it, so that the next goes elsewhere.
-fn pass(mut client: TcpStream, mut server: TcpStream) {
-    let (mut head, mut byte) = (Vec::new(), [0]);
-    while !head.ends_with(b"\r\n\r\n") {
-        if !client.read(&mut byte).is_ok_and(|read| read == 1) {
-            return;
-        }
-        head.push(byte[0]);
-    }
-    head.truncate(head.len() - 2);
-    head.extend_from_slice(b"connection: close\r\n\r\n");
-    let (mut from, mut to) = (client.try_clone().expect("a handle"), server.try_clone().expect("a handle"));
-    if to.write_all(&head).is_err() {
-        return;
-    }
-    std::thread::spawn(move || {
-        let _ = std::io::copy(&mut from, &mut to);
-    });
-    let _ = std::io::copy(&mut server, &mut client);
-    let _ = client.shutdown(std::net::Shutdown::Both);
-}
+/// A file that is longer than what the client sends at once.
+const LONG: usize = 17 << 20;
 
 fn json(answer: &Answer) -> Value {
     serde_json::from_slice(&answer.body).unwrap_or_else(|error| panic!("{error}: {}", answer.text()))
@@ -101,11 +64,16 @@ fn any_server_answers_for_all_and_a_query_outlives_its_server() {
 
     // The whole path through a proxy that takes each server in turn.
     let scan = place.file("scan.obj", &shapes::head(1, 20, Faces::Triangles));
-    let through = Client::new(format!("http://{}", proxy(vec![a.address(), b.address()])));
+    let proxy = Proxy::start(first_place.folder.path(), [a.address(), b.address()]);
+    let through = Client::new(format!("http://{}", proxy.address));
     let out = place.path("out.obj");
     let words = ["retopo".as_ref(), scan.as_os_str(), "-o".as_ref(), out.as_os_str()];
     through.run(words).expect("it runs").ok().unwrap_or_else(|error| panic!("{error}"));
     assert!(std::fs::read_to_string(&out).expect("a mesh").contains("\nf "));
+    // A long file goes piece by piece, each to the next server.
+    let long = [shapes::head(3, 16, Faces::Quads), "# a line that is read by nobody\n".repeat(LONG / 32)].concat();
+    let long = place.file("long.obj", &long);
+    through.run(["add".as_ref(), long.as_os_str()]).expect("it runs").ok().unwrap_or_else(|error| panic!("{error}"));
 
     // Of one server, asked through the other.
     let mesh = std::fs::read_to_string(&scan).expect("a file");
@@ -115,8 +83,10 @@ fn any_server_answers_for_all_and_a_query_outlives_its_server() {
     done(b.address(), &query);
     let entries = best(b.address(), &query);
     let ndjson = [("accept", "application/x-ndjson")];
-    let stream = http::ask(b.address(), &format!("GET {query}/stream"), &ndjson, &[]).expect("answered");
-    assert!(stream.text().lines().last().is_some_and(|line| line.contains("\"end\"")), "{}", stream.text());
+    for address in [b.address(), proxy.address, proxy.address] {
+        let stream = http::ask(address, &format!("GET {query}/stream"), &ndjson, &[]).expect("answered");
+        assert!(stream.text().lines().last().is_some_and(|line| line.contains("\"end\"")), "{}", stream.text());
+    }
     let wanted = format!(
         "{{\"segment\": 0, \"example\": {}, \"example_segment\": {}}}",
         entries[0]["example"], entries[0]["example_segment"]
@@ -147,6 +117,11 @@ fn any_server_answers_for_all_and_a_query_outlives_its_server() {
     assert_eq!((gone.status, text(&json(&gone), "code")), (503, "owner_gone"), "{}", gone.text());
     assert!(gone.header("retry-after").is_some());
     assert!(begun.elapsed() < Duration::from_secs(10), "{:?}", begun.elapsed());
+    // The proxy may still give it to the server that is gone, and then to the next: it is told in either case.
+    for _ in 0..2 {
+        let gone = get(proxy.address, &query);
+        assert_eq!((gone.status, text(&json(&gone), "code")), (503, "owner_gone"), "{}", gone.text());
+    }
 
     let again = post(b.address(), &format!("{query}/restart"), "text/plain", "");
     assert_eq!(again.status, 202, "{}", again.text());
