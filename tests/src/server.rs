@@ -59,7 +59,14 @@ impl Server {
     /// # Errors
     /// [`ServerError`].
     pub fn start_under(words: &[&str], data: &Path) -> Result<Self, ServerError> {
-        let program = program("quadmuse-server")?;
+        Self::start_program(&program("quadmuse-server")?, words, data)
+    }
+
+    /// The same with another program: that of another release, say.
+    ///
+    /// # Errors
+    /// [`ServerError`].
+    pub fn start_program(program: &Path, words: &[&str], data: &Path) -> Result<Self, ServerError> {
         let address = TcpListener::bind("127.0.0.1:0")?.local_addr()?;
         let log = data.with_extension("log");
         let output = File::options().create(true).append(true).open(&log)?;

@@ -1,9 +1,10 @@
 //! What a cluster costs at scale: the first ranking through it and scattered over three shares against one server with its
 //! own store, the time until a new server is ready, and memory.
 //!
-//! `cluster_at_scale --corpora DIR [--count 100000] [--times 5]`: a corpus of COUNT segments that holds the coarsest level
+//! `cluster_at_scale --corpora DIR [--count 100000] [--times 5] [--pause]`: a corpus of COUNT segments that holds the coarsest level
 //! alone is grown in DIR, where it is not, and imported into three nodes of a real engine on loopback. Then one server at a
-//! time: on the store; on the cluster; three with a third each. Needs `nats-server`.
+//! time: on the store; on the cluster; three with a third each. With `--pause` it waits for a line before what is timed, so
+//! that the machine can be made quiet. Needs `nats-server`.
 
 #[path = "../../../server/cluster/tests/support/nodes.rs"]
 mod nodes;
@@ -62,6 +63,9 @@ fn run(corpora: &Path, count: usize, times: usize) -> Result<(), Box<dyn Error>>
     let engine = nodes.addresses();
     let imported = command(&["cluster", "import", "--bucket", "studio", "--cluster", &engine, "--data"], &store)?;
     println!("{count} segments; imported in {:.0} s; load {}", imported.as_secs_f64(), process::load());
+    if std::env::args().any(|word| word == "--pause") {
+        std::io::stdin().read_line(&mut String::new())?;
+    }
     let cluster = format!("QUADMUSE_CLUSTER={engine}");
     let start = |name: &str, more: &[&str]| -> Result<Server, Box<dyn Error>> {
         let words: Vec<&str> = ["env", "QUADMUSE_LOG=error"].iter().chain(more).copied().collect();
