@@ -33,7 +33,7 @@ use std::time::Instant;
 const RELEVANCE: f64 = 3.0;
 /// How many are kept, and at which sizes of the corpus.
 const KEPT: [usize; 3] = [24, 128, 512];
-const SIZES: [usize; 4] = [1_000, 10_000, 100_000, usize::MAX];
+const SIZES: [usize; 3] = [1_000, 10_000, 100_000];
 const BOUNDS: [&str; 4] = ["means", "means and rest", "means and frequencies", "magnitudes"];
 /// Frequencies above 0.
 const WAVES: usize = SIDE / 2;

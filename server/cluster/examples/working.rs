@@ -37,12 +37,12 @@ fn main() -> Result<(), Box<dyn Error>> {
             joined[0].add_job("v1", &number.to_string(), &number.to_le_bytes())?;
         }
         let begun = Instant::now();
-        let done: u64 = std::thread::scope(|scope| {
-            let all: Vec<_> = joined.iter().map(|server| scope.spawn(|| work(server, cost))).collect();
-            all.into_iter().filter_map(|one| one.join().ok()).sum()
+        let each: Vec<(u64, Duration)> = std::thread::scope(|scope| {
+            let all: Vec<_> = joined.iter().map(|server| scope.spawn(|| work(server, cost, begun))).collect();
+            all.into_iter().filter_map(|one| one.join().ok()).collect()
         });
-        // The last wait found nothing to do.
-        let took = begun.elapsed().saturating_sub(WAIT).as_secs_f64();
+        let done: u64 = each.iter().map(|(done, _)| done).sum();
+        let took = each.iter().map(|(_, last)| last.as_secs_f64()).fold(0.0, f64::max);
         let rate = done as f64 / took;
         let alone = *alone.get_or_insert(rate);
         let (examples, left) = (joined[0].snapshot().examples.len(), joined[0].jobs()?);
@@ -55,17 +55,23 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Does jobs until there are none; how many.
-fn work(server: &SharedCorpus, cost: Duration) -> u64 {
+/// Does jobs until there are none; how many, and when the last was done.
+fn work(server: &SharedCorpus, cost: Duration, begun: Instant) -> (u64, Duration) {
     let encoding = segment_of(1, &[32], 4);
-    let mut done = 0;
-    while let Ok(Some(job)) = server.take_job("v1", WAIT) {
+    let (mut done, mut last) = (0, Duration::ZERO);
+    loop {
+        let Ok(Some(job)) = server.take_job("v1", WAIT) else {
+            // At first nobody may lead the takers yet.
+            if server.jobs().is_ok_and(|left| left == 0) {
+                return (done, last);
+            }
+            continue;
+        };
         std::thread::sleep(cost);
         let mut sample = Sample::with(1, vec![encoding.clone()]);
         sample.mesh = job.payload().to_vec();
         if server.add(&sample.example(), &[]).is_ok() && job.done().is_ok() {
-            done += 1;
+            (done, last) = (done + 1, begun.elapsed());
         }
     }
-    done
 }

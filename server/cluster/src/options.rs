@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use crate::engine::UPLOADS_BYTES_MAX;
 
-/// Nodes from which on everything is kept three times.
-const NODES_FOR_THREE: usize = 3;
+/// How many nodes keep everything, unless told otherwise.
+const REPLICAS: usize = 3;
 
 /// How a server gets in. A user and a password stand in the address, `nats://user:password@host`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -26,7 +26,7 @@ pub struct ClusterOptions {
     pub nodes: Vec<String>,
     /// The name of the corpus there: letters, digits, `-` and `_`.
     pub bucket: String,
-    /// How many nodes keep everything; `None`: three if at least three are named, else one.
+    /// How many nodes keep everything; `None`: three, or one where the engine is one node.
     pub replicas: Option<usize>,
     /// How a server gets in.
     pub access: Access,
@@ -59,9 +59,10 @@ impl ClusterOptions {
         }
     }
 
-    /// How many nodes are to keep everything.
+    /// How many nodes are to keep everything, if the engine has so many. However many are named: who names one of three to
+    /// make a token must not make a corpus that is kept once.
     pub fn replicas(&self) -> usize {
-        self.replicas.unwrap_or(if self.nodes.len() >= NODES_FOR_THREE { 3 } else { 1 })
+        self.replicas.unwrap_or(REPLICAS)
     }
 
     /// The user and the password that one of the addresses names, as `nats://user:password@host` does; `%40` stands for `@`.
@@ -124,10 +125,10 @@ mod tests {
     }
 
     #[test]
-    fn three_nodes_keep_everything_three_times() {
+    fn everything_is_kept_three_times_unless_told_otherwise() {
         let options = ClusterOptions::new("nats://a:1, nats://b:2,nats://c:3,", "studio");
         assert_eq!((options.nodes.len(), options.replicas(), options.fault()), (3, 3, None));
-        assert_eq!(ClusterOptions::new("nats://a:1", "studio").replicas(), 1);
+        assert_eq!(ClusterOptions::new("nats://a:1", "studio").replicas(), 3);
         assert!(ClusterOptions::new("", "studio").fault().is_some());
         assert!(ClusterOptions::new("nats://a", "a.b").fault().is_some());
         assert!(ClusterOptions { replicas: Some(2), ..options }.fault().is_some());

@@ -18,7 +18,7 @@ pub struct ClusterArgs {
     /// Name of the corpus on the engine (default: quadmuse).
     #[arg(long, env = "QUADMUSE_BUCKET", value_name = "NAME")]
     pub bucket: Option<String>,
-    /// Nodes that keep everything: 1, 3 or 5 (default: 3 where at least three are named, else 1).
+    /// Nodes that keep everything: 1, 3 or 5 (default: 3, or 1 where the engine is a single node).
     #[arg(long, env = "QUADMUSE_CLUSTER_REPLICAS", value_name = "N")]
     pub cluster_replicas: Option<usize>,
     /// A file of credentials for the engine (`.creds`).

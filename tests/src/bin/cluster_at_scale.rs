@@ -25,6 +25,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+/// By then the allocator has given back what is free.
+const SETTLES_AFTER: Duration = Duration::from_secs(20);
 /// Longest time for a query.
 const ENDS_WITHIN: Duration = Duration::from_secs(120);
 
@@ -72,11 +74,15 @@ fn run(corpora: &Path, count: usize, times: usize) -> Result<(), Box<dyn Error>>
         let data = if more.is_empty() { store.clone() } else { dir.path().join(name.replace('/', "-")) };
         let begun = Instant::now();
         let server = Server::start_under(&words, &data)?;
-        let [resident, _] = process::resident(server.id());
+        let (ready, [most, _]) = (begun.elapsed().as_secs_f64(), process::resident(server.id()));
+        // What was needed for loading alone is given back after a while.
+        std::thread::sleep(SETTLES_AFTER);
+        let [settled, _] = process::resident(server.id());
         println!(
-            "{name}: ready after {:.1} s, {} MiB resident; load {}",
-            begun.elapsed().as_secs_f64(),
-            resident >> 20,
+            "{name}: ready after {ready:.1} s, {} MiB resident then, {} MiB after {} s; load {}",
+            most >> 20,
+            settled >> 20,
+            SETTLES_AFTER.as_secs(),
             process::load()
         );
         Ok(server)

@@ -2,7 +2,7 @@
 
 use async_nats::jetstream::Context;
 use async_nats::jetstream::ErrorCode;
-use async_nats::jetstream::context::{CreateStreamErrorKind, GetStreamErrorKind};
+use async_nats::jetstream::context::{CreateStreamError, CreateStreamErrorKind, GetStreamErrorKind};
 use async_nats::jetstream::stream::{Config, DiscardPolicy, RetentionPolicy, StorageType, Stream};
 
 use std::time::Duration;
@@ -32,10 +32,11 @@ pub(super) async fn find_or_make(
     let name = format!("{}_{}", options.bucket, wanted.kind);
     match context.get_stream(&name).await {
         Ok(stream) => {
-            let replicas = stream.cached_info().config.num_replicas;
-            if replicas < options.replicas() {
-                let asked = options.replicas();
-                tracing::warn!(stream = name, replicas, asked, "the corpus is kept fewer times than asked for");
+            let (info, asked) = (stream.cached_info(), options.replicas());
+            // An engine of one node keeps nothing more than once, and nobody said otherwise.
+            let may = options.replicas.is_some() || info.cluster.is_some();
+            if may && info.config.num_replicas < asked {
+                raise(context, &info.config, asked).await;
             }
             Ok(stream)
         }
@@ -48,6 +49,17 @@ pub(super) async fn find_or_make(
     }
 }
 
+/// Has a stream kept on more nodes from now on, if they are there.
+async fn raise(context: &Context, now: &Config, asked: usize) {
+    let (stream, replicas) = (&now.name, now.num_replicas);
+    match context.update_stream(Config { num_replicas: asked, ..now.clone() }).await {
+        Ok(_) => {
+            tracing::warn!(stream, replicas, asked, "the corpus was kept fewer times than asked for; it is copied")
+        }
+        Err(error) => tracing::warn!(stream, replicas, asked, %error, "the corpus is kept fewer times than asked for"),
+    }
+}
+
 async fn make(
     context: &Context,
     options: &ClusterOptions,
@@ -55,7 +67,7 @@ async fn make(
     Wanted { kind, age, retention }: Wanted,
 ) -> Result<Stream, EngineError> {
     const DOING: &str = "make the corpus";
-    let config = Config {
+    let mut config = Config {
         subjects: vec![format!("quadmuse.{}.{kind}.>", options.bucket)],
         description: Some(format!("Quadmuse, {kind} of the corpus {}", options.bucket)),
         retention,
@@ -70,16 +82,21 @@ async fn make(
         name,
         ..Config::default()
     };
-    let made = context.create_stream(config).await;
-    made.map_err(|error| match error.kind() {
-        // A node alone. In a cluster that is still forming there are too few nodes for a while: that is tried again.
-        CreateStreamErrorKind::JetStream(found) if found.error_code() == ErrorCode::STREAM_REPLICAS_NOT_SUPPORTED => {
-            let asked = options.replicas();
-            refused(
-                DOING,
-                format!("it is one node, and keeps nothing {asked} times: give --cluster-replicas 1, or add nodes"),
-            )
-        }
-        _ => silent(DOING, error),
+    let mut made = context.create_stream(config.clone()).await;
+    if options.replicas.is_none() && made.as_ref().is_err_and(is_one_node) {
+        config.num_replicas = 1;
+        made = context.create_stream(config).await;
+    }
+    made.map_err(|error| {
+        let asked = options.replicas();
+        let one =
+            || format!("it is one node, and keeps nothing {asked} times: give --cluster-replicas 1, or add nodes");
+        if is_one_node(&error) { refused(DOING, one()) } else { silent(DOING, error) }
     })
+}
+
+/// Whether it is a node alone. In a cluster that is still forming there are too few nodes for a while: that is tried again.
+fn is_one_node(error: &CreateStreamError) -> bool {
+    matches!(error.kind(), CreateStreamErrorKind::JetStream(found)
+        if found.error_code() == ErrorCode::STREAM_REPLICAS_NOT_SUPPORTED)
 }
