@@ -24,7 +24,7 @@ use async_nats::jetstream::Context;
 use async_nats::jetstream::context::{PublishAckFuture, PublishError, PublishErrorKind};
 use async_nats::jetstream::stream::{DirectGetErrorKind, LastRawMessageErrorKind, RetentionPolicy, Stream};
 use async_nats::jetstream::{Error as Refusal, ErrorCode};
-use async_nats::{Client, ConnectOptions, HeaderMap, ServerAddr};
+use async_nats::{ConnectOptions, HeaderMap, ServerAddr};
 use bytes::Bytes;
 use tokio::runtime::Runtime;
 
@@ -39,8 +39,6 @@ const ANSWER: Duration = Duration::from_secs(3);
 const PUT_FOR: Duration = Duration::from_secs(15);
 const GET_FOR: Duration = Duration::from_secs(6);
 const LEADING: &str = "tell its leader";
-/// So long no leader answers before another node is connected: most elections take less.
-const ELSEWHERE_AFTER: Duration = Duration::from_secs(8);
 /// Bytes of an object in one message; the engine takes a MiB unless told otherwise.
 const PIECE_BYTES: usize = 512 << 10;
 /// Pieces of an object that are under way at a time.
@@ -56,7 +54,6 @@ const PAUSE: Duration = Duration::from_millis(250);
 pub struct JetStream {
     /// Its own, since callers block; in an option so that it can be ended without waiting.
     runtime: Option<Runtime>,
-    client: Client,
     context: Context,
     entries: Stream,
     objects: Pieces,
@@ -66,8 +63,6 @@ pub struct JetStream {
     bucket: String,
     /// Where the stream of entries ended when this server wrote last. Held while it writes.
     last: Mutex<Option<u64>>,
-    /// Since when no leader answers.
-    silent_since: Mutex<Option<Instant>>,
 }
 
 /// A stream of bytes under names, each in pieces.
@@ -150,9 +145,8 @@ impl JetStream {
             }
         });
         match reached {
-            Ok((client, context, [entries, objects, uploads, jobs])) => Ok(Self {
+            Ok((context, [entries, objects, uploads, jobs])) => Ok(Self {
                 runtime: Some(runtime),
-                client,
                 context,
                 entries,
                 objects: Pieces { stream: objects, prefix: format!("quadmuse.{}.objects", options.bucket) },
@@ -161,7 +155,6 @@ impl JetStream {
                 jobs: Jobs::of(jobs, format!("quadmuse.{}.jobs", options.bucket), options.lease),
                 bucket: options.bucket.clone(),
                 last: Mutex::new(None),
-                silent_since: Mutex::new(None),
             }),
             Err(error) => {
                 runtime.shutdown_background();
@@ -178,34 +171,8 @@ impl JetStream {
         self.wait(LEADING, leader_of(&self.entries))
     }
 
-    /// Runs to its end what the client asks of a leader. Where none answers for long, another node is tried: the one at the
-    /// other end of the connection may be cut off from its peers, or stuck on a full disk, and still hold the connection.
+    /// Runs to its end what the client does.
     fn wait<T>(
-        &self,
-        doing: &'static str,
-        what: impl Future<Output = Result<T, EngineError>>,
-    ) -> Result<T, EngineError> {
-        let answered = self.wait_for_any(doing, what);
-        let mut silent_since = self.silent_since.lock().unwrap_or_else(PoisonError::into_inner);
-        if !matches!(answered, Err(EngineError::Silent { .. })) {
-            *silent_since = None;
-            return answered;
-        }
-        let now = Instant::now();
-        let since = *silent_since.get_or_insert(now);
-        if now - since > ELSEWHERE_AFTER
-            && let Some(runtime) = &self.runtime
-        {
-            *silent_since = Some(now);
-            tracing::warn!("no leader answers by way of the node that is connected; another one is tried");
-            // One that fails is tried again.
-            let _ = runtime.block_on(self.client.force_reconnect());
-        }
-        answered
-    }
-
-    /// Runs to its end what any node may answer, also one that is cut off.
-    fn wait_for_any<T>(
         &self,
         doing: &'static str,
         what: impl Future<Output = Result<T, EngineError>>,
@@ -344,7 +311,7 @@ fn again<T>(time: Duration, what: impl Fn() -> Result<T, EngineError>) -> Result
 }
 
 /// One attempt to reach the engine and find, or make, the streams.
-async fn reach(options: &ClusterOptions) -> Result<(Client, Context, [Stream; 4]), EngineError> {
+async fn reach(options: &ClusterOptions) -> Result<(Context, [Stream; 4]), EngineError> {
     const DOING: &str = "be reached";
     let addresses: Result<Vec<ServerAddr>, _> = options.addresses().map(|node| node.parse()).collect();
     let addresses = addresses.map_err(|error| refused(DOING, error))?;
@@ -372,7 +339,7 @@ async fn reach(options: &ClusterOptions) -> Result<(Client, Context, [Stream; 4]
     if payload < PIECE_BYTES + HEAD_BYTES + 4096 {
         return Err(refused(DOING, format!("its max_payload is {payload} bytes, 1 MiB is needed")));
     }
-    let mut context = async_nats::jetstream::new(client.clone());
+    let mut context = async_nats::jetstream::new(client);
     context.set_timeout(ANSWER);
     let kept = |kind, age| streams::Wanted { kind, age, retention: RetentionPolicy::Limits };
     let jobs = streams::Wanted { retention: RetentionPolicy::WorkQueue, ..kept("jobs", JOBS_KEPT_FOR) };
@@ -380,7 +347,7 @@ async fn reach(options: &ClusterOptions) -> Result<(Client, Context, [Stream; 4]
     let objects = streams::find_or_make(&context, options, kept("objects", Duration::ZERO)).await?;
     let uploads = streams::find_or_make(&context, options, kept("uploads", UPLOADS_KEPT_FOR)).await?;
     let jobs = streams::find_or_make(&context, options, jobs).await?;
-    Ok((client, context, [entries, objects, uploads, jobs]))
+    Ok((context, [entries, objects, uploads, jobs]))
 }
 
 /// The node that leads a stream; `None` while there is none, or only one node.
@@ -408,7 +375,7 @@ impl Engine for JetStream {
     }
 
     fn object(&self, name: &str) -> Result<Option<Vec<u8>>, EngineError> {
-        again(GET_FOR, || self.wait_for_any("give an object", self.get(&self.objects, name)))
+        again(GET_FOR, || self.wait("give an object", self.get(&self.objects, name)))
     }
 
     fn keep_upload(&self, name: &str, bytes: &[u8]) -> Result<(), EngineError> {
@@ -422,7 +389,7 @@ impl Engine for JetStream {
     }
 
     fn upload(&self, name: &str) -> Result<Option<Vec<u8>>, EngineError> {
-        again(GET_FOR, || self.wait_for_any("give an upload", self.get(&self.uploads, name)))
+        again(GET_FOR, || self.wait("give an upload", self.get(&self.uploads, name)))
     }
 
     fn remove_upload(&self, name: &str) -> Result<(), EngineError> {

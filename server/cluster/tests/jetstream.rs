@@ -50,7 +50,35 @@ fn on_a_real_engine() {
     large_objects_come_back(&nodes, dir.path());
     what_is_kept_for_a_while_comes_back_and_is_no_object(&nodes, dir.path());
     kept_uploads_are_bounded(&nodes);
+    what_was_kept_once_is_kept_three_times_from_then_on(&mut nodes, dir.path());
     what_was_acknowledged_survives_the_nodes(&mut nodes, dir.path());
+}
+
+/// Whoever names one node of three, and whoever asked for one copy at first.
+fn what_was_kept_once_is_kept_three_times_from_then_on(nodes: &mut Nodes, dir: &Path) {
+    let once = ClusterOptions { replicas: Some(1), ..ClusterOptions::new(&nodes.addresses(), "raised") };
+    let first = JetStream::connect(&once).expect("reached");
+    let one = SharedCorpus::open(Arc::new(first), &SharedOptions::caching_in(&dir.join("raised"))).expect("joined");
+    let kept: Vec<_> = (0..5).map(|seed| one.add(&small(seed).example(), &[]).expect("added").record().id).collect();
+    drop(one);
+    // The address of one leads to all.
+    let asking = JetStream::connect(&ClusterOptions::new(&nodes.address(0), "raised")).expect("reached");
+    let whole = |name: &str| {
+        let fresh = join(nodes, "raised", &dir.join(name));
+        fresh.snapshot().examples.len() == kept.len() && fresh.check(&mut |_| {}).is_ok_and(|r| r.problems.is_empty())
+    };
+    eventually("it is there", || whole("before"));
+    // For the copies to be made: how far they are is not told.
+    std::thread::sleep(Duration::from_secs(3));
+    let leader = asking.entries_leader().expect("told").expect("a leader");
+    let leader: usize = leader.strip_prefix("node").and_then(|at| at.parse().ok()).expect("a node");
+    nodes.kill(leader);
+    let whole = |name: &str| {
+        let fresh = join(nodes, "raised", &dir.join(name));
+        fresh.snapshot().examples.len() == kept.len() && fresh.check(&mut |_| {}).is_ok_and(|r| r.problems.is_empty())
+    };
+    eventually("it is there without the node that had it", || whole("after"));
+    nodes.revive(leader);
 }
 
 /// Four servers count up one entry as fast as they can: what was acknowledged was not overwritten.
@@ -79,9 +107,15 @@ fn a_counter_counts_every_write(nodes: &Nodes) {
 
 #[test]
 fn a_full_engine_is_told_as_one_and_reads_go_on() {
-    let Some(nodes) = Nodes::start_with(1, "4MB") else { return };
+    for count in [1, 3] {
+        let Some(nodes) = Nodes::start_with(count, "4MB") else { return };
+        fills_up(&nodes);
+    }
+}
+
+fn fills_up(nodes: &Nodes) {
     let dir = tempfile::tempdir().expect("a directory");
-    let server = join(&nodes, "full", dir.path());
+    let server = join(nodes, "full", dir.path());
     let large = |seed: u64| {
         let mut sample = small(seed);
         sample.mesh = vec![seed as u8; 600 << 10];
@@ -90,7 +124,7 @@ fn a_full_engine_is_told_as_one_and_reads_go_on() {
     let kept = server.add(&large(0).example(), &[]).expect("added").record().id;
     let refused = (1..20).find_map(|seed| server.add(&large(seed).example(), &[]).err()).expect("it fills up");
     assert!(refused.is_full(), "{refused}");
-    assert_eq!(join(&nodes, "full", dir.path()).mesh_bytes(kept).expect("there"), large(0).mesh);
+    assert_eq!(join(nodes, "full", dir.path()).mesh_bytes(kept).expect("there"), large(0).mesh);
 }
 
 /// More is written than the engine sends at a time, while a follower does not read.
