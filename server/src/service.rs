@@ -9,14 +9,14 @@ use crate::config::Config;
 use crate::connections::{ConnectionLimits, Connections};
 use crate::http;
 use crate::peers::{self, Peers};
-use crate::pool::{Admission, Pool};
+use crate::pool::{Admission, Pool, taken};
 use crate::shutdown::serve;
 use crate::work::corpus::stored::StoredCorpus;
 use crate::work::engine::Engine;
 use crate::work::jobs::Queue;
 use crate::work::kept::{Files, Kept};
 use crate::work::uploads::{self, Uploads};
-use crate::work::{Work, follow, jobs, reencode, scrub};
+use crate::work::{Work, follow, jobs, queries, reencode, scrub};
 use quadmuse_store::{Backend, OpenOptions, StoreError};
 use std::net::SocketAddr;
 use std::path::Path;
@@ -153,6 +153,8 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     tokio::spawn(follow::run(Arc::clone(&work), stopping.clone()));
     let jobs = tokio::spawn(jobs::run(Arc::clone(&work), stopping.clone()));
     tokio::spawn(scrub::run(Arc::clone(&work), stopping.clone()));
+    tokio::spawn(queries::run(Arc::clone(&work), stopping.clone()));
+    tokio::spawn(stopping.clone().run_until_cancelled_owned(taken::watch(config.memory_limit)));
     tracing::info!(%address, threads = work.pool.threads(), version = env!("CARGO_PKG_VERSION"), "serving");
     Ok(Running { address, work, peers, stopping, serving, background, jobs })
 }
