@@ -130,9 +130,11 @@ impl Queries {
             let has_results = !slot.query.maps().is_empty() || !slot.query.compositions().is_empty();
             slot.asked.elapsed() >= if has_results { with_results } else { idle }
         };
-        let gone: Vec<QueryId> =
-            held.queries.values().filter(|slot| slot.is_at_rest()).filter(is_idle).map(|slot| slot.query.id).collect();
-        gone.iter().for_each(|id| held.let_go(*id));
+        let at_rest = held.queries.values().filter(|slot| slot.is_at_rest());
+        let idle: Vec<QueryId> = at_rest.filter(is_idle).map(|slot| slot.query.id).collect();
+        let gone: Vec<Slot> = idle.into_iter().filter_map(|id| held.let_go(id)).collect();
+        // Freeing hundreds of them takes a while; others ask meanwhile.
+        drop(held);
         gone.len()
     }
 
@@ -177,8 +179,8 @@ impl Held {
     }
 
     /// Lets a query go, and remembers that it was there.
-    fn let_go(&mut self, id: QueryId) {
-        let Some(gone) = self.queries.remove(&id) else { return };
+    fn let_go(&mut self, id: QueryId) -> Option<Slot> {
+        let gone = self.queries.remove(&id)?;
         self.expired.insert(id, gone.query.caller.user);
         self.expired_order.push_back(id);
         if self.expired_order.len() > EXPIRED_MAX
@@ -186,6 +188,7 @@ impl Held {
         {
             self.expired.remove(&forgotten);
         }
+        Some(gone)
     }
 }
 
@@ -199,7 +202,8 @@ impl Slot {
 /// Lets idle queries go, now and then, until `stopping`.
 pub async fn run(work: Arc<Work>, stopping: CancellationToken) {
     while stopping.run_until_cancelled(tokio::time::sleep(LOOK_EVERY)).await.is_some() {
-        let gone = work.queries.let_idle_go(IDLE_TIME, IDLE_TIME_WITH_RESULTS);
+        let looked = work.blocking(|work| Ok(work.queries.let_idle_go(IDLE_TIME, IDLE_TIME_WITH_RESULTS)));
+        let gone = looked.await.unwrap_or_default();
         if gone > 0 {
             tracing::info!(gone, held = work.queries.len(), "idle queries let go");
         }
