@@ -9,25 +9,29 @@ use crate::config::Config;
 use crate::connections::{ConnectionLimits, Connections};
 use crate::http;
 use crate::peers::{self, Peers};
-use crate::pool::{Admission, Pool};
+use crate::pool::{Admission, Pool, taken};
 use crate::shutdown::serve;
 use crate::work::corpus::stored::StoredCorpus;
 use crate::work::engine::Engine;
 use crate::work::jobs::Queue;
 use crate::work::kept::{Files, Kept};
 use crate::work::uploads::{self, Uploads};
-use crate::work::{Work, follow, jobs, reencode, scrub};
+use crate::work::{Work, follow, jobs, queries, reencode, scrub};
 use quadmuse_store::{Backend, OpenOptions, StoreError};
 use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use tokio::net::TcpListener;
+use tokio::net::{TcpListener, TcpSocket};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
 /// Jobs that compute or wait for it, at most.
 const JOBS_MAX: usize = 1024;
+
+/// Connections that may wait to be accepted. One that finds no room is tried again by its system a second later, so that a
+/// thousand watchers who come at once would hold up a health check by that.
+const BACKLOG: u32 = 4096;
 
 /// Longest time for commits under way to end after the last connection.
 const COMMIT_TIME_MAX: Duration = Duration::from_millis(1500);
@@ -100,7 +104,7 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     let tokens = Arc::new(tokens);
     check_open(config, &tokens)?;
     let listen = config.listen;
-    let listener = TcpListener::bind(listen).await.map_err(|source| StartError::Listen { listen, source })?;
+    let listener = listener(listen).map_err(|source| StartError::Listen { listen, source })?;
     let address = listener.local_addr().map_err(|source| StartError::Listen { listen, source })?;
     let together = match &shared {
         Some(shared) => Together {
@@ -153,8 +157,18 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     tokio::spawn(follow::run(Arc::clone(&work), stopping.clone()));
     let jobs = tokio::spawn(jobs::run(Arc::clone(&work), stopping.clone()));
     tokio::spawn(scrub::run(Arc::clone(&work), stopping.clone()));
+    tokio::spawn(queries::run(Arc::clone(&work), stopping.clone()));
+    tokio::spawn(stopping.clone().run_until_cancelled_owned(taken::watch(config.memory_limit)));
     tracing::info!(%address, threads = work.pool.threads(), version = env!("CARGO_PKG_VERSION"), "serving");
     Ok(Running { address, work, peers, stopping, serving, background, jobs })
+}
+
+fn listener(listen: SocketAddr) -> std::io::Result<TcpListener> {
+    let socket = if listen.is_ipv4() { TcpSocket::new_v4()? } else { TcpSocket::new_v6()? };
+    // The port of a server that has just ended can be taken again.
+    socket.set_reuseaddr(true)?;
+    socket.bind(listen)?;
+    socket.listen(BACKLOG)
 }
 
 fn check_open(config: &Config, tokens: &Tokens) -> Result<(), StartError> {
@@ -246,5 +260,25 @@ impl Running {
             let _ = tokio::task::spawn_blocking(move || work.keep_rows()).await;
         }
         tracing::info!("stopped");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::TcpStream;
+
+    #[tokio::test]
+    async fn thousands_may_come_before_one_is_accepted() {
+        let listener = listener(SocketAddr::from(([127, 0, 0, 1], 0))).expect("a port");
+        let address = listener.local_addr().expect("an address");
+        // What the system allows at most.
+        let allowed = std::fs::read_to_string("/proc/sys/net/core/somaxconn").ok();
+        let allowed = allowed.and_then(|text| text.trim().parse().ok()).unwrap_or(BACKLOG);
+        for count in 0..BACKLOG.min(allowed) {
+            // It keeps its place when it is closed.
+            let came = TcpStream::connect_timeout(&address, Duration::from_secs(10));
+            assert!(came.is_ok(), "after {count}: {came:?}");
+        }
     }
 }

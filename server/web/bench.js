@@ -1,6 +1,6 @@
 // The workbench: one scan at a time, its ranking, and what is laid on it.
 
-import { $, buffer, call, json, make, sentence } from "/web/call.js";
+import { $, buffer, call, canStartAgain, json, make, sentence } from "/web/call.js";
 import { follow } from "/web/follow.js";
 import { draw, layBest, resume, showComposition, showMap } from "/web/laying.js";
 import { showPanel } from "/web/panel.js";
@@ -78,22 +78,23 @@ export async function open(started, { mesh = null, name = "", wanted = {} } = {}
   } catch (error) { lost(query, error); }
 }
 
-// The server that had a scan, one of several, is gone: another starts it again with what is kept of it.
+// The server that had a scan, one of several, is gone, or let it go as nobody asked for it: it is started again with what is
+// kept of it.
 const startAgain = (id) => json(`/v1/queries/${id}/restart`, { method: "POST" });
 
-async function goOn(query) {
+async function goOn(query, isLetGo) {
   query.stop.abort();
   const started = await startAgain(query.id);
   if (bench.query !== query) return;
   await open(started, { mesh: query.mesh, name: query.name });
-  say("The server that had this scan is gone; another one has started it again.");
+  say(isLetGo ? "The server had let this scan go; it has started it again." : "The server that had this scan is gone; another one has started it again.");
 }
 
 function lost(query, error) {
   if (bench.query !== query) return;
-  if (error.code === "owner_gone") {
+  if (canStartAgain(error)) {
     // Told by whoever asks first.
-    if (!query.isGone) goOn(query).catch((failed) => lost(query, failed));
+    if (!query.isGone) goOn(query, error.code === "query_expired").catch((failed) => lost(query, failed));
     query.isGone = true;
     return;
   }
@@ -152,7 +153,7 @@ export function chooseSegment(segment) {
 // Opens the query that the address names.
 export async function openById(id, wanted, name) {
   try {
-    const found = await json(`/v1/queries/${id}`).catch((error) => (error.code === "owner_gone" ? startAgain(id) : Promise.reject(error)));
+    const found = await json(`/v1/queries/${id}`).catch((error) => (canStartAgain(error) ? startAgain(id) : Promise.reject(error)));
     await open(found, { name, wanted: found.id === id ? wanted : {} });
   } catch (error) {
     say(error.code === "not_found" || error.status === 404 ? "The server no longer holds this scan: it keeps scans while it runs, and as long as it has room. Drop the file again." : error.message, "bad");

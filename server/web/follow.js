@@ -1,6 +1,6 @@
 // Follows a query's ranking as it is refined.
 
-import { call } from "/web/call.js";
+import { call, canStartAgain } from "/web/call.js";
 
 // Server-sent events, read by hand so that the request can carry a token. `take(event)` is true after the last. A stream
 // that breaks off is resumed.
@@ -26,7 +26,7 @@ export async function follow(id, signal, take) {
       }
     } catch (error) {
       if (signal.aborted) return;
-      if (error.code === "not_found" || error.code === "owner_gone") throw error;
+      if (error.code === "not_found" || canStartAgain(error)) throw error;
     }
     if (signal.aborted) return;
     await new Promise((resolve) => setTimeout(resolve, 1000));

@@ -2,9 +2,12 @@
 //!
 //! Jobs are admitted by estimates. One that is wrong by far costs others nothing if the quantum ends that it is wrong for:
 //! its stop flag says so as soon as the thread has taken [`TIMES`] the estimate and [`BESIDE_BYTES`] beside it. What was
-//! freed on another thread than it was taken on is counted wrongly; quanta are sequential, so little is.
+//! freed on another thread than it was taken on is counted wrongly; quanta are sequential, so little is. Where the process as
+//! a whole has more than it promised, less is enough: whoever has taken more than was admitted ends.
 
 use std::cell::Cell;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 use tikv_jemalloc_ctl::{epoch, stats, thread};
 
 /// An estimate may be too low by this factor.
@@ -12,11 +15,34 @@ const TIMES: u64 = 4;
 /// And by so many bytes beside.
 const BESIDE_BYTES: u64 = 384 << 20;
 
+/// While memory is short an estimate may be too low by so many bytes.
+const BESIDE_WHEN_SHORT_BYTES: u64 = 32 << 20;
+
+/// Beside five quarters of the limit so many bytes may be taken before memory is short; what is promised is 256 MiB beside it, of
+/// which the allocator's own and what is taken until somebody looks are a part.
+const BESIDE_LIMIT_BYTES: u64 = 96 << 20;
+
+/// How often it is looked whether memory is short.
+const LOOK_EVERY: Duration = Duration::from_millis(25);
+
+/// Whether the process has taken more than it promised.
+static IS_SHORT: AtomicBool = AtomicBool::new(false);
+
 thread_local! {
     static COUNTERS: Option<(thread::ThreadLocal<u64>, thread::ThreadLocal<u64>)> =
         thread::allocatedp::read().ok().zip(thread::deallocatedp::read().ok());
-    /// What the thread had taken when its quantum began, and what it may have taken.
-    static BUDGET: Cell<Option<(i64, i64)>> = const { Cell::new(None) };
+    static BUDGET: Cell<Option<Budget>> = const { Cell::new(None) };
+}
+
+/// What a quantum may take.
+#[derive(Clone, Copy)]
+struct Budget {
+    /// What its thread had taken when it began, in bytes.
+    before: i64,
+    /// What it may have taken since, in bytes.
+    most: i64,
+    /// The same while memory is short.
+    most_when_short: i64,
 }
 
 /// What this thread has taken and not given back, in bytes; may be negative, where it freed what others took.
@@ -40,15 +66,35 @@ impl Drop for Ended {
 
 /// Runs a quantum that was admitted with an estimate.
 pub fn within<T>(estimate_bytes: u64, quantum: impl FnOnce() -> T) -> T {
-    let most = estimate_bytes.saturating_mul(TIMES).saturating_add(BESIDE_BYTES);
-    BUDGET.set(Some((taken_bytes(), i64::try_from(most).unwrap_or(i64::MAX))));
+    let signed = |bytes: u64| i64::try_from(bytes).unwrap_or(i64::MAX);
+    let most = signed(estimate_bytes.saturating_mul(TIMES).saturating_add(BESIDE_BYTES));
+    let most_when_short = signed(estimate_bytes.saturating_add(BESIDE_WHEN_SHORT_BYTES));
+    BUDGET.set(Some(Budget { before: taken_bytes(), most, most_when_short }));
     let _ended = Ended;
     quantum()
 }
 
 /// Whether this thread's quantum has taken far more than it was admitted with.
 pub fn is_too_much() -> bool {
-    BUDGET.get().is_some_and(|(before, most)| taken_bytes().saturating_sub(before) > most)
+    is_too_much_when(IS_SHORT.load(Ordering::Relaxed))
+}
+
+fn is_too_much_when(is_short: bool) -> bool {
+    BUDGET.get().is_some_and(|budget| {
+        let most = if is_short { budget.most_when_short } else { budget.most };
+        taken_bytes().saturating_sub(budget.before) > most
+    })
+}
+
+/// Looks again and again whether the process has taken more than goes with `limit_bytes`; never ends.
+pub async fn watch(limit_bytes: u64) {
+    let most = limit_bytes.saturating_add(limit_bytes / 4).saturating_add(BESIDE_LIMIT_BYTES);
+    let mut ticks = tokio::time::interval(LOOK_EVERY);
+    ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+    loop {
+        ticks.tick().await;
+        IS_SHORT.store(of_process().allocated > most, Ordering::Relaxed);
+    }
 }
 
 /// Memory of the process.
@@ -68,4 +114,22 @@ pub fn of_process() -> ProcessMemory {
         Ok(ProcessMemory { allocated: stats::allocated::read()? as u64, resident: stats::resident::read()? as u64 })
     };
     read().unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_quantum_may_take_less_beyond_its_estimate_while_memory_is_short() {
+        let taken = |bytes: usize| {
+            within(1 << 20, || {
+                let _held = std::hint::black_box(vec![1u8; bytes]);
+                [false, true].map(is_too_much_when)
+            })
+        };
+        assert_eq!(taken(8 << 20), [false, false]);
+        assert_eq!(taken(64 << 20), [false, true]);
+        assert!(!is_too_much_when(true), "nothing runs");
+    }
 }

@@ -1,12 +1,13 @@
 //! The queries that the server holds: those under way, and those that ended and may still be asked for.
 
-use super::WorkError;
 use super::query::LiveQuery;
+use super::{Work, WorkError};
 use crate::pool::User;
 use quadmuse_proto::QueryId;
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
+use tokio_util::sync::CancellationToken;
 
 /// Most queries under way at once.
 pub const UNDER_WAY_MAX: usize = 512;
@@ -16,6 +17,18 @@ pub const HELD_MAX: usize = 1024;
 
 /// For so long after its end a query is not let go unread: its reader's next poll finds it.
 const UNREAD_TIME: Duration = Duration::from_secs(30);
+
+/// The same where a stream told of the end: whoever reads it has what follows yet to ask for.
+const TOLD_TIME: Duration = Duration::from_secs(2);
+
+/// For so long an ended query is held that nobody asks for: an idle service holds no memory. It can be started again.
+const IDLE_TIME: Duration = Duration::from_secs(30 * 60);
+
+/// The same for one with maps or compositions, which somebody may have edited: a working day.
+const IDLE_TIME_WITH_RESULTS: Duration = Duration::from_secs(10 * 3600);
+
+/// How often idle queries are looked for.
+const LOOK_EVERY: Duration = Duration::from_secs(60);
 
 /// Most queries let go that are remembered as such.
 const EXPIRED_MAX: usize = 16_384;
@@ -38,6 +51,8 @@ struct Slot {
     query: Arc<LiveQuery>,
     /// The clock when it was last asked for.
     used: u64,
+    /// When that was.
+    asked: Instant,
     /// Whether it was asked for after its end.
     is_read: bool,
 }
@@ -65,7 +80,7 @@ impl Queries {
             return Err(WorkError::QueriesFull { limit: HELD_MAX });
         }
         let used = held.tick();
-        held.queries.insert(query.id, Slot { query, used, is_read: false });
+        held.queries.insert(query.id, Slot { query, used, asked: Instant::now(), is_read: false });
         Ok(())
     }
 
@@ -77,7 +92,7 @@ impl Queries {
         let mut held = self.lock();
         let now = held.tick();
         let Some(slot) = held.queries.get_mut(&id) else { return Err(held.none(id)) };
-        slot.used = now;
+        (slot.used, slot.asked) = (now, Instant::now());
         slot.is_read |= slot.query.is_final();
         Ok(Arc::clone(&slot.query))
     }
@@ -110,6 +125,22 @@ impl Queries {
         self.lock().let_one_go(|query| query.caller.user == user)
     }
 
+    /// Lets those go that have ended and that nobody asked for during `idle`, or, where there are maps or compositions of
+    /// them, during `with_results`; how many.
+    pub fn let_idle_go(&self, idle: Duration, with_results: Duration) -> usize {
+        let mut held = self.lock();
+        let is_idle = |slot: &&Slot| {
+            let has_results = !slot.query.maps().is_empty() || !slot.query.compositions().is_empty();
+            slot.asked.elapsed() >= if has_results { with_results } else { idle }
+        };
+        let at_rest = held.queries.values().filter(|slot| slot.is_at_rest());
+        let idle: Vec<QueryId> = at_rest.filter(is_idle).map(|slot| slot.query.id).collect();
+        let gone: Vec<Slot> = idle.into_iter().filter_map(|id| held.let_go(id)).collect();
+        // Freeing hundreds of them takes a while; others ask meanwhile.
+        drop(held);
+        gone.len()
+    }
+
     /// Number of queries held.
     pub fn len(&self) -> usize {
         self.lock().queries.len()
@@ -138,13 +169,22 @@ impl Held {
     }
 
     fn let_one_go(&mut self, may_go: impl Fn(&LiveQuery) -> bool) -> bool {
-        let is_at_rest = |slot: &Slot| {
-            let is_due = slot.is_read || slot.query.ended_since().is_some_and(|time| time >= UNREAD_TIME);
-            is_due && slot.query.is_final() && Arc::strong_count(&slot.query) == 1 && may_go(&slot.query)
+        let is_due = |slot: &Slot| {
+            let unread_time = if slot.query.end_was_told() { TOLD_TIME } else { UNREAD_TIME };
+            let was_left = || slot.query.ended_since().is_some_and(|time| time >= unread_time);
+            slot.is_at_rest() && (slot.is_read || was_left()) && may_go(&slot.query)
         };
-        let at_rest = self.queries.iter().filter(|(_, slot)| is_at_rest(slot));
-        let oldest = at_rest.min_by_key(|(_, slot)| (!slot.is_read, slot.used)).map(|(id, _)| *id);
-        let Some((id, gone)) = oldest.and_then(|id| Some((id, self.queries.remove(&id)?))) else { return false };
+        let due = self.queries.values().filter(|slot| is_due(slot));
+        let oldest = due.min_by_key(|slot| (!slot.is_read, slot.used)).map(|slot| slot.query.id);
+        if let Some(id) = oldest {
+            self.let_go(id);
+        }
+        oldest.is_some()
+    }
+
+    /// Lets a query go, and remembers that it was there.
+    fn let_go(&mut self, id: QueryId) -> Option<Slot> {
+        let gone = self.queries.remove(&id)?;
         self.expired.insert(id, gone.query.caller.user);
         self.expired_order.push_back(id);
         if self.expired_order.len() > EXPIRED_MAX
@@ -152,6 +192,24 @@ impl Held {
         {
             self.expired.remove(&forgotten);
         }
-        true
+        Some(gone)
+    }
+}
+
+impl Slot {
+    /// Whether the query has ended, and no request and nothing that is made of it is at work on it.
+    fn is_at_rest(&self) -> bool {
+        self.query.is_final() && Arc::strong_count(&self.query) == 1
+    }
+}
+
+/// Lets idle queries go, now and then, until `stopping`.
+pub async fn run(work: Arc<Work>, stopping: CancellationToken) {
+    while stopping.run_until_cancelled(tokio::time::sleep(LOOK_EVERY)).await.is_some() {
+        let looked = work.blocking(|work| Ok(work.queries.let_idle_go(IDLE_TIME, IDLE_TIME_WITH_RESULTS)));
+        let gone = looked.await.unwrap_or_default();
+        if gone > 0 {
+            tracing::info!(gone, held = work.queries.len(), "idle queries let go");
+        }
     }
 }

@@ -18,6 +18,7 @@ use quadmuse_proto::{
     QueryId, QuerySegment, QueryState, QueryTimings, Ranking, Share,
 };
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant, UNIX_EPOCH};
 use tokio::sync::watch;
@@ -63,6 +64,7 @@ pub struct LiveQuery {
     counts: MeshCounts,
     started: Instant,
     board: watch::Sender<Board>,
+    end_was_told: AtomicBool,
 }
 
 /// Where a query stands; cheap to clone.
@@ -130,7 +132,13 @@ impl LiveQuery {
             counts,
             started,
             board: watch::Sender::new(board),
+            end_was_told: AtomicBool::new(false),
         }
+    }
+
+    /// Whether somebody was told of its end by a stream.
+    pub fn end_was_told(&self) -> bool {
+        self.end_was_told.load(Ordering::Relaxed)
     }
 
     /// Its stop flag.
@@ -384,6 +392,7 @@ impl LiveQuery {
             (QueryState::Failed, _) => EndState::Failed,
             (QueryState::Queued | QueryState::Encoding | QueryState::Ranking, _) => return None,
         };
+        self.end_was_told.store(true, Ordering::Relaxed);
         Some(End { query: self.id, state, revision: board.revision, summary: self.describe() })
     }
 

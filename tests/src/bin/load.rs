@@ -1,7 +1,7 @@
 //! The service under load, as rows of a table: a crowd that watches, a flood at ten times capacity, one user beside another, edits.
 //!
-//! `load [--what crowd,flood,fair,edit] [--seconds 20] [--watchers 1000] [--clients 16] [--side 90]`. Everything is made by
-//! code; `--side` is that of the head that is asked for, in cells.
+//! `load [--what crowd,flood,fair,edit] [--seconds 20] [--watchers 1000] [--clients 16] [--side 90] [--drawn 100]`. Everything is
+//! made by code; `--side` is that of the head that is asked for, `--drawn` of the example whose map is edited, in cells.
 
 use quadmuse_tests::{
     bounds::{self, BoundsError},
@@ -28,6 +28,7 @@ struct Options {
     watchers: usize,
     clients: usize,
     side: u32,
+    drawn: u32,
 }
 
 /// Why nothing was measured.
@@ -42,8 +43,14 @@ enum LoadError {
 }
 
 fn options() -> Result<Options, String> {
-    let mut options =
-        Options { what: "crowd,flood,fair,edit".into(), seconds: 20, watchers: 1000, clients: 16, side: 90 };
+    let mut options = Options {
+        what: "crowd,flood,fair,edit".into(),
+        seconds: 20,
+        watchers: 1000,
+        clients: 16,
+        side: 90,
+        drawn: 100,
+    };
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
         let value = words.next().ok_or(format!("expected a value after {word}"))?;
@@ -54,8 +61,11 @@ fn options() -> Result<Options, String> {
             "--watchers" => options.watchers = number()? as usize,
             "--clients" => options.clients = number()? as usize,
             "--side" => options.side = number()?,
+            "--drawn" => options.drawn = number()?,
             other => {
-                return Err(format!("expected --what, --seconds, --watchers, --clients or --side, found `{other}`"));
+                return Err(format!(
+                    "expected --what, --seconds, --watchers, --clients, --side or --drawn, found `{other}`"
+                ));
             }
         }
     }
@@ -99,7 +109,8 @@ fn run(options: &Options) -> Result<(), LoadError> {
     }
     if asked("edit") {
         let server = load::server(&data)?;
-        let ([alone, loaded], faces) = fairness::edits(&server, &mesh, options.clients, EDITS)?;
+        let drawn = shapes::head(9, options.drawn, Faces::Quads);
+        let ([alone, loaded], faces) = fairness::edits(&server, [&mesh, drawn.as_bytes()], options.clients, EDITS)?;
         println!("edits of a map of {faces} faces: alone {}", alone.told());
         println!("  beside {} clients: {}", options.clients, loaded.told());
     }

@@ -62,20 +62,25 @@ fn timed(caller: &Caller<'_>, mesh: &[u8]) -> Result<Times, ScaleError> {
     Ok(times)
 }
 
-/// Times of edits of a map's constraint: alone, and while `clients` saturate the service; and the faces of the map.
+/// Times of edits of a constraint of a map of the example that has the mesh `drawn`: alone, and while `clients` saturate the
+/// service; and the faces of the map.
 ///
 /// # Errors
 /// [`ScaleError`].
-pub fn edits(server: &Server, mesh: &[u8], clients: usize, edits: usize) -> Result<([Times; 2], u64), ScaleError> {
+pub fn edits(
+    server: &Server,
+    [mesh, drawn]: [&[u8]; 2],
+    clients: usize,
+    edits: usize,
+) -> Result<([Times; 2], u64), ScaleError> {
     let caller = Caller { server, token: None };
+    let added = caller.value("POST /v1/examples", Some(("model/obj", drawn)))?;
+    let example = added["id"].as_str().unwrap_or_default();
     let Sent::Taken(query) = caller.send(mesh)? else {
         return Err(ScaleError::Answer { expected: "a query", found: "a refusal".into() });
     };
     caller.wait(&query, Until::End)?;
-    let ranking = caller.value(&format!("GET /v1/queries/{query}/ranking"), None)?;
-    let best =
-        found(&ranking, "example").ok_or(ScaleError::Answer { expected: "a ranking", found: ranking.to_string() })?;
-    let wanted = json!({ "segment": 0, "example": best, "example_segment": 0 }).to_string();
+    let wanted = json!({ "segment": 0, "example": example, "example_segment": 0 }).to_string();
     let json_body = |body: &str| -> Vec<u8> { body.as_bytes().to_vec() };
     let body = json_body(&wanted);
     let map = caller.value(&format!("POST /v1/queries/{query}/maps?wait=240"), Some(("application/json", &body)))?;

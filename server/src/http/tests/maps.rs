@@ -377,3 +377,27 @@ async fn ended_queries_make_room_for_a_map_the_longest_unused_first() {
     let gone = bench.get(&queries[1]).await.problem(410, "query_expired");
     assert!(gone.contains("post it again"), "{gone}");
 }
+
+#[tokio::test]
+async fn what_nobody_asks_for_is_let_go_and_what_was_made_of_it_is_held_longer() {
+    let bench = Bench::with(Admission::new(1 << 20, 32));
+    let example = bench.add("a", "segment disc 1").await;
+    let [ranked, mapped] = [bench.query("", "segment disc 1").await, bench.query("", "segment disc 1").await];
+    bench.ended(&ranked).await;
+    bench.ended(&mapped).await;
+    let wanted = json!({"segment": 0, "example": example, "example_segment": 0});
+    let answer = bench.post_json(&format!("{mapped}/maps?wait=60"), wanted).await;
+    assert_eq!(answer.status, StatusCode::CREATED, "{}", answer.text());
+    let (none, day) = (Duration::ZERO, Duration::from_secs(86_400));
+    let queries = &bench.work.queries;
+    assert_eq!(queries.let_idle_go(day, day), 0);
+    let taken = bench.work.pool.admission().used().bytes;
+    assert_eq!(queries.let_idle_go(none, day), 1);
+    assert!(bench.work.pool.admission().used().bytes < taken);
+    bench.get(&ranked).await.problem(410, "query_expired");
+    assert_eq!(bench.get(&mapped).await.status, StatusCode::OK);
+    assert_eq!(queries.let_idle_go(none, none), 1);
+    bench.get(&mapped).await.problem(410, "query_expired");
+    // What was sent may still be put away, for who starts the query again.
+    assert!(bench.work.pool.admission().used().bytes < 100);
+}

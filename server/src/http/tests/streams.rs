@@ -129,3 +129,14 @@ async fn a_silent_stream_shows_that_it_is_alive() {
     let second = body.frame().await.expect("a frame").expect("whole").into_data().expect("data");
     assert_eq!(&second[..], b":\n\n");
 }
+
+#[tokio::test]
+async fn a_query_knows_that_a_stream_told_of_its_end() {
+    let bench = Bench::stocked().await;
+    let path = bench.query("", "segment disc 1").await;
+    bench.ended(&path).await;
+    let told = || bench.work.queries.all().iter().map(|query| query.end_was_told()).collect::<Vec<_>>();
+    assert_eq!(told(), [false]);
+    stream(&bench, &path, "application/x-ndjson", &[]).await;
+    assert_eq!(told(), [true]);
+}
