@@ -31,7 +31,7 @@ use std::time::Instant;
 
 /// As if each had been marked as relevant.
 const RELEVANCE: f64 = 3.0;
-/// How many are kept, and at which sizes of the corpus.
+/// Numbers of segments that are kept, and sizes of the corpus.
 const KEPT: [usize; 3] = [24, 128, 512];
 const SIZES: [usize; 3] = [1_000, 10_000, 100_000];
 const BOUNDS: [&str; 4] = ["means", "means and rest", "means and frequencies", "magnitudes"];
@@ -39,7 +39,7 @@ const BOUNDS: [&str; 4] = ["means", "means and rest", "means and frequencies", "
 const WAVES: usize = SIDE / 2;
 const NORM: f64 = 1.0 / (SIDE * SIDE * SIDE) as f64;
 
-/// What the bounds know of a picture.
+/// The few numbers of a picture that the bounds use.
 struct Few {
     mean: f64,
     variance: f64,
@@ -203,7 +203,7 @@ fn measured(all: &[Known], query: &CoarseQuery) -> Vec<(usize, usize, [f64; 4])>
     measured
 }
 
-/// What a pass over the means costs on one thread, as 16-bit integers of 64 bytes a segment.
+/// Prints the time of a pass over the means on one thread, as 16-bit integers of 64 bytes a segment.
 fn cost(all: &[Known]) {
     let codes: Vec<[i16; SIDE]> =
         (0..1_000_000).map(|k| std::array::from_fn(|row| all[k % all.len()].row.codes[row])).collect();

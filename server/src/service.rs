@@ -272,7 +272,7 @@ mod tests {
     async fn thousands_may_come_before_one_is_accepted() {
         let listener = listener(SocketAddr::from(([127, 0, 0, 1], 0))).expect("a port");
         let address = listener.local_addr().expect("an address");
-        // What the system allows at most.
+        // The system may allow fewer.
         let allowed = std::fs::read_to_string("/proc/sys/net/core/somaxconn").ok();
         let allowed = allowed.and_then(|text| text.trim().parse().ok()).unwrap_or(BACKLOG);
         for count in 0..BACKLOG.min(allowed) {

@@ -17,7 +17,7 @@ export const sentence = (text) => `${text.charAt(0).toUpperCase()}${text.slice(1
 
 export const problemOf = (status, problem) => Object.assign(new Error(sentence(problem.detail ?? `the server answered with ${status}`)), { code: problem.code, status });
 
-// Whether a query that is not there can be started again: its server is gone, or let it go.
+// A query that is not there can be started again if its server is gone, or let it go.
 export const canStartAgain = (error) => error.code === "owner_gone" || error.code === "query_expired";
 
 // Every call goes through here: the token, and problems as errors.

@@ -1,5 +1,6 @@
 //! Just enough HTTP/1.1 to ask a server something and read all of the answer: no pool, no redirects, a connection each.
 
+use serde_json::Value;
 use std::{
     io::{self, Read, Write},
     net::{SocketAddr, TcpStream},
@@ -24,6 +25,11 @@ impl Answer {
     /// The value of a header.
     pub fn header(&self, name: &str) -> Option<&str> {
         self.headers.iter().find(|(n, _)| n == name).map(|(_, value)| value.as_str())
+    }
+
+    /// The body as JSON; null where it is none.
+    pub fn json(&self) -> Value {
+        serde_json::from_slice(&self.body).unwrap_or_default()
     }
 
     /// The body as text.

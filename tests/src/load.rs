@@ -120,7 +120,7 @@ impl Caller<'_> {
         if [429, 503].contains(&answer.status) {
             return Ok(Sent::Later(answer.header("retry-after").is_some()));
         }
-        let value: Value = serde_json::from_slice(&answer.body).unwrap_or_default();
+        let value = answer.json();
         match value["id"].as_str().filter(|_| answer.status < 300) {
             Some(id) => Ok(Sent::Taken(id.to_owned())),
             None => {

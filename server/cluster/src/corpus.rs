@@ -547,7 +547,7 @@ impl Backend for SharedCorpus {
     }
 
     fn backup(&self, writer: &mut dyn Write) -> Result<BackupReport, StoreError> {
-        // What is removed from now on keeps its objects on the engine until they are collected: it is in the backup, too.
+        // An example that is removed from now on keeps its objects until they are collected: it is in the backup, too.
         let (known, skipped) = {
             let state = self.inner.state();
             let sound = state.examples().filter(|known| state.damage(known.record.id).is_none());

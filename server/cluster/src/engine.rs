@@ -195,7 +195,7 @@ pub trait Engine: Send + Sync + 'static {
     /// [`EngineError`].
     fn jobs(&self) -> Result<u64, EngineError>;
 
-    /// What the engine's clock said when it kept the newest entry or object: no later than now by that clock, whatever
+    /// The time of the engine's clock when it kept the newest entry or object: no later than now by that clock, whatever
     /// this machine's says.
     ///
     /// # Errors

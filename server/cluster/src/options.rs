@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::engine::UPLOADS_BYTES_MAX;
 
-/// How many nodes keep everything, unless told otherwise.
+/// Nodes that keep everything, unless told otherwise.
 const REPLICAS: usize = 3;
 
 /// How a server gets in. A user and a password stand in the address, `nats://user:password@host`.
@@ -26,7 +26,7 @@ pub struct ClusterOptions {
     pub nodes: Vec<String>,
     /// The name of the corpus there: letters, digits, `-` and `_`.
     pub bucket: String,
-    /// How many nodes keep everything; `None`: three, or one where the engine is one node.
+    /// Nodes that keep everything; `None`: three, or one where the engine is one node.
     pub replicas: Option<usize>,
     /// How a server gets in.
     pub access: Access,
@@ -59,7 +59,7 @@ impl ClusterOptions {
         }
     }
 
-    /// How many nodes are to keep everything, if the engine has so many. However many are named: who names one of three to
+    /// Nodes that are to keep everything, if the engine has so many, however many are named: who names one of three to
     /// make a token must not make a corpus that is kept once.
     pub fn replicas(&self) -> usize {
         self.replicas.unwrap_or(REPLICAS)

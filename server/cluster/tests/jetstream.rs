@@ -7,6 +7,8 @@
 mod conformance;
 #[path = "support/history.rs"]
 mod history;
+#[path = "support/leader.rs"]
+mod leader;
 #[path = "support/nodes.rs"]
 mod nodes;
 #[path = "support/queue.rs"]
@@ -21,6 +23,7 @@ use std::time::{Duration, Instant};
 
 use conformance::{eventually, small};
 use history::History;
+use leader::leader;
 use nodes::Nodes;
 use quadmuse_cluster::{ClusterOptions, Engine, Entry, JetStream, SharedCorpus, SharedOptions, Written};
 use quadmuse_proto::id::ExampleId;
@@ -54,7 +57,7 @@ fn on_a_real_engine() {
     what_was_acknowledged_survives_the_nodes(&mut nodes, dir.path());
 }
 
-/// Whoever names one node of three, and whoever asked for one copy at first.
+/// A corpus of which one copy was asked for at first, opened by somebody who names one node of three.
 fn what_was_kept_once_is_kept_three_times_from_then_on(nodes: &mut Nodes, dir: &Path) {
     let once = ClusterOptions { replicas: Some(1), ..ClusterOptions::new(&nodes.addresses(), "raised") };
     let first = JetStream::connect(&once).expect("reached");
@@ -63,21 +66,16 @@ fn what_was_kept_once_is_kept_three_times_from_then_on(nodes: &mut Nodes, dir: &
     drop(one);
     // The address of one leads to all.
     let asking = JetStream::connect(&ClusterOptions::new(&nodes.address(0), "raised")).expect("reached");
-    let whole = |name: &str| {
-        let fresh = join(nodes, "raised", &dir.join(name));
+    let is_whole = |nodes: &Nodes| {
+        let fresh = join(nodes, "raised", dir);
         fresh.snapshot().examples.len() == kept.len() && fresh.check(&mut |_| {}).is_ok_and(|r| r.problems.is_empty())
     };
-    eventually("it is there", || whole("before"));
+    eventually("it is there", || is_whole(nodes));
     // For the copies to be made: how far they are is not told.
     std::thread::sleep(Duration::from_secs(3));
-    let leader = asking.entries_leader().expect("told").expect("a leader");
-    let leader: usize = leader.strip_prefix("node").and_then(|at| at.parse().ok()).expect("a node");
+    let leader = leader(&asking);
     nodes.kill(leader);
-    let whole = |name: &str| {
-        let fresh = join(nodes, "raised", &dir.join(name));
-        fresh.snapshot().examples.len() == kept.len() && fresh.check(&mut |_| {}).is_ok_and(|r| r.problems.is_empty())
-    };
-    eventually("it is there without the node that had it", || whole("after"));
+    eventually("it is there without the node that had it", || is_whole(nodes));
     nodes.revive(leader);
 }
 
@@ -219,14 +217,7 @@ fn what_was_acknowledged_survives_the_nodes(nodes: &mut Nodes, dir: &Path) {
         }
         for kill in 0..kills {
             std::thread::sleep(Duration::from_millis(1000));
-            let leader = (0..50).find_map(|_| {
-                let told = asking.entries_leader().ok().flatten();
-                if told.is_none() {
-                    std::thread::sleep(Duration::from_millis(100));
-                }
-                told
-            });
-            let leader: usize = leader.and_then(|name| name.strip_prefix("node")?.parse().ok()).expect("a leader");
+            let leader = leader(&asking);
             // A follower is killed, the leader is killed, and the leader is stopped and comes back as if it still led.
             match kill % 3 {
                 0 | 1 => {

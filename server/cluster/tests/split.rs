@@ -8,6 +8,8 @@
 mod conformance;
 #[path = "support/history.rs"]
 mod history;
+#[path = "support/leader.rs"]
+mod leader;
 #[path = "support/nodes.rs"]
 mod nodes;
 #[path = "../../store/tests/support/sample.rs"]
@@ -20,13 +22,14 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use history::History;
+use leader::leader;
 use nodes::{Link, Nodes};
 use quadmuse_cluster::{ClusterOptions, JetStream, SharedCorpus, SharedOptions};
 
 /// Says to a process of this program that it has a network, and a `/run`, of its own.
 const INSIDE: &str = "QUADMUSE_SPLIT_INSIDE";
 const NAME: &str = "a_node_that_is_cut_off_acknowledges_nothing_that_is_lost";
-/// How long a node is cut off: longer than an election takes.
+/// A node is cut off for so long: longer than an election takes.
 const CUT_OFF: Duration = Duration::from_secs(10);
 const TOGETHER: Duration = Duration::from_secs(2);
 
@@ -63,17 +66,6 @@ fn reach(addresses: &str) -> JetStream {
 fn join(addresses: &str, dir: &Path, name: &str) -> Arc<SharedCorpus> {
     let engine = reach(addresses);
     Arc::new(SharedCorpus::open(Arc::new(engine), &SharedOptions::caching_in(&dir.join(name))).expect("joined"))
-}
-
-fn leader(asking: &JetStream) -> usize {
-    let told = (0..200).find_map(|_| {
-        let told = asking.entries_leader().ok().flatten();
-        if told.is_none() {
-            std::thread::sleep(Duration::from_millis(100));
-        }
-        told
-    });
-    told.and_then(|name| name.strip_prefix("node")?.parse().ok()).expect("a leader")
 }
 
 fn split() {

@@ -22,10 +22,10 @@ const BESIDE_WHEN_SHORT_BYTES: u64 = 32 << 20;
 /// which the allocator's own and what is taken until somebody looks are a part.
 const BESIDE_LIMIT_BYTES: u64 = 96 << 20;
 
-/// How often it is looked whether memory is short.
+/// Time between two looks whether memory is short.
 const LOOK_EVERY: Duration = Duration::from_millis(25);
 
-/// Whether the process has taken more than it promised.
+/// The process has taken more than it promised.
 static IS_SHORT: AtomicBool = AtomicBool::new(false);
 
 thread_local! {
@@ -34,12 +34,12 @@ thread_local! {
     static BUDGET: Cell<Option<Budget>> = const { Cell::new(None) };
 }
 
-/// What a quantum may take.
+/// The memory that a quantum may take.
 #[derive(Clone, Copy)]
 struct Budget {
-    /// What its thread had taken when it began, in bytes.
+    /// Its thread had taken so many bytes when it began.
     before: i64,
-    /// What it may have taken since, in bytes.
+    /// It may have taken so many bytes since.
     most: i64,
     /// The same while memory is short.
     most_when_short: i64,

@@ -27,7 +27,7 @@ const IDLE_TIME: Duration = Duration::from_secs(30 * 60);
 /// The same for one with maps or compositions, which somebody may have edited: a working day.
 const IDLE_TIME_WITH_RESULTS: Duration = Duration::from_secs(10 * 3600);
 
-/// How often idle queries are looked for.
+/// Time between two looks for idle queries.
 const LOOK_EVERY: Duration = Duration::from_secs(60);
 
 /// Most queries let go that are remembered as such.
@@ -197,7 +197,7 @@ impl Held {
 }
 
 impl Slot {
-    /// Whether the query has ended, and no request and nothing that is made of it is at work on it.
+    /// The query has ended, and no request and nothing that is made of it is at work on it.
     fn is_at_rest(&self) -> bool {
         self.query.is_final() && Arc::strong_count(&self.query) == 1
     }

@@ -136,7 +136,7 @@ impl LiveQuery {
         }
     }
 
-    /// Whether somebody was told of its end by a stream.
+    /// A stream told somebody of its end.
     pub fn end_was_told(&self) -> bool {
         self.end_was_told.load(Ordering::Relaxed)
     }

@@ -16,6 +16,7 @@ use quadmuse_tests::{
     scale::process,
     server::Server,
     shapes::{self, Faces},
+    tool,
 };
 use serde_json::Value;
 use std::{
@@ -30,24 +31,12 @@ const SETTLES_AFTER: Duration = Duration::from_secs(20);
 /// Longest time for a query.
 const ENDS_WITHIN: Duration = Duration::from_secs(120);
 
-fn word(name: &str) -> Option<String> {
-    let words: Vec<String> = std::env::args().collect();
-    words.iter().position(|word| word == name).and_then(|at| words.get(at + 1).cloned())
-}
-
 fn main() -> ExitCode {
-    let Some(corpora) = word("--corpora").map(PathBuf::from) else {
+    let Some(corpora) = tool::word("--corpora").map(PathBuf::from) else {
         eprintln!("expected --corpora DIR");
         return ExitCode::FAILURE;
     };
-    let number = |name: &str, default: usize| word(name).and_then(|word| word.parse().ok()).unwrap_or(default);
-    match run(&corpora, number("--count", 100_000), number("--times", 5)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("{error}");
-            ExitCode::FAILURE
-        }
-    }
+    tool::ended(run(&corpora, tool::number("--count", 100_000), tool::number("--times", 5)).map(|()| true))
 }
 
 fn command(words: &[&str], path: &Path) -> Result<Duration, Box<dyn Error>> {
@@ -75,7 +64,7 @@ fn run(corpora: &Path, count: usize, times: usize) -> Result<(), Box<dyn Error>>
         let begun = Instant::now();
         let server = Server::start_under(&words, &data)?;
         let (ready, [most, _]) = (begun.elapsed().as_secs_f64(), process::resident(server.id()));
-        // What was needed for loading alone is given back after a while.
+        // The allocator gives back after a while what was needed for loading alone.
         std::thread::sleep(SETTLES_AFTER);
         let [settled, _] = process::resident(server.id());
         println!(

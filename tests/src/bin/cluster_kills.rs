@@ -15,8 +15,8 @@ use quadmuse_tests::{
     http,
     server::Server,
     shapes::{self, Faces},
+    tool,
 };
-use serde_json::Value;
 use std::{
     collections::BTreeMap,
     error::Error,
@@ -76,19 +76,7 @@ impl Gaps {
 type Addresses = Mutex<Vec<Option<SocketAddr>>>;
 
 fn main() -> ExitCode {
-    let number = |name: &str, default: u64| {
-        let words: Vec<String> = std::env::args().collect();
-        let at = words.iter().position(|word| word == name);
-        at.and_then(|at| words.get(at + 1)?.parse().ok()).unwrap_or(default)
-    };
-    match run(number("--kills", 200), Duration::from_secs(number("--every", 3))) {
-        Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => ExitCode::FAILURE,
-        Err(error) => {
-            eprintln!("{error}");
-            ExitCode::FAILURE
-        }
-    }
+    tool::ended(run(tool::number("--kills", 200), Duration::from_secs(tool::number("--every", 3))))
 }
 
 /// A server; one that ends while it starts is started again, as systemd does.
@@ -181,10 +169,6 @@ fn some(addresses: &Addresses, turn: usize) -> Option<SocketAddr> {
     addresses.lock().expect("not poisoned")[turn % COUNT]
 }
 
-fn value(answer: &http::Answer) -> Value {
-    serde_json::from_slice(&answer.body).unwrap_or(Value::Null)
-}
-
 /// Adds an example and renames it twice, again and again, each on the next server.
 fn write(writer: u32, addresses: &Addresses, history: &History) {
     for turn in 0.. {
@@ -195,7 +179,7 @@ fn write(writer: u32, addresses: &Addresses, history: &History) {
         // Each is another mesh.
         let mesh = format!("# {writer} {turn}\n{}", shapes::vase(writer, 8, 4, Faces::Quads));
         let added = http::post(address, &format!("/v1/examples?name=w{writer}t{turn}"), "model/obj", mesh.as_bytes());
-        let Some(example) = added.ok().filter(|answer| answer.status == 201).map(|answer| value(&answer)) else {
+        let Some(example) = added.ok().filter(|answer| answer.status == 201).map(|answer| answer.json()) else {
             std::thread::sleep(Duration::from_millis(100));
             continue;
         };
@@ -214,7 +198,7 @@ fn write(writer: u32, addresses: &Addresses, history: &History) {
             history.examples.lock().expect("not poisoned").insert(id.clone(), revision + 1);
             history.writes.note();
             if let Ok(answer) = http::get(address, &path)
-                && (answer.status == 404 || value(&answer)["revision"].as_u64().is_some_and(|found| found <= revision))
+                && (answer.status == 404 || answer.json()["revision"].as_u64().is_some_and(|found| found <= revision))
             {
                 history.stale.fetch_add(1, Ordering::Relaxed);
                 eprintln!("{id} is older than {} on the server that wrote it", revision + 1);
@@ -256,7 +240,7 @@ fn query(addresses: &Addresses, history: &History) {
             std::thread::sleep(Duration::from_millis(100));
             let Some(other) = some(addresses, turn + 1) else { continue };
             let Ok(answer) = http::get(other, &path) else { continue };
-            let (state, code) = (value(&answer)["state"].clone(), value(&answer)["code"].clone());
+            let (state, code) = (answer.json()["state"].clone(), answer.json()["code"].clone());
             if state == "done" || code == "owner_gone" || answer.status == 404 {
                 history.queries[usize::from(state != "done")].fetch_add(1, Ordering::Relaxed);
                 break;
@@ -268,7 +252,7 @@ fn query(addresses: &Addresses, history: &History) {
 fn listed(address: SocketAddr) -> Option<BTreeMap<String, u64>> {
     let (mut all, mut cursor) = (BTreeMap::new(), String::new());
     loop {
-        let page = value(&http::get(address, &format!("/v1/examples?limit=500{cursor}")).ok()?);
+        let page = http::get(address, &format!("/v1/examples?limit=500{cursor}")).ok()?.json();
         for item in page["items"].as_array()? {
             all.insert(item["id"].as_str()?.to_owned(), item["revision"].as_u64()?);
         }

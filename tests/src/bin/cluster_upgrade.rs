@@ -16,8 +16,8 @@ use quadmuse_tests::{
     http,
     server::Server,
     shapes::{self, Faces},
+    tool,
 };
-use serde_json::Value;
 use std::{
     collections::BTreeSet,
     error::Error,
@@ -37,28 +37,15 @@ const SIDE_BY_SIDE: Duration = Duration::from_secs(10);
 /// Longest time for a query, and for what an older encoder made to be encoded again.
 const ENDS_WITHIN: Duration = Duration::from_secs(180);
 
-fn word(name: &str) -> Option<String> {
-    let words: Vec<String> = std::env::args().collect();
-    words.iter().position(|word| word == name).and_then(|at| words.get(at + 1).cloned())
-}
-
 fn main() -> ExitCode {
-    let Some(older) = word("--older") else {
+    let Some(older) = tool::word("--older") else {
         eprintln!("expected --older PROGRAM, the server of an older release");
         return ExitCode::FAILURE;
     };
-    let examples = word("--examples").and_then(|word| word.parse().ok()).unwrap_or(12);
-    match run(Path::new(&older), examples) {
-        Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => ExitCode::FAILURE,
-        Err(error) => {
-            eprintln!("{error}");
-            ExitCode::FAILURE
-        }
-    }
+    tool::ended(run(Path::new(&older), tool::number("--examples", 12)))
 }
 
-/// What happened while the servers were exchanged.
+/// A record of what happened while the servers were exchanged.
 #[derive(Default)]
 struct History {
     servers: Mutex<Vec<Option<SocketAddr>>>,
@@ -79,12 +66,8 @@ impl History {
     }
 }
 
-fn value(answer: &http::Answer) -> Value {
-    serde_json::from_slice(&answer.body).unwrap_or(Value::Null)
-}
-
 fn encoder(address: SocketAddr) -> Option<u64> {
-    value(&http::get(address, "/readyz").ok()?)["encoder_version"].as_u64()
+    http::get(address, "/readyz").ok()?.json()["encoder_version"].as_u64()
 }
 
 /// A number of `/metrics`: the sum over all lines that begin so and hold these words.
@@ -104,12 +87,12 @@ fn add(address: SocketAddr, number: usize) -> Result<String, String> {
     let mesh = format!("# {number}\n{}", shapes::vase(number as u32 % 6, 10, 6, Faces::Quads));
     let path = format!("/v1/examples?name=e{number}");
     let answer = http::post(address, &path, "model/obj", mesh.as_bytes()).map_err(|error| error.to_string())?;
-    let id = value(&answer)["id"].as_str().map(str::to_owned);
+    let id = answer.json()["id"].as_str().map(str::to_owned);
     id.filter(|_| answer.status == 201).ok_or_else(|| format!("{} {}", answer.status, answer.text()))
 }
 
 fn listed(address: SocketAddr) -> Option<BTreeSet<String>> {
-    let page = value(&http::get(address, "/v1/examples?limit=500").ok()?);
+    let page = http::get(address, "/v1/examples?limit=500").ok()?.json();
     page["items"].as_array()?.iter().map(|item| Some(item["id"].as_str()?.to_owned())).collect()
 }
 
@@ -121,10 +104,10 @@ fn ask(address: SocketAddr) -> Result<(), String> {
     let path = posted.header("location").ok_or_else(|| posted.text())?.to_owned();
     let begun = Instant::now();
     while begun.elapsed() < ENDS_WITHIN {
-        let query = value(&http::get(address, &path).map_err(|error| error.to_string())?);
+        let query = http::get(address, &path).map_err(|error| error.to_string())?.json();
         match query["state"].as_str() {
             Some("done") => {
-                let ranking = value(&http::get(address, &format!("{path}/ranking")).map_err(|e| e.to_string())?);
+                let ranking = http::get(address, &format!("{path}/ranking")).map_err(|e| e.to_string())?.json();
                 let is_ranked = ranking["entries"].as_array().is_some_and(|entries| !entries.is_empty());
                 return if is_ranked { Ok(()) } else { Err(format!("nothing ranked: {ranking}")) };
             }

@@ -21,7 +21,7 @@ fn layer() -> Option<PathBuf> {
     layers.find(|layer| layer.is_file())
 }
 
-/// What makes a program take its time from a file, which says by how much it is off.
+/// Variables that make a program take its time from a file, which says by how much it is off.
 fn clock(layer: &Path, file: &Path) -> [String; 4] {
     [
         format!("LD_PRELOAD={}", layer.display()),
@@ -40,7 +40,7 @@ fn day(data: &Path) -> String {
 }
 
 fn get(server: &Server, path: &str) -> Value {
-    serde_json::from_slice(&http::get(server.address(), path).expect("answered").body).expect("JSON")
+    http::get(server.address(), path).expect("answered").json()
 }
 
 fn rename(server: &Server, id: &str, name: &str, revision: u32) -> u16 {
@@ -92,7 +92,7 @@ fn servers_whose_clocks_are_wrong_lose_nothing_and_still_find_each_other() {
     two.run(["add".as_ref(), heads[2].as_os_str()]).expect("it runs").ok().expect("added");
     cluster::eventually("both have three", || both().iter().all(|list| list.len() == 3));
 
-    // What was put just now is not collected as two days old.
+    // Objects that were put just now are not collected as two days old.
     one.run(["remove", "--yes", &id]).expect("it runs").ok().unwrap_or_else(|error| panic!("{error}"));
     std::fs::write(&file, "+2d\n").expect("written");
     let mut collect = Command::new("env");

@@ -1,4 +1,4 @@
-//! What stands in front of several servers, and knows nothing of them: Debian's haproxy with the project's own settings, where
+//! A proxy that stands in front of several servers, and knows nothing of them: Debian's haproxy with the project's own settings, where
 //! it is installed, or a few lines that do the same.
 
 use quadmuse_tests::walls::tree;

@@ -95,7 +95,7 @@ async fn make(
     })
 }
 
-/// Whether it is a node alone. In a cluster that is still forming there are too few nodes for a while: that is tried again.
+/// The engine is a single node. Another error tells of a cluster that is still forming and has too few nodes: that is tried again.
 fn is_one_node(error: &CreateStreamError) -> bool {
     matches!(error.kind(), CreateStreamErrorKind::JetStream(found)
         if found.error_code() == ErrorCode::STREAM_REPLICAS_NOT_SUPPORTED)

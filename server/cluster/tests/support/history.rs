@@ -1,4 +1,4 @@
-//! What was acknowledged while parts of the engine were away, and what became of it.
+//! A record of what was acknowledged while parts of the engine were away, and the comparison with what is there.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,14 +14,14 @@ use crate::conformance::{eventually, small};
 /// Longest time for what the engine lost to be written again: two looks after the last election, and some more.
 const HEALED_WITHIN: Duration = Duration::from_secs(40);
 
-/// What was acknowledged of an example: how often it was renamed for certain, and how often perhaps.
+/// An acknowledged example: how often it was renamed for certain, and how often perhaps.
 struct Acknowledged {
     key: String,
     sure: u32,
     unsure: u32,
 }
 
-/// What was acknowledged.
+/// All that was acknowledged.
 #[derive(Default)]
 pub(crate) struct History {
     examples: BTreeMap<ExampleId, Acknowledged>,
@@ -86,7 +86,7 @@ pub(crate) fn write(
     }
 }
 
-/// What was acknowledged and is not there, a sentence each.
+/// A sentence for each acknowledged change that is not there.
 fn lost(history: &History, servers: &[&SharedCorpus], engine: &JetStream) -> Vec<String> {
     let newest = engine.newest().expect("told");
     let mut lost = Vec::new();
@@ -128,7 +128,7 @@ pub(crate) fn judge(
     assert!(added > 0);
     let all = [&*servers[0], &*servers[1], fresh];
     let mut missing = lost(&history, &all, asking);
-    // What the engine itself lost, the servers write again.
+    // The servers write again what the engine itself lost.
     let begun = Instant::now();
     while !missing.is_empty() && begun.elapsed() < HEALED_WITHIN {
         println!("after {:.1} s: {}", begun.elapsed().as_secs_f64(), missing.join("\n"));

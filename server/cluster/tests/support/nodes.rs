@@ -14,7 +14,7 @@ pub(crate) fn program() -> Option<PathBuf> {
     named.into_iter().chain(places.map(|place| place.join("nats-server"))).find(|program| program.is_file())
 }
 
-/// Where a node is to be.
+/// The addresses of a node that is to be started.
 struct Place {
     clients: String,
     nodes: String,
@@ -22,7 +22,7 @@ struct Place {
 }
 
 struct Node {
-    /// Where clients reach it.
+    /// The address for clients.
     address: String,
     /// The network namespace that it is in, if it has one of its own.
     space: Option<PathBuf>,
@@ -30,7 +30,7 @@ struct Node {
     process: Option<Child>,
 }
 
-/// What leads to a node that has a network of its own.
+/// A network link of a node that has a namespace of its own.
 #[derive(Clone, Copy)]
 pub(crate) enum Link {
     Clients,

@@ -398,6 +398,6 @@ async fn what_nobody_asks_for_is_let_go_and_what_was_made_of_it_is_held_longer()
     assert_eq!(bench.get(&mapped).await.status, StatusCode::OK);
     assert_eq!(queries.let_idle_go(none, none), 1);
     bench.get(&mapped).await.problem(410, "query_expired");
-    // What was sent may still be put away, for who starts the query again.
+    // The upload may still be put away, for who starts the query again.
     assert!(bench.work.pool.admission().used().bytes < 100);
 }

@@ -1,0 +1,17 @@
+//! The node that leads the stream of entries.
+
+use std::time::Duration;
+
+use quadmuse_cluster::JetStream;
+
+/// The number of that node. An election is waited for.
+pub(crate) fn leader(asking: &JetStream) -> usize {
+    let told = (0..200).find_map(|_| {
+        let told = asking.entries_leader().ok().flatten();
+        if told.is_none() {
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        told
+    });
+    told.and_then(|name| name.strip_prefix("node")?.parse().ok()).expect("a leader")
+}
