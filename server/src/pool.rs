@@ -20,6 +20,7 @@ pub use stop::{Stop, StopReason};
 use crate::telemetry::traces::TARGET;
 use lanes::Lanes;
 use quadmuse_kernel::numerics::stop as interrupt;
+use std::backtrace::Backtrace;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::rc::Rc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -280,6 +281,7 @@ fn guarded<T>(stop: &Stop, memory_bytes: u64, work: impl FnOnce(&Stop) -> T) -> 
     let asked = stop.clone();
     let ask = move || {
         if let Some(reason) = asked.reason() {
+            tell_if_late(&asked);
             resume_unwind(Box::new(Interrupted(reason)));
         }
     };
@@ -288,6 +290,18 @@ fn guarded<T>(stop: &Stop, memory_bytes: u64, work: impl FnOnce(&Stop) -> T) -> 
         Some(Interrupted(reason)) => PoolError::Stopped(*reason),
         None => PoolError::Panicked { message: words_of(&*panic) },
     })
+}
+
+/// A quantum that asks later than this after it was cancelled holds its thread for too long.
+const LATE: Duration = Duration::from_millis(50);
+
+/// Logs where a quantum was that asked late, for whoever wants to know: to find the place takes far longer than it was late.
+fn tell_if_late(stop: &Stop) {
+    let late = stop.since_cancelled();
+    if late > LATE && tracing::enabled!(tracing::Level::DEBUG) {
+        let place = Backtrace::force_capture().to_string();
+        tracing::debug!(ms = late.as_millis() as u64, %place, "went on after it was cancelled");
+    }
 }
 
 fn run_next(lanes: &Mutex<Lanes>, pop: fn(&mut Lanes) -> Option<(User, lanes::Quantum)>) {

@@ -73,11 +73,21 @@ pub fn corpus(folder: &Path, data: &Path) -> Result<(), BoundsError> {
     Ok(())
 }
 
-/// Sends a file to a server of its own on a copy of the store, and has it composed.
+/// What a file is sent as.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Sent {
+    /// A scan, which is composed.
+    #[default]
+    Scan,
+    /// An example, which is added.
+    Example,
+}
+
+/// Sends a file to a server of its own on a copy of the store.
 ///
 /// # Errors
 /// [`BoundsError`].
-pub fn cost(store: &Path, file: &Path, time_max: Duration) -> Result<Cost, BoundsError> {
+pub fn cost(store: &Path, file: &Path, sent: Sent, time_max: Duration) -> Result<Cost, BoundsError> {
     let folder = tempfile::tempdir()?;
     let data = folder.path().join("data");
     copy(store, &data)?;
@@ -86,7 +96,10 @@ pub fn cost(store: &Path, file: &Path, time_max: Duration) -> Result<Cost, Bound
     let before = process::cpu_ms(server.id());
     let begun = Instant::now();
     let out = folder.path().join("out.obj");
-    let words = ["retopo".as_ref(), file.as_os_str(), "-o".as_ref(), out.as_os_str()];
+    let words = match sent {
+        Sent::Scan => vec!["retopo".as_ref(), file.as_os_str(), "-o".as_ref(), out.as_os_str()],
+        Sent::Example => vec!["add".as_ref(), file.as_os_str()],
+    };
     let said = folder.path().join("said");
     let said_file = std::fs::File::create(&said)?;
     let mut command = client.command(words)?;
@@ -126,14 +139,21 @@ fn copy(from: &Path, to: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// The files to be measured below a folder, in order.
+/// The files to be measured below a folder and the folders in it, in order.
 ///
 /// # Errors
 /// The system refuses.
 pub fn files(folder: &Path) -> io::Result<Vec<PathBuf>> {
-    let mut files: Vec<_> = std::fs::read_dir(folder)?.flatten().map(|entry| entry.path()).collect();
-    files
-        .retain(|path| path.is_file() && quadmuse_proto::MeshFormat::from_file_name(&path.to_string_lossy()).is_some());
+    let (mut files, mut folders) = (Vec::new(), vec![folder.to_owned()]);
+    while let Some(folder) = folders.pop() {
+        for path in std::fs::read_dir(folder)?.flatten().map(|entry| entry.path()) {
+            let is_mesh = quadmuse_proto::MeshFormat::from_file_name(&path.to_string_lossy()).is_some();
+            match path.is_dir() {
+                true => folders.push(path),
+                false => files.extend(Some(path).filter(|_| is_mesh)),
+            }
+        }
+    }
     files.sort();
     Ok(files)
 }

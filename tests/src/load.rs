@@ -2,9 +2,11 @@
 //!
 //! Many small threads with a connection each: what waits here costs the machine little, and what is measured is the server.
 
+pub mod cancel;
 pub mod crowd;
 pub mod fairness;
 pub mod flood;
+pub mod siege;
 
 use crate::{http, scale::ScaleError, server::Server};
 use serde_json::Value;
@@ -116,7 +118,15 @@ impl Caller<'_> {
     /// # Errors
     /// [`ScaleError`].
     pub fn send(&self, mesh: &[u8]) -> Result<Sent, ScaleError> {
-        let answer = self.ask("POST /v1/queries", Some(("model/obj", mesh)))?;
+        self.send_as("model/obj", mesh)
+    }
+
+    /// The same with a mesh of another format.
+    ///
+    /// # Errors
+    /// [`ScaleError`].
+    pub fn send_as(&self, content_type: &str, mesh: &[u8]) -> Result<Sent, ScaleError> {
+        let answer = self.ask("POST /v1/queries", Some((content_type, mesh)))?;
         if [429, 503].contains(&answer.status) {
             return Ok(Sent::Later(answer.header("retry-after").is_some()));
         }

@@ -290,22 +290,32 @@ fn composed(
 ) -> Result<Composed, ComposeError> {
     let stitching = Stitching::new(input, options, scale, late_at);
     let mut report = Report { subdivided: vec![0; pieces.len()], ..Report::default() };
-    let mesh = match stitching.run(pieces, &mut report, stop) {
-        Some(mesh) => mesh,
-        None if stop() => return Err(ComposeError::Stopped),
-        None => by_input(&stitching, &mut report)?,
+    let is_brought = |piece: &Piece<'_>| matches!(piece, Piece::Mapped(_) | Piece::Kept(_));
+    let mesh = if input.surface.triangles.len() == 1 && !pieces.iter().any(is_brought) {
+        by_input(&stitching, &mut report, LONE_SUBDIVIDED)?
+    } else {
+        match stitching.run(pieces, &mut report, stop) {
+            Some(mesh) => mesh,
+            None if stop() => return Err(ComposeError::Stopped),
+            None => by_input(&stitching, &mut report, 0)?,
+        }
     };
     Ok(Composed { mesh, report })
 }
 
-/// The input's own triangles, cut into three quads each.
-fn by_input(stitching: &Stitching<'_>, report: &mut Report) -> Result<PolyMesh, ComposeError> {
+/// A lone triangle has no form that a layout could follow, and a chart of it is folded at a corner: its three quads are split in
+/// four so often.
+const LONE_SUBDIVIDED: usize = 2;
+
+/// The input's own triangles, cut into three quads each, and those in four `times` times.
+fn by_input(stitching: &Stitching<'_>, report: &mut Report, times: usize) -> Result<PolyMesh, ComposeError> {
     let surface = stitching.surface();
     *report = Report { way: Way::InputSubdivided, ..Report::default() };
     report.own = (0..stitching.segments()).collect();
     report.subdivided = vec![0; stitching.segments()];
     let faces = surface.triangles.iter().map(|t| t.to_vec()).collect();
-    let net = subdivide::subdivide(&Net::new(surface.positions.clone(), faces));
+    let thirds = subdivide::subdivide(&Net::new(surface.positions.clone(), faces));
+    let net = (0..times).fold(thirds, |net, _| subdivide::subdivide(&net));
     let (mesh, _) = net.into_mesh();
     check_structure(&mesh, check::Shape::of(surface))?;
     Ok(mesh)

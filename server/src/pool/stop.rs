@@ -1,8 +1,8 @@
 //! The flag that stops a job: set by hand, or by a deadline.
 
 use super::taken;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
 
@@ -31,6 +31,7 @@ pub struct Stop(Arc<Inner>);
 #[derive(Debug)]
 struct Inner {
     cancelled: AtomicBool,
+    cancelled_at: OnceLock<Instant>,
     wake: CancellationToken,
     deadline: Option<Instant>,
 }
@@ -39,11 +40,13 @@ impl Stop {
     /// A flag that sets itself after `time`, if one is given.
     pub fn new(time: Option<Duration>) -> Self {
         let deadline = time.and_then(|time| Instant::now().checked_add(time));
-        Self(Arc::new(Inner { cancelled: AtomicBool::new(false), wake: CancellationToken::new(), deadline }))
+        let (cancelled, cancelled_at) = (AtomicBool::new(false), OnceLock::new());
+        Self(Arc::new(Inner { cancelled, cancelled_at, wake: CancellationToken::new(), deadline }))
     }
 
     /// Sets the flag.
     pub fn cancel(&self) {
+        self.0.cancelled_at.get_or_init(Instant::now);
         self.0.cancelled.store(true, Ordering::Relaxed);
         self.0.wake.cancel();
     }
@@ -57,6 +60,11 @@ impl Stop {
             return Some(StopReason::Memory);
         }
         self.0.deadline.is_some_and(|deadline| Instant::now() >= deadline).then_some(StopReason::Deadline)
+    }
+
+    /// For how long it has been cancelled; zero where it is not.
+    pub fn since_cancelled(&self) -> Duration {
+        self.0.cancelled_at.get().map_or(Duration::ZERO, Instant::elapsed)
     }
 
     /// Waits until it is time to stop.

@@ -17,6 +17,9 @@ use quadmuse_proto::{
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
+/// Memory that laying takes for each face of the input: its samples, and the trees and grids it is sought in.
+const MEMORY_PER_INPUT_FACE: u64 = 600;
+
 /// A map, and what is needed to edit it.
 pub struct LiveMap {
     /// Its id.
@@ -137,7 +140,8 @@ async fn made(
     let (example, segment) = (work.catalogue.example(wanted.example)?, wanted.example_segment);
     let query = live.encoded(wanted.segment).await?;
     tell("comparing the example with the scan", 0.1);
-    let estimate = work.engine.memory_estimate(example.bytes);
+    let input = live.model.mesh.faces.len() as u64 * MEMORY_PER_INPUT_FACE;
+    let estimate = work.engine.memory_estimate(example.bytes) + input;
     let job = work.admit(live.caller.user, estimate, REQUEST_TIME_MAX)?;
     let encoding = Arc::new(query.encoding.clone());
     let candidate = registered(work, &job, live, &wanted, &encoding).await?;

@@ -1,11 +1,12 @@
 //! The table of hard input: real time, processor time and memory of each file, sent to a fresh server and composed.
 //!
-//! `bounds [--families all|NAME,…] [--doublings 1] [--hostile DIR] [--file FILE]… [--limit 60]`. Each family is measured at its
-//! size and at twice that.
+//! `bounds [--families all|NAME,…] [--doublings 1] [--hostile DIR] [--file FILE]… [--as scan|example] [--quads N]
+//! [--limit 60]`. Each family is measured at its size and at twice that; `--quads` is a head of so many quads.
 
 use quadmuse_tests::{
-    bounds::{self, BoundsError, families::FAMILIES},
+    bounds::{self, BoundsError, Sent, families::FAMILIES},
     scale::process,
+    shapes::{self, Faces},
 };
 use std::{path::PathBuf, process::ExitCode, time::Duration};
 
@@ -15,6 +16,8 @@ struct Options {
     doublings: u32,
     hostile: Option<PathBuf>,
     files: Vec<PathBuf>,
+    sent: Sent,
+    quads: Option<u32>,
     limit: Duration,
 }
 
@@ -24,6 +27,8 @@ fn options() -> Result<Options, String> {
         doublings: 1,
         hostile: None,
         files: Vec::new(),
+        sent: Sent::Scan,
+        quads: None,
         limit: Duration::from_secs(60),
     };
     let mut words = std::env::args().skip(1);
@@ -36,8 +41,18 @@ fn options() -> Result<Options, String> {
             "--limit" => options.limit = Duration::from_secs(number()?.into()),
             "--hostile" => options.hostile = Some(value.into()),
             "--file" => options.files.push(value.into()),
+            "--quads" => options.quads = Some(number()?),
+            "--as" => {
+                options.sent = match value.as_str() {
+                    "scan" => Sent::Scan,
+                    "example" => Sent::Example,
+                    other => return Err(format!("expected scan or example after --as, found `{other}`")),
+                };
+            }
             other => {
-                return Err(format!("expected --families, --doublings, --hostile, --file or --limit, found `{other}`"));
+                return Err(format!(
+                    "expected --families, --doublings, --hostile, --file, --as, --quads or --limit, found `{other}`"
+                ));
             }
         }
     }
@@ -69,7 +84,7 @@ fn run(options: &Options) -> Result<(), BoundsError> {
             let size = family.size << doubling;
             let file = folder.path().join(format!("{}.obj", family.name));
             std::fs::write(&file, (family.make)(size))?;
-            let cost = bounds::cost(&store, &file, options.limit)?;
+            let cost = bounds::cost(&store, &file, options.sent, options.limit)?;
             let growth = last.replace(cost.clone()).map_or(String::new(), |before: bounds::Cost| {
                 let [time, memory] = [cost.cpu_s / before.cpu_s, cost.peak as f64 / before.peak as f64];
                 format!(" (× {time:.1} time, × {memory:.1} memory)")
@@ -77,9 +92,15 @@ fn run(options: &Options) -> Result<(), BoundsError> {
             println!("{}", bounds::row(&format!("{} of {size} {}{growth}", family.name, family.counts), &cost));
         }
     }
+    if let Some(quads) = options.quads {
+        let file = folder.path().join("quads.obj");
+        std::fs::write(&file, shapes::head(9, f64::from(quads).sqrt().ceil() as u32, Faces::Quads))?;
+        let cost = bounds::cost(&store, &file, options.sent, options.limit)?;
+        println!("{}", bounds::row(&format!("a head of {quads} quads"), &cost));
+    }
     let hostile = options.hostile.as_deref().map(bounds::files).transpose()?.unwrap_or_default();
     for file in hostile.iter().chain(&options.files) {
-        let cost = bounds::cost(&store, file, options.limit)?;
+        let cost = bounds::cost(&store, file, options.sent, options.limit)?;
         println!("{}", bounds::row(&file.file_name().unwrap_or_default().to_string_lossy(), &cost));
     }
     println!("\nload at the end {}", process::load());

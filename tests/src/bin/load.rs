@@ -1,11 +1,12 @@
-//! The service under load, as rows of a table: a crowd that watches, a flood at ten times capacity, one user beside another, edits.
+//! The service under load, as rows of a table: a crowd that watches, a flood at ten times capacity, one user beside another, edits,
+//! users who want its memory.
 //!
-//! `load [--what crowd,flood,fair,edit] [--seconds 20] [--watchers 1000] [--clients 16] [--side 90] [--drawn 100]`. Everything is
+//! `load [--what crowd,flood,fair,edit,siege] [--seconds 20] [--watchers 1000] [--clients 16] [--side 90] [--drawn 100]`. Everything is
 //! made by code; `--side` is that of the head that is asked for, `--drawn` of the example whose map is edited, in cells.
 
 use quadmuse_tests::{
     bounds::{self, BoundsError},
-    load::{self, crowd, fairness, flood},
+    load::{self, crowd, fairness, flood, siege},
     scale::{ScaleError, process},
     server::Server,
     shapes::{self, Faces},
@@ -18,6 +19,9 @@ const PEAK_CLIENTS: usize = 4;
 const FLOOD: usize = 10;
 /// Queries of one user that wait beside another's.
 const WAITING: usize = 100;
+/// Users who want the memory of a server that may have so many bytes, all for the same and each for another thing.
+const USERS: usize = 8;
+const LIMIT_BYTES: u64 = 256 << 20;
 /// Edits timed.
 const EDITS: usize = 60;
 
@@ -117,8 +121,26 @@ fn run(options: &Options) -> Result<(), LoadError> {
     if asked("fair") {
         fair(&data, &mesh)?;
     }
+    if asked("siege") {
+        for way in siege::Way::ALL.map(Some).into_iter().chain([None]) {
+            let siege = siege::measure(&data, LIMIT_BYTES, USERS, way, time)?;
+            told_siege(&way.map_or("all of it".into(), |way| format!("{way:?}")), &siege);
+        }
+    }
     println!("load at the end {}", process::load());
     Ok(())
+}
+
+fn told_siege(what: &str, siege: &siege::Siege) {
+    let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    println!(
+        "siege by {USERS} users, {what}: {:.0} MiB at most, {:.0} MiB 20 s later",
+        mib(siege.most),
+        mib(siege.after)
+    );
+    println!("  health: {}; {} not answered; lives: {}", siege.health.told(), siege.unwell, siege.lives);
+    let counts: Vec<String> = siege.answers.iter().map(|((way, status), n)| format!("{way} {n} × {status}")).collect();
+    println!("  {}", counts.join(", "));
 }
 
 fn told_crowd(crowd: &crowd::Crowd, server: &Server) {

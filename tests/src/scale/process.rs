@@ -12,6 +12,33 @@ pub fn cpu_ms(id: u32) -> f64 {
     threads.flatten().filter_map(of_thread).sum::<f64>() / 1e6
 }
 
+/// A thread of a process.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Thread {
+    /// Its number.
+    pub id: String,
+    /// Its processor time so far, in milliseconds.
+    pub cpu_ms: f64,
+    /// It neither runs nor waits for a processor.
+    pub is_asleep: bool,
+}
+
+/// The threads whose names begin so.
+pub fn threads(id: u32, name: &str) -> Vec<Thread> {
+    let Ok(threads) = std::fs::read_dir(format!("/proc/{id}/task")) else { return Vec::new() };
+    let of_thread = |entry: std::fs::DirEntry| {
+        let stat = std::fs::read_to_string(entry.path().join("stat")).ok()?;
+        // The name stands in brackets, and the state is the word behind it.
+        let (before, after) = stat.rsplit_once(')')?;
+        let is_named = before.split_once('(')?.1.starts_with(name);
+        let times = std::fs::read_to_string(entry.path().join("schedstat")).ok().filter(|_| is_named)?;
+        let cpu_ms = times.split(' ').next()?.parse::<f64>().ok()? / 1e6;
+        let is_asleep = !after.trim_start().starts_with('R');
+        Some(Thread { id: entry.file_name().to_string_lossy().into_owned(), cpu_ms, is_asleep })
+    };
+    threads.flatten().filter_map(of_thread).collect()
+}
+
 /// Resident memory in bytes: now, and the most there was.
 pub fn resident(id: u32) -> [u64; 2] {
     let status = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();

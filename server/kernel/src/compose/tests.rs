@@ -311,3 +311,19 @@ fn a_caller_that_asks_to_stop_gets_no_mesh() {
     let stopped = compose(input, &[Piece::Nothing; 2], Options::default(), &|| true);
     assert!(matches!(stopped, Err(ComposeError::Stopped)));
 }
+
+#[test]
+fn a_lone_triangle_is_cut_into_quads_that_lie_flat_on_it() {
+    let positions = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|[x, y]| Vec3::new(x, y, 0.0)).into();
+    let surface = TriMesh::from_triangles(positions, vec![[0, 1, 2]]).expect("a triangle");
+    let made =
+        compose(Input { surface: &surface, owner: &[0], count: 1 }, &[Piece::Nothing], Options::default(), &|| false);
+    let made = made.expect("a composition");
+    assert_eq!((made.mesh.faces.len(), made.report.own), (48, vec![0]));
+    let area = |corners: &[u32]| {
+        let corner = |k: usize| made.mesh.positions[corners[k % 4] as usize];
+        (0..4).map(|k| corner(k).x * corner(k + 1).y - corner(k + 1).x * corner(k).y).sum::<f64>() / 2.0
+    };
+    let areas: Vec<f64> = made.mesh.faces.iter().map(area).collect();
+    assert!(areas.iter().all(|&area| area > 0.0) && (areas.iter().sum::<f64>() - 0.5).abs() < 1e-12);
+}

@@ -88,16 +88,21 @@ const RIM: f64 = 1e-12;
 
 /// Grid cells a side at most.
 const CELLS_MAX: usize = 512;
+/// The grid is made coarser while its cells have more than so many triangles for each that there is: the needles of a fan cross
+/// every row of cells.
+const CROSSED_MAX: usize = 64;
+/// Cells a side at least.
+const CELLS_MIN: usize = 4;
 
 impl PlanarIndex {
     /// Indexes a chart.
     pub fn new(chart: &Chart) -> Self {
         let count = chart.corners.len();
-        let cells = ((count as f64).sqrt() as usize).clamp(4, CELLS_MAX);
-        let mut starts = vec![0u32; cells * cells + 1];
-        for t in 0..count as u32 {
-            stop::pass(1);
-            for_each_cell(chart, t, cells, |c| starts[c + 1] += 1);
+        let mut cells = ((count as f64).sqrt() as usize).clamp(CELLS_MIN, CELLS_MAX);
+        let mut starts = Self::counted(chart, cells);
+        while cells > CELLS_MIN && starts.iter().map(|&n| n as usize).sum::<usize>() > CROSSED_MAX * count {
+            cells = (cells / 2).max(CELLS_MIN);
+            starts = Self::counted(chart, cells);
         }
         for c in 0..cells * cells {
             starts[c + 1] += starts[c];
@@ -113,6 +118,16 @@ impl PlanarIndex {
         }
         let rim = (0..chart.mesh.twins.len() as u32).filter(|&h| chart.mesh.twin(h) == NONE).collect();
         Self { cells, starts, triangles, rim }
+    }
+
+    /// How many triangles each cell has, behind a zero.
+    fn counted(chart: &Chart, cells: usize) -> Vec<u32> {
+        let mut counts = vec![0u32; cells * cells + 1];
+        for t in 0..chart.corners.len() as u32 {
+            stop::pass(1);
+            for_each_cell(chart, t, cells, |c| counts[c + 1] += 1);
+        }
+        counts
     }
 
     /// The place of the surface at `uv`; the nearest in its neighbourhood where rounding leaves a crack.

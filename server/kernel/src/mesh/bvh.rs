@@ -2,11 +2,15 @@
 //!
 //! A binary tree of boxes over the triangles, split at the median along the longest axis of their centres. Boxes are kept
 //! in single precision, rounded outwards; distances to triangles are exact in double precision. Ties go to the triangle
-//! with the lowest number, so that the answer does not depend on the tree.
+//! with the lowest number, so that the answer does not depend on the tree. A mesh of needles gets turned boxes besides
+//! ([`turned`]).
+
+mod turned;
 
 use super::Vec3;
 use super::tri::{NONE, TriMesh};
 use crate::numerics::stop;
+use turned::Turned;
 
 /// Triangles in a leaf.
 const LEAF_SIZE: usize = 4;
@@ -17,6 +21,8 @@ const STACK_SIZE: usize = 64;
 #[derive(Clone, Debug, Default)]
 pub struct Bvh {
     nodes: Vec<Node>,
+    /// A turned box for each node; none where the mesh is not of needles.
+    turned: Vec<Turned>,
     /// Corners of the triangles, in the order of the leaves.
     corners: Vec<[Vec3; 3]>,
     /// Number of the triangle, in the order of the leaves.
@@ -53,6 +59,7 @@ impl Bvh {
         let centres: Vec<Vec3> = corners.iter().map(|[a, b, c]| (a + b + c) / 3.0).collect();
         let mut order: Vec<u32> = (0..corners.len() as u32).collect();
         let mut nodes = Vec::with_capacity(corners.len());
+        let (mut turned, has_needles) = (Vec::new(), turned::has_needles(&corners));
         // Ranges of `order` still to be made into nodes, each with the parent whose second child it is.
         let mut todo = vec![(0, order.len(), None)];
         while let Some((start, end, parent)) = todo.pop() {
@@ -70,6 +77,9 @@ impl Bvh {
             let is_leaf = slice.len() <= LEAF_SIZE;
             let count = if is_leaf { slice.len() as u32 } else { 0 };
             nodes.push(Node { low: round_down(low), high: round_up(high), link: start as u32, count });
+            if has_needles {
+                turned.push(Turned::of(slice.iter().map(|t| &corners[*t as usize])));
+            }
             if is_leaf {
                 continue;
             }
@@ -83,7 +93,7 @@ impl Bvh {
             todo.push((start, start + middle, None));
         }
         let corners = order.iter().map(|t| corners[*t as usize]).collect();
-        Self { nodes, corners, triangle_of: order }
+        Self { nodes, turned, corners, triangle_of: order }
     }
 
     /// The closest point of the mesh.
@@ -95,7 +105,7 @@ impl Bvh {
         }
         let mut best_squared = f64::INFINITY;
         let mut stack = [(0u32, 0.0f64); STACK_SIZE];
-        stack[0] = (0, self.nodes[0].distance_squared(&point));
+        stack[0] = (0, self.bound(0, &point));
         let mut height = 1;
         while height > 0 {
             height -= 1;
@@ -117,8 +127,8 @@ impl Bvh {
                 }
                 continue;
             }
-            let first = (number + 1, self.nodes[number as usize + 1].distance_squared(&point));
-            let second = (node.link, self.nodes[node.link as usize].distance_squared(&point));
+            let first = (number + 1, self.bound(number + 1, &point));
+            let second = (node.link, self.bound(node.link, &point));
             let (near, far) = if first.1 <= second.1 { (first, second) } else { (second, first) };
             for child in [far, near] {
                 if child.1 <= best_squared {
@@ -129,6 +139,13 @@ impl Bvh {
         }
         best.distance = best_squared.sqrt();
         best
+    }
+
+    /// A lower bound of the squared distance from a point to what is below a node.
+    #[inline]
+    fn bound(&self, number: u32, point: &Vec3) -> f64 {
+        let along_axes = self.nodes[number as usize].distance_squared(point);
+        self.turned.get(number as usize).map_or(along_axes, |turned| along_axes.max(turned.distance_squared(point)))
     }
 }
 
@@ -266,6 +283,28 @@ mod tests {
             assert!((combine(&corners, found.barycentric) - found.point).norm() < 1e-12);
             assert!(found.barycentric.iter().all(|w| *w >= 0.0));
             assert!((found.barycentric.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        }
+    }
+
+    /// A bumpy fan of `n` needles around one vertex.
+    fn fan(n: usize) -> TriMesh {
+        let angle = |i: usize| std::f64::consts::TAU * i as f64 / n as f64;
+        let rim = (0..n).map(|i| Vec3::new(angle(i).cos(), angle(i).sin(), 0.1 * (9.0 * angle(i)).sin()));
+        let positions = std::iter::once(Vec3::zeros()).chain(rim).collect();
+        let triangles = (0..n as u32).map(|i| [0, 1 + i, 1 + (i + 1) % n as u32]).collect();
+        TriMesh::from_triangles(positions, triangles).expect("manifold")
+    }
+
+    #[test]
+    fn among_needles_the_tree_finds_the_same_by_turned_boxes() {
+        let mesh = fan(700);
+        let bvh = Bvh::new(&mesh);
+        assert_eq!((bvh.turned.len(), Bvh::new(&sheet(12)).turned.len()), (bvh.nodes.len(), 0));
+        let around = points(1, 300).map(|p| Vec3::new(3.0 * p.x - 1.5, 3.0 * p.y - 1.5, 0.3 * (p.z - 1.5)));
+        // On the vertices, too, where two needles are as close as each other, or all.
+        for p in around.chain(mesh.positions.iter().copied().step_by(7)).chain([Vec3::new(0.0, 0.0, 0.2)]) {
+            let found = bvh.closest(p);
+            assert_eq!((found.distance, found.triangle), by_search(&mesh, p));
         }
     }
 

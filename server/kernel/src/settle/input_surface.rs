@@ -13,6 +13,10 @@ use crate::mesh::tri::{NONE, TriMesh};
 pub(super) const NORMAL_WEIGHT: f64 = 0.15;
 /// Rim vertices kept are at most this share of the samples.
 const RIM_SHARE: f64 = 0.15;
+/// Points on each edge of the rim.
+const ON_EDGE: usize = 4;
+/// Of a rim of more edges than this fewer points are taken of each, one at least: it is sampled finely by itself.
+const EDGES_FINE: usize = 16_384;
 /// Golden ratio of the plane: steps of the sequence R₂. *Source:* Roberts 2018.
 const R2: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053];
 
@@ -41,7 +45,7 @@ pub(super) struct InputSurface<'a> {
     pub(super) normals: Vec<Vec3>,
     pub(super) rim: Vec<bool>,
     pub(super) area: f64,
-    /// Points along the rim, a quarter of an edge apart.
+    /// Points along the rim, a quarter of an edge apart or, where it has very many edges, up to an edge.
     pub(super) along_rim: KdTree<3>,
 }
 
@@ -56,10 +60,12 @@ impl<'a> InputSurface<'a> {
         let (normals, _) = vertex_normals(&mesh.positions, &mesh.triangles);
         let mut rim = vec![false; mesh.positions.len()];
         let mut along = Vec::new();
-        for h in (0..mesh.twins.len() as u32).filter(|h| mesh.twin(*h) == NONE) {
+        let edges: Vec<u32> = (0..mesh.twins.len() as u32).filter(|h| mesh.twin(*h) == NONE).collect();
+        let on_edge = (ON_EDGE * EDGES_FINE / edges.len().max(1)).clamp(1, ON_EDGE);
+        for h in edges {
             let ends = [mesh.tail(h) as usize, mesh.head(h) as usize];
             ends.iter().for_each(|v| rim[*v] = true);
-            along.extend((0..4).map(|k| <[f64; 3]>::from(mesh.point_on(h, 0.25 * f64::from(k)))));
+            along.extend((0..on_edge).map(|k| <[f64; 3]>::from(mesh.point_on(h, k as f64 / on_edge as f64))));
         }
         Self { mesh, normals, rim, area: mesh.total_area(), along_rim: KdTree::new(along.into_iter()) }
     }
