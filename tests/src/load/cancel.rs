@@ -90,11 +90,15 @@ pub fn measure(
         Kind::Query => (computing_ms(caller) - before, None),
         Kind::Map | Kind::Composition => {
             let Some(body) = wanted(caller, kind, &query)? else { return Ok(None) };
-            let before = computing_ms(caller);
-            let made = begun(caller, kind, &query, &body)?;
-            over(caller, &made)?;
-            free(caller)?;
-            delete(caller, &made)?;
+            // Maps that a composition has made are there for the next: the second is what all others take.
+            let mut before = computing_ms(caller);
+            for _ in 0..2 {
+                before = computing_ms(caller);
+                let made = begun(caller, kind, &query, &body)?;
+                over(caller, &made)?;
+                free(caller)?;
+                delete(caller, &made)?;
+            }
             (computing_ms(caller) - before, Some(body))
         }
     };
