@@ -30,3 +30,5 @@ pub mod measure;
 pub mod settle;
 
 pub mod fit;
+
+pub mod pipeline;

@@ -4,7 +4,7 @@ mod headline;
 mod surrounded;
 
 use super::engine::{
-    Allowed, Appraisal, BARE, Encoded, Engine, EngineError, Mapped, Model, OnePart, Part, Stitched, Stitching,
+    Allowed, Appraisal, BARE, Encoded, Engine, EngineError, Model, OnePart, Part, Stitched, Stitching,
 };
 use super::making::{self, Making, Tell};
 use super::mapping::{self, LiveMap, MapState, get};
@@ -360,7 +360,8 @@ fn unstitched(
 /// Maps as a composition of `count` segments.
 fn as_mapped(maps: &[(usize, Arc<LiveMap>)], count: usize) -> Stitched {
     let newest: Vec<Arc<MapState>> = maps.iter().map(|(_, map)| map.newest()).collect();
-    let mapped: Vec<&Mapped> = newest.iter().map(|state| &state.mapped).collect();
+    let mapped: Vec<(&Arc<PolyMesh>, &[u32])> =
+        newest.iter().map(|state| (&state.mapped.mesh, &state.mapped.reach.bridging[..])).collect();
     Stitched::as_mapped(&mapped, (0..count).map(|k| maps.iter().any(|(number, _)| *number == k)).collect())
 }
 

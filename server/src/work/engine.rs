@@ -21,14 +21,13 @@ pub mod kernel;
 mod mapped;
 mod packed;
 mod rough;
-mod stitched;
 
 pub use cut::{Besides, Cut, Grain};
-pub use mapped::{Fitted, Lead, Mapped, Reach, Wishes};
+pub use mapped::{Fitted, Lead, Mapped, Wishes};
 pub use packed::{Packed, PackedFeature};
 pub use quadmuse_kernel::compose::rows::{Resized, Wanted, faces_within_max};
-pub use rough::{Rough, RoughLead};
-pub use stitched::Stitched;
+pub use quadmuse_kernel::pipeline::{Allowed, Appraisal, BARE, OnePart, Reach, Refusal, Rough, Stitched, Stitching};
+pub use rough::RoughLead;
 
 /// Why the engine refused or gave up.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -47,39 +46,6 @@ pub enum EngineError {
     /// A bug of ours.
     #[error("the engine failed: {0}")]
     Internal(String),
-}
-
-/// A kind of refusal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Refusal {
-    /// The file is damaged, cut off, or not what its format demands.
-    Unreadable,
-    /// The file holds no face.
-    Empty,
-    /// Not manifold, beyond what can be repaired.
-    NotManifold,
-    /// Neither disc, annulus, sphere nor torus.
-    TopologyUnsupported,
-    /// Over a limit on vertices, faces or corners.
-    TooLarge,
-    /// None of the formats that are read, or written.
-    FormatUnknown,
-    /// Sound, but no encoding could be computed.
-    NotEncodable,
-    /// The labels given with the mesh don't fit it.
-    LabelsInvalid,
-    /// The mesh can't be cut as the example named is.
-    Unlike,
-    /// A constraint names no point of its surface, or there are too many.
-    ConstraintInvalid,
-    /// No constraint has this id.
-    ConstraintUnknown,
-    /// The constraints asked for would fold the map over.
-    ConstraintFolds,
-    /// The parts of a composition can't be stitched.
-    CompositionInvalid,
-    /// This server does not do it yet.
-    Unsupported,
 }
 
 impl EngineError {
@@ -113,9 +79,6 @@ impl fmt::Debug for Opaque {
         f.write_str("Opaque")
     }
 }
-
-/// How each reason begins why a map leaves some of the scan bare.
-pub const BARE: &str = "the rest of the scan is left bare";
 
 /// A mesh that was read, checked and cut.
 #[derive(Clone, Debug)]
@@ -241,50 +204,6 @@ pub enum Part {
     },
     /// A regular layout at the density of its neighbours, on this unfolded segment.
     Template(Arc<Encoded>),
-}
-
-/// The map of one segment of an example that lies on all segments of a query.
-#[derive(Clone, Debug)]
-pub struct OnePart {
-    /// The query's segment.
-    pub segment: u32,
-    /// The example's.
-    pub example_segment: u32,
-    /// The mapped mesh.
-    pub mesh: Arc<PolyMesh>,
-    /// Whether the caller set constraints on it.
-    pub is_edited: bool,
-}
-
-/// How to stitch.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Stitching {
-    /// Rounds of smoothing.
-    pub smoothing: u32,
-    /// Times each part is subdivided (above 0) or coarsened where its layout allows (below 0).
-    pub density: i32,
-}
-
-/// What is no flaw of a composition, since its maps are so on purpose. Shares from 0 to 1.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Allowed {
-    /// Of the faces: those that are spanned flat where the scan has nothing.
-    pub spanned: f64,
-    /// Of the scan's area: what is left bare.
-    pub bare: f64,
-}
-
-/// A stitched mesh, measured against its input.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Appraisal {
-    /// Of each segment the share of the mesh's area that an example's layout has there, 0–1.
-    pub examples: Vec<f64>,
-    /// Share of the input's area with faces near it, 0–1.
-    pub covered: f64,
-    /// What makes it no use as it is, a sentence each; none of a mesh that is sound.
-    pub flaws: Vec<String>,
-    /// Segments on which the faces stand that make it so.
-    pub flawed: Vec<u32>,
 }
 
 /// What the service asks of the geometry.
@@ -507,7 +426,8 @@ pub trait Engine: Send + Sync + 'static {
         query: &Side,
         stop: &Stop,
     ) -> Result<Mapped, EngineError> {
-        Ok(self.map(from, example, query, stop)?.after(before))
+        let _ = before;
+        self.map(from, example, query, stop)
     }
 
     /// Puts one example whose segments were mapped on all of a query's segments together again, whole. `None` where the

@@ -6,18 +6,16 @@ use super::{Caller, REQUEST_TIME_MAX, Work, WorkError, doubts, jobs, landmarks, 
 use crate::pool::{Job, Lane, User};
 use bytes::Bytes;
 use quadmuse_kernel::mesh::PolyMesh;
+pub use quadmuse_kernel::pipeline::SEGMENTS_MAX;
+use quadmuse_kernel::pipeline::few;
 use quadmuse_proto::example::{
     CREDIT_LENGTH_MAX, NAME_LENGTH_MAX, NOTES_LENGTH_MAX, RELEVANCE_RANGE, TAG_LENGTH_MAX, TAGS_MAX,
 };
 use quadmuse_proto::{Example, ExampleId, ExamplePatch, MeshCounts, MeshFormat};
-use std::collections::HashSet;
 use std::sync::Arc;
 
 /// The relevance of an example added without one.
 pub const RELEVANCE_DEFAULT: f64 = 3.0;
-
-/// Most segments a mesh may be cut into. Each is unfolded, drawn at 512² and ranked, however few its faces are.
-pub const SEGMENTS_MAX: usize = 128;
 
 /// An upper estimate of the memory that an upload takes once it is cut, in bytes.
 pub fn memory_of(work: &Work, bytes: u64, model: &Model) -> u64 {
@@ -29,12 +27,9 @@ pub fn memory_of(work: &Work, bytes: u64, model: &Model) -> u64 {
 /// # Errors
 /// [`WorkError::Parameter`].
 pub fn check_labels(labels: &[i64]) -> Result<(), WorkError> {
-    let mut found = HashSet::new();
-    for label in labels {
-        if found.insert(label) && found.len() > SEGMENTS_MAX {
-            let expected = format!("to give at most {SEGMENTS_MAX} segments");
-            return Err(WorkError::parameter("segments", expected, format!("more than {SEGMENTS_MAX} labels")));
-        }
+    if few(labels).is_err() {
+        let expected = format!("to give at most {SEGMENTS_MAX} segments");
+        return Err(WorkError::parameter("segments", expected, format!("more than {SEGMENTS_MAX} labels")));
     }
     Ok(())
 }

@@ -12,7 +12,8 @@ use super::{REQUEST_TIME_MAX, Work, WorkError, landmarks};
 use crate::pool::{Job, Lane};
 use quadmuse_proto::constraint::CONSTRAINTS_MAX;
 use quadmuse_proto::{
-    Beyond, ConstraintEdit, EntryState, Example, ExampleId, MakingState, Map, MapId, MapTimings, NewMap, Product,
+    Beyond, ConstraintEdit, Covers, EntryState, Example, ExampleId, MakingState, Map, MapId, MapTimings, NewMap,
+    Product,
 };
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -365,7 +366,7 @@ fn summary(
         own_vertices: reach.own.map_or(mapped.mesh.positions.len() as u64, |own| own.0),
         own_faces: reach.own.map_or(mapped.mesh.faces.len() as u64, |own| own.1),
         kept: reach.kept.clone(),
-        covers: reach.covers,
+        covers: Covers { example: reach.covers.example, input: reach.covers.input },
         inspired: reach.inspired.unwrap_or(if example == ExampleId::TEMPLATE { 0.0 } else { 1.0 }),
         folds: mapped.folds,
         distortion: mapped.distortion.clone(),

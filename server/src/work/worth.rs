@@ -7,6 +7,7 @@
 //! take regular layouts; a map that is asked for is made all the same.
 
 use super::engine::ModelSegment;
+pub use quadmuse_kernel::pipeline::{FACES_CHOSEN_MIN, FACES_OF_SCAN_MIN};
 
 /// Segments of which each is worth it.
 const FEW: usize = 8;
@@ -18,10 +19,6 @@ const FACES_PER_SEGMENT: u64 = 256;
 const FACES_MIN: u64 = 16;
 /// Entries of a ranking that are tried for a segment that is most of the mesh.
 const TRIES: usize = 3;
-/// Faces of a segment that has enough form to choose an example by: several are tried, and laid on it in rough poses before.
-pub const FACES_CHOSEN_MIN: u64 = 256;
-/// Faces of a mesh that may be a scan. One of fewer is laid on with less care, and one example is tried.
-pub const FACES_OF_SCAN_MIN: u64 = 1024;
 /// Faces of a segment on average below which many segments are a rag, of which only those with enough form are worth it.
 const FACES_OF_RAG: u64 = 96;
 

@@ -1,5 +1,6 @@
 //! How a mesh is to be cut.
 
+pub use quadmuse_kernel::pipeline::{Besides, Grain};
 use quadmuse_proto::{Components, Parts, Segmentation};
 
 /// How a mesh is to be cut.
@@ -24,26 +25,4 @@ impl Cut {
     pub fn is_asked_for(&self) -> bool {
         self.way != Segmentation::default() || self.labels.is_some() || self.parts.is_some()
     }
-}
-
-/// Where automatic cuts may run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Grain {
-    /// Anywhere: an input, whose faces are not wanted back.
-    #[default]
-    Free,
-    /// Between faces: an example, each of whose faces belongs to one segment.
-    Faces,
-}
-
-/// Which parts of a mesh are segments besides its whole, which is segment 0.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum Besides {
-    /// None.
-    #[default]
-    Nothing,
-    /// Those that automatic segmentation finds, where the mesh stays whole: an example that is added.
-    Sought,
-    /// Those that were found: the part of each face, from 1, and 0 for none.
-    Known(Vec<i64>),
 }

@@ -1,46 +1,29 @@
-//! The engine in earnest: the kernel.
+//! The engine in earnest: the kernel's pipeline, behind the words of the service.
 
-mod around;
-mod as_one;
-mod constrain;
-mod continued;
-mod fitted;
-mod from_whole;
-mod grouped;
-mod measured;
-mod model;
-mod notes;
-mod parts;
-mod registered;
-mod rejoined;
-mod rested;
-mod roughly;
-mod settled;
-mod sound;
-mod spanned;
-mod stitch;
-mod transfer;
+#[cfg(test)]
+mod tests;
+mod translate;
 
 use super::{
     Allowed, Appraisal, ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Fitted, Mapped, Model, OnePart,
-    Opaque, Packed, PackedFeature, Part, Refusal, Registration, Resized, Rough, RoughLead, SegmentFacts, Side,
+    Opaque, Packed, PackedFeature, Part, Reach, Refusal, Registration, Resized, Rough, RoughLead, SegmentFacts, Side,
     Stitched, Stitching, Wanted, Wishes,
 };
 use crate::pool::Stop;
-use model::{ModelInner, format_of, refused};
 use quadmuse_kernel as kernel;
 use quadmuse_kernel::encode::Feature;
 use quadmuse_kernel::mesh::PolyMesh;
+use quadmuse_kernel::pipeline::{self, Registered};
 use quadmuse_kernel::rank::Shape;
 use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::image::Image;
 use quadmuse_kernel::register::spectra::Row;
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
 use quadmuse_kernel::settle::{Likeness, Posed};
-use quadmuse_kernel::unfold::UnfoldOptions;
-use quadmuse_proto::{MeshFormat, Topology, Verdict};
-use registered::Registered;
+use quadmuse_proto::{Distortion, Flip, Histogram, MeshFormat, Topology, Verdict};
 use std::sync::Arc;
+pub(crate) use translate::topology_in;
+use translate::{model_in, side_in, told, topology_out};
 
 /// Memory that reading and encoding takes for each byte of an upload, at most (measured: tests/records).
 const MEMORY_PER_BYTE: u64 = 40;
@@ -68,22 +51,22 @@ impl KernelEngine {
 /// What an [`Encoding`] holds: a segment of an upload with its factored surface, or an encoding from the store.
 #[derive(Debug)]
 enum Source {
-    Fresh(Arc<Query>),
+    Fresh(Arc<pipeline::Encoded>),
     Stored(kernel::encode::Encoding),
 }
 
 impl Source {
     fn encoding(&self) -> &kernel::encode::Encoding {
         match self {
-            Self::Fresh(query) => query.encoding(),
+            Self::Fresh(encoded) => encoded.query.encoding(),
             Self::Stored(encoding) => encoding,
         }
     }
 }
 
-fn fresh(encoding: &Encoding) -> Result<&Arc<Query>, EngineError> {
+fn fresh(encoding: &Encoding) -> Result<&Arc<pipeline::Encoded>, EngineError> {
     match encoding.inner.open()? {
-        Source::Fresh(query) => Ok(query),
+        Source::Fresh(encoded) => Ok(encoded),
         Source::Stored(_) => Err(EngineError::Internal("expected an unfolded segment, found a stored encoding".into())),
     }
 }
@@ -91,7 +74,17 @@ fn fresh(encoding: &Encoding) -> Result<&Arc<Query>, EngineError> {
 /// What examples of a topology are compared with.
 fn facing(query: &Encoding, example: kernel::topology::Topology) -> Result<&Query, EngineError> {
     let detail = "the surface can't be unfolded with its boundary filled, as closed examples are compared with it";
-    fresh(query)?.facing(example).ok_or_else(|| EngineError::refused(Refusal::NotEncodable, detail))
+    fresh(query)?.query.facing(example).ok_or_else(|| EngineError::refused(Refusal::NotEncodable, detail))
+}
+
+/// A registration of an entry, unless its computation was stopped half-way.
+fn checked(entry: Entry, stop: &Stop) -> Result<Registration, EngineError> {
+    going_on(stop)?;
+    Ok(translate::registration(Registered::of(entry)))
+}
+
+fn going_on(stop: &Stop) -> Result<(), EngineError> {
+    stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))
 }
 
 impl Engine for KernelEngine {
@@ -107,34 +100,29 @@ impl Engine for KernelEngine {
         MEMORY_PER_SEGMENT.saturating_mul(count.saturating_sub(1) as u64)
     }
 
-    fn read(&self, bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, _: &Stop) -> Result<Model, EngineError> {
-        model::read(bytes, format, cut, &self.limits)
+    fn read(&self, bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, stop: &Stop) -> Result<Model, EngineError> {
+        let format = format.map(translate::format_in);
+        told(pipeline::read(bytes, format, &translate::cut(cut), &self.limits), stop).map(translate::model)
     }
 
     fn alike(&self, query: &Model, example: &Model, stop: &Stop) -> Result<Model, EngineError> {
-        transfer::alike(self, query, example, stop)
+        let is_stopped = || stop.reason().is_some();
+        let cut = told(pipeline::alike(model_in(query)?, model_in(example)?, &is_stopped), stop)?;
+        Ok(Model { format: query.format, repairs: query.repairs.clone(), ..translate::model(cut) })
     }
 
     fn told_apart(&self, model: &Model) -> Result<Arc<PolyMesh>, EngineError> {
-        model::told_apart(model)
+        Ok(Arc::new(model_in(model)?.told_apart()))
     }
 
     fn resized(&self, scan: &Model, mesh: &PolyMesh, wanted: Wanted, stop: &Stop) -> Result<Resized, EngineError> {
-        let inner: &ModelInner = scan.inner.open()?;
-        stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
-        Ok(kernel::compose::rows::resized(mesh, &inner.prepared.mesh, wanted))
+        going_on(stop)?;
+        Ok(kernel::compose::rows::resized(mesh, model_in(scan)?.surface(), wanted))
     }
 
     fn encode(&self, model: &Model, segment: u32, stop: &Stop) -> Result<Encoded, EngineError> {
-        let inner: &ModelInner = model.inner.open()?;
-        let patch = inner.patch(segment)?;
-        stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
-        let query = Query::new(patch, &UnfoldOptions::default())
-            .map_err(|e| EngineError::refused(Refusal::NotEncodable, format!("segment {segment}: {e}")))?;
-        let bending = kernel::rank::bending::bending(&patch.mesh) as f32;
-        let facts = facts(query.encoding(), inner.faces(segment), bending);
-        let repairs = unfolding(segment, &query.chart);
-        Ok(Encoded { encoding: Encoding { facts, inner: Opaque::new(Source::Fresh(Arc::new(query))) }, repairs })
+        let encoded = pipeline::encode(model_in(model)?, segment, &|| stop.reason().is_some());
+        Ok(translate::encoded(Arc::new(told(encoded, stop)?)))
     }
 
     fn pack(&self, encoding: &Encoding) -> Result<Packed, EngineError> {
@@ -179,7 +167,7 @@ impl Engine for KernelEngine {
 
     fn coarse_query(&self, query: &Encoding, examples: Topology) -> Result<CoarseQuery, EngineError> {
         let examples = topology_in(examples);
-        let query = (fresh(query)?.facing(examples), query.facts.bending);
+        let query = (fresh(query)?.query.facing(examples), query.facts.bending);
         Ok(match query {
             (Some(facing), bending) => CoarseQuery::new(facing, examples, bending),
             (None, _) => CoarseQuery::from_spectra(examples, Vec::new()),
@@ -187,7 +175,7 @@ impl Engine for KernelEngine {
     }
 
     fn ready(&self, query: &Encoding) {
-        let _ = fresh(query).map(|query| query.protrusions().len());
+        let _ = fresh(query).map(|encoded| encoded.query.protrusions().len());
     }
 
     fn coarse(&self, example: &Encoding, query: &Encoding, stop: &Stop) -> Result<Registration, EngineError> {
@@ -197,7 +185,7 @@ impl Engine for KernelEngine {
         let entry = Entry::coarse_with_parts(query, source.encoding(), &self.solver, &stopped);
         let entry =
             entry.ok_or_else(|| EngineError::Internal("expected the coarsest level and like topologies".into()))?;
-        registered::checked(entry, stop)
+        checked(entry, stop)
     }
 
     fn refine(
@@ -208,11 +196,11 @@ impl Engine for KernelEngine {
         stop: &Stop,
     ) -> Result<Registration, EngineError> {
         let source: &Source = example.inner.open()?;
-        let mut entry = from.inner.open::<Registered>()?.entry.clone();
+        let mut entry = from.inner.open::<Registered>()?.entry().clone();
         let stopped = || stop.reason().is_some();
         let query = facing(query, source.encoding().topology)?;
         entry.advance(query, source.encoding(), &self.solver, &stopped).map_err(internal)?;
-        registered::checked(entry, stop)
+        checked(entry, stop)
     }
 
     fn finish(
@@ -223,18 +211,18 @@ impl Engine for KernelEngine {
         stop: &Stop,
     ) -> Result<Registration, EngineError> {
         let source: &Source = example.inner.open()?;
-        let mut entry = from.inner.open::<Registered>()?.entry.clone();
+        let mut entry = from.inner.open::<Registered>()?.entry().clone();
         if entry.poles_refined() {
             return Ok(from.clone());
         }
         let stopped = || stop.reason().is_some();
         let query = facing(query, source.encoding().topology)?;
         entry.refine_poles(query, source.encoding(), &self.solver, &stopped).map_err(internal)?;
-        registered::checked(entry, stop)
+        checked(entry, stop)
     }
 
     fn score(&self, registration: &Registration, example: &SegmentFacts, query: &Encoding, relevance: f64) -> f64 {
-        let best = registration.inner.open::<Registered>().map(|r| r.entry.best().clone());
+        let best = registration.inner.open::<Registered>().map(|r| r.entry().best().clone());
         best.map_or(f64::MAX, |best| {
             let bending = query.facts.bending.filter(|_| best.unfolded.is_whole());
             let shape = Shape { modulus: best.unfolded.encoding.modulus, bending };
@@ -243,9 +231,9 @@ impl Engine for KernelEngine {
     }
 
     fn map(&self, from: &Registration, example: &Side, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
-        let mut mapped = registered::map(from, example, query, stop)?;
-        sound::check(&mut mapped, query)?;
-        Ok(mapped)
+        let is_stopped = || stop.reason().is_some();
+        let mapped = pipeline::map(from.inner.open()?, &side_in(example)?, &side_in(query)?, &is_stopped);
+        told(mapped, stop).map(translate::mapped)
     }
 
     fn fit(
@@ -256,21 +244,19 @@ impl Engine for KernelEngine {
         wishes: &Wishes,
         stop: &Stop,
     ) -> Result<Fitted, EngineError> {
-        let mut fitted = fitted::fit(from, example, query, wishes, stop)?;
-        let own = continued::own(&fitted.mapped);
-        sound::check(&mut fitted.mapped, query)?;
-        if let (Verdict::Broken, Some(mut own)) = (fitted.mapped.verdict, own) {
-            sound::check(&mut own, query)?;
-            if own.verdict != Verdict::Broken {
-                fitted.mapped = own;
-            }
-        }
-        Ok(fitted)
+        let from: Option<&Registered> = from.map(|from| from.inner.open()).transpose()?;
+        let (one, two, wishes) = (side_in(example)?, side_in(query)?, translate::wishes(wishes)?);
+        let fitted = told(pipeline::fit(from, &one, &two, &wishes, &|| stop.reason().is_some()), stop)?;
+        Ok(Fitted {
+            mapped: translate::mapped(fitted.mapped),
+            example: translate::side(fitted.example, example)?,
+            query: translate::side(fitted.query, query)?,
+        })
     }
 
     fn posed(&self, model: &Model, segment: u32) -> Result<Option<Opaque>, EngineError> {
-        let inner: &ModelInner = model.inner.open()?;
-        let patch = inner.patch(segment)?;
+        let model = model_in(model)?;
+        let patch = model.patch(segment).map_err(internal)?;
         let has_rim = patch.topology == kernel::topology::Topology::Disc;
         let is_closed = patch.topology == kernel::topology::Topology::Sphere;
         Ok((has_rim || is_closed).then(|| Opaque::new(Posed::quick(&patch.mesh, has_rim))))
@@ -289,15 +275,26 @@ impl Engine for KernelEngine {
         lead: Option<&RoughLead>,
         stop: &Stop,
     ) -> Result<Option<Rough>, EngineError> {
-        roughly::lay(example, query, encodings, lead, stop)
+        let tips = match encodings {
+            Some([one, two]) => Some([&*fresh(one)?.query, &*fresh(two)?.query]),
+            None => None,
+        };
+        let lead = match lead {
+            Some(RoughLead { model, segment, rough }) => {
+                Some(pipeline::RoughLead { model: model_in(model)?, segment: *segment, rough })
+            }
+            None => None,
+        };
+        let (one, two) = ((&**model_in(example.0)?, example.1), (&**model_in(query.0)?, query.1));
+        told(pipeline::rough(one, two, tips, lead, &|| stop.reason().is_some()), stop)
     }
 
     fn ranked_against(&self, query: Topology, is_most: bool) -> Vec<Topology> {
-        fitted::ranked_against(query, is_most)
+        pipeline::ranked_against(topology_in(query), is_most).into_iter().map(topology_out).collect()
     }
 
     fn reaches(&self, example: Topology, query: Topology) -> bool {
-        fitted::reaches(example, query)
+        pipeline::reaches(topology_in(example), topology_in(query))
     }
 
     fn constrain(
@@ -308,7 +305,11 @@ impl Engine for KernelEngine {
         query: &Side,
         stop: &Stop,
     ) -> Result<Registration, EngineError> {
-        constrain::edit(from, edit, example, query, stop)
+        let (registered, told_of) = (from.registration.inner.open()?, translate::constraints_in(&from.constraints));
+        let (edit, is_stopped) = (translate::edit(edit), || stop.reason().is_some());
+        let edited =
+            pipeline::constrain::edit(registered, &told_of, &edit, &side_in(example)?, &side_in(query)?, &is_stopped);
+        told(edited, stop).map(translate::registration)
     }
 
     fn edited(
@@ -319,9 +320,9 @@ impl Engine for KernelEngine {
         query: &Side,
         stop: &Stop,
     ) -> Result<Mapped, EngineError> {
-        let mut mapped = continued::edited(from, before, example, query, stop)?;
-        sound::check(&mut mapped, query)?;
-        Ok(mapped)
+        let (before, is_stopped) = (translate::before(before), || stop.reason().is_some());
+        let mapped = pipeline::edited(from.inner.open()?, &before, &side_in(example)?, &side_in(query)?, &is_stopped);
+        told(mapped, stop).map(translate::mapped)
     }
 
     fn rejoin(
@@ -331,87 +332,59 @@ impl Engine for KernelEngine {
         parts: &[OnePart],
         stop: &Stop,
     ) -> Result<Option<Stitched>, EngineError> {
-        stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
-        rejoined::rejoin(query, example, parts)
+        going_on(stop)?;
+        Ok(pipeline::rejoin(model_in(query)?, model_in(example)?, parts))
     }
 
     fn around(&self, query: &Model, mapped: &Mapped) -> Result<Option<(Model, Arc<PolyMesh>)>, EngineError> {
-        around::around(query, mapped)
+        let cut = pipeline::around(model_in(query)?, &mapped.mesh, mapped.reach.own);
+        let model = |cut| Model { format: query.format, repairs: query.repairs.clone(), ..translate::model(cut) };
+        Ok(cut.map(|(cut, own)| (model(cut), own)))
     }
 
     fn compose(&self, query: &Model, parts: &[Part], how: Stitching, stop: &Stop) -> Result<Stitched, EngineError> {
-        stitch::compose(query, parts, how, stop)
+        let parts: Vec<pipeline::Part> = parts.iter().map(translate::part).collect::<Result<_, _>>()?;
+        told(pipeline::compose(model_in(query)?, &parts, how, &|| stop.reason().is_some()), stop)
     }
 
     fn alone(&self, query: &Model) -> Result<Vec<bool>, EngineError> {
-        let inner: &ModelInner = query.inner.open()?;
-        Ok(kernel::compose::apart::alone(inner.ground().input()))
+        Ok(model_in(query)?.alone())
     }
 
     fn appraise(&self, query: &Model, made: &Stitched, allowed: Allowed) -> Result<Appraisal, EngineError> {
-        sound::appraise(query, made, allowed)
+        Ok(pipeline::appraise(model_in(query)?, made, allowed))
     }
 
     fn template(&self, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
-        stitch::template(query, stop)
+        let mesh = Arc::new(told(pipeline::template(&side_in(query)?, &|| stop.reason().is_some()), stop)?);
+        let none = || Histogram { edges: vec![0.0, 1.0], counts: vec![0], ..Histogram::default() };
+        let (flip, inner) = (Flip::default(), Opaque::new(()));
+        Ok(Mapped {
+            part: Arc::clone(&mesh),
+            mesh,
+            registration: Registration { level: 0, energy: 0.0, flip, shift_u: 0.0, inner },
+            is_of_whole: false,
+            constraints: Vec::new(),
+            folds: 0,
+            distortion: Distortion { angle: none(), area: none() },
+            verdict: Verdict::Fair,
+            reasons: vec!["no example was used: a regular layout was made for this segment".into()],
+            reach: Reach::default(),
+            evidence: None,
+        })
     }
 
     fn write(&self, mesh: &PolyMesh, format: MeshFormat) -> Result<Vec<u8>, EngineError> {
-        kernel::mesh::write(mesh, format_of(format)).map_err(refused)
+        kernel::mesh::write(mesh, translate::format_in(format)).map_err(|error| {
+            let refused = pipeline::PipelineError::from(error);
+            match refused {
+                pipeline::PipelineError::Refused { refusal, detail } => EngineError::Refused { refusal, detail },
+                other => internal(other),
+            }
+        })
     }
-}
-
-/// Flips of so large a share of the edges are worth a word: a clean mesh needs fewer.
-const FLIPS_SHARE_TOLD: f64 = 0.05;
-
-/// What unfolding had to do beyond the usual, in numbers.
-fn unfolding(segment: u32, chart: &kernel::unfold::Chart) -> Vec<String> {
-    let (report, edges) = (&chart.report, 1.5 * chart.mesh.triangles.len() as f64);
-    let mut steps = Vec::new();
-    if report.flips as f64 > FLIPS_SHARE_TOLD * edges {
-        steps.push(format!("{} edges flipped to Delaunay", report.flips));
-    }
-    if report.mollified > 0.0 {
-        steps.push(format!("edges lengthened by {:.0e} of their mean", report.mollified));
-    }
-    if report.clamped > 0 {
-        steps.push(format!("{} negative weights clamped", report.clamped));
-    }
-    if report.uv_flips > 0 {
-        steps.push(format!("{} of {} triangles turned over in the plane", report.uv_flips, chart.corners.len()));
-    }
-    if steps.is_empty() { Vec::new() } else { vec![format!("unfolding segment {segment}: {}", steps.join(", "))] }
 }
 
 fn internal(error: impl std::fmt::Display) -> EngineError {
     EngineError::Internal(error.to_string())
-}
-
-fn facts(encoding: &kernel::encode::Encoding, faces: u64, bending: f32) -> SegmentFacts {
-    SegmentFacts {
-        topology: topology_out(encoding.topology),
-        k: encoding.modulus,
-        faces,
-        features: encoding.features.len() as u32,
-        bending: Some(bending),
-    }
-}
-
-fn topology_out(topology: kernel::topology::Topology) -> Topology {
-    match topology {
-        kernel::topology::Topology::Disc => Topology::Disc,
-        kernel::topology::Topology::Annulus => Topology::Annulus,
-        kernel::topology::Topology::Sphere => Topology::Sphere,
-        kernel::topology::Topology::Torus => Topology::Torus,
-    }
-}
-
-/// The kernel's word for a topology.
-pub(crate) fn topology_in(topology: Topology) -> kernel::topology::Topology {
-    match topology {
-        Topology::Disc => kernel::topology::Topology::Disc,
-        Topology::Annulus => kernel::topology::Topology::Annulus,
-        Topology::Sphere => kernel::topology::Topology::Sphere,
-        Topology::Torus => kernel::topology::Topology::Torus,
-    }
 }

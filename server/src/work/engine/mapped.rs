@@ -1,8 +1,8 @@
 //! Maps as the engine makes them.
 
-use super::{Registration, Rough, Side};
+use super::{Reach, Registration, Rough, Side};
 use quadmuse_kernel::mesh::PolyMesh;
-use quadmuse_proto::{Beyond, Constraint, Covers, Distortion, Landmark, MapEvidence, Verdict};
+use quadmuse_proto::{Beyond, Constraint, Distortion, Landmark, MapEvidence, Verdict};
 use std::sync::Arc;
 
 /// An example's segment on a query's segment.
@@ -53,50 +53,6 @@ pub struct Lead {
     pub example: Side,
     /// The map.
     pub mapped: Mapped,
-}
-
-impl Mapped {
-    /// This map as an edit of another: what was kept of the example and how well the shapes agree stays; new folds make it worse.
-    #[must_use]
-    pub fn after(mut self, before: &Self) -> Self {
-        self.reach = Reach {
-            covers: before.reach.covers,
-            kept: before.reach.kept.clone(),
-            bridging: before.reach.bridging.clone(),
-            ..Reach::default()
-        };
-        if before.evidence.is_some() {
-            self.evidence = before.evidence;
-            let folds = self.folds > before.folds;
-            (self.verdict, self.reasons) = (before.verdict, before.reasons.clone());
-            if self.verdict == Verdict::Broken {
-                // Whether it still is, is seen anew.
-                self.verdict = Verdict::Poor;
-            }
-            if folds && !self.verdict.is_poor() {
-                self.verdict = Verdict::Fair;
-                self.reasons.push("the edit turns some faces over".into());
-            }
-        }
-        self
-    }
-}
-
-/// How much of an example lies on how much of an input.
-#[derive(Clone, Debug, Default)]
-pub struct Reach {
-    /// Shares of the areas.
-    pub covers: Covers,
-    /// The example's vertices that the mesh has; `None`: all of them.
-    pub kept: Option<Vec<u32>>,
-    /// The example's own vertices and faces of the mesh, which come first; `None`: all of it.
-    pub own: Option<(u64, u64)>,
-    /// Share of the mesh's area that its own faces have; `None`: all of it.
-    pub inspired: Option<f64>,
-    /// Faces of the mesh, in order, for which the scan has nothing: they are spanned flat.
-    pub bridging: Vec<u32>,
-    /// Share of the example's faces that these are.
-    pub spanned: f64,
 }
 
 /// An example laid where it fits best, with what there is left of either surface.

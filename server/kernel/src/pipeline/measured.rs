@@ -1,39 +1,39 @@
 //! What was laid, measured: the map as the service tells it.
 
-use super::super::{EngineError, Mapped, Reach, Registration, Side};
-use super::fresh;
-use super::model::ModelInner;
-use super::registered::{UnmeasuredMap, Way, assembled, describe, sign, winding};
-use quadmuse_kernel::map::{CrossMap, folded_faces, leave_fillings};
-use quadmuse_kernel::measure::coverage::{Coverage, coverage, feature_points};
-use quadmuse_kernel::measure::{self, Distribution, Evidence};
-use quadmuse_kernel::mesh::TriMesh;
-use quadmuse_kernel::numerics::side_by_side;
-use quadmuse_proto::{Distortion, Flip, Histogram, Verdict};
+use super::error::PipelineError;
+use super::mapped::{Mapped, Reach, Verdict};
+use super::registered::{Registered, UnmeasuredMap, Way, assembled, sign, winding};
+use super::side::Side;
+use crate::map::{CrossMap, folded_faces, leave_fillings};
+use crate::measure::coverage::{Coverage, coverage, feature_points};
+use crate::measure::{self, Evidence};
+use crate::mesh::TriMesh;
+use crate::numerics::side_by_side;
+use crate::register::Flip;
 use std::sync::Arc;
 
 /// A vertex over a gap of the scan that is farther from its rim, in √area of the scan, bridges the gap.
 const BRIDGED: f64 = 0.01;
 
 /// What was laid, measured; `laid_angle_p95_deg` is the 95th percentile of the angle distortion before it settled.
-pub(super) fn measured(
+pub(crate) fn measured(
     mut laid: UnmeasuredMap<'_>,
     laid_angle_p95_deg: f64,
-    from: &Registration,
+    from: &Registered,
     example: &Side,
     query: &Side,
-) -> Result<Mapped, EngineError> {
+) -> Result<Mapped, PipelineError> {
     // What has settled bridges the gaps of a scan as the example does; drawn to their rims its faces would collapse.
-    let has_settled = matches!(laid.way, Way::Whole) && model_of(query)?.laid.is_none();
+    let has_settled = matches!(laid.way, Way::Whole) && query.model.laid.is_none();
     let size = laid.input.mesh.total_area().sqrt();
     leave_fillings(&mut laid.cross, laid.input, if has_settled { BRIDGED * size } else { f64::INFINITY });
-    let model: &ModelInner = example.model.inner.open()?;
+    let model = &*example.model;
     let patch = model.patch(example.segment)?;
-    let chart = &fresh(&example.encoded.encoding)?.chart;
+    let chart = &&example.encoded.query.chart;
     let made = || {
         let mesh = assembled(&laid, example);
         let positions = laid.as_part.as_ref().unwrap_or(&laid.cross.positions);
-        let part = quadmuse_kernel::compose::part::polygons(&patch.mesh, positions, winding(&laid));
+        let part = crate::compose::part::polygons(&patch.mesh, positions, winding(&laid));
         let in_domain = match laid.way {
             Way::Atlas(atlas) => Some(atlas.folded_faces(&patch.mesh)),
             Way::Chart => Some(folded_faces(laid.registered.registration(), chart, &patch.mesh)),
@@ -60,23 +60,21 @@ pub(super) fn measured(
         is_ring: measure::is_ring(chart),
     };
     let (word, reasons) = measure::verdict(&evidence);
-    let on = model_of(query)?;
+    let on = &query.model;
     let is_of_whole = matches!(laid.way, Way::Whole) && on.laid.is_some() && laid.registered.pinned.is_empty();
     let flip = match laid.way {
-        Way::Chart => from.flip,
+        Way::Chart => from.registration().flip,
         Way::Atlas(_) | Way::Whole => Flip { u: laid.mirrored, v: false },
     };
     Ok(Mapped {
         mesh: Arc::new(mesh),
         part: Arc::new(part),
         constraints: laid.constraints,
-        registration: Registration { flip, ..describe(laid.registered) },
+        registration: laid.registered,
+        flip,
         is_of_whole,
         folds: folds as u64,
-        distortion: Distortion {
-            angle: histogram(&distortion.angle_deg, distortion.faces),
-            area: histogram(&distortion.area_log2, distortion.faces),
-        },
+        distortion,
         verdict: match word {
             measure::Verdict::Good => Verdict::Good,
             measure::Verdict::Fair => Verdict::Fair,
@@ -86,10 +84,6 @@ pub(super) fn measured(
         reach: Reach::default(),
         evidence: None,
     })
-}
-
-fn model_of(side: &Side) -> Result<&ModelInner, EngineError> {
-    side.model.inner.open()
 }
 
 /// Polygons that a map given by places turns over in the input's chart; those wider than a quarter of a period, which are at
@@ -112,29 +106,16 @@ fn turned_in_domain(mesh: &TriMesh, laid: &UnmeasuredMap<'_>) -> Vec<u32> {
 }
 
 /// What of the query's surface a map leaves out.
-fn covered(example: &TriMesh, cross: &CrossMap, query: &Side) -> Result<Coverage, EngineError> {
-    let input: &ModelInner = query.model.inner.open()?;
-    let searched = fresh(&query.encoded.encoding)?;
+fn covered(example: &TriMesh, cross: &CrossMap, query: &Side) -> Result<Coverage, PipelineError> {
+    let input = &*query.model;
+    let searched = &query.encoded.query;
     let features = feature_points(&searched.encoding().features, &searched.chart, searched.index());
     Ok(coverage(example, cross, &input.patch(query.segment)?.mesh, &features))
 }
 
 /// How a map distorts the example.
-pub(super) fn distortion(laid: &UnmeasuredMap<'_>, example: &Side) -> Result<measure::Distortion, EngineError> {
-    let model: &ModelInner = example.model.inner.open()?;
+pub(crate) fn distortion(laid: &UnmeasuredMap<'_>, example: &Side) -> Result<measure::Distortion, PipelineError> {
+    let model = &*example.model;
     let mesh = &model.patch(example.segment)?.mesh;
     Ok(measure::distortion(mesh, &laid.cross, laid.input, sign(laid.mirrored)))
-}
-
-fn histogram(from: &Distribution, faces: usize) -> Histogram {
-    let n = from.shares.len();
-    let edge = |k: usize| from.low + (from.high - from.low) * k as f64 / n as f64;
-    Histogram {
-        edges: (0..=n).map(edge).collect(),
-        counts: from.shares.iter().map(|share| (share * faces as f64).round() as u64).collect(),
-        mean: from.mean,
-        median: from.median,
-        p95: from.p95,
-        max: from.max,
-    }
 }

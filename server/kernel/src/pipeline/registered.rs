@@ -1,77 +1,76 @@
-//! Registrations of the kernel, and the maps they make.
+//! Registrations, and the maps they make.
 
-use super::super::{Encoding, EngineError, Mapped, Opaque, Refusal, Registration, Side};
+use super::constraint::{Constraint, ConstraintOrigin, Location};
+use super::error::{PipelineError, Refusal, Stop, internal, stopped};
 use super::from_whole::{OfWhole, from_whole};
+use super::mapped::Mapped;
 use super::measured::{distortion, measured};
-use super::model::ModelInner;
 use super::settled::{Laying, Settled, settle};
-use super::{Source, fresh, internal};
-use crate::pool::Stop;
-use quadmuse_kernel::encode::index::{Location as Place, PlanarIndex};
-use quadmuse_kernel::map::assemble::{Winding, assemble};
-use quadmuse_kernel::map::atlas::Atlas;
-use quadmuse_kernel::map::reembed::InputChart;
-use quadmuse_kernel::map::snap::{Snap, creases_on};
-use quadmuse_kernel::map::untangle::untangle;
-use quadmuse_kernel::map::{CrossMap, cross_map, edit, leave_fillings};
-use quadmuse_kernel::measure;
-use quadmuse_kernel::mesh::bvh::Bvh;
-use quadmuse_kernel::mesh::{PolyMesh, Vec3};
-use quadmuse_kernel::register::entry::{Hypothesis, PROTRUSIONS_MANY};
-use quadmuse_kernel::register::{Entry, LevenbergMarquardt};
-use quadmuse_kernel::unfold::Chart;
-use quadmuse_proto::{Constraint, ConstraintOrigin, Flip, Location};
+use super::side::Side;
+use crate::encode::index::{Location as Place, PlanarIndex};
+use crate::map::assemble::{Winding, assemble};
+use crate::map::atlas::Atlas;
+use crate::map::reembed::InputChart;
+use crate::map::snap::{Snap, creases_on};
+use crate::map::untangle::untangle;
+use crate::map::{CrossMap, cross_map, edit, leave_fillings};
+use crate::measure;
+use crate::mesh::bvh::Bvh;
+use crate::mesh::{PolyMesh, Vec3};
+use crate::register::entry::{Hypothesis, PROTRUSIONS_MANY};
+use crate::register::{Entry, LevenbergMarquardt};
+use crate::unfold::Chart;
 use std::sync::{Arc, OnceLock};
 
-/// What a [`Registration`] of this engine holds.
+/// An example laid on a query segment, at some level, with what was made for maps of it: clones share that.
 #[derive(Clone, Debug)]
-pub(super) struct Registered {
+pub struct Registered {
     /// The example against the query.
-    pub(super) entry: Entry,
+    pub(crate) entry: Entry,
     /// After an edit: the registration with the caller's constraints, in place of the entry's best.
-    pub(super) edited: Option<quadmuse_kernel::register::Registration>,
+    pub(crate) edited: Option<crate::register::Registration>,
     /// Ids and origins of the constraints, in their order; empty until the first map.
-    pub(super) names: Vec<(String, ConstraintOrigin)>,
+    pub(crate) names: Vec<(String, ConstraintOrigin)>,
     /// The query's surface unfolded with the poles of this registration, made with the first map.
-    pub(super) input: Arc<OnceLock<Surface>>,
+    pub(crate) input: Arc<OnceLock<Surface>>,
     /// The example's tree of boxes, made with the first constraint that is given in space.
-    pub(super) example_bvh: Arc<OnceLock<Bvh>>,
+    pub(crate) example_bvh: Arc<OnceLock<Bvh>>,
     /// Where the surfaces have protrusions: the atlas that maps instead, made with the first map.
-    pub(super) atlas: Arc<OnceLock<Option<Atlas>>>,
+    pub(crate) atlas: Arc<OnceLock<Option<Atlas>>>,
     /// Where the query was cut as the example is: the map that the whole makes, made with the first map.
-    pub(super) of_whole: Arc<OnceLock<OfWhole>>,
+    pub(crate) of_whole: Arc<OnceLock<OfWhole>>,
     /// With an atlas, or where the whole was laid: the caller's constraints, each with its name.
-    pub(super) pinned: Vec<(String, (Place, Place))>,
+    pub(crate) pinned: Vec<(String, (Place, Place))>,
     /// Where the polish took the vertices of the first map.
-    pub(super) settled: Arc<OnceLock<Settled>>,
+    pub(crate) settled: Arc<OnceLock<Settled>>,
 }
 
 /// A chart that points can be located on.
 #[derive(Debug)]
-pub(super) struct Surface {
+pub(crate) struct Surface {
     /// The chart.
-    pub(super) chart: Arc<Chart>,
+    pub(crate) chart: Arc<Chart>,
     /// Its planar index.
-    pub(super) index: PlanarIndex,
+    pub(crate) index: PlanarIndex,
     /// Its tree of boxes, made with the first constraint that is given in space.
-    pub(super) bvh: OnceLock<Bvh>,
+    pub(crate) bvh: OnceLock<Bvh>,
 }
 
 impl Surface {
     /// Its tree of boxes.
-    pub(super) fn tree(&self) -> &Bvh {
+    pub(crate) fn tree(&self) -> &Bvh {
         self.bvh.get_or_init(|| Bvh::new(&self.chart.mesh))
     }
 
     /// What vertices settle on.
-    pub(super) fn ground(&self) -> InputChart<'_> {
+    pub(crate) fn ground(&self) -> InputChart<'_> {
         InputChart { chart: &self.chart, index: &self.index }
     }
 }
 
 impl Registered {
     /// An entry of which nothing has been made yet.
-    pub(super) fn of(entry: Entry) -> Self {
+    pub fn of(entry: Entry) -> Self {
         Self {
             entry,
             edited: None,
@@ -85,31 +84,30 @@ impl Registered {
         }
     }
 
+    /// The example against the query.
+    pub fn entry(&self) -> &Entry {
+        &self.entry
+    }
+
     /// The registration to map with.
-    pub(super) fn registration(&self) -> &quadmuse_kernel::register::Registration {
+    pub fn registration(&self) -> &crate::register::Registration {
         self.edited.as_ref().unwrap_or(&self.entry.best().registration)
     }
 
     /// The query's surface for this registration.
-    pub(super) fn surface(&self, query: &Side) -> Result<&Surface, EngineError> {
+    pub(crate) fn surface(&self, query: &Side) -> Result<&Surface, PipelineError> {
         if self.input.get().is_none() {
-            let chart =
-                fresh(&query.encoded.encoding)?.chart_for(&self.entry.best().unfolded.poles).map_err(internal)?;
+            let chart = query.encoded.query.chart_for(&self.entry.best().unfolded.poles).map_err(internal)?;
             let index = PlanarIndex::new(&chart);
             let _ = self.input.set(Surface { chart, index, bvh: OnceLock::new() });
         }
-        self.input.get().ok_or_else(|| EngineError::Internal("expected the surface just made".into()))
+        self.input.get().ok_or_else(|| PipelineError::Internal("expected the surface just made".into()))
     }
 
     /// The atlas, if these surfaces have one and it distorts less than a single chart does.
-    pub(super) fn atlas(
-        &self,
-        example: &Side,
-        query: &Side,
-        stop: &(dyn Fn() -> bool + Sync),
-    ) -> Result<Option<&Atlas>, EngineError> {
+    pub(crate) fn atlas(&self, example: &Side, query: &Side, stop: Stop) -> Result<Option<&Atlas>, PipelineError> {
         if self.atlas.get().is_none() {
-            let (one, two) = (fresh(&example.encoded.encoding)?, fresh(&query.encoded.encoding)?);
+            let (one, two) = (&example.encoded.query, &query.encoded.query);
             let made = Atlas::build(one, two, &LevenbergMarquardt::default(), stop).map_err(internal)?;
             if stop() {
                 return Ok(None);
@@ -127,9 +125,9 @@ impl Registered {
     }
 
     /// Before the first map, where one chart maps and distorts much: this registration with its poles sought again.
-    fn unburdened(&self, example: &Side, query: &Side, stop: &dyn Fn() -> bool) -> Result<Option<Self>, EngineError> {
+    fn unburdened(&self, example: &Side, query: &Side, stop: Stop) -> Result<Option<Self>, PipelineError> {
         let is_first = self.edited.is_none() && self.names.is_empty() && self.settled.get().is_none();
-        let (one, two) = (fresh(&example.encoded.encoding)?, fresh(&query.encoded.encoding)?);
+        let (one, two) = (&example.encoded.query, &query.encoded.query);
         if !is_first || two.protrusions().len() >= PROTRUSIONS_MANY {
             return Ok(None);
         }
@@ -137,7 +135,7 @@ impl Registered {
         if as_is.angle_deg.p95 <= measure::BURDENED_DEG {
             return Ok(None);
         }
-        let model: &ModelInner = example.model.inner.open()?;
+        let model = &*example.model;
         let mesh = &model.patch(example.segment)?.mesh;
         let burden = |h: &Hypothesis| measure::burden(mesh, &one.chart, two, h);
         let mut entry = self.entry.clone();
@@ -146,7 +144,7 @@ impl Registered {
     }
 
     /// Names of the constraints: those given, and one for each control that has none.
-    pub(super) fn named(&self) -> Vec<(String, ConstraintOrigin)> {
+    pub(crate) fn named(&self) -> Vec<(String, ConstraintOrigin)> {
         let count = self.registration().p.len();
         let mut names = self.names.clone();
         names.truncate(count);
@@ -156,53 +154,31 @@ impl Registered {
 }
 
 /// A registration of an entry, unless its computation was stopped half-way.
-pub(super) fn checked(entry: Entry, stop: &Stop) -> Result<Registration, EngineError> {
-    if let Some(reason) = stop.reason() {
-        return Err(reason.into());
-    }
-    Ok(describe(Registered::of(entry)))
-}
-
-/// Registers all of an example with all of a query at the coarsest level.
-pub(super) fn wholes(example: &Encoding, query: &Encoding, stop: &Stop) -> Result<Registration, EngineError> {
-    let source: &Source = example.inner.open()?;
-    let stopped = || stop.reason().is_some();
-    let entry = Entry::coarse(fresh(query)?, source.encoding(), &LevenbergMarquardt::default(), &stopped);
-    checked(entry.ok_or_else(|| internal("expected surfaces of one topology"))?, stop)
-}
-
-/// The registration as the service sees it.
-pub(super) fn describe(registered: Registered) -> Registration {
-    let best = registered.registration();
-    Registration {
-        level: registered.entry.side() as u32,
-        energy: best.energy,
-        flip: Flip { u: best.flip.u, v: best.flip.v },
-        shift_u: best.shift_u(),
-        inner: Opaque::new(registered),
-    }
+pub(crate) fn checked(entry: Entry, stop: Stop) -> Result<Registered, PipelineError> {
+    stopped(stop)?;
+    Ok(Registered::of(entry))
 }
 
 /// What a map is made of before it is measured.
-pub(super) struct UnmeasuredMap<'a> {
-    pub(super) cross: CrossMap,
+pub(crate) struct UnmeasuredMap<'a> {
+    pub(crate) cross: CrossMap,
     /// Where the vertices go in a part to be stitched, with the boundary on the segment's, if that is elsewhere.
-    pub(super) as_part: Option<Vec<Vec3>>,
+    pub(crate) as_part: Option<Vec<Vec3>>,
     /// What the example is laid by.
-    pub(super) way: Way<'a>,
+    pub(crate) way: Way<'a>,
     /// The chart on whose mesh the vertices lie.
-    pub(super) input: &'a Chart,
-    pub(super) mirrored: bool,
-    pub(super) cost: f64,
+    pub(crate) input: &'a Chart,
+    pub(crate) mirrored: bool,
+    pub(crate) cost: f64,
     /// Log of the ratio of the moduli.
-    pub(super) modulus_log: f64,
-    pub(super) constraints: Vec<Constraint>,
-    pub(super) registered: Registered,
+    pub(crate) modulus_log: f64,
+    pub(crate) constraints: Vec<Constraint>,
+    pub(crate) registered: Registered,
 }
 
 /// By what an example is laid.
 #[derive(Clone, Copy)]
-pub(super) enum Way<'a> {
+pub(crate) enum Way<'a> {
     /// The registration of the two charts.
     Chart,
     /// A chart for each protrusion.
@@ -212,23 +188,22 @@ pub(super) enum Way<'a> {
 }
 
 /// An example laid whole.
-pub(super) struct Whole {
+pub(crate) struct Whole {
     /// Where each vertex of the example's segment goes.
-    pub(super) positions: Vec<Vec3>,
+    pub(crate) positions: Vec<Vec3>,
     /// Its faces there.
-    pub(super) mesh: PolyMesh,
+    pub(crate) mesh: PolyMesh,
     /// Whether it lies mirrored.
-    pub(super) mirrored: bool,
+    pub(crate) mirrored: bool,
     /// Cost of the registration, and log of the ratio of the moduli.
-    pub(super) cost: f64,
-    pub(super) modulus_log: f64,
+    pub(crate) cost: f64,
+    pub(crate) modulus_log: f64,
 }
 
 /// Lays an example whole.
-pub(super) fn whole(from: &Registration, example: &Side, query: &Side, stop: &Stop) -> Result<Whole, EngineError> {
-    let registered: &Registered = from.inner.open()?;
-    let atlas = registered.atlas(example, query, &|| stop.reason().is_some())?;
-    let (mut laid, _) = lay(atlas, registered, example, query, stop)?;
+pub(crate) fn whole(from: &Registered, example: &Side, query: &Side, stop: Stop) -> Result<Whole, PipelineError> {
+    let atlas = from.atlas(example, query, stop)?;
+    let (mut laid, _) = lay(atlas, from, example, query, stop)?;
     let positions = laid.cross.positions.clone();
     leave_fillings(&mut laid.cross, laid.input, f64::INFINITY);
     let mesh = assembled(&laid, example)?;
@@ -236,40 +211,40 @@ pub(super) fn whole(from: &Registration, example: &Side, query: &Side, stop: &St
 }
 
 /// The faces of the example's segment where it is laid, as its file has them.
-pub(super) fn assembled(laid: &UnmeasuredMap<'_>, example: &Side) -> Result<PolyMesh, EngineError> {
-    let model: &ModelInner = example.model.inner.open()?;
+pub(crate) fn assembled(laid: &UnmeasuredMap<'_>, example: &Side) -> Result<PolyMesh, PipelineError> {
+    let model = &*example.model;
     let patch = model.patch(example.segment)?;
     let (surface, vertex_of) = (&model.segmented.mesh, &model.prepared.vertex_of);
     Ok(assemble(&example.model.mesh, surface, vertex_of, patch, &laid.cross.positions, winding(laid)))
 }
 
-pub(super) fn winding(laid: &UnmeasuredMap<'_>) -> Winding {
+pub(crate) fn winding(laid: &UnmeasuredMap<'_>) -> Winding {
     if laid.mirrored { Winding::Reversed } else { Winding::Kept }
 }
 
 /// Lays the example by the atlas, if there is one, and lets it settle. The number is the 95th percentile of the angle
 /// distortion before that, in degrees.
-pub(super) fn lay<'a>(
+pub(crate) fn lay<'a>(
     atlas: Option<&'a Atlas>,
     registered: &'a Registered,
     example: &Side,
     query: &Side,
-    stop: &Stop,
-) -> Result<(UnmeasuredMap<'a>, f64), EngineError> {
-    stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
+    stop: Stop,
+) -> Result<(UnmeasuredMap<'a>, f64), PipelineError> {
+    stopped(stop)?;
     let mut laid = match atlas {
         Some(atlas) => by_atlas(atlas, registered, example, query)?,
         None => by_chart(registered, example, query)?,
     };
-    let model: &ModelInner = example.model.inner.open()?;
+    let model = &*example.model;
     let patch = model.patch(example.segment)?;
     let creases = creases_on(&example.model.mesh.attributes.creases, &model.prepared.vertex_of, patch);
     // Corners of a segment's boundary are where segments meet, and belong to the composition.
-    let other: &ModelInner = query.model.inner.open()?;
+    let other = &*query.model;
     let is_whole = model.is_whole(example.segment) && other.is_whole(query.segment);
     let laying = Laying { mesh: &patch.mesh, creases, snap: if is_whole { Snap::All } else { Snap::Creases } };
     let angle_p95_deg = {
-        let chart = &fresh(&example.encoded.encoding)?.chart;
+        let chart = &&example.encoded.query.chart;
         measure::layout_distortion(&patch.mesh, &laid.cross, chart).p95
     };
     let grounds = match atlas {
@@ -281,37 +256,35 @@ pub(super) fn lay<'a>(
 }
 
 /// −1 for mirrored maps.
-pub(super) fn sign(mirrored: bool) -> f64 {
+pub(crate) fn sign(mirrored: bool) -> f64 {
     if mirrored { -1.0 } else { 1.0 }
 }
 
 /// Log of the ratio of the moduli.
-fn modulus_log(example: &Side, query: &Side) -> Result<f64, EngineError> {
-    let (one, two) = (fresh(&example.encoded.encoding)?, fresh(&query.encoded.encoding)?);
+fn modulus_log(example: &Side, query: &Side) -> Result<f64, PipelineError> {
+    let (one, two) = (&example.encoded.query, &query.encoded.query);
     Ok((one.chart.modulus / two.chart.modulus).ln())
 }
 
 /// Maps every vertex of the example's segment.
-pub(super) fn map(from: &Registration, example: &Side, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
-    let registered: &Registered = from.inner.open()?;
-    if let Some((laid, angle_p95_deg)) = from_whole(registered, example, query)? {
+pub(crate) fn map(from: &Registered, example: &Side, query: &Side, stop: Stop) -> Result<Mapped, PipelineError> {
+    if let Some((laid, angle_p95_deg)) = from_whole(from, example, query)? {
         return measured(laid, angle_p95_deg, from, example, query);
     }
-    let stopped = || stop.reason().is_some();
-    let unburdened = registered.unburdened(example, query, &stopped)?;
-    let registered = unburdened.as_ref().unwrap_or(registered);
-    let atlas = registered.atlas(example, query, &stopped)?;
+    let unburdened = from.unburdened(example, query, stop)?;
+    let registered = unburdened.as_ref().unwrap_or(from);
+    let atlas = registered.atlas(example, query, stop)?;
     let (laid, angle_p95_deg) = lay(atlas, registered, example, query, stop)?;
     measured(laid, angle_p95_deg, from, example, query)
 }
 
 /// One chart with its registration.
-fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Result<UnmeasuredMap<'a>, EngineError> {
+fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Result<UnmeasuredMap<'a>, PipelineError> {
     let input = registered.surface(query)?;
-    let source = fresh(&example.encoded.encoding)?;
+    let source = &example.encoded.query;
     let registration = registered.registration();
     let named = registered.named();
-    let model: &ModelInner = example.model.inner.open()?;
+    let model = &*example.model;
     let mirror = sign(registration.flip.is_mirror());
     let mut cross = cross_map(registration, &source.chart, &input.chart, &input.index);
     let mesh = &model.patch(example.segment)?.mesh;
@@ -331,7 +304,7 @@ fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Res
 }
 
 /// The caller's constraints on two charts.
-pub(super) fn pinned(registered: &Registered, example: &Chart, input: &Chart) -> Vec<Constraint> {
+pub(crate) fn pinned(registered: &Registered, example: &Chart, input: &Chart) -> Vec<Constraint> {
     let at = |chart: &Chart, place: &Place| {
         let [u, v] = place.uv(chart);
         Location { point: place.point(chart).into(), u, v }
@@ -351,16 +324,16 @@ fn by_atlas<'a>(
     registered: &Registered,
     example_side: &Side,
     query: &Side,
-) -> Result<UnmeasuredMap<'a>, EngineError> {
+) -> Result<UnmeasuredMap<'a>, PipelineError> {
     let pins: Vec<(Place, Place)> = registered.pinned.iter().map(|p| p.1).collect();
     let mut cross = atlas.cross_map(&pins).map_err(|e| {
         let which: Vec<&str> = registered.pinned.iter().map(|p| p.0.as_str()).collect();
-        EngineError::refused(Refusal::ConstraintFolds, format!("constraint {}: {e}", which.join(", ")))
+        PipelineError::refused(Refusal::ConstraintFolds, format!("constraint {}: {e}", which.join(", ")))
     })?;
     let (Some(example), Some(input)) = (atlas.example(), atlas.input()) else {
-        return Err(EngineError::Internal("expected an atlas with charts".into()));
+        return Err(PipelineError::Internal("expected an atlas with charts".into()));
     };
-    let model: &ModelInner = example_side.model.inner.open()?;
+    let model = &*example_side.model;
     let mirror = sign(atlas.mirrored);
     untangle(&model.patch(example_side.segment)?.mesh, &mut cross, input, mirror, &OnceLock::new());
     leave_fillings(&mut cross, input, f64::INFINITY);
@@ -389,10 +362,10 @@ fn by_atlas<'a>(
     })
 }
 
-pub(super) fn constraints(
-    registration: &quadmuse_kernel::register::Registration,
+pub(crate) fn constraints(
+    registration: &crate::register::Registration,
     named: &[(String, ConstraintOrigin)],
-    example: &quadmuse_kernel::register::Query,
+    example: &crate::register::Query,
     input: &Surface,
 ) -> Vec<Constraint> {
     let at =

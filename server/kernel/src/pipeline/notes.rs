@@ -1,23 +1,23 @@
 //! What a composition came to, a sentence each: the notes that go with it.
 
-use quadmuse_kernel::compose::{Report, Way};
+use crate::compose::{Report, Way};
 
 /// Mean distance from the input, in % of the diagonal of its bounding box, from which on it is told.
-pub(super) const MISS_TOLD_PCT: f64 = 0.25;
+pub(crate) const MISS_TOLD_PCT: f64 = 0.25;
 
 /// What was brought for segments, beside meshes as they were mapped.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Brought {
+pub(crate) struct Brought {
     /// Segments whose best map nobody chose and is poor.
-    pub(super) poor: Vec<usize>,
+    pub(crate) poor: Vec<usize>,
     /// Segments without a map.
-    pub(super) regular: Vec<usize>,
+    pub(crate) regular: Vec<usize>,
     /// Segments whose layout could not be made as coarse as asked, and the times it could.
-    pub(super) too_fine: Vec<(usize, i32)>,
+    pub(crate) too_fine: Vec<(usize, i32)>,
 }
 
 /// What was brought, as far as there is something to say.
-pub(super) fn brought(of: &Brought) -> Vec<String> {
+pub(crate) fn brought(of: &Brought) -> Vec<String> {
     let mut notes = Vec::new();
     if let Some((segments, is_one)) = segments(&of.poor) {
         notes.push(match is_one {
@@ -51,7 +51,7 @@ fn list(of: &[usize]) -> String {
 }
 
 /// What was done to make it one mesh.
-pub(super) fn made(report: &Report, quads: usize) -> Vec<String> {
+pub(crate) fn made(report: &Report, quads: usize) -> Vec<String> {
     let mut notes = Vec::new();
     let times = report.subdivided.iter().enumerate().filter(|(_, n)| **n > 0);
     let which: Vec<String> = times.map(|(s, n)| format!("{s} ({n} times)")).collect();

@@ -3,23 +3,22 @@
 //! A part alone knows less of where it belongs: one that is nearly its own mirror image may lie mirrored, and a trunk's half
 //! turned. The caller's constraints bend that map on the surface ([`bend`]), since it has no registration that they could.
 
-use super::super::{EngineError, Refusal, Side};
-use super::fresh;
-use super::model::{ModelInner, WholeMap};
+use super::constraint::{Location, OnFold};
+use super::error::{PipelineError, Refusal, Stop};
+use super::model::WholeMap;
 use super::registered::{self, Registered, Surface, UnmeasuredMap, Way};
-use crate::pool::Stop;
-use quadmuse_kernel::encode::index::Location as Place;
-use quadmuse_kernel::map::bend::{BendError, Pin, bend};
-use quadmuse_kernel::map::placed::placed;
-use quadmuse_kernel::map::reembed::turn_back;
-use quadmuse_kernel::map::untangle::untangle;
-use quadmuse_kernel::map::{CrossMap, leave_fillings};
-use quadmuse_kernel::measure;
-use quadmuse_kernel::mesh::bvh::Bvh;
-use quadmuse_kernel::mesh::{TriMesh, Vec3};
-use quadmuse_kernel::settle::{Landmark, Manner, Options, Settler};
-use quadmuse_kernel::topology::Patch;
-use quadmuse_proto::{Location, OnFold};
+use super::side::Side;
+use crate::encode::index::Location as Place;
+use crate::map::bend::{BendError, Pin, bend};
+use crate::map::placed::placed;
+use crate::map::reembed::turn_back;
+use crate::map::untangle::untangle;
+use crate::map::{CrossMap, leave_fillings};
+use crate::measure;
+use crate::mesh::bvh::Bvh;
+use crate::mesh::{TriMesh, Vec3};
+use crate::settle::{Landmark, Manner, Options, Settler};
+use crate::topology::Patch;
 use std::sync::{Arc, OnceLock};
 
 /// Halvings by which the share of a way that can be gone is found.
@@ -27,7 +26,7 @@ const SHARE_STEPS: usize = 5;
 
 /// A map that is given by where its vertices lie: that of a part where the whole was laid, or of an example that has settled.
 #[derive(Debug)]
-pub(super) struct OfWhole {
+pub(crate) struct OfWhole {
     /// Whether it lies mirrored.
     mirrored: bool,
     /// Cost of the registration, and log of the ratio of the moduli.
@@ -45,12 +44,12 @@ pub(super) struct OfWhole {
 
 /// The part where the whole was laid on this query, if it was, and the 95th percentile of its angle distortion there, in
 /// degrees.
-pub(super) fn from_whole<'a>(
+pub(crate) fn from_whole<'a>(
     registered: &'a Registered,
     example: &Side,
     query: &Side,
-) -> Result<Option<(UnmeasuredMap<'a>, f64)>, EngineError> {
-    let (of, on): (&ModelInner, &ModelInner) = (example.model.inner.open()?, query.model.inner.open()?);
+) -> Result<Option<(UnmeasuredMap<'a>, f64)>, PipelineError> {
+    let (of, on) = (&*example.model, &*query.model);
     let is_its_part = example.segment == query.segment;
     let whole = on.laid.as_ref().filter(|laid| is_its_part && laid.is_of(&example.model.mesh));
     let is_there = registered.of_whole.get().is_some();
@@ -63,7 +62,7 @@ pub(super) fn from_whole<'a>(
         let _ = registered.of_whole.set(made);
     }
     let Some(of_whole) = registered.of_whole.get() else { return Ok(None) };
-    let source = fresh(&example.encoded.encoding)?;
+    let source = &example.encoded.query;
     let own = Own { part: &patch.mesh, of_whole, input: surface };
     let mut constraints = registered::constraints(registered.registration(), &registered.named(), source, surface);
     // A feature that the caller moved is one of the caller's.
@@ -97,14 +96,13 @@ pub(super) fn from_whole<'a>(
 }
 
 /// Keeps where an atlas lays the example, so that it is bent there from now on.
-pub(super) fn keep(registered: &Registered, example: &Side, query: &Side, stop: &Stop) -> Result<(), EngineError> {
+pub(crate) fn keep(registered: &Registered, example: &Side, query: &Side, stop: Stop) -> Result<(), PipelineError> {
     if registered.of_whole.get().is_some() {
         return Ok(());
     }
-    let stopped = || stop.reason().is_some();
-    let atlas = registered.atlas(example, query, &stopped)?;
+    let atlas = registered.atlas(example, query, stop)?;
     let (laid, _) = registered::lay(atlas, registered, example, query, stop)?;
-    let model: &ModelInner = example.model.inner.open()?;
+    let model = &*example.model;
     let _ = registered.of_whole.set(OfWhole::settled(model.patch(example.segment)?, laid.cross, laid.mirrored));
     Ok(())
 }
@@ -112,16 +110,16 @@ pub(super) fn keep(registered: &Registered, example: &Side, query: &Side, stop: 
 /// Sees to it that the constraints of a map that is given by places can be met; `touched` are those that were set. Where they
 /// would fold it, either the edit is refused, with the share of the way that does not, or the whole example settles anew, held at
 /// its constraints, and at last those that were set go as far as they can.
-pub(super) fn fitted(
+pub(crate) fn fitted(
     registered: Registered,
     touched: &[usize],
     on_fold: OnFold,
     example: &Side,
     query: &Side,
-    stop: &Stop,
-) -> Result<Registered, EngineError> {
-    let (source, surface) = (fresh(&example.encoded.encoding)?, registered.surface(query)?);
-    let (of, on): (&ModelInner, &ModelInner) = (example.model.inner.open()?, query.model.inner.open()?);
+    stop: Stop,
+) -> Result<Registered, PipelineError> {
+    let (source, surface) = (&example.encoded.query, registered.surface(query)?);
+    let (of, on) = (&*example.model, &*query.model);
     let patch = of.patch(example.segment)?;
     let Some(of_whole) = registered.of_whole.get() else { return Ok(registered) };
     let own = Own { part: &patch.mesh, of_whole, input: surface };
@@ -140,8 +138,8 @@ pub(super) fn fitted(
     let share = own.reached(&wanted, touched, sign);
     if on_fold == OnFold::Refuse {
         return Err(match refused(&registered, error) {
-            EngineError::Refused { refusal, detail } => {
-                EngineError::refused(refusal, format!("{detail}; {:.0} % of the way can be gone", 100.0 * share))
+            PipelineError::Refused { refusal, detail } => {
+                PipelineError::refused(refusal, format!("{detail}; {:.0} % of the way can be gone", 100.0 * share))
             }
             other => other,
         });
@@ -169,12 +167,12 @@ fn part_of(whole: &WholeMap, patch: &Patch, surface: &Surface) -> Option<OfWhole
 
 impl OfWhole {
     /// A map that has settled.
-    pub(super) fn settled(patch: &Patch, cross: CrossMap, mirrored: bool) -> Self {
+    pub(crate) fn settled(patch: &Patch, cross: CrossMap, mirrored: bool) -> Self {
         Self::of(&patch.mesh, cross, mirrored)
     }
 
     /// Where the vertices of the example's part lie, before the caller's constraints.
-    pub(super) fn positions(&self) -> &[Vec3] {
+    pub(crate) fn positions(&self) -> &[Vec3] {
         &self.cross.positions
     }
 
@@ -185,13 +183,13 @@ impl OfWhole {
     }
 }
 
-fn refused(registered: &Registered, error: BendError) -> EngineError {
+fn refused(registered: &Registered, error: BendError) -> PipelineError {
     let which: Vec<&str> = registered.pinned.iter().map(|p| p.0.as_str()).collect();
     let refusal = match error {
         BendError::Folds { .. } => Refusal::ConstraintFolds,
         BendError::OnBoundary => Refusal::ConstraintInvalid,
     };
-    EngineError::refused(refusal, format!("constraint {}: {error}", which.join(", ")))
+    PipelineError::refused(refusal, format!("constraint {}: {error}", which.join(", ")))
 }
 
 /// A part with the map that the whole makes of it.
@@ -213,7 +211,7 @@ impl Own<'_> {
     }
 
     /// The example settled anew from where it lies, held at its constraints; `None` when stopped.
-    fn settled_anew(&self, pins: &[(Vec3, Place)], sign: f64, stop: &Stop) -> Option<OfWhole> {
+    fn settled_anew(&self, pins: &[(Vec3, Place)], sign: f64, stop: Stop) -> Option<OfWhole> {
         let chart = &self.input.chart;
         let landmark = |(from, to): &(Vec3, Place)| {
             Landmark::between(self.part, &self.of_whole.bvh.closest(*from), self.input.tree().closest(to.point(chart)))
@@ -221,7 +219,7 @@ impl Own<'_> {
         let held: Vec<Landmark> = pins.iter().filter_map(landmark).collect();
         let options = Options { manner: Manner::Following, ..Options::default() };
         let settler = Settler::new(self.part, &chart.mesh, sign, &options)?.holding(&held);
-        let found = settler.settle(&self.of_whole.cross.positions, &|| stop.reason().is_some())?;
+        let found = settler.settle(&self.of_whole.cross.positions, stop)?;
         let locations: Vec<Place> = found.places.into_iter().map(Place::from).collect();
         let mut cross = CrossMap { positions: found.positions, locations };
         turn_back(self.part, &mut cross, &self.input.ground(), sign, &self.input.bvh);

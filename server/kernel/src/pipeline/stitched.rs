@@ -1,10 +1,11 @@
 //! A mesh that maps were stitched to.
 
-use super::Mapped;
-use quadmuse_kernel::compose::{apart::side_by_side, check::extraordinary};
-use quadmuse_kernel::mesh::PolyMesh;
-use quadmuse_proto::composition::AS_MAPPED;
+use crate::compose::{apart::side_by_side, check::extraordinary};
+use crate::mesh::PolyMesh;
 use std::sync::Arc;
+
+/// The note of a composition that is the one map itself, with all that the example brings.
+pub const AS_MAPPED: &str = "the map follows the input as it is";
 
 /// A stitched mesh.
 #[derive(Clone, Debug)]
@@ -40,17 +41,17 @@ impl Stitched {
         }
     }
 
-    /// The meshes of some maps, side by side as they are.
-    pub fn as_mapped(maps: &[&Mapped], is_example: Vec<bool>) -> Self {
+    /// The meshes of some maps, side by side as they are, each with the faces that bridge a gap.
+    pub fn as_mapped(maps: &[(&Arc<PolyMesh>, &[u32])], is_example: Vec<bool>) -> Self {
         let mesh = match maps {
-            [map] => Arc::clone(&map.mesh),
-            _ => Arc::new(side_by_side(maps.iter().map(|map| &*map.mesh))),
+            [(mesh, _)] => Arc::clone(mesh),
+            _ => Arc::new(side_by_side(maps.iter().map(|(mesh, _)| &***mesh))),
         };
         let mut made = Self::as_it_is(mesh, is_example);
         let mut first = 0;
-        for map in maps {
-            made.bridging.extend(map.reach.bridging.iter().map(|face| first + face));
-            first += map.mesh.faces.len() as u32;
+        for (mesh, bridging) in maps {
+            made.bridging.extend(bridging.iter().map(|face| first + face));
+            first += mesh.faces.len() as u32;
         }
         made
     }

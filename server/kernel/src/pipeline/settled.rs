@@ -4,13 +4,13 @@
 //! takes over by how much each vertex was moved then; near the caller's own constraints nothing is moved, so that they
 //! hold exactly.
 
-use quadmuse_kernel::map::CrossMap;
-use quadmuse_kernel::map::reembed::{self, InputChart};
-use quadmuse_kernel::map::snap::{Snap, snap};
-use quadmuse_kernel::map::walk::walk;
-use quadmuse_kernel::mesh::{TriMesh, Vec3};
-use quadmuse_kernel::unfold::Chart;
-use quadmuse_proto::{Constraint, ConstraintOrigin};
+use super::constraint::{Constraint, ConstraintOrigin};
+use crate::map::CrossMap;
+use crate::map::reembed::{self, InputChart};
+use crate::map::snap::{Snap, snap};
+use crate::map::walk::walk;
+use crate::mesh::{TriMesh, Vec3};
+use crate::unfold::Chart;
 use std::sync::OnceLock;
 
 /// Within this distance of a caller's constraint (in √area) the polish fades out.
@@ -18,24 +18,24 @@ const FADE: f64 = 0.15;
 
 /// Where the polish took each vertex of the first map.
 #[derive(Debug)]
-pub(super) struct Settled {
+pub(crate) struct Settled {
     before: Vec<Vec3>,
     after: CrossMap,
 }
 
 /// The example's side of what settles.
-pub(super) struct Laying<'a> {
+pub(crate) struct Laying<'a> {
     /// Its patch's mesh.
-    pub(super) mesh: &'a TriMesh,
+    pub(crate) mesh: &'a TriMesh,
     /// The creases that its file gives, as vertices of the mesh.
-    pub(super) creases: Vec<[u32; 2]>,
+    pub(crate) creases: Vec<[u32; 2]>,
     /// What is snapped.
-    pub(super) snap: Snap,
+    pub(crate) snap: Snap,
 }
 
 /// Lets `cross`, the map of a surface onto the charts of `grounds`, come to rest, or moves it as the first map was moved.
 /// `mirror` is −1 for mirrored maps.
-pub(super) fn settle(
+pub(crate) fn settle(
     kept: &OnceLock<Settled>,
     laying: &Laying,
     cross: &mut CrossMap,

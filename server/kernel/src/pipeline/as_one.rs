@@ -2,13 +2,13 @@
 //! not the vertices alone, lie on the input; and where its quads are too large for what is there, each is split in four.
 //! All of the example comes with it: extraordinary vertices, UVs, groups.
 
-use super::super::{EngineError, Part, Stitched, Stitching};
+use super::error::{PipelineError, Stop};
 use super::grouped::Pieces;
 use super::notes::MISS_TOLD_PCT;
-use super::stitch::{Made, stitched};
-use crate::pool::Stop;
-use quadmuse_kernel::compose::{self, Miss, surface::ComposedSurface};
-use quadmuse_kernel::mesh::PolyMesh;
+use super::stitch::{Made, Part, Stitching, stitched};
+use super::stitched::Stitched;
+use crate::compose::{self, Miss, surface::ComposedSurface};
+use crate::mesh::PolyMesh;
 use std::sync::Arc;
 
 /// A map that misses its input by no more than this, in percent of the diagonal, stays as it is.
@@ -27,13 +27,13 @@ const QUADS_MAX: usize = 8_000;
 const MOVED: &str = "the map's vertices were moved so that its faces lie on the input; its layout is the example's own";
 
 /// `None` for a map that does not follow the input. A poor one is not split: a regular layout is better.
-pub(super) fn as_one(
+pub(crate) fn as_one(
     ground: &ComposedSurface<'_>,
     whole: &Arc<PolyMesh>,
     is_poor: bool,
     how: Stitching,
-    stop: &Stop,
-) -> Result<Option<Stitched>, EngineError> {
+    stop: Stop,
+) -> Result<Option<Stitched>, PipelineError> {
     let (splits_max, most_pct) = if is_poor { (0, MISS_TOLD_PCT) } else { (SPLITS_MAX, ASTRAY_PCT) };
     let may_split = |mesh: &PolyMesh, splits: u32| splits < splits_max && mesh.faces.corners().len() <= QUADS_MAX;
     let split = |mesh: &PolyMesh| Arc::new(compose::split(ground.input(), mesh));
@@ -81,8 +81,8 @@ fn moved(
     mesh: &Arc<PolyMesh>,
     splits: u32,
     how: Stitching,
-    stop: &Stop,
-) -> Result<Option<(Miss, Stitched)>, EngineError> {
+    stop: Stop,
+) -> Result<Option<(Miss, Stitched)>, PipelineError> {
     let part = [Part::Mapped { part: Arc::clone(mesh), whole: Arc::clone(mesh) }];
     let made: Made = stitched(ground, &part, &Pieces::single(1), how, stop)?;
     if made.mesh.faces != mesh.faces {
@@ -107,10 +107,10 @@ fn split_note(splits: u32, quads: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use quadmuse_kernel::mesh::{Attributes, FaceLabels, Polygons, Vec3, prepare};
-    use quadmuse_kernel::segment::Segmented;
-    use quadmuse_kernel::topology::Components;
-    use quadmuse_proto::composition::AS_MAPPED;
+    use crate::mesh::{Attributes, FaceLabels, Polygons, Vec3, prepare};
+    use crate::pipeline::AS_MAPPED;
+    use crate::segment::Segmented;
+    use crate::topology::Components;
 
     /// n × n quads of two groups over a square, on a surface of a height.
     fn sheet(n: usize, height: impl Fn(f64, f64) -> f64) -> PolyMesh {
@@ -146,7 +146,7 @@ mod tests {
         let map = Arc::new(sheet(n, height));
         let miss_pct = |mesh: &PolyMesh| 100.0 * compose::miss(ground.input(), mesh).expect("a disc of quads").mean;
         let how = Stitching { smoothing: 5, density: 0 };
-        let made = as_one(&ground, &map, is_poor, how, &Stop::new(None)).expect("a layout");
+        let made = as_one(&ground, &map, is_poor, how, &|| false).expect("a layout");
         let made = made.map(|made| (miss_pct(&made.mesh), made)).map(|(pct, made)| (made, pct));
         (Arc::clone(&map), miss_pct(&map), made)
     }
@@ -195,8 +195,7 @@ mod tests {
             ..PolyMesh::default()
         };
         let how = Stitching { smoothing: 5, density: 0 };
-        let made =
-            as_one(&ComposedSurface::of(&segmented), &Arc::new(map), false, how, &Stop::new(None)).expect("a layout");
+        let made = as_one(&ComposedSurface::of(&segmented), &Arc::new(map), false, how, &|| false).expect("a layout");
         let made = made.expect("it follows");
         assert_eq!((made.mesh.faces.len(), &made.notes[..]), (600, &[split_note(1, 600)][..]));
     }
@@ -208,8 +207,8 @@ mod tests {
         let map = Arc::new(sheet(10, dome));
         let part = [Part::Mapped { part: Arc::clone(&map), whole: map }];
         let how = Stitching { smoothing: 5, density: 1 };
-        let made = stitched(&ComposedSurface::of(&segmented), &part, &Pieces::single(1), how, &Stop::new(None))
-            .expect("a layout");
+        let made =
+            stitched(&ComposedSurface::of(&segmented), &part, &Pieces::single(1), how, &|| false).expect("a layout");
         let groups = made.mesh.attributes.groups.expect("groups").of_face;
         assert_eq!((groups.len(), groups.iter().filter(|&&g| g == 0).count()), (400, 200));
     }

@@ -1,23 +1,45 @@
 //! The last look at what is delivered: whether its mesh can be used at all, whatever was thought of it before.
 
-use super::super::{Allowed, Appraisal, EngineError, Mapped, Model, Side, Stitched};
-use super::fresh;
-use super::model::ModelInner;
-use quadmuse_kernel::compose::apart::owned;
-use quadmuse_kernel::measure::sound::ReferenceSurface;
-use quadmuse_kernel::mesh::bvh::Bvh;
-use quadmuse_kernel::mesh::{NONE, PolyMesh, TriMesh, Vec3};
-use quadmuse_kernel::topology::holes::filled;
-use quadmuse_proto::Verdict;
+use super::mapped::{Mapped, Verdict};
+use super::model::Model;
+use super::side::Side;
+use super::stitched::Stitched;
+use crate::compose::apart::owned;
+use crate::measure::sound::ReferenceSurface;
+use crate::mesh::bvh::Bvh;
+use crate::mesh::{NONE, PolyMesh, TriMesh, Vec3};
+use crate::topology::holes::filled;
+
+/// What is no flaw of a composition, since its maps are so on purpose. Shares from 0 to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Allowed {
+    /// Of the faces: those that are spanned flat where the scan has nothing.
+    pub spanned: f64,
+    /// Of the scan's area: what is left bare.
+    pub bare: f64,
+}
+
+/// A stitched mesh, measured against its input.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Appraisal {
+    /// Of each segment the share of the mesh's area that an example's layout has there, 0–1.
+    pub examples: Vec<f64>,
+    /// Share of the input's area with faces near it, 0–1.
+    pub covered: f64,
+    /// What makes it no use as it is, a sentence each; none of a mesh that is sound.
+    pub flaws: Vec<String>,
+    /// Segments on which the faces stand that make it so.
+    pub flawed: Vec<u32>,
+}
 
 /// Calls a map broken whose mesh is, and says why before all else.
-pub(super) fn check(mapped: &mut Mapped, query: &Side) -> Result<(), EngineError> {
-    let inner: &ModelInner = query.model.inner.open()?;
+pub(crate) fn check(mapped: &mut Mapped, query: &Side) {
+    let inner = &*query.model;
     let flaws = if inner.laid.is_some() {
         // A part of what was laid whole ends beside its segment.
         ReferenceSurface::new(owned(inner.ground().input()).into_owned()).flaws(&mapped.mesh, &[]).reasons(1.0, 0.0)
     } else {
-        let surface: &TriMesh = &fresh(&query.encoded.encoding)?.chart.mesh;
+        let surface: &TriMesh = &query.encoded.query.chart.mesh;
         ReferenceSurface::new(surface.clone())
             .flaws(&mapped.mesh, &mapped.reach.bridging)
             .reasons(1.0 - mapped.reach.covers.input, mapped.reach.spanned)
@@ -26,15 +48,13 @@ pub(super) fn check(mapped: &mut Mapped, query: &Side) -> Result<(), EngineError
         mapped.verdict = Verdict::Broken;
         mapped.reasons.splice(0..0, flaws);
     }
-    Ok(())
 }
 
-/// Measures a composition; see [`Engine::appraise`](super::super::Engine::appraise).
-pub(super) fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Result<Appraisal, EngineError> {
-    let inner: &ModelInner = query.inner.open()?;
-    let ground = inner.ground();
+/// Measures a composition against its input.
+pub fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Appraisal {
+    let ground = query.ground();
     let surface = owned(ground.input());
-    let with_gaps = inner.segmented.parts.iter().filter(|part| !part.holes.is_empty());
+    let with_gaps = query.segmented.parts.iter().filter(|part| !part.holes.is_empty());
     let filled = with_gaps.map(|part| filled(&part.mesh, &part.holes));
     let flaws = ReferenceSurface::new(surface.into_owned()).with_gaps(filled).flaws(&made.mesh, &made.bridging);
     let tree = Bvh::new(ground.input().surface);
@@ -59,7 +79,7 @@ pub(super) fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Resu
         flaws.faces.iter().filter_map(|&f| segment_of(made.mesh.faces.face(f as usize))).collect();
     flawed.sort_unstable();
     flawed.dedup();
-    Ok(Appraisal { examples, covered: 1.0 - flaws.bare, flaws: flaws.reasons(allowed.bare, allowed.spanned), flawed })
+    Appraisal { examples, covered: 1.0 - flaws.bare, flaws: flaws.reasons(allowed.bare, allowed.spanned), flawed }
 }
 
 fn middle(mesh: &PolyMesh, face: &[u32]) -> Vec3 {
@@ -67,7 +87,7 @@ fn middle(mesh: &PolyMesh, face: &[u32]) -> Vec3 {
 }
 
 /// The area of a face.
-pub(super) fn area(mesh: &PolyMesh, face: &[u32]) -> f64 {
+pub(crate) fn area(mesh: &PolyMesh, face: &[u32]) -> f64 {
     let at = |k: usize| mesh.positions[face[k] as usize];
     let fan = |k: usize| (at(k) - at(0)).cross(&(at(k + 1) - at(0)));
     0.5 * (1..face.len().saturating_sub(1)).map(fan).sum::<Vec3>().norm()
@@ -76,8 +96,8 @@ pub(super) fn area(mesh: &PolyMesh, face: &[u32]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pool::Stop;
-    use crate::work::engine::{Cut, Engine, kernel::KernelEngine};
+    use crate::mesh::Limits;
+    use crate::pipeline::{Cut, read as read_model};
     use std::fmt::Write;
     use std::sync::Arc;
 
@@ -96,8 +116,7 @@ mod tests {
     }
 
     fn read(text: &str) -> Model {
-        let read = KernelEngine::default().read(text.as_bytes(), None, &Cut::default(), &Stop::new(None));
-        read.expect("a disc")
+        read_model(text.as_bytes(), None, &Cut::default(), &Limits::default()).expect("a disc")
     }
 
     fn stitched(mesh: PolyMesh, is_example: bool) -> Stitched {
@@ -116,17 +135,14 @@ mod tests {
     fn a_composition_is_measured_and_its_flaws_are_found_where_they_are() {
         let (input, layout) = (read(&dome(40)), read(&dome(12)));
         let mesh = (*layout.mesh).clone();
-        let sound = appraise(&input, &stitched(mesh.clone(), true), Allowed::default()).expect("measured");
+        let sound = appraise(&input, &stitched(mesh.clone(), true), Allowed::default());
         assert!((sound.examples[0] - 1.0).abs() < 1e-9 && sound.covered > 0.999, "{sound:?}");
         assert!(sound.flaws.is_empty() && sound.flawed.is_empty(), "{sound:?}");
-        assert_eq!(
-            appraise(&input, &stitched(mesh.clone(), false), Allowed::default()).expect("measured").examples,
-            [0.0]
-        );
+        assert_eq!(appraise(&input, &stitched(mesh.clone(), false), Allowed::default()).examples, [0.0]);
         // A vertex in one corner, drawn through below the dome to the other.
         let mut torn = mesh;
         torn.positions[14] = torn.positions[13 * 13 - 1];
-        let torn = appraise(&input, &stitched(torn, true), Allowed::default()).expect("measured");
+        let torn = appraise(&input, &stitched(torn, true), Allowed::default());
         assert!(!torn.flaws.is_empty() && torn.flawed == [0], "{torn:?}");
     }
 }

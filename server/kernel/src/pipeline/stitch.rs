@@ -1,21 +1,56 @@
 //! Compositions and templates.
 
-use super::super::{
-    Encoded, EngineError, Mapped, Model, Opaque, Part, Reach, Refusal, Registration, Side, Stitched, Stitching,
-};
 use super::as_one::as_one;
-use super::fresh;
+use super::error::{PipelineError, Refusal, Stop, stopped};
 use super::grouped::Pieces;
-use super::model::ModelInner;
+use super::model::Model;
 use super::notes;
-use crate::pool::Stop;
-use quadmuse_kernel::compose::{
+use super::side::{Encoded, Side};
+use super::stitched::Stitched;
+use crate::compose::{
     self, Closeness, Options, Piece, layers, net::Net, subdivide, surface::ComposedSurface, template,
 };
-use quadmuse_kernel::mesh::{PolyMesh, TriMesh};
-use quadmuse_kernel::register::Query;
-use quadmuse_proto::{Distortion, Flip, Histogram, Verdict};
+use crate::mesh::{PolyMesh, TriMesh};
+use crate::register::Query;
 use std::sync::Arc;
+
+/// What a segment takes in a composition.
+#[derive(Clone, Debug)]
+pub enum Part {
+    /// A mapped example.
+    Mapped {
+        /// [`Mapped::part`](super::Mapped::part).
+        part: Arc<PolyMesh>,
+        /// [`Mapped::mesh`](super::Mapped::mesh): where it is the only part and follows the input, it is the composition.
+        whole: Arc<PolyMesh>,
+    },
+    /// The part of a map, to be subdivided no further than joining it needs.
+    Kept(Arc<PolyMesh>),
+    /// The same of a map that [is of the whole](super::Mapped::is_of_whole): with neighbours of its kind it hangs together as
+    /// in the example.
+    OfWhole(Arc<PolyMesh>),
+    /// A mapped example that nobody chose and that is poor: a regular layout takes its place, unless it is the only part and
+    /// follows the input better.
+    Poor {
+        /// [`Mapped::part`](super::Mapped::part).
+        part: Arc<PolyMesh>,
+        /// [`Mapped::mesh`](super::Mapped::mesh).
+        whole: Arc<PolyMesh>,
+        /// The segment.
+        instead: Arc<Encoded>,
+    },
+    /// A regular layout at the density of its neighbours, on this unfolded segment.
+    Template(Arc<Encoded>),
+}
+
+/// How to stitch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stitching {
+    /// Rounds of smoothing.
+    pub smoothing: u32,
+    /// Times each part is subdivided (above 0) or coarsened where its layout allows (below 0).
+    pub density: i32,
+}
 
 /// Most faces that a density may ask for.
 const FACES_MAX: usize = 4_000_000;
@@ -55,11 +90,13 @@ impl Brought<'_> {
     }
 }
 
-/// Stitches one part a segment.
-pub(super) fn compose(query: &Model, parts: &[Part], how: Stitching, stop: &Stop) -> Result<Stitched, EngineError> {
-    let inner: &ModelInner = query.inner.open()?;
-    let ground = inner.ground();
-    let grouped = Pieces::grouped(inner, parts)?;
+/// Stitches one part a segment, in their order, to one mesh of quads, smoothed and projected back onto the input.
+///
+/// # Errors
+/// [`Refusal::CompositionInvalid`], [`PipelineError::Stopped`].
+pub fn compose(query: &Model, parts: &[Part], how: Stitching, stop: Stop) -> Result<Stitched, PipelineError> {
+    let ground = query.ground();
+    let grouped = Pieces::grouped(query, parts);
     if grouped.is_any_joined() {
         let whole = stitched(&grouped.ground(&ground), parts, &grouped, how, stop)?;
         if !grouped.is_any_lost(&whole.report) {
@@ -85,9 +122,9 @@ pub(super) fn compose(query: &Model, parts: &[Part], how: Stitching, stop: &Stop
 }
 
 /// A composition, and what is to be told of what was brought.
-pub(super) struct Made {
-    pub(super) mesh: PolyMesh,
-    pub(super) report: compose::Report,
+pub(crate) struct Made {
+    pub(crate) mesh: PolyMesh,
+    pub(crate) report: compose::Report,
     brought: notes::Brought,
 }
 
@@ -103,7 +140,7 @@ impl Made {
         (0..report.subdivided.len()).map(|segment| !is_input && stands(segment)).collect()
     }
 
-    pub(super) fn told(self) -> Stitched {
+    pub(crate) fn told(self) -> Stitched {
         let is_example = self.is_example();
         let mut notes = notes::brought(&self.brought);
         notes.extend(notes::made(&self.report, self.mesh.faces.len()));
@@ -120,13 +157,13 @@ impl Made {
 }
 
 /// One piece for each group of segments.
-pub(super) fn stitched(
+pub(crate) fn stitched(
     ground: &ComposedSurface<'_>,
     parts: &[Part],
     pieces: &Pieces,
     how: Stitching,
-    stop: &Stop,
-) -> Result<Made, EngineError> {
+    stop: Stop,
+) -> Result<Made, PipelineError> {
     let mut told = notes::Brought::default();
     let mut brought: Vec<Brought<'_>> = Vec::new();
     for (segment, joined) in pieces.each() {
@@ -137,11 +174,11 @@ pub(super) fn stitched(
             Part::Kept(part) => Brought::Mesh(mesh(part)?, Choice::Chosen),
             Part::Poor { instead, .. } => {
                 told.poor.push(segment);
-                Brought::Unfolded(fresh(&instead.encoding)?)
+                Brought::Unfolded(&instead.query)
             }
             Part::Template(encoded) => {
                 told.regular.push(segment);
-                Brought::Unfolded(fresh(&encoded.encoding)?)
+                Brought::Unfolded(&encoded.query)
             }
         });
     }
@@ -153,9 +190,9 @@ pub(super) fn stitched(
         // Who asks for a coarser layout wants it as coarse as that.
         closeness: if how.density < 0 { Closeness::AsBrought } else { Closeness::Followed },
     };
-    let made = compose::compose(ground.input(), &all, options, &|| stop.reason().is_some());
+    let made = compose::compose(ground.input(), &all, options, stop);
     stopped(stop)?;
-    let mut made = made.map_err(|e| EngineError::refused(Refusal::CompositionInvalid, e.to_string()))?;
+    let mut made = made.map_err(|e| PipelineError::refused(Refusal::CompositionInvalid, e.to_string()))?;
     if let [Brought::Mesh(mesh, _)] = &brought[..]
         && made.mesh.faces == mesh.faces
     {
@@ -164,17 +201,13 @@ pub(super) fn stitched(
     Ok(Made { mesh: made.mesh, report: pieces.by_segment(made.report), brought: told })
 }
 
-fn stopped(stop: &Stop) -> Result<(), EngineError> {
-    stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))
-}
-
 /// A part, subdivided or coarsened; its faces are counted before the work.
 fn at_density(
     mesh: &PolyMesh,
     segment: usize,
     density: i32,
     told: &mut notes::Brought,
-) -> Result<PolyMesh, EngineError> {
+) -> Result<PolyMesh, PipelineError> {
     if density == 0 {
         return Ok(mesh.clone());
     }
@@ -184,7 +217,7 @@ fn at_density(
             let detail = format!(
                 "expected a density at which segment {segment} has at most {FACES_MAX} faces, found {density}, at which it has {faces}; ask for less"
             );
-            return Err(EngineError::refused(Refusal::CompositionInvalid, detail));
+            return Err(PipelineError::refused(Refusal::CompositionInvalid, detail));
         }
         return Ok((0..density).fold(mesh.clone(), |mesh, _| layers::subdivided(&mesh)));
     }
@@ -199,38 +232,16 @@ fn at_density(
     Ok(net.into_mesh().0)
 }
 
-/// A regular layout on an unfolded segment.
-fn layout(encoded: &Encoded, edge: f64) -> Result<PolyMesh, EngineError> {
-    let query = fresh(&encoded.encoding)?;
-    Ok(template::template(&query.chart, query.index(), edge))
-}
-
-/// A regular layout in place of a mapped example.
-pub(super) fn template(query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
+/// A regular layout on an unfolded segment, in place of a mapped example.
+///
+/// # Errors
+/// [`PipelineError::Stopped`].
+pub fn template(query: &Side, stop: Stop) -> Result<PolyMesh, PipelineError> {
     stopped(stop)?;
-    let inner: &ModelInner = query.model.inner.open()?;
-    let edge = (inner.segmented.mesh.total_area() / quads_for(&inner.segmented.mesh)).sqrt();
-    let mesh = Arc::new(layout(&query.encoded, edge)?);
-    let none = || Histogram { edges: vec![0.0, 1.0], counts: vec![0], ..Histogram::default() };
-    Ok(Mapped {
-        part: Arc::clone(&mesh),
-        mesh,
-        registration: Registration {
-            level: 0,
-            energy: 0.0,
-            flip: Flip::default(),
-            shift_u: 0.0,
-            inner: Opaque::new(()),
-        },
-        is_of_whole: false,
-        constraints: Vec::new(),
-        folds: 0,
-        distortion: Distortion { angle: none(), area: none() },
-        verdict: Verdict::Fair,
-        reasons: vec!["no example was used: a regular layout was made for this segment".into()],
-        reach: Reach::default(),
-        evidence: None,
-    })
+    let surface = &query.model.segmented.mesh;
+    let edge = (surface.total_area() / quads_for(surface)).sqrt();
+    let unfolded = &query.encoded.query;
+    Ok(template::template(&unfolded.chart, unfolded.index(), edge))
 }
 
 #[cfg(test)]

@@ -1,14 +1,14 @@
 //! Pieces of an example for which the scan has nothing are spanned where they are surrounded by what lies on it.
 
-use quadmuse_kernel::map::CrossMap;
-use quadmuse_kernel::mesh::TriMesh;
-use quadmuse_kernel::mesh::bvh::Bvh;
-use quadmuse_kernel::settle::spanned;
-use quadmuse_kernel::unfold::Chart;
+use crate::map::CrossMap;
+use crate::mesh::TriMesh;
+use crate::mesh::bvh::Bvh;
+use crate::settle::spanned;
+use crate::unfold::Chart;
 
 /// Spans the vertices that are `bare`, for which the input has nothing, between those around them. The example's rim stays.
 /// Returns the polygons that move, in order.
-pub(super) fn span(cross: &mut CrossMap, mesh: &TriMesh, bare: &[bool], chart: &Chart) -> Vec<u32> {
+pub(crate) fn span(cross: &mut CrossMap, mesh: &TriMesh, bare: &[bool], chart: &Chart) -> Vec<u32> {
     let rim = mesh.boundary_vertices();
     let free: Vec<bool> = bare.iter().zip(rim).map(|(bare, rim)| *bare && !rim).collect();
     if !free.contains(&true) {

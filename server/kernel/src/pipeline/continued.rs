@@ -1,35 +1,34 @@
 //! Maps continued by rows of quads to where the input ends.
 
-use super::super::{BARE, EngineError, Fitted, Mapped, Registration, Side};
-use super::model::ModelInner;
+use super::error::{PipelineError, Stop};
+use super::mapped::{Before, Fitted, Mapped};
 use super::registered::{self, Registered};
-use super::sound;
-use crate::pool::Stop;
-use quadmuse_kernel::fit::{beyond, within};
-use quadmuse_kernel::map::assemble::select;
-use quadmuse_kernel::mesh::{PolyMesh, TriMesh};
-use quadmuse_kernel::segment::segment_above;
-use quadmuse_kernel::topology::{Components, Patch, Topology, primitive};
+use super::side::Side;
+use super::{BARE, sound};
+use crate::fit::{beyond, within};
+use crate::map::assemble::select;
+use crate::mesh::{PolyMesh, TriMesh};
+use crate::segment::segment_above;
+use crate::topology::{Components, Patch, Topology, primitive};
 use std::sync::Arc;
 
 /// What of an input lies beyond the example.
-pub(super) fn rest_of(input: &TriMesh, field: &[f64]) -> Option<Patch> {
+pub(crate) fn rest_of(input: &TriMesh, field: &[f64]) -> Option<Patch> {
     let mut cut = segment_above(input, field).ok()?;
     (cut.parts.len() > 1).then(|| cut.parts.swap_remove(1))
 }
 
 /// The map after an edit, continued to where the input ends if it was before.
-pub(super) fn edited(
-    from: &Registration,
-    before: &Mapped,
+pub(crate) fn edited(
+    from: &Registered,
+    before: &Before,
     example: &Side,
     query: &Side,
-    stop: &Stop,
-) -> Result<Mapped, EngineError> {
+    stop: Stop,
+) -> Result<Mapped, PipelineError> {
     let mapped = registered::map(from, example, query, stop)?.after(before);
-    let registered: &Registered = from.inner.open()?;
-    let (Some(of_whole), Some(_)) = (registered.of_whole.get(), before.reach.own) else { return Ok(mapped) };
-    let (of, on): (&ModelInner, &ModelInner) = (example.model.inner.open()?, query.model.inner.open()?);
+    let (Some(of_whole), Some(_)) = (from.of_whole.get(), before.reach.own) else { return Ok(mapped) };
+    let (of, on) = (&*example.model, &*query.model);
     let (one, two) = (&of.patch(example.segment)?.mesh, &on.patch(query.segment)?.mesh);
     let field = within(one, of_whole.positions(), two);
     let mut fitted = Fitted { mapped, example: example.clone(), query: query.clone() };
@@ -38,23 +37,23 @@ pub(super) fn edited(
 }
 
 /// A map without the rows that continue it; `None` where it has none.
-pub(super) fn own(mapped: &Mapped) -> Option<Mapped> {
-    let mesh = own_faces(mapped)?;
+pub(crate) fn own(mapped: &Mapped) -> Option<Mapped> {
+    let mesh = own_faces(&mapped.mesh, mapped.reach.own)?;
     let mut own = Mapped { part: Arc::clone(&mesh), mesh, ..mapped.clone() };
     (own.reach.own, own.reach.inspired) = (None, None);
     own.reasons.push(format!("{BARE}: rows of quads would leave it"));
     Some(own)
 }
 
-/// The faces of a map without the rows that continue it; `None` where it has none.
-pub(super) fn own_faces(mapped: &Mapped) -> Option<Arc<PolyMesh>> {
-    let (_, faces) = mapped.reach.own?;
-    let keep: Vec<bool> = (0..mapped.mesh.faces.len() as u64).map(|f| f < faces).collect();
-    Some(Arc::new(select(&mapped.mesh, &keep)))
+/// The faces of a map without the rows that continue it; `None` where it has none. `own`: how many come first.
+pub(crate) fn own_faces(mesh: &PolyMesh, own: Option<(u64, u64)>) -> Option<Arc<PolyMesh>> {
+    let (_, faces) = own?;
+    let keep: Vec<bool> = (0..mesh.faces.len() as u64).map(|f| f < faces).collect();
+    Some(Arc::new(select(mesh, &keep)))
 }
 
 /// Continues a map to where the input ends.
-pub(super) fn extend(fitted: &mut Fitted, rest: Option<&Patch>) {
+pub(crate) fn extend(fitted: &mut Fitted, rest: Option<&Patch>) {
     let found = rest.and_then(|rest| primitive(&rest.mesh, Components::Largest).ok());
     let rest = found.filter(|rest| matches!(rest.topology, Topology::Annulus | Topology::Disc));
     let mapped = &mut fitted.mapped;

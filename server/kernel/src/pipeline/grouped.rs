@@ -2,28 +2,28 @@
 //!
 //! Where a query was cut as an example is and takes most of its parts from there, the cuts between these were never needed.
 
-use super::super::{EngineError, Part};
-use super::model::{ModelInner, WholeMap};
-use quadmuse_kernel::compose::{Report, part, surface::ComposedSurface};
-use quadmuse_kernel::map::assemble::Winding;
-use quadmuse_kernel::mesh::{PolyMesh, Vec3};
-use quadmuse_kernel::topology::submesh;
+use super::model::{Model, WholeMap};
+use super::stitch::Part;
+use crate::compose::{Report, part, surface::ComposedSurface};
+use crate::map::assemble::Winding;
+use crate::mesh::{PolyMesh, Vec3};
+use crate::topology::submesh;
 
 /// The pieces of a composition.
-pub(super) struct Pieces {
+pub(crate) struct Pieces {
     /// The segments of each, in order; with what lies on several of them together.
     all: Vec<(Vec<usize>, Option<PolyMesh>)>,
 }
 
 impl Pieces {
     /// A piece a segment.
-    pub(super) fn single(segments: usize) -> Self {
+    pub(crate) fn single(segments: usize) -> Self {
         Self { all: (0..segments).map(|segment| (vec![segment], None)).collect() }
     }
 
     /// One for each set of neighbours that take their parts from the whole.
-    pub(super) fn grouped(query: &ModelInner, parts: &[Part]) -> Result<Self, EngineError> {
-        let Some(laid) = &query.laid else { return Ok(Self::single(parts.len())) };
+    pub(crate) fn grouped(query: &Model, parts: &[Part]) -> Self {
+        let Some(laid) = &query.laid else { return Self::single(parts.len()) };
         let is_of_whole = |segment: usize| matches!(parts.get(segment), Some(Part::OfWhole(_)));
         let mut seen = vec![false; parts.len()];
         let mut all = Vec::new();
@@ -41,22 +41,22 @@ impl Pieces {
                 }
             }
             segments.sort_unstable();
-            let joined = if segments.len() > 1 { joined(laid, &segments)? } else { None };
+            let joined = if segments.len() > 1 { joined(laid, &segments) } else { None };
             match joined {
                 Some(mesh) => all.push((segments, Some(mesh))),
                 None => all.extend(segments.into_iter().map(|segment| (vec![segment], None))),
             }
         }
-        Ok(Self { all })
+        Self { all }
     }
 
     /// Whether a piece lies on several segments.
-    pub(super) fn is_any_joined(&self) -> bool {
+    pub(crate) fn is_any_joined(&self) -> bool {
         self.all.iter().any(|piece| piece.1.is_some())
     }
 
     /// The ground with a segment a piece.
-    pub(super) fn ground<'a>(&self, ground: &ComposedSurface<'a>) -> ComposedSurface<'a> {
+    pub(crate) fn ground<'a>(&self, ground: &ComposedSurface<'a>) -> ComposedSurface<'a> {
         let count = self.all.iter().map(|piece| piece.0.len()).sum();
         let mut piece_of = vec![0; count];
         for (piece, (segments, _)) in self.all.iter().enumerate() {
@@ -66,12 +66,12 @@ impl Pieces {
     }
 
     /// The first segment of each piece, with what lies on it where they are several.
-    pub(super) fn each(&self) -> impl Iterator<Item = (usize, Option<&PolyMesh>)> {
+    pub(crate) fn each(&self) -> impl Iterator<Item = (usize, Option<&PolyMesh>)> {
         self.all.iter().filter_map(|(segments, joined)| segments.first().map(|&first| (first, joined.as_ref())))
     }
 
     /// Whether something that lies on several segments did not stay as it is, by what the report says of the segments.
-    pub(super) fn is_any_lost(&self, report: &Report) -> bool {
+    pub(crate) fn is_any_lost(&self, report: &Report) -> bool {
         let several = self.all.iter().filter(|piece| piece.1.is_some());
         let gone = [&report.replaced, &report.too_dense, &report.missing, &report.own];
         several.flat_map(|piece| &piece.0).any(|segment| {
@@ -80,7 +80,7 @@ impl Pieces {
     }
 
     /// A report of pieces as one of segments.
-    pub(super) fn by_segment(&self, report: Report) -> Report {
+    pub(crate) fn by_segment(&self, report: Report) -> Report {
         let segments = |pieces: &[usize]| {
             let mut all: Vec<usize> =
                 pieces.iter().filter_map(|&piece| self.all.get(piece)).flat_map(|piece| piece.0.clone()).collect();
@@ -103,12 +103,12 @@ impl Pieces {
 }
 
 /// What the example has on some of its segments, where the whole was laid; `None` where a vertex has no place.
-fn joined(laid: &WholeMap, segments: &[usize]) -> Result<Option<PolyMesh>, EngineError> {
-    let of: &ModelInner = laid.example.inner.open()?;
+fn joined(laid: &WholeMap, segments: &[usize]) -> Option<PolyMesh> {
+    let of = &*laid.example;
     let is_in = |t: &u32| of.segmented.part_of.get(*t as usize).is_some_and(|p| segments.contains(&(*p as usize)));
     let triangles: Vec<u32> = (0..of.segmented.mesh.triangles.len() as u32).filter(is_in).collect();
     let (mesh, vertex_of) = submesh(&of.segmented.mesh, &triangles);
     let places: Option<Vec<Vec3>> = vertex_of.iter().map(|&v| laid.places.get(v as usize).copied().flatten()).collect();
     let winding = if laid.mirrored { Winding::Reversed } else { Winding::Kept };
-    Ok(places.map(|places| part::polygons(&mesh, &places, winding)))
+    places.map(|places| part::polygons(&mesh, &places, winding))
 }

@@ -1,63 +1,94 @@
 //! Uploads: read, repaired, cut into primitives.
 
-use super::super::{Besides, Cut, EngineError, Grain, Model, ModelSegment, Opaque, Refusal};
-use super::{parts, topology_out};
-use crate::work::worth::{FACES_CHOSEN_MIN, FACES_OF_SCAN_MIN};
-use quadmuse_kernel::compose::surface::ComposedSurface;
-use quadmuse_kernel::mesh::{
-    self, FaceLabels, Format, Limits, MeshError, MeshErrorKind, NONE, PolyMesh, Prepared, TriMesh, Vec3,
-};
-use quadmuse_kernel::segment::{PartCount, Segmented, fused, segment};
-use quadmuse_kernel::topology::{self, Patch, TopologyError};
-use quadmuse_proto::{Components, MeshFormat, Segmentation, segment::Parts};
+use super::cut::{Besides, Cut, Grain, Way};
+use super::error::{PipelineError, Refusal};
+use super::parts;
+use crate::compose::apart::alone;
+use crate::compose::surface::ComposedSurface;
+use crate::mesh::{self, FaceLabels, Format, Limits, NONE, PolyMesh, Prepared, TriMesh, Vec3};
+use crate::segment::{PartCount, Segmented, fused, segment};
+use crate::topology::{Components, Patch, Topology, TopologyError};
+use std::collections::HashSet;
 use std::sync::Arc;
 
-/// What a model keeps for encoding and mapping.
+/// Faces of a segment that has enough form to choose an example by: several are tried, and laid on it in rough poses before.
+pub const FACES_CHOSEN_MIN: u64 = 256;
+/// Faces of a mesh that may be a scan. One of fewer is laid on with less care, and one example is tried.
+pub const FACES_OF_SCAN_MIN: u64 = 1024;
+/// Most segments that labels may ask for: each costs memory and time, however few its faces are.
+pub const SEGMENTS_MAX: usize = 128;
+
+/// A segment of a model, as it is told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Segment {
+    /// Its topology.
+    pub topology: Topology,
+    /// Polygons that belong to it.
+    pub faces: u64,
+    /// Small holes in it that are counted as filled.
+    pub holes: u32,
+}
+
+/// A mesh that was read, checked, repaired and cut.
 #[derive(Debug)]
-pub(super) struct ModelInner {
+pub struct Model {
+    /// The mesh as uploaded.
+    pub mesh: Arc<PolyMesh>,
+    /// Its format.
+    pub format: Format,
+    /// What was repaired, a sentence each.
+    pub repairs: Vec<String>,
+    /// The segment of each face, where [`Cut::parts`] and [`Grain::Faces`] asked for an automatic cut, or it was cut as an
+    /// example is.
+    pub labels: Option<Vec<i64>>,
+    /// The part of each face besides the whole, from 1, and 0 for none, where [`Cut::besides`] asked for parts and there are some.
+    pub besides: Option<Vec<i64>>,
     /// The surface, and which of its vertices each vertex of the upload became.
-    pub(super) prepared: Prepared,
+    pub(crate) prepared: Prepared,
     /// The surface cut into its segments, the parts aside.
-    pub(super) segmented: Segmented,
+    pub(crate) segmented: Segmented,
     /// Parts of the surface that are segments, too, after those of `segmented`, which then is whole.
-    pub(super) parts: Vec<Patch>,
+    pub(crate) parts: Vec<Patch>,
     /// The example that it was cut alike, laid on it whole.
-    pub(super) laid: Option<WholeMap>,
+    pub(crate) laid: Option<WholeMap>,
     /// Whether it was cut where another surface ends, so that its boundary means nothing.
-    pub(super) is_part: bool,
+    pub(crate) is_part: bool,
 }
 
 /// An example laid on an input whole.
 #[derive(Debug)]
-pub(super) struct WholeMap {
+pub(crate) struct WholeMap {
     /// The example.
-    pub(super) example: Model,
+    pub(crate) example: Arc<Model>,
     /// Its faces on the input.
-    pub(super) mesh: PolyMesh,
+    pub(crate) mesh: PolyMesh,
     /// Where the vertices of its surface went; `None` for those of small components.
-    pub(super) places: Vec<Option<Vec3>>,
+    pub(crate) places: Vec<Option<Vec3>>,
     /// Whether it lies mirrored.
-    pub(super) mirrored: bool,
+    pub(crate) mirrored: bool,
     /// Cost of the registration, and log of the ratio of the moduli.
-    pub(super) cost: f64,
-    pub(super) modulus_log: f64,
+    pub(crate) cost: f64,
+    pub(crate) modulus_log: f64,
 }
 
 impl WholeMap {
     /// Whether it was this example.
-    pub(super) fn is_of(&self, example: &Arc<PolyMesh>) -> bool {
+    pub(crate) fn is_of(&self, example: &Arc<PolyMesh>) -> bool {
         let own = &self.example.mesh;
         Arc::ptr_eq(own, example) || (own.positions == example.positions && own.faces == example.faces)
     }
 }
 
-impl ModelInner {
+impl Model {
     /// A segment's surface.
-    pub(super) fn patch(&self, segment: u32) -> Result<&Patch, EngineError> {
+    ///
+    /// # Errors
+    /// [`PipelineError::Internal`] where there is no such segment.
+    pub fn patch(&self, segment: u32) -> Result<&Patch, PipelineError> {
         let count = self.segmented.parts.len() + self.parts.len();
         self.patches()
             .nth(segment as usize)
-            .ok_or_else(|| EngineError::Internal(format!("segment {segment} of {count}")))
+            .ok_or_else(|| PipelineError::Internal(format!("segment {segment} of {count}")))
     }
 
     /// The surfaces of all segments, in order.
@@ -66,14 +97,49 @@ impl ModelInner {
     }
 
     /// Whether a segment is all of an upload, so that its boundary is where its artist let it end.
-    pub(super) fn is_whole(&self, segment: u32) -> bool {
+    pub(crate) fn is_whole(&self, segment: u32) -> bool {
         self.segmented.parts.len() == 1 && segment == 0 && !self.is_part
     }
 
-    /// The segments as they are told.
-    pub(super) fn segments(&self) -> Vec<ModelSegment> {
-        let segment = |p: &Patch| ModelSegment {
-            topology: topology_out(p.topology),
+    /// The same mesh cut otherwise, with no parts besides.
+    pub(crate) fn recut(&self, segmented: Segmented, is_part: bool) -> Self {
+        Self {
+            mesh: Arc::clone(&self.mesh),
+            format: self.format,
+            repairs: self.repairs.clone(),
+            labels: None,
+            besides: self.besides.clone(),
+            prepared: self.prepared.clone(),
+            segmented,
+            parts: Vec::new(),
+            laid: None,
+            is_part,
+        }
+    }
+
+    /// The mesh, whose faces tell the segment that they belong to.
+    pub fn told_apart(&self) -> PolyMesh {
+        let mut mesh = PolyMesh::clone(&self.mesh);
+        // Of a whole that has parts besides, each face tells its part.
+        let labels = self.besides.clone().unwrap_or_else(|| self.face_labels(mesh.faces.len()));
+        mesh.attributes.segments = Some(labels);
+        mesh
+    }
+
+    /// The surface as it was repaired, uncut.
+    pub fn surface(&self) -> &TriMesh {
+        &self.prepared.mesh
+    }
+
+    /// Tells of each segment whether it has its components of the surface to itself, so that it needs no stitching.
+    pub fn alone(&self) -> Vec<bool> {
+        alone(self.ground().input())
+    }
+
+    /// The segments as they are told, numbered from 0: where it has parts besides its whole, the whole first.
+    pub fn segments(&self) -> Vec<Segment> {
+        let segment = |p: &Patch| Segment {
+            topology: p.topology,
             faces: count_polygons(&self.segmented, p),
             holes: p.holes.len() as u32,
         };
@@ -81,12 +147,12 @@ impl ModelInner {
     }
 
     /// The segment of each face of the upload, as it is told.
-    pub(super) fn labels(&self, faces: usize) -> Vec<i64> {
+    pub(crate) fn face_labels(&self, faces: usize) -> Vec<i64> {
         self.part_of_faces(faces).into_iter().map(i64::from).collect()
     }
 
     /// The segment of each face of the upload; 0 for faces that preparing dropped.
-    pub(super) fn part_of_faces(&self, faces: usize) -> Vec<u32> {
+    pub(crate) fn part_of_faces(&self, faces: usize) -> Vec<u32> {
         let mut part_of = vec![0; faces];
         for (t, &part) in self.segmented.part_of.iter().enumerate() {
             if let Some(place) = part_of.get_mut(self.segmented.mesh.polygon_of[t] as usize) {
@@ -97,73 +163,58 @@ impl ModelInner {
     }
 
     /// The surface that the segments cut up, as it is composed.
-    pub(super) fn ground(&self) -> ComposedSurface<'_> {
+    pub(crate) fn ground(&self) -> ComposedSurface<'_> {
         ComposedSurface::of(&self.segmented)
     }
 
     /// Whether an example laid on a segment may come to rest elsewhere than its chart says. What was laid whole has its place;
     /// what has few faces has too little form to tell one place from another by.
-    pub(super) fn may_settle(&self, segment: u32) -> bool {
+    pub(crate) fn may_settle(&self, segment: u32) -> bool {
         self.laid.is_none() && self.faces(segment) >= FACES_CHOSEN_MIN
     }
 
     /// Whether the mesh, whatever it is cut into, has as many triangles as a scan: what has fewer is laid on with less care.
-    pub(super) fn is_scan(&self) -> bool {
+    pub(crate) fn is_scan(&self) -> bool {
         !few_faces(&self.prepared)
     }
 
     /// Whether a segment has enough triangles to have tips, and parts that one would tell apart. `surface`: that segment as it is
     /// charted, which may have more triangles than were sent.
-    pub(super) fn has_tips(&self, segment: u32, surface: &TriMesh) -> bool {
+    pub(crate) fn has_tips(&self, segment: u32, surface: &TriMesh) -> bool {
         let has_form = surface.triangles.len() as u64 >= FACES_CHOSEN_MIN;
         has_form && (self.is_scan() || self.faces(segment) >= FACES_CHOSEN_MIN)
     }
 
     /// Polygons of a segment.
-    pub(super) fn faces(&self, segment: u32) -> u64 {
+    pub(crate) fn faces(&self, segment: u32) -> u64 {
         self.patch(segment).map_or(0, |patch| count_polygons(&self.segmented, patch))
     }
 }
 
-/// The mesh of a model, whose faces tell the segment that they belong to.
-pub(super) fn told_apart(model: &Model) -> Result<Arc<PolyMesh>, EngineError> {
-    let inner: &ModelInner = model.inner.open()?;
-    let mut mesh = PolyMesh::clone(&model.mesh);
-    // Of a whole that has parts besides, each face tells its part.
-    let labels = model.besides.clone().unwrap_or_else(|| inner.labels(mesh.faces.len()));
-    mesh.attributes.segments = Some(labels);
-    Ok(Arc::new(mesh))
-}
-
-/// Reads, repairs and cuts.
-pub(super) fn read(bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, limits: &Limits) -> Result<Model, EngineError> {
-    let wanted = format.map(format_of).or_else(|| Format::sniff(bytes));
-    let mesh = mesh::read(bytes, wanted, limits).map_err(refused)?;
+/// Reads, repairs and cuts. `format`: that of the bytes, where it is known.
+///
+/// # Errors
+/// [`PipelineError::Refused`].
+pub fn read(bytes: &[u8], format: Option<Format>, cut: &Cut, limits: &Limits) -> Result<Model, PipelineError> {
+    let wanted = format.or_else(|| Format::sniff(bytes));
+    let mesh = mesh::read(bytes, wanted, limits)?;
     // Who tells how the faces are to be cut means them as they are.
-    let is_as_sent = cut.labels.is_some() || cut.way == Segmentation::Groups || !is_scan(cut);
-    let prepared = if is_as_sent { mesh::prepare(&mesh) } else { mesh::prepare_scan(&mesh) }.map_err(refused)?;
+    let is_as_sent = cut.labels.is_some() || cut.way == Way::Groups || !is_scan(cut);
+    let prepared = if is_as_sent { mesh::prepare(&mesh) } else { mesh::prepare_scan(&mesh) }?;
     let views = if is_as_sent || few_faces(&prepared) { None } else { fused(&prepared) };
     let prepared = views.unwrap_or(prepared);
     let segmented = cut_up(&mesh, &prepared, cut)?;
     let asked = cut.parts.is_some() && cut.grain == Grain::Faces;
     let besides = besides(&mesh, &prepared.mesh, &segmented, &cut.besides)?;
     let (besides, parts) = besides.map_or((None, Vec::new()), |(labels, parts)| (Some(labels), parts));
-    let inner = ModelInner { prepared, segmented, parts, laid: None, is_part: false };
-    Ok(Model {
-        format: wanted.map_or(MeshFormat::Obj, format_back),
-        repairs: inner
-            .prepared
-            .repairs
-            .iter()
-            .map(ToString::to_string)
-            .chain(inner.segmented.parts.iter().flat_map(|part| mended(part, inner.segmented.handles_opened)))
-            .collect(),
-        segments: inner.segments(),
-        labels: asked.then(|| inner.labels(mesh.faces.len())),
-        besides,
-        mesh: Arc::new(mesh),
-        inner: Opaque::new(inner),
-    })
+    let told = prepared.repairs.iter().map(ToString::to_string);
+    let repairs = told.chain(segmented.parts.iter().flat_map(|part| mended(part, segmented.handles_opened))).collect();
+    let (faces, format) = (mesh.faces.len(), wanted.unwrap_or(Format::Obj));
+    let mesh = Arc::new(mesh);
+    let model =
+        Model { mesh, format, repairs, labels: None, besides, prepared, segmented, parts, laid: None, is_part: false };
+    let labels = asked.then(|| model.face_labels(faces));
+    Ok(Model { labels, ..model })
 }
 
 /// The parts besides the whole, with the part of each face; `None` where there are none.
@@ -172,7 +223,7 @@ fn besides(
     surface: &TriMesh,
     segmented: &Segmented,
     wanted: &Besides,
-) -> Result<Option<(Vec<i64>, Vec<Patch>)>, EngineError> {
+) -> Result<Option<(Vec<i64>, Vec<Patch>)>, PipelineError> {
     match (wanted, segmented.parts.as_slice()) {
         (Besides::Known(labels), [_]) => Ok(Some((labels.clone(), parts::patches(surface, labels)?))),
         // What can't be cut between its faces is kept whole, as it is then without them.
@@ -184,50 +235,41 @@ fn besides(
 
 /// Whether it is read as a scan, which has gaps and falls into pieces; an example is as its artist made it.
 fn is_scan(cut: &Cut) -> bool {
-    cut.components == Components::Largest && cut.grain == Grain::Free
+    cut.components == Components::Crumbs && cut.grain == Grain::Free
 }
 
 fn few_faces(prepared: &Prepared) -> bool {
     (prepared.mesh.triangles.len() as u64) < FACES_OF_SCAN_MIN
 }
 
-fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, EngineError> {
+fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, PipelineError> {
     let surface = &prepared.mesh;
     if let Some(labels) = &cut.labels {
         let expected = mesh.faces.len();
         if labels.len() != expected {
             let detail = format!("expected one label for each of {expected} faces, found {}", labels.len());
-            return Err(EngineError::refused(Refusal::LabelsInvalid, detail));
+            return Err(PipelineError::refused(Refusal::LabelsInvalid, detail));
         }
         return Segmented::by_labels(surface, few(labels)?).map_err(cannot_cut);
     }
-    let policy = match cut.components {
-        Components::Largest => topology::Components::Crumbs,
-        Components::Refuse => topology::Components::Refuse,
-    };
     let meant = |whole: Segmented| if is_scan(cut) { whole.closed() } else { whole };
     match cut.way {
-        Segmentation::Whole => Segmented::primitive(surface, policy).map(meant).map_err(cannot_cut),
-        Segmentation::Groups => {
+        Way::Whole => Segmented::primitive(surface, cut.components).map(meant).map_err(cannot_cut),
+        Way::Groups => {
             let labels = group_labels(mesh).ok_or_else(|| {
-                EngineError::refused(
+                PipelineError::refused(
                     Refusal::LabelsInvalid,
                     "expected groups (OBJ g or usemtl, PLY face property segment), found none",
                 )
             })?;
             Segmented::by_labels(surface, few(&labels)?).map_err(cannot_cut)
         }
-        Segmentation::Auto => {
-            let count = match cut.parts {
-                None => PartCount::AsNeeded,
-                Some(Parts::None) => PartCount::AsNeeded,
-                Some(Parts::Auto) => PartCount::Protrusions,
-                Some(Parts::Count(n)) => PartCount::About(n as usize),
-            };
+        Way::Auto => {
+            let count = cut.parts.unwrap_or_default();
             if count == PartCount::AsNeeded {
                 let few_groups = || group_labels(mesh).filter(|labels| few(labels).is_ok());
                 let groups = || few_groups().and_then(|labels| Segmented::by_labels(surface, &labels).ok());
-                let repaired = || Segmented::primitive(surface, policy).ok();
+                let repaired = || Segmented::primitive(surface, cut.components).ok();
                 let pieces = || is_scan(cut).then(|| Segmented::mended(surface)).flatten();
                 let is_grouped = few_groups().is_some();
                 let opened = || (is_scan(cut) && !is_grouped).then(|| Segmented::opened(surface)).flatten();
@@ -245,10 +287,18 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, 
     }
 }
 
-/// Labels that ask for no more segments than a mesh may have: each costs memory and time, however few its faces are.
-fn few(labels: &[i64]) -> Result<&[i64], EngineError> {
-    let refused = |error: crate::work::WorkError| EngineError::refused(Refusal::LabelsInvalid, error.to_string());
-    crate::work::ingest::check_labels(labels).map_err(refused)?;
+/// Labels that ask for no more segments than a mesh may have.
+///
+/// # Errors
+/// [`Refusal::LabelsInvalid`].
+pub fn few(labels: &[i64]) -> Result<&[i64], PipelineError> {
+    let mut found = HashSet::new();
+    if labels.iter().any(|label| found.insert(label) && found.len() > SEGMENTS_MAX) {
+        let detail = format!(
+            "expected `segments` to give at most {SEGMENTS_MAX} segments, found more than {SEGMENTS_MAX} labels"
+        );
+        return Err(PipelineError::refused(Refusal::LabelsInvalid, detail));
+    }
     Ok(labels)
 }
 
@@ -295,62 +345,27 @@ fn count_polygons(segmented: &Segmented, patch: &Patch) -> u64 {
     faces.len() as u64
 }
 
-fn cannot_cut(error: TopologyError) -> EngineError {
+fn cannot_cut(error: TopologyError) -> PipelineError {
     let refusal = match error {
         TopologyError::Empty => Refusal::Empty,
         TopologyError::LabelCount { .. } => Refusal::LabelsInvalid,
         _ => Refusal::TopologyUnsupported,
     };
     let way_out = "; give the segments yourself (groups in the file, or one integer a face in the part `segments`)";
-    EngineError::refused(refusal, format!("{error}{way_out}"))
-}
-
-/// A refusal of the kernel's readers.
-pub(super) fn refused(error: MeshError) -> EngineError {
-    let refusal = match error.code() {
-        MeshErrorKind::Unreadable => Refusal::Unreadable,
-        MeshErrorKind::Empty => Refusal::Empty,
-        MeshErrorKind::NotManifold => Refusal::NotManifold,
-        MeshErrorKind::TooLarge => Refusal::TooLarge,
-        MeshErrorKind::FormatUnknown => Refusal::FormatUnknown,
-        MeshErrorKind::TopologyUnsupported => Refusal::TopologyUnsupported,
-    };
-    EngineError::refused(refusal, error.to_string())
-}
-
-/// The kernel's name of a format.
-pub(super) fn format_of(format: MeshFormat) -> Format {
-    match format {
-        MeshFormat::Obj => Format::Obj,
-        MeshFormat::Ply => Format::Ply,
-        MeshFormat::Off => Format::Off,
-        MeshFormat::Stl => Format::Stl,
-        MeshFormat::Glb => Format::Glb,
-    }
-}
-
-fn format_back(format: Format) -> MeshFormat {
-    match format {
-        Format::Obj => MeshFormat::Obj,
-        Format::Ply => MeshFormat::Ply,
-        Format::Off => MeshFormat::Off,
-        Format::Stl => MeshFormat::Stl,
-        Format::Glb => MeshFormat::Glb,
-    }
+    PipelineError::refused(refusal, format!("{error}{way_out}"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::work::worth::tries;
 
     #[test]
     fn each_face_tells_the_segment_that_it_was_cut_into() {
         let text = b"v 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 1 0\nv 1 1 0\nv 2 1 0\ng a\nf 1 2 5 4\ng b\nf 2 3 6 5\n";
-        let cut = Cut { way: Segmentation::Groups, ..Cut::default() };
+        let cut = Cut { way: Way::Groups, ..Cut::default() };
         let model = read(text, None, &cut, &Limits::default()).expect("a model of two groups");
-        assert_eq!(model.segments.len(), 2);
-        let labels = told_apart(&model).expect("a mesh").attributes.segments.clone().expect("segments");
+        assert_eq!(model.segments().len(), 2);
+        let labels = model.told_apart().attributes.segments.expect("segments");
         assert_eq!(labels.len(), 2);
         assert_ne!(labels[0], labels[1]);
         assert!(model.mesh.attributes.segments.is_none(), "the input itself stays as it was read");
@@ -361,14 +376,14 @@ mod tests {
         let facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
         let text = format!("solid x\n{}endsolid x\n", facet.repeat(1000));
         let told = |grain| {
-            let cut = Cut { components: Components::Largest, grain, ..Cut::default() };
+            let cut = Cut { components: Components::Crumbs, grain, ..Cut::default() };
             let model = read(text.as_bytes(), None, &cut, &Limits::default()).expect("a model");
             assert_eq!(model.mesh.faces.len(), 1000, "what was sent stays as it is");
-            (model.repairs.iter().any(|repair| repair.starts_with("999 duplicate faces")), model.segments)
+            (model.repairs.iter().any(|repair| repair.starts_with("999 duplicate faces")), model.segments())
         };
         let (is_told, scan) = told(Grain::Free);
         assert!(is_told && scan.len() == 1, "one piece of a thousand");
-        assert_eq!((scan[0].faces, tries(&scan, 0)), (1, 0));
+        assert_eq!(scan[0].faces, 1);
         assert!(!told(Grain::Faces).0, "an artist's are left alone");
     }
 }

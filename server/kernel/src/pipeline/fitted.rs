@@ -4,26 +4,25 @@
 //! input with its boundary free ([`Rests`]), until one is convincing. Faces of the example that lie beyond the input are left
 //! out, and what of the input lies beyond the example is continued by rows of quads, where that is asked for.
 
-use super::super::{Encoded, Encoding, EngineError, Fitted, Lead, Model, Opaque, Refusal, Registration, Side, Wishes};
 use super::constrain::{self, locate};
-use super::model::ModelInner;
+use super::constraint::{ConstraintEdit, Landmark, NewConstraint, OnFold};
+use super::error::{PipelineError, Refusal, Stop, internal, stopped};
+use super::mapped::{Fitted, Lead, Verdict, Wishes};
 use super::registered::{self, Registered};
 use super::rested::rest;
-use super::{Source, facts, fresh, internal};
-use crate::pool::Stop;
-use quadmuse_kernel::encode::index::Location;
-use quadmuse_kernel::extent::{Crop, Extent, extents};
-use quadmuse_kernel::fit::rest::{Rested, Rests, Start};
-use quadmuse_kernel::fit::rough::{between, spread};
-use quadmuse_kernel::fit::{Cropped, Surface, crop, crop_between};
-use quadmuse_kernel::map::atlas::likely_matches;
-use quadmuse_kernel::mesh::bvh::Bvh;
-use quadmuse_kernel::mesh::{TriMesh, Vec3};
-use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
-use quadmuse_kernel::segment::Segmented;
-use quadmuse_kernel::settle::{Landmark as KernelLandmark, Similarity, Sought, poses};
-use quadmuse_kernel::topology::Patch;
-use quadmuse_proto::{ConstraintEdit, Landmark, NewConstraint, OnFold, Topology as Primitive, Verdict};
+use super::side::{Encoded, Facts, Side};
+use crate::encode::index::Location;
+use crate::extent::{Crop, Extent, extents};
+use crate::fit::rest::{Rested, Rests, Start};
+use crate::fit::rough::{between, spread};
+use crate::fit::{Cropped, Surface, crop, crop_between};
+use crate::map::atlas::likely_matches;
+use crate::mesh::bvh::Bvh;
+use crate::mesh::{TriMesh, Vec3};
+use crate::register::{Entry, LevenbergMarquardt, Query};
+use crate::segment::Segmented;
+use crate::settle::{Landmark as KernelLandmark, Similarity, Sought, poses};
+use crate::topology::{Patch, Topology};
 use std::sync::{Arc, OnceLock};
 
 /// The finest level at which parts are registered, in pixels a side.
@@ -46,49 +45,49 @@ const POSED_FEW: usize = 2;
 /// A map that settled must have so much more relief than the one of the charts, which keeps boundaries and sharp edges.
 const SETTLED_MARGIN: f64 = 0.01;
 /// More of the input within the example is all of it.
-pub(super) const COVERED: f64 = 0.97;
+pub(crate) const COVERED: f64 = 0.97;
 
 /// Whether examples of one topology can be laid on inputs of another.
-pub(super) fn reaches(example: Primitive, query: Primitive) -> bool {
-    let has_caps = |topology| matches!(topology, Primitive::Disc | Primitive::Sphere);
+pub fn reaches(example: Topology, query: Topology) -> bool {
+    let has_caps = |topology| matches!(topology, Topology::Disc | Topology::Sphere);
     example == query || has_caps(example) && has_caps(query)
 }
 
 /// The topologies of the examples that a query is ranked against: a disc may lie about either pole of a closed surface, and may
 /// be all that is there of one, if it is no part of a scan that was cut.
-pub(super) fn ranked_against(query: Primitive, is_most: bool) -> Vec<Primitive> {
+pub fn ranked_against(query: Topology, is_most: bool) -> Vec<Topology> {
     match query {
-        Primitive::Sphere => vec![Primitive::Sphere, Primitive::Disc],
-        Primitive::Disc if is_most => vec![Primitive::Disc, Primitive::Sphere],
+        Topology::Sphere => vec![Topology::Sphere, Topology::Disc],
+        Topology::Disc if is_most => vec![Topology::Disc, Topology::Sphere],
         _ => vec![query],
     }
 }
 
 /// Lays an example where it fits best.
-pub(super) fn fit(
-    from: Option<&Registration>,
+pub(crate) fn fit(
+    from: Option<&Registered>,
     example: &Side,
     query: &Side,
     wishes: &Wishes,
-    stop: &Stop,
-) -> Result<Fitted, EngineError> {
+    stop: Stop,
+) -> Result<Fitted, PipelineError> {
     let Wishes { beyond, landmarks, lead, rough } = wishes;
     let held = held(landmarks, example, query)?;
     let from = from.map(|from| of_wholes(from, example, query, stop)).transpose()?.flatten();
-    let by_charts = |from: &Registration| -> Result<Fitted, EngineError> {
+    let by_charts = |from: &Registered| -> Result<Fitted, PipelineError> {
         let mut mapped = registered::map(from, example, query, stop)?;
         if !landmarks.is_empty() {
             let set = landmarks.iter().map(as_constraint).collect();
             let edit = ConstraintEdit { set, on_fold: OnFold::Resolve, ..ConstraintEdit::default() };
-            let edited = constrain::edit(&mapped, &edit, example, query, stop)?;
+            let edited = constrain::edit(&mapped.registration, &mapped.constraints, &edit, example, query, stop)?;
             mapped = registered::map(&edited, example, query, stop)?;
         }
         Ok(Fitted { mapped, example: example.clone(), query: query.clone() })
     };
-    let on: &ModelInner = query.model.inner.open()?;
+    let on = &*query.model;
     let free = |side: &Side| {
-        let topology = side.encoded.encoding.facts.topology;
-        matches!(topology, Primitive::Disc | Primitive::Sphere) && on.may_settle(query.segment)
+        let topology = side.encoded.facts.topology;
+        matches!(topology, Topology::Disc | Topology::Sphere) && on.may_settle(query.segment)
     };
     if let Some(from) = from.as_ref().filter(|_| !free(example) || !free(query)) {
         return by_charts(from);
@@ -125,7 +124,7 @@ pub(super) fn fit(
         (None, None) => {
             let detail =
                 "expected an example of which a part matches the input, or the reverse, found none; choose another";
-            Err(EngineError::refused(Refusal::NotEncodable, detail))
+            Err(PipelineError::refused(Refusal::NotEncodable, detail))
         }
     }
 }
@@ -147,8 +146,8 @@ fn led(
     lead: &Lead,
     (example, one): (&Side, &Surface),
     input: &TriMesh,
-    stop: &Stop,
-) -> Result<Vec<KernelLandmark>, EngineError> {
+    stop: Stop,
+) -> Result<Vec<KernelLandmark>, PipelineError> {
     let part = surface(&lead.example)?;
     let own = Arc::clone(&one.query.chart.mesh);
     let anywhere = |_: &Rests| -1.0;
@@ -156,7 +155,7 @@ fn led(
     let Some(found) = found.filter(|found| found.evidence.relief >= DOUBTFUL) else { return Ok(Vec::new()) };
     let on_part = Bvh::new(&part.patch.mesh);
     let mesh = &lead.example.model.mesh;
-    let kept: Vec<u32> = lead.mapped.reach.kept.clone().unwrap_or_else(|| (0..mesh.positions.len() as u32).collect());
+    let kept: Vec<u32> = lead.kept.clone().unwrap_or_else(|| (0..mesh.positions.len() as u32).collect());
     let carried = |(&v, &there): (&u32, &Vec3)| {
         let place = on_part.closest(*mesh.positions.get(v as usize)?);
         let corners = part.patch.mesh.triangles.get(place.triangle as usize)?;
@@ -164,7 +163,7 @@ fn led(
         let point = |k: usize| found.places[corners[k] as usize].point * place.barycentric[k];
         (!is_lost).then(|| (point(0) + point(1) + point(2), there))
     };
-    let pairs: Vec<(Vec3, Vec3)> = kept.iter().zip(&lead.mapped.mesh.positions).filter_map(carried).collect();
+    let pairs: Vec<(Vec3, Vec3)> = kept.iter().zip(&lead.mesh.positions).filter_map(carried).collect();
     Ok(between(&one.patch.mesh, input, &spread(&pairs)))
 }
 
@@ -175,9 +174,8 @@ fn settled(
     (query, two): (&Side, &Surface),
     (input, known): (&TriMesh, Known<'_>),
     relief: &dyn Fn(&Rests) -> f64,
-    stop: &Stop,
-) -> Result<Option<Rested>, EngineError> {
-    let stopped = || stop.reason().is_some();
+    stop: Stop,
+) -> Result<Option<Rested>, PipelineError> {
     let mesh = &one.patch.mesh;
     let Some(mut rests) = Rests::new(mesh, input) else { return Ok(None) };
     if !known.led.is_empty() {
@@ -191,32 +189,32 @@ fn settled(
     }
     // What three points or more say of the pose is not sought.
     if let Some(carried) = rests.carried() {
-        rests.tries(&carried, &stopped);
-        stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
-        return Ok(rests.into_best(&stopped));
+        rests.tries(&carried, stop);
+        stopped(stop)?;
+        return Ok(rests.into_best(stop));
     }
     for start in whole.into_iter().chain(known.rough) {
-        rests.tries(start, &stopped);
+        rests.tries(start, stop);
     }
-    let on: &ModelInner = query.model.inner.open()?;
+    let on = &*query.model;
     let has_tips = on.has_tips(query.segment, input);
     let has_parts = has_tips && on.is_scan();
     if has_tips && !rests.is_convincing() {
         for tips in &matched_tips([&one.query, &two.query], (mesh, input), LED, stop) {
-            rests.tries_led(tips, &stopped);
+            rests.tries_led(tips, stop);
             if rests.is_convincing() {
                 break;
             }
         }
     }
     // Of two closed surfaces neither ends anywhere.
-    let closed = |side: &Side| side.encoded.encoding.facts.topology == Primitive::Sphere;
+    let closed = |side: &Side| side.encoded.facts.topology == Topology::Sphere;
     let may_be_part = !(closed(example) && closed(query));
     if may_be_part && rests.best().is_none_or(|best| best.evidence.relief < DOUBTFUL) {
         let (sought, most) = if on.is_scan() { (Sought::Thoroughly, POSED) } else { (Sought::Quickly, POSED_FEW) };
-        for (_, pose) in poses(mesh, input, [!closed(example), !closed(query)], sought, &stopped).iter().take(most) {
+        for (_, pose) in poses(mesh, input, [!closed(example), !closed(query)], sought, stop).iter().take(most) {
             let positions = mesh.positions.iter().map(|x| pose.apply(x)).collect();
-            rests.tries_whole(&Start { positions, mirrored: false }, &stopped);
+            rests.tries_whole(&Start { positions, mirrored: false }, stop);
             if rests.is_convincing() {
                 break;
             }
@@ -225,61 +223,54 @@ fn settled(
     let is_hopeless = rests.best().is_some_and(|best| best.evidence.relief < HOPELESS);
     if may_be_part && has_parts && !is_hopeless && !rests.is_convincing() {
         for start in parts(example, query, (one, two), stop)? {
-            rests.tries(&start, &stopped);
+            rests.tries(&start, stop);
             if rests.is_convincing() {
                 break;
             }
         }
     }
-    stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
+    stopped(stop)?;
     let least = relief(&rests) + SETTLED_MARGIN;
-    let best = rests.into_best(&stopped);
-    stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
+    let best = rests.into_best(stop);
+    stopped(stop)?;
     Ok(best.filter(|best| best.evidence.relief > least))
 }
 
 /// The likeliest ways to match the tips of two surfaces, at most `most` of either orientation, as landmarks of an example's mesh
 /// on an input.
-pub(super) fn matched_tips(
+pub(crate) fn matched_tips(
     [one, two]: [&Query; 2],
     (mesh, input): (&TriMesh, &TriMesh),
     most: usize,
-    stop: &Stop,
+    stop: Stop,
 ) -> Vec<Vec<KernelLandmark>> {
     let (own, there) = (&one.chart.mesh, &two.chart.mesh);
     let pair = |(a, b): &(u32, u32)| Some((*own.positions.get(*a as usize)?, *there.positions.get(*b as usize)?));
-    let matches = likely_matches(one, two, &LevenbergMarquardt::default(), most, &|| stop.reason().is_some());
+    let matches = likely_matches(one, two, &LevenbergMarquardt::default(), most, stop);
     matches.iter().map(|tips| between(mesh, input, &tips.iter().filter_map(pair).collect::<Vec<_>>())).collect()
 }
 
 /// The registration of all of both: the one given, unless that is of a part; `None` where the topologies differ.
-fn of_wholes(
-    from: &Registration,
-    example: &Side,
-    query: &Side,
-    stop: &Stop,
-) -> Result<Option<Registration>, EngineError> {
-    let registered: &Registered = from.inner.open()?;
-    if example.encoded.encoding.facts.topology != query.encoded.encoding.facts.topology {
+fn of_wholes(from: &Registered, example: &Side, query: &Side, stop: Stop) -> Result<Option<Registered>, PipelineError> {
+    if example.encoded.facts.topology != query.encoded.facts.topology {
         // The ranking compared it with a surface that was filled, or with a part.
         return Ok(None);
     }
-    if registered.entry.best().unfolded.is_whole() {
+    if from.entry.best().unfolded.is_whole() {
         return Ok(Some(from.clone()));
     }
-    let (one, two) = (fresh(&example.encoded.encoding)?, fresh(&query.encoded.encoding)?);
+    let (one, two) = (&example.encoded.query, &query.encoded.query);
     registration(one, two, stop)
 }
 
 /// Registers two surfaces that end alike; `None` where the topologies differ.
-fn registration(one: &Query, two: &Query, stop: &Stop) -> Result<Option<Registration>, EngineError> {
-    let stopped = || stop.reason().is_some();
+pub(crate) fn registration(one: &Query, two: &Query, stop: Stop) -> Result<Option<Registered>, PipelineError> {
     let solver = LevenbergMarquardt::default();
-    let Some(mut entry) = Entry::coarse(two, one.encoding(), &solver, &stopped) else { return Ok(None) };
+    let Some(mut entry) = Entry::coarse(two, one.encoding(), &solver, stop) else { return Ok(None) };
     while entry.side() < SIDE {
-        entry.advance(two, one.encoding(), &solver, &stopped).map_err(internal)?;
+        entry.advance(two, one.encoding(), &solver, stop).map_err(internal)?;
     }
-    entry.refine_poles(two, one.encoding(), &solver, &stopped).map_err(internal)?;
+    entry.refine_poles(two, one.encoding(), &solver, stop).map_err(internal)?;
     registered::checked(entry, stop).map(Some)
 }
 
@@ -288,11 +279,10 @@ fn parts(
     example: &Side,
     query: &Side,
     (one, two): (&Surface, &Surface),
-    stop: &Stop,
-) -> Result<Vec<Start>, EngineError> {
-    let stopped = || stop.reason().is_some();
+    stop: Stop,
+) -> Result<Vec<Start>, PipelineError> {
     let mut found: Vec<Extent> = Vec::new();
-    for extent in extents(&one.query, &two.query, &LevenbergMarquardt::default(), &stopped) {
+    for extent in extents(&one.query, &two.query, &LevenbergMarquardt::default(), stop) {
         let apart = |a: &Crop, b: &Crop| (a.share - b.share).abs() > SAME_SHARE;
         let is_new = found.iter().all(|f| {
             apart(&f.one, &extent.one) || apart(&f.two, &extent.two) || f.registration.flip != extent.registration.flip
@@ -301,7 +291,7 @@ fn parts(
             found.push(extent);
         }
     }
-    stop.reason().map_or(Ok(()), |reason| Err(EngineError::Stopped(reason)))?;
+    stopped(stop)?;
     let mut starts = Vec::new();
     for extent in found {
         let first = if extent.one.is_whole() { None } else { Some(crop_between(one, &extent.one)) };
@@ -312,8 +302,8 @@ fn parts(
         let (first, second) = (first.flatten(), second.flatten());
         let part_of_one = first.as_ref().map(|first| first.segmented.parts[0].vertex_of.clone());
         let example = first.map_or_else(|| Ok(example.clone()), |first| of_example(example, first))?;
-        let query = second.map_or_else(|| Ok(query.clone()), |second| of_query(query, second))?;
-        let (from, to) = (fresh(&example.encoded.encoding)?, fresh(&query.encoded.encoding)?);
+        let query = second.map_or_else(|| query.clone(), |second| of_query(query, second));
+        let (from, to) = (&example.encoded.query, &query.encoded.query);
         let Some(registration) = registration(from, to, stop)? else { continue };
         let laid = registered::whole(&registration, &example, &query, stop)?;
         starts.push(Start {
@@ -338,17 +328,14 @@ fn completed(example: &TriMesh, part: Option<&[u32]>, laid: Vec<Vec3>, mirrored:
     all
 }
 
-fn surface(side: &Side) -> Result<Surface, EngineError> {
-    let model: &ModelInner = side.model.inner.open()?;
-    Ok(Surface {
-        patch: Arc::new(model.patch(side.segment)?.clone()),
-        query: Arc::clone(fresh(&side.encoded.encoding)?),
-    })
+fn surface(side: &Side) -> Result<Surface, PipelineError> {
+    let model = &*side.model;
+    Ok(Surface { patch: Arc::new(model.patch(side.segment)?.clone()), query: Arc::clone(&side.encoded.query) })
 }
 
 /// The side that a part of an example is.
-pub(super) fn of_example(whole: &Side, cropped: Cropped) -> Result<Side, EngineError> {
-    let model: &ModelInner = whole.model.inner.open()?;
+pub(crate) fn of_example(whole: &Side, cropped: Cropped) -> Result<Side, PipelineError> {
+    let model = &*whole.model;
     let patch = model.patch(whole.segment)?;
     let part = &cropped.surface.patch;
     let number = |of: &[u32], v: &u32| of.get(*v as usize).copied().unwrap_or(0);
@@ -360,47 +347,36 @@ pub(super) fn of_example(whole: &Side, cropped: Cropped) -> Result<Side, EngineE
     let mut part_of = vec![1; model.segmented.mesh.triangles.len()];
     part.triangle_of.iter().for_each(|&t| part_of[t as usize] = 0);
     let segmented = Segmented { part_of, parts: vec![part], seams: Vec::new(), ..model.segmented.clone() };
-    Ok(side(whole, model, segmented, cropped.surface.query))
+    Ok(side(whole, segmented, cropped.surface.query))
 }
 
 /// The side that a part of a query is; what is left beside it are the model's other segments.
-fn of_query(whole: &Side, cropped: Cropped) -> Result<Side, EngineError> {
-    let model: &ModelInner = whole.model.inner.open()?;
-    Ok(side(whole, model, cropped.segmented, cropped.surface.query))
+fn of_query(whole: &Side, cropped: Cropped) -> Side {
+    side(whole, cropped.segmented, cropped.surface.query)
 }
 
-fn side(whole: &Side, of: &ModelInner, segmented: Segmented, query: Arc<Query>) -> Side {
-    let inner = ModelInner { prepared: of.prepared.clone(), segmented, parts: Vec::new(), laid: None, is_part: true };
-    let facts = facts(query.encoding(), inner.faces(0), 0.0);
-    let encoding = Encoding { facts, inner: Opaque::new(Source::Fresh(query)) };
-    Side {
-        model: Arc::new(Model {
-            segments: inner.segments(),
-            labels: None,
-            inner: Opaque::new(inner),
-            ..(*whole.model).clone()
-        }),
-        segment: 0,
-        encoded: Arc::new(Encoded { encoding, repairs: Vec::new() }),
-    }
+fn side(whole: &Side, segmented: Segmented, query: Arc<Query>) -> Side {
+    let model = whole.model.recut(segmented, true);
+    let facts = Facts::of(query.encoding(), model.faces(0), 0.0);
+    Side { model: Arc::new(model), segment: 0, encoded: Arc::new(Encoded { facts, query, repairs: Vec::new() }) }
 }
 
 /// A landmark with its ends found.
-pub(super) struct Held {
+pub(crate) struct Held {
     /// The point of the example.
-    pub(super) from: Vec3,
+    pub(crate) from: Vec3,
     /// The place on the input's unfolded surface.
-    pub(super) to: Location,
+    pub(crate) to: Location,
     /// The point there.
-    pub(super) at: Vec3,
+    pub(crate) at: Vec3,
 }
 
 /// Finds the ends of landmarks.
-fn held(landmarks: &[Landmark], example: &Side, query: &Side) -> Result<Vec<Held>, EngineError> {
+fn held(landmarks: &[Landmark], example: &Side, query: &Side) -> Result<Vec<Held>, PipelineError> {
     if landmarks.is_empty() {
         return Ok(Vec::new());
     }
-    let (one, two) = (&fresh(&example.encoded.encoding)?.chart, &fresh(&query.encoded.encoding)?.chart);
+    let (one, two) = (&&example.encoded.query.chart, &&query.encoded.query.chart);
     let trees = (OnceLock::new(), OnceLock::new());
     let find = |(k, landmark): (usize, &Landmark)| {
         let end = |end: &str| format!("landmarks[{k}].{end}");
@@ -412,6 +388,6 @@ fn held(landmarks: &[Landmark], example: &Side, query: &Side) -> Result<Vec<Held
 }
 
 fn as_constraint(landmark: &Landmark) -> NewConstraint {
-    let Landmark { on_example, on_input, .. } = landmark.clone();
+    let Landmark { on_example, on_input } = landmark.clone();
     NewConstraint { id: None, on_example: Some(on_example), on_input: Some(on_input) }
 }

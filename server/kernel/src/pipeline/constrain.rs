@@ -1,41 +1,43 @@
 //! Editing constraints: removals first, then moves and additions; all of an edit or nothing.
 
-use super::super::{ConstraintEdit, EngineError, Mapped, Refusal, Registration, Side};
-use super::fresh;
+use super::constraint::{Constraint, ConstraintEdit, ConstraintOrigin, OnFold, Place};
+use super::error::{PipelineError, Refusal, Stop};
 use super::from_whole;
-use super::registered::{Registered, describe};
-use crate::pool::Stop;
-use quadmuse_kernel::encode::features::distance_on;
-use quadmuse_kernel::encode::index::{Location, PlanarIndex};
-use quadmuse_kernel::map::edit::{self, EditError};
-use quadmuse_kernel::mesh::bvh::Bvh;
-use quadmuse_kernel::mesh::{NONE, Vec3};
-use quadmuse_kernel::topology::Topology;
-use quadmuse_kernel::unfold::Chart;
-use quadmuse_proto::constraint::Place;
-use quadmuse_proto::{Constraint, ConstraintOrigin, OnFold};
+use super::registered::Registered;
+use super::side::Side;
+use crate::encode::features::distance_on;
+use crate::encode::index::{Location, PlanarIndex};
+use crate::map::edit::{self, EditError};
+use crate::mesh::bvh::Bvh;
+use crate::mesh::{NONE, Vec3};
+use crate::topology::Topology;
+use crate::unfold::Chart;
 use std::sync::OnceLock;
 
-/// Applies an edit to the registration of a map.
-pub(super) fn edit(
-    from: &Mapped,
+/// Applies an edit to the registration of a map; `told` are the map's constraints.
+///
+/// # Errors
+/// [`PipelineError::Refused`] where a constraint is unknown, names no point of its surface, or folds the map;
+/// [`PipelineError::Stopped`].
+pub fn edit(
+    registered: &Registered,
+    told: &[Constraint],
     wanted: &ConstraintEdit,
     example: &Side,
     query: &Side,
-    stop: &Stop,
-) -> Result<Registration, EngineError> {
-    let registered: &Registered = from.registration.inner.open()?;
+    stop: Stop,
+) -> Result<Registered, PipelineError> {
     // What several charts make has tips that no chart could move: it is bent where it lies.
     let is_of_charts = registered.atlas.get().is_some_and(Option::is_some);
     if is_of_charts || registered.of_whole.get().is_some() {
         from_whole::keep(registered, example, query, stop)?;
-        let (one, two) = (&fresh(&example.encoded.encoding)?.chart, &registered.surface(query)?.chart);
-        let (edited, touched) = edit_pinned(registered, wanted, &from.constraints, (example, one), (query, two))?;
-        return from_whole::fitted(edited, &touched, wanted.on_fold, example, query, stop).map(describe);
+        let (one, two) = (&&example.encoded.query.chart, &registered.surface(query)?.chart);
+        let (edited, touched) = edit_pinned(registered, wanted, told, (example, one), (query, two))?;
+        return from_whole::fitted(edited, &touched, wanted.on_fold, example, query, stop);
     }
     let topology = registered.entry.best().unfolded.encoding.topology;
     let input = registered.surface(query)?;
-    let source = fresh(&example.encoded.encoding)?;
+    let source = &example.encoded.query;
     let mut registration = registered.registration().clone();
     let mut names = registered.named();
     for id in &wanted.undo {
@@ -44,7 +46,7 @@ pub(super) fn edit(
     for id in &wanted.remove {
         let at = position(&names, id)?;
         edit::remove(&mut registration, at)
-            .map_err(|e| EngineError::refused(Refusal::ConstraintInvalid, e.to_string()))?;
+            .map_err(|e| PipelineError::refused(Refusal::ConstraintInvalid, e.to_string()))?;
         names.remove(at);
     }
     let bvhs = (&*registered.example_bvh, &input.bvh);
@@ -63,7 +65,7 @@ pub(super) fn edit(
             None => old.map(|o| o.1).ok_or_else(|| missing("on_input"))?,
         };
         edit::set(&mut registration, topology, index, on_example, on_input)
-            .map_err(|e| EngineError::refused(Refusal::ConstraintUnknown, e.to_string()))?;
+            .map_err(|e| PipelineError::refused(Refusal::ConstraintUnknown, e.to_string()))?;
         match index {
             Some(i) => names[i].1 = ConstraintOrigin::User,
             None => names.push((free_name(&names), ConstraintOrigin::User)),
@@ -75,20 +77,20 @@ pub(super) fn edit(
         OnFold::Resolve => edit::resolve(&mut registration, topology, &touched).map(|_| ()),
     };
     settled.map_err(|e| folds(&e, &registration, topology, &names, &touched))?;
-    Ok(describe(Registered { edited: Some(registration), names, ..registered.clone() }))
+    Ok(Registered { edited: Some(registration), names, ..registered.clone() })
 }
 
-fn missing(end: &str) -> EngineError {
-    EngineError::refused(Refusal::ConstraintInvalid, format!("expected `{end}` for a new constraint, found none"))
+fn missing(end: &str) -> PipelineError {
+    PipelineError::refused(Refusal::ConstraintInvalid, format!("expected `{end}` for a new constraint, found none"))
 }
 
 /// Puts a constraint back as the registration had it; one that was added goes.
 fn undo(
-    registration: &mut quadmuse_kernel::register::Registration,
+    registration: &mut crate::register::Registration,
     names: &mut Vec<(String, ConstraintOrigin)>,
-    original: &quadmuse_kernel::register::Registration,
+    original: &crate::register::Registration,
     id: &str,
-) -> Result<(), EngineError> {
+) -> Result<(), PipelineError> {
     let feature = id.strip_prefix('f').and_then(|k| k.parse::<usize>().ok()).filter(|k| *k < original.p.len());
     let at = names.iter().position(|(name, _)| name == id);
     match (feature, at) {
@@ -104,7 +106,7 @@ fn undo(
         (None, _) => {
             let at = position(names, id)?;
             edit::remove(registration, at)
-                .map_err(|e| EngineError::refused(Refusal::ConstraintInvalid, e.to_string()))?;
+                .map_err(|e| PipelineError::refused(Refusal::ConstraintInvalid, e.to_string()))?;
             names.remove(at);
         }
     }
@@ -119,11 +121,11 @@ fn edit_pinned(
     told: &[Constraint],
     (example, one): (&Side, &Chart),
     (query, two): (&Side, &Chart),
-) -> Result<(Registered, Vec<usize>), EngineError> {
+) -> Result<(Registered, Vec<usize>), PipelineError> {
     let mut pinned = registered.pinned.clone();
     let feature = |id: &str| told.iter().find(|c| c.id == id && c.origin == ConstraintOrigin::Feature);
     let bvhs = (OnceLock::new(), OnceLock::new());
-    let find = |pinned: &[(String, (Location, Location))], id: &str| -> Result<usize, EngineError> {
+    let find = |pinned: &[(String, (Location, Location))], id: &str| -> Result<usize, PipelineError> {
         if let Some(k) = pinned.iter().position(|(name, _)| name == id) {
             return Ok(k);
         }
@@ -131,7 +133,7 @@ fn edit_pinned(
             Some(_) => (Refusal::ConstraintInvalid, "which is a matched feature and holds nothing: move it instead"),
             None => (Refusal::ConstraintUnknown, "which is none"),
         };
-        Err(EngineError::refused(
+        Err(PipelineError::refused(
             refusal,
             format!("expected a constraint that was set, found `{}`, {why}", id.escape_default()),
         ))
@@ -151,7 +153,7 @@ fn edit_pinned(
     for new in &wanted.set {
         let moved = new.id.as_deref().filter(|id| pinned.iter().all(|p| p.0 != *id)).and_then(feature);
         if let Some(moved) = moved {
-            let at = |place: &quadmuse_proto::Location| Place::Point(place.point);
+            let at = |place: &super::constraint::Location| Place::Point(place.point);
             let from = locate(&at(&moved.on_example), example, one, &bvhs.0, "on_example")?;
             pinned.push((moved.id.clone(), (from, locate(&at(&moved.on_input), query, two, &bvhs.1, "on_input")?)));
         }
@@ -181,11 +183,11 @@ fn edit_pinned(
 /// Of the constraints that were set, the one nearest to the fold is named; else the nearest of all.
 fn folds(
     error: &EditError,
-    registration: &quadmuse_kernel::register::Registration,
+    registration: &crate::register::Registration,
     topology: Topology,
     names: &[(String, ConstraintOrigin)],
     touched: &[usize],
-) -> EngineError {
+) -> PipelineError {
     let all: Vec<usize> = (0..names.len()).collect();
     let (of, why) = if touched.is_empty() { (&all[..], "nearest constraint") } else { (touched, "constraint") };
     let which = match error {
@@ -196,13 +198,13 @@ fn folds(
         _ => of.first().copied(),
     };
     let name = which.and_then(|i| names.get(i)).map_or("none", |n| n.0.as_str());
-    EngineError::refused(Refusal::ConstraintFolds, format!("{why} {name}: {error}"))
+    PipelineError::refused(Refusal::ConstraintFolds, format!("{why} {name}: {error}"))
 }
 
-fn position(names: &[(String, ConstraintOrigin)], id: &str) -> Result<usize, EngineError> {
+fn position(names: &[(String, ConstraintOrigin)], id: &str) -> Result<usize, PipelineError> {
     names.iter().position(|(name, _)| name == id).ok_or_else(|| {
         let known: Vec<&str> = names.iter().map(|n| n.0.as_str()).collect();
-        EngineError::refused(
+        PipelineError::refused(
             Refusal::ConstraintUnknown,
             format!("expected the id of a constraint ({}), found `{}`", known.join(", "), id.escape_default()),
         )
@@ -229,17 +231,23 @@ struct Ends<'a> {
 }
 
 impl Ends<'_> {
-    fn on_example(&self, place: &Place) -> Result<[f64; 2], EngineError> {
+    fn on_example(&self, place: &Place) -> Result<[f64; 2], PipelineError> {
         resolve(place, self.example, self.example_chart, self.bvhs.0, "on_example")
     }
 
-    fn on_input(&self, place: &Place) -> Result<[f64; 2], EngineError> {
+    fn on_input(&self, place: &Place) -> Result<[f64; 2], PipelineError> {
         resolve(place, self.query, self.input_chart, self.bvhs.1, "on_input")
     }
 }
 
 /// (u, v) of a place as the caller names it.
-fn resolve(place: &Place, side: &Side, chart: &Chart, bvh: &OnceLock<Bvh>, end: &str) -> Result<[f64; 2], EngineError> {
+fn resolve(
+    place: &Place,
+    side: &Side,
+    chart: &Chart,
+    bvh: &OnceLock<Bvh>,
+    end: &str,
+) -> Result<[f64; 2], PipelineError> {
     if let Place::Domain { u, v } = place {
         check_domain(*u, *v, end)?;
         return Ok([u.rem_euclid(1.0), *v]);
@@ -247,23 +255,23 @@ fn resolve(place: &Place, side: &Side, chart: &Chart, bvh: &OnceLock<Bvh>, end: 
     Ok(locate(place, side, chart, bvh, end)?.uv(chart))
 }
 
-fn check_domain(u: f64, v: f64, end: &str) -> Result<(), EngineError> {
+fn check_domain(u: f64, v: f64, end: &str) -> Result<(), PipelineError> {
     if u.is_finite() && (0.0..=1.0).contains(&v) {
         return Ok(());
     }
     let detail = format!("{end}: expected a finite u and v from 0 to 1, found ({u}, {v})");
-    Err(EngineError::refused(Refusal::ConstraintInvalid, detail))
+    Err(PipelineError::refused(Refusal::ConstraintInvalid, detail))
 }
 
 /// The place of a chart's mesh that the caller names.
-pub(super) fn locate(
+pub(crate) fn locate(
     place: &Place,
     side: &Side,
     chart: &Chart,
     bvh: &OnceLock<Bvh>,
     end: &str,
-) -> Result<Location, EngineError> {
-    let invalid = |detail: String| EngineError::refused(Refusal::ConstraintInvalid, format!("{end}: {detail}"));
+) -> Result<Location, PipelineError> {
+    let invalid = |detail: String| PipelineError::refused(Refusal::ConstraintInvalid, format!("{end}: {detail}"));
     let point = match place {
         Place::Domain { u, v } => {
             check_domain(*u, *v, end)?;

@@ -1,30 +1,28 @@
 //! The map of an example that has settled: what it lacks is spanned or left out, its folds are mended, and it is judged.
 
-use super::super::{EngineError, Fitted, Reach, Registration, Side};
 use super::continued::{extend, rest_of};
+use super::error::{PipelineError, Stop, internal};
 use super::fitted::{COVERED, Held, of_example};
 use super::from_whole::OfWhole;
-use super::internal;
-use super::model::ModelInner;
+use super::mapped::{Beyond, Covers, Fitted, Reach, Verdict};
 use super::registered::{self, Registered};
+use super::side::Side;
 use super::spanned::span;
-use crate::pool::Stop;
-use quadmuse_kernel::encode::index::Location;
-use quadmuse_kernel::fit::mend::{fray, islands, leaps, mend};
-use quadmuse_kernel::fit::rest::Rested;
-use quadmuse_kernel::fit::{Surface, within, without};
-use quadmuse_kernel::map::CrossMap;
-use quadmuse_kernel::map::bend::{Pin, bend};
-use quadmuse_kernel::map::reembed::{InputChart, turn_back};
-use quadmuse_kernel::map::untangle::inward;
-use quadmuse_kernel::measure::sound::ReferenceSurface;
-use quadmuse_kernel::mesh::bvh::Bvh;
-use quadmuse_kernel::mesh::tri::area_between;
-use quadmuse_kernel::mesh::{NONE, PolyMesh, TriMesh, Vec3};
-use quadmuse_kernel::register::{Entry, Flip};
-use quadmuse_kernel::settle::Evidence;
-use quadmuse_kernel::unfold::{Chart, Uv};
-use quadmuse_proto::{Beyond, Covers, MapEvidence, Verdict};
+use crate::encode::index::Location;
+use crate::fit::mend::{fray, islands, leaps, mend};
+use crate::fit::rest::Rested;
+use crate::fit::{Surface, within, without};
+use crate::map::CrossMap;
+use crate::map::bend::{Pin, bend};
+use crate::map::reembed::{InputChart, turn_back};
+use crate::map::untangle::inward;
+use crate::measure::sound::ReferenceSurface;
+use crate::mesh::bvh::Bvh;
+use crate::mesh::tri::area_between;
+use crate::mesh::{NONE, PolyMesh, TriMesh, Vec3};
+use crate::register::{Entry, Flip};
+use crate::settle::Evidence;
+use crate::unfold::{Chart, Uv};
 use std::sync::{Arc, OnceLock};
 
 /// The finest level at which parts are registered, in pixels a side.
@@ -40,13 +38,13 @@ const LOST_MIN: f64 = 0.01;
 type Pinned = (String, (Location, Location));
 
 /// The map of an example that has settled.
-pub(super) fn rest(
+pub(crate) fn rest(
     rested: Rested,
     (example, one): (&Side, &Surface),
     (query, two): (&Side, &Surface),
     (beyond, held): (Beyond, &[Held]),
-    stop: &Stop,
-) -> Result<Fitted, EngineError> {
+    stop: Stop,
+) -> Result<Fitted, PipelineError> {
     let Rested { places, lost, off, mirrored, evidence } = rested;
     let (chart, sign) = (&two.query.chart, registered::sign(mirrored));
     let (locations, positions) = places.into_iter().map(|p| (Location::from(p), p.point)).unzip();
@@ -91,15 +89,7 @@ pub(super) fn rest(
         bridging: numbers(&spanned, &surface.patch.mesh, &mapped.mesh),
         ..Reach::default()
     };
-    mapped.evidence = Some(MapEvidence {
-        agreement: evidence.agreement(),
-        relief: evidence.relief,
-        shear: evidence.shear,
-        scale_spread: evidence.scale_spread,
-        bend: evidence.bend,
-        residual: evidence.residual,
-        normal_disagreement: evidence.normal_disagreement,
-    });
+    mapped.evidence = Some(evidence);
     mapped.folds = mapped.folds.saturating_sub(turned_there as u64);
     let folded = share(&surface.patch.mesh, &cross.positions, &turned);
     (mapped.verdict, mapped.reasons) = judged(&evidence, folded);
@@ -168,7 +158,7 @@ fn described(
     two: &Surface,
     (cross, pinned): (CrossMap, Vec<Pinned>),
     mirrored: bool,
-) -> Result<Registration, EngineError> {
+) -> Result<Registered, PipelineError> {
     let flip = Flip { u: mirrored, v: false };
     let (chart, tree) = (&two.query.chart, Bvh::new(&two.query.chart.mesh));
     let (own, own_tree) = (&one.query, Bvh::new(&one.patch.mesh));
@@ -183,12 +173,12 @@ fn described(
     let entry = Entry::laid(&two.query, flip, SIDE, p, q).ok_or_else(|| internal("expected an unfolded query"))?;
     let of_whole = OnceLock::new();
     let _ = of_whole.set(OfWhole::settled(&one.patch, cross, mirrored));
-    Ok(registered::describe(Registered { of_whole: Arc::new(of_whole), pinned, ..Registered::of(entry) }))
+    Ok(Registered { of_whole: Arc::new(of_whole), pinned, ..Registered::of(entry) })
 }
 
 /// The vertices of an example's file that the faces of its segment use, in order.
-fn kept(example: &Side) -> Result<Vec<u32>, EngineError> {
-    let inner: &ModelInner = example.model.inner.open()?;
+fn kept(example: &Side) -> Result<Vec<u32>, PipelineError> {
+    let inner = &*example.model;
     let mesh = &example.model.mesh;
     let mut used = vec![false; mesh.positions.len()];
     for &t in &inner.patch(example.segment)?.triangle_of {

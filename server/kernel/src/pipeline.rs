@@ -1,0 +1,108 @@
+//! From a mesh and chosen examples to a checked result, stage by stage.
+//!
+//! ```text
+//! bytes ─model::read─▶ Model ─encode─▶ Encoded        a Model, a segment of it and its Encoded are a Side
+//! Registration, example and query Side ─map, fit─▶ Mapped ─sound::check─▶ Mapped, with its verdict
+//! Parts, one a segment ─stitch::compose─▶ Stitched ─sound::appraise─▶ Appraisal
+//! ```
+//!
+//! Each stage takes and gives plain values: no stage knows of the wire, of a pool or of a store. A stage that is told to stop
+//! ends with [`PipelineError::Stopped`].
+
+mod around;
+mod as_one;
+pub mod constrain;
+mod constraint;
+mod continued;
+mod cut;
+mod error;
+mod fitted;
+mod from_whole;
+mod grouped;
+mod mapped;
+mod measured;
+mod model;
+mod notes;
+mod parts;
+mod registered;
+mod rejoined;
+mod rested;
+mod roughly;
+mod settled;
+mod side;
+mod sound;
+mod spanned;
+mod stitch;
+mod stitched;
+#[cfg(test)]
+mod tests;
+mod transfer;
+
+pub use around::around;
+pub use constraint::{Constraint, ConstraintEdit, ConstraintOrigin, Landmark, Location, NewConstraint, OnFold, Place};
+pub use cut::{Besides, Cut, Grain, Way};
+pub use error::{PipelineError, Refusal, Stop};
+pub use fitted::{ranked_against, reaches};
+pub use mapped::{Before, Beyond, Covers, Fitted, Lead, Mapped, Reach, Verdict, Wishes};
+pub use model::{FACES_CHOSEN_MIN, FACES_OF_SCAN_MIN, Model, SEGMENTS_MAX, Segment, few, read};
+pub use registered::Registered;
+pub use rejoined::{OnePart, rejoin};
+pub use roughly::{Rough, RoughLead, lay as rough};
+pub use side::{Encoded, Facts, Side, encode};
+pub use sound::{Allowed, Appraisal, appraise};
+pub use stitch::{Part, Stitching, compose, template};
+pub use stitched::{AS_MAPPED, Stitched};
+pub use transfer::alike;
+
+/// How each reason begins why a map leaves some of the scan bare.
+pub const BARE: &str = "the rest of the scan is left bare";
+
+/// Maps every vertex of the example's segment onto the query's by a registration of the two, and checks the result.
+///
+/// # Errors
+/// [`PipelineError`].
+pub fn map(from: &Registered, example: &Side, query: &Side, stop: Stop) -> Result<Mapped, PipelineError> {
+    let mut mapped = registered::map(from, example, query, stop)?;
+    sound::check(&mut mapped, query);
+    Ok(mapped)
+}
+
+/// Lays an example's segment on the query's wherever it fits best, and checks the result. Rows of quads that break a map are
+/// left out.
+///
+/// # Errors
+/// [`PipelineError`].
+pub fn fit(
+    from: Option<&Registered>,
+    example: &Side,
+    query: &Side,
+    wishes: &Wishes,
+    stop: Stop,
+) -> Result<Fitted, PipelineError> {
+    let mut fitted = fitted::fit(from, example, query, wishes, stop)?;
+    let own = continued::own(&fitted.mapped);
+    sound::check(&mut fitted.mapped, query);
+    if let (Verdict::Broken, Some(mut own)) = (fitted.mapped.verdict, own) {
+        sound::check(&mut own, query);
+        if own.verdict != Verdict::Broken {
+            fitted.mapped = own;
+        }
+    }
+    Ok(fitted)
+}
+
+/// Maps once more after an edit of the constraints of the map `before`, and checks the result.
+///
+/// # Errors
+/// [`PipelineError`].
+pub fn edited(
+    from: &Registered,
+    before: &Before,
+    example: &Side,
+    query: &Side,
+    stop: Stop,
+) -> Result<Mapped, PipelineError> {
+    let mut mapped = continued::edited(from, before, example, query, stop)?;
+    sound::check(&mut mapped, query);
+    Ok(mapped)
+}

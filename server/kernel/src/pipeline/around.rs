@@ -1,0 +1,67 @@
+//! The input of a map that covers a part of it, cut along the map's rim.
+
+use super::continued::own_faces;
+use super::model::Model;
+use crate::fit::within;
+use crate::mesh::{PolyMesh, prepare};
+use crate::segment::segment_around;
+use std::sync::Arc;
+
+/// More parts of the rest are a rag: none of them is worth a layout.
+const PARTS_MAX: usize = 24;
+
+/// The input of one segment cut along the rim of a map that lies on a part of it, and the map's own faces. What the map covers is
+/// segment 0, the others are the rest. `None` where the map has no rim, nothing lies beyond it, or the rest is a rag.
+///
+/// `mesh` is the map's, `own` its [`Reach::own`](super::Reach::own).
+pub fn around(query: &Model, mesh: &Arc<PolyMesh>, own: Option<(u64, u64)>) -> Option<(Model, Arc<PolyMesh>)> {
+    let [patch] = &query.segmented.parts[..] else { return None };
+    let own = own_faces(mesh, own).unwrap_or_else(|| Arc::clone(mesh));
+    let laid = prepare(&own).ok()?;
+    let field = within(&laid.mesh, &laid.mesh.positions, &patch.mesh)?;
+    let segmented = segment_around(&patch.mesh, &field).ok()?;
+    if !(2..=PARTS_MAX).contains(&segmented.parts.len()) {
+        return None;
+    }
+    Some((Model { besides: None, ..query.recut(segmented, true) }, own))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Format, Limits, Polygons, Vec3, write};
+    use crate::pipeline::{Allowed, Cut, Part, Stitching, appraise, compose, encode, read};
+
+    /// n × n quads of a dome over the square from `from` to `to` of the unit square.
+    fn dome(n: u32, [from, to]: [f64; 2]) -> PolyMesh {
+        let at = |k: u32| from + (to - from) * f64::from(k) / f64::from(n);
+        let point = |(i, j): (u32, u32)| {
+            let (x, y) = (at(i), at(j));
+            Vec3::new(x, y, 4.0 * x * (1.0 - x) * y * (1.0 - y))
+        };
+        let quad = |(i, j): (u32, u32)| [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)].map(|(i, j)| j * (n + 1) + i);
+        let mut faces = Polygons::default();
+        (0..n).flat_map(|j| (0..n).map(move |i| (i, j))).for_each(|at| faces.push(&quad(at)));
+        let positions = (0..=n).flat_map(|j| (0..=n).map(move |i| (i, j))).map(point).collect();
+        PolyMesh { positions, faces, ..PolyMesh::default() }
+    }
+
+    #[test]
+    fn a_layout_on_a_part_of_a_scan_is_surrounded_by_quads_that_end_where_the_scan_does() {
+        let bytes = write(&dome(48, [0.0, 1.0]), Format::Obj).expect("writable");
+        let scan = Arc::new(read(&bytes, None, &Cut::default(), &Limits::default()).expect("a disc"));
+        let map = Arc::new(dome(10, [0.3, 0.7]));
+        let (cut, own) = around(&scan, &map, None).expect("a rest");
+        assert!(own == map, "the map's own faces");
+        let regular = |segment| Part::Template(Arc::new(encode(&cut, segment, &|| false).expect("encodable")));
+        let rest = (1..cut.segments().len() as u32).map(regular);
+        let parts: Vec<Part> = [Part::Kept(own)].into_iter().chain(rest).collect();
+        let how = Stitching { smoothing: 5, density: 0 };
+        let made = compose(&cut, &parts, how, &|| false).expect("stitched");
+        assert!(made.is_example[0] && !made.is_example[1..].contains(&true), "{:?}", made.is_example);
+        assert!(made.mesh.faces.iter().all(|face| face.len() == 4) && made.mesh.faces.len() > 150);
+        let found = appraise(&cut, &made, Allowed::default());
+        assert!(found.flaws.is_empty() && found.covered > 0.99, "{found:?}");
+        assert!((found.examples[0] - 0.2).abs() < 0.06, "{found:?}");
+    }
+}

@@ -1,0 +1,173 @@
+//! Maps as the pipeline makes them, and what is wished of them.
+
+use super::constraint::{Constraint, Landmark};
+use super::registered::Registered;
+use super::roughly::Rough;
+use super::side::Side;
+use crate::measure::Distortion;
+use crate::mesh::PolyMesh;
+use crate::register::Flip;
+use crate::settle::Evidence;
+use std::sync::Arc;
+
+/// Whether a map is worth keeping; the better is the less.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Verdict {
+    /// Use it.
+    Good,
+    /// It has a flaw that is told.
+    Fair,
+    /// Another example is better.
+    Poor,
+    /// Its mesh is of no use as it is.
+    Broken,
+}
+
+/// How the input is treated where it reaches beyond the example.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Beyond {
+    /// It is left bare: the example's faces alone.
+    #[default]
+    Leave,
+    /// Rows of quads continue the example's boundary to where the input ends.
+    Extend,
+}
+
+/// How much of each surface the other reaches, as shares of their areas.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Covers {
+    /// Of the example: less than 1 where it reaches beyond the input.
+    pub example: f64,
+    /// Of the query's segment: less than 1 where it reaches beyond the example.
+    pub input: f64,
+}
+
+impl Default for Covers {
+    fn default() -> Self {
+        Self { example: 1.0, input: 1.0 }
+    }
+}
+
+/// How much of an example lies on how much of an input.
+#[derive(Clone, Debug, Default)]
+pub struct Reach {
+    /// Shares of the areas.
+    pub covers: Covers,
+    /// The example's vertices that the mesh has; `None`: all of them.
+    pub kept: Option<Vec<u32>>,
+    /// The example's own vertices and faces of the mesh, which come first; `None`: all of it.
+    pub own: Option<(u64, u64)>,
+    /// Share of the mesh's area that its own faces have; `None`: all of it.
+    pub inspired: Option<f64>,
+    /// Faces of the mesh, in order, for which the scan has nothing: they are spanned flat.
+    pub bridging: Vec<u32>,
+    /// Share of the example's faces that these are.
+    pub spanned: f64,
+}
+
+/// An example's segment on a query's segment.
+#[derive(Clone, Debug)]
+pub struct Mapped {
+    /// The example's mesh on the input: the same vertex order, faces, UVs and groups. Segments of the example that
+    /// were not mapped are left out.
+    pub mesh: Arc<PolyMesh>,
+    /// The same as a part to be stitched: the polygons of the segment alone, manifold.
+    pub part: Arc<PolyMesh>,
+    /// The registration that was used, with the caller's constraints.
+    pub registration: Registered,
+    /// How the example was flipped.
+    pub flip: Flip,
+    /// Whether it is a part of the example that the query was cut alike, where the whole was laid.
+    pub is_of_whole: bool,
+    /// The pairs of points that fix it.
+    pub constraints: Vec<Constraint>,
+    /// Faces flipped on the input beyond the example's own.
+    pub folds: u64,
+    /// How it distorts the example.
+    pub distortion: Distortion,
+    /// Whether it is worth keeping.
+    pub verdict: Verdict,
+    /// Why, a sentence each.
+    pub reasons: Vec<String>,
+    /// How much of each surface the other reaches.
+    pub reach: Reach,
+    /// The measures behind the verdict, where the example has settled on the input.
+    pub evidence: Option<Evidence>,
+}
+
+/// What an edited map keeps of the map before.
+#[derive(Clone, Debug)]
+pub struct Before {
+    /// Its folds.
+    pub folds: u64,
+    /// Its verdict.
+    pub verdict: Verdict,
+    /// Its reasons.
+    pub reasons: Vec<String>,
+    /// How much of each surface the other reached.
+    pub reach: Reach,
+    /// The measures behind the verdict, where the example had settled.
+    pub evidence: Option<Evidence>,
+}
+
+impl Mapped {
+    /// This map as an edit of another: what was kept of the example and how well the shapes agree stays; new folds make it worse.
+    #[must_use]
+    pub(super) fn after(mut self, before: &Before) -> Self {
+        self.reach = Reach {
+            covers: before.reach.covers,
+            kept: before.reach.kept.clone(),
+            bridging: before.reach.bridging.clone(),
+            ..Reach::default()
+        };
+        if before.evidence.is_some() {
+            self.evidence = before.evidence;
+            let folds = self.folds > before.folds;
+            (self.verdict, self.reasons) = (before.verdict, before.reasons.clone());
+            if self.verdict == Verdict::Broken {
+                // Whether it still is, is seen anew.
+                self.verdict = Verdict::Poor;
+            }
+            if folds && self.verdict < Verdict::Poor {
+                self.verdict = Verdict::Fair;
+                self.reasons.push("the edit turns some faces over".into());
+            }
+        }
+        self
+    }
+}
+
+/// How an example is to be laid.
+#[derive(Clone, Debug, Default)]
+pub struct Wishes {
+    /// How the input is treated where it reaches beyond the example.
+    pub beyond: Beyond,
+    /// Points of the example that are held on points of the input.
+    pub landmarks: Vec<Landmark>,
+    /// A map of another example on the same segment, which tells where this one belongs.
+    pub lead: Option<Lead>,
+    /// How it lies when it is laid roughly, where the ranking tried that.
+    pub rough: Option<Rough>,
+}
+
+/// A map of an example that lies on a part of others, too.
+#[derive(Clone, Debug)]
+pub struct Lead {
+    /// Its example.
+    pub example: Side,
+    /// The example's vertices that its mesh has; `None`: all of them.
+    pub kept: Option<Vec<u32>>,
+    /// Its mesh.
+    pub mesh: Arc<PolyMesh>,
+}
+
+/// An example laid where it fits best, with what there is left of either surface.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// The map.
+    pub mapped: Mapped,
+    /// The example, or what is left of it.
+    pub example: Side,
+    /// The query, or what is left of it.
+    pub query: Side,
+}

@@ -1,0 +1,81 @@
+//! Examples laid roughly, to choose among many.
+
+use super::error::{PipelineError, Stop, stopped};
+use super::fitted::matched_tips;
+use super::model::Model;
+use crate::fit::rough::{Lead, Shape, rough};
+use crate::mesh::Vec3;
+use crate::register::Query;
+use crate::topology::{Patch, Topology};
+use std::sync::Arc;
+
+/// Ways to match tips that are tried, of either orientation.
+const MATCHED: usize = 1;
+
+/// How an example lies on a query, roughly.
+#[derive(Clone, Debug)]
+pub struct Rough {
+    /// How sure it is, below 1: relief, less what its bend counts.
+    pub agreement: f64,
+    /// Share of the query's area that it lies on.
+    pub covered: f64,
+    /// Share of the example's area for which the query has nothing: it would be spanned flat.
+    pub off: f64,
+    /// Where each vertex of its surface lies.
+    pub places: Arc<Vec<Vec3>>,
+    /// Whether it lies mirrored.
+    pub mirrored: bool,
+}
+
+impl Rough {
+    /// Rates it against others on the same query: how sure it is, times the share that it covers, less what is spanned.
+    pub fn worth(&self) -> f64 {
+        if self.agreement > 0.0 { self.agreement * self.covered * (1.0 - self.off) } else { self.agreement }
+    }
+}
+
+/// An example that lies on a query, to lead another there of which it is a part.
+#[derive(Clone, Copy, Debug)]
+pub struct RoughLead<'a> {
+    /// The example.
+    pub model: &'a Model,
+    /// Its segment.
+    pub segment: u32,
+    /// How it lies.
+    pub rough: &'a Rough,
+}
+
+/// Lays an example's segment on a query's roughly, at a tenth of what a map costs; `None` where either has no caps.
+/// `encodings`: of both, where tips are to be matched. `lead`: an example that lies on the query, and tells where this one belongs.
+///
+/// # Errors
+/// [`PipelineError::Stopped`], [`PipelineError::Internal`].
+pub fn lay(
+    (example, of_example): (&Model, u32),
+    (query, of_query): (&Model, u32),
+    encodings: Option<[&Query; 2]>,
+    lead: Option<RoughLead<'_>>,
+    stop: Stop,
+) -> Result<Option<Rough>, PipelineError> {
+    let (one, two) = (example.patch(of_example)?, query.patch(of_query)?);
+    let (Some(example), Some(input)) = (shape(one), shape(two)) else { return Ok(None) };
+    let tips = encodings.map_or_else(Vec::new, |pair| matched_tips(pair, (example.mesh, input.mesh), MATCHED, stop));
+    let part = match lead {
+        Some(lead) => Some(Lead { mesh: &lead.model.patch(lead.segment)?.mesh, places: lead.rough.places.as_slice() }),
+        None => None,
+    };
+    let found = rough(example, input, &tips, part, stop);
+    stopped(stop)?;
+    Ok(found.map(|fit| Rough {
+        agreement: fit.agreement,
+        covered: fit.covered,
+        off: fit.off,
+        places: Arc::new(fit.places),
+        mirrored: fit.mirrored,
+    }))
+}
+
+fn shape(patch: &Patch) -> Option<Shape<'_>> {
+    let is_closed = patch.topology == Topology::Sphere;
+    (is_closed || patch.topology == Topology::Disc).then_some(Shape { mesh: &patch.mesh, is_closed })
+}

@@ -1,0 +1,163 @@
+//! The way through the kernel on domes: read, encode, map, edit, cut alike, rejoin, stop.
+
+use super::*;
+use crate::mesh::bvh::Bvh;
+use crate::mesh::{Format, Limits, Vec3};
+use std::fmt::Write;
+use std::sync::Arc;
+
+const GO_ON: Stop<'static> = &|| false;
+
+/// n × n quads of two groups on a lopsided dome over a square, as OBJ.
+fn dome(n: usize) -> String {
+    let at = |k: usize| 2.0 * k as f64 / n as f64 - 1.0;
+    let mut text = String::new();
+    for (x, y) in (0..=n).flat_map(|j| (0..=n).map(move |i| (at(i), at(j)))) {
+        let _ = writeln!(text, "v {x} {y} {}", 0.7 * (1.0 - x * x) * (1.0 - y * y) * (1.0 + 0.4 * x + 0.3 * y));
+    }
+    for (group, columns) in [("left", 0..n / 2), ("right", n / 2..n)] {
+        let _ = writeln!(text, "g {group}");
+        for (i, j) in columns.flat_map(|i| (0..n).map(move |j| (i, j))) {
+            let v = |i: usize, j: usize| j * (n + 1) + i + 1;
+            let _ = writeln!(text, "f {} {} {} {}", v(i, j), v(i + 1, j), v(i + 1, j + 1), v(i, j + 1));
+        }
+    }
+    text
+}
+
+fn model(n: usize, way: Way) -> Arc<Model> {
+    let cut = Cut { way, ..Cut::default() };
+    Arc::new(read(dome(n).as_bytes(), Some(Format::Obj), &cut, &Limits::default()).expect("a dome"))
+}
+
+fn side(n: usize) -> Side {
+    let model = model(n, Way::Whole);
+    let encoded = Arc::new(encode(&model, 0, GO_ON).expect("encodable"));
+    Side { model, segment: 0, encoded }
+}
+
+fn registered(example: &Side, query: &Side) -> Registered {
+    let found = fitted::registration(&example.encoded.query, &query.encoded.query, GO_ON);
+    found.expect("not stopped").expect("discs")
+}
+
+fn is_refused<T: std::fmt::Debug>(found: Result<T, PipelineError>, expected: Refusal) {
+    assert!(matches!(&found, Err(PipelineError::Refused { refusal, .. }) if *refusal == expected), "{found:?}");
+}
+
+#[test]
+fn a_coarse_dome_lies_on_a_fine_one_with_all_its_faces() {
+    let (example, query) = (side(12), side(30));
+    let mapped = map(&registered(&example, &query), &example, &query, GO_ON).expect("a map");
+    assert!(mapped.mesh.faces == example.model.mesh.faces, "the faces are the example's own");
+    assert_eq!((mapped.folds, mapped.verdict), (0, Verdict::Good), "{:?}", mapped.reasons);
+    let tree = Bvh::new(query.model.surface());
+    let off = mapped.mesh.positions.iter().map(|&x| (tree.closest(x).point - x).norm()).fold(0.0, f64::max);
+    assert!(off < 1e-9, "{off}");
+}
+
+#[test]
+fn a_constraint_is_met_where_it_was_set_and_a_bad_one_is_refused() {
+    let (example, query) = (side(12), side(30));
+    let mapped = map(&registered(&example, &query), &example, &query, GO_ON).expect("a map");
+    // The vertex in the middle is held a little beside where it lies.
+    let (vertex, n) = (6 * 13 + 6, 12);
+    let there = query.model.mesh.positions[16 * 31 + 15];
+    let asked = |on_example: Place| ConstraintEdit {
+        set: vec![NewConstraint { id: None, on_example: Some(on_example), on_input: Some(Place::Point(there.into())) }],
+        ..ConstraintEdit::default()
+    };
+    let edit = |edit: &ConstraintEdit| {
+        constrain::edit(&mapped.registration, &mapped.constraints, edit, &example, &query, GO_ON)
+    };
+    let moved = edit(&asked(Place::OnVertex { vertex })).expect("no fold");
+    let before = Before {
+        folds: mapped.folds,
+        verdict: mapped.verdict,
+        reasons: mapped.reasons.clone(),
+        reach: mapped.reach.clone(),
+        evidence: mapped.evidence,
+    };
+    let after = edited(&moved, &before, &example, &query, GO_ON).expect("a map");
+    let missed = (after.mesh.positions[vertex as usize] - there).norm();
+    assert!(missed < 1e-6, "{missed}");
+    assert_eq!(after.constraints.iter().filter(|c| c.origin == ConstraintOrigin::User).count(), 1);
+
+    is_refused(edit(&asked(Place::OnVertex { vertex: 13 * 13 })), Refusal::ConstraintInvalid);
+    let weights = Place::OnFace { face: n * n - 1, barycentric: vec![0.5, 0.5, 0.5, 0.5] };
+    is_refused(edit(&asked(weights)), Refusal::ConstraintInvalid);
+    is_refused(edit(&asked(Place::Point([f64::NAN; 3]))), Refusal::ConstraintInvalid);
+    let unknown = ConstraintEdit { remove: vec!["c9".into()], ..ConstraintEdit::default() };
+    is_refused(edit(&unknown), Refusal::ConstraintUnknown);
+}
+
+#[test]
+fn what_an_edit_keeps_of_a_map_that_settled_is_the_evidence_and_new_folds_make_it_fair() {
+    let (example, query) = (side(12), side(30));
+    let mapped = map(&registered(&example, &query), &example, &query, GO_ON).expect("a map");
+    let before = |verdict, folds| Before {
+        folds,
+        verdict,
+        reasons: vec!["as it was".into()],
+        reach: Reach { covers: Covers { example: 0.5, input: 0.25 }, own: Some((3, 1)), ..Reach::default() },
+        evidence: Some(crate::settle::Evidence::default()),
+    };
+    let folded = Mapped { folds: 2, ..mapped.clone() };
+    let after = folded.after(&before(Verdict::Good, 0));
+    assert_eq!((after.verdict, after.reasons.len()), (Verdict::Fair, 2), "{:?}", after.reasons);
+    assert_eq!((after.reach.covers.input, after.reach.own), (0.25, None), "rows are laid anew");
+    let mended = mapped.clone().after(&before(Verdict::Broken, 0));
+    assert_eq!(mended.verdict, Verdict::Poor, "whether it is broken is seen anew");
+    let plain = mapped.after(&Before { evidence: None, ..before(Verdict::Poor, 0) });
+    assert_eq!(plain.verdict, Verdict::Good, "a map of charts is judged by itself");
+}
+
+#[test]
+fn an_input_that_is_cut_as_an_example_is_takes_it_whole() {
+    let (example, input) = (model(12, Way::Groups), model(30, Way::Whole));
+    assert_eq!(example.segments().len(), 2);
+    let cut = alike(&input, &example, GO_ON).expect("alike");
+    assert_eq!(cut.segments().len(), 2);
+    let labels = cut.labels.as_ref().expect("a segment of each face");
+    // Where the groups of the example meet, at x = 0, those of the input do.
+    let middle =
+        |face: &[u32]| face.iter().map(|&v| input.mesh.positions[v as usize]).sum::<Vec3>() / face.len() as f64;
+    let sides: Vec<(f64, i64)> = input.mesh.faces.iter().zip(labels).map(|(f, l)| (middle(f).x, *l)).collect();
+    let left = sides.iter().filter(|(x, l)| *x < -0.2 && *l == 0).count();
+    let right = sides.iter().filter(|(x, l)| *x > 0.2 && *l == 1).count();
+    let far = sides.iter().filter(|(x, _)| x.abs() > 0.2).count();
+    assert!(left + right == far || left + right == 0, "{left} + {right} of {far}");
+
+    let empty = Arc::clone(&example.mesh);
+    let part = |segment| OnePart { segment, example_segment: segment, mesh: Arc::clone(&empty), is_edited: false };
+    let whole = rejoin(&cut, &example, &[part(0), part(1)]).expect("whole");
+    assert!(whole.mesh.faces == example.mesh.faces && whole.is_example == [true, true]);
+    assert!(rejoin(&cut, &example, &[part(0)]).is_none(), "one part of two is no whole");
+    is_refused(alike(&input, &input, GO_ON), Refusal::Unlike);
+}
+
+#[test]
+fn each_stage_ends_when_it_is_told_to_stop() {
+    let (example, query) = (side(8), side(16));
+    let from = registered(&example, &query);
+    let enough: Stop = &|| true;
+    let regular = [Part::Template(Arc::clone(&query.encoded))];
+    let ended = [
+        encode(&query.model, 0, enough).map(|_| ()),
+        map(&from, &example, &query, enough).map(|_| ()),
+        fit(Some(&from), &example, &query, &Wishes::default(), enough).map(|_| ()),
+        template(&query, enough).map(|_| ()),
+        compose(&query.model, &regular, Stitching::default(), enough).map(|_| ()),
+    ];
+    assert!(ended.iter().all(|end| *end == Err(PipelineError::Stopped)), "{ended:?}");
+}
+
+#[test]
+fn a_segment_that_is_not_there_and_labels_that_ask_for_too_many_are_told() {
+    let (one, two) = (model(8, Way::Whole), model(8, Way::Groups));
+    assert_eq!((one.segments().len(), two.segments().len()), (1, 2));
+    assert!(matches!(encode(&one, 1, GO_ON), Err(PipelineError::Internal(_))));
+    let labels: Vec<i64> = (0..=SEGMENTS_MAX as i64).collect();
+    is_refused(few(&labels), Refusal::LabelsInvalid);
+    assert!(few(&labels[1..]).is_ok());
+}
