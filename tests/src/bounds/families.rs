@@ -33,7 +33,7 @@ pub const FAMILIES: [Family; 13] = [
 ];
 
 /// A number in 0–1 from a counter, always the same.
-fn random(i: usize) -> f64 {
+pub(crate) fn random(i: usize) -> f64 {
     let mut x = (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(0x1234_5678_9abc_def1);
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

@@ -4,7 +4,10 @@
 //! way nor what is measured: the processor time that a computing thread takes from the answer of `DELETE` until it sleeps.
 
 use super::{Caller, PAUSE, Sent, Times, Until};
-use crate::scale::{ScaleError, process};
+use crate::{
+    bounds::families::random,
+    scale::{ScaleError, process},
+};
 use serde_json::Value;
 use std::{
     thread,
@@ -126,10 +129,9 @@ fn cancelled(caller: &Caller<'_>, target: &str, (at, whole_ms): (f64, f64)) -> R
     }
     let now = caller.value(&format!("GET {target}"), None)?;
     let stage = now["stage"].as_str().unwrap_or(now["state"].as_str().unwrap_or_default()).to_owned();
-    let ended = matches!(now["state"].as_str(), Some("done" | "failed" | "cancelled") | None);
     delete(caller, target)?;
     let held = free(caller)?;
-    Ok((!ended).then_some(Held { ms: held, at, stage }))
+    Ok((!has_ended(&now)).then_some(Held { ms: held, at, stage }))
 }
 
 /// The most processor time that a computing thread takes from now until all sleep, in milliseconds.
@@ -193,8 +195,7 @@ fn begun(caller: &Caller<'_>, kind: Kind, query: &str, body: &Value) -> Result<S
 }
 
 fn is_over(caller: &Caller<'_>, target: &str) -> Result<bool, ScaleError> {
-    let now = caller.value(&format!("GET {target}"), None)?;
-    Ok(matches!(now["state"].as_str(), Some("done" | "failed" | "cancelled") | None))
+    Ok(has_ended(&caller.value(&format!("GET {target}"), None)?))
 }
 
 fn over(caller: &Caller<'_>, target: &str) -> Result<(), ScaleError> {
@@ -209,8 +210,7 @@ fn delete(caller: &Caller<'_>, target: &str) -> Result<(), ScaleError> {
     caller.ask(&format!("DELETE {target}"), None).map(drop)
 }
 
-/// A number in 0–1 from a counter, always the same.
-fn random(k: usize) -> f64 {
-    let mixed = (k as u64).wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    (mixed >> 11) as f64 / (1u64 << 53) as f64
+/// Tells whether something ended by what is told of it; what is gone has.
+fn has_ended(told: &Value) -> bool {
+    matches!(told["state"].as_str(), Some("done" | "failed" | "cancelled") | None)
 }

@@ -88,11 +88,11 @@ pub struct ConstraintEdit {
     pub remove: Vec<String>,
     /// Ids of constraints to put back as the registration had them; those that were added go.
     pub undo: Vec<String>,
-    /// What to do where the map would fold.
+    /// The answer to an edit that would fold the map.
     pub on_fold: OnFold,
 }
 
-/// What an edit does where the map would fold.
+/// The answer to an edit that would fold the map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OnFold {
     /// It is refused.

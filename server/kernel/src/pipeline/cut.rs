@@ -22,9 +22,9 @@ pub struct Cut {
     pub way: Way,
     /// The caller's labels, one a face.
     pub labels: Option<Vec<i64>>,
-    /// What becomes of components beside the largest.
+    /// The treatment of components beside the largest.
     pub components: Components,
-    /// How many segments automatic segmentation aims at, where the caller said so.
+    /// The number of segments that automatic segmentation aims at, where the caller said so.
     pub parts: Option<PartCount>,
     /// Where automatic cuts may run.
     pub grain: Grain,

@@ -10,7 +10,7 @@ use crate::register::Flip;
 use crate::settle::Evidence;
 use std::sync::Arc;
 
-/// Whether a map is worth keeping; the better is the less.
+/// A judgement of a map; the better is the less.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Verdict {
     /// Use it.
@@ -33,7 +33,7 @@ pub enum Beyond {
     Extend,
 }
 
-/// How much of each surface the other reaches, as shares of their areas.
+/// The shares of both surfaces' areas that the other reaches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Covers {
     /// Of the example: less than 1 where it reaches beyond the input.
@@ -48,7 +48,7 @@ impl Default for Covers {
     }
 }
 
-/// How much of an example lies on how much of an input.
+/// The part of an example that lies on an input, and the part of the input that it covers.
 #[derive(Clone, Debug, Default)]
 pub struct Reach {
     /// Shares of the areas.
@@ -77,7 +77,7 @@ pub struct Mapped {
     pub registration: Registered,
     /// How the example was flipped.
     pub flip: Flip,
-    /// Whether it is a part of the example that the query was cut alike, where the whole was laid.
+    /// It is a part of an example that was laid whole, on a query that was cut as that example is.
     pub is_of_whole: bool,
     /// The pairs of points that fix it.
     pub constraints: Vec<Constraint>,
@@ -85,7 +85,7 @@ pub struct Mapped {
     pub folds: u64,
     /// How it distorts the example.
     pub distortion: Distortion,
-    /// Whether it is worth keeping.
+    /// The judgement of it.
     pub verdict: Verdict,
     /// Why, a sentence each.
     pub reasons: Vec<String>,
@@ -95,7 +95,7 @@ pub struct Mapped {
     pub evidence: Option<Evidence>,
 }
 
-/// What an edited map keeps of the map before.
+/// The part of a map that stays as it is through an edit.
 #[derive(Clone, Debug)]
 pub struct Before {
     /// Its folds.
@@ -125,7 +125,7 @@ impl Mapped {
             let folds = self.folds > before.folds;
             (self.verdict, self.reasons) = (before.verdict, before.reasons.clone());
             if self.verdict == Verdict::Broken {
-                // Whether it still is, is seen anew.
+                // The edited map is checked anew.
                 self.verdict = Verdict::Poor;
             }
             if folds && self.verdict < Verdict::Poor {
@@ -137,16 +137,16 @@ impl Mapped {
     }
 }
 
-/// How an example is to be laid.
+/// A caller's wishes for how an example is laid.
 #[derive(Clone, Debug, Default)]
 pub struct Wishes {
-    /// How the input is treated where it reaches beyond the example.
+    /// The treatment of an input that reaches beyond the example.
     pub beyond: Beyond,
     /// Points of the example that are held on points of the input.
     pub landmarks: Vec<Landmark>,
     /// A map of another example on the same segment, which tells where this one belongs.
     pub lead: Option<Lead>,
-    /// How it lies when it is laid roughly, where the ranking tried that.
+    /// Its rough pose, where the ranking tried one.
     pub rough: Option<Rough>,
 }
 

@@ -105,7 +105,7 @@ fn turned_in_domain(mesh: &TriMesh, laid: &UnmeasuredMap<'_>) -> Vec<u32> {
     polygons
 }
 
-/// What of the query's surface a map leaves out.
+/// The part of the query's surface that a map leaves out.
 fn covered(example: &TriMesh, cross: &CrossMap, query: &Side) -> Result<Coverage, PipelineError> {
     let input = &*query.model;
     let searched = &query.encoded.query;
@@ -113,7 +113,7 @@ fn covered(example: &TriMesh, cross: &CrossMap, query: &Side) -> Result<Coverage
     Ok(coverage(example, cross, &input.patch(query.segment)?.mesh, &features))
 }
 
-/// How a map distorts the example.
+/// Measures how a map distorts the example.
 pub(crate) fn distortion(laid: &UnmeasuredMap<'_>, example: &Side) -> Result<measure::Distortion, PipelineError> {
     let model = &*example.model;
     let mesh = &model.patch(example.segment)?.mesh;

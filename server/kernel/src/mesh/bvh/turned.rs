@@ -14,7 +14,7 @@ const NEEDLES_MIN: f64 = 0.25;
 /// Room for rounding, as a share of the coordinates, and of the bound.
 const ROOM: f64 = 1e-12;
 
-/// Whether many of the triangles are needles.
+/// Tells whether many of the triangles are needles.
 pub(super) fn has_needles(corners: &[[Vec3; 3]]) -> bool {
     corners.iter().filter(|corners| is_needle(corners)).count() as f64 > NEEDLES_MIN * corners.len() as f64
 }
