@@ -100,7 +100,7 @@ pub trait Job: Send {
     /// [`EngineError`].
     fn goes_on(&self) -> Result<(), EngineError>;
 
-    /// Says that it is done: nobody gets it again.
+    /// Says that it is done: nobody gets it again. A moment may pass until one of its name can be added.
     ///
     /// # Errors
     /// [`EngineError`]; it may be taken again then.
