@@ -94,6 +94,9 @@ pub enum Parts {
     None,
     /// One for each protrusion, and what is left into as few as can be (`auto`).
     Auto,
+    /// Two, cut at the narrowest place that divides much: a figure and its base (`waist`). Where there is no such place, as without
+    /// `parts=`; only of a query.
+    Waist,
     /// So many, if the topology allows.
     Count(u32),
 }
@@ -105,12 +108,13 @@ impl FromStr for Parts {
         match text {
             "auto" => return Ok(Self::Auto),
             "none" => return Ok(Self::None),
+            "waist" => return Ok(Self::Waist),
             _ => {}
         }
         let count = text.parse().ok().filter(|n| (1..=PARTS_MAX).contains(n));
         count
             .map(Self::Count)
-            .ok_or_else(|| UnknownWord { expected: "auto, none, or a number from 1 to 64", found: text.into() })
+            .ok_or_else(|| UnknownWord { expected: "auto, waist, none, or a number from 1 to 64", found: text.into() })
     }
 }
 
@@ -118,6 +122,7 @@ impl fmt::Display for Parts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::None => f.pad("none"),
+            Self::Waist => f.pad("waist"),
             Self::Auto => f.pad("auto"),
             Self::Count(n) => n.fmt(f),
         }

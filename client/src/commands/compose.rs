@@ -19,7 +19,7 @@ use crate::{
     ui::Ui,
 };
 use quadmuse_proto::{
-    Composition, CompositionPart, ExampleId, Map, NewComposition, Product, Query, QuerySegment,
+    Composition, CompositionPart, ExampleId, Map, NewComposition, Product, Query, QuerySegment, Verdict,
     composition::{AS_MAPPED, SMOOTHING_DEFAULT},
     segment::Parts,
 };
@@ -100,8 +100,21 @@ async fn made(
         None => None,
     };
     let query = ranked(args, started, api, state, ui).await?;
+    let asked = &args.rank.segments;
+    let is_uncut = like.is_none() && asked.segments.is_none() && asked.parts.is_none() && wish.uses.is_empty();
     if query.segments.len() > 1 || wish.lay.density.is_some() {
-        return stitch(&query, &wish.like_all(&query, like), api, ui).await;
+        let wish = wish.like_all(&query, like);
+        let figure = match is_uncut && may_be_cut(&query, ui) {
+            true => at_waist((args, &wish), api, state, ui).await?,
+            false => None,
+        };
+        return match figure.filter(Outcome::is_most) {
+            Some(figure) => figure.written(&wish, api, ui).await,
+            None => {
+                let stitched = composed(&query, &wish, api, ui).await?;
+                stitched.written(&wish, api, ui).await
+            }
+        };
     }
     for part in &wish.uses {
         check_segment(&query, Some(part.segment))?;
@@ -116,16 +129,29 @@ async fn made(
         return stitch(&query, wish, api, ui).await;
     };
     // What is worth one try alone has too few faces to be cut.
-    let is_free = args.rank.segments.segments.is_none() && args.rank.segments.parts.is_none() && only.tries > 1;
+    let is_free = is_uncut && only.tries > 1;
     match lay_best(&query, only, wish.lay.beyond, api, ui).await {
-        Ok((map, name)) if is_free && map.verdict.is_poor() => {
-            in_parts(&query, map, &name, (args, wish), api, state, ui).await
-        }
         Ok((map, name)) => {
-            if map.verdict.is_poor() {
-                ui.note(&format!("the best example, {name}, fits poorly"));
+            let (is_poor, is_cut) = (map.verdict.is_poor(), is_free && may_be_cut(&query, ui));
+            if is_poor {
+                ui.note(&format!("the best example, {name}, fits poorly as a whole"));
             }
-            settled(&query, map, &name, wish, api, ui).await
+            // A regular layout of the whole is wanted only where its parts have nothing better.
+            let whole = match is_poor && is_cut {
+                true => None,
+                false => Some(settled(&query, map.clone(), &name, wish, api, ui).await?),
+            };
+            let is_enough = whole.as_ref().is_some_and(Outcome::is_most);
+            let parts = match is_cut && !is_enough {
+                true => in_parts((args, wish), api, state, ui).await?,
+                false => None,
+            };
+            let best = match (whole, parts) {
+                (Some(whole), Some(parts)) => whole.or_better(parts),
+                (Some(one), None) | (None, Some(one)) => one,
+                (None, None) => settled(&query, map, &name, wish, api, ui).await?,
+            };
+            best.written(wish, api, ui).await
         }
         Err(error) if matches!(error, ClientError::NothingRanked { .. }) || is_late(&error) => {
             ui.note(&error.message());
@@ -150,37 +176,111 @@ async fn ranked(
     Ok(follow_upload(&query, Wanted::Outcome, api, ui).await?.summary)
 }
 
-/// What no example fits as a whole is cut into its protrusions, each with an example that fits or a regular layout. A scan
-/// full of holes is not: cuts would run from hole to hole.
+/// What came of a scan, before it is written.
+#[derive(Clone)]
+enum Outcome {
+    /// A map as it is, and the name of its example.
+    Map(Box<Map>, String),
+    /// A composition, and the maps that it was made of.
+    Composition(Box<Composition>, Vec<Map>),
+}
+
+/// Examples that make up this share of a scan are most of it.
+const MOST: f64 = 0.5;
+
+impl Outcome {
+    /// The share of the scan that has an example's quads; nothing that is broken is worth anything.
+    fn share(&self) -> f64 {
+        let (verdict, inspired, covers) = match self {
+            Self::Map(map, _) => (map.verdict, map.inspired, map.covers),
+            Self::Composition(made, _) => (made.verdict, made.inspired, made.covers),
+        };
+        if verdict == Verdict::Broken { 0.0 } else { inspired * covers.input }
+    }
+
+    fn is_most(&self) -> bool {
+        self.share() >= MOST
+    }
+
+    /// This one, unless examples make up more of the other.
+    fn or_better(self, other: Self) -> Self {
+        if other.share() > self.share() { other } else { self }
+    }
+
+    async fn written(self, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Result<Delivered, ClientError> {
+        match self {
+            Self::Map(map, name) => write_map(&map, Some(&name), &wish.target, api, ui).await,
+            Self::Composition(made, maps) => {
+                // Of a scan of one segment there is one example, whose kept vertices can be told.
+                if let [only] = &maps[..] {
+                    write_kept(only, &wish.target)?;
+                }
+                write_composition(&made, &maps, &wish.target, api, ui).await
+            }
+        }
+    }
+}
+
+/// Whether a scan may be cut where nobody asked for it: one full of holes is not, since cuts would run from hole to hole.
+fn may_be_cut(query: &Query, ui: &mut Ui) -> bool {
+    let holes = query.segments.iter().map(|segment| segment.holes).max().unwrap_or(0);
+    if holes > HOLES_CUT_MAX {
+        ui.note(&format!("with {holes} holes the mesh is not cut into parts"));
+    }
+    holes <= HOLES_CUT_MAX
+}
+
+/// What examples make of the parts of a scan: parted at its waist, as a figure from its base, and where that helps little, cut into
+/// its protrusions, each with an example that fits or a regular layout. `None` where it has no parts.
 async fn in_parts(
-    whole: &Query,
-    best: Map,
-    name: &str,
     (args, wish): (&QueryArgs, &Wish<'_>),
     api: &Api,
     state: &State,
     ui: &mut Ui,
-) -> Result<Delivered, ClientError> {
-    let holes = whole.segments.first().map_or(0, |segment| segment.holes);
-    if holes > HOLES_CUT_MAX {
-        ui.note(&format!("the best example, {name}, fits poorly, and with {holes} holes the mesh is not cut"));
-        return settled(whole, best, name, wish, api, ui).await;
+) -> Result<Option<Outcome>, ClientError> {
+    let figure = at_waist((args, wish), api, state, ui).await?;
+    if figure.as_ref().is_some_and(Outcome::is_most) {
+        return Ok(figure);
     }
-    ui.note(&format!("the best example, {name}, fits poorly as a whole; cutting the mesh into parts"));
-    let mut in_parts = args.clone();
-    in_parts.rank.segments.parts = Some(Parts::Auto);
-    let query = ranked(&in_parts, None, api, state, ui).await?;
-    match query.segments.len() {
-        0 | 1 => {
-            ui.note("no parts were found; the mesh stays whole");
-            settled(whole, best, name, wish, api, ui).await
-        }
-        _ => stitch(&query, wish, api, ui).await,
+    ui.note("cutting the mesh into parts");
+    let query = cut(args, Parts::Auto, api, state, ui).await?;
+    if query.segments.len() < 2 {
+        ui.note("no parts were found");
+        return Ok(figure);
     }
+    let parts = composed(&query, wish, api, ui).await?;
+    Ok(Some(match figure {
+        Some(figure) => parts.or_better(figure),
+        None => parts,
+    }))
 }
 
-/// Writes what the service makes of the best map of a single segment: the map itself, with the example's own vertex order,
-/// faces, UVs and groups, where it follows the input; else what is composed of it, or of a regular layout.
+/// The same scan, cut otherwise and ranked again.
+async fn cut(args: &QueryArgs, parts: Parts, api: &Api, state: &State, ui: &mut Ui) -> Result<Query, ClientError> {
+    let mut args = args.clone();
+    args.rank.segments.parts = Some(parts);
+    ranked(&args, None, api, state, ui).await
+}
+
+/// A scan parted at its waist, such as a figure from its base, with the example that fits one side of it best and what lies around
+/// that; `None` where it has no waist, or no example fits a side.
+async fn at_waist(
+    (args, wish): (&QueryArgs, &Wish<'_>),
+    api: &Api,
+    state: &State,
+    ui: &mut Ui,
+) -> Result<Option<Outcome>, ClientError> {
+    let query = cut(args, Parts::Waist, api, state, ui).await?;
+    if !query.waist {
+        return Ok(None);
+    }
+    ui.note("parting it at its waist, as a figure from its base");
+    let found = composed(&query, wish, api, ui).await?;
+    Ok(Some(found).filter(|found| found.share() > 0.0))
+}
+
+/// What the service makes of the best map of a single segment: the map itself, with the example's own vertex order, faces, UVs and
+/// groups, where it follows the input; else what is composed of it, or of a regular layout.
 async fn settled(
     query: &Query,
     map: Map,
@@ -188,18 +288,17 @@ async fn settled(
     wish: &Wish<'_>,
     api: &Api,
     ui: &mut Ui,
-) -> Result<Delivered, ClientError> {
+) -> Result<Outcome, ClientError> {
     let named = if map.verdict.is_poor() { &[][..] } else { std::slice::from_ref(&map) };
     let composition = stitched(query, &new_composition(named, wish), api, ui).await?;
     if composition.notes.iter().any(|note| note == AS_MAPPED) {
-        return write_map(&map, Some(name), &wish.target, api, ui).await;
+        return Ok(Outcome::Map(Box::new(map), name.into()));
     }
-    write_kept(&map, &wish.target)?;
     if let ([segment], false) = (&query.segments[..], map.verdict.is_poor()) {
         ui.note(&chosen(segment, 1, 1, &fitting(&map, name)));
     }
     let maps = if composition.parts.is_empty() { Vec::new() } else { vec![map] };
-    write_composition(&composition, &maps, &wish.target, api, ui).await
+    Ok(Outcome::Composition(Box::new(composition), maps))
 }
 
 /// What the service stitches.
@@ -235,6 +334,11 @@ fn fitting(map: &Map, name: &str) -> String {
 
 /// Maps every segment, stitches the maps and writes the mesh.
 async fn stitch(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Result<Delivered, ClientError> {
+    composed(query, wish, api, ui).await?.written(wish, api, ui).await
+}
+
+/// Maps every segment, and stitches the maps.
+async fn composed(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Result<Outcome, ClientError> {
     for part in &wish.uses {
         check_segment(query, Some(part.segment))?;
     }
@@ -278,5 +382,7 @@ async fn stitch(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Resul
         ui.note(&table::expected_quads(&maps, query.segments.len(), density));
     }
     let composition = stitched(query, &new_composition(&maps, wish), api, ui).await?;
-    write_composition(&composition, &maps, &wish.target, api, ui).await
+    let used = |map: &Map| composition.parts.iter().any(|part| part.segment == map.segment);
+    maps.retain(used);
+    Ok(Outcome::Composition(Box::new(composition), maps))
 }

@@ -275,6 +275,7 @@ pub(crate) mod tests {
             tags: Vec::new(),
             counts: MeshCounts::default(),
             repairs: Vec::new(),
+            waist: false,
             segments: (0..segments).map(segment).collect(),
             revision: 2,
             corpus_size: 5,

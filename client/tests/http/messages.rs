@@ -46,6 +46,7 @@ pub(crate) fn example(n: u8) -> Example {
             features: 3,
         }],
         repairs: Vec::new(),
+        waist: false,
         doubts: Vec::new(),
         created: "2025-01-01T00:00:00Z".into(),
         template: None,

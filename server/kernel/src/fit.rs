@@ -5,6 +5,7 @@
 
 pub mod beyond;
 pub mod mend;
+pub mod openings;
 pub mod rest;
 pub mod rough;
 
@@ -290,15 +291,17 @@ pub fn within(example: &TriMesh, positions: &[Vec3], input: &TriMesh) -> Option<
         return None;
     }
     let tree = Bvh::new(&laid);
-    let on_rim = |closest: &Closest| {
-        (0..3u32).any(|k| {
-            // The edge opposite the third corner is the halfedge of the first.
-            closest.barycentric[(k as usize + 2) % 3] < 1e-9 && laid.twin(3 * closest.triangle + k) == NONE
-        })
-    };
     let away = |x: Vec3| {
         let of = |edge: &[Vec3; 2]| (edge[0].lerp(&edge[1], nearest_share(*edge, x)) - x).norm();
         rim.iter().map(of).fold(f64::INFINITY, f64::min)
     };
-    Some(input.positions.iter().map(|&x| if on_rim(&tree.closest(x)) { -away(x) } else { away(x) }).collect())
+    Some(input.positions.iter().map(|&x| if is_on_rim(&laid, &tree.closest(x)) { -away(x) } else { away(x) }).collect())
+}
+
+/// Whether a point of a mesh lies on its boundary.
+fn is_on_rim(mesh: &TriMesh, at: &Closest) -> bool {
+    (0..3u32).any(|k| {
+        // The edge opposite the third corner is the halfedge of the first.
+        at.barycentric[(k as usize + 2) % 3] < 1e-9 && mesh.twin(3 * at.triangle + k) == NONE
+    })
 }

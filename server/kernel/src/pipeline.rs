@@ -44,7 +44,7 @@ pub use cut::{Besides, Cut, Grain, Way};
 pub use error::{PipelineError, Refusal, Stop};
 pub use fitted::{ranked_against, reaches};
 pub use mapped::{Before, Beyond, Covers, Fitted, Lead, Mapped, Reach, Verdict, Wishes};
-pub use model::{FACES_CHOSEN_MIN, FACES_OF_SCAN_MIN, Model, SEGMENTS_MAX, Segment, few, read};
+pub use model::{FACES_CHOSEN_MIN, FACES_OF_SCAN_MIN, Model, SEGMENTS_MAX, Segment, few, in_primitives, read};
 pub use registered::Registered;
 pub use rejoined::{OnePart, rejoin};
 pub use roughly::{Rough, RoughLead, lay as rough};

@@ -24,6 +24,7 @@ mod split;
 mod tour;
 mod tree;
 mod views;
+mod waist;
 
 use std::collections::BTreeMap;
 
@@ -61,6 +62,8 @@ pub struct Segmented {
     pub seams: Vec<Seam>,
     /// Handles along whose shortest loops the only part is cut, both sides of which are among its holes.
     pub handles_opened: u32,
+    /// Whether it was cut at its waist, into two parts: openings that the cut leaves in them are among their holes.
+    pub is_waist: bool,
 }
 
 /// How many parts to cut a surface into.
@@ -73,6 +76,8 @@ pub enum PartCount {
     Protrusions,
     /// So many in all, if the topology allows; else the fewest that it allows.
     About(usize),
+    /// Two, where a short cut parts a scan, as a figure from its base; else [`Self::AsNeeded`].
+    AtWaist,
 }
 
 /// A surface with fewer triangles is refined before it is cut.
@@ -192,13 +197,13 @@ fn labels(mesh: &TriMesh, count: PartCount) -> Vec<u32> {
     let regions: Vec<Region> = components.into_iter().map(|c| Region::new(mesh, c)).collect();
     let wanted = match count {
         PartCount::About(n) => Some(shares_of(n, &regions)),
-        PartCount::AsNeeded | PartCount::Protrusions => None,
+        PartCount::AsNeeded | PartCount::AtWaist | PartCount::Protrusions => None,
     };
     let mut label_of = vec![0; mesh.triangles.len()];
     let mut first = 0;
     for (k, region) in regions.iter().enumerate() {
         let share = wanted.as_ref().map_or(Count::Natural, |w| Count::Wanted(w[k]));
-        let may_stay = count == PartCount::AsNeeded || share == Count::Wanted(1);
+        let may_stay = matches!(count, PartCount::AsNeeded | PartCount::AtWaist) || share == Count::Wanted(1);
         let parts = match may_stay && region.primitive().is_some() {
             true => vec![0; region.triangle_of.len()],
             false => parts::parts(&region.mesh, share),
@@ -267,7 +272,16 @@ impl Segmented {
         }
         let seams = seams::between(&mesh, &part_of);
         let surface_vertices = surface.positions.len();
-        Self { mesh, surface_vertices, part_of, source_of: refined.source_of, parts, seams, handles_opened: 0 }
+        Self {
+            mesh,
+            surface_vertices,
+            part_of,
+            source_of: refined.source_of,
+            parts,
+            seams,
+            handles_opened: 0,
+            is_waist: false,
+        }
     }
 
     /// One part, the whole surface.
@@ -306,6 +320,11 @@ impl Segmented {
     /// One part, the largest component of a scan, cut along a loop around each of its few handles; `None` for any other surface.
     pub fn opened(surface: &TriMesh) -> Option<Self> {
         opened::opened(surface)
+    }
+
+    /// Two parts, the largest component of a surface cut at its waist; `None` where it has none.
+    pub fn at_waist(surface: &TriMesh) -> Option<Self> {
+        waist::waist(surface)
     }
 
     /// One part a label, in order of label; `labels` holds one a polygon, so every cut runs along polygon edges.
@@ -351,7 +370,7 @@ impl Segmented {
         let source_of = (0..surface.triangles.len() as u32).collect();
         let seams = seams::between(surface, &part_of);
         let (mesh, surface_vertices) = (surface.clone(), surface.positions.len());
-        Self { mesh, surface_vertices, part_of, source_of, parts, seams, handles_opened: 0 }
+        Self { mesh, surface_vertices, part_of, source_of, parts, seams, handles_opened: 0, is_waist: false }
     }
 
     /// The parts that border on part `part`, in order, each once.

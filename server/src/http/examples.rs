@@ -16,7 +16,7 @@ use crate::work::{ingest, pictures};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
-use quadmuse_proto::{Example, ExampleId, ExamplePatch, Page, Topology};
+use quadmuse_proto::{Example, ExampleId, ExamplePatch, Page, Topology, segment::Parts};
 use std::sync::Arc;
 
 /// Adds an example: the mesh in the body. Durable when answered.
@@ -56,6 +56,13 @@ pub async fn add(
         tags: params.all("tag"),
         relevance: params.get("relevance", "from 0 to 5")?.unwrap_or(ingest::RELEVANCE_DEFAULT),
     };
+    if mesh.upload.cut.parts == Some(Parts::Waist) {
+        return Err(HttpError::parameter(
+            "parts",
+            "auto, none, or a number: an example is not cut at its waist",
+            "waist",
+        ));
+    }
     let upload = Upload { cut: Cut { besides: mesh.besides, ..mesh.upload.cut }, ..mesh.upload };
     let (example, put) = ingest::add(&app.work, caller, upload, annotation).await?;
     claim.made(&example.id);

@@ -52,7 +52,7 @@ impl FromRequest<App> for MeshUpload {
         };
         let way = params.get::<Segmentation>("segments", "auto, whole or groups")?.unwrap_or_default();
         let components = params.get::<Components>("components", "largest or refuse")?.unwrap_or_default();
-        let count = params.get::<segment::Parts>("parts", "auto, none, or a number from 1 to 64")?;
+        let count = params.get::<segment::Parts>("parts", "auto, waist, none, or a number from 1 to 64")?;
         let Who(caller) = head.extensions.get::<Who>().copied().unwrap_or_default();
         let media_type = head.headers.get(header::CONTENT_TYPE).map(|value| value.to_str().unwrap_or("not a text"));
         let is_form = media_type.is_some_and(|kind| essence(kind).eq_ignore_ascii_case("multipart/form-data"));

@@ -1,13 +1,15 @@
 //! Compositions: the maps chosen for a query's segments, stitched into one mesh of quads.
 
 mod headline;
+mod side_by_side;
 mod surrounded;
+mod waist;
 
 use super::engine::{
     Allowed, Appraisal, BARE, Encoded, Engine, EngineError, Model, OnePart, Part, Stitched, Stitching,
 };
 use super::making::{self, Making, Tell};
-use super::mapping::{self, LiveMap, MapState, get};
+use super::mapping::{self, LiveMap, get};
 use super::query::{LiveQuery, ms_since};
 use super::ranking::entries;
 use super::worth::tries;
@@ -22,6 +24,7 @@ use quadmuse_proto::{
     Beyond, Composition, CompositionId, CompositionPart, ConstraintOrigin, ExampleId, MakingState, Map, NewComposition,
     NewMap, Product, Verdict,
 };
+use side_by_side::{as_mapped, standing, unstitched};
 use std::sync::Arc;
 use std::time::Instant;
 use surrounded::Surrounded;
@@ -107,44 +110,52 @@ async fn made(
 ) -> Result<Arc<LiveComposition>, WorkError> {
     let start = Instant::now();
     let named = check(live, &wanted)?;
-    let Gathered { parts, mut summaries, mut templates, mut poor, maps, mut laid, instead } =
+    let Gathered { mut parts, mut summaries, mut templates, mut poor, mut maps, mut laid, mut instead } =
         gathered(work, live, &wanted, named, tell).await?;
     tell("stitching", LAID_SHARE);
     let faces = faces_at(&parts, wanted.density)?;
     let input = live.model.mesh.faces.len() as u64 * MEMORY_PER_INPUT_FACE;
     let needed = faces.max(FACES_LEAST) * MEMORY_PER_FACE + input;
     let job = work.admit(live.caller.user, needed, REQUEST_TIME_MAX)?;
-    let (engine, model) = (Arc::clone(&work.engine), Arc::clone(&live.model));
-    let allowed = allowed(&maps);
+    let (engine, mut model) = (Arc::clone(&work.engine), Arc::clone(&live.model));
+    let mut allowed = allowed(&maps);
     let how = Stitching { smoothing: wanted.smoothing, density: wanted.density };
-    let one = one_example(&maps).filter(|_| wanted.density == 0);
+    let mut one = one_example(&maps).filter(|_| wanted.density == 0 && !model.is_waist);
     let lone = lone(&maps, allowed.bare);
-    let surrounded = match &lone {
-        Some(map) => Surrounded::of(work, live, map, &job).await?,
-        None => None,
-    };
     // Maps as they are have the density of their examples.
-    let is_as_dense = wanted.density == 0;
-    let alone = lone.filter(|_| is_as_dense);
-    let again = (Arc::clone(&engine), Arc::clone(&model), parts.clone(), instead.clone());
-    // The map alone is there at once, and is better than nothing: what surrounds it has half of the time.
-    let around = match surrounded {
-        Some(surrounded) => {
-            let (job, engine) = (job.renew(Some(REQUEST_TIME_MAX / 2)), Arc::clone(&engine));
-            let stitch = move |stop: &Stop| surrounded.stitched(&*engine, (how, allowed), stop);
-            let found = work.pool.run(&job, Lane::Lay, stitch).await.map_err(WorkError::from);
-            match found.and_then(|found| Ok(found?)) {
-                Ok(found) => found,
-                Err(error) if alone.is_some() && error.stop_reason().is_some_and(|r| r != StopReason::Cancelled) => {
-                    None
-                }
-                Err(error) => return Err(error),
-            }
+    let mut alone = lone.clone().filter(|_| wanted.density == 0);
+    let centres = if model.is_waist { waist::by_worth(&model, &maps) } else { lone.iter().cloned().collect() };
+    let (mut around, mut centre) = (None, None);
+    for map in centres {
+        around = laid_around(work, live, &map, &job, (how, allowed, alone.is_some() || model.is_waist)).await?;
+        if around.is_some() {
+            centre = Some(map.newest().summary.segment);
+            break;
         }
-        None => None,
-    };
+    }
+    if model.is_waist {
+        // What lies beyond the map is laid out around it.
+        templates.extend(summaries.iter().map(|part| part.segment).filter(|segment| Some(*segment) != centre));
+        summaries.retain(|part| Some(part.segment) == centre);
+    }
     // Whatever that took.
     let job = job.renew(Some(REQUEST_TIME_MAX));
+    if model.is_waist && around.is_none() {
+        (model, parts) = waist::in_primitives(work, live, &job).await?;
+        (instead, maps, laid) = (Vec::new(), Vec::new(), Vec::new());
+        (summaries, poor) = (Vec::new(), Vec::new());
+        templates = (0..live.model.segments.len() as u32).collect();
+    }
+    if let (Some(map), None, false) = (&lone, &around, model.is_waist)
+        && map.newest().summary.covers.input < ALONE_MIN
+        && wanted.keep.is_empty()
+    {
+        (alone, one) = (None, None);
+        parts = vec![Part::Template(live.encoded(0).await?)];
+        (instead, maps, laid, summaries, templates) = (vec![None], vec![None], vec![None], Vec::new(), vec![0]);
+        allowed = Allowed::default();
+    }
+    let again = (Arc::clone(&engine), Arc::clone(&model), parts.clone(), instead.clone());
     let stitch = move |stop: &Stop| -> Result<Sound, EngineError> {
         if let Some(sound) = around {
             return Ok(sound);
@@ -161,7 +172,7 @@ async fn made(
             return Ok(Sound::of(whole, appraisal));
         }
         let sound = stitched_sound(&*engine, &model, (parts, &instead), (how, allowed), stop)?;
-        let standing = if is_as_dense { standing(&model, &engine.alone(&model)?, &maps) } else { Vec::new() };
+        let standing = if wanted.density == 0 { standing(&model, &engine.alone(&model)?, &maps) } else { Vec::new() };
         if standing.is_empty() || !sound.is_poor_beside(&standing, &model) {
             return Ok(sound);
         }
@@ -229,6 +240,9 @@ async fn made(
 
 /// The reason given where a composition leaves small parts of the scan bare.
 const ALONE: &str = "the smaller parts of the scan are left bare: with them the mesh was broken, or lost the example";
+
+/// Where examples have less than this share of the scan that their maps cover, they were lost.
+const LOST: f64 = 0.5;
 
 /// What a composition came to.
 struct Sound {
@@ -301,68 +315,34 @@ fn stitched_sound(
     Ok(Sound::of(made, appraisal))
 }
 
+/// A map with what lies around it; `None` where nothing does, or it is not sound. Where there is something else to fall back on, it
+/// is `None` at its deadline, too: half of a composition's time.
+async fn laid_around(
+    work: &Arc<Work>,
+    live: &Arc<LiveQuery>,
+    map: &LiveMap,
+    job: &Job,
+    (how, allowed, may_fail): (Stitching, Allowed, bool),
+) -> Result<Option<Sound>, WorkError> {
+    let Some(surrounded) = Surrounded::of(work, live, map, job).await? else { return Ok(None) };
+    let (job, engine) = (job.renew(Some(REQUEST_TIME_MAX / 2)), Arc::clone(&work.engine));
+    let stitch = move |stop: &Stop| surrounded.stitched(&*engine, (how, allowed), stop);
+    match work.pool.run(&job, Lane::Lay, stitch).await.map_err(WorkError::from).and_then(|found| Ok(found?)) {
+        Err(error) if may_fail && error.stop_reason().is_some_and(|reason| reason != StopReason::Cancelled) => Ok(None),
+        found => found,
+    }
+}
+
 /// More of the scan left bare than this is beyond what a layout can be made to follow.
 const BARE_MIN: f64 = 0.05;
+
+/// A map alone that covers less of the scan is no result: a regular layout of all of it is. *Untuned.*
+const ALONE_MIN: f64 = 0.25;
 
 /// The one map of a query where it leaves some of the scan bare.
 fn lone(maps: &[Option<Arc<LiveMap>>], bare: f64) -> Option<Arc<LiveMap>> {
     let [Some(map)] = maps else { return None };
     (bare > BARE_MIN).then(|| Arc::clone(map))
-}
-
-/// Where examples have less than this share of the scan that their maps cover, they were lost.
-const LOST: f64 = 0.5;
-
-/// A segment with this share of a scan's faces is most of it.
-const MOST: f64 = 0.5;
-
-/// Maps that can stand side by side without being stitched, with their segments: those of segments that have their components of the
-/// scan to themselves (`alone`), where these are most of it, or else that of the one segment that is.
-fn standing(model: &Model, alone: &[bool], maps: &[Option<Arc<LiveMap>>]) -> Vec<(usize, Arc<LiveMap>)> {
-    let all: u64 = model.segments.iter().map(|segment| segment.faces).sum();
-    let faces = |number: usize| model.segments.get(number).map_or(0, |segment| segment.faces);
-    let is_most = |some: &[(usize, Arc<LiveMap>)]| {
-        some.iter().map(|(number, _)| faces(*number)).sum::<u64>() as f64 >= MOST * all as f64
-    };
-    let mapped: Vec<(usize, Arc<LiveMap>)> =
-        maps.iter().enumerate().filter_map(|(number, map)| Some((number, Arc::clone(map.as_ref()?)))).collect();
-    let apart: Vec<(usize, Arc<LiveMap>)> =
-        mapped.iter().filter(|(number, _)| alone.get(*number) == Some(&true)).cloned().collect();
-    if is_most(&apart) {
-        return apart;
-    }
-    mapped.into_iter().find(|one| is_most(std::slice::from_ref(one))).into_iter().collect()
-}
-
-/// The maps of some segments side by side, without those to blame for what is wrong with them; `None` where none is left.
-fn unstitched(
-    engine: &dyn Engine,
-    model: &Model,
-    mut standing: Vec<(usize, Arc<LiveMap>)>,
-    allowed: Allowed,
-) -> Result<Option<Sound>, EngineError> {
-    while !standing.is_empty() {
-        let made = as_mapped(&standing, model.segments.len());
-        let appraisal = engine.appraise(model, &made, Allowed { bare: 1.0, ..allowed })?;
-        let count = standing.len();
-        if appraisal.flaws.is_empty() {
-            let unstitched = standing.iter().map(|(number, _)| *number as u32).collect();
-            return Ok(Some(Sound { unstitched, ..Sound::of(made, appraisal) }));
-        }
-        standing.retain(|(number, _)| !appraisal.flawed.contains(&(*number as u32)));
-        if standing.len() == count {
-            break;
-        }
-    }
-    Ok(None)
-}
-
-/// Maps as a composition of `count` segments.
-fn as_mapped(maps: &[(usize, Arc<LiveMap>)], count: usize) -> Stitched {
-    let newest: Vec<Arc<MapState>> = maps.iter().map(|(_, map)| map.newest()).collect();
-    let mapped: Vec<(&Arc<PolyMesh>, &[u32])> =
-        newest.iter().map(|state| (&state.mapped.mesh, &state.mapped.reach.bridging[..])).collect();
-    Stitched::as_mapped(&mapped, (0..count).map(|k| maps.iter().any(|(number, _)| *number == k)).collect())
 }
 
 /// What the maps of all segments are on purpose. A map that leaves some of the scan bare does so alone: beside others the rest is

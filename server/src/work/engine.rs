@@ -96,6 +96,8 @@ pub struct Model {
     pub labels: Option<Vec<i64>>,
     /// The part of each face besides the whole, from 1, and 0 for none, where [`Cut::besides`] asked for parts and there are some.
     pub besides: Option<Vec<i64>>,
+    /// Whether it was cut at its waist: its two segments are no parts of a composition, but what one is laid out around.
+    pub is_waist: bool,
     /// What the engine needs to go on.
     pub inner: Opaque,
 }
@@ -389,7 +391,7 @@ pub trait Engine: Send + Sync + 'static {
         stop.reason().map_or(Ok(None), |reason| Err(reason.into()))
     }
 
-    /// The topologies of the examples that a query of some topology is ranked against, its own first; `is_most`: whether it is most
+    /// The topologies of the examples that a query of some topology is ranked against, its own first; `is_most`: whether it is much
     /// of a scan.
     fn ranked_against(&self, query: Topology, is_most: bool) -> Vec<Topology> {
         let _ = is_most;
@@ -446,14 +448,28 @@ pub trait Engine: Send + Sync + 'static {
         stop.reason().map_or(Ok(None), |reason| Err(reason.into()))
     }
 
-    /// The input of one segment cut along the rim of a map that lies on a part of it, and the map's own faces. Segment 0 is what
-    /// the map covers, the others are the rest. `None` where nothing lies beyond the map, or the rest is a rag.
+    /// The input of one segment, or one cut at its waist, cut along the rim of a map that lies on a part of it, and the map's own
+    /// faces. Segment 0 is what the map covers, the others are the rest. `None` where nothing lies beyond the map, or the rest is a
+    /// rag. `segment`: the segment that the map lies on.
     ///
     /// # Errors
     /// [`EngineError::Internal`].
-    fn around(&self, query: &Model, mapped: &Mapped) -> Result<Option<(Model, Arc<PolyMesh>)>, EngineError> {
-        let _ = (query, mapped);
+    fn around(
+        &self,
+        query: &Model,
+        segment: u32,
+        mapped: &Mapped,
+    ) -> Result<Option<(Model, Arc<PolyMesh>)>, EngineError> {
+        let _ = (query, segment, mapped);
         Ok(None)
+    }
+
+    /// An input that was cut at its waist, cut into primitives instead.
+    ///
+    /// # Errors
+    /// [`EngineError::Refused`] where it can't be cut.
+    fn recut(&self, query: &Model) -> Result<Model, EngineError> {
+        Ok(query.clone())
     }
 
     /// Stitches maps into one mesh of quads, smoothed and projected back onto the input.

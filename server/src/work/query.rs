@@ -307,6 +307,7 @@ impl LiveQuery {
             tags: self.options.tags.clone(),
             counts: self.counts,
             repairs: self.repairs(),
+            waist: self.model.is_waist,
             segments,
             progress,
             timings,

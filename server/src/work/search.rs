@@ -19,7 +19,7 @@ use super::engine::{Cut, Encoding, Engine, Model, ModelSegment, Registration};
 use super::ingest::{self, Upload, encode, normal_tags};
 use super::query::{LiveQuery, QueryOptions, ms_since};
 use super::ranking::{Candidate, Depth, levels_up_to, mark, order, registered_at};
-use super::worth::{is_most_of_scan, is_worth_an_example};
+use super::worth::{is_much_of_scan, is_worth_an_example};
 use super::{Caller, REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, PoolError, Stop, StopReason};
 use crate::telemetry::traces;
@@ -70,7 +70,7 @@ pub async fn start(
     let stocks = stocks_for(&model);
     let select = |topologies: &[Topology]| Selection::new(&snapshot, topologies, stocks, &options.tags);
     let against = |(k, s): (usize, &ModelSegment)| {
-        select(&work.engine.ranked_against(s.topology, is_most_of_scan(&model.segments, k)))
+        select(&work.engine.ranked_against(s.topology, is_much_of_scan(&model.segments, k)))
     };
     let corpus: Vec<Selection> = model.segments.iter().enumerate().map(against).collect();
     // A segment for which there is no example takes a regular layout; a corpus without any is a mistake to be told.
@@ -124,11 +124,12 @@ pub(super) async fn of_rest(work: &Arc<Work>, live: &LiveQuery, cut: &Arc<Model>
     Ok(rest)
 }
 
-/// What a query is ranked against: one that falls into parts, against parts too. One that is whole has the wholes for it, and a
-/// part of an example has less to tell it by.
+/// What a query is ranked against: one that falls into parts, against parts too. One that is whole has the wholes for it, as a figure
+/// has that was parted from its base, and a part of an example has less to tell it by.
 fn stocks_for(model: &Model) -> &'static [Stock] {
     match model.segments.as_slice() {
         [_] => &[Stock::Wholes],
+        _ if model.is_waist => &[Stock::Wholes],
         _ => &[Stock::Wholes, Stock::Parts],
     }
 }

@@ -17,7 +17,7 @@ const MANY: usize = 32;
 const FACES_PER_SEGMENT: u64 = 256;
 /// Faces of a segment that is given a map, or ranked where there are more than a few.
 const FACES_MIN: u64 = 16;
-/// Entries of a ranking that are tried for a segment that is most of the mesh.
+/// Entries of a ranking that are tried for a segment that is a third of the mesh or more.
 const TRIES: usize = 3;
 /// Faces of a segment on average below which many segments are a rag, of which only those with enough form are worth it.
 const FACES_OF_RAG: u64 = 96;
@@ -36,11 +36,11 @@ pub fn is_worth_an_example(segments: &[ModelSegment], segment: usize) -> bool {
     own >= own_min && segments.iter().enumerate().filter(is_before).count() < most
 }
 
-/// Whether a segment is most of a scan, with enough form to choose an example by.
-pub fn is_most_of_scan(segments: &[ModelSegment], segment: usize) -> bool {
+/// Whether a segment is a third of a scan at least, with enough form to choose an example by.
+pub fn is_much_of_scan(segments: &[ModelSegment], segment: usize) -> bool {
     let all = segments.iter().map(|s| s.faces).sum::<u64>();
     let faces = segments.get(segment).map_or(0, |s| s.faces);
-    2 * faces >= all && faces >= FACES_CHOSEN_MIN && all >= FACES_OF_SCAN_MIN
+    3 * faces >= all && faces >= FACES_CHOSEN_MIN && all >= FACES_OF_SCAN_MIN
 }
 
 /// How many examples of a segment's ranking are laid on it unasked, until one is not poor. Of a part between others only the
@@ -49,7 +49,7 @@ pub fn is_most_of_scan(segments: &[ModelSegment], segment: usize) -> bool {
 pub fn tries(segments: &[ModelSegment], segment: usize) -> usize {
     match segments.get(segment).map(|s| s.faces) {
         Some(faces) if faces >= FACES_MIN && is_worth_an_example(segments, segment) => {
-            if is_most_of_scan(segments, segment) { TRIES } else { 1 }
+            if is_much_of_scan(segments, segment) { TRIES } else { 1 }
         }
         _ => 0,
     }

@@ -2,6 +2,7 @@
 
 use super::continued::own_faces;
 use super::model::Model;
+use crate::fit::openings::off_rim;
 use crate::fit::within;
 use crate::mesh::{PolyMesh, prepare};
 use crate::segment::segment_around;
@@ -10,16 +11,36 @@ use std::sync::Arc;
 /// More parts of the rest are a rag: none of them is worth a layout.
 const PARTS_MAX: usize = 24;
 
-/// The input of one segment cut along the rim of a map that lies on a part of it, and the map's own faces. What the map covers is
-/// segment 0, the others are the rest. `None` where the map has no rim, nothing lies beyond it, or the rest is a rag.
+/// The input of one segment, or one cut at its waist, cut along the rim of a map that lies on a part of it, and the map's own
+/// faces. What the map covers is segment 0, the others are the rest. `None` where the map has no rim, nothing lies beyond it, or
+/// the rest is a rag.
 ///
-/// `mesh` is the map's, `own` its [`Reach::own`](super::Reach::own).
-pub fn around(query: &Model, mesh: &Arc<PolyMesh>, own: Option<(u64, u64)>) -> Option<(Model, Arc<PolyMesh>)> {
-    let [patch] = &query.segmented.parts[..] else { return None };
+/// `segment` is the one that the map lies on, `mesh` the map's, `own` its [`Reach::own`](super::Reach::own).
+pub fn around(
+    query: &Model,
+    segment: u32,
+    mesh: &Arc<PolyMesh>,
+    own: Option<(u64, u64)>,
+) -> Option<(Model, Arc<PolyMesh>)> {
     let own = own_faces(mesh, own).unwrap_or_else(|| Arc::clone(mesh));
+    let is_at_waist = query.is_at_waist();
+    let (own, surface) = match &query.segmented.parts[..] {
+        [patch] => (own, &patch.mesh),
+        _ if is_at_waist => {
+            let side = off_rim(&own, &query.patch(segment).ok()?.mesh)?;
+            (Arc::new(side), &query.segmented.mesh)
+        }
+        _ => return None,
+    };
     let laid = prepare(&own).ok()?;
-    let field = within(&laid.mesh, &laid.mesh.positions, &patch.mesh)?;
-    let segmented = segment_around(&patch.mesh, &field).ok()?;
+    let mut field = within(&laid.mesh, &laid.mesh.positions, surface)?;
+    if is_at_waist {
+        // Beyond the waist nothing belongs to the layout, even where it lies next to it, as a base does beneath a belly.
+        let mut is_beyond = vec![true; field.len()];
+        query.patch(segment).ok()?.vertex_of.iter().for_each(|&v| is_beyond[v as usize] = false);
+        field.iter_mut().zip(is_beyond).filter(|(_, beyond)| *beyond).for_each(|(x, _)| *x = -x.abs());
+    }
+    let segmented = segment_around(surface, &field).ok()?;
     if !(2..=PARTS_MAX).contains(&segmented.parts.len()) {
         return None;
     }
@@ -51,7 +72,7 @@ mod tests {
         let bytes = write(&dome(48, [0.0, 1.0]), Format::Obj).expect("writable");
         let scan = Arc::new(read(&bytes, None, &Cut::default(), &Limits::default()).expect("a disc"));
         let map = Arc::new(dome(10, [0.3, 0.7]));
-        let (cut, own) = around(&scan, &map, None).expect("a rest");
+        let (cut, own) = around(&scan, 0, &map, None).expect("a rest");
         assert!(own == map, "the map's own faces");
         let regular = |segment| Part::Template(Arc::new(encode(&cut, segment, &|| false).expect("encodable")));
         let rest = (1..cut.segments().len() as u32).map(regular);

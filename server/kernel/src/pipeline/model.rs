@@ -96,6 +96,11 @@ impl Model {
         self.segmented.parts.iter().chain(&self.parts)
     }
 
+    /// Whether it was cut at its waist: its two segments are no parts of a composition, but what one is laid out around.
+    pub fn is_at_waist(&self) -> bool {
+        self.segmented.is_waist
+    }
+
     /// Whether a segment is all of an upload, so that its boundary is where its artist let it end.
     pub(crate) fn is_whole(&self, segment: u32) -> bool {
         self.segmented.parts.len() == 1 && segment == 0 && !self.is_part
@@ -208,13 +213,22 @@ pub fn read(bytes: &[u8], format: Option<Format>, cut: &Cut, limits: &Limits) ->
     let besides = besides(&mesh, &prepared.mesh, &segmented, &cut.besides)?;
     let (besides, parts) = besides.map_or((None, Vec::new()), |(labels, parts)| (Some(labels), parts));
     let told = prepared.repairs.iter().map(ToString::to_string);
-    let repairs = told.chain(segmented.parts.iter().flat_map(|part| mended(part, segmented.handles_opened))).collect();
+    let repairs = told.chain(segmented.parts.iter().flat_map(|part| mended(part, &segmented))).collect();
     let (faces, format) = (mesh.faces.len(), wanted.unwrap_or(Format::Obj));
     let mesh = Arc::new(mesh);
     let model =
         Model { mesh, format, repairs, labels: None, besides, prepared, segmented, parts, laid: None, is_part: false };
     let labels = asked.then(|| model.face_labels(faces));
     Ok(Model { labels, ..model })
+}
+
+/// An input that was cut at its waist, cut into primitives instead.
+///
+/// # Errors
+/// [`PipelineError::Refused`] where it can't be cut.
+pub fn in_primitives(model: &Model) -> Result<Model, PipelineError> {
+    let segmented = segment(model.surface(), PartCount::AsNeeded).map_err(cannot_cut)?;
+    Ok(model.recut(segmented, false))
 }
 
 /// The parts besides the whole, with the part of each face; `None` where there are none.
@@ -266,7 +280,11 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, 
         }
         Way::Auto => {
             let count = cut.parts.unwrap_or_default();
-            if count == PartCount::AsNeeded {
+            let at_waist = count == PartCount::AtWaist && is_scan(cut);
+            if let Some(found) = at_waist.then(|| Segmented::at_waist(surface)).flatten() {
+                return Ok(found);
+            }
+            if matches!(count, PartCount::AsNeeded | PartCount::AtWaist) {
                 let few_groups = || group_labels(mesh).filter(|labels| few(labels).is_ok());
                 let groups = || few_groups().and_then(|labels| Segmented::by_labels(surface, &labels).ok());
                 let repaired = || Segmented::primitive(surface, cut.components).ok();
@@ -303,7 +321,8 @@ pub fn few(labels: &[i64]) -> Result<&[i64], PipelineError> {
 }
 
 /// What was left out of a patch, will be filled, or was opened, to make it a primitive.
-fn mended(patch: &Patch, handles_opened: u32) -> Vec<String> {
+fn mended(patch: &Patch, of: &Segmented) -> Vec<String> {
+    let handles_opened = of.handles_opened;
     let mut sentences = Vec::new();
     if patch.left_out > 0 {
         let n = patch.left_out;
@@ -313,6 +332,10 @@ fn mended(patch: &Patch, handles_opened: u32) -> Vec<String> {
     if handles_opened > 0 {
         let s = if handles_opened == 1 { "" } else { "s" };
         sentences.push(format!("{handles_opened} handle{s} cut open for the computation; maps keep to the surface"));
+    }
+    if of.is_waist {
+        // The openings that it leaves are no holes that anybody could see.
+        return sentences;
     }
     // Both sides of each such cut are holes, too.
     let n = patch.holes.len().saturating_sub(2 * handles_opened as usize);

@@ -28,7 +28,7 @@ pub(super) struct Surrounded {
 }
 
 impl Surrounded {
-    /// Cuts the scan of `live` along the rim of `map`, and finds what the rest takes; `None` where nothing lies beyond the map, or
+    /// Cuts the scan of `live`, which is one segment or was cut at its waist, along the rim of `map`, and finds what the rest takes; `None` where nothing lies beyond the map, or
     /// the rest can't be laid.
     pub(super) async fn of(
         work: &Arc<Work>,
@@ -38,7 +38,8 @@ impl Surrounded {
     ) -> Result<Option<Self>, WorkError> {
         let newest = map.newest();
         let (engine, model, mapped) = (Arc::clone(&work.engine), Arc::clone(&live.model), newest.mapped.clone());
-        let cut = work.pool.run(job, Lane::Lay, move |_| engine.around(&model, &mapped)).await??;
+        let segment = newest.summary.segment;
+        let cut = work.pool.run(job, Lane::Lay, move |_| engine.around(&model, segment, &mapped)).await??;
         let Some((cut, own)) = cut else { return Ok(None) };
         let cut = Arc::new(cut);
         let rest = match search::of_rest(work, live, &cut).await {
@@ -100,6 +101,7 @@ impl Surrounded {
         let allowed = Allowed { bare: 0.0, ..allowed };
         let Sound { mut made, appraisal, .. } =
             stitched_sound(engine, &self.cut, (self.parts, &self.instead), (how, allowed), stop)?;
+        tracing::debug!(flaws = ?appraisal.flaws, is_example = ?made.is_example, "what lies around a map");
         let stands = made.is_example.first() == Some(&true) && appraisal.flaws.is_empty();
         // Segments of the cut are none of the query's, which notes could name.
         made.notes.retain(|note| !note.contains("segment"));

@@ -139,6 +139,7 @@ impl Engine for FakeEngine {
             segments,
             labels: None,
             besides: (parts > 0).then(|| (0..=parts).collect()),
+            is_waist: false,
             inner: Opaque::new(script),
         })
     }

@@ -336,10 +336,20 @@ impl Engine for KernelEngine {
         Ok(pipeline::rejoin(model_in(query)?, model_in(example)?, parts))
     }
 
-    fn around(&self, query: &Model, mapped: &Mapped) -> Result<Option<(Model, Arc<PolyMesh>)>, EngineError> {
-        let cut = pipeline::around(model_in(query)?, &mapped.mesh, mapped.reach.own);
+    fn around(
+        &self,
+        query: &Model,
+        segment: u32,
+        mapped: &Mapped,
+    ) -> Result<Option<(Model, Arc<PolyMesh>)>, EngineError> {
+        let cut = pipeline::around(model_in(query)?, segment, &mapped.mesh, mapped.reach.own);
         let model = |cut| Model { format: query.format, repairs: query.repairs.clone(), ..translate::model(cut) };
         Ok(cut.map(|(cut, own)| (model(cut), own)))
+    }
+
+    fn recut(&self, query: &Model) -> Result<Model, EngineError> {
+        let cut = told(pipeline::in_primitives(model_in(query)?), &Stop::new(None))?;
+        Ok(Model { format: query.format, ..translate::model(cut) })
     }
 
     fn compose(&self, query: &Model, parts: &[Part], how: Stitching, stop: &Stop) -> Result<Stitched, EngineError> {

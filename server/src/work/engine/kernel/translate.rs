@@ -43,6 +43,7 @@ pub(super) fn cut(of: &Cut) -> pipeline::Cut {
         parts: of.parts.map(|parts| match parts {
             Parts::None => PartCount::AsNeeded,
             Parts::Auto => PartCount::Protrusions,
+            Parts::Waist => PartCount::AtWaist,
             Parts::Count(n) => PartCount::About(n as usize),
         }),
         grain: of.grain,
@@ -59,6 +60,7 @@ pub(super) fn model(inner: pipeline::Model) -> Model {
         segments: segments(&inner),
         labels: inner.labels.clone(),
         besides: inner.besides.clone(),
+        is_waist: inner.is_at_waist(),
         inner: Opaque::new(inner),
     }
 }
