@@ -4,7 +4,8 @@
     judged.py SET[:PREFIX]… [--programs DIR] [--shared DIR] [--out DIR]
 
 Sets: scans (retopo with the shared corpus), made (the same of scans that are made of shared meshes, without examples of their
-family), extents, cross, species, unseen, groundtruth (one example onto one input).
+family), extents, cross, species, unseen, groundtruth (one example onto one input), unlike (the same of another kind: a hand onto a
+head, none of which can be right).
 PREFIX limits a set to rows whose name begins with it. DIR of --programs has quadmuse and quadmuse-server (default:
 target/release). Needs numpy and scipy. Starts a server of its own on a free port. Results, maps and pictures stay in --out.
 """
@@ -257,6 +258,36 @@ def judge_species(service, meshes, out, prefix):
     print(f"\nspecies: {len(table)} maps; without trex mean agreement {mean([row[3] for row in known])}, {sum((row[3] or 0) >= .96 for row in known)} of {len(known)} at least .96")
 
 
+def judge_unlike(service, meshes, out, prefix):
+    """Examples onto inputs of another kind: no map is right, so each is asked to be poor or broken."""
+    import collections
+
+    # Four limbs and a head are so on bodies, quadrupeds and birds: whether those maps are right is a matter of opinion.
+    kinds = {
+        "head": ([meshes / "cross/mh_00.obj", meshes / "cross/ict_02.obj"], [meshes / "cross/input_mh_03.ply", meshes / "cross/input_ict_01.ply"]),
+        "limbs": ([meshes / "species/quads_cow.obj", *unseen(meshes, "mhbody_31", "example")], [meshes / "species/input_pig.ply", *unseen(meshes, "mhbody_31", "input"), *unseen(meshes, "animal_eagle_31", "input")]),
+        "hand": (unseen(meshes, "mhhand_31", "example"), unseen(meshes, "mhhand_31", "input")),
+        "dolphin": (unseen(meshes, "animal_dolphin_31", "example"), unseen(meshes, "animal_dolphin_31", "input")),
+    }
+    table = []
+    for kind, (examples, _) in kinds.items():
+        for example in examples:
+            for other, (_, scans) in kinds.items():
+                for scan in scans if other != kind else []:
+                    if not is_shown(prefix, kind, example.stem):
+                        continue
+                    answer, _, _, used, problem = mapped(service, example, scan, out, f"unlike-{example.stem}-{scan.stem}")
+                    table.append([example.stem, scan.stem, answer.get("verdict"), (answer.get("evidence") or {}).get("agreement"), round(used, 1)])
+                    print("|", *table[-1], *problem, file=sys.stderr, flush=True)
+    print_table(["example", "scan", "verdict", "agreement", "processor s"], table)
+    print(f"\nunlike: {len(table)} maps, {dict(collections.Counter(str(row[2]) for row in table))}")
+
+
+def unseen(meshes, name, side):
+    """The example or the input of the first pair of a set of `unseen`."""
+    return next([meshes / "unseen" / row[side]] for row in rows_of(meshes / "unseen/pairs.csv") if row["set"] == name)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sets", nargs="+", metavar="SET[:PREFIX]")
@@ -283,6 +314,8 @@ def main():
                 judge_cross(service, meshes, out, prefix)
             elif name == "species":
                 judge_species(service, meshes, out, prefix)
+            elif name == "unlike":
+                judge_unlike(service, meshes, out, prefix)
             elif name in ("extents", "unseen", "groundtruth"):
                 judge_pairs(service, meshes, out, prefix, name)
             else:

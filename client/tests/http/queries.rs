@@ -466,6 +466,43 @@ async fn retopo_lays_as_many_examples_as_the_service_calls_worth_it() {
 }
 
 #[tokio::test]
+async fn retopo_parts_a_figure_from_its_base_and_cuts_further_only_where_that_helps_little() {
+    let mesh = mesh_file();
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.obj");
+    // The share of the scan that the figure's example makes up, whether there is a waist, and which cuts are tried.
+    for (inspired, waist, tried) in [(0.6, true, [1, 0]), (0.2, true, [1, 1]), (0.6, false, [1, 1])] {
+        let poor = Map { verdict: Verdict::Poor, ..map() };
+        let (segments, is_waist) = (AtomicU32::new(1), std::sync::atomic::AtomicBool::new(false));
+        let server = Fake::start(move |asked| {
+            if asked.line.starts_with("POST") && asked.line.contains("parts=") {
+                segments.store(2, Ordering::Relaxed);
+                is_waist.store(waist && asked.line.contains("parts=waist"), Ordering::Relaxed);
+            }
+            let (segments, waist) = (segments.load(Ordering::Relaxed), is_waist.load(Ordering::Relaxed));
+            let path = asked.line.split(['?', ' ']).nth(1).unwrap_or_default();
+            match path.rsplit('/').next() {
+                Some("maps") => Reply::json(201, &poor),
+                Some("compositions") => {
+                    Reply::json(201, &Composition { inspired: if waist { inspired } else { 0.1 }, ..composition() })
+                }
+                Some(id) if id == query_id().to_string() => {
+                    Reply::json(200, &Query { waist, ..query(QueryState::Done, segments) })
+                }
+                _ => service(asked, segments),
+            }
+        });
+        let ran = run(&server.url, &format!("retopo {} -o {}", mesh.path().display(), out.display())).await;
+        assert_eq!(ran.code(), 0, "{}", ran.notes);
+        let lines = server.lines();
+        let cuts =
+            ["waist", "auto"].map(|cut| lines.iter().filter(|line| line.contains(&format!("parts={cut}"))).count());
+        assert_eq!(cuts, tried, "{inspired} {waist}: {}", ran.notes);
+        assert!(ran.notes.contains("parting it at its waist") == waist, "{}", ran.notes);
+    }
+}
+
+#[tokio::test]
 async fn retopo_takes_the_map_that_is_worth_most_and_stops_at_one_that_is_good_enough() {
     let mesh = mesh_file();
     let folder = tempfile::tempdir().expect("a folder");

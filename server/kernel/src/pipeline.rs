@@ -50,7 +50,7 @@ pub use rejoined::{OnePart, rejoin};
 pub use roughly::{Rough, RoughLead, lay as rough};
 pub use side::{Encoded, Facts, Side, encode};
 pub use sound::{Allowed, Appraisal, appraise};
-pub use stitch::{Part, Stitching, compose, template};
+pub use stitch::{Part, Regular, Stitching, compose, template};
 pub use stitched::{AS_MAPPED, Stitched};
 pub use transfer::alike;
 

@@ -347,7 +347,8 @@ fn fan_of(mesh: &TriMesh, start: u32) -> Vec<u32> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::mesh::Vec3;
+    use crate::mesh::{PolyMesh, Vec3};
+    use std::collections::BTreeMap;
 
     /// A grid of `n × m` quads wrapped as asked, cut into triangles; wrapping both ways gives a torus.
     pub(crate) fn grid(n: u32, m: u32, wrap_u: bool, wrap_v: bool) -> TriMesh {
@@ -373,6 +374,37 @@ pub(crate) mod tests {
             }
         }
         TriMesh::from_triangles(positions, triangles).expect("a grid is manifold")
+    }
+
+    /// The surface of the solid cells of a grid, a quad a side.
+    pub(crate) fn voxels(is_solid: &dyn Fn([i32; 3]) -> bool, size: [i32; 3]) -> PolyMesh {
+        let (mut number, mut mesh) = (BTreeMap::<[i32; 3], u32>::new(), PolyMesh::default());
+        let cells = (0..size[0]).flat_map(|x| (0..size[1]).flat_map(move |y| (0..size[2]).map(move |z| [x, y, z])));
+        for (cell, axis, side) in cells
+            .filter(|cell| is_solid(*cell))
+            .flat_map(|cell| (0..6usize).map(move |k| (cell, k / 2, (k % 2) as i32)))
+        {
+            let mut beside = cell;
+            beside[axis] += 2 * side - 1;
+            if is_solid(beside) {
+                continue;
+            }
+            let mut corners = [[0, 0], [1, 0], [1, 1], [0, 1]].map(|[du, dv]| {
+                let mut p = cell;
+                p[axis] += side;
+                p[(axis + 1) % 3] += du;
+                p[(axis + 2) % 3] += dv;
+                *number.entry(p).or_insert_with(|| {
+                    mesh.positions.push(Vec3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2])));
+                    mesh.positions.len() as u32 - 1
+                })
+            });
+            if side == 0 {
+                corners.reverse();
+            }
+            mesh.faces.push(&corners);
+        }
+        mesh
     }
 
     #[test]

@@ -30,7 +30,7 @@ use std::time::Duration;
         ("deadline_ms" = Option<u64>, Query, minimum = 1, maximum = 3_600_000, description = "After this time the ranking so far is the answer"),
         ("segments" = Option<quadmuse_proto::Segmentation>, Query, description = "How to cut the mesh"),
         ("components" = Option<quadmuse_proto::Components>, Query, description = "What becomes of small components beside the largest"),
-        ("parts" = Option<String>, Query, description = "Segments that automatic segmentation aims at: a number from 1 to 64, or `auto`, one a protrusion; without it, or with `none`, a primitive stays whole"),
+        ("parts" = Option<String>, Query, description = "Segments that automatic segmentation aims at: a number from 1 to 64, `auto`, one a protrusion, or `waist`, the two sides of the cut that is shortest for what it divides, as a figure and its base; without it, or with `none`, a primitive stays whole"),
         ("like" = Option<ExampleId>, Query, description = "Cut the mesh as this example is cut: segment k where segment k of the example would lie. In place of `segments` and `parts`"),
         ("format" = Option<quadmuse_proto::MeshFormat>, Query, description = "The body's format; else by Content-Type, else recognised"),
         ("upload" = Option<quadmuse_proto::UploadId>, Query, description = "An upload (`/v1/uploads`) that takes the place of the body; the headers say what it holds"),

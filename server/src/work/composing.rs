@@ -102,6 +102,11 @@ fn check(live: &LiveQuery, wanted: &NewComposition) -> Result<Vec<Option<Arc<Liv
     Ok(named)
 }
 
+/// Memory that a composition of so many faces takes on an input.
+pub(super) fn memory(faces: u64, input: &Model) -> u64 {
+    faces.max(FACES_LEAST) * MEMORY_PER_FACE + input.mesh.faces.len() as u64 * MEMORY_PER_INPUT_FACE
+}
+
 async fn made(
     work: &Arc<Work>,
     live: &Arc<LiveQuery>,
@@ -113,9 +118,7 @@ async fn made(
     let Gathered { mut parts, mut summaries, mut templates, mut poor, mut maps, mut laid, mut instead } =
         gathered(work, live, &wanted, named, tell).await?;
     tell("stitching", LAID_SHARE);
-    let faces = faces_at(&parts, wanted.density)?;
-    let input = live.model.mesh.faces.len() as u64 * MEMORY_PER_INPUT_FACE;
-    let needed = faces.max(FACES_LEAST) * MEMORY_PER_FACE + input;
+    let needed = memory(faces_at(&parts, wanted.density)?, &live.model);
     let job = work.admit(live.caller.user, needed, REQUEST_TIME_MAX)?;
     let (engine, mut model) = (Arc::clone(&work.engine), Arc::clone(&live.model));
     let mut allowed = allowed(&maps);

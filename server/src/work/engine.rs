@@ -494,10 +494,10 @@ pub trait Engine: Send + Sync + 'static {
     /// [`EngineError::Internal`].
     fn appraise(&self, query: &Model, made: &Stitched, allowed: Allowed) -> Result<Appraisal, EngineError>;
 
-    /// A regular layout on a query's segment, in place of an example.
+    /// A regular layout on a query's segment, in place of an example; measured where it is the only segment.
     ///
     /// # Errors
-    /// [`EngineError::Stopped`], [`EngineError::Internal`].
+    /// [`EngineError::Refused`] where none can be made, [`EngineError::Stopped`], [`EngineError::Internal`].
     fn template(&self, query: &Side, stop: &Stop) -> Result<Mapped, EngineError>;
 
     /// A mesh as a file.

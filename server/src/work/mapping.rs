@@ -8,7 +8,7 @@ use super::making::{self, Making, Tell, untold};
 use super::query::{LiveQuery, MAPS_MAX, ms_since};
 use super::ranking::Candidate;
 use super::search::{caught_up, newcomer};
-use super::{REQUEST_TIME_MAX, Work, WorkError, landmarks};
+use super::{REQUEST_TIME_MAX, Work, WorkError, composing, landmarks};
 use crate::pool::{Job, Lane};
 use quadmuse_proto::constraint::CONSTRAINTS_MAX;
 use quadmuse_proto::{
@@ -208,7 +208,7 @@ async fn made_of_template(
     let start = Instant::now();
     let encoded = live.encoded(wanted.segment).await?;
     tell("laying a regular layout on the scan", 0.3);
-    let job = work.admit(live.caller.user, work.engine.memory_of_map(0), REQUEST_TIME_MAX)?;
+    let job = work.admit(live.caller.user, composing::memory(0, &live.model), REQUEST_TIME_MAX)?;
     let side = Side { model: Arc::clone(&live.model), segment: wanted.segment, encoded };
     let (engine, query) = (Arc::clone(&work.engine), side.clone());
     let mapped = work.pool.run(&job, Lane::Lay, move |stop| engine.template(&query, stop)).await??;

@@ -51,7 +51,9 @@ pub fn around(
 mod tests {
     use super::*;
     use crate::mesh::{Format, Limits, Polygons, Vec3, write};
-    use crate::pipeline::{Allowed, Cut, Part, Stitching, appraise, compose, encode, read};
+    use crate::pipeline::{Allowed, Cut, Part, Stitching, appraise, compose, encode, in_primitives, read};
+    use crate::segment::PartCount;
+    use crate::topology::tests::voxels;
 
     /// n × n quads of a dome over the square from `from` to `to` of the unit square.
     fn dome(n: u32, [from, to]: [f64; 2]) -> PolyMesh {
@@ -84,5 +86,29 @@ mod tests {
         let found = appraise(&cut, &made, Allowed::default());
         assert!(found.flaws.is_empty() && found.covered > 0.99, "{found:?}");
         assert!((found.examples[0] - 0.2).abs() < 0.06, "{found:?}");
+    }
+
+    #[test]
+    fn a_layout_on_a_figure_is_kept_down_to_its_ankles_and_the_base_is_a_segment_of_its_own() {
+        // A slab of cells on four legs on another: what was laid on the upper one covers the tops of the legs.
+        let within = |x: i32, y: i32| (0..12).contains(&x) && (0..20).contains(&y);
+        let is_figure = move |[x, y, z]: [i32; 3]| within(x, y) && (9..14).contains(&z);
+        let is_leg = |x: i32, n: i32| (2..4).contains(&x) || (n - 4..n - 2).contains(&x);
+        let is_solid = move |[x, y, z]: [i32; 3]| {
+            is_figure([x, y, z])
+                || (within(x, y) && ((0..5).contains(&z) || ((5..9).contains(&z) && is_leg(x, 12) && is_leg(y, 20))))
+        };
+        let bytes = write(&voxels(&is_solid, [12, 20, 14]), Format::Obj).expect("writable");
+        let at_waist = Cut { parts: Some(PartCount::AtWaist), ..Cut::default() };
+        let scan = read(&bytes, None, &at_waist, &Limits::default()).expect("a figure on its base");
+        assert!(scan.is_at_waist() && scan.segments().len() == 2 && in_primitives(&scan).is_ok());
+        let figure = scan.segmented.parts.iter().position(|part| part.mesh.positions.iter().all(|x| x.z > 4.0));
+        let laid = Arc::new(voxels(&is_figure, [12, 20, 14]));
+        let (cut, own) = around(&scan, figure.expect("the upper side") as u32, &laid, None).expect("a rest");
+        let lost = laid.faces.len() - own.faces.len();
+        assert!((1..=4 * 16).contains(&lost), "faces over the four openings and about them: {lost}");
+        assert!(!cut.is_at_waist() && cut.segments().len() >= 2);
+        let lowest = cut.patch(0).expect("the figure").mesh.positions.iter().map(|x| x.z).fold(f64::MAX, f64::min);
+        assert!(lowest > 4.0, "nothing of the base: {lowest}");
     }
 }

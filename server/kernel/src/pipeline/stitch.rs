@@ -6,6 +6,7 @@ use super::grouped::Pieces;
 use super::model::Model;
 use super::notes;
 use super::side::{Encoded, Side};
+use super::sound::{Allowed, appraise};
 use super::stitched::Stitched;
 use crate::compose::{
     self, Closeness, Options, Piece, layers, net::Net, subdivide, surface::ComposedSurface, template,
@@ -232,16 +233,33 @@ fn at_density(
     Ok(net.into_mesh().0)
 }
 
-/// A regular layout on an unfolded segment, in place of a mapped example.
+/// A regular layout of one segment.
+#[derive(Clone, Debug)]
+pub struct Regular {
+    /// The layout.
+    pub mesh: Arc<PolyMesh>,
+    /// What makes it no use as a layout of the whole input, a sentence each; empty where it is one of several segments.
+    pub flaws: Vec<String>,
+}
+
+/// A regular layout on an unfolded segment, in place of a mapped example. On an input of one segment it is composed, so that it
+/// follows the input, and measured; on one of several it is as the segment's chart has it.
 ///
 /// # Errors
-/// [`PipelineError::Stopped`].
-pub fn template(query: &Side, stop: Stop) -> Result<PolyMesh, PipelineError> {
+/// [`Refusal::CompositionInvalid`], [`PipelineError::Stopped`].
+pub fn template(query: &Side, smoothing: u32, stop: Stop) -> Result<Regular, PipelineError> {
     stopped(stop)?;
+    if query.model.is_whole(query.segment) {
+        let how = Stitching { smoothing, density: 0 };
+        let made = compose(&query.model, &[Part::Template(Arc::clone(&query.encoded))], how, stop)?;
+        let flaws = appraise(&query.model, &made, Allowed::default()).flaws;
+        return Ok(Regular { mesh: made.mesh, flaws });
+    }
     let surface = &query.model.segmented.mesh;
     let edge = (surface.total_area() / quads_for(surface)).sqrt();
     let unfolded = &query.encoded.query;
-    Ok(template::template(&unfolded.chart, unfolded.index(), edge))
+    let mesh = Arc::new(template::template(&unfolded.chart, unfolded.index(), edge));
+    Ok(Regular { mesh, flaws: Vec::new() })
 }
 
 #[cfg(test)]

@@ -137,6 +137,12 @@ fn an_input_that_is_cut_as_an_example_is_takes_it_whole() {
 }
 
 #[test]
+fn a_regular_layout_of_a_whole_input_follows_it_and_says_where_it_does_not() {
+    let whole = template(&side(16), 0, GO_ON).expect("a layout");
+    assert!(whole.flaws.is_empty() && whole.mesh.faces.len() > 100, "{:?}", whole.flaws);
+}
+
+#[test]
 fn each_stage_ends_when_it_is_told_to_stop() {
     let (example, query) = (side(8), side(16));
     let from = registered(&example, &query);
@@ -146,7 +152,7 @@ fn each_stage_ends_when_it_is_told_to_stop() {
         encode(&query.model, 0, enough).map(|_| ()),
         map(&from, &example, &query, enough).map(|_| ()),
         fit(Some(&from), &example, &query, &Wishes::default(), enough).map(|_| ()),
-        template(&query, enough).map(|_| ()),
+        template(&query, 0, enough).map(|_| ()),
         compose(&query.model, &regular, Stitching::default(), enough).map(|_| ()),
     ];
     assert!(ended.iter().all(|end| *end == Err(PipelineError::Stopped)), "{ended:?}");

@@ -165,7 +165,7 @@ fn best_level(mesh: &TriMesh, mode: Vec<f64>) -> Option<(f64, Vec<f64>)> {
 mod tests {
     use super::*;
     use crate::mesh::Vec3;
-    use crate::topology::tests::grid;
+    use crate::topology::tests::{grid, voxels};
 
     /// A tube of 40 × 80 squares along z from 0 to 1, closed by its shape at both ends, with a radius at each height.
     fn tube(radius: &dyn Fn(f64) -> f64) -> TriMesh {
@@ -208,45 +208,12 @@ mod tests {
                     || (9..14).contains(&z)
                     || ((5..9).contains(&z) && is_leg(x, 12) && is_leg(y, 20)))
         };
-        let cut = waist(&voxels(&is_solid, [12, 20, 14])).expect("a waist");
+        let quads = voxels(&is_solid, [12, 20, 14]);
+        let surface = crate::mesh::prepare(&quads).expect("a closed surface").mesh;
+        let cut = waist(&surface).expect("a waist");
         let told: Vec<_> = cut.parts.iter().map(|part| (part.topology, part.holes.len())).collect();
         assert_eq!(told, [(Topology::Sphere, 4), (Topology::Sphere, 4)]);
         let area: f64 = cut.parts.iter().map(|part| part.mesh.total_area()).sum();
         assert!((area / cut.mesh.total_area() - 1.0).abs() < 1e-9);
-    }
-
-    /// The surface of the solid cells of a grid, two triangles a side.
-    fn voxels(is_solid: &dyn Fn([i32; 3]) -> bool, size: [i32; 3]) -> TriMesh {
-        let (mut number, mut positions, mut triangles) =
-            (std::collections::BTreeMap::<[i32; 3], u32>::new(), Vec::new(), Vec::new());
-        let mut at = |p: [i32; 3]| {
-            *number.entry(p).or_insert_with(|| {
-                positions.push(Vec3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2])));
-                positions.len() as u32 - 1
-            })
-        };
-        let cells = (0..size[0]).flat_map(|x| (0..size[1]).flat_map(move |y| (0..size[2]).map(move |z| [x, y, z])));
-        for cell in cells.filter(|cell| is_solid(*cell)) {
-            for axis in 0..3 {
-                for side in [0, 1] {
-                    let mut beside = cell;
-                    beside[axis] += 2 * side - 1;
-                    if is_solid(beside) {
-                        continue;
-                    }
-                    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-                    let mut corner = |du: i32, dv: i32| {
-                        let mut p = cell;
-                        p[axis] += side;
-                        p[u] += du;
-                        p[v] += dv;
-                        at(p)
-                    };
-                    let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
-                    triangles.extend(if side == 1 { [[a, b, c], [a, c, d]] } else { [[a, c, b], [a, d, c]] });
-                }
-            }
-        }
-        TriMesh::from_triangles(positions, triangles).expect("a closed surface")
     }
 }

@@ -13,13 +13,14 @@ use crate::pool::Stop;
 use quadmuse_kernel as kernel;
 use quadmuse_kernel::encode::Feature;
 use quadmuse_kernel::mesh::PolyMesh;
-use quadmuse_kernel::pipeline::{self, Registered};
+use quadmuse_kernel::pipeline::{self, Registered, Regular};
 use quadmuse_kernel::rank::Shape;
 use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::image::Image;
 use quadmuse_kernel::register::spectra::Row;
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
 use quadmuse_kernel::settle::{Likeness, Posed};
+use quadmuse_proto::composition::SMOOTHING_DEFAULT;
 use quadmuse_proto::{Distortion, Flip, Histogram, MeshFormat, Topology, Verdict};
 use std::sync::Arc;
 pub(crate) use translate::topology_in;
@@ -366,7 +367,10 @@ impl Engine for KernelEngine {
     }
 
     fn template(&self, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
-        let mesh = Arc::new(told(pipeline::template(&side_in(query)?, &|| stop.reason().is_some()), stop)?);
+        let made = pipeline::template(&side_in(query)?, SMOOTHING_DEFAULT, &|| stop.reason().is_some());
+        let Regular { mesh, flaws } = told(made, stop)?;
+        let verdict = if flaws.is_empty() { Verdict::Fair } else { Verdict::Broken };
+        let no_example = "no example was used: a regular layout was made for this segment".into();
         let none = || Histogram { edges: vec![0.0, 1.0], counts: vec![0], ..Histogram::default() };
         let (flip, inner) = (Flip::default(), Opaque::new(()));
         Ok(Mapped {
@@ -377,8 +381,8 @@ impl Engine for KernelEngine {
             constraints: Vec::new(),
             folds: 0,
             distortion: Distortion { angle: none(), area: none() },
-            verdict: Verdict::Fair,
-            reasons: vec!["no example was used: a regular layout was made for this segment".into()],
+            verdict,
+            reasons: flaws.into_iter().chain([no_example]).collect(),
             reach: Reach::default(),
             evidence: None,
         })
