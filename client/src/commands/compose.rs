@@ -104,17 +104,16 @@ async fn made(
     let is_uncut = like.is_none() && asked.segments.is_none() && asked.parts.is_none() && wish.uses.is_empty();
     if query.segments.len() > 1 || wish.lay.density.is_some() {
         let wish = wish.like_all(&query, like);
-        let figure = match is_uncut && may_be_cut(&query, ui) {
-            true => at_waist((args, &wish), api, state, ui).await?,
+        let made = composed(&query, &wish, api, ui).await?;
+        let figure = match is_uncut && !made.is_most() && may_be_cut(&query, ui) {
+            true => tried(at_waist((args, &wish), api, state, ui).await, ui)?,
             false => None,
         };
-        return match figure.filter(Outcome::is_most) {
-            Some(figure) => figure.written(&wish, api, ui).await,
-            None => {
-                let stitched = composed(&query, &wish, api, ui).await?;
-                stitched.written(&wish, api, ui).await
-            }
+        let best = match figure {
+            Some(figure) => made.or_better(figure.made),
+            None => made,
         };
+        return best.written(&wish, api, ui).await;
     }
     for part in &wish.uses {
         check_segment(&query, Some(part.segment))?;
@@ -143,7 +142,7 @@ async fn made(
             };
             let is_enough = whole.as_ref().is_some_and(Outcome::is_most);
             let parts = match is_cut && !is_enough {
-                true => in_parts((args, wish), api, state, ui).await?,
+                true => tried(in_parts((args, wish), api, state, ui).await, ui)?,
                 false => None,
             };
             let best = match (whole, parts) {
@@ -238,21 +237,49 @@ async fn in_parts(
     state: &State,
     ui: &mut Ui,
 ) -> Result<Option<Outcome>, ClientError> {
-    let figure = at_waist((args, wish), api, state, ui).await?;
-    if figure.as_ref().is_some_and(Outcome::is_most) {
-        return Ok(figure);
-    }
+    let figure = match tried(at_waist((args, wish), api, state, ui).await, ui)? {
+        Some(Figure { made, is_enough: true }) => return Ok(Some(made)),
+        figure => figure.map(|figure| figure.made),
+    };
     ui.note("cutting the mesh into parts");
+    let parts = tried(cut_and_composed((args, wish), api, state, ui).await, ui)?;
+    Ok(match (parts, figure) {
+        (Some(parts), Some(figure)) => Some(parts.or_better(figure)),
+        (one, other) => one.or(other),
+    })
+}
+
+/// A scan cut into its protrusions, with what examples make of them; `None` where it has none.
+async fn cut_and_composed(
+    (args, wish): (&QueryArgs, &Wish<'_>),
+    api: &Api,
+    state: &State,
+    ui: &mut Ui,
+) -> Result<Option<Outcome>, ClientError> {
     let query = cut(args, Parts::Auto, api, state, ui).await?;
     if query.segments.len() < 2 {
         ui.note("no parts were found");
-        return Ok(figure);
+        return Ok(None);
     }
-    let parts = composed(&query, wish, api, ui).await?;
-    Ok(Some(match figure {
-        Some(figure) => parts.or_better(figure),
-        None => parts,
-    }))
+    composed(&query, wish, api, ui).await.map(Some)
+}
+
+/// What one of several tries came to; nothing where the service refused it, since there are others to fall back on.
+fn tried<T>(found: Result<Option<T>, ClientError>, ui: &mut Ui) -> Result<Option<T>, ClientError> {
+    match found {
+        Err(error @ ClientError::Refused(_)) => {
+            ui.note(&error.message());
+            Ok(None)
+        }
+        found => found,
+    }
+}
+
+/// A scan parted at its waist.
+struct Figure {
+    made: Outcome,
+    /// Whether examples make up most of the side that they are on: there is no need to look further.
+    is_enough: bool,
 }
 
 /// The same scan, cut otherwise and ranked again.
@@ -269,14 +296,19 @@ async fn at_waist(
     api: &Api,
     state: &State,
     ui: &mut Ui,
-) -> Result<Option<Outcome>, ClientError> {
+) -> Result<Option<Figure>, ClientError> {
     let query = cut(args, Parts::Waist, api, state, ui).await?;
     if !query.waist {
         return Ok(None);
     }
     ui.note("parting it at its waist, as a figure from its base");
-    let found = composed(&query, wish, api, ui).await?;
-    Ok(Some(found).filter(|found| found.share() > 0.0))
+    let made = composed(&query, wish, api, ui).await?;
+    let share = made.share();
+    let Outcome::Composition(composition, _) = &made else { return Ok(None) };
+    let all: u64 = query.segments.iter().map(|side| side.faces).sum();
+    let is_side = |side: &&QuerySegment| composition.parts.iter().any(|part| part.segment == side.segment);
+    let side = query.segments.iter().find(is_side).map_or(1.0, |side| side.faces as f64 / all.max(1) as f64);
+    Ok((share > 0.0).then_some(Figure { made, is_enough: share >= MOST * side }))
 }
 
 /// What the service makes of the best map of a single segment: the map itself, with the example's own vertex order, faces, UVs and
