@@ -29,8 +29,6 @@ use std::sync::{Arc, OnceLock};
 const SIDE: usize = 128;
 /// A landmark that is missed by less, in % of the √area of the input, is met.
 const MISSED_MIN_PERCENT: f64 = 0.05;
-/// A larger share of faces that are spanned is told.
-const SPANNED_TOLD: f64 = 0.02;
 /// Less of the example beyond the input is none.
 const LOST_MIN: f64 = 0.01;
 
@@ -92,13 +90,7 @@ pub(crate) fn rest(
     mapped.evidence = Some(evidence);
     mapped.folds = mapped.folds.saturating_sub(turned_there as u64);
     let folded = share(&surface.patch.mesh, &cross.positions, &turned);
-    (mapped.verdict, mapped.reasons) = judged(&evidence, folded);
-    if mapped.reach.spanned > SPANNED_TOLD {
-        let percent = 100.0 * mapped.reach.spanned;
-        mapped
-            .reasons
-            .push(format!("the scan has nothing for {percent:.0} % of the example's faces: they are spanned flat"));
-    }
+    (mapped.verdict, mapped.reasons) = judged(&evidence, folded, mapped.reach.spanned);
     mapped.reasons.extend(missed);
     let mut fitted = Fitted { mapped, example, query: query.clone() };
     if beyond == Beyond::Extend && covered < COVERED {
@@ -217,9 +209,12 @@ const CONFIDENCE: [f64; 2] = [0.4, -0.08];
 /// Share of the area of faces that look inward up to which it is good, or fair: hidden faces of bodies do in the truth too.
 const FOLDED: [f64; 2] = [0.02, 0.06];
 
+/// Share of the example's faces that the scan has nothing for up to which it is good, or fair: right maps have up to .19.
+const SPANNED: [f64; 2] = [0.02, 0.25];
+
 /// The verdict on a map that has settled, with a sentence for each measure that is not good. Relief falls where shapes
 /// differ, and bend grows where the map is wrong, so neither is told alone.
-fn judged(evidence: &Evidence, folded: f64) -> (Verdict, Vec<String>) {
+fn judged(evidence: &Evidence, folded: f64, spanned: f64) -> (Verdict, Vec<String>) {
     let confidence = evidence.agreement();
     let mut reasons = Vec::new();
     let mut measure = |is_good: bool, is_fair: bool, why: &str| {
@@ -239,7 +234,11 @@ fn judged(evidence: &Evidence, folded: f64) -> (Verdict, Vec<String>) {
         measure(confidence >= good, confidence >= fair, "bumps and hollows of the example lie on others of the scan");
     let [good, fair] = FOLDED;
     let smooth = measure(folded <= good, folded <= fair, "some faces look into the scan");
-    (worse(alike, smooth), reasons)
+    let [good, fair] = SPANNED;
+    let percent = 100.0 * spanned;
+    let why = format!("the scan has nothing for {percent:.0} % of the example's faces: they are spanned flat");
+    let there = measure(spanned <= good, spanned <= fair, &why);
+    (worse(worse(alike, smooth), there), reasons)
 }
 
 fn worse(a: Verdict, b: Verdict) -> Verdict {
