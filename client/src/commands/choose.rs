@@ -85,6 +85,12 @@ pub(super) async fn promising(
     Ok(ranking::promising(&ranking.entries, count).into_iter().map(named).collect())
 }
 
+/// The score of the best entry of a segment's ranking: the lower, the better. Infinite where there is none.
+pub(super) async fn best_score(query: &Query, segment: u32, api: &Api) -> Result<f64, ClientError> {
+    let ranking = api.ranking(query.id, RankingView { segment, after: None, wait_ms: 0 }).await?;
+    Ok(ranking.entries.first().map_or(f64::INFINITY, |entry| entry.score))
+}
+
 /// The best entry of the ranking, or the best of the example that is told.
 fn best(ranking: &Ranking, segment: u32, told: Option<ExampleRef>) -> Option<Choice> {
     let entry = ranking.entries.iter().find(|entry| told.is_none_or(|told| told.example == entry.example))?;

@@ -1,7 +1,7 @@
 //! `compose` and `retopo`: the maps of all segments in one mesh, and all of it in one go.
 
 use super::{
-    choose::finished,
+    choose::{best_score, finished},
     deliver::{Delivered, Target, write_composition, write_kept, write_map},
     making::{Awaited, awaited},
     map::{Held, is_late, lay, lay_best},
@@ -302,13 +302,44 @@ async fn at_waist(
         return Ok(None);
     }
     ui.note("parting it at its waist, as a figure from its base");
-    let made = composed(&query, wish, api, ui).await?;
-    let share = made.share();
-    let Outcome::Composition(composition, _) = &made else { return Ok(None) };
+    // The figure is the side that an example is more like.
+    let mut sides = Vec::new();
+    for side in query.segments.iter().filter(|side| side.tries > 0) {
+        sides.push((best_score(&query, side.segment, api).await?, side));
+    }
+    sides.sort_by(|a, b| a.0.total_cmp(&b.0));
     let all: u64 = query.segments.iter().map(|side| side.faces).sum();
-    let is_side = |side: &&QuerySegment| composition.parts.iter().any(|part| part.segment == side.segment);
-    let side = query.segments.iter().find(is_side).map_or(1.0, |side| side.faces as f64 / all.max(1) as f64);
-    Ok((share > 0.0).then_some(Figure { made, is_enough: share >= MOST * side }))
+    let mut best: Option<Figure> = None;
+    for (_, side) in sides {
+        let Some((map, name)) = lay_well(&query, side, wish, api, ui).await? else { continue };
+        ui.note(&chosen(side, 1, 2, &fitting(&map, &name)));
+        let composition = stitched(&query, &new_composition(std::slice::from_ref(&map), wish), api, ui).await?;
+        let maps = if composition.parts.is_empty() { Vec::new() } else { vec![map] };
+        let made = Outcome::Composition(Box::new(composition), maps);
+        let (share, of) = (made.share(), side.faces as f64 / all.max(1) as f64);
+        if share > best.as_ref().map_or(0.0, |best| best.made.share()) {
+            best = Some(Figure { made, is_enough: share >= MOST * of });
+        }
+        if best.as_ref().is_some_and(|best| best.is_enough) {
+            break;
+        }
+    }
+    Ok(best)
+}
+
+/// The best map of a segment, and its example's name, unless it is poor or there is none.
+async fn lay_well(
+    query: &Query,
+    segment: &QuerySegment,
+    wish: &Wish<'_>,
+    api: &Api,
+    ui: &mut Ui,
+) -> Result<Option<(Map, String)>, ClientError> {
+    match lay_best(query, segment, wish.lay.beyond, api, ui).await {
+        Ok(found) => Ok(Some(found).filter(|(map, _)| !map.verdict.is_poor())),
+        Err(error) if matches!(error, ClientError::NothingRanked { .. }) || is_late(&error) => Ok(None),
+        Err(error) => Err(error),
+    }
 }
 
 /// What the service makes of the best map of a single segment: the map itself, with the example's own vertex order, faces, UVs and

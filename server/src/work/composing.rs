@@ -179,7 +179,8 @@ async fn made(
         if standing.is_empty() || !sound.is_poor_beside(&standing, &model) {
             return Ok(sound);
         }
-        Ok(unstitched(&*engine, &model, standing, allowed)?.unwrap_or(sound))
+        let beside = unstitched(&*engine, &model, standing, allowed)?;
+        Ok(beside.filter(|beside| beside.appraisal.covered >= ALONE_MIN).unwrap_or(sound))
     };
     let mut job = job;
     let mut found: Result<Sound, WorkError> =
@@ -339,7 +340,7 @@ async fn laid_around(
 /// More of the scan left bare than this is beyond what a layout can be made to follow.
 const BARE_MIN: f64 = 0.05;
 
-/// A map alone that covers less of the scan is no result: a regular layout of all of it is. *Untuned.*
+/// Maps alone that cover less of the scan are no result: a regular layout of all of it is. *Untuned.*
 const ALONE_MIN: f64 = 0.25;
 
 /// The one map of a query where it leaves some of the scan bare.
@@ -399,11 +400,14 @@ async fn gathered(
 ) -> Result<Gathered, WorkError> {
     let mut all = Gathered::default();
     let count = named.len().max(1) as f64;
+    let is_around = live.model.is_waist && named.iter().any(Option::is_some);
     for (segment, named) in (0u32..).zip(named) {
         tell("laying examples on the parts", LAID_SHARE * f64::from(segment) / count);
         let is_named = named.is_some();
         let map = match named {
             Some(map) => Some(map),
+            // What lies around a side of a waist is laid out around it.
+            None if is_around => None,
             None => match tries(&live.model.segments, segment as usize) {
                 0 => None,
                 tries => best_map(work, live, segment, tries).await?,

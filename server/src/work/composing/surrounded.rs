@@ -101,7 +101,7 @@ impl Surrounded {
         let allowed = Allowed { bare: 0.0, ..allowed };
         let Sound { mut made, appraisal, .. } =
             stitched_sound(engine, &self.cut, (self.parts, &self.instead), (how, allowed), stop)?;
-        tracing::debug!(flaws = ?appraisal.flaws, is_example = ?made.is_example, "what lies around a map");
+        tracing::debug!(flaws = ?appraisal.flaws, is_example = ?made.is_example, notes = ?made.notes, "what lies around a map");
         let stands = made.is_example.first() == Some(&true) && appraisal.flaws.is_empty();
         // Segments of the cut are none of the query's, which notes could name.
         made.notes.retain(|note| !note.contains("segment"));
