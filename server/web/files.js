@@ -64,7 +64,7 @@ async function show(scan) {
   shown = scan;
   if (scan.started) {
     if (bench.query?.id !== scan.started.id) {
-      if (scan.file) await open(await json(`/v1/queries/${scan.started.id}`), { mesh: scan.mesh, name: scan.name });
+      if (scan.file) await open(await json(`/v1/queries/${scan.started.id}`), { mesh: scan.mesh, name: scan.name, made: scan.made });
       else await openById(scan.started.id, {}, scan.name);
     }
   } else if (scan.trouble && scan.state !== "stuck") refused(scan);
@@ -108,7 +108,7 @@ async function send(scan) {
     Object.assign(scan, { started: answer, state: "there" });
     remember(answer.id, scan.name);
     draw();
-    if (scan === shown) await open(answer, { mesh: scan.mesh, name: scan.name });
+    if (scan === shown) await open(answer, { mesh: scan.mesh, name: scan.name, made: scan.made });
     if (scan === shown && parts && answer.segments.length === 1) say("No limbs were found to cut it at. Ask for a number of parts under “How to search”.");
   } catch (error) {
     // What could not be sent is sent again when the server is back.
@@ -143,12 +143,12 @@ bench.cut = async (query) => {
 };
 
 // The same scan again, cut as its faces are labelled: a mesh as PLY, and a number a face, one a line.
-bench.cutAs = (query, mesh, labels) => {
-  const name = `${query.name.replace(/\.[^.]*$/, "")} as painted.ply`;
+bench.cutAs = (query, mesh, labels, made) => {
+  const name = `${query.name.replace(/\.[^.]*$/, "").replace(/ in parts$/, "")} in parts.ply`;
   const form = new FormData();
   form.append("mesh", mesh, name);
   form.append("segments", labels);
-  const again = { file: new File([mesh], name), form, name, mesh: null, state: "waiting", progress: 0, trouble: "" };
+  const again = { file: new File([mesh], name), form, name, made, mesh: null, state: "waiting", progress: 0, trouble: "" };
   scans.unshift(again);
   shown = again;
   run();
