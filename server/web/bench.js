@@ -48,10 +48,10 @@ export function showSegments(query) {
 }
 
 // Opens a query; `mesh`: as it was read here, if it was; `wanted`: the map or composition to show; `made`: the labels of its
-// faces and their names, where its parts were made here.
-export async function open(started, { mesh = null, name = "", wanted = {}, made = null } = {}) {
+// faces and their names, where its parts were made here; `like`: the example that it was cut as.
+export async function open(started, { mesh = null, name = "", wanted = {}, made = null, like = null } = {}) {
   bench.query?.stop.abort();
-  const query = { id: started.id, name: name || `scan of ${started.counts.faces} faces`, state: started.state, repairs: started.repairs, segments: started.segments, segment: 0, rankings: new Map(), ended: false, shown: null, laid: new Map(), touched: false, stop: new AbortController(), past: [], at: -1, pairs: [] };
+  const query = { id: started.id, name: name || `scan of ${started.counts.faces} faces`, state: started.state, repairs: started.repairs, segments: started.segments, segment: 0, rankings: new Map(), ended: false, shown: null, laid: new Map(), touched: false, like, stop: new AbortController(), past: [], at: -1, pairs: [] };
   bench.query = query;
   $("welcome").hidden = true;
   $("trouble").textContent = "";

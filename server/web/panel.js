@@ -86,6 +86,7 @@ function wayOut(query) {
     row.append(button("Go on to where the scan ends", () => lay(query, { example: map.example, example_segment: map.example_segment, name: query.shown.name }, { beyond: "extend" }), { title: "Rows of quads continue the example's rim", id: "beyond" }));
   }
   if (map && query.segments.length === 1) row.append(paintButton(query));
+  if (map && query.segments.length === 1 && query.shown.inParts) row.append(button(`Cut it as ${query.shown.name} is cut`, () => bench.cut(query, { example: map.example, name: query.shown.name }), { id: "cut-like", title: "Each part of the scan then takes its part of the example" }));
   return row.childElementCount ? row : null;
 }
 

@@ -86,7 +86,7 @@ async function layAlike(query, entry, parts) {
 
 function alikeRow(query) {
   const own = query.chosen?.has(query.segment) ? example(query, query.segment) : null;
-  const parts = own ? alikeParts(query).filter((s) => query.laid.get(s)?.key !== key(own) || !query.chosen.has(s)) : [];
+  const parts = own ? alikeParts(query).filter((s) => !query.chosen.has(s) || example(query, s)?.example !== own.example) : [];
   if (!parts.length) return null;
   const row = make("p", undefined, { className: "row" });
   row.append(button(`Lay ${nameOf(own)} on ${parts.map((s) => partName(query, s)).join(", ")}, too`, () => layAlike(query, own, parts), { id: "alike", title: "Parts of the same kind and size take the same example" }));

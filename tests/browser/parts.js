@@ -1,6 +1,6 @@
 // Parts of a scan: cut along lines, painted, joined, named, given examples, and stitched.
 
-import { check, drop, holdBack, shoot, until } from "./bed.js";
+import { addExample, check, drop, holdBack, shoot, until } from "./bed.js";
 import { rest, viewer } from "./correcting.js";
 import { laid, noComplaints } from "./looking.js";
 
@@ -260,6 +260,35 @@ export const parts = {
     await rest(page);
     await page.waitForTimeout(300);
     await shoot(page, "alike-stitched");
+  },
+
+  async "a scan is cut as an example is, and takes it part by part"({ open, scan, example, url }) {
+    const { id } = await addExample(url, example("arm_human"), "_in_groups&segments=groups");
+    try {
+      const page = await open();
+      await laid(page, scan("arm"));
+      await rest(page);
+      check(!(await page.locator("#cut-like").count()), "an example in one piece offers its cut");
+      await page.locator("#entries button:has-text('arm_human_in_groups')").first().click();
+      await page.waitForSelector("#cut-like", { timeout: 120_000 });
+      await rest(page);
+      await shoot(page, "like-offered");
+      await page.click("#cut-like");
+      await until("a stitched mesh", () => page.url().includes("/composition/"), 240_000);
+      await rest(page);
+      const took = await page.locator("#part-list small").allTextContents();
+      const chosen = await page.evaluate(() => document.querySelector("#part-list .chosen .part").id);
+      check(chosen === `part-${await page.inputValue("#segment")}`, `the panel has chosen ${chosen}, the ranking another`);
+      check(!(await page.locator("#alike").count()), "what all have is offered to others");
+      check(took.length === 3 && took.every((text) => text.endsWith("arm_human_in_groups")), took.join("; "));
+      // The parts of one example are one mesh again: no pole is added.
+      check((await page.textContent("#panel")).includes("No pole beyond those of the examples"), "stitching added poles");
+      await page.waitForTimeout(300);
+      await shoot(page, "like-stitched");
+      await noComplaints(page, "cut alike");
+    } finally {
+      await fetch(`${url}/v1/examples/${id}`, { method: "DELETE" });
+    }
   },
 
   async "parts are painted on a scan, merged, and the scan is cut so"({ open, scan }) {
