@@ -1,8 +1,22 @@
 // Parts of a scan: cut along lines, painted, joined, named, given examples, and stitched.
 
-import { addExample, check, drop, holdBack, shoot, until } from "./bed.js";
+import { writeFileSync } from "node:fs";
+import { join } from "node:path";
+import { addExample, check, drop, folder, holdBack, shoot, until } from "./bed.js";
 import { rest, viewer } from "./correcting.js";
 import { laid, noComplaints } from "./looking.js";
+
+// A mesh of triangles over a square of so many cells; `closes`: it closes both ways.
+function grid(wide, high, closes, place) {
+  const [nx, ny] = closes ? [wide, high] : [wide + 1, high + 1];
+  const lines = [];
+  for (let y = 0; y < ny; y++) for (let x = 0; x < nx; x++) lines.push(`v ${place(x / wide, y / high).join(" ")}`);
+  const at = (x, y) => (y % ny) * nx + (x % nx) + 1;
+  for (let y = 0; y < high; y++) {
+    for (let x = 0; x < wide; x++) lines.push(`f ${at(x, y)} ${at(x + 1, y)} ${at(x + 1, y + 1)}`, `f ${at(x, y)} ${at(x + 1, y + 1)} ${at(x, y + 1)}`);
+  }
+  return `${lines.join("\n")}\n`;
+}
 
 // A stroke of the mouse over the viewport, by shares of its size.
 async function stroke(page, points) {
@@ -172,6 +186,42 @@ export const parts = {
     await page.click("#paint-leave");
     await page.waitForSelector("#panel .verdict");
     check(!(await page.locator("#tool-cut").count()), "still making parts");
+  },
+
+  async "a ring takes two cuts, and a sheet is cut from rim to rim"({ open }) {
+    // A ring that lies in the plane of the picture, and a sheet.
+    const ring = grid(60, 24, true, (s, t) => {
+      const [a, b] = [2 * Math.PI * s, 2 * Math.PI * t];
+      return [(3 + Math.cos(b)) * Math.cos(a), (3 + Math.cos(b)) * Math.sin(a), Math.sin(b)];
+    });
+    const sheet = grid(60, 60, false, (s, t) => [4 * s - 2, 4 * t - 2, 0.4 * Math.sin(3 * s) * Math.cos(2 * t)]);
+    const at = folder();
+    for (const [name, text, lines] of [["ring", ring, [[[0.5, 0.01], [0.5, 0.27]], [[0.5, 0.73], [0.5, 0.99]]]], ["sheet", sheet, [[[0.42, 0.13], [0.45, 0.87]]]]]) {
+      writeFileSync(join(at, `${name}.obj`), text);
+      const page = await open();
+      await drop(page, [join(at, `${name}.obj`)]);
+      await page.waitForSelector("#repaint", { timeout: 120_000 });
+      await rest(page);
+      await makeParts(page);
+      await page.focus("#canvas");
+      await page.keyboard.press("1");
+      await page.waitForTimeout(200);
+      // By the height of what is seen, in the middle of the picture.
+      const frame = await viewer(page, "(v) => { const { width, height } = v.paneBoxes()[0]; const side = 0.95 * Math.min(width, height); return { x: (width - side) / 2 / width, y: (height - side) / 2 / height, w: side / width, h: side / height }; }");
+      for (const [k, line] of lines.entries()) {
+        await draw(page, line.map(([x, y]) => [frame.x + x * frame.w, frame.y + y * frame.h]));
+        const count = (await labelled(page)).length;
+        check(count === (k === lines.length - 1 ? 2 : 1), `${name}: ${count} parts after ${k + 1} lines: ${await page.textContent("#status")}`);
+        await shoot(page, `cut-${name}-${k + 1}`);
+        if (count === 1) check(/second one/.test(await page.textContent("#status")), await page.textContent("#status"));
+      }
+      const cut = await labelled(page);
+      for (const part of cut) check(part.pieces === 1, JSON.stringify({ ...part, at: 0 }));
+      check(Math.min(...cut.map((p) => p.faces)) > 0.3 * cut.reduce((sum, p) => sum + p.faces, 0), `not about half: ${cut.map((p) => p.faces)}`);
+      // Undone line by line.
+      for (let k = lines.length; k > 0; k--) await page.click("#paint-undo");
+      check((await labelled(page)).length === 1 && (await page.isDisabled("#paint-undo")), "not undone line by line");
+    }
   },
 
   async "on a phone a part is cut off by a finger, in both themes, and two fingers draw nothing"({ open, scan }) {
