@@ -8,16 +8,20 @@ import { graphOf, way } from "/web/ways.js";
 // Half the width of the strip in which the way follows the line, in CSS pixels; and in edges, where these are longer.
 const STRIP_PX = 8;
 const STRIP_EDGES = 1.5;
-// What is shorter (in CSS pixels) is a slip of the hand.
+// A line that is shorter (in CSS pixels) is a slip of the hand.
 const SHORT_PX = 24;
 // So near to each other (in CSS pixels) the ends of a line have to be to close it.
 const CLOSED_PX = 26;
 // So near an end has to be to a rim to go there, in widths of the strip.
 const RIM_NEAR = 3;
+// So many ways around are tried.
+const ROUNDS_MAX = 8;
 // What looks at the viewer costs so many times as much on the way behind: else it would come back beside the line.
 const FRONT_COST = 6;
 // A side that is smaller than this share of the square of the line's length is a sliver beside the line, no part.
 const SLIVER = 0.03;
+// What has fewer faces takes no example of its own.
+const FACES_MIN = 16;
 // Where the scan leaps back under the line by so many times the line's own step, another limb begins.
 const LEAP = 6;
 
@@ -114,15 +118,23 @@ function along(graph, mesh, line, seen) {
 function* closings(graph, path, isRim, strip, seen) {
   const [start, end] = [path[0], path.at(-1)];
   const own = new Set(path);
-  const behind = (v) => (own.has(v) && v !== start && v !== end ? Infinity : seen.isFront(v) ? FRONT_COST : 1);
+  // Not back through the line, nor over an edge from end to end.
+  const isBarred = (v, from) => (own.has(v) && v !== start && v !== end) || (v === start && from === end);
+  const behind = (v, from) => (isBarred(v, from) ? Infinity : seen.isFront(v) ? FRONT_COST : 1);
   const off = (v) => (own.has(v) ? Infinity : 1);
   const rims = [start, end].map((v) => (isRim[v] ? [v] : way(graph, v, (w) => isRim[w], off, RIM_NEAR * strip)?.path));
   if (rims[0] && rims[1]) yield [...keysOf(rims[0]), ...keysOf(rims[1])];
-  const around = way(graph, end, (v) => v === start, behind);
   const [near, other] = rims[0] ? [rims[0], end] : [rims[1], start];
   const over = near && way(graph, other, (v) => isRim[v] && !near.includes(v), behind);
-  const both = [around && { cost: around.cost, keys: keysOf(around.path) }, over && { cost: over.cost, keys: [...keysOf(near), ...keysOf(over.path)] }];
-  for (const { keys } of both.filter(Boolean).sort((a, b) => a.cost - b.cost)) yield keys;
+  let rim = over && { cost: over.cost, keys: [...keysOf(near), ...keysOf(over.path)] };
+  for (let round = 0; round < ROUNDS_MAX; round++) {
+    const around = way(graph, end, (v) => v === start, behind);
+    if (rim && !(around?.cost < rim.cost)) { yield rim.keys; rim = null; }
+    if (!around) return;
+    yield keysOf(around.path);
+    // It parted a sliver, or nothing: the next goes elsewhere.
+    around.path.forEach((v) => own.add(v));
+  }
 }
 
 // Cuts a part along a line. `line`: [{ x, y, face, point }] with `face` -1 beside the scan; `seen`: how the mesh is seen,
@@ -130,12 +142,13 @@ function* closings(graph, path, isRim, strip, seen) {
 // nothing alone. Answers with { labels, label, of }, with { before } where it parts nothing yet, or with { trouble }.
 export function cutAlong(mesh, labels, line, seen, before = []) {
   const run = onOnePart(line, labels, seen.unit);
-  if (run.length < 3 || lengthOf(run) < SHORT_PX) return { trouble: "Draw the line over the scan, across what is to be parted." };
+  if (run.length < 2 || lengthOf(line) < SHORT_PX) return { trouble: "Draw the line over the scan, across what is to be parted; come nearer where that is thin." };
   const label = labels[run[0].face];
   const faces = [];
   labels.forEach((l, f) => { if (l === label) faces.push(f); });
   const graph = graphOf(mesh, faces);
   const main = along(graph, mesh, run, seen);
+  if (main?.path.length === 1) return { trouble: "The scan has too few vertices under this line to cut it there." };
   if (!main) return { trouble: "The line leaps over a gap or a fold there. Turn the scan so that all of the line is seen, and draw it again." };
   const { path, isClosed, strip } = main;
   const isRim = rimOf(mesh, labels, faces, label);
@@ -145,7 +158,7 @@ export function cutAlong(mesh, labels, line, seen, before = []) {
     const keys = [...keysOf(path), ...more];
     const sides = sidesOf(mesh, faces, labels, label, new Set([...before, ...keys]));
     if (sides.length < 2) { open ??= keys; continue; }
-    if (sides.at(-1).area < SLIVER * long * long) continue;
+    if (sides.at(-1).area < SLIVER * long * long || sides.at(-1).faces.length < FACES_MIN) continue;
     const now = labels.slice();
     const made = [];
     for (const side of sides.slice(1)) {
@@ -156,7 +169,7 @@ export function cutAlong(mesh, labels, line, seen, before = []) {
     return { labels: now, label: made[0], of: label };
   }
   if (open) return { before: [...before, ...open] };
-  return { trouble: "The line parts nothing there. Draw it across, from one edge of what you see to the other, or back to where it began." };
+  return { trouble: "The line parts nothing there. Draw it across, from one edge of what you see to the other, or back to where it began; come nearer where the scan is thin." };
 }
 
 // How a viewer sees a mesh in a pane.

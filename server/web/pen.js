@@ -3,7 +3,7 @@
 // So near to the scan (in CSS pixels) a line may begin beside it.
 const NEAR = 28;
 // How close together samples of a line are, in CSS pixels, and how many there are at most: each asks all triangles.
-const SAMPLE_PX = 6;
+const SAMPLE_PX = 4;
 const SAMPLES_MAX = 64;
 
 export class Pen {

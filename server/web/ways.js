@@ -50,7 +50,7 @@ export function graphOf(mesh, faces) {
 }
 
 // The cheapest way from a vertex to the first that `isGoal`, as its vertices: { path, cost }; null where there is none
-// below `limit`. A step costs its length times `weight(v)` of where it leads; Infinity bars it. Source: E. Dijkstra, 1959.
+// below `limit`. A step costs its length times `weight(to, from)`; Infinity bars it. Source: E. Dijkstra, 1959.
 export function way(graph, start, isGoal, weight = () => 1, limit = Infinity) {
   const { mesh: { positions }, first, next, cost, from, mark } = graph;
   graph.round++;
@@ -68,7 +68,7 @@ export function way(graph, start, isGoal, weight = () => 1, limit = Infinity) {
     for (let k = first[v]; k < first[v + 1]; k++) {
       const w = next[k];
       const by = Math.hypot(positions[3 * w] - positions[3 * v], positions[3 * w + 1] - positions[3 * v + 1], positions[3 * w + 2] - positions[3 * v + 2]);
-      const far = so + by * weight(w);
+      const far = so + by * weight(w, v);
       if (far < limit && (mark[w] !== graph.round || far < cost[w])) {
         [cost[w], from[w], mark[w]] = [far, v, graph.round];
         queue.push(far, w);
