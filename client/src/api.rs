@@ -34,6 +34,9 @@ const PAUSE_MAX: Duration = Duration::from_secs(30);
 /// Characters of an unintelligible answer that are shown.
 const FOUND_LENGTH_MAX: usize = 120;
 
+/// Told how much of a long file has arrived, 0–1.
+pub type Sent<'a> = &'a (dyn Fn(f64) + Sync);
+
 /// A client of one server.
 #[derive(Clone, Debug)]
 pub struct Api {
@@ -188,9 +191,10 @@ impl Api {
         request: RequestBuilder,
         mesh: &Path,
         how: &SegmentsArg,
+        sent: Sent<'_>,
     ) -> Result<Response, ClientError> {
         let (request, bytes) = with_mesh(request.timeout(WORK_TIMEOUT), mesh, how)?;
-        let upload = if bytes.len() > uploads::WHOLE_MAX { self.upload(&bytes).await? } else { None };
+        let upload = if bytes.len() > uploads::WHOLE_MAX { self.upload(&bytes, sent).await? } else { None };
         let Some(id) = upload else { return self.send(request.body(bytes)).await };
         drop(bytes);
         let answer = self.send(request.query(&[("upload", &id)])).await;

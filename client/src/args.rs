@@ -295,7 +295,7 @@ pub struct OutArgs {
     /// The format, whatever the extension; `-` has none, and is obj otherwise
     #[arg(long, value_name = "obj|ply|off|stl|glb")]
     pub format: Option<MeshFormat>,
-    /// Overwrite a file without asking. Who is at no terminal is not asked
+    /// Overwrite a file without asking. Without it, who is at no terminal is refused
     #[arg(long)]
     pub force: bool,
     /// Draw the result, too: to a PNG file
@@ -467,7 +467,7 @@ pub struct BatchArgs {
     /// Draw each result, too: to a PNG file beside it
     #[arg(long)]
     pub pictures: bool,
-    /// Overwrite files without asking. Who is at no terminal is not asked
+    /// Overwrite files without asking. Without it, who is at no terminal is refused
     #[arg(long)]
     pub force: bool,
     /// How to rank them

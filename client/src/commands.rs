@@ -7,6 +7,7 @@ mod choose;
 mod compose;
 mod corpus;
 mod deliver;
+mod gauge;
 mod making;
 mod manual;
 mod map;

@@ -223,6 +223,14 @@ pub enum ClientError {
         /// The action that was declined: `removed`, `written`.
         done: &'static str,
     },
+    /// Files would be replaced, and nobody can be asked.
+    #[error(
+        "expected a file that is not there yet, or --force, found {files}, and no terminal to ask on; nothing was written"
+    )]
+    Occupied {
+        /// Those that are there: the first, and how many more.
+        files: String,
+    },
     /// Many examples would go, and nobody can be asked.
     #[error("expected --yes, as there is no terminal to ask on, found none; {count} examples would be removed")]
     NotAsked {

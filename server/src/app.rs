@@ -5,12 +5,12 @@ use crate::auth::Tokens;
 use crate::http::forward::Signs;
 use crate::http::forward::shares::PeerHolders;
 use crate::http::idempotency::Idempotency;
+use crate::http::packed::Text;
 use crate::peers::Peers;
 use crate::rate::Rates;
 use crate::work::Work;
 use crate::work::kept::Kept;
 use crate::work::uploads::Uploads;
-use bytes::Bytes;
 use metrics_exporter_prometheus::PrometheusHandle;
 use std::ops::Deref;
 use std::sync::Arc;
@@ -68,7 +68,7 @@ pub struct Handles {
     /// The metrics.
     pub metrics: PrometheusHandle,
     /// The contract, as JSON.
-    pub openapi: std::sync::OnceLock<Bytes>,
+    pub openapi: std::sync::OnceLock<Text>,
     /// Set when the service stops.
     pub stopping: CancellationToken,
 }

@@ -19,6 +19,7 @@ pub mod maps;
 pub mod negotiate;
 pub mod openapi;
 pub mod origin;
+pub mod packed;
 pub mod params;
 pub mod queries;
 pub mod ranking;
@@ -48,7 +49,7 @@ use utoipa_axum::routes;
 pub fn router(app: App) -> Router {
     let (documented, api) = documented().split_for_parts();
     // Set once: the routes are the same however often this is called.
-    let _ = app.openapi.set(openapi::finished(&api));
+    let _ = app.openapi.set(packed::Text::kept(openapi::finished(&api)));
     let known = known::Known::of(&serde_json::to_value(&api).unwrap_or_default());
     // The body is limited on the wire here, and unpacked and limited again where it is read.
     let layers = ServiceBuilder::new()

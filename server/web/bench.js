@@ -4,6 +4,7 @@ import { $, buffer, call, canStartAgain, json, make, sentence } from "/web/call.
 import { follow } from "/web/follow.js";
 import { draw, layBest, resume, showComposition, showMap } from "/web/laying.js";
 import { showPanel } from "/web/panel.js";
+import { adopt, partName } from "/web/partnames.js";
 import { readPly } from "/web/read.js";
 import { go } from "/web/route.js";
 import { bench } from "/web/state.js";
@@ -39,10 +40,18 @@ export function close() {
   go("");
 }
 
-// Opens a query; `mesh`: as it was read here, if it was; `wanted`: the map or composition to show.
-export async function open(started, { mesh = null, name = "", wanted = {} } = {}) {
+// The parts among which the ranking's is chosen.
+export function showSegments(query) {
+  $("segment").replaceChildren(...query.segments.map((s) => make("option", `${partName(query, s.segment)} (${s.faces} faces)`, { value: s.segment })));
+  $("segment").value = query.segment;
+  $("segment-row").hidden = query.segments.length < 2;
+}
+
+// Opens a query; `mesh`: as it was read here, if it was; `wanted`: the map or composition to show; `made`: the labels of its
+// faces and their names, where its parts were made here; `like`: the example that it was cut as.
+export async function open(started, { mesh = null, name = "", wanted = {}, made = null, like = null } = {}) {
   bench.query?.stop.abort();
-  const query = { id: started.id, name: name || `scan of ${started.counts.faces} faces`, state: started.state, repairs: started.repairs, segments: started.segments, segment: 0, rankings: new Map(), ended: false, shown: null, laid: new Map(), touched: false, stop: new AbortController(), past: [], at: -1, pairs: [] };
+  const query = { id: started.id, name: name || `scan of ${started.counts.faces} faces`, state: started.state, repairs: started.repairs, segments: started.segments, segment: 0, rankings: new Map(), ended: false, shown: null, laid: new Map(), touched: false, like, stop: new AbortController(), past: [], at: -1, pairs: [] };
   bench.query = query;
   $("welcome").hidden = true;
   $("trouble").textContent = "";
@@ -53,8 +62,7 @@ export async function open(started, { mesh = null, name = "", wanted = {} } = {}
   $("state").textContent = "Looking at its form…";
   say("");
   $("panel").replaceChildren();
-  $("segment").replaceChildren(...started.segments.map((s) => make("option", `${s.segment + 1} (${s.faces} faces)`, { value: s.segment })));
-  $("segment-row").hidden = started.segments.length < 2;
+  showSegments(query);
   go([query.id, ...Object.entries(wanted).filter(([, id]) => id)[0] ?? []].join("/"));
   bench.onchange();
   try {
@@ -63,6 +71,7 @@ export async function open(started, { mesh = null, name = "", wanted = {} } = {}
     // What is cut into parts is fetched with its parts.
     query.mesh = mesh && started.segments.length < 2 ? mesh : readPly(await buffer(`/v1/queries/${query.id}/mesh?format=ply`));
     if (bench.query !== query) return;
+    if (made) { adopt(query, made); showSegments(query); }
     viewer.setScan(query.mesh);
     tools.setNames({ result: query.name, example: "" });
     tools.set({ layout: "one", show: "quads" });

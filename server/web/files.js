@@ -64,7 +64,7 @@ async function show(scan) {
   shown = scan;
   if (scan.started) {
     if (bench.query?.id !== scan.started.id) {
-      if (scan.file) await open(await json(`/v1/queries/${scan.started.id}`), { mesh: scan.mesh, name: scan.name });
+      if (scan.file) await open(await json(`/v1/queries/${scan.started.id}`), { mesh: scan.mesh, name: scan.name, made: scan.made });
       else await openById(scan.started.id, {}, scan.name);
     }
   } else if (scan.trouble && scan.state !== "stuck") refused(scan);
@@ -101,14 +101,15 @@ async function send(scan) {
   draw();
   const parameters = new URLSearchParams({ format: formatOf(scan.name), top: $("top").value, resolution: $("resolution").value });
   const parts = scan.cut ?? $("parts").value;
-  if (parts && !scan.form) parameters.set("parts", parts);
+  if (scan.like) parameters.set("like", scan.like.example);
+  else if (parts && !scan.form) parameters.set("parts", parts);
   if ($("tag").value.trim()) parameters.set("tag", $("tag").value.trim());
   try {
     const { answer } = await upload(`/v1/queries?${parameters}`, scan.form ?? scan.file, (progress) => { scan.progress = progress; draw(); });
     Object.assign(scan, { started: answer, state: "there" });
     remember(answer.id, scan.name);
     draw();
-    if (scan === shown) await open(answer, { mesh: scan.mesh, name: scan.name });
+    if (scan === shown) await open(answer, { mesh: scan.mesh, name: scan.name, made: scan.made, like: scan.like });
     if (scan === shown && parts && answer.segments.length === 1) say("No limbs were found to cut it at. Ask for a number of parts under “How to search”.");
   } catch (error) {
     // What could not be sent is sent again when the server is back.
@@ -131,24 +132,24 @@ export function resume() {
   run();
 }
 
-// The same scan again, cut into parts.
-bench.cut = async (query) => {
+// The same scan again, cut into parts; or, with `like`, as that example is cut.
+bench.cut = async (query, like = null) => {
   const scan = scans.find((s) => s.started?.id === query.id);
   let file = scan?.file;
   if (!file) file = new File([await buffer(`/v1/queries/${query.id}/mesh?format=ply`)], `${query.name.replace(/\.[^.]*$/, "")}.ply`);
-  const again = { file, name: file.name.replace(/(\.[^.]*)$/, " in parts$1"), mesh: scan?.mesh ?? null, state: "waiting", progress: 0, cut: "auto", trouble: "" };
+  const again = { file, name: file.name.replace(/(\.[^.]*)$/, ` ${like ? `cut as ${like.name}` : "in parts"}$1`), mesh: scan?.mesh ?? null, state: "waiting", progress: 0, cut: "auto", like, trouble: "" };
   scans.unshift(again);
   shown = again;
   run();
 };
 
 // The same scan again, cut as its faces are labelled: a mesh as PLY, and a number a face, one a line.
-bench.cutAs = (query, mesh, labels) => {
-  const name = `${query.name.replace(/\.[^.]*$/, "")} as painted.ply`;
+bench.cutAs = (query, mesh, labels, made) => {
+  const name = `${query.name.replace(/\.[^.]*$/, "").replace(/ in parts$/, "")} in parts.ply`;
   const form = new FormData();
   form.append("mesh", mesh, name);
   form.append("segments", labels);
-  const again = { file: new File([mesh], name), form, name, mesh: null, state: "waiting", progress: 0, trouble: "" };
+  const again = { file: new File([mesh], name), form, name, made, mesh: null, state: "waiting", progress: 0, trouble: "" };
   scans.unshift(again);
   shown = again;
   run();

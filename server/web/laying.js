@@ -1,5 +1,6 @@
 // What is laid on the scan: the best by itself, another by a click, and all parts stitched.
 
+import { chooseSegment } from "/web/bench.js";
 import { $, buffer, json } from "/web/call.js";
 import { record } from "/web/history.js";
 import { attend, made as make } from "/web/making.js";
@@ -68,7 +69,7 @@ export function draw(query = bench.query) {
 
 // The best is laid by itself: the first that is worth enough, of as many as are worth a try; else the one that is worth most.
 export async function layBest(query) {
-  if (query.segments.length > 1) { await stitch(query, {}); return; }
+  if (query.segments.length > 1) { await (query.like ? layLike(query) : stitch(query, {})); return; }
   const { tries, topology } = query.segments[0];
   const entries = query.rankings.get(0)?.entries ?? [];
   const candidates = promising(entries, Math.max(1, tries)).filter((e) => !isTemplate(e));
@@ -89,6 +90,19 @@ export async function layBest(query) {
     if (worth(map) >= ENOUGH) return;
     if (k + 1 < Math.min(tries, candidates.length)) say(`${nameOf(entry)} does not fit well enough; trying the next.`);
   }
+}
+
+// What was cut as an example is takes that example, part by part.
+async function layLike(query) {
+  const { example, name } = query.like;
+  query.chosen = new Set();
+  for (const { segment } of query.segments) {
+    chooseSegment(segment);
+    if (!(await lay(query, { example, example_segment: segment, name })) || bench.query !== query || query.touched) return;
+    query.chosen.add(segment);
+  }
+  chooseSegment(query.segments[0].segment);
+  await stitch(query, {});
 }
 
 async function surfaces() {
@@ -158,6 +172,7 @@ export async function showMap(query, map, { keep = true } = {}) {
   query.shown.named = known?.landmarks ?? [];
   // Points of another example mean nothing on this one, but for those that both name.
   if (isNew) query.pairs = query.pairs.flatMap((p) => { const own = p.name && query.shown.named.find((l) => l.name === p.name); return own ? [{ ...p, example: own.point }] : []; });
+  query.shown.inParts = (known?.segments.filter((s) => !s.is_part).length ?? 0) > 1;
   query.shown.topology = known?.segments.find((s) => s.segment === map.example_segment)?.topology;
   tools.setNames({ example: name, result: `${query.name} with ${faceCount(quads)} quads` });
   tools.set({ layout: viewer.options.layout, show: query.segments.length > 1 ? "over" : viewer.options.show === "scan" ? "quads" : viewer.options.show });

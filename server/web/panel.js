@@ -4,6 +4,7 @@ import { $, make, save, sentence } from "/web/call.js";
 import { histograms } from "/web/histograms.js";
 import { lay, refine, stitch } from "/web/laying.js";
 import { begin as paintParts, showPainting } from "/web/painting.js";
+import { partName } from "/web/partnames.js";
 import { showParts } from "/web/parts.js";
 import { showPoints } from "/web/points.js";
 import { isTemplate, key, nameOf } from "/web/ranking.js";
@@ -85,11 +86,12 @@ function wayOut(query) {
     row.append(button("Go on to where the scan ends", () => lay(query, { example: map.example, example_segment: map.example_segment, name: query.shown.name }, { beyond: "extend" }), { title: "Rows of quads continue the example's rim", id: "beyond" }));
   }
   if (map && query.segments.length === 1) row.append(paintButton(query));
+  if (map && query.segments.length === 1 && query.shown.inParts) row.append(button(`Cut it as ${query.shown.name} is cut`, () => bench.cut(query, { example: map.example, name: query.shown.name }), { id: "cut-like", title: "Each part of the scan then takes its part of the example" }));
   return row.childElementCount ? row : null;
 }
 
 const cutButton = (query) => button("Cut it into limbs, head and torso", () => bench.cut(query), { id: "cut" });
-const paintButton = (query) => button("Paint parts", () => paintParts(query), { id: "repaint", title: "Parts of the scan take examples of their own" });
+const paintButton = (query) => button("Cut or paint parts", () => paintParts(query), { id: "repaint", title: "Parts of the scan take examples of their own" });
 
 function verdict(query) {
   const { map, made } = query.shown;
@@ -97,7 +99,7 @@ function verdict(query) {
   const { word, advice, kind } = headline(it.verdict, it.inspired);
   const section = make("section");
   section.append(make("h2", word, { className: `verdict ${kind}` }), make("p", advice));
-  const told = reasons(it.reasons.filter((raw) => !/\(good up to/.test(raw) || it.verdict !== "good"));
+  const told = reasons(it.reasons.filter((raw) => !/\(good up to/.test(raw) || it.verdict !== "good"), (segment) => partName(query, segment));
   const other = map && unlike(query.segments[map.segment]?.topology, query.shown.topology);
   if (other) told.unshift(other);
   if (told.length && it.verdict !== "good") {
@@ -144,7 +146,7 @@ function added(made) {
   const section = make("section");
   const more = made.extraordinary_vertices - made.extraordinary_before;
   section.append(make("h2", "What stitching added"), make("p", more > 0 ? `${more} poles along the seams, beside ${made.extraordinary_before} that the examples have.` : "No pole beyond those of the examples."));
-  if (made.templates.length) section.append(make("p", `Regular layouts on ${made.templates.length === 1 ? "part" : "parts"} ${made.templates.map((s) => s + 1).join(", ")}.`, { className: "soft" }));
+  if (made.templates.length) section.append(make("p", `Regular layouts on ${made.templates.length === 1 ? "part" : "parts"} ${made.templates.map((s) => partName(bench.query, s).replace(/^Part (?=\d+$)/, "")).join(", ")}.`, { className: "soft" }));
   section.append(button("Show the poles", () => $("toggle-dots").click(), { className: "plain small", id: "show-poles" }));
   return section;
 }

@@ -5,7 +5,7 @@ import { canRedo, canUndo, step } from "/web/history.js";
 import { showMap } from "/web/laying.js";
 import * as landmarks from "/web/landmarks.js";
 import { across } from "/web/mirror.js";
-import { brush } from "/web/painting.js";
+import { brush, stroke, undo as undoPainting } from "/web/painting.js";
 import { button, showPanel } from "/web/panel.js";
 import { readPly } from "/web/read.js";
 import { bench } from "/web/state.js";
@@ -109,6 +109,7 @@ async function follow(query, id, point) {
 
 export const hooks = {
   onbrush: brush,
+  onstroke: stroke,
   ondrag(id, point) { if (bench.query?.shown?.map) follow(bench.query, id, point); },
   async ondrop(id, point) {
     const { query } = bench;
@@ -173,7 +174,7 @@ export function begin(canvas) {
     const key = event.key.toLowerCase();
     if (key !== "z" && key !== "y") return;
     event.preventDefault();
-    undo(key === "y" || event.shiftKey ? 1 : -1);
+    if (bench.query?.painting) { if (key === "z" && !event.shiftKey) undoPainting(bench.query); } else undo(key === "y" || event.shiftKey ? 1 : -1);
   });
   document.addEventListener("keydown", (event) => {
     const { query } = bench;

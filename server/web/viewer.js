@@ -6,6 +6,7 @@ import { draped } from "/web/drape.js";
 import { bounds, edges, extraordinary, isQuads } from "/web/mesh.js";
 import { hit } from "/web/near.js";
 import { Painter, centred, linesOf, separate, shared } from "/web/paint.js";
+import { Pen } from "/web/pen.js";
 
 const COLOURS = { quads: [0.93, 0.9, 0.85], scan: [0.72, 0.76, 0.82], example: [0.9, 0.92, 0.88], line: [0.16, 0.2, 0.28], rim: [0.75, 0.16, 0.08] };
 const POINTS = { feature: [0.12, 0.36, 0.85], user: [0.85, 0.33, 0.05], held: [0.05, 0.55, 0.3] };
@@ -20,7 +21,8 @@ const UPRIGHT = [1, 0, 0, 0, 1, 0, 0, 0, 1];
 export class Viewer {
   // `hooks`: `ondrag(id, point)` while a point is dragged, `ondrop(id, point)` when it is let go; `onpick(pane, hit)` for a
   // click on a mesh where `picks` is set; `onpin(hit)` for a double click on the quads; `onbrush(hit, isFirst)` for strokes
-  // where `brush` is set, with null at the end of each; `onpair(k, end, point)` when a landmark was dragged.
+  // where `brush` is set, with null at the end of each; `onstroke(samples)` for a line that was drawn where `draws` is set;
+  // `onpair(k, end, point)` when a landmark was dragged.
   constructor(canvas, marks, hooks) {
     this.painter = new Painter(canvas);
     Object.assign(this, { canvas, marks, hooks, points: [], pairs: [], held: null, picks: false, meshes: {}, frames: {}, heat: null, tints: {} });
@@ -35,6 +37,7 @@ export class Viewer {
       onpoint: (event) => this.point(event),
       onhover: (event) => canvas.classList.toggle("over-point", this.picks || (this.pairs.length > 0 && this.graspedPair(event) !== null) || (this.points.length > 0 && this.grasped(event) !== null)),
     });
+    this.pen = new Pen(this);
     canvas.addEventListener("dblclick", (event) => this.pin(event));
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => this.again());
@@ -62,8 +65,8 @@ export class Viewer {
   // ---- what is shown
 
   clear() {
-    for (const name of ["scan", "coarse", "quads", "inner", "rim", "dots", "example", "exampleInner", "exampleRim", "exampleDots"]) this.painter.send(name, null);
-    Object.assign(this, { meshes: {}, frames: {}, points: [], pairs: [], heat: null, tints: {}, brush: false });
+    for (const name of ["scan", "coarse", "cut", "quads", "inner", "rim", "dots", "example", "exampleInner", "exampleRim", "exampleDots"]) this.painter.send(name, null);
+    Object.assign(this, { meshes: {}, frames: {}, points: [], pairs: [], heat: null, tints: {}, brush: false, draws: false });
     this.draw();
   }
 
@@ -86,6 +89,12 @@ export class Viewer {
   tintScan(colours) {
     this.tints.scan = colours;
     if (this.meshes.scan) this.sendScan();
+  }
+
+  // Edges of the scan that are drawn on it, as pairs of vertices.
+  setCut(pairs) {
+    this.painter.send("cut", pairs.length ? linesOf(pairs, this.meshes.scan.positions, this.frames.result.centre) : null);
+    this.draw();
   }
 
   // `tint`: a colour a face, or null.
@@ -224,6 +233,7 @@ export class Viewer {
     const { painter, options, meshes } = this;
     const show = meshes.quads ? options.show : "scan";
     if (show !== "quads") painter.surface(this.isMoving && painter.has("coarse") ? "coarse" : "scan", view, { colour: COLOURS.scan, mode: this.tints.scan && meshes.scan.segments ? 1 : 0, flat: options.flat });
+    painter.marks("cut", view, { lines: true, colour: COLOURS.rim, nearer: 0.004 });
     if (show === "quads") {
       const mode = this.heat ? 2 : options.checker && meshes.quads.uvs ? 3 : this.tints.quads ? 1 : 0;
       painter.surface("quads", view, { colour: COLOURS.quads, mode, flat: options.flat });
@@ -364,6 +374,7 @@ export class Viewer {
   }
 
   grasp(event) {
+    if (this.draws) return this.pen.begin(event);
     if (this.brush) {
       const found = this.under(event);
       this.isBrushing = Boolean(found);
@@ -379,6 +390,7 @@ export class Viewer {
   }
 
   hold(event) {
+    if (this.pen.line) { this.pen.go(event); return; }
     if (this.isBrushing) {
       const found = this.under(event);
       if (found) this.hooks.onbrush(found, false);
@@ -418,6 +430,11 @@ export class Viewer {
   }
 
   letGo(event) {
+    if (this.pen.line) {
+      const samples = this.pen.end(event);
+      if (samples) this.hooks.onstroke(samples);
+      return;
+    }
     if (this.isBrushing) {
       this.isBrushing = false;
       this.hooks.onbrush(null, false);

@@ -43,10 +43,10 @@ const REASONS = [
   [/regular layout/, () => "Some parts are regular layouts.", ""],
 ];
 
-// { text, help, raw }: `raw` is what the service said, for the details.
-export function reason(raw) {
+// { text, help, raw }: `raw` is what the service said, for the details; `nameOf` tells what a part is called.
+export function reason(raw, nameOf) {
   const [, of = "", rest = raw] = /^segment (\d+): (.*)$/.exec(raw) ?? [];
-  const where = of ? `Part ${Number(of) + 1}: ` : "";
+  const where = of ? `${nameOf(Number(of))}: ` : "";
   for (const [pattern, text, help] of REASONS) {
     const found = pattern.exec(rest);
     if (found) return { text: where + text(found[1]), help, raw };
@@ -55,9 +55,9 @@ export function reason(raw) {
 }
 
 // Says in one line each what the reasons are; those that say the same stand once.
-export function reasons(list) {
+export function reasons(list, nameOf) {
   const said = new Map();
-  for (const raw of list) { const told = reason(raw); if (!said.has(told.text)) said.set(told.text, told); }
+  for (const raw of list) { const told = reason(raw, nameOf); if (!said.has(told.text)) said.set(told.text, told); }
   return [...said.values()];
 }
 

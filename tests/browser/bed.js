@@ -84,7 +84,7 @@ export class Server {
 
 // The samples that the program makes: { examples, scans }, each a folder.
 export function samples() {
-  const kept = process.env.QUADMUSE_SAMPLES ?? join(target, "page-samples");
+  const kept = process.env.QUADMUSE_PAGE_SAMPLES ?? join(target, "page-samples");
   if (!existsSync(join(kept, "examples"))) {
     mkdirSync(kept, { recursive: true });
     const made = spawnSync(program, ["demo", "--out", kept], { encoding: "utf8" });

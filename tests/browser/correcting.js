@@ -1,10 +1,10 @@
-// Putting a map right, and parts.
+// Putting a map right.
 
-import { check, holdBack, shoot, until } from "./bed.js";
+import { check, shoot, until } from "./bed.js";
 import { laid, noComplaints } from "./looking.js";
 
-const viewer = (page, act, arg) => page.evaluate(`(${act})(document.querySelector("#canvas").viewer, ${JSON.stringify(arg ?? null)})`);
-const rest = (page) => until("a rest", () => page.evaluate(() => !document.querySelector("#status button") && !/Laying|…/.test(document.querySelector("#status").textContent)));
+export const viewer = (page, act, arg) => page.evaluate(`(${act})(document.querySelector("#canvas").viewer, ${JSON.stringify(arg ?? null)})`);
+export const rest = (page) => until("a rest", () => page.evaluate(() => !document.querySelector("#status button") && !/Laying|…/.test(document.querySelector("#status").textContent)));
 const constraints = (page) => viewer(page, "(v) => JSON.stringify(v.points.map((p) => [p.id, p.origin, p.point.map((x) => Math.round(1e4 * x) / 1e4)]))");
 
 // A point in front that can be taken hold of, in the window's pixels.
@@ -249,92 +249,5 @@ export const correcting = {
     await until("another example", () => page.url() !== held);
     await until("words", async () => /held by 3 points/.test(await page.textContent("#status")));
     await shoot(page, "named-other");
-  },
-
-  async "parts are painted on a scan, merged, and the scan is cut so"({ open, scan }) {
-    const page = await open();
-    await laid(page, scan("old_man"));
-    await rest(page);
-    await page.click("#repaint");
-    await page.waitForSelector("#paint-new");
-    const box = await page.locator("#canvas").boundingBox();
-    const at = (x, y) => [box.x + x * box.width, box.y + y * box.height];
-    // The face, stroke by stroke.
-    await page.selectOption("#brush-size", "large");
-    const stroke = async (from, to) => { await page.mouse.move(...at(...from)); await page.mouse.down(); await page.mouse.move(...at(...to), { steps: 6 }); await page.mouse.up(); };
-    await stroke([0.56, 0.38], [0.6, 0.62]);
-    await page.waitForTimeout(400);
-    await shoot(page, "painting");
-    await noComplaints(page, "painting");
-    const counts = () => page.evaluate(() => [...document.querySelectorAll("#part-list small")].map((s) => Number(s.textContent.split(" ")[0])));
-    const painted = await counts();
-    check(painted.length === 2 && painted[1] > 100, `${painted}`);
-    // A third part, taken back, and one merged.
-    await page.click("#paint-new");
-    await page.selectOption("#brush-size", "small");
-    await stroke([0.44, 0.3], [0.46, 0.32]);
-    check((await counts()).length === 3, "no third part");
-    await page.selectOption("#merge-into", { label: "part 1" });
-    check((await counts()).join() === painted.join(), `merged: ${await counts()}, before ${painted}`);
-    await page.click("#paint-undo");
-    check((await counts()).length === 3, "the merging is not undone");
-    await page.click("#paint-undo");
-    await page.waitForTimeout(200);
-    await page.click("#paint-done");
-    await until("two parts", () => page.evaluate(() => document.querySelector("#panel h2")?.textContent === "2 parts" || document.querySelectorAll("#part-list li").length === 2 && !document.querySelector("#paint-new")), 60_000);
-    await until("a stitched mesh", () => page.url().includes("/composition/"), 240_000);
-    await rest(page);
-    await page.click("#show-parts");
-    await page.waitForTimeout(400);
-    await shoot(page, "painted-parts");
-    await noComplaints(page, "painted parts");
-  },
-
-  async "a scan in parts is coloured, picked in the view, given examples, and stitched"({ open, scan }) {
-    const page = await open();
-    await page.evaluate(() => { document.querySelector("#how").open = true; });
-    await page.selectOption("#parts", "2");
-    await laid(page, scan("arm")).catch(() => {});
-    await page.waitForSelector("#part-list li", { timeout: 60_000 });
-    await until("a stitched mesh", () => page.url().includes("/composition/"), 240_000);
-    await rest(page);
-    await page.waitForTimeout(300);
-    await shoot(page, "stitched");
-    await noComplaints(page, "stitched");
-    const took = await page.locator("#part-list small").allTextContents();
-    check(took.length === 2 && took.every((text) => !text.includes("its best example")), `the parts don't tell what they took: ${took}`);
-    await page.click("#show-parts");
-    await page.waitForTimeout(300);
-    await shoot(page, "parts");
-    const chosen = () => page.evaluate(() => document.querySelector("#part-list .chosen .part").id);
-    const before = await chosen();
-    const other = await page.evaluate((id) => [...document.querySelectorAll("#part-list .part")].find((b) => b.id !== id).id, before);
-    const at = await viewer(page, `(v, segment) => {
-      const { scan } = v.meshes;
-      const box = v.paneBoxes()[0];
-      const { left, top } = v.canvas.getBoundingClientRect();
-      for (let f = 0; f < scan.segments.length; f++) {
-        if (scan.segments[f] !== segment) continue;
-        const vertex = scan.corners[scan.starts[f]];
-        const p = [0, 1, 2].map((k) => scan.positions[3 * vertex + k]);
-        if (!v.isHidden(p, box)) { const [x, y] = v.onScreen(p, box); const hit = v.under({ clientX: left + x, clientY: top + y }, box); if (hit && scan.segments[hit.face] === segment) return [left + x, top + y]; }
-      }
-      return null;
-    }`, Number(other.split("-")[1]));
-    check(at, "no face of the other part is seen");
-    await page.mouse.click(...at);
-    check((await chosen()) === other, "a click on a part does not choose it");
-    await page.locator("#entries li button").first().click();
-    await until("its map", () => page.url().includes("/map/"), 120_000);
-    await rest(page);
-    await page.waitForTimeout(300);
-    await shoot(page, "part-laid");
-    await holdBack(page, "**/compositions**");
-    await page.click("#stitch");
-    await page.waitForSelector("#status button");
-    await page.waitForSelector("#status progress:not([hidden])");
-    await shoot(page, "stitching");
-    await page.click("#status button");
-    await page.waitForFunction(() => document.querySelector("#status").textContent === "Cancelled.");
   },
 };

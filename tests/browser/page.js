@@ -8,6 +8,7 @@ import { clicks } from "./clicks.js";
 import { correcting } from "./correcting.js";
 import { corpus } from "./corpus.js";
 import { looking } from "./looking.js";
+import { parts } from "./parts.js";
 import { trouble } from "./trouble.js";
 
 const { samples, check, open, launch, addExample, clean, Server } = bed;
@@ -20,7 +21,7 @@ async function prepare() {
   return { server, url: server.url, scan: (name) => join(scans, `scan_${name}.obj`), example: (name) => join(examples, `${name}.obj`), browser: await launch() };
 }
 
-const tests = { ...looking, ...correcting, ...corpus, ...clicks, ...trouble };
+const tests = { ...looking, ...correcting, ...parts, ...corpus, ...clicks, ...trouble };
 
 async function main() {
   const words = process.argv.slice(2);

@@ -152,7 +152,7 @@ impl Bench<'_> {
         let mesh = self.out.join(format!("{}.obj", body.name()));
         let mut words = vec![OsStr::new("--json"), OsStr::new("retopo")];
         words.extend(body.flags.iter().map(OsStr::new));
-        words.extend([input.as_os_str(), OsStr::new("-o"), mesh.as_os_str()]);
+        words.extend([input.as_os_str(), OsStr::new("-o"), mesh.as_os_str(), OsStr::new("--force")]);
         let begun = Instant::now();
         let answer = self.client.run(words)?.ok()?.last_value();
         let seconds = begun.elapsed().as_secs_f64();

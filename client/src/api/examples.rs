@@ -57,7 +57,7 @@ impl Api {
         query.extend(upload.tags.iter().map(|tag| ("tag", tag.clone())));
         query.extend(upload.relevance.map(|relevance| ("relevance", relevance.to_string())));
         let request = self.request(Method::POST, &["examples"]).query(&query);
-        let response = self.send_mesh(request, mesh, &upload.segments).await?;
+        let response = self.send_mesh(request, mesh, &upload.segments, &|_| ()).await?;
         let how = if response.status() == StatusCode::CREATED { Gain::New } else { Gain::AlreadyThere };
         let example = self.decode(response, "the example that was added").await?;
         Ok(Added { example, how })

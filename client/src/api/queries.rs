@@ -1,6 +1,6 @@
 //! Calls on `/v1/queries`: queries, their rankings, maps and compositions.
 
-use super::{Api, WORK_TIMEOUT};
+use super::{Api, Sent, WORK_TIMEOUT};
 use crate::{
     args::{QueryArgs, SizeArgs},
     error::ClientError,
@@ -66,11 +66,16 @@ pub enum MeshSource {
 }
 
 impl Api {
-    /// Uploads a mesh to be ranked, cut `like` an example is if one is told.
+    /// Uploads a mesh to be ranked, cut `like` an example is if one is told; `sent` hears how much of it has arrived.
     ///
     /// # Errors
     /// The file cannot be read, or the service refuses it or is out of reach.
-    pub async fn start_query(&self, args: &QueryArgs, like: Option<ExampleId>) -> Result<Query, ClientError> {
+    pub async fn start_query(
+        &self,
+        args: &QueryArgs,
+        like: Option<ExampleId>,
+        sent: Sent<'_>,
+    ) -> Result<Query, ClientError> {
         let rank = &args.rank;
         let mut query: Vec<(&str, String)> = rank.tags.iter().map(|tag| ("tag", tag.clone())).collect();
         query.extend(rank.top.map(|top| ("top", top.to_string())));
@@ -78,7 +83,7 @@ impl Api {
         query.extend(rank.deadline.map(|seconds| ("deadline_ms", format!("{:.0}", (seconds * 1000.0).ceil()))));
         query.extend(like.map(|example| ("like", example.to_string())));
         let request = self.request(Method::POST, &["queries"]).query(&query);
-        let response = self.send_mesh(request, &args.file, &rank.segments).await?;
+        let response = self.send_mesh(request, &args.file, &rank.segments, sent).await?;
         self.decode(response, "the query that was started").await
     }
 

@@ -1,6 +1,6 @@
 //! Long files go piece by piece (tus 1.0.0), so that a connection that breaks costs a piece and not the whole.
 
-use super::Api;
+use super::{Api, Sent};
 use crate::error::ClientError;
 use quadmuse_proto::upload::{OFFSET_OCTET_STREAM, TUS_RESUMABLE, TUS_VERSION, UPLOAD_LENGTH, UPLOAD_OFFSET};
 use reqwest::{Method, RequestBuilder, Response, StatusCode, header};
@@ -44,11 +44,11 @@ impl Api {
     ///
     /// # Errors
     /// The service refuses, or stays out of reach.
-    pub(super) async fn upload(&self, bytes: &[u8]) -> Result<Option<String>, ClientError> {
+    pub(super) async fn upload(&self, bytes: &[u8], sent: Sent<'_>) -> Result<Option<String>, ClientError> {
         let mut beginnings = 1;
         loop {
             let Some(id) = self.begin(bytes.len()).await? else { return Ok(None) };
-            match self.send_pieces(&id, bytes).await {
+            match self.send_pieces(&id, bytes, sent).await {
                 Ok(()) => return Ok(Some(id)),
                 Err(error) if is_absent(&error) && beginnings < BEGINNINGS_MAX => beginnings += 1,
                 Err(error) => return Err(error),
@@ -69,13 +69,14 @@ impl Api {
         }
     }
 
-    async fn send_pieces(&self, id: &str, bytes: &[u8]) -> Result<(), ClientError> {
+    async fn send_pieces(&self, id: &str, bytes: &[u8], told: Sent<'_>) -> Result<(), ClientError> {
         let (mut offset, mut tries, mut pause) = (0, 0, PAUSE.0);
         while let Some(rest) = bytes.get(offset..).filter(|rest| !rest.is_empty()) {
             let sent = self.send_piece(id, offset, &rest[..rest.len().min(PIECE)]).await;
             let error = match sent {
                 Ok(next) => {
                     (offset, tries, pause) = (next, 0, PAUSE.0);
+                    told(next as f64 / bytes.len() as f64);
                     continue;
                 }
                 Err(error) if is_absent(&error) || !may_go_on(&error) || tries >= TRIES_MAX => return Err(error),

@@ -116,8 +116,11 @@ fn prepare(args: &BatchArgs, names: &[String], ui: &mut Ui) -> Result<(), Client
     if args.force {
         return Ok(());
     }
-    let paths = names.iter().map(|name| args.out.join(name)).filter(|path| path.is_file());
-    may_overwrite(&paths.map(|path| path.display().to_string()).collect::<Vec<_>>(), ui)
+    let meshes = names.iter().map(|name| args.out.join(name));
+    let pictures = meshes.clone().filter(|_| args.pictures).map(|mesh| mesh.with_extension("png"));
+    let all = meshes.chain(pictures).chain([args.out.join(REPORT)]);
+    let there: Vec<String> = all.filter(|path| path.is_file()).map(|path| path.display().to_string()).collect();
+    may_overwrite(&there, ui)
 }
 
 /// One scan; what is printed of it goes to `ui`.

@@ -1,29 +1,21 @@
 //! Choosing the example, and its segment, that a query's segment takes.
 
+use super::gauge::Gauge;
 use crate::{
     api::{Api, RankingView},
     error::ClientError,
-    follow::{self, Watcher},
+    follow,
     spec::ExampleRef,
     ui::Ui,
 };
 use quadmuse_proto::ranking::{self, Entry};
-use quadmuse_proto::{Event, Example, ExampleId, NewMap, Query, QueryId, QuerySegment, Ranking, Topology};
-
-/// A watcher that only waits.
-struct Patience;
-
-impl Watcher for Patience {
-    fn see(&mut self, _: &Event) -> Result<(), ClientError> {
-        Ok(())
-    }
-}
+use quadmuse_proto::{Example, ExampleId, NewMap, Query, QueryId, QuerySegment, Ranking, Topology};
 
 /// The query, once its ranking is final.
 pub(super) async fn finished(id: QueryId, api: &Api, ui: &mut Ui) -> Result<Query, ClientError> {
     let query = api.query(id).await?;
     let spinner = ui.spinner("waiting for the ranking");
-    let end = follow::poll(api, query, &mut Patience).await;
+    let end = follow::poll(api, query, &mut Gauge::new(spinner.clone(), "waiting for the ranking", None)).await;
     spinner.finish_and_clear();
     let end = end?;
     follow::conclude(&end)?;

@@ -30,7 +30,7 @@ const COUNT_NEAR: f64 = 0.1;
 /// Decides whether existing files are replaced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Overwriting {
-    /// Whoever sits at a terminal is asked. A script is not: it wrote to the same file the last time, too.
+    /// Whoever sits at a terminal is asked. A script can't be, and is refused.
     Asks,
     /// They are replaced.
     Silent,
@@ -68,7 +68,7 @@ impl Target {
     ///
     /// # Errors
     /// [`ClientError::Unwritable`] where there is no such folder, [`ClientError::Declined`] where the user wants to keep a
-    /// file.
+    /// file, [`ClientError::Occupied`] where one is there and nobody can be asked.
     pub(super) fn prepare(&self, ui: &mut Ui) -> Result<(), ClientError> {
         self.out.check()?;
         let others = || [&self.kept, &self.picture].into_iter().flatten();
@@ -115,17 +115,21 @@ impl Target {
     }
 }
 
-/// Asks whether files may be replaced; nobody is asked where nobody can be.
+/// Asks whether files may be replaced. Where nobody can be asked they are not.
 ///
 /// # Errors
-/// [`ClientError::Declined`].
+/// [`ClientError::Declined`], [`ClientError::Occupied`].
 pub(super) fn may_overwrite(there: &[String], ui: &mut Ui) -> Result<(), ClientError> {
-    let question = match there {
+    let (files, question) = match there {
         [] => return Ok(()),
-        [one] => format!("{one} is there already; overwrite it?"),
-        [first, others @ ..] => format!("{first} and {} more are there already; overwrite them?", others.len()),
+        [one] => (one.clone(), "is there already; overwrite it?"),
+        [first, others @ ..] => (format!("{first} and {} more", others.len()), "are there already; overwrite them?"),
     };
-    if ui.ask(&question)? == Some(false) { Err(ClientError::Declined { done: "written" }) } else { Ok(()) }
+    match ui.ask(&format!("{files} {question}"))? {
+        Some(true) => Ok(()),
+        Some(false) => Err(ClientError::Declined { done: "written" }),
+        None => Err(ClientError::Occupied { files }),
+    }
 }
 
 /// Tells how good a command's result is, and where it was written.

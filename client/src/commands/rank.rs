@@ -1,6 +1,9 @@
 //! `query` and `ranking`: uploads a mesh, and shows its ranking as it is refined.
 
-use super::screen::{Screen, Wanted};
+use super::{
+    gauge::Gauge,
+    screen::{Screen, Wanted},
+};
 use crate::{
     api::{Api, RankingView},
     args::{QueryArgs, QueryCommand, RankingArgs},
@@ -8,7 +11,7 @@ use crate::{
     follow, names,
     state::State,
     table,
-    ui::Ui,
+    ui::{Ui, tell_share},
 };
 use quadmuse_proto::{End, EndState, Query, QueryId};
 
@@ -50,7 +53,7 @@ pub(super) async fn upload(args: &QueryArgs, api: &Api, state: &State, ui: &mut 
         None => None,
     };
     let spinner = ui.spinner("uploading");
-    let query = api.start_query(args, like).await;
+    let query = api.start_query(args, like, &|share| tell_share(&spinner, "uploading", share)).await;
     spinner.finish_and_clear();
     let query = query?;
     remember(&query, api, state, ui);
@@ -65,10 +68,15 @@ pub(super) async fn follow_upload(query: &Query, wanted: Wanted, api: &Api, ui: 
     // Where the screen keeps silent, a sign of life.
     let spinner = (wanted == Wanted::Outcome && !ui.is_live()).then(|| ui.spinner("ranking"));
     let mut screen = Screen::new(query.clone(), None, wanted, ui);
-    let end = follow::poll(api, query.clone(), &mut screen).await;
-    if let Some(spinner) = spinner {
-        spinner.finish_and_clear();
-    }
+    let end = match spinner {
+        None => follow::poll(api, query.clone(), &mut screen).await,
+        Some(spinner) => {
+            let mut gauge = Gauge::new(spinner.clone(), "ranking", Some(&mut screen));
+            let end = follow::poll(api, query.clone(), &mut gauge).await;
+            spinner.finish_and_clear();
+            end
+        }
+    };
     let end = end?;
     ui.settle();
     follow::conclude(&end)?;

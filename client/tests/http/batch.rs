@@ -59,7 +59,7 @@ async fn what_is_less_than_is_required_counts_as_failed_and_is_written() {
     let (server, folder) = (Fake::start(refusing_one), scans());
     fs::remove_file(folder.path().join("bad.obj")).expect("is there");
     let out = folder.path().join("out");
-    let line = format!("batch {} -o {} --require", folder.path().display(), out.display());
+    let line = format!("batch {} -o {} --force --require", folder.path().display(), out.display());
     for (required, code) in [("inspired", 0), ("fair", 0), ("good", 1)] {
         let ran = run(&server.url, &format!("{line} {required} --json")).await;
         assert_eq!(ran.code(), code, "{required}: {}", ran.notes);
@@ -83,6 +83,20 @@ async fn a_batch_overwrites_nothing_that_its_user_wants_to_keep() {
     let ran = run_answering(&server.url, &line, "n\n").await;
     assert_eq!((ran.code(), server.lines().len()), (1, 0), "{}", ran.notes);
     assert_eq!(fs::read(out.join("c.obj")).expect("reads"), b"old");
+    // Nobody can be asked where a program runs it: for one mesh, for a picture, or for the report alone.
+    for name in ["c.obj", "c.png", "report.csv"] {
+        fs::remove_dir_all(&out).expect("is there");
+        fs::create_dir(&out).expect("makes");
+        fs::write(out.join(name), "old").expect("writes");
+        let ran = run(&server.url, &format!("{line} --pictures")).await;
+        assert_eq!((ran.code(), server.lines().len()), (1, 0), "{}", ran.notes);
+        assert!(ran.notes.contains(name) && ran.notes.contains("--force"), "{}", ran.notes);
+        assert_eq!(fs::read(out.join(name)).expect("reads"), b"old");
+    }
+    let ran = run(&server.url, &format!("{line} --force")).await;
+    assert!(ran.notes.contains("1 of 3 failed"), "{}", ran.notes);
+    assert_ne!(fs::read(out.join("report.csv")).expect("reads"), b"old");
+    let asked = server.lines().len();
     // Results in the folder of the scans would replace scans.
     let same = format!(
         "batch {0} -o {0}/../{1}",
@@ -90,7 +104,7 @@ async fn a_batch_overwrites_nothing_that_its_user_wants_to_keep() {
         folder.path().file_name().expect("a name").display()
     );
     let ran = run(&server.url, &same).await;
-    assert_eq!((ran.code(), server.lines().len()), (2, 0), "{}", ran.notes);
+    assert_eq!((ran.code(), server.lines().len()), (2, asked), "{}", ran.notes);
 }
 
 #[tokio::test]

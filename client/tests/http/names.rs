@@ -55,7 +55,7 @@ async fn the_last_query_goes_by_a_name_of_its_own() {
     let begins = |id: String| id[..12].to_owned();
     let (query, map) = (begins(query_id().to_string()), begins(map_id().to_string()));
     for name in ["@last", &query] {
-        let line = format!("constrain {name} {map} --remove f1 -o {}", out.display());
+        let line = format!("constrain {name} {map} --remove f1 --force -o {}", out.display());
         let ran = run_with(&server.url, state.path(), &line).await;
         assert_eq!(ran.code(), 0, "{line}: {}", ran.notes);
         let asked = format!("/v1/queries/{}/maps/{}/constraints", query_id(), map_id());

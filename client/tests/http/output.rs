@@ -48,7 +48,7 @@ fn a_scan_from_a_pipe_ends_as_a_mesh_in_a_pipe_and_nothing_else() {
 }
 
 #[tokio::test]
-async fn a_file_that_is_there_is_asked_about_at_a_terminal_alone() {
+async fn a_file_that_is_there_is_asked_about_at_a_terminal_and_kept_from_scripts() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out.obj");
     let line = format!("map {} -o {}", query_id(), out.display());
@@ -57,8 +57,10 @@ async fn a_file_that_is_there_is_asked_about_at_a_terminal_alone() {
         (Some("n\n"), "", false),
         (Some("y\n"), "", true),
         (Some("n\n"), "--force", true),
-        // A script writes where it wrote the last time.
-        (None, "", true),
+        // A script has nobody to ask.
+        (None, "", false),
+        (None, "--json", false),
+        (None, "--force", true),
     ] {
         fs::write(&out, "old").expect("writes");
         let (line, asked) = (format!("{line} {flags}"), server.lines().len());
@@ -70,6 +72,7 @@ async fn a_file_that_is_there_is_asked_about_at_a_terminal_alone() {
         // Who says no has waited for nothing.
         assert_eq!(server.lines().len() > asked, replaced, "{answers:?} {flags}");
         assert_eq!(ran.notes.contains("overwrite it?"), answers.is_some() && flags.is_empty(), "{}", ran.notes);
+        assert_eq!(ran.notes.contains("or --force"), answers.is_none() && !replaced, "{}", ran.notes);
     }
     fs::remove_file(&out).expect("is there");
     let ran = run_answering(&server.url, &line, "n\n").await;
@@ -96,8 +99,12 @@ async fn a_result_is_drawn_where_that_is_asked_for() {
     let (out, picture) = (folder.path().join("out.obj"), folder.path().join("out.png"));
     let (out, mesh, path) = (out.display(), mesh_file(), picture.display());
     for (segments, line, drawn) in [
-        (1, format!("map {} -o {out} --picture {path}", query_id()), format!("/Q/maps/{}/preview.png", map_id())),
-        (2, format!("retopo {} -o {out} --picture {path}", mesh.path().display()), "/Q/compositions/".into()),
+        (
+            1,
+            format!("map {} --force -o {out} --picture {path}", query_id()),
+            format!("/Q/maps/{}/preview.png", map_id()),
+        ),
+        (2, format!("retopo {} --force -o {out} --picture {path}", mesh.path().display()), "/Q/compositions/".into()),
     ] {
         let server = Fake::start(move |asked| service(asked, segments));
         let ran = run(&server.url, &line).await;

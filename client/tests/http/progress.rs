@@ -110,8 +110,8 @@ async fn a_terminal_shows_the_percent_of_maps_and_compositions() {
     let out = folder.path().join("out.obj");
     let (mesh, out) = (mesh.path().display(), out.display());
     for (line, what) in [
-        (format!("retopo {mesh} -o {out}"), "laying the example"),
-        (format!("retopo {mesh} -o {out} --density 1"), "sewing the seams"),
+        (format!("retopo {mesh} --force -o {out}"), "laying the example"),
+        (format!("retopo {mesh} --force -o {out} --density 1"), "sewing the seams"),
     ] {
         let (drawn, code, _) = seen(&line, true).await;
         assert_eq!(code, 0, "{line}: {drawn}");

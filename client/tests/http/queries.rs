@@ -207,7 +207,7 @@ async fn a_result_is_written_with_as_many_quads_as_are_asked_for_and_the_client_
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out.obj");
     let told = async |flags: &str| {
-        let ran = run(&server.url, &format!("map {} -o {} {flags}", query_id(), out.display())).await;
+        let ran = run(&server.url, &format!("map {} --force -o {} {flags}", query_id(), out.display())).await;
         assert_eq!(ran.code(), 0, "{}", ran.notes);
         assert!(ran.out.contains("6000 faces"), "{}", ran.out);
         (server.lines().last().expect("a request").clone(), ran.notes)
@@ -228,13 +228,37 @@ async fn less_than_is_required_is_written_and_exits_with_1() {
     let out = folder.path().join("out.obj");
     let (query, file) = (query_id(), out.display().to_string());
     for (line, map_is, composition_is, code, said) in [
-        (format!("map {query} --require good -o {file}"), Verdict::Fair, Verdict::Good, 1, "that is good (--require)"),
-        (format!("map {query} --require fair -o {file}"), Verdict::Fair, Verdict::Good, 0, ""),
-        (format!("map {query} -o {file}"), Verdict::Broken, Verdict::Good, 1, "a broken one: little distortion"),
-        (format!("compose {query} --require inspired -o {file}"), Verdict::Good, Verdict::Poor, 1, "20 % of it"),
-        (format!("compose {query} --require inspired -o {file}"), Verdict::Good, Verdict::Good, 0, ""),
-        (format!("compose {query} -o {file}"), Verdict::Good, Verdict::Broken, 1, "a broken one: edges cross"),
-        (format!("retopo {} -o {file}", mesh.path().display()), Verdict::Good, Verdict::Broken, 1, "a broken one"),
+        (
+            format!("map {query} --require good --force -o {file}"),
+            Verdict::Fair,
+            Verdict::Good,
+            1,
+            "that is good (--require)",
+        ),
+        (format!("map {query} --require fair --force -o {file}"), Verdict::Fair, Verdict::Good, 0, ""),
+        (
+            format!("map {query} --force -o {file}"),
+            Verdict::Broken,
+            Verdict::Good,
+            1,
+            "a broken one: little distortion",
+        ),
+        (
+            format!("compose {query} --require inspired --force -o {file}"),
+            Verdict::Good,
+            Verdict::Poor,
+            1,
+            "20 % of it",
+        ),
+        (format!("compose {query} --require inspired --force -o {file}"), Verdict::Good, Verdict::Good, 0, ""),
+        (format!("compose {query} --force -o {file}"), Verdict::Good, Verdict::Broken, 1, "a broken one: edges cross"),
+        (
+            format!("retopo {} --force -o {file}", mesh.path().display()),
+            Verdict::Good,
+            Verdict::Broken,
+            1,
+            "a broken one",
+        ),
     ] {
         let server =
             Fake::start(move |asked| match asked.line.rsplit('/').next().and_then(|last| last.split('?').next()) {
@@ -327,7 +351,7 @@ async fn retopo_maps_one_segment_and_stitches_several() {
     // A single map that was chosen by hand is written as it is.
     for (segments, maps, compositions) in [(1, 1, 0), (3, 3, 1)] {
         let server = Fake::start(move |asked| service(asked, segments));
-        let line = format!("retopo {} -o {} --use 0={}", mesh.path().display(), out.display(), example_id(3));
+        let line = format!("retopo {} --force -o {} --use 0={}", mesh.path().display(), out.display(), example_id(3));
         let ran = run(&server.url, &line).await;
         assert_eq!(ran.code(), 0, "{}", ran.notes);
         let last = ran.out.lines().last().expect("a line");
@@ -374,7 +398,7 @@ async fn a_map_that_takes_longer_than_an_answer_may_is_waited_for() {
             }
             _ => service(asked, 1),
         });
-        let ran = run(&server.url, &format!("map {} -o {}", query_id(), out.display())).await;
+        let ran = run(&server.url, &format!("map {} --force -o {}", query_id(), out.display())).await;
         assert_eq!(ran.code(), code, "{end:?}: {}", ran.notes);
         assert_eq!(ran.notes.contains("expected no mistake"), end == MakingState::Failed, "{}", ran.notes);
         assert_eq!(ran.notes.contains("was cancelled"), end == MakingState::Cancelled, "{}", ran.notes);
@@ -393,7 +417,7 @@ async fn retopo_leaves_it_to_the_service_whether_a_single_map_is_composed() {
             }
             _ => service(asked, 1),
         });
-        let ran = run(&server.url, &format!("retopo {} -o {}", mesh.path().display(), out.display())).await;
+        let ran = run(&server.url, &format!("retopo {} --force -o {}", mesh.path().display(), out.display())).await;
         assert_eq!(ran.code(), 0, "{}", ran.notes);
         let last = ran.out.lines().last().expect("a line");
         assert!(last.ends_with(ending), "{last}");
@@ -454,7 +478,7 @@ async fn retopo_lays_as_many_examples_as_the_service_calls_worth_it() {
             true => Reply::json(201, &poor),
             false => service_with_tries(asked, segments, tries),
         });
-        let ran = run(&server.url, &format!("retopo {} -o {}", mesh.path().display(), out.display())).await;
+        let ran = run(&server.url, &format!("retopo {} --force -o {}", mesh.path().display(), out.display())).await;
         assert_eq!(ran.code(), 0, "{}", ran.notes);
         let lines = server.lines();
         let count = |end: &str| lines.iter().filter(|line| line.starts_with("POST") && line.contains(end)).count();
@@ -527,7 +551,7 @@ async fn retopo_takes_the_map_that_is_worth_most_and_stops_at_one_that_is_good_e
             let id = MapId::from_bytes([number as u8; 16]);
             Reply::json(201, &Map { id, covers, verdict: Verdict::Fair, ..map() })
         });
-        let ran = run(&server.url, &format!("retopo {} -o {}", mesh.path().display(), out.display())).await;
+        let ran = run(&server.url, &format!("retopo {} --force -o {}", mesh.path().display(), out.display())).await;
         assert_eq!(ran.code(), 0, "{}", ran.notes);
         let asked = server.asked();
         let maps = asked.iter().filter(|asked| asked.line.starts_with("POST") && asked.line.contains("/maps?")).count();
@@ -570,7 +594,8 @@ async fn retopo_cuts_nothing_that_was_asked_for_whole_and_keeps_a_chosen_example
             true => Reply::json(201, &poor),
             false => service(asked, 1),
         });
-        let ran = run(&server.url, &format!("retopo {} -o {} {flags}", mesh.path().display(), out.display())).await;
+        let ran =
+            run(&server.url, &format!("retopo {} --force -o {} {flags}", mesh.path().display(), out.display())).await;
         assert_eq!(ran.code(), 0, "{}", ran.notes);
         let last = ran.out.lines().last().expect("a line");
         assert!(last.ends_with(end), "{flags}: {last}");

@@ -1,10 +1,12 @@
 //! The pages for people, embedded in the binary: `/` and `/docs`, without anything from elsewhere.
 
 use super::error::HttpError;
-use super::negotiate::{if_none_match, tagged};
+use super::negotiate::if_none_match;
+use super::packed::{Coding, Text};
 use axum::extract::Path;
 use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::Response;
+use std::sync::LazyLock;
 
 /// What the pages may load: only what this server serves.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; \
@@ -15,35 +17,42 @@ const SCRIPT: &str = "text/javascript; charset=utf-8";
 const STYLE: &str = "text/css; charset=utf-8";
 const PICTURE: &str = "image/svg+xml";
 
-fn page(text: &'static str, media_type: &'static str, headers: &HeaderMap) -> Response {
-    let tag = format!("\"{}\"", &blake3::hash(text.as_bytes()).to_hex()[..32]);
-    let mut response = tagged(text.into(), media_type, &tag, if_none_match(headers).as_deref(), "no-cache");
+fn page(text: &Text, media_type: &'static str, headers: &HeaderMap) -> Response {
+    let mut response = text.answer(Coding::of(headers), media_type, if_none_match(headers).as_deref());
     let out = response.headers_mut();
     out.insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY));
     out.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
     response
 }
 
+fn kept(text: &'static str) -> Text {
+    Text::kept(text.into())
+}
+
 /// The web page.
 pub async fn index(headers: HeaderMap) -> Response {
-    page(include_str!("../../web/index.html"), HTML, &headers)
+    static TEXT: LazyLock<Text> = LazyLock::new(|| kept(include_str!("../../web/index.html")));
+    page(&TEXT, HTML, &headers)
 }
 
 /// The contract for people.
 pub async fn docs(headers: HeaderMap) -> Response {
-    page(include_str!("../../web/docs.html"), HTML, &headers)
+    static TEXT: LazyLock<Text> = LazyLock::new(|| kept(include_str!("../../web/docs.html")));
+    page(&TEXT, HTML, &headers)
 }
 
 macro_rules! assets {
     ($($name:literal $media_type:ident),* $(,)?) => {
         /// What the pages need: a name, the text and its media type.
-        const ASSETS: &[(&str, &str, &str)] = &[$(($name, include_str!(concat!("../../web/", $name)), $media_type)),*];
+        static ASSETS: LazyLock<Vec<(&str, Text, &str)>> = LazyLock::new(|| {
+            vec![$(($name, kept(include_str!(concat!("../../web/", $name))), $media_type)),*]
+        });
     };
 }
 
 assets!(
     "access.js" SCRIPT, "bench.css" STYLE, "bench.js" SCRIPT, "call.js" SCRIPT, "camera.js" SCRIPT, "coarse.js" SCRIPT,
-    "corpus.js" SCRIPT,
+    "corpus.js" SCRIPT, "cutting.js" SCRIPT, "partnames.js" SCRIPT, "pen.js" SCRIPT, "regions.js" SCRIPT, "ways.js" SCRIPT,
     "docs.js" SCRIPT, "drape.js" SCRIPT, "example.js" SCRIPT, "files.js" SCRIPT, "follow.js" SCRIPT, "heat.js" SCRIPT,
     "histograms.js" SCRIPT, "history.js" SCRIPT, "icon.svg" PICTURE, "index.js" SCRIPT, "landmarks.js" SCRIPT, "laying.js" SCRIPT, "making.js" SCRIPT, "mesh.js" SCRIPT,
     "mirror.js" SCRIPT, "naming.js" SCRIPT,

@@ -293,6 +293,7 @@ impl Others {
         let mut head = passed_head(peers, to, peer, &self.head);
         head.headers.insert(header::ACCEPT, HeaderValue::from_static("application/json"));
         head.headers.remove(header::IF_NONE_MATCH);
+        head.headers.remove(header::ACCEPT_ENCODING);
         let answer = Link::to(address, &app.signs).await?.ask(Request::from_parts(head, Body::empty())).await?;
         let (head, body) = answer.into_parts();
         if head.status != StatusCode::OK {

@@ -3,6 +3,7 @@
 mod strict;
 
 use super::error::HttpError;
+use super::packed::{Coding, Text};
 use axum::body::Body;
 use axum::extract::FromRequestParts;
 use axum::http::request::Parts;
@@ -137,6 +138,7 @@ pub fn choose<T: Copy>(headers: &HeaderMap, offers: &[(&str, T)]) -> Result<T, H
 pub struct Wants {
     wire: Wire,
     if_none_match: Option<String>,
+    coding: Coding,
 }
 
 impl<S: Sync> FromRequestParts<S> for Wants {
@@ -144,19 +146,18 @@ impl<S: Sync> FromRequestParts<S> for Wants {
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, HttpError> {
         let wire = choose(&parts.headers, &[(JSON, Wire::Json), (MSGPACK, Wire::MsgPack)])?;
-        Ok(Self { wire, if_none_match: if_none_match(&parts.headers) })
+        Ok(Self { wire, if_none_match: if_none_match(&parts.headers), coding: Coding::of(&parts.headers) })
     }
 }
 
 impl Wants {
-    /// A representation with its `ETag`, or 304 if the caller has it.
+    /// A representation with its `ETag`, packed where it is long and the caller takes that, or 304 if the caller has it.
     ///
     /// # Errors
     /// [`HttpError::Internal`].
     pub fn show<T: Serialize>(&self, value: &T) -> Result<Response, HttpError> {
-        let body = self.wire.write(value)?;
-        let tag = format!("\"{}\"", &blake3::hash(&body).to_hex()[..32]);
-        Ok(tagged(body.into(), self.wire.media_type(), &tag, self.if_none_match.as_deref(), "no-cache"))
+        let text = Text::once(self.wire.write(value)?.into());
+        Ok(text.answer(self.coding, self.wire.media_type(), self.if_none_match.as_deref()))
     }
 
     /// A representation with another status and, if it is a new resource, its address.

@@ -2,7 +2,8 @@
 
 mod described;
 
-use super::negotiate::{MSGPACK, if_none_match, tagged};
+use super::negotiate::{JSON, MSGPACK, if_none_match};
+use super::packed::{Coding, Text};
 use crate::app::App;
 use axum::extract::State;
 use axum::http::HeaderMap;
@@ -107,7 +108,6 @@ fn add_mesh_bodies(body: &mut Value) {
 
 /// The contract.
 pub async fn get(State(app): State<App>, headers: HeaderMap) -> Response {
-    let body = app.openapi.get().cloned().unwrap_or_default();
-    let tag = format!("\"{}\"", &blake3::hash(&body).to_hex()[..32]);
-    tagged(body, "application/json", &tag, if_none_match(&headers).as_deref(), "no-cache")
+    let text = app.openapi.get_or_init(|| Text::kept(Bytes::new()));
+    text.answer(Coding::of(&headers), JSON, if_none_match(&headers).as_deref())
 }

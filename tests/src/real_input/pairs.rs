@@ -114,7 +114,8 @@ fn one(client: &Client, judge: &Judge, corpus: &Corpus, pair: &Pair, out: &Path)
 
     let mesh = out.join(format!("{}.obj", pair.name()));
     let begun = Instant::now();
-    let words = ["--json", "map", &query, example, "-o"].map(AsRef::as_ref).into_iter().chain([mesh.as_os_str()]);
+    let words =
+        ["--json", "map", &query, example, "--force", "-o"].map(AsRef::as_ref).into_iter().chain([mesh.as_os_str()]);
     let map = client.run(words)?.ok()?.last_value();
     let map_s = begun.elapsed().as_secs_f64();
     Ok(Outcome {

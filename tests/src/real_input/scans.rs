@@ -75,7 +75,8 @@ pub fn run(client: &Client, judge: &Judge, shared: &Path, extent: Extent, out: &
 fn one(client: &Client, judge: &Judge, scan: &Path, out: &Path) -> Result<Outcome, RunError> {
     let mesh = out.join(format!("retopo_{}.obj", scan.file_stem().unwrap_or_default().to_string_lossy()));
     let begun = Instant::now();
-    let words = ["--json".as_ref(), "retopo".as_ref(), scan.as_os_str(), "-o".as_ref(), mesh.as_os_str()];
+    let words =
+        ["--json".as_ref(), "retopo".as_ref(), scan.as_os_str(), "-o".as_ref(), mesh.as_os_str(), "--force".as_ref()];
     let map = client.run(words)?.ok()?.last_value();
     let seconds = begun.elapsed().as_secs_f64();
     if map["parts"].is_array() {

@@ -225,6 +225,15 @@ async fn what_one_server_has_another_answers_byte_for_byte() {
     let next = format!("/v1/queries?limit=1&cursor={}", page["next"].as_str().expect("more"));
     assert_eq!(a.get(&next).await.json()["items"][0]["id"], id_of(&other).to_string());
 
+    // So long a list that it travels packed: between servers it does not.
+    for seed in 0..12 {
+        b.query(&format!("segment disc {seed}7")).await;
+    }
+    let packed = a.ask(Method::GET, "/v1/queries", &[("accept-encoding", "gzip")], "").await;
+    assert_eq!(packed.header("content-encoding"), "gzip");
+    let unpacked: Value = serde_json::from_reader(flate2::read::GzDecoder::new(&packed.bytes[..])).expect("JSON");
+    assert_eq!(unpacked["items"].as_array().map(Vec::len), Some(14));
+
     let gone = b.ask(Method::DELETE, &query, &[], "").await;
     assert_eq!(gone.status, StatusCode::NO_CONTENT);
     for server in [&a, &b] {

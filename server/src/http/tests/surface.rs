@@ -4,6 +4,7 @@ use super::*;
 use crate::auth::Role;
 use quadmuse_proto::{Example, Health, NewToken, Page};
 use serde_json::json;
+use std::io::Read;
 
 #[tokio::test]
 async fn the_same_types_travel_as_json_and_as_messagepack() {
@@ -64,6 +65,43 @@ async fn what_the_caller_has_is_not_sent_again() {
     bench.add("more", "segment disc 77").await;
     let changed = bench.request(Method::GET, "/v1/examples", &[("if-none-match", &tag)], Body::empty()).await;
     assert_eq!(changed.status, StatusCode::OK);
+}
+
+#[tokio::test]
+async fn texts_travel_packed_to_whoever_takes_that_and_streams_and_meshes_do_not() {
+    let bench = Bench::stocked().await;
+    let long = "n".repeat(200);
+    for seed in 0..12 {
+        bench.add(&long, &format!("segment disc {seed}9")).await;
+    }
+    let taking =
+        |path: &'static str| bench.request(Method::GET, path, &[("accept-encoding", "gzip, br")], Body::empty());
+    for path in ["/", "/docs", "/web/index.js", "/web/style.css", "/openapi.json", "/v1/examples?limit=500"] {
+        let (plain, packed) = (bench.get(path).await, taking(path).await);
+        assert!(!plain.headers.contains_key("content-encoding"), "{path}");
+        assert_eq!(packed.header("content-encoding"), "gzip", "{path}");
+        assert!(packed.bytes.len() < plain.bytes.len(), "{path}: {} of {}", packed.bytes.len(), plain.bytes.len());
+        let mut unpacked = Vec::new();
+        flate2::read::GzDecoder::new(&packed.bytes[..]).read_to_end(&mut unpacked).expect("gzip");
+        assert!(unpacked == plain.bytes, "{path}");
+        assert_ne!(plain.header("etag"), packed.header("etag"), "{path}");
+        for answer in [&plain, &packed] {
+            assert!(answer.header("vary").contains("accept-encoding"), "{path}: {}", answer.header("vary"));
+        }
+        let known = [("accept-encoding", "gzip"), ("if-none-match", packed.header("etag"))];
+        let again = bench.request(Method::GET, path, &known, Body::empty()).await;
+        assert_eq!((again.status, again.bytes.len()), (StatusCode::NOT_MODIFIED, 0), "{path}");
+        assert_eq!(again.header("etag"), packed.header("etag"), "{path}");
+    }
+    assert!(!taking("/healthz").await.headers.contains_key("content-encoding"), "a short answer");
+    let id = bench.get("/v1/examples").await.json()["items"][0]["id"].as_str().expect("an id").to_owned();
+    let headers = [("accept-encoding", "gzip")];
+    let mesh = bench.request(Method::GET, &format!("/v1/examples/{id}/mesh"), &headers, Body::empty()).await;
+    assert!(mesh.status == StatusCode::OK && !mesh.headers.contains_key("content-encoding"));
+    let query = bench.query("", "segment disc 1").await;
+    let headers = [("accept-encoding", "gzip"), ("accept", "application/x-ndjson")];
+    let stream = bench.request(Method::GET, &format!("{query}/stream"), &headers, Body::empty()).await;
+    assert!(stream.status == StatusCode::OK && !stream.headers.contains_key("content-encoding"));
 }
 
 #[tokio::test]
@@ -168,7 +206,7 @@ async fn pages_load_nothing_from_elsewhere() {
         let imports = imports.filter_map(|line| line.split('"').nth(1)).map(str::to_owned);
         wanted.extend(imports.filter(|import| !wanted.contains(import)).collect::<Vec<_>>());
     }
-    assert_eq!(seen, 39, "{wanted:?}");
+    assert_eq!(seen, 44, "{wanted:?}");
     // Every file of the page is served.
     for entry in std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/web")).expect("the page's folder") {
         let name = entry.expect("a file").file_name().into_string().expect("a name");
