@@ -10,6 +10,7 @@ pub mod corpus;
 mod doubts;
 pub mod engine;
 pub mod error;
+pub mod example_cache;
 pub mod follow;
 pub mod ingest;
 pub mod jobs;
@@ -68,6 +69,8 @@ pub struct Work {
     pub shares: shares::Shares,
     /// This server, if several share the corpus: what it makes has ids that tell it.
     pub server: Option<ServerNumber>,
+    /// Examples that were read.
+    pub examples: example_cache::ExampleCache,
     /// Thumbnails that were drawn.
     pub thumbnails: pictures::Thumbnails,
     /// Work that goes on when its request is gone.
@@ -121,6 +124,7 @@ impl Work {
     ) -> Arc<Self> {
         let catalogue = Catalogue::new(Arc::clone(&corpus), Arc::clone(&engine)).holding(share);
         let queries = Queries::new();
+        let examples = example_cache::ExampleCache::within(pool.admission().limit_bytes());
         Arc::new(Self {
             pool,
             engine,
@@ -130,6 +134,7 @@ impl Work {
             queue: OnceLock::new(),
             shares: shares::Shares::default(),
             server,
+            examples,
             thumbnails: pictures::Thumbnails::default(),
             background: TaskTracker::new(),
         })

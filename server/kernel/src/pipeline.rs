@@ -38,6 +38,7 @@ mod stitched;
 mod tests;
 mod transfer;
 
+pub use crate::fit::rough::RoughInput;
 pub use around::around;
 pub use constraint::{Constraint, ConstraintEdit, ConstraintOrigin, Landmark, Location, NewConstraint, OnFold, Place};
 pub use cut::{Besides, Cut, Grain, Way};
@@ -47,7 +48,7 @@ pub use mapped::{Before, Beyond, Covers, Fitted, Lead, Mapped, Reach, Verdict, W
 pub use model::{FACES_CHOSEN_MIN, FACES_OF_SCAN_MIN, Model, SEGMENTS_MAX, Segment, few, in_primitives, read};
 pub use registered::Registered;
 pub use rejoined::{OnePart, rejoin};
-pub use roughly::{Rough, RoughLead, lay as rough};
+pub use roughly::{Rough, RoughLead, lay as rough, ready as ready_for_rough};
 pub use side::{Encoded, Facts, Side, encode};
 pub use sound::{Allowed, Appraisal, appraise};
 pub use stitch::{Part, Regular, Stitching, compose, template};

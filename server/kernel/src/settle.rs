@@ -23,7 +23,7 @@ mod tree;
 
 pub use evidence::Evidence;
 pub use held::Landmark;
-pub use poses::{Likeness, Posed, Sought, poses};
+pub use poses::{Likeness, Posed, Sought, poses, poses_on};
 pub use similarity::Similarity;
 pub use span::spanned;
 
@@ -34,9 +34,10 @@ use align::Rigid;
 use elastic::{Body, View};
 use evidence::Judged;
 use held::{HELD_AS_WHOLE, Held};
-use input_surface::{InputSurface, Samples, Seen};
+use input_surface::{InputSurface, Known, Samples, Seen};
 use matches::Partners;
 use rest::{Nodes, Pose, Rest};
+use std::sync::Arc;
 
 /// How the example comes from the start to the input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -139,11 +140,34 @@ pub struct Settler<'a> {
     nodes: [Nodes; 3],
     rigid: Rigid,
     ground: InputSurface<'a>,
+    input: Arc<PreparedInput>,
+    landmarks: Vec<Landmark>,
+}
+
+/// An input made ready once for all examples that are laid on it, and their mirror images.
+#[derive(Debug)]
+pub struct PreparedInput {
+    known: Arc<Known>,
     coarse: Samples,
     fine: Samples,
     sent: Samples,
-    tree: Bvh,
-    landmarks: Vec<Landmark>,
+    tree: Arc<Bvh>,
+}
+
+impl PreparedInput {
+    /// Prepares; `None` where the input has no area.
+    pub fn new(input: &TriMesh, options: &Options) -> Option<Self> {
+        Self::with_tree(input, Arc::new(Bvh::new(input)), options)
+    }
+
+    /// The same with the tree of the input.
+    pub fn with_tree(input: &TriMesh, tree: Arc<Bvh>, options: &Options) -> Option<Self> {
+        let ground = InputSurface::new(input);
+        let (coarse, fine) = (ground.samples(options.samples[0]), ground.samples(options.samples[1]));
+        let known = Arc::clone(ground.known());
+        let is_there = ground.area > 0.0 && ground.area.is_finite();
+        is_there.then(|| Self { known, coarse, fine, sent: ground.spread(options.sent), tree })
+    }
 }
 
 /// One start: weights of its vertices, and everything in the example's frame.
@@ -174,16 +198,21 @@ pub fn settle(
 impl<'a> Settler<'a> {
     /// Prepares; `None` where either has no area.
     pub fn new(example: &TriMesh, input: &'a TriMesh, mirror: f64, options: &Options) -> Option<Self> {
+        Self::on(example, (input, Arc::new(PreparedInput::new(input, options)?)), mirror, options)
+    }
+
+    /// Prepares the example alone, for an input that is ready by the same options; `None` where it has no area.
+    pub fn on(
+        example: &TriMesh,
+        (mesh, input): (&'a TriMesh, Arc<PreparedInput>),
+        mirror: f64,
+        options: &Options,
+    ) -> Option<Self> {
         let rest = Rest::new(example, mirror)?;
-        let ground = InputSurface::new(input);
-        if !(ground.area > 0.0 && ground.area.is_finite()) {
-            return None;
-        }
         let nodes = options.nodes.map(|count| rest.nodes(count));
         let rigid = Rigid::new(&rest, &nodes[1]);
-        let (coarse, fine) = (ground.samples(options.samples[0]), ground.samples(options.samples[1]));
-        let (sent, tree) = (ground.spread(options.sent), Bvh::new(input));
-        Some(Self { options: *options, rest, nodes, rigid, ground, coarse, fine, sent, tree, landmarks: Vec::new() })
+        let ground = InputSurface::of(mesh, &input.known);
+        Some(Self { options: *options, rest, nodes, rigid, ground, input, landmarks: Vec::new() })
     }
 
     /// The example's vertex at rest, from which [`Aligned::similarity`] leads to the input: centred, of unit area.
@@ -222,7 +251,7 @@ impl<'a> Settler<'a> {
     pub fn relief(&self, start: &[Vec3]) -> Option<f64> {
         let setting = self.setting(start)?;
         let positions: Vec<Vec3> = start.iter().map(|x| setting.frame.undo(x)).collect();
-        let places: Vec<Closest> = start.iter().map(|x| self.tree.closest(*x)).collect();
+        let places: Vec<Closest> = start.iter().map(|x| self.input.tree.closest(*x)).collect();
         let nodes = &self.nodes[1];
         let judged = Judged {
             rest: &self.rest,
@@ -347,7 +376,7 @@ impl<'a> Settler<'a> {
         manner: Manner,
         stop: &dyn Fn() -> bool,
     ) -> Option<Settled> {
-        let fine = Seen::new(self.fine.seen_from(&setting.frame));
+        let fine = Seen::new(self.input.fine.seen_from(&setting.frame));
         let mut body = self.body(level)?;
         let mut partners = Partners::default();
         for (r, rounds, wanted) in SCALES.into_iter().filter(|s| (finest..=from).contains(&s.0)) {
@@ -359,7 +388,7 @@ impl<'a> Settler<'a> {
         let nodes = &self.nodes[level];
         let settled = pose.deformed(&self.rest, nodes);
         let beyond: Vec<Vec3> = settled.iter().map(|x| setting.frame.apply(x)).collect();
-        let (places, lost) = place::places(&self.ground, &self.tree, &beyond, &self.rest.edge_lengths(&beyond));
+        let (places, lost) = place::places(&self.ground, &self.input.tree, &beyond, &self.rest.edge_lengths(&beyond));
         let lost = place::with_hidden(&self.rest, (&self.ground, setting.frame.scale), &beyond, &places, lost);
         let off = place::off(&self.rest, setting.frame.scale, &places);
         let judged = Judged {
@@ -390,8 +419,8 @@ impl<'a> Settler<'a> {
         let weights = self.counted(start);
         let frame = self.robust(start, &weights)?;
         let area = self.ground.area / (frame.scale * frame.scale);
-        let coarse = Seen::new(self.coarse.seen_from(&frame));
-        let sent = self.sent.seen_from(&frame);
+        let coarse = Seen::new(self.input.coarse.seen_from(&frame));
+        let sent = self.input.sent.seen_from(&frame);
         let held = self.landmarks.iter().map(|l| l.seen_from(&frame)).collect();
         Some(Setting { frame, weights, coarse, sent, area, held })
     }

@@ -374,15 +374,24 @@ pub trait Engine: Send + Sync + 'static {
         stop.reason().map_or(Ok(Likeness::default()), |reason| Err(reason.into()))
     }
 
-    /// Lays an example's segment on the query's roughly, at a tenth of what a map costs. `encodings`: of both, where tips are to be
-    /// matched. `lead`: an example that lies on the query, and tells where this one belongs. `None` where it can't be laid so.
+    /// A query's segment made ready for all examples that are laid on it roughly; `None` where none can be.
+    ///
+    /// # Errors
+    /// [`EngineError::Internal`].
+    fn ready_for_rough(&self, query: &Model, segment: u32) -> Result<Option<Opaque>, EngineError> {
+        let _ = (query, segment);
+        Ok(None)
+    }
+
+    /// Lays an example's segment on the query's, which is ready for it, roughly, at a tenth of what a map costs. `encodings`: of
+    /// both, where tips are to be matched. `lead`: an example that lies on the query, and tells where this one belongs. `None` where it can't be laid so.
     ///
     /// # Errors
     /// [`EngineError::Stopped`], [`EngineError::Internal`].
     fn rough(
         &self,
         example: (&Model, u32),
-        query: (&Model, u32),
+        query: (&Model, u32, &Opaque),
         encodings: Option<[&Encoding; 2]>,
         lead: Option<&RoughLead>,
         stop: &Stop,

@@ -248,6 +248,7 @@ pub async fn annotate(
 pub async fn remove(work: &Arc<Work>, id: ExampleId) -> Result<(), WorkError> {
     work.blocking(move |work| {
         work.corpus.remove(id)?;
+        work.examples.forget(id);
         work.catalogue.follow();
         Ok(())
     })
@@ -308,15 +309,39 @@ pub async fn mesh(
     write(work, job, caller.user, &mesh, format).await
 }
 
-/// An example, read again from its bytes.
+/// An example, read from its bytes unless that was done lately.
 ///
 /// # Errors
 /// Refusals of the corpus and of the pool.
 pub async fn model(work: &Arc<Work>, job: &Job, lane: Lane, example: &Example) -> Result<Arc<Model>, WorkError> {
     let id = example.id;
+    if let Some(model) = work.examples.model(id) {
+        return Ok(model);
+    }
     let (bytes, cut) = work.blocking(move |work| Ok((work.corpus.bytes(id)?, work.corpus.cut(id)?))).await?;
     let cut = Cut { grain: Grain::Faces, ..cut };
-    read(work, job, lane, &Upload { bytes, format: example.format.parse().ok(), cut }).await
+    let model = read(work, job, lane, &Upload { bytes, format: example.format.parse().ok(), cut }).await?;
+    work.examples.put_model(id, &model, example.bytes);
+    Ok(model)
+}
+
+/// A segment of an example, unfolded and encoded unless that was done lately. `model`: the example.
+///
+/// # Errors
+/// Refusals of the mesh and of the pool.
+pub async fn example_encoded(
+    work: &Arc<Work>,
+    job: &Job,
+    lane: Lane,
+    (example, model, segment): (&Example, &Arc<Model>, u32),
+) -> Result<Arc<Encoded>, WorkError> {
+    let of = (example.id, segment);
+    if let Some(encoded) = work.examples.encoded(of) {
+        return Ok(encoded);
+    }
+    let encoded = Arc::new(encode(work, job, lane, model, segment).await?);
+    work.examples.put_encoded(of, &encoded, example.bytes);
+    Ok(encoded)
 }
 
 /// A mesh as a file, paid for until it is sent.

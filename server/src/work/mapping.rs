@@ -3,7 +3,7 @@
 //! An example that was passed over at a coarse level is first registered through the levels it missed.
 
 use super::engine::{Encoding, EngineError, Lead, Mapped, Refusal, Side, Wishes};
-use super::ingest::{self, encode};
+use super::ingest;
 use super::making::{self, Making, Tell, untold};
 use super::query::{LiveQuery, MAPS_MAX, ms_since};
 use super::ranking::Candidate;
@@ -333,7 +333,7 @@ async fn registered(
 
 async fn example_side(work: &Arc<Work>, job: &Job, example: &Example, segment: u32) -> Result<Side, WorkError> {
     let model = ingest::model(work, job, Lane::Lay, example).await?;
-    let encoded = Arc::new(encode(work, job, Lane::Lay, &model, segment).await?);
+    let encoded = ingest::example_encoded(work, job, Lane::Lay, (example, &model, segment)).await?;
     Ok(Side { model, segment, encoded })
 }
 

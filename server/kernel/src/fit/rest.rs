@@ -4,9 +4,10 @@
 //! disagree, is the arbiter ([`Evidence::confidence`]): of right maps it is high, of wrong ones low, whatever the shapes.
 
 use crate::mesh::Vec3;
-use crate::mesh::bvh::Closest;
+use crate::mesh::bvh::{Bvh, Closest};
 use crate::mesh::tri::TriMesh;
-use crate::settle::{Evidence, Landmark, Manner, Options, Settled, Settler};
+use crate::settle::{Evidence, Landmark, Manner, Options, PreparedInput, Settled, Settler};
+use std::sync::Arc;
 
 /// From this relief on a map is convincing, and no other place is tried. *Untuned:* right maps have .72 to .98 and wrong ones
 /// up to .5 (tests/records).
@@ -30,6 +31,10 @@ const SAME: f64 = 0.03;
 const ROUGH_NODES: [usize; 3] = [300, 700, 700];
 const ROUGH_SAMPLES: [usize; 2] = [3000, 3000];
 const ROUGH_SENT: usize = 1200;
+
+fn rough_options() -> Options {
+    Options { nodes: ROUGH_NODES, samples: ROUGH_SAMPLES, sent: ROUGH_SENT, ..Options::default() }
+}
 
 /// A rough place of an example.
 #[derive(Clone, Debug)]
@@ -83,20 +88,28 @@ pub struct Rests<'a> {
 impl<'a> Rests<'a> {
     /// Prepares; `None` where either has no area.
     pub fn new(example: &TriMesh, input: &'a TriMesh) -> Option<Self> {
-        Self::with(example, input, &Options::default())
+        Self::with_tree(example, input, Arc::new(Bvh::new(input)))
     }
 
-    /// Prepares for places that are only compared: [`Rests::into_best`] would settle what few samples show.
-    pub fn roughly(example: &TriMesh, input: &'a TriMesh) -> Option<Self> {
-        Self::with(
-            example,
-            input,
-            &Options { nodes: ROUGH_NODES, samples: ROUGH_SAMPLES, sent: ROUGH_SENT, ..Options::default() },
-        )
+    /// Prepares for places that are only compared: [`Rests::into_best`] would settle what few samples show. The input is
+    /// [ready](Self::ready_roughly).
+    pub fn roughly(example: &TriMesh, input: (&'a TriMesh, Arc<PreparedInput>)) -> Option<Self> {
+        Self::on(example, input, &rough_options())
     }
 
-    fn with(example: &TriMesh, input: &'a TriMesh, options: &Options) -> Option<Self> {
-        let settler = |mirror| Settler::new(example, input, mirror, options);
+    /// An input ready for places that are only compared; `None` where it has no area.
+    pub fn ready_roughly(input: &TriMesh) -> Option<PreparedInput> {
+        PreparedInput::new(input, &rough_options())
+    }
+
+    /// Prepares, with the tree of the input; `None` where either has no area.
+    pub fn with_tree(example: &TriMesh, input: &'a TriMesh, tree: Arc<Bvh>) -> Option<Self> {
+        let options = Options::default();
+        Self::on(example, (input, Arc::new(PreparedInput::with_tree(input, tree, &options)?)), &options)
+    }
+
+    fn on(example: &TriMesh, (input, ready): (&'a TriMesh, Arc<PreparedInput>), options: &Options) -> Option<Self> {
+        let settler = |mirror| Settler::on(example, (input, Arc::clone(&ready)), mirror, options);
         Some(Self { plain: settler(1.0)?, mirrored: settler(-1.0)?, laid: Vec::new(), area: input.total_area() })
     }
 
@@ -221,7 +234,6 @@ fn worth(of: &Rested) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::bvh::Bvh;
     use crate::topology::tests::grid;
 
     /// A bumpy sheet, like nothing mirrored; `sign` −1 mirrors it.

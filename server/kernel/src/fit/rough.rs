@@ -7,7 +7,8 @@ use super::rest::{Rested, Rests, Start};
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::TriMesh;
-use crate::settle::{Landmark, Similarity, Sought, poses};
+use crate::settle::{Landmark, Posed, PreparedInput, Similarity, Sought, poses, poses_on};
+use std::sync::Arc;
 
 /// Poses that are laid.
 const POSED: usize = 3;
@@ -37,6 +38,21 @@ pub struct Lead<'a> {
     pub places: &'a [Vec3],
 }
 
+/// An input made ready for all examples that are laid on it roughly.
+#[derive(Debug)]
+pub struct RoughInput {
+    ready: Arc<PreparedInput>,
+    posed: Posed,
+}
+
+impl RoughInput {
+    /// Prepares; `None` where the input has no area.
+    pub fn new(input: Shape<'_>) -> Option<Self> {
+        let ready = Arc::new(Rests::ready_roughly(input.mesh)?);
+        Some(Self { ready, posed: Posed::sought(input.mesh, !input.is_closed, Sought::Roughly) })
+    }
+}
+
 /// An example on an input, roughly.
 #[derive(Clone, Debug)]
 pub struct RoughFit {
@@ -52,24 +68,24 @@ pub struct RoughFit {
     pub mirrored: bool,
 }
 
-/// Lays an example roughly; `None` where there is no way to, or when stopped. `tips`: ways to match the tips of both.
+/// Lays an example roughly on an input that is ready; `None` where there is no way to, or when stopped. `tips`: ways to match the
+/// tips of both.
 pub fn rough(
     example: Shape<'_>,
-    input: Shape<'_>,
+    (input, ready): (&TriMesh, &RoughInput),
     tips: &[Vec<Landmark>],
     lead: Option<Lead<'_>>,
     stop: &dyn Fn() -> bool,
 ) -> Option<RoughFit> {
-    let mut rests = Rests::roughly(example.mesh, input.mesh)?;
+    let mut rests = Rests::roughly(example.mesh, (input, Arc::clone(&ready.ready)))?;
     match lead {
         Some(lead) => {
-            rests = rests.holding(&leading(lead, example, input.mesh, stop)?);
+            rests = rests.holding(&leading(lead, example, input, stop)?);
             rests.tries(&rests.carried()?, stop);
         }
         None => {
             tips.iter().for_each(|tips| rests.tries_led(tips, stop));
-            let may_be_part = [!example.is_closed, !input.is_closed];
-            for (_, pose) in poses(example.mesh, input.mesh, may_be_part, Sought::Roughly, stop).iter().take(POSED) {
+            for (_, pose) in poses_on(example.mesh, !example.is_closed, &ready.posed, stop).iter().take(POSED) {
                 let positions = example.mesh.positions.iter().map(|x| pose.apply(x)).collect();
                 rests.tries_whole(&Start { positions, mirrored: false }, stop);
                 if rests.is_convincing() {
@@ -108,7 +124,11 @@ fn leading(lead: Lead<'_>, example: Shape<'_>, input: &TriMesh, stop: &dyn Fn() 
 
 /// Landmarks from points near the example to points near the input.
 pub fn between(example: &TriMesh, input: &TriMesh, pairs: &[(Vec3, Vec3)]) -> Vec<Landmark> {
-    let (on_example, on_input) = (Bvh::new(example), Bvh::new(input));
+    between_by((example, &Bvh::new(example)), &Bvh::new(input), pairs)
+}
+
+/// The same by the trees of both.
+pub fn between_by((example, on_example): (&TriMesh, &Bvh), on_input: &Bvh, pairs: &[(Vec3, Vec3)]) -> Vec<Landmark> {
     let landmark =
         |(from, to): &(Vec3, Vec3)| Landmark::between(example, &on_example.closest(*from), on_input.closest(*to));
     pairs.iter().filter_map(landmark).collect()
@@ -152,13 +172,16 @@ mod tests {
         Shape { mesh, is_closed: false }
     }
 
+    fn on(example: Shape<'_>, input: &TriMesh, lead: Option<Lead<'_>>) -> Option<RoughFit> {
+        rough(example, (input, &RoughInput::new(open(input))?), &[], lead, &|| false)
+    }
+
     #[test]
     fn what_is_like_the_input_agrees_better_than_what_is_not() {
         let (input, like) = (sheet(48, 0.0, 1.0), sheet(30, 0.0, 1.0));
         let mut other = sheet(30, 0.0, 1.0);
         other.positions.iter_mut().for_each(|p| p.z = 0.3 * (9.0 * p.x).cos() * (8.0 * p.y + 1.0).sin());
-        let agreement =
-            |example: &TriMesh| rough(open(example), open(&input), &[], None, &|| false).expect("a fit").agreement;
+        let agreement = |example: &TriMesh| on(open(example), &input, None).expect("a fit").agreement;
         let (right, wrong) = (agreement(&like), agreement(&other));
         assert!(right > 0.5, "{right}");
         assert!(right > wrong + 0.2, "{right} {wrong}");
@@ -168,13 +191,13 @@ mod tests {
     fn a_part_leads_the_whole_to_its_place() {
         let (input, whole, part) = (sheet(56, 0.0, 1.0), sheet(36, 0.0, 1.0), sheet(24, 0.0, 0.5));
         let lead = Lead { mesh: &part, places: &part.positions };
-        let fit = rough(open(&whole), open(&input), &[], Some(lead), &|| false).expect("a part of it");
+        let fit = on(open(&whole), &input, Some(lead)).expect("a part of it");
         let off: f64 = fit.places.iter().zip(&whole.positions).map(|(at, p)| (at - p).norm()).sum();
         assert!(off / (whole.positions.len() as f64) < 0.02, "{off}");
         let mut other = sheet(24, 0.0, 1.0);
         other.positions.iter_mut().for_each(|p| p.z = 0.4 * (9.0 * p.x).cos() * (8.0 * p.y + 1.0).sin());
         let lead = Lead { mesh: &other, places: &other.positions };
-        assert!(rough(open(&whole), open(&input), &[], Some(lead), &|| false).is_none());
+        assert!(on(open(&whole), &input, Some(lead)).is_none());
     }
 
     #[test]

@@ -14,7 +14,7 @@ use super::side::{Encoded, Facts, Side};
 use crate::encode::index::Location;
 use crate::extent::{Crop, Extent, extents};
 use crate::fit::rest::{Rested, Rests, Start};
-use crate::fit::rough::{between, spread};
+use crate::fit::rough::{between, between_by, spread};
 use crate::fit::{Cropped, Surface, crop, crop_between};
 use crate::map::atlas::likely_matches;
 use crate::mesh::bvh::Bvh;
@@ -177,7 +177,8 @@ fn settled(
     stop: Stop,
 ) -> Result<Option<Rested>, PipelineError> {
     let mesh = &one.patch.mesh;
-    let Some(mut rests) = Rests::new(mesh, input) else { return Ok(None) };
+    let tree = Arc::clone(two.query.tree());
+    let Some(mut rests) = Rests::with_tree(mesh, input, tree) else { return Ok(None) };
     if !known.led.is_empty() {
         // Let go of, what lies right would be drawn away by what the example has beyond: a head by a crown.
         rests = rests.holding(known.led);
@@ -247,7 +248,12 @@ pub(crate) fn matched_tips(
     let (own, there) = (&one.chart.mesh, &two.chart.mesh);
     let pair = |(a, b): &(u32, u32)| Some((*own.positions.get(*a as usize)?, *there.positions.get(*b as usize)?));
     let matches = likely_matches(one, two, &LevenbergMarquardt::default(), most, stop);
-    matches.iter().map(|tips| between(mesh, input, &tips.iter().filter_map(pair).collect::<Vec<_>>())).collect()
+    if matches.is_empty() {
+        return Vec::new();
+    }
+    let (on_example, on_input) = (Bvh::new(mesh), Bvh::new(input));
+    let pairs = |tips: &Vec<(u32, u32)>| tips.iter().filter_map(pair).collect::<Vec<_>>();
+    matches.iter().map(|tips| between_by((mesh, &on_example), &on_input, &pairs(tips))).collect()
 }
 
 /// The registration of all of both: the one given, unless that is of a part; `None` where the topologies differ.

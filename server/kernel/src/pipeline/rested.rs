@@ -65,7 +65,7 @@ pub(crate) fn rest(
         surface = less.surface.clone();
         example = of_example(&example, less)?;
     }
-    let spanned = span(&mut cross, &surface.patch.mesh, &bare, chart);
+    let spanned = span(&mut cross, &surface.patch.mesh, &bare, two.query.tree());
     let ground = InputChart { chart, index: two.query.index() };
     turn_back(&surface.patch.mesh, &mut cross, &ground, sign, &OnceLock::new());
     mend(&surface.patch.mesh, &mut cross, chart, sign);
@@ -119,12 +119,15 @@ fn pinned(
     two: &Surface,
     mirrored: bool,
 ) -> (Vec<Pinned>, Vec<String>) {
-    let own_tree = Bvh::new(&one.query.chart.mesh);
+    if held.is_empty() {
+        return (Vec::new(), Vec::new());
+    }
+    let own_tree = one.query.tree();
     let (mesh, tree) = (&one.patch.mesh, Bvh::new(&one.patch.mesh));
-    let (chart, input) = (&two.query.chart, Bvh::new(&two.query.chart.mesh));
+    let (chart, input) = (&two.query.chart, two.query.tree());
     let (size, sign) = (chart.mesh.total_area().sqrt(), registered::sign(mirrored));
     let pin = |held: &Held| Pin { on_example: tree.closest(held.from).into(), to: held.at };
-    let can_be = |pins: &[Pin]| bend(mesh, cross, pins, chart, sign, &input).is_ok();
+    let can_be = |pins: &[Pin]| bend(mesh, cross, pins, chart, sign, input).is_ok();
     let fit_together = can_be(&held.iter().map(pin).collect::<Vec<_>>());
     let (mut kept, mut pins, mut missed): (Vec<Pinned>, Vec<Pin>, Vec<String>) = Default::default();
     for (k, held) in held.iter().enumerate() {
@@ -152,7 +155,7 @@ fn described(
     mirrored: bool,
 ) -> Result<Registered, PipelineError> {
     let flip = Flip { u: mirrored, v: false };
-    let (chart, tree) = (&two.query.chart, Bvh::new(&two.query.chart.mesh));
+    let (chart, tree) = (&two.query.chart, two.query.tree());
     let (own, own_tree) = (&one.query, Bvh::new(&one.patch.mesh));
     let taken = |uv: Uv| -> Option<Uv> {
         let near = own_tree.closest(own.index().locate(&own.chart, uv).point(&own.chart));

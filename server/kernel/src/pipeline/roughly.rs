@@ -3,7 +3,7 @@
 use super::error::{PipelineError, Stop, stopped};
 use super::fitted::matched_tips;
 use super::model::Model;
-use crate::fit::rough::{Lead, Shape, rough};
+use crate::fit::rough::{Lead, RoughInput, Shape, rough};
 use crate::mesh::Vec3;
 use crate::register::Query;
 use crate::topology::{Patch, Topology};
@@ -45,14 +45,23 @@ pub struct RoughLead<'a> {
     pub rough: &'a Rough,
 }
 
-/// Lays an example's segment on a query's roughly, at a tenth of what a map costs; `None` where either has no caps.
+/// A query's segment made ready for all examples that are laid on it roughly; `None` where it has no caps, or no area.
+///
+/// # Errors
+/// [`PipelineError::Internal`].
+pub fn ready(query: &Model, segment: u32) -> Result<Option<RoughInput>, PipelineError> {
+    Ok(shape(query.patch(segment)?).and_then(RoughInput::new))
+}
+
+/// Lays an example's segment on a query's roughly, at a tenth of what a map costs; `None` where either has no caps. `ready`: the
+/// query's segment.
 /// `encodings`: of both, where tips are to be matched. `lead`: an example that lies on the query, and tells where this one belongs.
 ///
 /// # Errors
 /// [`PipelineError::Stopped`], [`PipelineError::Internal`].
 pub fn lay(
     (example, of_example): (&Model, u32),
-    (query, of_query): (&Model, u32),
+    (query, of_query, ready): (&Model, u32, &RoughInput),
     encodings: Option<[&Query; 2]>,
     lead: Option<RoughLead<'_>>,
     stop: Stop,
@@ -64,7 +73,7 @@ pub fn lay(
         Some(lead) => Some(Lead { mesh: &lead.model.patch(lead.segment)?.mesh, places: lead.rough.places.as_slice() }),
         None => None,
     };
-    let found = rough(example, input, &tips, part, stop);
+    let found = rough(example, (input.mesh, ready), &tips, part, stop);
     stopped(stop)?;
     Ok(found.map(|fit| Rough {
         agreement: fit.agreement,

@@ -4,17 +4,15 @@ use crate::map::CrossMap;
 use crate::mesh::TriMesh;
 use crate::mesh::bvh::Bvh;
 use crate::settle::spanned;
-use crate::unfold::Chart;
 
 /// Spans the vertices that are `bare`, for which the input has nothing, between those around them. The example's rim stays.
-/// Returns the polygons that move, in order.
-pub(crate) fn span(cross: &mut CrossMap, mesh: &TriMesh, bare: &[bool], chart: &Chart) -> Vec<u32> {
+/// `tree` is the input's. Returns the polygons that move, in order.
+pub(crate) fn span(cross: &mut CrossMap, mesh: &TriMesh, bare: &[bool], tree: &Bvh) -> Vec<u32> {
     let rim = mesh.boundary_vertices();
     let free: Vec<bool> = bare.iter().zip(rim).map(|(bare, rim)| *bare && !rim).collect();
     if !free.contains(&true) {
         return Vec::new();
     }
-    let tree = Bvh::new(&chart.mesh);
     let positions = spanned(mesh, &cross.positions, &free);
     for v in (0..free.len()).filter(|v| free[*v]) {
         let place = tree.closest(positions[v]);

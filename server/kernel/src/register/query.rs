@@ -10,6 +10,7 @@ use super::view::View;
 use crate::encode::index::PlanarIndex;
 use crate::encode::{Encoding, SIDE_FINEST, encode, encode_to};
 use crate::mesh::TriMesh;
+use crate::mesh::bvh::Bvh;
 use crate::topology::{Patch, Topology};
 use crate::unfold::moebius::Conformal;
 use crate::unfold::pole::Breadth;
@@ -89,6 +90,7 @@ pub struct Query {
     pub chart: Arc<Chart>,
     best: Arc<Unfolded>,
     index: OnceLock<PlanarIndex>,
+    tree: OnceLock<Arc<Bvh>>,
     limbs: OnceLock<Vec<u32>>,
     fingers: OnceLock<Vec<u32>>,
     /// From which the unfoldings for other poles follow; `None` where poles are fixed.
@@ -129,6 +131,7 @@ impl Query {
             chart: Arc::new(chart),
             best,
             index: OnceLock::new(),
+            tree: OnceLock::new(),
             limbs: OnceLock::new(),
             fingers: OnceLock::new(),
             conformal,
@@ -225,6 +228,11 @@ impl Query {
     /// The planar index of [`Self::chart`].
     pub fn index(&self) -> &PlanarIndex {
         self.index.get_or_init(|| PlanarIndex::new(&self.chart))
+    }
+
+    /// The tree of boxes of the mesh of [`Self::chart`].
+    pub fn tree(&self) -> &Arc<Bvh> {
+        self.tree.get_or_init(|| Arc::new(Bvh::new(&self.chart.mesh)))
     }
 
     /// Tips of the surface's protrusions, most prominent first.

@@ -8,6 +8,8 @@ use super::similarity::Similarity;
 use super::tree::KdTree;
 use crate::mesh::Vec3;
 use crate::mesh::tri::{NONE, TriMesh};
+use std::ops::Deref;
+use std::sync::Arc;
 
 /// κ: what a turn of the normal counts, in units of √area of the example.
 pub(super) const NORMAL_WEIGHT: f64 = 0.15;
@@ -38,10 +40,16 @@ pub(super) struct Seen {
     pub(super) tree: KdTree<6>,
 }
 
-/// Normals, rim and area of the input.
+/// The input with what is known of it.
 #[derive(Clone, Debug)]
 pub(super) struct InputSurface<'a> {
     pub(super) mesh: &'a TriMesh,
+    known: Arc<Known>,
+}
+
+/// Normals, rim and area of the input.
+#[derive(Debug)]
+pub(super) struct Known {
     pub(super) normals: Vec<Vec3>,
     pub(super) rim: Vec<bool>,
     pub(super) area: f64,
@@ -67,7 +75,18 @@ impl<'a> InputSurface<'a> {
             ends.iter().for_each(|v| rim[*v] = true);
             along.extend((0..on_edge).map(|k| <[f64; 3]>::from(mesh.point_on(h, k as f64 / on_edge as f64))));
         }
-        Self { mesh, normals, rim, area: mesh.total_area(), along_rim: KdTree::new(along.into_iter()) }
+        let known = Known { normals, rim, area: mesh.total_area(), along_rim: KdTree::new(along.into_iter()) };
+        Self { mesh, known: Arc::new(known) }
+    }
+
+    /// A mesh of which all is known.
+    pub(super) fn of(mesh: &'a TriMesh, known: &Arc<Known>) -> Self {
+        Self { mesh, known: Arc::clone(known) }
+    }
+
+    /// What is known of the mesh.
+    pub(super) fn known(&self) -> &Arc<Known> {
+        &self.known
     }
 
     /// Every vertex and every triangle's middle, where these are at most `count`; else `count` points spread by area.
@@ -115,6 +134,14 @@ impl<'a> InputSurface<'a> {
         let mix = |values: &[Vec3]| (0..3).map(|k| values[corners[k]] * barycentric[k]).sum::<Vec3>();
         let normal = mix(&self.normals).try_normalize(0.0).unwrap_or(self.normals[corners[0]]);
         samples.push(mix(&self.mesh.positions), normal, corners.iter().any(|v| self.rim[*v]), share);
+    }
+}
+
+impl Deref for InputSurface<'_> {
+    type Target = Known;
+
+    fn deref(&self) -> &Known {
+        &self.known
     }
 }
 

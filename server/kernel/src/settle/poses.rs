@@ -14,7 +14,10 @@ use super::similarity::Similarity;
 use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
 use nalgebra::Matrix3;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 use std::f64::consts::TAU;
+use std::sync::OnceLock;
 
 /// How thoroughly poses are sought.
 #[derive(Clone, Copy, Debug)]
@@ -102,17 +105,22 @@ pub fn poses(
     sought: Sought,
     stop: &dyn Fn() -> bool,
 ) -> Vec<(f64, Similarity)> {
-    let effort = match sought {
-        _ if input.triangles.len() < FULL_FROM_TRIANGLES => &QUICK,
-        Sought::Quickly => &QUICK,
-        Sought::Roughly => &MIDDLE,
-        Sought::Thoroughly => &FULL,
-    };
-    let [one, two] = [(example, may_be_small[0]), (input, may_be_small[1])]
-        .map(|s| Posed::new(&InputSurface::new(s.0), s.1, effort));
+    poses_on(example, may_be_small[0], &Posed::sought(input, may_be_small[1], sought), stop)
+}
+
+/// The same on an input that is ready.
+pub fn poses_on(
+    example: &TriMesh,
+    may_be_small: bool,
+    input: &Posed,
+    stop: &dyn Fn() -> bool,
+) -> Vec<(f64, Similarity)> {
+    // Nothing is laid on it where the input is no part.
+    let shares = if input.small.is_some() { input.effort.shares } else { &[] };
+    let one = Posed::new(&InputSurface::new(example), may_be_small, (input.effort, shares));
     let mut kept: Vec<(f64, Similarity)> = Vec::new();
     let unit = (middle(example), example.total_area().sqrt());
-    for (score, pose) in found(&one, &two, stop) {
+    for (score, pose) in found(&one, input, stop) {
         if kept.len() < TOLD && !stop() && kept.iter().all(|(_, k)| is_other(k, &pose, &unit)) {
             kept.push((score, pose));
         }
@@ -153,11 +161,24 @@ impl Posed {
     pub fn quick(mesh: &TriMesh, may_be_small: bool) -> Self {
         let ground = InputSurface::new(mesh);
         let whole = || (Small::new(&ground, QUICK.large), Large::new(&ground, 1.0, QUICK.large));
-        Self { whole: (!may_be_small).then(whole), ..Self::new(&ground, may_be_small, &QUICK) }
+        Self { whole: (!may_be_small).then(whole), ..Self::new(&ground, may_be_small, (&QUICK, QUICK.shares)) }
     }
 
-    fn new(ground: &InputSurface<'_>, may_be_small: bool, effort: &'static Effort) -> Self {
-        let large = effort.shares.iter().map(|share| Large::new(ground, *share, effort.large)).collect();
+    /// An input that others are laid on, and, where it `may_be_small`, that is laid on them.
+    pub fn sought(input: &TriMesh, may_be_small: bool, sought: Sought) -> Self {
+        let effort = match sought {
+            _ if input.triangles.len() < FULL_FROM_TRIANGLES => &QUICK,
+            Sought::Quickly => &QUICK,
+            Sought::Roughly => &MIDDLE,
+            Sought::Thoroughly => &FULL,
+        };
+        Self::new(&InputSurface::new(input), may_be_small, (effort, effort.shares))
+    }
+
+    /// `shares`: those of the effort at which others are laid on it.
+    fn new(ground: &InputSurface<'_>, may_be_small: bool, (effort, shares): (&'static Effort, &[f64])) -> Self {
+        let samples = if shares.is_empty() { Samples::default() } else { ground.spread(effort.large) };
+        let large = shares.iter().map(|share| Large::of(&samples, ground.area, *share)).collect();
         let small = may_be_small.then(|| Small::new(ground, effort.large));
         Self { small, large, whole: None, area: ground.area, effort }
     }
@@ -231,7 +252,9 @@ struct Small {
 #[derive(Debug)]
 struct Large {
     seen: Seen,
-    relief: Vec<[f64; 3]>,
+    around: Around,
+    /// The heights of each sample, made when it is first met: most never are.
+    relief: Vec<OnceLock<[f64; 3]>>,
     frame: Similarity,
 }
 
@@ -241,10 +264,9 @@ fn frame_of(samples: &Samples, size: f64) -> Similarity {
     Similarity { scale: size, rotation: Matrix3::identity(), shift: middle }
 }
 
-/// The heights of some of the samples among all of them.
-fn relief(samples: &Samples, of: impl Iterator<Item = usize>) -> Vec<[f64; 3]> {
-    let around = Around::new(samples);
-    of.map(|k| around.heights(&samples.points[k], &samples.normals[k], RELIEF_SCALES)).collect()
+/// The heights of a sample among all of them.
+fn relief(around: &Around, samples: &Samples, k: usize) -> [f64; 3] {
+    around.heights(&samples.points[k], &samples.normals[k], RELIEF_SCALES)
 }
 
 impl Small {
@@ -252,11 +274,11 @@ impl Small {
         let all = ground.spread(count);
         let frame = frame_of(&all, ground.area.sqrt());
         let all = all.seen_from(&frame);
-        let few = spread(&all.points, SMALL);
+        let (few, around) = (spread(&all.points, SMALL), Around::new(&all));
         Self {
             points: few.iter().map(|k| all.points[*k]).collect(),
             normals: few.iter().map(|k| all.normals[*k]).collect(),
-            relief: relief(&all, few.iter().copied()),
+            relief: few.iter().map(|k| relief(&around, &all, *k)).collect(),
             frame,
         }
     }
@@ -264,11 +286,20 @@ impl Small {
 
 impl Large {
     fn new(ground: &InputSurface<'_>, share: f64, count: usize) -> Self {
-        let all = ground.spread(count);
-        let frame = frame_of(&all, (share * ground.area).sqrt());
-        let all = all.seen_from(&frame);
-        let relief = relief(&all, 0..all.points.len());
-        Self { seen: Seen::new(all), relief, frame }
+        Self::of(&ground.spread(count), ground.area, share)
+    }
+
+    /// Of samples of a surface of some area.
+    fn of(samples: &Samples, area: f64, share: f64) -> Self {
+        let frame = frame_of(samples, (share * area).sqrt());
+        let all = samples.seen_from(&frame);
+        let (around, relief) = (Around::new(&all), vec![OnceLock::new(); all.points.len()]);
+        Self { seen: Seen::new(all), around, relief, frame }
+    }
+
+    /// The heights of a sample.
+    fn heights(&self, k: usize) -> [f64; 3] {
+        *self.relief[k].get_or_init(|| relief(&self.around, &self.seen.samples, k))
     }
 
     /// The mean of places and of normals within [`ABOUT`] of a point.
@@ -326,6 +357,38 @@ fn direction(k: usize, of: usize) -> Vec3 {
     Vec3::new(radius * cos, radius * sin, z)
 }
 
+/// Poses that may be among the nearest.
+struct Sifted {
+    /// Samples by which a pose is sifted.
+    samples: usize,
+    /// How many poses go on.
+    kept: usize,
+    /// The nearness of the nearest so many, the least first: its bits, which for what is not negative are in its order.
+    nearest: BinaryHeap<Reverse<u64>>,
+    poses: Vec<(f64, Motion)>,
+}
+
+impl Sifted {
+    fn new(effort: &Effort) -> Self {
+        let kept = effort.rests.first().map_or(usize::MAX, |rest| rest.0);
+        Self { samples: effort.sifted_by, kept, nearest: BinaryHeap::new(), poses: Vec::new() }
+    }
+
+    /// A pose that is certain to be less near than this does not go on: by the rounding of a sum less than the last that does.
+    fn least(&self) -> f64 {
+        let last = self.nearest.peek().filter(|_| self.nearest.len() >= self.kept);
+        last.map_or(f64::NEG_INFINITY, |last| f64::from_bits(last.0) * (1.0 - 1e-9))
+    }
+
+    fn add(&mut self, nearness: f64, motion: Motion) {
+        self.poses.push((nearness, motion));
+        self.nearest.push(Reverse(nearness.to_bits()));
+        if self.nearest.len() > self.kept {
+            self.nearest.pop();
+        }
+    }
+}
+
 impl Small {
     /// The best poses on a larger surface, with their scores. Empty when stopped.
     fn tried(&self, whole: &Posed, stop: &dyn Fn() -> bool) -> Vec<(f64, Similarity)> {
@@ -334,7 +397,7 @@ impl Small {
         let own = axes(normal).transpose();
         let mut found = Vec::new();
         for large in &whole.large {
-            let mut rough = Vec::new();
+            let mut rough = Sifted::new(effort);
             for k in spread(&large.seen.samples.points, effort.places) {
                 if stop() {
                     return Vec::new();
@@ -343,11 +406,10 @@ impl Small {
                 let there = axes(along);
                 for turn in 0..effort.turns {
                     let rotation = there * turned(turn, effort.turns) * own;
-                    let motion = Motion { rotation, shift: to };
-                    rough.push((self.nearness(large, effort.sifted_by, &motion), motion));
+                    self.sift(large, Motion { rotation, shift: to }, &mut rough);
                 }
             }
-            let Some(rough) = self.rested(large, rough, effort, stop) else { return Vec::new() };
+            let Some(rough) = self.rested(large, rough.poses, effort, stop) else { return Vec::new() };
             let pose = |m: &Motion| Similarity { scale: 1.0, rotation: m.rotation, shift: m.shift };
             let undo = inverse(&self.frame);
             found.extend(rough.iter().map(|(score, m)| (*score, large.frame.after(&pose(m)).after(&undo))));
@@ -362,18 +424,18 @@ impl Small {
 
     /// The best poses on another closed surface, middle on middle, with their scores; `None` when stopped.
     fn tried_whole(&self, large: &Large, effort: &Effort, stop: &dyn Fn() -> bool) -> Option<Vec<(f64, Motion)>> {
-        let mut rough = Vec::new();
+        let mut rough = Sifted::new(effort);
         for k in 0..effort.places {
             if stop() {
                 return None;
             }
             let there = axes(direction(k, effort.places));
             for turn in 0..effort.turns {
-                let motion = Motion { rotation: there * turned(turn, effort.turns), shift: Vec3::zeros() };
-                rough.push((self.nearness(large, effort.sifted_by, &motion), motion));
+                let rotation = there * turned(turn, effort.turns);
+                self.sift(large, Motion { rotation, shift: Vec3::zeros() }, &mut rough);
             }
         }
-        self.rested(large, rough, effort, stop)
+        self.rested(large, rough.poses, effort, stop)
     }
 
     /// The likelier poses brought to rest, each with its score; `None` when stopped.
@@ -407,17 +469,26 @@ impl Small {
         (x, met, n.dot(&large.seen.samples.normals[met]).max(0.0))
     }
 
-    fn nearness(&self, large: &Large, samples: usize, motion: &Motion) -> f64 {
+    /// Adds a pose with its nearness, the mean over the first samples, unless enough others are nearer for certain.
+    fn sift(&self, large: &Large, motion: Motion, sifted: &mut Sifted) {
         let of = |k: usize| {
-            let (x, n) = self.moved(k, motion);
+            let (x, n) = self.moved(k, &motion);
             let met = large.seen.tree.near(&sixfold(&x, &n), u32::MAX, (SLACK, SIFTED_WITHIN));
             met.map_or(0.0, |(met, _)| {
                 let facing = n.dot(&large.seen.samples.normals[met as usize]).max(0.0);
                 facing * near(&x, &large.seen.samples.points[met as usize])
             })
         };
-        let count = samples.min(self.points.len());
-        (0..count).map(of).sum::<f64>() / count.max(1) as f64
+        let count = sifted.samples.min(self.points.len());
+        let (mut sum, least) = (0.0, sifted.least() * count as f64);
+        for k in 0..count {
+            // No sample adds more than 1.
+            if sum + ((count - k) as f64) < least {
+                return;
+            }
+            sum += of(k);
+        }
+        sifted.add(sum / count.max(1) as f64, motion);
     }
 
     /// `last`: partners of the samples in the last round.
@@ -429,8 +500,9 @@ impl Small {
             let (x, met, facing) = self.meets(large, k, motion, last.get(k).copied().unwrap_or(u32::MAX));
             let weight = facing * near(&x, &large.seen.samples.points[met]);
             nearness += weight / count as f64;
+            let there = large.heights(met);
             for (s, values) in values.iter_mut().enumerate() {
-                values.push((self.relief[k][s], large.relief[met][s], facing));
+                values.push((self.relief[k][s], there[s], facing));
             }
         }
         let agreement = values.iter().map(|v| correlation(v)).sum::<f64>() / values.len() as f64;
@@ -467,4 +539,34 @@ impl Small {
 
 fn near(a: &Vec3, b: &Vec3) -> f64 {
     (-(a - b).norm_squared() / (NEAR * NEAR)).exp()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::topology::tests::grid;
+
+    #[test]
+    fn sifting_drops_early_none_of_the_poses_that_go_on() {
+        let mut mesh = grid(24, 24, false, false);
+        mesh.positions.iter_mut().for_each(|p| p.z = 0.2 * (5.0 * p.x + 0.4).sin() * (3.9 * p.y).cos());
+        let ground = InputSurface::new(&mesh);
+        let (small, large) = (Small::new(&ground, QUICK.large), Large::new(&ground, 1.0, QUICK.large));
+        let pose = |k: usize| {
+            let shift = large.seen.samples.points[37 * k % large.seen.samples.points.len()] * 0.5;
+            Motion { rotation: axes(direction(k % 60, 60)) * turned(k % 12, 12), shift }
+        };
+        let sifted = |kept: usize| {
+            let mut found = Sifted { kept, ..Sifted::new(&QUICK) };
+            (0..720).for_each(|k| small.sift(&large, pose(k), &mut found));
+            let tried = found.poses.len();
+            let mut nearest: Vec<u64> = found.poses.iter().map(|(nearness, _)| nearness.to_bits()).collect();
+            nearest.sort_unstable_by_key(|bits| Reverse(*bits));
+            nearest.truncate(48);
+            (nearest, tried)
+        };
+        let (all, few) = (sifted(usize::MAX), sifted(48));
+        assert_eq!(all.0, few.0);
+        assert!(all.1 == 720 && few.1 < 600, "{} of {} were summed to the end", few.1, all.1);
+    }
 }

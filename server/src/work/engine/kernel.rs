@@ -268,10 +268,15 @@ impl Engine for KernelEngine {
         stop.reason().map_or(Ok(found), |reason| Err(EngineError::Stopped(reason)))
     }
 
+    fn ready_for_rough(&self, query: &Model, segment: u32) -> Result<Option<Opaque>, EngineError> {
+        let ready = pipeline::ready_for_rough(model_in(query)?, segment).map_err(internal)?;
+        Ok(ready.map(Opaque::new))
+    }
+
     fn rough(
         &self,
         example: (&Model, u32),
-        query: (&Model, u32),
+        query: (&Model, u32, &Opaque),
         encodings: Option<[&Encoding; 2]>,
         lead: Option<&RoughLead>,
         stop: &Stop,
@@ -286,7 +291,8 @@ impl Engine for KernelEngine {
             }
             None => None,
         };
-        let (one, two) = ((&**model_in(example.0)?, example.1), (&**model_in(query.0)?, query.1));
+        let ready: &pipeline::RoughInput = query.2.open()?;
+        let (one, two) = ((&**model_in(example.0)?, example.1), (&**model_in(query.0)?, query.1, ready));
         told(pipeline::rough(one, two, tips, lead, &|| stop.reason().is_some()), stop)
     }
 

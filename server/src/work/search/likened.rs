@@ -75,8 +75,12 @@ impl SegmentSearch<'_> {
     async fn fit_roughly(&self, candidates: &mut [Candidate]) -> Result<(), WorkError> {
         let worth = |c: &Candidate| c.rough.as_ref().map_or(f64::NEG_INFINITY, Rough::worth);
         let chosen = worth_laying(candidates);
+        let (engine, model, segment) =
+            (Arc::clone(&self.work.engine), Arc::clone(&self.live.model), self.segment as u32);
+        let ready = move |_: &Stop| engine.ready_for_rough(&model, segment);
+        let Some(ready) = self.work.pool.run(&self.live.job, Lane::Fine, ready).await?? else { return Ok(()) };
         for some in chosen.chunks(ROUGH_AT_A_TIME) {
-            let fits = self.all_rough(candidates, some, None).await?;
+            let fits = self.all_rough(candidates, (some, &ready), None).await?;
             some.iter().zip(fits).for_each(|(&at, fit)| candidates[at].rough = fit);
             if candidates.iter().filter(|c| worth(c) >= ROUGH_ENOUGH).count() >= ROUGH_WANTED {
                 break;
@@ -98,7 +102,7 @@ impl SegmentSearch<'_> {
         let mut led: Vec<usize> = (0..candidates.len()).filter(may_follow).collect();
         led.sort_by(|&a, &b| alike(&candidates[b]).total_cmp(&alike(&candidates[a])));
         led.truncate(LED_MAX);
-        let fits = self.all_rough(candidates, &led, Some(lead)).await?;
+        let fits = self.all_rough(candidates, (&led, &ready), Some(lead)).await?;
         let mut followers: Vec<(usize, Rough)> = led
             .into_iter()
             .zip(fits)
@@ -116,28 +120,37 @@ impl SegmentSearch<'_> {
     async fn all_rough(
         &self,
         candidates: &[Candidate],
-        chosen: &[usize],
+        (chosen, ready): (&[usize], &Opaque),
         lead: Option<RoughLead>,
     ) -> Result<Vec<Option<Rough>>, WorkError> {
         let lead = lead.map(Arc::new);
-        let tasks: Vec<_> = chosen.iter().map(|&at| self.rough(&candidates[at], lead.clone())).collect();
+        let tasks: Vec<_> = chosen.iter().map(|&at| self.rough(&candidates[at], ready.clone(), lead.clone())).collect();
         stream::iter(tasks).buffered(self.window()).collect::<Vec<_>>().await.into_iter().collect()
     }
 
-    async fn rough(&self, candidate: &Candidate, lead: Option<Arc<RoughLead>>) -> Result<Option<Rough>, WorkError> {
+    /// How a candidate lies on the query, which is ready for it.
+    async fn rough(
+        &self,
+        candidate: &Candidate,
+        ready: Opaque,
+        lead: Option<Arc<RoughLead>>,
+    ) -> Result<Option<Rough>, WorkError> {
         let Some(model) = self.read(candidate).await? else { return Ok(None) };
         let closed = |topology| topology == Topology::Sphere;
         let both_closed = closed(candidate.resident.facts.topology) && closed(self.query.facts.topology);
         let segment = candidate.resident.segment;
         let encoded = match both_closed {
-            true => Some(ingest::encode(self.work, &self.live.job, Lane::Fine, &model, segment).await?),
+            true => {
+                let of = (&*candidate.resident.example, &model, segment);
+                Some(ingest::example_encoded(self.work, &self.live.job, Lane::Fine, of).await?)
+            }
             false => None,
         };
         let (engine, on, own) = (Arc::clone(&self.work.engine), Arc::clone(&self.live.model), self.segment as u32);
         let (query, leading) = (Arc::clone(&self.query), lead.clone());
         let quantum = move |stop: &Stop| {
             let encodings = encoded.as_ref().map(|encoded| [&encoded.encoding, &*query]);
-            engine.rough((&model, segment), (&on, own), encodings, leading.as_deref(), stop)
+            engine.rough((&model, segment), (&on, own, &ready), encodings, leading.as_deref(), stop)
         };
         let is_led = lead.is_some();
         let found = self.work.pool.run(&self.live.job, Lane::Fine, quantum).await??;
@@ -161,14 +174,22 @@ impl SegmentSearch<'_> {
         }
     }
 
-    /// How well an example, which is read again and let go of, lies on the query; not at all where it can't be read or compared.
+    /// How well an example lies on the query; not at all where it can't be read or compared.
     async fn likeness(&self, candidate: &Candidate, own: &Opaque) -> Result<Likeness, WorkError> {
-        let segment = candidate.resident.segment;
-        let Some(model) = self.read(candidate).await? else { return Ok(Likeness::default()) };
-        let (engine, own) = (Arc::clone(&self.work.engine), own.clone());
-        let quantum = move |stop: &Stop| match engine.posed(&model, segment)? {
-            Some(posed) => engine.likeness(&posed, &own, stop),
-            None => Ok(Likeness::default()),
+        let (of, there) = (candidate.key(), self.work.examples.posed(candidate.key()));
+        let model = if there.is_none() { self.read(candidate).await? } else { None };
+        let (engine, own, this) = (Arc::clone(&self.work.engine), own.clone(), Arc::clone(self.work));
+        let quantum = move |stop: &Stop| {
+            let posed = match (there, &model) {
+                (Some(posed), _) => posed,
+                (None, Some(model)) => {
+                    let posed = engine.posed(model, of.1)?;
+                    this.examples.put_posed(of, &posed);
+                    posed
+                }
+                (None, None) => None,
+            };
+            posed.map_or_else(|| Ok(Likeness::default()), |posed| engine.likeness(&posed, &own, stop))
         };
         Ok(self.work.pool.run(&self.live.job, Lane::Fine, quantum).await??)
     }
