@@ -1,14 +1,15 @@
-//! A layout that lies on one side of a cut, without the faces that cover the openings the cut left.
+//! A layout that ends where the surface it lies on does.
 //!
-//! A closed example on a figure that was cut from its base has soles, which lie over the openings at its ankles. The base goes
-//! on there. *Ours, not the paper's.*
+//! A closed example on a figure that was cut from its base has soles, which lie over the openings at its ankles: the base goes
+//! on there. An example with open eyes and an open mouth lies on a scan that is closed there. *Ours, not the paper's.*
 
 use super::is_on_rim;
 use crate::map::assemble::select;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::{NONE, TriMesh};
-use crate::mesh::{PolyMesh, prepare};
+use crate::mesh::{PolyMesh, Vec3, prepare};
 use crate::topology;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// The largest piece of those faces of a layout that keep off the rim of the surface it lies on. No vertex of it is passed by
 /// the boundary twice. `None` where nothing is left.
@@ -25,6 +26,69 @@ pub fn off_rim(laid: &PolyMesh, surface: &TriMesh) -> Option<PolyMesh> {
         let keep: Vec<bool> = left.faces.iter().map(|face| !face.iter().any(|&v| pinched[v as usize])).collect();
         left = largest(&select(&left, &keep))?;
     }
+}
+
+/// A layout without the openings that the surface it lies on does not have: of its openings as many stay as the surface has
+/// loops of its rim, those next to them; the others are closed by a strip of quads. An opening of an odd number of edges stays.
+/// Attributes are dropped where faces are added.
+pub fn closed_within(laid: &PolyMesh, surface: &TriMesh) -> PolyMesh {
+    let rims = surface.boundary_loops();
+    let mut openings = openings(laid);
+    if openings.len() <= rims.len() {
+        return laid.clone();
+    }
+    let rim: Vec<Vec3> = rims.iter().flatten().map(|&h| surface.positions[surface.tail(h) as usize]).collect();
+    let away = |v: u32| rim.iter().map(|x| (x - laid.positions[v as usize]).norm()).fold(f64::INFINITY, f64::min);
+    let mean = |opening: &[u32]| opening.iter().map(|&v| away(v)).sum::<f64>() / opening.len() as f64;
+    openings.sort_by(|a, b| mean(a).total_cmp(&mean(b)));
+    let mut faces = laid.faces.clone();
+    for opening in openings.split_off(rims.len()) {
+        strip(&opening, &laid.positions).iter().for_each(|face| faces.push(face));
+    }
+    PolyMesh { positions: laid.positions.clone(), faces, ..PolyMesh::default() }
+}
+
+/// The openings of a layout, each in the direction in which a face that fills it runs. No vertex is passed twice.
+fn openings(laid: &PolyMesh) -> Vec<Vec<u32>> {
+    let mut edges = BTreeSet::new();
+    for face in laid.faces.iter() {
+        edges.extend((0..face.len()).map(|k| (face[k], face[(k + 1) % face.len()])));
+    }
+    let mut next: BTreeMap<u32, u32> =
+        edges.iter().filter(|(a, b)| !edges.contains(&(*b, *a))).map(|&(a, b)| (b, a)).collect();
+    let mut found = Vec::new();
+    while let Some((first, mut at)) = next.pop_first() {
+        let mut opening = vec![first];
+        while at != first {
+            opening.push(at);
+            match next.remove(&at) {
+                Some(then) => at = then,
+                // It touches another at a vertex.
+                None => break,
+            }
+        }
+        if at == first {
+            found.push(opening);
+        }
+    }
+    found
+}
+
+/// Quads across a loop, between each edge and the one opposite, in the direction in which their edges are shortest; none for a loop
+/// of an odd number of edges.
+fn strip(opening: &[u32], positions: &[Vec3]) -> Vec<[u32; 4]> {
+    let n = opening.len();
+    if n < 4 || n % 2 == 1 {
+        return Vec::new();
+    }
+    let at = |k: usize| opening[k % n];
+    let rung = |turn: usize, k: usize| {
+        (positions[at(turn + k) as usize] - positions[at(turn + n - 1 - k) as usize]).norm_squared()
+    };
+    let length = |turn: usize| (0..n / 2).map(|k| rung(turn, k)).sum::<f64>();
+    let turn = (0..n / 2).min_by(|&a, &b| length(a).total_cmp(&length(b))).unwrap_or(0);
+    let quad = |k: usize| [at(turn + k), at(turn + k + 1), at(turn + n - 2 - k), at(turn + n - 1 - k)];
+    (0..n / 2 - 1).map(quad).collect()
 }
 
 /// The largest piece of a layout by area.
@@ -56,7 +120,7 @@ fn pinched(laid: &PolyMesh) -> Option<Vec<bool>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::{Polygons, Vec3};
+    use crate::mesh::Polygons;
     use crate::topology::tests::grid;
 
     /// n × n quads over a square from (low, low) to (high, high).
@@ -89,5 +153,20 @@ mod tests {
         laid = select(&laid, &keep);
         let left = off_rim(&laid, &grid(20, 20, false, false)).expect("one of both");
         assert_eq!(left.faces.len(), 4);
+    }
+
+    #[test]
+    fn openings_that_the_surface_does_not_have_are_closed_and_the_outer_one_stays() {
+        let surface = grid(20, 20, false, false);
+        let whole = sheet(6, 0.0, 1.0);
+        assert!(closed_within(&whole, &surface) == whole);
+        // One face, and two by two: as many quads fill one, and fewer the other, whose middle vertex is gone.
+        for (left_out, count) in [(&[7][..], 36), (&[14, 15, 20, 21], 35)] {
+            let keep: Vec<bool> = (0..36).map(|f| !left_out.contains(&f)).collect();
+            let filled = closed_within(&select(&whole, &keep), &surface);
+            assert_eq!((filled.faces.len(), openings(&filled).len()), (count, 1));
+            let area = prepare(&filled).expect("a sheet").mesh.total_area();
+            assert!((area - 1.0).abs() < 1e-9, "each face looks the same way: {area}");
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::continued::own_faces;
 use super::model::Model;
-use crate::fit::openings::off_rim;
+use crate::fit::openings::{closed_within, off_rim};
 use crate::fit::within;
 use crate::mesh::{PolyMesh, prepare};
 use crate::segment::segment_around;
@@ -44,6 +44,8 @@ pub fn around(
     if !(2..=PARTS_MAX).contains(&segmented.parts.len()) {
         return None;
     }
+    // Eyes and a mouth that are open on the example are none of the openings that the rest borders on.
+    let own = Arc::new(closed_within(&own, &segmented.parts.first()?.mesh));
     Some((Model { besides: None, ..query.recut(segmented, true) }, own))
 }
 
