@@ -180,7 +180,8 @@ async fn made(
             return Ok(sound);
         }
         let beside = unstitched(&*engine, &model, standing, allowed)?;
-        Ok(beside.filter(|beside| beside.appraisal.covered >= ALONE_MIN).unwrap_or(sound))
+        let is_result = |beside: &Sound| beside.appraisal.covered >= ALONE_MIN && beside.appraisal.away <= AWAY_MAX;
+        Ok(beside.filter(is_result).unwrap_or(sound))
     };
     let mut job = job;
     let mut found: Result<Sound, WorkError> =
@@ -342,6 +343,10 @@ const BARE_MIN: f64 = 0.05;
 
 /// Maps alone that cover less of the scan are no result: a regular layout of all of it is. *Untuned.*
 const ALONE_MIN: f64 = 0.25;
+
+/// Nor are those whose faces lie farther off the scan on average, as a share of its diagonal: a cage of a dozen quads. As far may
+/// an example lie that is moved onto its scan (`pipeline/as_one`).
+const AWAY_MAX: f64 = 0.01;
 
 /// The one map of a query where it leaves some of the scan bare.
 fn lone(maps: &[Option<Arc<LiveMap>>], bare: f64) -> Option<Arc<LiveMap>> {

@@ -4,7 +4,7 @@ use super::mapped::{Mapped, Verdict};
 use super::model::Model;
 use super::side::Side;
 use super::stitched::Stitched;
-use crate::compose::apart::owned;
+use crate::compose::apart::{owned, scale};
 use crate::measure::sound::ReferenceSurface;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::{NONE, PolyMesh, TriMesh, Vec3};
@@ -26,6 +26,9 @@ pub struct Appraisal {
     pub examples: Vec<f64>,
     /// Share of the input's area with faces near it, 0–1.
     pub covered: f64,
+    /// Mean distance of its faces' middles from the input by area, as a share of the input's diagonal. Faces that bridge a gap
+    /// count for nothing.
+    pub away: f64,
     /// What makes it no use as it is, a sentence each; none of a mesh that is sound.
     pub flaws: Vec<String>,
     /// Segments on which the faces stand that make it so.
@@ -59,27 +62,32 @@ pub fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Appraisal {
     let flaws = ReferenceSurface::new(surface.into_owned()).with_gaps(filled).flaws(&made.mesh, &made.bridging);
     let tree = Bvh::new(ground.input().surface);
     // The segment on which a face stands: that at its middle.
-    let segment_of = |face: &[u32]| {
-        let near = tree.closest(middle(&made.mesh, face)).triangle;
-        let owner = ground.input().owner.get(near as usize).copied().unwrap_or(NONE);
-        (owner != NONE).then_some(owner)
+    let placed = |face: &[u32]| {
+        let near = tree.closest(middle(&made.mesh, face));
+        let owner = ground.input().owner.get(near.triangle as usize).copied().unwrap_or(NONE);
+        ((owner != NONE).then_some(owner), near.distance)
     };
     let mut examples = vec![0.0; made.is_example.len()];
-    let mut all = 0.0;
-    for face in made.mesh.faces.iter() {
+    let (mut all, mut away, mut lying) = (0.0, 0.0, 0.0);
+    for (f, face) in (0u32..).zip(made.mesh.faces.iter()) {
         let area = area(&made.mesh, face);
         all += area;
-        let segment = segment_of(face).map(|segment| segment as usize);
+        let (segment, distance) = placed(face);
+        if distance.is_finite() && made.bridging.binary_search(&f).is_err() {
+            (away, lying) = (away + area * distance, lying + area);
+        }
+        let segment = segment.map(|segment| segment as usize);
         if let Some(segment) = segment.filter(|&segment| made.is_example.get(segment) == Some(&true)) {
             examples[segment] += area;
         }
     }
     examples.iter_mut().for_each(|share| *share /= f64::max(all, f64::MIN_POSITIVE));
-    let mut flawed: Vec<u32> =
-        flaws.faces.iter().filter_map(|&f| segment_of(made.mesh.faces.face(f as usize))).collect();
+    let mut flawed: Vec<u32> = flaws.faces.iter().filter_map(|&f| placed(made.mesh.faces.face(f as usize)).0).collect();
     flawed.sort_unstable();
     flawed.dedup();
-    Appraisal { examples, covered: 1.0 - flaws.bare, flaws: flaws.reasons(allowed.bare, allowed.spanned), flawed }
+    let away = away / f64::max(lying * scale(ground.input().surface).diagonal, f64::MIN_POSITIVE);
+    let (covered, flaws) = (1.0 - flaws.bare, flaws.reasons(allowed.bare, allowed.spanned));
+    Appraisal { examples, covered, away, flaws, flawed }
 }
 
 fn middle(mesh: &PolyMesh, face: &[u32]) -> Vec3 {
