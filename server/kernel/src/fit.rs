@@ -290,18 +290,23 @@ pub fn within(example: &TriMesh, positions: &[Vec3], input: &TriMesh) -> Option<
     if rim.is_empty() {
         return None;
     }
-    let tree = Bvh::new(&laid);
+    let (tree, on_rim) = (Bvh::new(&laid), laid.boundary_vertices());
     let away = |x: Vec3| {
         let of = |edge: &[Vec3; 2]| (edge[0].lerp(&edge[1], nearest_share(*edge, x)) - x).norm();
         rim.iter().map(of).fold(f64::INFINITY, f64::min)
     };
-    Some(input.positions.iter().map(|&x| if is_on_rim(&laid, &tree.closest(x)) { -away(x) } else { away(x) }).collect())
+    let signed = |&x: &Vec3| if is_on_rim(&laid, &on_rim, &tree.closest(x)) { -away(x) } else { away(x) };
+    Some(input.positions.iter().map(signed).collect())
 }
 
-/// Whether a point of a mesh lies on its boundary.
-fn is_on_rim(mesh: &TriMesh, at: &Closest) -> bool {
-    (0..3u32).any(|k| {
-        // The edge opposite the third corner is the halfedge of the first.
-        at.barycentric[(k as usize + 2) % 3] < 1e-9 && mesh.twin(3 * at.triangle + k) == NONE
-    })
+/// Whether a point of a mesh lies on its boundary: on one of its edges, or at one of its vertices (`on_rim`), whose triangle may
+/// have no such edge.
+fn is_on_rim(mesh: &TriMesh, on_rim: &[bool], at: &Closest) -> bool {
+    let corners = mesh.triangles[at.triangle as usize];
+    let is_at_vertex = |k: usize| at.barycentric[k] > 1.0 - 1e-9 && on_rim[corners[k] as usize];
+    (0..3).any(is_at_vertex)
+        || (0..3u32).any(|k| {
+            // The edge opposite the third corner is the halfedge of the first.
+            at.barycentric[(k as usize + 2) % 3] < 1e-9 && mesh.twin(3 * at.triangle + k) == NONE
+        })
 }
