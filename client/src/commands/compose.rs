@@ -106,7 +106,7 @@ async fn made(
         let wish = wish.like_all(&query, like);
         let made = composed(&query, &wish, api, ui).await?;
         let figure = match is_uncut && !made.is_most() && may_be_cut(&query, ui) {
-            true => tried(at_waist((args, &wish), api, state, ui).await, ui)?,
+            true => tried(at_waist(&query, (args, &wish), api, state, ui).await, ui)?,
             false => None,
         };
         let best = match figure {
@@ -142,7 +142,7 @@ async fn made(
             };
             let is_enough = whole.as_ref().is_some_and(Outcome::is_most);
             let parts = match is_cut && !is_enough {
-                true => tried(in_parts((args, wish), api, state, ui).await, ui)?,
+                true => tried(in_parts(&query, (args, wish), api, state, ui).await, ui)?,
                 false => None,
             };
             let best = match (whole, parts) {
@@ -232,12 +232,13 @@ fn may_be_cut(query: &Query, ui: &mut Ui) -> bool {
 /// What examples make of the parts of a scan: parted at its waist, as a figure from its base, and where that helps little, cut into
 /// its protrusions, each with an example that fits or a regular layout. `None` where it has no parts.
 async fn in_parts(
+    whole: &Query,
     (args, wish): (&QueryArgs, &Wish<'_>),
     api: &Api,
     state: &State,
     ui: &mut Ui,
 ) -> Result<Option<Outcome>, ClientError> {
-    let figure = match tried(at_waist((args, wish), api, state, ui).await, ui)? {
+    let figure = match tried(at_waist(whole, (args, wish), api, state, ui).await, ui)? {
         Some(Figure { made, is_enough: true }) => return Ok(Some(made)),
         figure => figure.map(|figure| figure.made),
     };
@@ -290,24 +291,36 @@ async fn cut(args: &QueryArgs, parts: Parts, api: &Api, state: &State, ui: &mut 
 }
 
 /// A scan parted at its waist, such as a figure from its base, with the example that fits one side of it best and what lies around
-/// that; `None` where it has no waist, or no example fits a side.
+/// that; `None` where it has no waist, or no example fits a side, or is more like it than like the `whole`.
 async fn at_waist(
+    whole: &Query,
     (args, wish): (&QueryArgs, &Wish<'_>),
     api: &Api,
     state: &State,
     ui: &mut Ui,
 ) -> Result<Option<Figure>, ClientError> {
+    // Parts of a scan are liker to parts of examples than a side is to a whole: those scores don't compare.
+    let as_whole = match &whole.segments[..] {
+        [only] => best_score(whole, only.segment, api).await?,
+        _ => f64::INFINITY,
+    };
     let query = cut(args, Parts::Waist, api, state, ui).await?;
     if !query.waist {
         return Ok(None);
     }
-    ui.note("parting it at its waist, as a figure from its base");
-    // The figure is the side that an example is more like.
+    // A figure is more like an example than with its base, and more than its base is.
     let mut sides = Vec::new();
     for side in query.segments.iter().filter(|side| side.tries > 0) {
-        sides.push((best_score(&query, side.segment, api).await?, side));
+        let score = best_score(&query, side.segment, api).await?;
+        if score < as_whole {
+            sides.push((score, side));
+        }
     }
     sides.sort_by(|a, b| a.0.total_cmp(&b.0));
+    if sides.is_empty() {
+        return Ok(None);
+    }
+    ui.note("parting it at its waist, as a figure from its base");
     let all: u64 = query.segments.iter().map(|side| side.faces).sum();
     let mut best: Option<Figure> = None;
     for (_, side) in sides {
