@@ -28,8 +28,8 @@ pub(super) struct Surrounded {
 }
 
 impl Surrounded {
-    /// Cuts the scan of `live`, which is one segment or was cut at its waist, along the rim of `map`, and finds what the rest takes; `None` where nothing lies beyond the map, or
-    /// the rest can't be laid.
+    /// Cuts the scan of `live`, which is one segment or was cut at its waist, along the rim of `map`, and finds what the rest takes;
+    /// `None` where nothing lies beyond the map, or the rest can't be laid.
     pub(super) async fn of(
         work: &Arc<Work>,
         live: &Arc<LiveQuery>,
