@@ -128,16 +128,15 @@ pub(crate) fn judge(
     assert!(added > 0);
     let all = [&*servers[0], &*servers[1], fresh];
     let mut missing = lost(&history, &all, asking);
-    // The servers write again what the engine itself lost.
+    let is_alike = || servers.iter().all(|server| server.snapshot().examples == fresh.snapshot().examples);
+    // The servers write again what the engine itself lost, and a change that nobody acknowledged may still arrive.
     let begun = Instant::now();
-    while !missing.is_empty() && begun.elapsed() < HEALED_WITHIN {
+    while !(missing.is_empty() && is_alike()) && begun.elapsed() < HEALED_WITHIN {
         println!("after {:.1} s: {}", begun.elapsed().as_secs_f64(), missing.join("\n"));
         std::thread::sleep(Duration::from_secs(1));
         missing = lost(&history, &all, asking);
     }
     assert!(missing.is_empty(), "{}", missing.join("\n"));
-    for server in servers {
-        assert_eq!(server.snapshot().examples, fresh.snapshot().examples, "all servers have the same");
-    }
+    assert!(is_alike(), "all servers have the same");
     assert!(fresh.snapshot().examples.len() as u32 <= added + history.unsure);
 }
