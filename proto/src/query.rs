@@ -82,7 +82,7 @@ pub struct Query {
     pub counts: MeshCounts,
     /// What was repaired while reading, a sentence each.
     pub repairs: Vec<String>,
-    /// Whether it was cut at its waist, into two segments, as `parts=waist` asks for.
+    /// True where it was cut at its waist, into two segments, as `parts=waist` asks for.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub waist: bool,
     /// Its segments, numbered from 0.

@@ -175,7 +175,7 @@ async fn ranked(
     Ok(follow_upload(&query, Wanted::Outcome, api, ui).await?.summary)
 }
 
-/// What came of a scan, before it is written.
+/// The result for a scan, before it is written.
 #[derive(Clone)]
 enum Outcome {
     /// A map as it is, and the name of its example.
@@ -220,7 +220,7 @@ impl Outcome {
     }
 }
 
-/// Whether a scan may be cut where nobody asked for it: one full of holes is not, since cuts would run from hole to hole.
+/// Tells whether a scan may be cut where nobody asked for it: one full of holes is not, since cuts would run from hole to hole.
 fn may_be_cut(query: &Query, ui: &mut Ui) -> bool {
     let holes = query.segments.iter().map(|segment| segment.holes).max().unwrap_or(0);
     if holes > HOLES_CUT_MAX {
@@ -229,7 +229,7 @@ fn may_be_cut(query: &Query, ui: &mut Ui) -> bool {
     holes <= HOLES_CUT_MAX
 }
 
-/// What examples make of the parts of a scan: parted at its waist, as a figure from its base, and where that helps little, cut into
+/// The result of laying examples on the parts of a scan: parted at its waist, as a figure from its base, and where that helps little, cut into
 /// its protrusions, each with an example that fits or a regular layout. `None` where it has no parts.
 async fn in_parts(
     whole: &Query,
@@ -265,7 +265,7 @@ async fn cut_and_composed(
     composed(&query, wish, api, ui).await.map(Some)
 }
 
-/// What one of several tries came to; nothing where the service refused it, since there are others to fall back on.
+/// The result of one of several tries; nothing where the service refused it, since there are others to fall back on.
 fn tried<T>(found: Result<Option<T>, ClientError>, ui: &mut Ui) -> Result<Option<T>, ClientError> {
     match found {
         Err(error @ ClientError::Refused(_)) => {
@@ -279,7 +279,7 @@ fn tried<T>(found: Result<Option<T>, ClientError>, ui: &mut Ui) -> Result<Option
 /// A scan parted at its waist.
 struct Figure {
     made: Outcome,
-    /// Whether examples make up most of the side that they are on: there is no need to look further.
+    /// True where examples make up most of the side that they are on: there is no need to look further.
     is_enough: bool,
 }
 
@@ -355,7 +355,7 @@ async fn lay_well(
     }
 }
 
-/// What the service makes of the best map of a single segment: the map itself, with the example's own vertex order, faces, UVs and
+/// The service's result for the best map of a single segment: the map itself, with the example's own vertex order, faces, UVs and
 /// groups, where it follows the input; else what is composed of it, or of a regular layout.
 async fn settled(
     query: &Query,

@@ -299,7 +299,7 @@ pub fn within(example: &TriMesh, positions: &[Vec3], input: &TriMesh) -> Option<
     Some(input.positions.iter().map(signed).collect())
 }
 
-/// Whether a point of a mesh lies on its boundary: on one of its edges, or at one of its vertices (`on_rim`), whose triangle may
+/// Tells whether a point of a mesh lies on its boundary: on one of its edges, or at one of its vertices (`on_rim`), whose triangle may
 /// have no such edge.
 fn is_on_rim(mesh: &TriMesh, on_rim: &[bool], at: &Closest) -> bool {
     let corners = mesh.triangles[at.triangle as usize];

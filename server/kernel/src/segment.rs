@@ -62,7 +62,7 @@ pub struct Segmented {
     pub seams: Vec<Seam>,
     /// Handles along whose shortest loops the only part is cut, both sides of which are among its holes.
     pub handles_opened: u32,
-    /// Whether it was cut at its waist, into two parts: openings that the cut leaves in them are among their holes.
+    /// True where it was cut at its waist, into two parts: openings that the cut leaves in them are among their holes.
     pub is_waist: bool,
 }
 

@@ -96,7 +96,7 @@ pub struct Model {
     pub labels: Option<Vec<i64>>,
     /// The part of each face besides the whole, from 1, and 0 for none, where [`Cut::besides`] asked for parts and there are some.
     pub besides: Option<Vec<i64>>,
-    /// Whether it was cut at its waist: its two segments are no parts of a composition, but what one is laid out around.
+    /// True where it was cut at its waist: its two segments are no parts of a composition, but what one is laid out around.
     pub is_waist: bool,
     /// What the engine needs to go on.
     pub inner: Opaque,

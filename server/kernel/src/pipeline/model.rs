@@ -96,7 +96,7 @@ impl Model {
         self.segmented.parts.iter().chain(&self.parts)
     }
 
-    /// Whether it was cut at its waist: its two segments are no parts of a composition, but what one is laid out around.
+    /// Tells whether it was cut at its waist: its two segments are no parts of a composition, but what one is laid out around.
     pub fn is_at_waist(&self) -> bool {
         self.segmented.is_waist
     }
