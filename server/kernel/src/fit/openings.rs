@@ -4,12 +4,12 @@
 //! on there. An example with open eyes and an open mouth lies on a scan that is closed there. *Ours, not the paper's.*
 
 use super::is_on_rim;
+use crate::compose::net::Net;
 use crate::map::assemble::select;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::{NONE, TriMesh};
 use crate::mesh::{PolyMesh, Vec3, prepare};
 use crate::topology;
-use std::collections::{BTreeMap, BTreeSet};
 
 /// The largest piece of those faces of a layout that keep off the rim of the surface it lies on. No vertex of it is passed by
 /// the boundary twice. `None` where nothing is left.
@@ -48,30 +48,11 @@ pub fn closed_within(laid: &PolyMesh, surface: &TriMesh) -> PolyMesh {
     PolyMesh { positions: laid.positions.clone(), faces, ..PolyMesh::default() }
 }
 
-/// The openings of a layout, each in the direction in which a face that fills it runs. No vertex is passed twice.
+/// The openings of a layout, each in the direction in which a face that fills it runs; none where two meet in a vertex.
 fn openings(laid: &PolyMesh) -> Vec<Vec<u32>> {
-    let mut edges = BTreeSet::new();
-    for face in laid.faces.iter() {
-        edges.extend((0..face.len()).map(|k| (face[k], face[(k + 1) % face.len()])));
-    }
-    let mut next: BTreeMap<u32, u32> =
-        edges.iter().filter(|(a, b)| !edges.contains(&(*b, *a))).map(|&(a, b)| (b, a)).collect();
-    let mut found = Vec::new();
-    while let Some((first, mut at)) = next.pop_first() {
-        let mut opening = vec![first];
-        while at != first {
-            opening.push(at);
-            match next.remove(&at) {
-                Some(then) => at = then,
-                // It touches another at a vertex.
-                None => break,
-            }
-        }
-        if at == first {
-            found.push(opening);
-        }
-    }
-    found
+    let mut loops = Net::from_mesh(laid).loops().unwrap_or_default();
+    loops.iter_mut().for_each(|ring| ring.reverse());
+    loops
 }
 
 /// Quads across a loop, between each edge and the one opposite, in the direction in which their edges are shortest; none for a loop
