@@ -21,9 +21,11 @@ mkdirSync(out, { recursive: true });
 const web = process.env.QUADMUSE_WEB && resolve(process.env.QUADMUSE_WEB);
 const TYPES = { html: "text/html; charset=utf-8", js: "text/javascript; charset=utf-8", css: "text/css; charset=utf-8", svg: "image/svg+xml" };
 
+const PATIENCE_MS = 300_000;
+
 const pause = (ms) => new Promise((done) => { setTimeout(done, ms); });
 
-export async function until(what, is, limit = 120_000) {
+export async function until(what, is, limit = PATIENCE_MS) {
   const end = Date.now() + limit;
   for (;;) {
     const found = await is();
@@ -109,6 +111,8 @@ export const launch = (more = []) => chromium.launch({ executablePath: found, ar
 // A page of its own profile. `page.mistakes`: what its console said, save what a test says it expects.
 export async function open(browser, url, { width = 1440, height = 900, dark = false, touch = false, token = "", expected = [] } = {}) {
   const context = await browser.newContext({ viewport: { width, height }, colorScheme: dark ? "dark" : "light", hasTouch: touch, reducedMotion: "no-preference", permissions: ["clipboard-read", "clipboard-write"] });
+  // On a loaded machine a state that takes seconds may take minutes: only what never comes fails.
+  context.setDefaultTimeout(PATIENCE_MS);
   const page = await context.newPage();
   page.mistakes = [];
   page.expected = expected;

@@ -121,7 +121,7 @@ export const corpus = {
     await until("the first", () => page.evaluate(() => document.querySelectorAll("#uploads .good").length > 2));
     await shoot(page, "samples-coming");
     await noComplaints(page, "samples coming");
-    await until("all of them", () => page.evaluate(() => document.querySelectorAll("#uploads li").length > 10 && !document.querySelector("#uploads progress")), 240_000);
+    await until("all of them", () => page.evaluate(() => document.querySelectorAll("#uploads li").length > 10 && !document.querySelector("#uploads progress")));
     await pictures(page);
     await shoot(page, "samples");
     check((await names(page)).length === (await page.locator("#uploads .good").count()), "some are missing");
@@ -130,7 +130,7 @@ export const corpus = {
     await shoot(page, "sample-scans");
     await noComplaints(page, "sample scans");
     await page.click("#sample-scans button:has-text('old man')");
-    await until("a map", () => page.url().includes("/map/"), 120_000);
+    await until("a map", () => page.url().includes("/map/"));
     await gone(page, server);
   },
 

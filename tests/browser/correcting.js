@@ -43,7 +43,7 @@ export const correcting = {
     if ((await chosen.getAttribute("aria-pressed")) !== "true") { await chosen.focus(); await page.keyboard.press("Enter"); }
     await page.focus("#canvas");
     await page.keyboard.press("Alt+ArrowLeft");
-    await until("the nudge", async () => { const now = await constraints(page); return now !== dragged && !(await page.evaluate(() => document.querySelector("#status").textContent)); }, 10_000);
+    await until("the nudge", async () => { const now = await constraints(page); return now !== dragged && !(await page.evaluate(() => document.querySelector("#status").textContent)); });
     await page.waitForTimeout(800);
     const nudged = await constraints(page);
     // Off, and back by undo.
@@ -57,7 +57,7 @@ export const correcting = {
     const before = JSON.parse(await constraints(page)).length;
     const box = await page.locator("#canvas").boundingBox();
     await page.mouse.dblclick(box.x + 0.5 * box.width, box.y + 0.35 * box.height);
-    await until("a pin", async () => JSON.parse(await constraints(page)).length === before + 1, 15_000);
+    await until("a pin", async () => JSON.parse(await constraints(page)).length === before + 1);
     await page.evaluate(() => { document.querySelector("#point-list").open = true; });
     await shoot(page, "corrected");
     await noComplaints(page, "corrected");
@@ -72,7 +72,7 @@ export const correcting = {
     const before = await quads();
     const map = page.url();
     await page.selectOption("#density", "1");
-    await until("a denser mesh", () => page.url().includes("/composition/"), 120_000);
+    await until("a denser mesh", () => page.url().includes("/composition/"));
     await rest(page);
     const after = await quads();
     check(after > 3.5 * before && after < 4.5 * before, `${before} quads became ${after}`);
@@ -81,10 +81,10 @@ export const correcting = {
     await noComplaints(page, "denser");
     // A reload shows it again, and the map is a choice away.
     await page.reload();
-    await page.waitForSelector("#panel .verdict", { timeout: 30_000 });
+    await page.waitForSelector("#panel .verdict");
     check((await page.inputValue("#density")) === "1" && (await quads()) === after, "the denser mesh is not there again");
     await page.selectOption("#density", "0");
-    await until("the map", () => page.url() === map, 30_000);
+    await until("the map", () => page.url() === map);
     check((await quads()) === before, "the map is another one");
   },
 
@@ -98,14 +98,14 @@ export const correcting = {
     const box = await page.locator("#canvas").boundingBox();
     // A cheek: far from the plane, and seen.
     await page.mouse.dblclick(box.x + 0.46 * box.width, box.y + 0.52 * box.height);
-    await until("two pins", async () => JSON.parse(await constraints(page)).length === before + 2, 20_000);
+    await until("two pins", async () => JSON.parse(await constraints(page)).length === before + 2);
     const ends = await page.evaluate(() => document.querySelector("#canvas").viewer.points.filter((p) => p.id.startsWith("c")).map((p) => p.point));
     check(ends.length === 2 && Math.hypot(...ends[0].map((x, k) => x - ends[1][k])) > 0, JSON.stringify(ends));
     await shoot(page, "mirrored");
     await noComplaints(page, "mirrored");
     // One step takes back both.
     await page.click("#undo");
-    await until("undo", async () => JSON.parse(await constraints(page)).length === before, 20_000);
+    await until("undo", async () => JSON.parse(await constraints(page)).length === before);
   },
 
   async "landmarks are placed by mouse and by keyboard, and hold what is laid"({ open, scan }) {
@@ -138,7 +138,7 @@ export const correcting = {
     await shoot(page, "laid-by-landmarks");
     // Undo leads back to the map before.
     await page.click("#undo");
-    await until("the map before", () => page.url() === before, 30_000);
+    await until("the map before", () => page.url() === before);
   },
 
   async "on a symmetric example the landmark across is placed, goes along, and is undone with it"({ open, scan }) {

@@ -5,7 +5,7 @@ import { axeFinds, check, drop, holdBack, shoot, until } from "./bed.js";
 // Drops a scan and waits until something is laid on it.
 export async function laid(page, path, selector) {
   await drop(page, [path], selector);
-  await page.waitForSelector("#panel .verdict", { timeout: 180_000 });
+  await page.waitForSelector("#panel .verdict");
   await page.waitForTimeout(300);
 }
 
@@ -43,12 +43,12 @@ export const looking = {
     const page = await open();
     const begun = Date.now();
     await drop(page, [scan("old_man")], "header");
-    await page.waitForFunction(() => document.querySelector("#canvas").viewer.meshes.scan, null, { timeout: 10_000 });
+    await page.waitForFunction(() => document.querySelector("#canvas").viewer.meshes.scan);
     const turns = Date.now() - begun;
     await shoot(page, "turns-at-once");
-    await page.waitForSelector("#entries li", { timeout: 60_000 });
+    await page.waitForSelector("#entries li");
     console.log(`     from the drop: turns after ${turns} ms, first card after ${Date.now() - begun} ms`);
-    await page.waitForSelector("#panel .verdict", { timeout: 180_000 });
+    await page.waitForSelector("#panel .verdict");
     console.log(`     from the drop to quads: ${Date.now() - begun} ms`);
     check(new URL(page.url()).pathname === "/", `the drop led to ${page.url()}`);
     await until("the ranking's end", () => page.evaluate(() => document.querySelector("#state").textContent.startsWith("Done")));
@@ -59,7 +59,7 @@ export const looking = {
     check(["Good", "Fair", "Poor", "Broken"].includes(shown), shown);
     for (const at of [page, await open({}, page.url())]) {
       if (at === page) await at.reload();
-      await at.waitForSelector("#panel .verdict", { timeout: 30_000 });
+      await at.waitForSelector("#panel .verdict");
       check((await at.textContent("#panel .verdict")) === shown, "another verdict after a reload");
       check((await at.textContent("#entries li.chosen .what")).includes("on the scan"), "no card is marked");
     }
@@ -78,13 +78,13 @@ export const looking = {
     await session.send("Network.enable");
     await session.send("Network.emulateNetworkConditions", { offline: false, latency: 0, downloadThroughput: -1, uploadThroughput: 250_000 });
     await drop(page, [scan("old_man")], "nav");
-    await page.waitForFunction(() => /uploading, [1-9]\d? %/.test(document.querySelector("#scans").textContent), null, { timeout: 20_000 });
+    await page.waitForFunction(() => /uploading, [1-9]\d? %/.test(document.querySelector("#scans").textContent));
     await page.waitForFunction(() => document.querySelector("#canvas").viewer.meshes.scan);
     await page.waitForTimeout(100);
     await shoot(page, "uploading");
     await noComplaints(page, "uploading");
     await session.send("Network.emulateNetworkConditions", { offline: false, latency: 0, downloadThroughput: -1, uploadThroughput: -1 });
-    await page.waitForSelector("#entries li", { timeout: 60_000 });
+    await page.waitForSelector("#entries li");
   },
 
   async "panes, layers, colours and the camera"({ open, scan }) {
@@ -97,7 +97,7 @@ export const looking = {
     await shoot(page, "side-by-side");
     for (const heat of ["distance", "angle", "area"]) {
       await page.selectOption("#heat", heat);
-      await page.waitForFunction(() => document.querySelector("#canvas").viewer.heat, null, { timeout: 20_000 });
+      await page.waitForFunction(() => document.querySelector("#canvas").viewer.heat);
       await page.waitForTimeout(200);
       const legend = await page.textContent("#legend");
       check(legend.length > 10, "no legend");
@@ -157,12 +157,12 @@ export const looking = {
     await page.waitForTimeout(300);
     await shoot(page, "phone-below");
     const wide = await open({ width: 2560, height: 1300 }, page.url());
-    await wide.waitForSelector("#panel .verdict", { timeout: 30_000 });
+    await wide.waitForSelector("#panel .verdict");
     await wide.click("#layout-two");
     await wide.waitForTimeout(300);
     await shoot(wide, "large");
     const tablet = await open({ width: 820, height: 1100, dark: true }, page.url());
-    await tablet.waitForSelector("#panel .verdict", { timeout: 30_000 });
+    await tablet.waitForSelector("#panel .verdict");
     await tablet.waitForTimeout(500);
     await shoot(tablet, "tablet-dark");
     await noComplaints(tablet, "tablet, dark");
@@ -248,7 +248,7 @@ export const looking = {
     await drop(page, [scan("arm"), scan("fish"), scan("old_man")], "#rail");
     await page.waitForTimeout(200);
     await shoot(page, "queue");
-    await page.waitForSelector("#panel .verdict", { timeout: 180_000 });
+    await page.waitForSelector("#panel .verdict");
     await until("all three", () => page.evaluate(() => [...document.querySelectorAll("#scans small")].every((s) => !/waiting|uploading/.test(s.textContent))));
     check((await page.locator("#scans button.scan").count()) >= 3, "a file is missing");
     await until("a rest", () => page.evaluate(() => !document.querySelector("#status button")));

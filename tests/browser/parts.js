@@ -136,7 +136,7 @@ export const parts = {
     await page.fill("#part-name", name);
     await page.press("#part-name", "Enter");
     await page.click("#paint-done");
-    await until("a stitched mesh", () => page.url().includes("/composition/"), 240_000);
+    await until("a stitched mesh", () => page.url().includes("/composition/"));
     await rest(page);
     const names = () => page.evaluate(() => [...document.querySelectorAll("#part-list .part")].map((b) => b.textContent).sort().join());
     check((await names()).includes(name) && (await names()).includes("Part "), await names());
@@ -148,7 +148,7 @@ export const parts = {
     // Kept over a reload; changed, and taken back.
     const before = await names();
     await page.reload();
-    await page.waitForSelector("#part-list li", { timeout: 60_000 });
+    await page.waitForSelector("#part-list li");
     check((await names()) === before, `after a reload: ${await names()}`);
     await page.fill("#part-name", "Oberarm <b>");
     await page.press("#part-name", "Enter");
@@ -200,7 +200,7 @@ export const parts = {
       writeFileSync(join(at, `${name}.obj`), text);
       const page = await open();
       await drop(page, [join(at, `${name}.obj`)]);
-      await page.waitForSelector("#repaint", { timeout: 120_000 });
+      await page.waitForSelector("#repaint");
       await rest(page);
       await makeParts(page);
       await page.focus("#canvas");
@@ -266,7 +266,7 @@ export const parts = {
     await page.evaluate(() => { document.querySelector("#how").open = true; });
     await page.selectOption("#parts", "auto");
     await drop(page, [example("hand_human")]);
-    await until("a stitched mesh", () => page.url().includes("/composition/"), 240_000);
+    await until("a stitched mesh", () => page.url().includes("/composition/"));
     await rest(page);
     await page.click("#show-parts");
     await page.waitForTimeout(400);
@@ -280,7 +280,7 @@ export const parts = {
     for (const { id } of fingers) {
       await page.click(`#${id}`);
       await page.locator("#entries li button").first().click();
-      await until("its map", () => page.url().includes("/map/"), 120_000);
+      await until("its map", () => page.url().includes("/map/"));
       await rest(page);
       const before = (await all()).filter((p) => p.isForgettable).length;
       if (await page.locator("#alike").count()) {
@@ -290,7 +290,7 @@ export const parts = {
         await shoot(page, "alike-offered");
         await noComplaints(page, "alike offered");
         await page.click("#alike");
-        await until("all of them", async () => /lies on \d+ more parts? now/.test(await page.textContent("#status")), 240_000);
+        await until("all of them", async () => /lies on \d+ more parts? now/.test(await page.textContent("#status")));
         took = Number(/lies on (\d+) more/.exec(await page.textContent("#status"))[1]);
         after = (await all()).filter((p) => p.isForgettable);
         check(after.length === before + took && took <= offered.length, `${took} took it, ${after.length - before} can forget it`);
@@ -306,7 +306,7 @@ export const parts = {
     await page.click(`#${after.at(-1).id.replace("part", "forget")}`);
     check((await all()).filter((p) => p.isForgettable).length === after.length - 1, "nothing was forgotten");
     await page.click("#stitch");
-    await until("a stitched mesh", () => page.url().includes("/composition/"), 240_000);
+    await until("a stitched mesh", () => page.url().includes("/composition/"));
     await rest(page);
     await page.waitForTimeout(300);
     await shoot(page, "alike-stitched");
@@ -320,11 +320,11 @@ export const parts = {
       await rest(page);
       check(!(await page.locator("#cut-like").count()), "an example in one piece offers its cut");
       await page.locator("#entries button:has-text('arm_human_in_groups')").first().click();
-      await page.waitForSelector("#cut-like", { timeout: 120_000 });
+      await page.waitForSelector("#cut-like");
       await rest(page);
       await shoot(page, "like-offered");
       await page.click("#cut-like");
-      await until("a stitched mesh", () => page.url().includes("/composition/"), 240_000);
+      await until("a stitched mesh", () => page.url().includes("/composition/"));
       await rest(page);
       const took = await page.locator("#part-list small").allTextContents();
       const chosen = await page.evaluate(() => document.querySelector("#part-list .chosen .part").id);
@@ -372,8 +372,8 @@ export const parts = {
     await page.click("#paint-undo");
     await page.waitForTimeout(200);
     await page.click("#paint-done");
-    await until("two parts", () => page.evaluate(() => document.querySelector("#panel h2")?.textContent === "2 parts" || document.querySelectorAll("#part-list li").length === 2 && !document.querySelector("#paint-new")), 60_000);
-    await until("a stitched mesh", () => page.url().includes("/composition/"), 240_000);
+    await until("two parts", () => page.evaluate(() => document.querySelector("#panel h2")?.textContent === "2 parts" || document.querySelectorAll("#part-list li").length === 2 && !document.querySelector("#paint-new")));
+    await until("a stitched mesh", () => page.url().includes("/composition/"));
     await rest(page);
     await page.click("#show-parts");
     await page.waitForTimeout(400);
@@ -386,8 +386,8 @@ export const parts = {
     await page.evaluate(() => { document.querySelector("#how").open = true; });
     await page.selectOption("#parts", "2");
     await laid(page, scan("arm")).catch(() => {});
-    await page.waitForSelector("#part-list li", { timeout: 60_000 });
-    await until("a stitched mesh", () => page.url().includes("/composition/"), 240_000);
+    await page.waitForSelector("#part-list li");
+    await until("a stitched mesh", () => page.url().includes("/composition/"));
     await rest(page);
     await page.waitForTimeout(300);
     await shoot(page, "stitched");
@@ -416,7 +416,7 @@ export const parts = {
     await page.mouse.click(...at);
     check((await chosen()) === other, "a click on a part does not choose it");
     await page.locator("#entries li button").first().click();
-    await until("its map", () => page.url().includes("/map/"), 120_000);
+    await until("its map", () => page.url().includes("/map/"));
     await rest(page);
     await page.waitForTimeout(300);
     await shoot(page, "part-laid");

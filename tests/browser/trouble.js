@@ -53,7 +53,7 @@ export const trouble = {
     await addExample(server.url, example("head_man"));
     const page = await open({}, `${server.url}/`);
     await drop(page, [cube(join(folder(), "closed.obj"))]);
-    await page.waitForFunction(() => /[Ss]can is closed.*open/.test(document.querySelector("#panel").textContent), null, { timeout: 60_000 });
+    await page.waitForFunction(() => /[Ss]can is closed.*open/.test(document.querySelector("#panel").textContent));
     await page.waitForTimeout(300);
     await shoot(page, "closed-among-open");
     await noComplaints(page, "closed among open");
@@ -94,12 +94,12 @@ export const trouble = {
     await noComplaints(page, "server gone");
     await server.start();
     await page.waitForSelector("#banner", { state: "hidden", timeout: 20_000 });
-    await page.waitForSelector("#panel .verdict", { timeout: 120_000 });
+    await page.waitForSelector("#panel .verdict");
     // What was laid is gone with a server that ends: the page says so after a reload.
     await server.stop("SIGKILL");
     await server.start();
     await page.reload();
-    await page.waitForFunction(() => document.querySelector("#status").textContent.includes("no longer holds"), null, { timeout: 20_000 });
+    await page.waitForFunction(() => document.querySelector("#status").textContent.includes("no longer holds"));
     await shoot(page, "scan-gone");
     await gone(page, server);
   },
@@ -121,7 +121,7 @@ export const trouble = {
     await laid(page, scan("old_man"));
     const other = await page.context().newPage();
     await other.goto(page.url());
-    await other.waitForSelector("#panel .verdict", { timeout: 30_000 }).catch(() => {});
+    await other.waitForSelector("#panel .verdict");
     const before = page.url();
     await other.bringToFront();
     await other.locator("#entries li:not(.chosen) button").first().click();

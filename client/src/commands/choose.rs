@@ -93,11 +93,11 @@ fn best(ranking: &Ranking, segment: u32, told: Option<ExampleRef>) -> Option<Cho
 /// The first segment of the example that has the topology, or that can be laid on a part of the input; a part of what is there
 /// whole, too, only at last.
 fn fitting(example: &Example, segment: u32, topology: Topology) -> Result<Choice, ClientError> {
-    // Of a disc and a closed surface one may lie on a part of the other.
+    // Of a disc and a closed surface one may lie on a part of the other, and either on what was cut at two places.
     let has_caps = |topology| matches!(topology, Topology::Disc | Topology::Sphere);
     let (parts, wholes): (Vec<_>, Vec<_>) = example.segments.iter().partition(|segment| segment.is_part);
     let same = wholes.iter().find(|candidate| candidate.topology == topology);
-    let found = same.or_else(|| wholes.iter().find(|c| has_caps(c.topology) && has_caps(topology)));
+    let found = same.or_else(|| wholes.iter().find(|c| has_caps(c.topology) && topology != Topology::Torus));
     let found = found.or_else(|| parts.iter().find(|candidate| candidate.topology == topology));
     let Some(found) = found else {
         let article = if topology == Topology::Annulus { "an" } else { "a" };

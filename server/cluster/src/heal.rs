@@ -55,12 +55,12 @@ impl Recent {
         forget(&mut objects, |(at, _)| *at);
     }
 
-    /// The newest entry of each key.
+    /// The newest entry of each key; of two at one position the one that came last.
     fn entries(&self) -> HashMap<String, Entry> {
         let entries = self.entries.lock().unwrap_or_else(PoisonError::into_inner);
         let mut newest: HashMap<String, Entry> = HashMap::new();
         for (_, key, entry) in entries.iter() {
-            if newest.get(key).is_none_or(|there| there.position < entry.position) {
+            if newest.get(key).is_none_or(|there| there.position <= entry.position) {
                 newest.insert(key.clone(), entry.clone());
             }
         }

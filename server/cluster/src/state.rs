@@ -1,8 +1,11 @@
 //! The corpus as this server knows it: what the engine delivered, and what it wrote itself.
 //!
-//! Entries may come twice, late or out of order: of each key the newest position counts, also of what was removed.
+//! Entries may come twice, late or out of order: of each key the newest position counts, also of what was removed. An engine that
+//! lost its end gives positions away again: of two entries at one, the one that came last counts.
 
+use std::collections::hash_map::DefaultHasher;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
 use quadmuse_proto::id::ExampleId;
@@ -37,6 +40,8 @@ impl Known {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Slot {
     position: u64,
+    /// Tells two entries at one position apart.
+    content: u64,
     /// `None`: it was removed.
     id: Option<ExampleId>,
 }
@@ -72,7 +77,8 @@ impl State {
     pub(crate) fn apply(&mut self, key: &str, entry: &Entry) -> bool {
         self.newest = self.newest.max(entry.position);
         if let Some(name) = key.strip_prefix(DOCUMENT) {
-            let newer = self.documents.get(name).is_none_or(|known| known.revision < entry.position);
+            let is_known = |known: &Document| known.revision == entry.position && *known.bytes == *entry.bytes;
+            let newer = self.documents.get(name).is_none_or(|d| d.revision <= entry.position && !is_known(d));
             if newer {
                 let document = Document { revision: entry.position, bytes: entry.bytes.as_slice().into() };
                 self.documents.insert(name.to_owned(), document);
@@ -83,13 +89,17 @@ impl State {
             // Of a newer release; whatever it is, it is no example.
             return false;
         };
-        if self.slots.get(&identity).is_some_and(|slot| slot.position >= entry.position) {
+        let content = content(&entry.bytes);
+        let is_known = |slot: &Slot| {
+            slot.position > entry.position || slot.position == entry.position && slot.content == content
+        };
+        if self.slots.get(&identity).is_some_and(is_known) {
             return false;
         }
         match Manifest::from_bytes(&entry.bytes) {
             Ok(manifest) => {
                 self.unread.remove(key);
-                self.set(identity, entry.position, manifest);
+                self.set(identity, (entry.position, content), manifest);
             }
             Err(reason) => {
                 tracing::error!(key, reason, "an entry of the corpus can't be read");
@@ -99,11 +109,11 @@ impl State {
         true
     }
 
-    fn set(&mut self, identity: ContentHash, position: u64, mut manifest: Manifest) {
+    fn set(&mut self, identity: ContentHash, (position, content): (u64, u64), mut manifest: Manifest) {
         let rows = manifest.take_rows();
         let Manifest { record, segments, .. } = manifest;
         let id = record.as_ref().map(|record| record.id);
-        let before = self.slots.insert(identity, Slot { position, id }).and_then(|slot| slot.id);
+        let before = self.slots.insert(identity, Slot { position, content, id }).and_then(|slot| slot.id);
         self.snapshot = None;
         if let Some(gone) = before.filter(|before| Some(*before) != id) {
             self.examples.remove(&gone);
@@ -140,7 +150,7 @@ impl State {
     pub(crate) fn vacant(&self, identity: ContentHash) -> Option<u64> {
         match self.slots.get(&identity) {
             None => Some(0),
-            Some(Slot { position, id: None }) => Some(*position),
+            Some(Slot { position, id: None, .. }) => Some(*position),
             Some(_) => None,
         }
     }
@@ -226,5 +236,41 @@ impl State {
     /// Keys of entries that this release can't read.
     pub(crate) fn unread(&self) -> usize {
         self.unread.len()
+    }
+}
+
+fn content(bytes: &[u8]) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    bytes.hash(&mut hasher);
+    hasher.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_two_entries_at_one_position_the_last_to_come_counts() {
+        let mut state = State::keeping(None);
+        let key = format!("{DOCUMENT}tokens");
+        let entry = |position: u64, text: &str| Entry { position, bytes: text.as_bytes().to_vec() };
+        let mut told = |position, text| {
+            let changed = state.apply(&key, &entry(position, text));
+            let document = state.document("tokens").expect("there");
+            (changed, document.revision, String::from_utf8_lossy(&document.bytes).into_owned())
+        };
+        assert_eq!(told(4, "one"), (true, 4, "one".into()));
+        assert_eq!(told(4, "one"), (false, 4, "one".into()));
+        assert_eq!(told(4, "another"), (true, 4, "another".into()));
+        assert_eq!(told(3, "late"), (false, 4, "another".into()));
+        assert_eq!(told(5, "new"), (true, 5, "new".into()));
+
+        let removed = |position: u64, write: u64| {
+            let bytes = Manifest::removed().written(write, None).to_bytes().expect("packed");
+            Entry { position, bytes }
+        };
+        let key = Manifest::key(ContentHash::of(b"a mesh"));
+        let came = [(7, 1), (7, 1), (7, 2), (6, 3), (8, 2)].map(|(at, write)| state.apply(&key, &removed(at, write)));
+        assert_eq!(came, [true, false, true, false, true]);
     }
 }

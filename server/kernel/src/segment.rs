@@ -284,12 +284,12 @@ impl Segmented {
         }
     }
 
-    /// One part, the whole surface.
+    /// One part, the whole surface, in which there may be a gap.
     ///
     /// # Errors
     /// [`TopologyError`] for a surface that is no primitive.
     pub fn whole(surface: &TriMesh) -> Result<Self, TopologyError> {
-        let part = topology::whole(surface)?;
+        let part = topology::gapped(surface)?;
         Ok(Self::uncut(surface, vec![part]))
     }
 

@@ -1,6 +1,6 @@
 //! A record of what was acknowledged while parts of the engine were away, and the comparison with what is there.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -128,15 +128,27 @@ pub(crate) fn judge(
     assert!(added > 0);
     let all = [&*servers[0], &*servers[1], fresh];
     let mut missing = lost(&history, &all, asking);
+    // A sentence for each example that the servers tell differently.
+    let differing = || {
+        let told: Vec<BTreeMap<ExampleId, String>> = all
+            .iter()
+            .map(|server| server.snapshot().examples.iter().map(|e| (e.id, format!("{} {}", e.revision, e.name))).collect())
+            .collect();
+        let ids: BTreeSet<ExampleId> = told.iter().flat_map(|one| one.keys().copied()).collect();
+        let of = |id: &ExampleId| told.iter().map(|one| one.get(id).cloned()).collect::<Vec<_>>();
+        let is_told_alike = |of: &[Option<String>]| of.iter().all(|one| *one == of[0]);
+        let differing = ids.iter().map(|id| (id, of(id))).filter(|(_, of)| !is_told_alike(of));
+        differing.map(|(id, of)| format!("{id}: {of:?}")).collect::<Vec<_>>()
+    };
     let is_alike = || servers.iter().all(|server| server.snapshot().examples == fresh.snapshot().examples);
     // The servers write again what the engine itself lost, and a change that nobody acknowledged may still arrive.
     let begun = Instant::now();
     while !(missing.is_empty() && is_alike()) && begun.elapsed() < HEALED_WITHIN {
-        println!("after {:.1} s: {}", begun.elapsed().as_secs_f64(), missing.join("\n"));
+        println!("after {:.1} s: {missing:?}, {:?}", begun.elapsed().as_secs_f64(), differing());
         std::thread::sleep(Duration::from_secs(1));
         missing = lost(&history, &all, asking);
     }
     assert!(missing.is_empty(), "{}", missing.join("\n"));
-    assert!(is_alike(), "all servers have the same");
+    assert!(is_alike(), "all servers have the same: {:?}", differing());
     assert!(fresh.snapshot().examples.len() as u32 <= added + history.unsure);
 }

@@ -50,15 +50,17 @@ pub(crate) const COVERED: f64 = 0.97;
 /// Whether examples of one topology can be laid on inputs of another.
 pub fn reaches(example: Topology, query: Topology) -> bool {
     let has_caps = |topology| matches!(topology, Topology::Disc | Topology::Sphere);
-    example == query || has_caps(example) && has_caps(query)
+    example == query || has_caps(example) && query != Topology::Torus
 }
 
-/// The topologies of the examples that a query is ranked against: a disc may lie about either pole of a closed surface, and may
-/// be all that is there of one, if it is no part of a scan that was cut.
+/// The topologies of the examples that a query is ranked against: a disc may lie about either pole of a closed surface, and what
+/// has rims may be all that is there of something with fewer, if it is no part of a scan that was cut: a body without head and arm
+/// has those of a tube.
 pub fn ranked_against(query: Topology, is_most: bool) -> Vec<Topology> {
     match query {
         Topology::Sphere => vec![Topology::Sphere, Topology::Disc],
         Topology::Disc if is_most => vec![Topology::Disc, Topology::Sphere],
+        Topology::Annulus if is_most => vec![Topology::Annulus, Topology::Disc, Topology::Sphere],
         _ => vec![query],
     }
 }

@@ -86,5 +86,5 @@ pub fn lay(
 
 fn shape(patch: &Patch) -> Option<Shape<'_>> {
     let is_closed = patch.topology == Topology::Sphere;
-    (is_closed || patch.topology == Topology::Disc).then_some(Shape { mesh: &patch.mesh, is_closed })
+    (patch.topology != Topology::Torus).then_some(Shape { mesh: &patch.mesh, is_closed })
 }

@@ -97,8 +97,8 @@ pub struct Query {
     conformal: Option<Conformal>,
     candidates: OnceLock<Vec<Arc<Unfolded>>>,
     parts: OnceLock<Vec<Arc<Unfolded>>>,
-    /// A disc with its boundary filled; `None` where that can't be unfolded.
-    closed: OnceLock<Option<Box<Query>>>,
+    /// A disc with its boundary filled, or an annulus with the shorter of its boundaries; `None` where that can't be unfolded.
+    filled: OnceLock<Option<Box<Query>>>,
     trials: OnceLock<Trials>,
     tried: Kept<Option<Arc<Unfolded>>>,
     solved: Kept<Result<Arc<Unfolded>, UnfoldError>>,
@@ -137,7 +137,7 @@ impl Query {
             conformal,
             candidates: OnceLock::new(),
             parts: OnceLock::new(),
-            closed: OnceLock::new(),
+            filled: OnceLock::new(),
             trials: OnceLock::new(),
             tried: Kept::default(),
             solved: Kept::default(),
@@ -179,23 +179,31 @@ impl Query {
         whole.iter().chain(parts).cloned().collect()
     }
 
-    /// What examples of a topology are compared with: the surface itself, or, for closed examples, a disc with its boundary
-    /// filled. `None` where that can't be unfolded. *Ours, not the paper's.*
+    /// What examples of a topology are compared with: the surface itself, or, for examples with fewer boundaries, the same with
+    /// its own filled, the shortest first. `None` where that can't be unfolded. *Ours, not the paper's.*
     pub fn facing(&self, example: Topology) -> Option<&Self> {
         match (self.best.encoding.topology, example) {
-            (Topology::Disc, Topology::Sphere) => self.closed.get_or_init(|| self.filled().map(Box::new)).as_deref(),
+            (Topology::Disc, Topology::Sphere) => self.filled(),
+            (Topology::Annulus, Topology::Disc | Topology::Sphere) => self.filled()?.facing(example),
             _ => Some(self),
         }
     }
 
-    /// The same surface with its boundary filled.
-    fn filled(&self) -> Option<Self> {
+    fn filled(&self) -> Option<&Self> {
+        self.filled.get_or_init(|| self.with_rim_filled().map(Box::new)).as_deref()
+    }
+
+    /// The same surface with its shortest boundary filled.
+    fn with_rim_filled(&self) -> Option<Self> {
         let mesh = TriMesh::clone(self.unfolder.mesh());
+        let edge = |h: &u32| (mesh.positions[mesh.head(*h) as usize] - mesh.positions[mesh.tail(*h) as usize]).norm();
+        let length = |rim: &Vec<u32>| rim.iter().map(edge).sum::<f64>();
+        let shortest = mesh.boundary_loops().into_iter().min_by(|a, b| length(a).total_cmp(&length(b)))?;
         let patch = Patch {
-            topology: Topology::Sphere,
+            topology: if self.best.encoding.topology == Topology::Disc { Topology::Sphere } else { Topology::Disc },
             vertex_of: (0..mesh.positions.len() as u32).collect(),
             triangle_of: (0..mesh.triangles.len() as u32).collect(),
-            holes: mesh.boundary_loops(),
+            holes: vec![shortest],
             left_out: 0,
             mesh,
         };

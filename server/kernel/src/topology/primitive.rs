@@ -3,7 +3,8 @@
 //! A scan has gaps where the scanner saw nothing, and specks that float beside it. A boundary loop of length ℓ encloses
 //! at most ℓ²/4π; where that is little of the surface's area, or ℓ is short beside the longest loop, it is a hole and no
 //! end of the surface. Of a rag with many loops all but the longest are holes. Holes are filled where the surface is unfolded, and only there: the patch keeps its own triangles.
-//! A surface that is a primitive as it is stays so, whatever its loops; of a scan, [`closed`] counts the only loop as a hole, too. *Ours, not the paper's.*
+//! A tube one of whose two loops is a hole is a disc: a face with a gap. Else a surface that is a primitive as it is stays so, whatever
+//! its loops; of a scan, [`closed`] counts the only loop as a hole, too. *Ours, not the paper's.*
 
 use super::{Patch, Topology, TopologyError, classify, components, invariants, submesh};
 use crate::mesh::tri::TriMesh;
@@ -43,7 +44,7 @@ pub fn primitive(mesh: &TriMesh, policy: Components) -> Result<Patch, TopologyEr
     };
     let (part, vertex_of) = submesh(mesh, &triangle_of);
     let (topology, holes) = match classify(&part) {
-        Ok(topology) => (topology, Vec::new()),
+        Ok(topology) => with_gap(&part, topology),
         Err(TopologyError::Unsupported(_)) => {
             let (holes, ends) = gaps(&part, &|_| false);
             (with_ends(&part, ends)?, holes)
@@ -51,6 +52,28 @@ pub fn primitive(mesh: &TriMesh, policy: Components) -> Result<Patch, TopologyEr
         Err(error) => return Err(error),
     };
     Ok(Patch { topology, mesh: part, vertex_of, triangle_of, holes, left_out: count.saturating_sub(1) })
+}
+
+/// What a primitive is once a gap in it is filled, with the gap: a tube one of whose loops is a hole is a disc. If both are, it may be a
+/// long tube and stays one.
+fn with_gap(mesh: &TriMesh, topology: Topology) -> (Topology, Vec<Vec<u32>>) {
+    match topology {
+        Topology::Annulus => match gaps(mesh, &|_| false) {
+            (holes, 1) => (Topology::Disc, holes),
+            _ => (topology, Vec::new()),
+        },
+        _ => (topology, Vec::new()),
+    }
+}
+
+/// The primitive that all of a mesh is, but for a gap.
+///
+/// # Errors
+/// [`TopologyError`] where it is none.
+pub fn gapped(mesh: &TriMesh) -> Result<Patch, TopologyError> {
+    let patch = super::whole(mesh)?;
+    let (topology, holes) = with_gap(&patch.mesh, patch.topology);
+    Ok(Patch { topology, holes, ..patch })
 }
 
 /// A disc whose only loop is a hole is a closed surface: a body that is open at an eye ends nowhere. Any other patch stays.
@@ -156,11 +179,23 @@ mod tests {
     }
 
     #[test]
-    fn what_is_a_primitive_stays_as_it_is() {
+    fn a_sheet_with_a_gap_is_a_sheet_and_a_tube_stays_one() {
+        let told = |mesh: &TriMesh| {
+            let patch = primitive(mesh, Components::default()).expect("a primitive");
+            assert_eq!(gapped(mesh).map(|p| (p.topology, p.holes.clone())), Ok((patch.topology, patch.holes.clone())));
+            (patch.topology, patch.holes.iter().map(Vec::len).collect::<Vec<_>>())
+        };
+        let sheet = grid(20, 20, false, false);
+        assert_eq!(told(&without(&sheet, &[405])), (Topology::Disc, vec![3]));
+        assert_eq!(told(&grid(20, 20, true, false)), (Topology::Annulus, vec![]));
         // A closed surface with one tiny hole is a disc: its boundary may be meant.
-        let patch =
-            primitive(&without(&grid(20, 20, false, false), &[405]), Components::default()).expect("an annulus");
-        assert_eq!((patch.topology, patch.holes.len()), (Topology::Annulus, 0));
+        assert_eq!(told(&without(&ball(24), &[7])), (Topology::Disc, vec![]));
+        // Both loops of a long tube are short for its area.
+        let mut long = grid(20, 20, true, false);
+        long.positions.iter_mut().for_each(|p| p.z *= 400.0);
+        assert_eq!(told(&long), (Topology::Annulus, vec![]));
+        let window: Vec<u32> = (0..800).filter(|t| matches!(t / 2 % 20, 5..14) && (4..14).contains(&(t / 40))).collect();
+        assert_eq!(told(&without(&sheet, &window)), (Topology::Annulus, vec![]));
     }
 
     #[test]

@@ -258,9 +258,9 @@ impl Engine for KernelEngine {
     fn posed(&self, model: &Model, segment: u32) -> Result<Option<Opaque>, EngineError> {
         let model = model_in(model)?;
         let patch = model.patch(segment).map_err(internal)?;
-        let has_rim = patch.topology == kernel::topology::Topology::Disc;
-        let is_closed = patch.topology == kernel::topology::Topology::Sphere;
-        Ok((has_rim || is_closed).then(|| Opaque::new(Posed::quick(&patch.mesh, has_rim))))
+        let has_rim = patch.topology != kernel::topology::Topology::Sphere;
+        let is_torus = patch.topology == kernel::topology::Topology::Torus;
+        Ok((!is_torus).then(|| Opaque::new(Posed::quick(&patch.mesh, has_rim))))
     }
 
     fn likeness(&self, one: &Opaque, two: &Opaque, stop: &Stop) -> Result<Likeness, EngineError> {

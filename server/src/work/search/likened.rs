@@ -96,7 +96,8 @@ impl SegmentSearch<'_> {
         let lead = RoughLead { model, segment: from.resident.segment, rough };
         let may_follow = |at: &usize| {
             let c = &candidates[*at];
-            let has_rim = c.resident.facts.topology == Topology::Disc || self.query.facts.topology == Topology::Disc;
+            let is_open = |topology| topology != Topology::Sphere;
+            let has_rim = is_open(c.resident.facts.topology) || is_open(self.query.facts.topology);
             *at != best && has_rim && !c.resident.is_part()
         };
         let mut led: Vec<usize> = (0..candidates.len()).filter(may_follow).collect();
@@ -200,17 +201,17 @@ impl SegmentSearch<'_> {
         let (Some(own), Some(first)) = (segments.get(self.segment), candidates.first()) else { return false };
         let faces: u64 = segments.iter().map(|s| s.faces).sum();
         let is_worth_it = own.faces >= FACES_CHOSEN_MIN && own.faces as f64 >= SHARE_MIN * faces as f64;
-        // Of a closed example a picture of what was cut tells little.
-        let is_cut = own.topology == Topology::Disc && first.resident.facts.topology == Topology::Sphere;
+        // Of an example with fewer rims a picture of what was cut tells little.
+        let is_cut = own.topology != Topology::Sphere && first.resident.facts.topology != own.topology;
         let is_unsure = first.score > UNSURE || own.holes > HOLES_SURE || is_cut;
-        let has_caps = |topology| matches!(topology, Topology::Disc | Topology::Sphere);
-        is_worth_it && is_unsure && has_caps(first.resident.facts.topology)
+        let has_caps = |c: &Candidate| matches!(c.resident.facts.topology, Topology::Disc | Topology::Sphere);
+        is_worth_it && is_unsure && candidates.iter().any(has_caps)
     }
 
     /// The first few candidates of either topology that are no near-duplicates, and all others, each in order.
     fn chosen(&self, candidates: &[Candidate]) -> (Vec<Candidate>, Vec<Candidate>) {
         let (mut with_rim, mut parts, mut closed) = (0, 0, 0);
-        let is_cut = self.query.facts.topology == Topology::Disc;
+        let is_cut = self.query.facts.topology != Topology::Sphere;
         let closed_max = if is_cut { CLOSED_MAX_CUT } else { CLOSED_MAX };
         candidates.iter().cloned().partition(|c| {
             let (count, most) = match c.resident.facts.topology {
