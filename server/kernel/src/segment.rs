@@ -302,6 +302,14 @@ impl Segmented {
         Ok(Self::uncut(surface, vec![part]))
     }
 
+    /// One part, what is left of a scan whose holes are filled, and of whose ends all but two are ([`topology::with_two_ends`]).
+    ///
+    /// # Errors
+    /// See [`topology::with_two_ends`].
+    pub fn with_two_ends(surface: &TriMesh) -> Result<Self, TopologyError> {
+        Ok(Self::uncut(surface, vec![topology::with_two_ends(surface, topology::Components::Crumbs)?]))
+    }
+
     /// The same, where a scan of one part that is open at no more than a pinhole is closed ([`topology::closed`]).
     #[must_use]
     pub fn closed(mut self) -> Self {

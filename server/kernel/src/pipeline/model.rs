@@ -292,7 +292,8 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, 
                 let is_grouped = few_groups().is_some();
                 let opened = || (is_scan(cut) && !is_grouped).then(|| Segmented::opened(surface)).flatten();
                 let as_it_is = || Segmented::whole(surface).ok().or_else(groups);
-                if let Some(whole) = opened().or_else(as_it_is).or_else(repaired).or_else(pieces) {
+                let ended = || Segmented::with_two_ends(surface).ok().filter(|_| is_scan(cut) && !is_grouped);
+                if let Some(whole) = opened().or_else(as_it_is).or_else(repaired).or_else(pieces).or_else(ended) {
                     return Ok(meant(whole));
                 }
             }

@@ -11,6 +11,7 @@ use crate::encode::index::PlanarIndex;
 use crate::encode::{Encoding, SIDE_FINEST, encode, encode_to};
 use crate::mesh::TriMesh;
 use crate::mesh::bvh::Bvh;
+use crate::topology::primitive::length as loop_length;
 use crate::topology::{Patch, Topology};
 use crate::unfold::moebius::Conformal;
 use crate::unfold::pole::Breadth;
@@ -196,9 +197,8 @@ impl Query {
     /// The same surface with its shortest boundary filled.
     fn with_rim_filled(&self) -> Option<Self> {
         let mesh = TriMesh::clone(self.unfolder.mesh());
-        let edge = |h: &u32| (mesh.positions[mesh.head(*h) as usize] - mesh.positions[mesh.tail(*h) as usize]).norm();
-        let length = |rim: &Vec<u32>| rim.iter().map(edge).sum::<f64>();
-        let shortest = mesh.boundary_loops().into_iter().min_by(|a, b| length(a).total_cmp(&length(b)))?;
+        let shorter = |a: &Vec<u32>, b: &Vec<u32>| loop_length(&mesh, a).total_cmp(&loop_length(&mesh, b));
+        let shortest = mesh.boundary_loops().into_iter().min_by(shorter)?;
         let patch = Patch {
             topology: if self.best.encoding.topology == Topology::Disc { Topology::Sphere } else { Topology::Disc },
             vertex_of: (0..mesh.positions.len() as u32).collect(),

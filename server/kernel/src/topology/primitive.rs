@@ -35,6 +35,18 @@ pub enum Components {
 /// # Errors
 /// [`TopologyError`] where it is none even then.
 pub fn primitive(mesh: &TriMesh, policy: Components) -> Result<Patch, TopologyError> {
+    with_most(mesh, policy, usize::MAX)
+}
+
+/// The same, where of more than two ends all but the longest two count as holes, too: a torso has four, and is a body all the same.
+///
+/// # Errors
+/// [`TopologyError`] where it is none even then.
+pub fn with_two_ends(mesh: &TriMesh, policy: Components) -> Result<Patch, TopologyError> {
+    with_most(mesh, policy, 2)
+}
+
+fn with_most(mesh: &TriMesh, policy: Components, ends_max: usize) -> Result<Patch, TopologyError> {
     let (component, count) = components(mesh);
     let triangle_of: Vec<u32> = if count > 1 {
         let largest = largest(mesh, &component, count, policy)?;
@@ -46,8 +58,14 @@ pub fn primitive(mesh: &TriMesh, policy: Components) -> Result<Patch, TopologyEr
     let (topology, holes) = match classify(&part) {
         Ok(topology) => with_gap(&part, topology),
         Err(TopologyError::Unsupported(_)) => {
-            let (holes, ends) = gaps(&part, &|_| false);
-            (with_ends(&part, ends)?, holes)
+            let (mut holes, ends) = gaps(&part, &|_| false);
+            if ends > ends_max {
+                let mut others: Vec<Vec<u32>> = part.boundary_loops();
+                others.retain(|edges| !holes.contains(edges));
+                others.sort_by(|a, b| length(&part, b).total_cmp(&length(&part, a)));
+                holes.extend(others.into_iter().skip(ends_max));
+            }
+            (with_ends(&part, ends.min(ends_max))?, holes)
         }
         Err(error) => return Err(error),
     };
@@ -113,11 +131,16 @@ pub(crate) fn with_ends(mesh: &TriMesh, ends: usize) -> Result<Topology, Topolog
     super::with_ends(invariants(mesh), ends)
 }
 
+/// The length of a loop of halfedges.
+pub(crate) fn length(mesh: &TriMesh, edges: &[u32]) -> f64 {
+    let edge = |h: &u32| (mesh.positions[mesh.head(*h) as usize] - mesh.positions[mesh.tail(*h) as usize]).norm();
+    edges.iter().map(edge).sum()
+}
+
 /// The loops of a mesh, as halfedges, that are holes, and how many are ends: those that `is_end` names are, however short.
 pub(crate) fn gaps(mesh: &TriMesh, is_end: &dyn Fn(&[u32]) -> bool) -> (Vec<Vec<u32>>, usize) {
-    let edge = |h: &u32| (mesh.positions[mesh.head(*h) as usize] - mesh.positions[mesh.tail(*h) as usize]).norm();
     let loops = mesh.boundary_loops();
-    let lengths: Vec<f64> = loops.iter().map(|l| l.iter().map(edge).sum()).collect();
+    let lengths: Vec<f64> = loops.iter().map(|edges| length(mesh, edges)).collect();
     let longest = lengths.iter().copied().fold(0.0, f64::max);
     let area = mesh.total_area();
     let is_rag = lengths.len() > RAG_LOOPS;
@@ -232,13 +255,19 @@ mod tests {
     }
 
     #[test]
-    fn large_openings_are_refused() {
+    fn large_openings_are_refused_unless_the_two_longest_are_meant() {
         // Two windows, each a fifth of the sheet.
         let is_window = |t: &u32| matches!(t / 2 % 20, 2..9 | 11..18) && (4..16).contains(&(t / 40));
         let windows: Vec<u32> = (0..800).filter(is_window).collect();
         let error =
             primitive(&without(&grid(20, 20, false, false), &windows), Components::default()).map(|p| p.topology);
         assert!(matches!(error, Err(TopologyError::Unsupported(_))), "{error:?}");
+        let sheet = without(&grid(20, 20, false, false), &windows);
+        let patch = with_two_ends(&sheet, Components::default()).expect("a tube");
+        let lengths: Vec<f64> = sheet.boundary_loops().iter().map(|edges| length(&sheet, edges)).collect();
+        let [hole] = &patch.holes[..] else { panic!("{:?}", patch.holes) };
+        assert_eq!((patch.topology, lengths.len()), (Topology::Annulus, 3));
+        assert!(lengths.iter().all(|other| length(&patch.mesh, hole) <= *other));
     }
 
     #[test]
