@@ -3,6 +3,7 @@
 use super::*;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::{Format, Limits, Vec3};
+use crate::topology::Topology;
 use std::fmt::Write;
 use std::sync::Arc;
 
@@ -10,6 +11,11 @@ const GO_ON: Stop<'static> = &|| false;
 
 /// n × n quads of two groups on a lopsided dome over a square, as OBJ.
 fn dome(n: usize) -> String {
+    dome_without(n, |_, _| false)
+}
+
+/// The same without the quads whose first corner is told to go, by its place in the square from −1 to 1.
+fn dome_without(n: usize, is_gone: impl Fn(f64, f64) -> bool) -> String {
     let at = |k: usize| 2.0 * k as f64 / n as f64 - 1.0;
     let mut text = String::new();
     for (x, y) in (0..=n).flat_map(|j| (0..=n).map(move |i| (at(i), at(j)))) {
@@ -17,7 +23,7 @@ fn dome(n: usize) -> String {
     }
     for (group, columns) in [("left", 0..n / 2), ("right", n / 2..n)] {
         let _ = writeln!(text, "g {group}");
-        for (i, j) in columns.flat_map(|i| (0..n).map(move |j| (i, j))) {
+        for (i, j) in columns.flat_map(|i| (0..n).map(move |j| (i, j))).filter(|&(i, j)| !is_gone(at(i), at(j))) {
             let v = |i: usize, j: usize| j * (n + 1) + i + 1;
             let _ = writeln!(text, "f {} {} {} {}", v(i, j), v(i + 1, j), v(i + 1, j + 1), v(i, j + 1));
         }
@@ -89,6 +95,28 @@ fn a_constraint_is_met_where_it_was_set_and_a_bad_one_is_refused() {
     is_refused(edit(&asked(Place::Point([f64::NAN; 3]))), Refusal::ConstraintInvalid);
     let unknown = ConstraintEdit { remove: vec!["c9".into()], ..ConstraintEdit::default() };
     is_refused(edit(&unknown), Refusal::ConstraintUnknown);
+}
+
+#[test]
+fn a_scan_with_a_window_takes_an_example_without_one_to_its_place() {
+    let window = |x: f64, y: f64| (-0.5..0.1).contains(&x) && (-0.1..0.5).contains(&y);
+    let text = dome_without(40, window);
+    let scan = read(text.as_bytes(), Some(Format::Obj), &Cut::default(), &Limits::default()).expect("a scan");
+    let told = scan.segments()[0];
+    assert_eq!((scan.segments().len(), told.topology, told.holes), (1, Topology::Annulus, 0));
+    assert!(ranked_against(told.topology, true).contains(&Topology::Disc) && reaches(Topology::Disc, told.topology));
+    let model = Arc::new(scan);
+    let encoded = Arc::new(encode(&model, 0, GO_ON).expect("encodable"));
+    let facing = |topology| encoded.query.facing(topology).map(|query| query.encoding().topology);
+    let all = [Topology::Annulus, Topology::Disc, Topology::Sphere];
+    assert_eq!(all.map(facing), all.map(Some), "it is compared with each as one of these");
+
+    let (example, query) = (side(12), Side { model, segment: 0, encoded });
+    let fitted = fit(None, &example, &query, &Wishes::default(), GO_ON).expect("a map").mapped;
+    assert!(matches!(fitted.verdict, Verdict::Good | Verdict::Fair), "{:?}", fitted.reasons);
+    let laid = fitted.mesh.positions.iter().zip(&example.model.mesh.positions);
+    let off = laid.filter(|(_, own)| !window(own.x, own.y)).map(|(x, own)| (x - own).norm()).fold(0.0, f64::max);
+    assert!(off < 0.1, "{off}");
 }
 
 #[test]
