@@ -10,6 +10,7 @@ mod around;
 mod centrality;
 mod cut;
 mod distance;
+mod handles;
 mod mended;
 mod merge;
 mod necks;
@@ -27,6 +28,8 @@ mod views;
 mod waist;
 
 use std::collections::BTreeMap;
+
+pub use handles::without_small as without_small_handles;
 
 use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
@@ -60,7 +63,7 @@ pub struct Segmented {
     pub parts: Vec<Patch>,
     /// Where parts border on each other, in order of their parts.
     pub seams: Vec<Seam>,
-    /// Handles along whose shortest loops the only part is cut, both sides of which are among its holes.
+    /// Handles that were cut along a loop, both sides of which are among the holes.
     pub handles_opened: u32,
     /// True where it was cut at its waist, into two parts: openings that the cut leaves in them are among their holes.
     pub is_waist: bool,

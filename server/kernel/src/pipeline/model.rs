@@ -6,7 +6,7 @@ use super::parts;
 use crate::compose::apart::alone;
 use crate::compose::surface::ComposedSurface;
 use crate::mesh::{self, FaceLabels, Format, Limits, NONE, PolyMesh, Prepared, TriMesh, Vec3};
-use crate::segment::{PartCount, Segmented, fused, segment};
+use crate::segment::{PartCount, Segmented, fused, segment, without_small_handles};
 use crate::topology::{Components, Patch, Topology, TopologyError};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -208,18 +208,29 @@ pub fn read(bytes: &[u8], format: Option<Format>, cut: &Cut, limits: &Limits) ->
     let prepared = if is_as_sent { mesh::prepare(&mesh) } else { mesh::prepare_scan(&mesh) }?;
     let views = if is_as_sent || few_faces(&prepared) { None } else { fused(&prepared) };
     let prepared = views.unwrap_or(prepared);
-    let segmented = cut_up(&mesh, &prepared, cut)?;
+    let (prepared, handles) = if is_as_sent || few_faces(&prepared) { (prepared, 0) } else { unhandled(prepared) };
+    let mut segmented = cut_up(&mesh, &prepared, cut)?;
+    segmented.handles_opened += handles;
     let asked = cut.parts.is_some() && cut.grain == Grain::Faces;
     let besides = besides(&mesh, &prepared.mesh, &segmented, &cut.besides)?;
     let (besides, parts) = besides.map_or((None, Vec::new()), |(labels, parts)| (Some(labels), parts));
     let told = prepared.repairs.iter().map(ToString::to_string);
-    let repairs = told.chain(segmented.parts.iter().flat_map(|part| mended(part, &segmented))).collect();
+    let opened = Some(segmented.handles_opened).filter(|count| *count > 0).map(handles_told);
+    let repairs = told.chain(opened).chain(segmented.parts.iter().flat_map(|part| mended(part, &segmented))).collect();
     let (faces, format) = (mesh.faces.len(), wanted.unwrap_or(Format::Obj));
     let mesh = Arc::new(mesh);
     let model =
         Model { mesh, format, repairs, labels: None, besides, prepared, segmented, parts, laid: None, is_part: false };
     let labels = asked.then(|| model.face_labels(faces));
     Ok(Model { labels, ..model })
+}
+
+/// A scan with its small handles cut, and how many were.
+fn unhandled(prepared: Prepared) -> (Prepared, u32) {
+    match without_small_handles(&prepared.mesh) {
+        Some((mesh, count)) => (Prepared { mesh, ..prepared }, count as u32),
+        None => (prepared, 0),
+    }
 }
 
 /// An input that was cut at its waist, cut into primitives instead.
@@ -321,7 +332,12 @@ pub fn few(labels: &[i64]) -> Result<&[i64], PipelineError> {
     Ok(labels)
 }
 
-/// What was left out of a patch, will be filled, or was opened, to make it a primitive.
+fn handles_told(count: u32) -> String {
+    let s = if count == 1 { "" } else { "s" };
+    format!("{count} handle{s} cut open for the computation; maps keep to the surface")
+}
+
+/// What was left out of a patch, or will be filled, to make it a primitive.
 fn mended(patch: &Patch, of: &Segmented) -> Vec<String> {
     let handles_opened = of.handles_opened;
     let mut sentences = Vec::new();
@@ -329,10 +345,6 @@ fn mended(patch: &Patch, of: &Segmented) -> Vec<String> {
         let n = patch.left_out;
         let s = if n == 1 { "" } else { "s" };
         sentences.push(format!("{n} small component{s} beside the largest left out"));
-    }
-    if handles_opened > 0 {
-        let s = if handles_opened == 1 { "" } else { "s" };
-        sentences.push(format!("{handles_opened} handle{s} cut open for the computation; maps keep to the surface"));
     }
     if of.is_waist {
         // The openings that it leaves are no holes that anybody could see.

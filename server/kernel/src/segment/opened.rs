@@ -4,6 +4,8 @@
 //! each cut count as holes that are filled where the surface is unfolded; the surface itself stays as it is. *Ours, not the
 //! paper's.*
 
+use std::collections::BTreeSet;
+
 use super::Segmented;
 use super::mended::{SMALL_COMPONENTS_SHARE, by_area};
 use super::split::shortest_ring;
@@ -36,7 +38,10 @@ pub(super) fn opened(surface: &TriMesh) -> Option<Segmented> {
         if is_torus && length > TORUS_LOOP_MAX * area.sqrt() {
             return None;
         }
-        cut(&mut mesh, &ring, &mut is_slit);
+        for h in cut(&mesh, (0..ring.len()).map(|k| [ring[k], ring[(k + 1) % ring.len()]])) {
+            mesh.twins[h as usize] = NONE;
+            is_slit[h as usize] = true;
+        }
         for copied in split_pinched(&mut mesh) {
             vertex_of.push(vertex_of[copied as usize]);
         }
@@ -49,26 +54,12 @@ pub(super) fn opened(surface: &TriMesh) -> Option<Segmented> {
     Some(Segmented { handles_opened: found.genus as u32, ..Segmented::uncut(surface, vec![part]) })
 }
 
-/// Parts the faces on both sides of a ring of vertices, each joined to the next by an edge.
-fn cut(mesh: &mut TriMesh, ring: &[u32], is_slit: &mut [bool]) {
-    let on_ring = |a: u32, b: u32| {
-        (0..ring.len()).any(|k| {
-            let edge = [ring[k], ring[(k + 1) % ring.len()]];
-            edge == [a, b] || edge == [b, a]
-        })
-    };
-    let mut is_of_ring = vec![false; mesh.positions.len()];
-    ring.iter().for_each(|&v| is_of_ring[v as usize] = true);
-    for h in 0..mesh.twins.len() as u32 {
-        let (a, b) = (mesh.tail(h), mesh.head(h));
-        if is_of_ring[a as usize] && is_of_ring[b as usize] && mesh.twin(h) != NONE && on_ring(a, b) {
-            let twin = mesh.twin(h);
-            for side in [h, twin] {
-                mesh.twins[side as usize] = NONE;
-                is_slit[side as usize] = true;
-            }
-        }
-    }
+/// The halfedges on both sides of some edges, each told by its vertices.
+pub(super) fn cut(mesh: &TriMesh, edges: impl Iterator<Item = [u32; 2]>) -> Vec<u32> {
+    let sorted = |[a, b]: [u32; 2]| [a.min(b), a.max(b)];
+    let edges: BTreeSet<[u32; 2]> = edges.map(sorted).collect();
+    let is_cut = |h: &u32| mesh.twin(*h) != NONE && edges.contains(&sorted([mesh.tail(*h), mesh.head(*h)]));
+    (0..mesh.twins.len() as u32).filter(is_cut).collect()
 }
 
 #[cfg(test)]

@@ -144,6 +144,12 @@ fn around_handle(mesh: &TriMesh, genus: i64) -> Option<Vec<u32>> {
 
 /// Length and vertices of the shortest loop through the tree of shortest paths from `base` that does not separate.
 fn shortest_loop(mesh: &TriMesh, base: u32) -> Option<(f64, Vec<u32>)> {
+    loops(mesh, base).pop()
+}
+
+/// Length and vertices of the loops through the tree of shortest paths from `base` that together do not separate, one for each way
+/// around or through a handle; the shortest way from `base` last.
+pub(super) fn loops(mesh: &TriMesh, base: u32) -> Vec<(f64, Vec<u32>)> {
     let (distance, reached_from) = edge_paths(mesh, base);
     // Faces, and beyond them the boundary loops as if each were filled by one face.
     let faces = mesh.triangles.len();
@@ -164,17 +170,16 @@ fn shortest_loop(mesh: &TriMesh, base: u32) -> Option<(f64, Vec<u32>)> {
         .map(|h| (length(h), h))
         .collect();
     edges.sort_by(|x, y| y.0.total_cmp(&x.0).then(x.1.cmp(&y.1)));
-    let mut shortest = None;
-    for (length, h) in edges {
+    let mut closing = Vec::new();
+    for (_, h) in edges {
         stop::pass(1);
         let beyond = if mesh.twin(h) == NONE { face_beyond[h as usize] } else { mesh.twin(h) / 3 };
         let (a, b) = (find(&mut leader, h / 3), find(&mut leader, beyond));
         match a == b {
-            true => shortest = Some((length, h)),
+            true => closing.push(h),
             false => leader[a as usize] = b,
         }
     }
-    let (_, h) = shortest?;
     let chain = |mut v: u32| {
         let mut chain = vec![v];
         while reached_from[v as usize] != NONE {
@@ -184,13 +189,16 @@ fn shortest_loop(mesh: &TriMesh, base: u32) -> Option<(f64, Vec<u32>)> {
         chain.reverse();
         chain
     };
-    let (one, two) = (chain(mesh.tail(h)), chain(mesh.head(h)));
-    let shared = one.iter().zip(&two).take_while(|(a, b)| a == b).count();
-    let mut ring: Vec<u32> = one.get(shared.saturating_sub(1)..)?.to_vec();
-    ring.extend(two.get(shared..)?.iter().rev());
-    let at = |k: usize| mesh.positions[ring[k % ring.len()] as usize];
-    let length = (0..ring.len()).map(|k| (at(k + 1) - at(k)).norm()).sum();
-    (ring.len() >= 3).then_some((length, ring))
+    let ring = |h: u32| {
+        let (one, two) = (chain(mesh.tail(h)), chain(mesh.head(h)));
+        let shared = one.iter().zip(&two).take_while(|(a, b)| a == b).count();
+        let mut ring: Vec<u32> = one.get(shared.saturating_sub(1)..)?.to_vec();
+        ring.extend(two.get(shared..)?.iter().rev());
+        let at = |k: usize| mesh.positions[ring[k % ring.len()] as usize];
+        let length = (0..ring.len()).map(|k| (at(k + 1) - at(k)).norm()).sum();
+        (ring.len() >= 3).then_some((length, ring))
+    };
+    closing.into_iter().filter_map(ring).collect()
 }
 
 fn find(leader: &mut [u32], mut x: u32) -> u32 {

@@ -201,8 +201,8 @@ impl SegmentSearch<'_> {
         let (Some(own), Some(first)) = (segments.get(self.segment), candidates.first()) else { return false };
         let faces: u64 = segments.iter().map(|s| s.faces).sum();
         let is_worth_it = own.faces >= FACES_CHOSEN_MIN && own.faces as f64 >= SHARE_MIN * faces as f64;
-        // Of an example with fewer rims a picture of what was cut tells little.
-        let is_cut = own.topology != Topology::Sphere && first.resident.facts.topology != own.topology;
+        // A part of a picture tells little, and so does the picture of what was cut.
+        let is_cut = first.resident.facts.topology != own.topology;
         let is_unsure = first.score > UNSURE || own.holes > HOLES_SURE || is_cut;
         let has_caps = |c: &Candidate| matches!(c.resident.facts.topology, Topology::Disc | Topology::Sphere);
         is_worth_it && is_unsure && candidates.iter().any(has_caps)
