@@ -4,7 +4,7 @@
     judged.py SET[:PREFIX]… [--programs DIR] [--shared DIR] [--out DIR]
 
 Sets: scans (retopo with the shared corpus), made (the same of scans that are made of shared meshes, without examples of their
-family), extents, cross, species, unseen, groundtruth (one example onto one input), unlike (the same of another kind: a hand onto a
+family), flawed (shared scans with a triangle gone, openings, tiny handles, noise), extents, cross, species, unseen, groundtruth (one example onto one input), unlike (the same of another kind: a hand onto a
 head, none of which can be right).
 PREFIX limits a set to rows whose name begins with it. DIR of --programs has quadmuse and quadmuse-server (default:
 target/release). Needs numpy and scipy. Starts a server of its own on a free port. Results, maps and pictures stay in --out.
@@ -76,10 +76,18 @@ def mean(values):
     return round(sum(values) / len(values), 3) if values else None
 
 
+def shared_corpus(meshes):
+    rows = rows_of(meshes / "quads/manifest.csv")
+    return [meshes / "quads" / row["file"] for row in rows if row["category"] not in ("cloth", "hair")]
+
+
+def add_shared(service, meshes):
+    service.run("add", *shared_corpus(meshes))
+
+
 def judge_scans(service, meshes, out, prefix):
     """Retopology of all scans with the shared corpus; the mean of the inspired share is the figure."""
-    names = [row["file"] for row in rows_of(meshes / "quads/manifest.csv") if row["category"] not in ("cloth", "hair")]
-    service.run("add", *[meshes / "quads" / name for name in names])
+    add_shared(service, meshes)
     table = []
     for row in rows_of(meshes / "scans/manifest.csv"):
         name = row["file"]
@@ -109,16 +117,36 @@ def judge_scans(service, meshes, out, prefix):
     print(f"\nscans: {len(table)}, inspired {mean([row[2] for row in table])}, seconds {mean([row[-2] for row in table])}, processor seconds {mean([row[-1] for row in table])}")
 
 
+def judge_flawed(service, meshes, out, prefix):
+    """Retopology of scans with flaws, with the shared corpus: none should come to less than it does without."""
+    import flawed
+
+    add_shared(service, meshes)
+    table = []
+    for path in flawed.make(meshes, out / "flawed"):
+        if not path.stem.startswith(prefix):
+            continue
+        before = service.seconds()
+        answer, problem = service.run("retopo", path, "-o", out / path.name, "--force", "--picture", out / f"{path.stem}.png")
+        (out / f"{path.stem}.json").write_text(json.dumps(answer, indent=1) + "\n" + problem)
+        share = (answer.get("inspired") or 0) * ((answer.get("covers") or {}).get("input") or 1)
+        reasons = "; ".join(answer.get("reasons") or [problem])[:80]
+        table.append([*path.stem.split("_"), answer.get("verdict", "refused"), round(share, 3), round(service.seconds() - before, 1), reasons])
+        print("|", *table[-1], file=sys.stderr, flush=True)
+    print_table(["scan", "flaw", "verdict", "inspired", "processor s", "reasons"], table)
+    for flaw in dict.fromkeys(row[1] for row in table):
+        print(f"\n{flaw}: inspired {mean([row[3] for row in table if row[1] == flaw])}")
+
+
 def judge_made(service, meshes, out, prefix):
     """Retopology of scans that are cut, seen from one side, or on a rock, with the shared corpus but for their own family."""
     import made
 
     families = sorted({*made.INPUTS, *made.STANDING})
-    names = [row["file"] for row in rows_of(meshes / "quads/manifest.csv") if row["category"] not in ("cloth", "hair")]
     by_tags = {}
-    for name in names:
-        tags = tuple(f"not_{family}" for family in families if not any(part in name for part in made.kept_from(family)))
-        by_tags.setdefault(tags, []).append(meshes / "quads" / name)
+    for path in shared_corpus(meshes):
+        tags = tuple(f"not_{family}" for family in families if not any(part in path.name for part in made.kept_from(family)))
+        by_tags.setdefault(tags, []).append(path)
     for tags, files in by_tags.items():
         service.run("add", *files, *[word for tag in tags for word in ("--tag", tag)])
     table = []
@@ -308,6 +336,8 @@ def main():
             print(f"\n## {name}\n", flush=True)
             if name == "scans":
                 judge_scans(service, meshes, out, prefix)
+            elif name == "flawed":
+                judge_flawed(service, meshes, out, prefix)
             elif name == "made":
                 judge_made(service, meshes, out, prefix)
             elif name == "cross":
