@@ -3,6 +3,7 @@
 //! χ = V − E + F = 2 − 2g − b for one component of genus g with b boundary loops.
 //! *Source:* paper §4.1 (discs, cylinders) and §5.1, Fig. 6 (spheres, tori).
 
+pub mod form;
 pub mod holes;
 pub(crate) mod primitive;
 
@@ -122,6 +123,12 @@ pub struct Patch {
 /// The connected sets of triangles of one label each, in order of their lowest triangle; each in order. Triangles that
 /// share an edge are connected. `label_of` holds one label a triangle.
 pub fn connected<L: PartialEq>(mesh: &TriMesh, label_of: &[L]) -> Vec<Vec<u32>> {
+    connected_across(mesh, |a, b| label_of[a as usize] == label_of[b as usize])
+}
+
+/// The sets of triangles that are connected across edges, where `joins` says so of the two at an edge, in order of their
+/// lowest triangle; each in order.
+fn connected_across(mesh: &TriMesh, joins: impl Fn(u32, u32) -> bool) -> Vec<Vec<u32>> {
     let mut seen = vec![false; mesh.triangles.len()];
     let mut sets = Vec::new();
     for seed in 0..mesh.triangles.len() as u32 {
@@ -134,7 +141,7 @@ pub fn connected<L: PartialEq>(mesh: &TriMesh, label_of: &[L]) -> Vec<Vec<u32>> 
             stop::pass(1);
             for k in 0..3 {
                 let g = mesh.twin(3 * t + k);
-                if g == NONE || seen[g as usize / 3] || label_of[g as usize / 3] != label_of[seed as usize] {
+                if g == NONE || seen[g as usize / 3] || !joins(t, g / 3) {
                     continue;
                 }
                 seen[g as usize / 3] = true;

@@ -160,13 +160,14 @@ impl Unfolder {
         };
         let given = wanted > 0 && options.poles.len() == wanted;
         let seeks = topology == Topology::Disc && !given;
-        let smoother = |laplacian: &Laplacian| seeks.then(|| Smoother::for_poles(laplacian)).transpose();
+        let smoother = |laplacian: &Laplacian| seeks.then(|| Smoother::for_poles(laplacian));
         let (solver, smoother) = Solver::beside(mesh, topology, smoother)?;
-        let poles = match (smoother?, topology) {
+        let smoother = smoother.flatten().transpose()?;
+        let poles = match topology {
             _ if given => vec![options.poles.clone()],
-            (Some(smoother), _) => pole::disc_candidates(&solver, &smoother).into_iter().map(|p| vec![p]).collect(),
-            (None, Topology::Sphere) => vec![pole::sphere_poles(&solver).to_vec()],
-            (None, _) => vec![Vec::new()],
+            Topology::Disc => pole::disc_candidates(&solver, smoother)?.into_iter().map(|p| vec![p]).collect(),
+            Topology::Sphere => vec![pole::sphere_poles(&solver).to_vec()],
+            Topology::Annulus | Topology::Torus => vec![Vec::new()],
         };
         Ok((Self { patch_vertices, solver }, poles))
     }
@@ -205,7 +206,7 @@ impl Unfolder {
         let fields = if self.solver.topology == Topology::Torus {
             Fields::Lattice(torus::lattice(&self.solver)?)
         } else {
-            let harmonic = self.solver.v(poles);
+            let harmonic = self.solver.v(poles)?;
             let (u, jumps) = self.solver.conjugate(&harmonic, poles)?;
             Fields::Conjugate { harmonic, u, jumps }
         };

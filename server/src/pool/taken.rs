@@ -22,8 +22,11 @@ const BESIDE_WHEN_SHORT_BYTES: u64 = 32 << 20;
 /// which the allocator's own and what is taken until somebody looks are a part.
 const BESIDE_LIMIT_BYTES: u64 = 96 << 20;
 
-/// Time between two looks whether memory is short.
-const LOOK_EVERY: Duration = Duration::from_millis(25);
+/// The least and the longest time between two looks whether memory is short. A look costs a millisecond of processor time.
+const LOOK_AFTER: (Duration, Duration) = (Duration::from_millis(25), Duration::from_millis(500));
+/// Nobody takes so many bytes a second: until what is left could be taken, nobody needs to look. Two cores that fill fresh
+/// memory take half as much.
+const TAKEN_PER_S: f64 = (4u64 << 30) as f64;
 
 /// The process has taken more than it promised.
 static IS_SHORT: AtomicBool = AtomicBool::new(false);
@@ -89,12 +92,16 @@ fn is_too_much_when(is_short: bool) -> bool {
 /// Looks again and again whether the process has taken more than goes with `limit_bytes`; never ends.
 pub async fn watch(limit_bytes: u64) {
     let most = limit_bytes.saturating_add(limit_bytes / 4).saturating_add(BESIDE_LIMIT_BYTES);
-    let mut ticks = tokio::time::interval(LOOK_EVERY);
-    ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     loop {
-        ticks.tick().await;
-        IS_SHORT.store(of_process().allocated > most, Ordering::Relaxed);
+        let allocated = of_process().allocated;
+        IS_SHORT.store(allocated > most, Ordering::Relaxed);
+        tokio::time::sleep(look_after(most.saturating_sub(allocated))).await;
     }
+}
+
+/// When to look again while so many bytes are left.
+fn look_after(left: u64) -> Duration {
+    Duration::from_secs_f64(left as f64 / TAKEN_PER_S).clamp(LOOK_AFTER.0, LOOK_AFTER.1)
 }
 
 /// Memory of the process.
@@ -131,5 +138,12 @@ mod tests {
         assert_eq!(taken(8 << 20), [false, false]);
         assert_eq!(taken(64 << 20), [false, true]);
         assert!(!is_too_much_when(true), "nothing runs");
+    }
+
+    #[test]
+    fn memory_is_looked_at_before_what_is_left_could_be_taken() {
+        assert_eq!([look_after(0), look_after(64 << 20)], [LOOK_AFTER.0; 2]);
+        assert_eq!(look_after(1 << 30), Duration::from_millis(250));
+        assert_eq!(look_after(64 << 30), LOOK_AFTER.1);
     }
 }

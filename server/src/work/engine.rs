@@ -109,6 +109,8 @@ pub struct ModelSegment {
     pub topology: Topology,
     /// Polygons that belong to it.
     pub faces: u64,
+    /// How many of them tell of its form: of needles, of a strip or of noise few.
+    pub form: u64,
     /// Small holes in it that are counted as filled.
     pub holes: u32,
 }

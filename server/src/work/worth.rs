@@ -3,8 +3,9 @@
 //! A rag falls into a hundred pieces of a few faces. Each would be registered, mapped and charted like any other, which for a file
 //! of a few kilobytes took minutes. So of a query of many segments only some are ranked beyond the coarsest level and given
 //! maps unasked: those of most faces, as many as the mesh has faces for. A handful of faces has no form that an example could be
-//! laid on, and a coarse mesh little to choose between examples by: laying one costs the same as on a scan of a million. The others
-//! take regular layouts; a map that is asked for is made all the same.
+//! laid on, and a coarse mesh little to choose between examples by: laying one costs the same as on a scan of a million. Only faces
+//! that tell of the form count (`topology/form`): a fan of a million needles is worth as much as a dozen triangles. The others take
+//! regular layouts; a map that is asked for is made all the same.
 
 use super::engine::ModelSegment;
 pub use quadmuse_kernel::pipeline::{FACES_CHOSEN_MIN, FACES_OF_SCAN_MIN};
@@ -24,13 +25,14 @@ const FACES_OF_RAG: u64 = 96;
 
 /// Whether a segment, by its number, is worth it.
 pub fn is_worth_an_example(segments: &[ModelSegment], segment: usize) -> bool {
-    let Some(own) = segments.get(segment).map(|s| s.faces) else { return false };
+    let Some(&ModelSegment { faces: sent, form: own, .. }) = segments.get(segment) else { return false };
     if segments.len() <= FEW {
-        return true;
+        // What has no form at all is not worth it however few they are; a few faces as sent are.
+        return own >= sent.min(FACES_MIN);
     }
-    let faces = segments.iter().map(|s| s.faces).sum::<u64>();
+    let faces = segments.iter().map(|s| s.form).sum::<u64>();
     let most = usize::try_from(faces / FACES_PER_SEGMENT).unwrap_or(MANY).clamp(FEW, MANY);
-    let is_before = |(at, s): &(usize, &ModelSegment)| s.faces > own || (s.faces == own && *at < segment);
+    let is_before = |(at, s): &(usize, &ModelSegment)| s.form > own || (s.form == own && *at < segment);
     let is_rag = faces < FACES_OF_RAG * segments.len() as u64;
     let own_min = if is_rag { FACES_CHOSEN_MIN } else { FACES_MIN };
     own >= own_min && segments.iter().enumerate().filter(is_before).count() < most
@@ -38,8 +40,8 @@ pub fn is_worth_an_example(segments: &[ModelSegment], segment: usize) -> bool {
 
 /// Whether a segment is a third of a scan at least, with enough form to choose an example by.
 pub fn is_much_of_scan(segments: &[ModelSegment], segment: usize) -> bool {
-    let all = segments.iter().map(|s| s.faces).sum::<u64>();
-    let faces = segments.get(segment).map_or(0, |s| s.faces);
+    let all = segments.iter().map(|s| s.form).sum::<u64>();
+    let faces = segments.get(segment).map_or(0, |s| s.form);
     3 * faces >= all && faces >= FACES_CHOSEN_MIN && all >= FACES_OF_SCAN_MIN
 }
 
@@ -47,7 +49,7 @@ pub fn is_much_of_scan(segments: &[ModelSegment], segment: usize) -> bool {
 /// first is: a regular layout between its neighbours has better angles than an example that fits but fairly. Queries tell it, so
 /// that whoever asks for maps one by one asks for as many.
 pub fn tries(segments: &[ModelSegment], segment: usize) -> usize {
-    match segments.get(segment).map(|s| s.faces) {
+    match segments.get(segment).map(|s| s.form) {
         Some(faces) if faces >= FACES_MIN && is_worth_an_example(segments, segment) => {
             if is_much_of_scan(segments, segment) { TRIES } else { 1 }
         }
@@ -61,7 +63,7 @@ mod tests {
     use quadmuse_proto::Topology;
 
     fn worth(faces: &[u64]) -> usize {
-        let segment = |&faces: &u64| ModelSegment { topology: Topology::Disc, faces, holes: 0 };
+        let segment = |&faces: &u64| ModelSegment { topology: Topology::Disc, faces, form: faces, holes: 0 };
         let segments: Vec<ModelSegment> = faces.iter().map(segment).collect();
         (0..segments.len()).filter(|&s| is_worth_an_example(&segments, s)).count()
     }
@@ -83,11 +85,21 @@ mod tests {
     #[test]
     fn examples_are_laid_on_what_has_form_and_tried_where_there_is_something_to_choose_by() {
         let tries = |faces: &[u64]| {
-            let segment = |&faces: &u64| ModelSegment { topology: Topology::Disc, faces, holes: 0 };
+            let segment = |&faces: &u64| ModelSegment { topology: Topology::Disc, faces, form: faces, holes: 0 };
             tries(&faces.iter().map(segment).collect::<Vec<_>>(), 0)
         };
         assert_eq!([tries(&[]), tries(&[1]), tries(&[12]), tries(&[100]), tries(&[50_000])], [0, 0, 0, 1, TRIES]);
         assert_eq!([tries(&[1000, 2001]), tries(&[1, 1000]), tries(&[1000, 2000])], [1, 0, TRIES]);
         assert_eq!([tries(&[1023]), tries(&[1024]), tries(&[300, 300])], [1, TRIES, 1]);
+    }
+
+    #[test]
+    fn faces_that_tell_nothing_of_a_form_count_for_nothing() {
+        let of = |faces, form| ModelSegment { topology: Topology::Disc, faces, form, holes: 0 };
+        let needles = [of(100_000, 4)];
+        assert_eq!((tries(&needles, 0), is_worth_an_example(&needles, 0)), (0, false));
+        let strip = [of(100_000, 200)];
+        assert_eq!((tries(&strip, 0), is_much_of_scan(&strip, 0)), (1, false));
+        assert!(!is_much_of_scan(&[of(100_000, 4), of(2_000, 300)], 1), "few of all that count");
     }
 }

@@ -294,8 +294,10 @@ fn in_pole_quad(c: &[Uv; 3], k: usize, end: f64, p: Uv) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::tri::TriMesh;
     use crate::topology::{tests::grid, whole};
     use crate::unfold::{UnfoldOptions, unfold};
+    use std::f64::consts::TAU;
 
     #[test]
     fn locating_undoes_unfolding() {
@@ -309,6 +311,29 @@ mod tests {
                 let error = (found.point(&chart) - place.point(&chart)).norm();
                 assert!(error < 1e-9, "triangle {t}: {error}");
             }
+        }
+    }
+
+    #[test]
+    fn the_grid_of_a_fan_of_needles_is_coarser_and_finds_them() {
+        let n = 12_000u32;
+        let mut positions = vec![Vec3::zeros()];
+        let angles = (0..n).map(|i| TAU * f64::from(i) / f64::from(n));
+        positions.extend(angles.map(|a| Vec3::new(a.cos(), a.sin(), 0.1 * (9.0 * a).sin())));
+        let triangles = (0..n).map(|i| [0, 1 + i, 1 + (i + 1) % n]).collect();
+        let fan = TriMesh::from_triangles(positions, triangles).expect("a fan");
+        let hub = UnfoldOptions { poles: vec![0] };
+        let chart = unfold(&whole(&fan).expect("a disc"), &hub).expect("solvable");
+        let most = CROSSED_MAX * chart.corners.len();
+        let fine = (chart.corners.len() as f64).sqrt() as usize;
+        let crossed: u32 = PlanarIndex::counted(&chart, fine).iter().sum();
+        assert!(crossed as usize > most, "the needles cross every row: {crossed} of {most}");
+        let index = PlanarIndex::new(&chart);
+        assert!(index.triangles.len() <= most && index.cells < fine, "{} of {most}", index.triangles.len());
+        for t in (0..n).step_by(97) {
+            let place = Location { triangle: t, barycentric: [0.3, 0.4, 0.3] };
+            let found = index.locate(&chart, place.uv(&chart));
+            assert!((found.point(&chart) - place.point(&chart)).norm() < 1e-9, "needle {t}");
         }
     }
 }

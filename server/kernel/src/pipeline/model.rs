@@ -7,13 +7,15 @@ use crate::compose::apart::alone;
 use crate::compose::surface::ComposedSurface;
 use crate::mesh::{self, FaceLabels, Format, Limits, NONE, PolyMesh, Prepared, TriMesh, Vec3};
 use crate::segment::{PartCount, Segmented, fused, segment, without_small_handles};
+use crate::topology::form::share_of_form;
 use crate::topology::{Components, Patch, Topology, TopologyError};
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// Faces of a segment that has enough form to choose an example by: several are tried, and laid on it in rough poses before.
+/// Faces of a segment, of those that tell of its form, that are enough to choose an example by: several are tried, and laid on
+/// it in rough poses before.
 pub const FACES_CHOSEN_MIN: u64 = 256;
-/// Faces of a mesh that may be a scan. One of fewer is laid on with less care, and one example is tried.
+/// Faces of a mesh, of the same kind, that may be a scan. One of fewer is laid on with less care, and one example is tried.
 pub const FACES_OF_SCAN_MIN: u64 = 1024;
 /// Most segments that labels may ask for: each costs memory and time, however few its faces are.
 pub const SEGMENTS_MAX: usize = 128;
@@ -25,6 +27,8 @@ pub struct Segment {
     pub topology: Topology,
     /// Polygons that belong to it.
     pub faces: u64,
+    /// How many of them tell of its form ([`share_of_form`]).
+    pub form: u64,
     /// Small holes in it that are counted as filled.
     pub holes: u32,
 }
@@ -146,6 +150,7 @@ impl Model {
         let segment = |p: &Patch| Segment {
             topology: p.topology,
             faces: count_polygons(&self.segmented, p),
+            form: self.form_of(p),
             holes: p.holes.len() as u32,
         };
         self.patches().map(segment).collect()
@@ -173,21 +178,36 @@ impl Model {
     }
 
     /// Whether an example laid on a segment may come to rest elsewhere than its chart says. What was laid whole has its place;
-    /// what has few faces has too little form to tell one place from another by.
+    /// what has too little form does not tell one place from another.
     pub(crate) fn may_settle(&self, segment: u32) -> bool {
-        self.laid.is_none() && self.faces(segment) >= FACES_CHOSEN_MIN
+        self.laid.is_none() && self.form(segment) >= FACES_CHOSEN_MIN
     }
 
-    /// Whether the mesh, whatever it is cut into, has as many triangles as a scan: what has fewer is laid on with less care.
+    /// Whether the mesh, whatever it is cut into, has as many triangles that tell of its form as a scan: what has fewer is laid on
+    /// with less care.
     pub(crate) fn is_scan(&self) -> bool {
-        !few_faces(&self.prepared)
+        let parts = &self.segmented.parts;
+        let triangles = |p: &Patch| p.mesh.triangles.len() as f64;
+        let all: f64 = parts.iter().map(triangles).sum();
+        let form: f64 = parts.iter().map(|p| triangles(p) * share_of_form(&p.mesh)).sum();
+        let share = if all > 0.0 { form / all } else { 0.0 };
+        share * self.prepared.mesh.triangles.len() as f64 >= FACES_OF_SCAN_MIN as f64
     }
 
     /// Whether a segment has enough triangles to have tips, and parts that one would tell apart. `surface`: that segment as it is
     /// charted, which may have more triangles than were sent.
     pub(crate) fn has_tips(&self, segment: u32, surface: &TriMesh) -> bool {
         let has_form = surface.triangles.len() as u64 >= FACES_CHOSEN_MIN;
-        has_form && (self.is_scan() || self.faces(segment) >= FACES_CHOSEN_MIN)
+        has_form && (self.is_scan() || self.form(segment) >= FACES_CHOSEN_MIN)
+    }
+
+    /// Polygons of a segment that tell of its form.
+    fn form(&self, segment: u32) -> u64 {
+        self.patch(segment).map_or(0, |patch| self.form_of(patch))
+    }
+
+    fn form_of(&self, patch: &Patch) -> u64 {
+        (share_of_form(&patch.mesh) * count_polygons(&self.segmented, patch) as f64).round() as u64
     }
 
     /// Polygons of a segment.

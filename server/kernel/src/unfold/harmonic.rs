@@ -7,7 +7,7 @@
 //! *Source:* paper §4.2 (Eqs. 1, 2). *Ours, not the paper's:* u as the conjugate needs neither Eq. 3 nor a cut
 //! (METHOD §2).
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::laplacian::{Laplacian, opposite};
 use super::path::{distances, jumps, trace};
@@ -25,6 +25,10 @@ pub struct Harmonic {
     pub energy: f64,
 }
 
+/// Surfaces of more vertices hold one factor at a time, which takes some 600 bytes a vertex while it is made; a factor that
+/// is wanted again is made anew. *Untuned.*
+const VERTICES_OF_TWO_FACTORS: usize = 250_000;
+
 /// What is prepared once a surface: the Laplacian, and its factor under the boundary conditions.
 #[derive(Debug)]
 pub struct Solver {
@@ -36,14 +40,17 @@ pub struct Solver {
     pub laplacian: Laplacian,
     /// Vertices on the boundary.
     pub on_boundary: Vec<bool>,
-    dirichlet: Factored,
+    /// What is held at 0 in the Dirichlet Laplacian.
+    fixed: Vec<bool>,
+    /// Its factor, where it is held.
+    dirichlet: Mutex<Option<Arc<Factored>>>,
     /// The vertex that grounds a closed surface.
     ground: u32,
 }
 
 impl Solver {
     /// Factors the surface's Dirichlet Laplacian (closed surfaces: grounded at one vertex), and beside it makes something
-    /// else of the Laplacian.
+    /// else of the Laplacian; neither, and `None`, where the surface is too large for both at a time.
     ///
     /// # Errors
     /// [`SolveError`] when the system cannot be factored.
@@ -51,7 +58,7 @@ impl Solver {
         mesh: Arc<TriMesh>,
         topology: Topology,
         other: impl Fn(&Laplacian) -> B + Sync,
-    ) -> Result<(Self, B), SolveError> {
+    ) -> Result<(Self, Option<B>), SolveError> {
         let laplacian = Laplacian::new(&mesh)?;
         let on_boundary = mesh.boundary_vertices();
         let mut fixed = on_boundary.clone();
@@ -59,22 +66,52 @@ impl Solver {
         if topology == Topology::Sphere || topology == Topology::Torus {
             fixed[ground as usize] = true;
         }
-        let (dirichlet, other) = side_by_side(|| laplacian.factor(&fixed, 0.0, |_| false), || other(&laplacian));
-        Ok((Self { mesh, topology, laplacian, on_boundary, dirichlet: dirichlet?, ground }, other))
+        let (dirichlet, other) = if mesh.positions.len() > VERTICES_OF_TWO_FACTORS {
+            (None, None)
+        } else {
+            let factored = || laplacian.factor(&fixed, 0.0, |_| false);
+            let (dirichlet, other) = side_by_side(factored, || other(&laplacian));
+            (Some(Arc::new(dirichlet?)), Some(other))
+        };
+        Ok((Self { mesh, topology, laplacian, on_boundary, fixed, dirichlet: Mutex::new(dirichlet), ground }, other))
+    }
+
+    /// The factor of the Dirichlet Laplacian.
+    fn dirichlet(&self) -> Result<Arc<Factored>, SolveError> {
+        let mut held = self.dirichlet.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(factor) = &*held {
+            return Ok(Arc::clone(factor));
+        }
+        let factor = Arc::new(self.laplacian.factor(&self.fixed, 0.0, |_| false)?);
+        Ok(Arc::clone(held.insert(factor)))
+    }
+
+    /// Makes room for another factor: lets go of its own, where the surface is too large for both.
+    pub(super) fn make_room(&self) {
+        if self.mesh.positions.len() > VERTICES_OF_TWO_FACTORS {
+            self.let_go();
+        }
+    }
+
+    fn let_go(&self) {
+        *self.dirichlet.lock().unwrap_or_else(PoisonError::into_inner) = None;
     }
 
     /// Column of the Green's function at `p`: L g = e_p, g = 0 on what is fixed.
-    fn green(&self, p: u32) -> Vec<f64> {
+    fn green(&self, p: u32) -> Result<Vec<f64>, SolveError> {
         let mut g = vec![0.0; self.mesh.positions.len()];
         if !self.on_boundary[p as usize] && (self.topology == Topology::Disc || p != self.ground) {
             g[p as usize] = 1.0;
         }
-        self.dirichlet.solve(&mut g);
-        g
+        self.dirichlet()?.solve(&mut g);
+        Ok(g)
     }
 
     /// Solves L x = `right` with x = 0 on the boundary (or at the ground).
-    pub fn poisson(&self, mut right: Vec<f64>) -> Vec<f64> {
+    ///
+    /// # Errors
+    /// [`SolveError`] when the system cannot be factored.
+    pub fn poisson(&self, mut right: Vec<f64>) -> Result<Vec<f64>, SolveError> {
         let closed = matches!(self.topology, Topology::Sphere | Topology::Torus);
         for (x, on) in right.iter_mut().zip(&self.on_boundary) {
             if *on {
@@ -84,41 +121,44 @@ impl Solver {
         if closed {
             right[self.ground as usize] = 0.0;
         }
-        self.dirichlet.solve(&mut right);
-        right
+        self.dirichlet()?.solve(&mut right);
+        Ok(right)
     }
 
     /// v for the given poles: disc `[pole]`, sphere `[v = 0, v = 1]`, annulus none.
-    pub fn v(&self, poles: &[u32]) -> Harmonic {
+    ///
+    /// # Errors
+    /// [`SolveError`] when the system cannot be factored.
+    pub fn v(&self, poles: &[u32]) -> Result<Harmonic, SolveError> {
         let mut v = match (self.topology, poles) {
             (Topology::Disc, &[pole, ..]) => {
-                let g = self.green(pole);
+                let g = self.green(pole)?;
                 let top = g[pole as usize];
                 g.into_iter().map(|x| x / top).collect()
             }
             (Topology::Sphere, &[south, north, ..]) => {
                 // L g = e_north − e_south, whatever the ground: the two columns differ by a constant only.
-                let (g1, g0) = (self.green(north), self.green(south));
+                let (g1, g0) = (self.green(north)?, self.green(south)?);
                 let g: Vec<f64> = g1.iter().zip(&g0).map(|(a, b)| a - b).collect();
                 let (low, high) = (g[south as usize], g[north as usize]);
                 g.into_iter().map(|x| (x - low) / (high - low)).collect()
             }
-            _ => self.annulus_v(),
+            _ => self.annulus_v()?,
         };
         let energy = self.laplacian.energy(&v);
         v.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0));
-        Harmonic { v, energy }
+        Ok(Harmonic { v, energy })
     }
 
     /// v of an annulus: 0 on its first loop, 1 on its second.
-    fn annulus_v(&self) -> Vec<f64> {
+    fn annulus_v(&self) -> Result<Vec<f64>, SolveError> {
         let mut given = vec![0.0; self.mesh.positions.len()];
         if let Some(second) = self.mesh.boundary_loops().get(1) {
             second.iter().for_each(|&h| given[self.mesh.tail(h) as usize] = 1.0);
         }
         let right: Vec<f64> = self.laplacian.apply(&given).into_iter().map(|y| -y).collect();
-        let inside = self.poisson(right);
-        given.iter().zip(&inside).map(|(g, x)| g + x).collect()
+        let inside = self.poisson(right)?;
+        Ok(given.iter().zip(&inside).map(|(g, x)| g + x).collect())
     }
 
     /// The path across which u jumps by its period: pole → boundary, pole → pole, or loop → loop.
@@ -209,8 +249,8 @@ impl Solver {
             right[c] -= 0.5 * dv / harmonic.energy;
         }
         (0..n).filter(|&v| held[v]).for_each(|v| right[v] = 0.0);
-        let factor = self.laplacian.factor(&held, 0.0, is_pole_face)?;
-        factor.solve(&mut right);
+        self.make_room();
+        self.laplacian.factor(&held, 0.0, is_pole_face)?.solve(&mut right);
         right.iter_mut().zip(&given).for_each(|(u, given)| *u += given);
         if self.topology == Topology::Annulus && !rim.is_empty() {
             self.settle_loops(harmonic, carried, &mut right);
@@ -272,5 +312,25 @@ impl Solver {
             }
             u[v as usize] = if count > 0.0 { sum / count } else { 0.0 };
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::topology::tests::grid;
+
+    #[test]
+    fn a_factor_that_was_let_go_is_made_anew_and_solves_the_same() {
+        let mesh = Arc::new(grid(14, 11, false, false));
+        let (solver, beside) = Solver::beside(mesh, Topology::Disc, |_| ()).expect("solvable");
+        assert_eq!(beside, Some(()), "a small surface holds both");
+        let before = solver.v(&[80]).expect("solvable");
+        solver.make_room();
+        assert!(solver.dirichlet.lock().expect("not poisoned").is_some());
+        solver.let_go();
+        assert!(solver.dirichlet.lock().expect("not poisoned").is_none());
+        let after = solver.v(&[80]).expect("solvable");
+        assert_eq!((before.v, before.energy), (after.v, after.energy));
     }
 }

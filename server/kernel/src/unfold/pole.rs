@@ -43,11 +43,21 @@ pub enum Breadth {
     Fingers,
 }
 
-/// Poles of a disc, best first; at least one.
-pub fn disc_candidates(solver: &Solver, smoother: &Smoother) -> Vec<u32> {
-    let first = torsion_centre(solver);
-    let harmonic = solver.v(&[first]);
+/// Poles of a disc, best first; at least one. `smoother`: the one for poles, where it was made already.
+///
+/// # Errors
+/// [`SolveError`] when a system cannot be factored.
+pub fn disc_candidates(solver: &Solver, smoother: Option<Smoother>) -> Result<Vec<u32>, SolveError> {
+    let first = torsion_centre(solver)?;
+    let harmonic = solver.v(&[first])?;
     let raw = log_scale(solver, &harmonic, &[first]);
+    let smoother = match smoother {
+        Some(smoother) => smoother,
+        None => {
+            solver.make_room();
+            Smoother::for_poles(&solver.laplacian)?
+        }
+    };
     let smooth = smoother.smooth(&solver.laplacian, &raw);
     let tau = std::f64::consts::TAU;
     let log_radius = |v: usize| {
@@ -57,7 +67,7 @@ pub fn disc_candidates(solver: &Solver, smoother: &Smoother) -> Vec<u32> {
     let radius: Vec<f64> = (0..raw.len()).map(log_radius).collect();
     let found = local_maxima(solver, &radius);
     // On a ribbon the scale falls by so much that no vertex stands out.
-    if found.is_empty() { vec![first] } else { found }
+    Ok(if found.is_empty() { vec![first] } else { found })
 }
 
 /// Tips of protrusions (fingers, limbs): maxima of the smoothed log √(A₃/A₂) that rise by [`PROMINENCE`] over the
@@ -70,8 +80,9 @@ pub fn protrusions(solver: &Solver, poles: &[u32], breadth: Breadth) -> Result<V
         Breadth::Limbs => LIMB_SMOOTHING,
         Breadth::Fingers => FINGER_SMOOTHING,
     };
-    let harmonic = solver.v(poles);
+    let harmonic = solver.v(poles)?;
     let raw = log_scale(solver, &harmonic, poles);
+    solver.make_room();
     let smooth = Smoother::new(&solver.laplacian, time)?.smooth(&solver.laplacian, &raw);
     let mut tips = prominent_maxima(&solver.mesh, &smooth, PROMINENCE);
     tips.retain(|&v| !solver.on_boundary[v as usize]);
@@ -127,10 +138,10 @@ fn prominent_maxima(mesh: &TriMesh, value: &[f64], prominence: f64) -> Vec<u32> 
 }
 
 /// The interior vertex at which the solution of −Δx = 1, x = 0 on the boundary, is largest.
-fn torsion_centre(solver: &Solver) -> u32 {
-    let x = solver.poisson(solver.laplacian.masses.clone());
+fn torsion_centre(solver: &Solver) -> Result<u32, SolveError> {
+    let x = solver.poisson(solver.laplacian.masses.clone())?;
     let inside = (0..x.len() as u32).filter(|&v| !solver.on_boundary[v as usize]);
-    inside.max_by(|&a, &b| x[a as usize].total_cmp(&x[b as usize]).then(b.cmp(&a))).unwrap_or(0)
+    Ok(inside.max_by(|&a, &b| x[a as usize].total_cmp(&x[b as usize]).then(b.cmp(&a))).unwrap_or(0))
 }
 
 /// log √(A₃/A₂) at each vertex: how much larger its faces are on the surface than on the unit disc (or, closed
@@ -296,10 +307,10 @@ mod tests {
     #[test]
     fn a_triangle_between_three_boundary_vertices_is_not_infinitely_large() {
         // Two corners of a grid are such triangles: v is 0 on them.
-        let (solver, ()) =
+        let (solver, _) =
             Solver::beside(Arc::new(grid(12, 12, false, false)), Topology::Disc, |_| ()).expect("solvable");
         let middle = 13 * 6 + 6;
-        let scale = log_scale(&solver, &solver.v(&[middle]), &[middle]);
+        let scale = log_scale(&solver, &solver.v(&[middle]).expect("solvable"), &[middle]);
         assert!(scale.iter().all(|x| x.abs() < 20.0), "{scale:?}");
     }
 }

@@ -24,6 +24,7 @@ use super::homology::{Generator, generators};
 use super::linking::linking_number;
 use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
+use crate::numerics::SolveError;
 
 /// How far dual loops are pushed outwards, in √area of their triangle.
 const OUTWARD: f64 = 1e-3;
@@ -51,7 +52,7 @@ type Class = [i64; 2];
 pub fn lattice(solver: &Solver) -> Result<Lattice, UnfoldError> {
     let mesh = &solver.mesh;
     let found = generators(mesh).ok_or(UnfoldError::NotTorus)?;
-    let forms = [0, 1].map(|k| Form::new(solver, &found[k]));
+    let forms = [Form::new(solver, &found[0])?, Form::new(solver, &found[1])?];
     let wedge = wedge(mesh, &found);
     let gram = |a: Class, b: Class| {
         let inner = |i: usize, j: usize| a[i] as f64 * b[j] as f64 * inner(solver, &forms[i], &forms[j]);
@@ -87,7 +88,7 @@ struct Form {
 
 impl Form {
     /// The harmonic form with the periods of a generator's crossings.
-    fn new(solver: &Solver, generator: &Generator) -> Self {
+    fn new(solver: &Solver, generator: &Generator) -> Result<Self, SolveError> {
         let t = &solver.laplacian.triangulation;
         let mut carried: Vec<i32> = generator.crossings.iter().map(|c| -c).collect();
         t.carry(&solver.mesh, &mut carried, &[]);
@@ -97,7 +98,7 @@ impl Form {
             right[t.tails[h] as usize] -= flow;
             right[t.head(h as u32) as usize] += flow;
         }
-        Self { x: solver.poisson(right), carried }
+        Ok(Self { x: solver.poisson(right)?, carried })
     }
 
     fn along(&self, a: u32, b: u32, h: usize) -> f64 {

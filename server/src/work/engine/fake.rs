@@ -104,12 +104,12 @@ impl Engine for FakeEngine {
                     script.numbers.push(number(value)?);
                     let topology = topology.parse().map_err(|_| unreadable(at + 1, line))?;
                     // As many as make it worth an example.
-                    segments.push(ModelSegment { topology, faces: 100, holes: 0 });
+                    segments.push(ModelSegment { topology, faces: 100, form: 100, holes: 0 });
                 }
                 ["part", topology, value] if cut.besides != Besides::Nothing => {
                     script.numbers.push(number(value)?);
                     let topology = topology.parse().map_err(|_| unreadable(at + 1, line))?;
-                    segments.push(ModelSegment { topology, faces: 50, holes: 0 });
+                    segments.push(ModelSegment { topology, faces: 50, form: 50, holes: 0 });
                     parts += 1;
                 }
                 ["part", _, _] => {}

@@ -199,8 +199,8 @@ impl SegmentSearch<'_> {
     fn is_open(&self, candidates: &[Candidate]) -> bool {
         let segments = &self.live.model.segments;
         let (Some(own), Some(first)) = (segments.get(self.segment), candidates.first()) else { return false };
-        let faces: u64 = segments.iter().map(|s| s.faces).sum();
-        let is_worth_it = own.faces >= FACES_CHOSEN_MIN && own.faces as f64 >= SHARE_MIN * faces as f64;
+        let all: u64 = segments.iter().map(|s| s.form).sum();
+        let is_worth_it = own.form >= FACES_CHOSEN_MIN && own.form as f64 >= SHARE_MIN * all as f64;
         // A part of a picture tells little, and so does the picture of what was cut.
         let is_cut = first.resident.facts.topology != own.topology;
         let is_unsure = first.score > UNSURE || own.holes > HOLES_SURE || is_cut;

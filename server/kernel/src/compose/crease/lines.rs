@@ -33,6 +33,10 @@ const ROUNDS: usize = 6;
 const SIZE_POINTS: usize = 12;
 /// A chain from which the net is farther than this on average, in h, is passed by.
 const PASSED_MAX: f64 = 1.5;
+/// Segments of a line that have a box together, so that those far from a point are passed over. *Untuned.*
+const BLOCK: usize = 32;
+/// Room for rounding in what bounds a distance, as a share of a line's length.
+const ROOM: f64 = 1e-9;
 
 /// Where lines meet, end or turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,6 +63,8 @@ pub enum Place {
 pub struct Line {
     points: Vec<Vec3>,
     starts: Vec<f64>,
+    /// The box of each [`BLOCK`] of segments.
+    boxes: Vec<[Vec3; 2]>,
     /// Corners at its ends; `None` for a closed line.
     pub ends: Option<[usize; 2]>,
     /// The net's edge length along it.
@@ -80,7 +86,12 @@ impl Line {
         for pair in points.windows(2) {
             starts.push(starts[starts.len() - 1] + (pair[1] - pair[0]).norm());
         }
-        Self { points, starts, ends, edge }
+        let of_block = |first: usize| {
+            let block = &points[first..points.len().min(first + BLOCK + 1)];
+            block.iter().fold([points[first]; 2], |[low, high], x| [low.inf(x), high.sup(x)])
+        };
+        let boxes = (0..points.len().saturating_sub(1)).step_by(BLOCK).map(of_block).collect();
+        Self { points, starts, boxes, ends, edge }
     }
 
     /// Its length.
@@ -99,10 +110,28 @@ impl Line {
         a.lerp(&b, ((s - self.starts[k - 1]) / span).clamp(0.0, 1.0))
     }
 
-    /// The nearest point to `x`.
+    /// The nearest point to `x`, of several the first.
     pub fn nearest(&self, x: Vec3) -> Near {
+        let away = |[low, high]: &[Vec3; 2]| (low - x).sup(&(x - high)).sup(&Vec3::zeros()).norm_squared();
+        let least: Vec<f64> = self.boxes.iter().map(away).collect();
+        let first = (0..least.len()).min_by(|&a, &b| least[a].total_cmp(&least[b]));
+        // What the block with the nearest box has bounds what is worth a look.
+        let reach = first.map_or(0.0, |first| self.nearest_in(first, x).distance) + ROOM * self.length();
+        let blocks = (0..least.len()).filter(|&block| least[block] <= reach * reach);
+        self.nearest_of(blocks, x)
+    }
+
+    fn nearest_of(&self, blocks: impl Iterator<Item = usize>, x: Vec3) -> Near {
+        let none = Near { at: 0.0, distance: f64::INFINITY };
+        let nearest = blocks.map(|block| self.nearest_in(block, x));
+        nearest.fold(none, |best, near| if near.distance < best.distance { near } else { best })
+    }
+
+    /// The nearest point to `x` of a block of segments.
+    fn nearest_in(&self, block: usize, x: Vec3) -> Near {
         let mut best = Near { at: 0.0, distance: f64::INFINITY };
-        for (pair, start) in self.points.windows(2).zip(&self.starts) {
+        let segments = self.points.windows(2).zip(&self.starts).skip(block * BLOCK).take(BLOCK);
+        for (pair, start) in segments {
             let d = pair[1] - pair[0];
             let share = nearest_share([pair[0], pair[1]], x);
             let distance = (pair[0] + d * share - x).norm();
@@ -390,6 +419,17 @@ pub(super) mod tests {
         let near = line.nearest(Vec3::new(0.6, 0.25, 0.0));
         assert!((near.distance - 0.1).abs() < 1e-12);
         assert!((line.point(near.at) - Vec3::new(0.5, 0.25, 0.0)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn the_nearest_point_of_a_long_line_is_that_of_all_its_segments() {
+        let at = |k: f64| Vec3::new(k.cos() * k, (0.7 * k).sin() * k, 0.3 * k);
+        let points: Vec<Vec3> = (0..500).map(|k| at(0.1 * f64::from(k))).collect();
+        let line = Line::new(points.clone(), Some([0, 1]), 0.1);
+        let aside = |k: i32| at(0.0931 * f64::from(k)) + Vec3::new(f64::from(k % 7) - 3.0, 1.0, f64::from(k % 5));
+        for x in points.iter().copied().chain((0..500).map(aside)) {
+            assert_eq!(line.nearest(x), line.nearest_of(0..line.boxes.len(), x));
+        }
     }
 
     #[test]

@@ -87,9 +87,10 @@ impl State {
                 let middle = (self.mesh.at(self.mesh.tail(h)) + self.mesh.at(self.mesh.head(h))) / 2.0;
                 self.mesh.split(h, middle);
                 splits += 1;
-            }
-            if self.mesh.triangles.len() > triangles_max {
-                return false;
+                // A pass over needles would make three of each.
+                if self.mesh.triangles.len() > triangles_max {
+                    return false;
+                }
             }
             if splits == 0 {
                 break;

@@ -66,8 +66,12 @@ pub(super) fn model(inner: pipeline::Model) -> Model {
 }
 
 fn segments(model: &pipeline::Model) -> Vec<ModelSegment> {
-    let segment =
-        |s: pipeline::Segment| ModelSegment { topology: topology_out(s.topology), faces: s.faces, holes: s.holes };
+    let segment = |pipeline::Segment { topology, faces, form, holes }| ModelSegment {
+        topology: topology_out(topology),
+        faces,
+        form,
+        holes,
+    };
     model.segments().into_iter().map(segment).collect()
 }
 
