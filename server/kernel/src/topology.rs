@@ -11,7 +11,7 @@ use crate::numerics::stop;
 use std::fmt;
 
 use crate::mesh::tri::{NONE, TriMesh, pair_halfedges};
-pub use primitive::{Components, closed, gapped, primitive, with_two_ends};
+pub use primitive::{Components, closed, gapped, primitive, with_gaps_filled, with_two_ends};
 
 /// Below one triangle for so many vertices of the mesh, its triangles are looked at alone and not the mesh.
 const SUBMESH_SMALL: usize = 16;

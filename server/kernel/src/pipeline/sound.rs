@@ -8,7 +8,7 @@ use crate::compose::apart::{owned, scale};
 use crate::measure::sound::ReferenceSurface;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::{NONE, PolyMesh, TriMesh, Vec3};
-use crate::topology::holes::filled;
+use crate::topology::with_gaps_filled;
 
 /// What is no flaw of a composition, since its maps are so on purpose. Shares from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -44,6 +44,7 @@ pub(crate) fn check(mapped: &mut Mapped, query: &Side) {
     } else {
         let surface: &TriMesh = &query.encoded.query.chart.mesh;
         ReferenceSurface::new(surface.clone())
+            .with_gaps(inner.patch(query.segment).ok().and_then(with_gaps_filled).into_iter())
             .flaws(&mapped.mesh, &mapped.reach.bridging)
             .reasons(1.0 - mapped.reach.covers.input, mapped.reach.spanned)
     };
@@ -57,8 +58,7 @@ pub(crate) fn check(mapped: &mut Mapped, query: &Side) {
 pub fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Appraisal {
     let ground = query.ground();
     let surface = owned(ground.input());
-    let with_gaps = query.segmented.parts.iter().filter(|part| !part.holes.is_empty());
-    let filled = with_gaps.map(|part| filled(&part.mesh, &part.holes));
+    let filled = query.segmented.parts.iter().filter_map(with_gaps_filled);
     let flaws = ReferenceSurface::new(surface.into_owned()).with_gaps(filled).flaws(&made.mesh, &made.bridging);
     let tree = Bvh::new(ground.input().surface);
     // The segment on which a face stands: that at its middle.
@@ -137,6 +137,27 @@ mod tests {
             extraordinary_before: 0,
             notes: Vec::new(),
         }
+    }
+
+    #[test]
+    fn the_shorter_end_of_a_tube_may_be_bridged() {
+        let far = |x: f64| (x + 0.2).abs() > 0.25;
+        let kept = |line: &&str| !line.starts_with("f ");
+        let text = dome(40);
+        let vertices: String = text.lines().filter(kept).map(|line| format!("{line}\n")).collect();
+        let places: Vec<Vec<f64>> = vertices
+            .lines()
+            .map(|line| line.split(' ').skip(1).map(|x| x.parse().expect("a number")).collect())
+            .collect();
+        let is_far = |line: &&str| {
+            let mut corners = line.split(' ').skip(1).map(|v| v.parse::<usize>().expect("a number") - 1);
+            line.starts_with("f ") && corners.any(|v| far(places[v][0]) || far(places[v][1]))
+        };
+        let faces: String = text.lines().filter(is_far).map(|line| format!("{line}\n")).collect();
+        let (input, layout) = (read(&(vertices + &faces)), read(&dome(12)));
+        assert_eq!(input.segments()[0].topology, crate::topology::Topology::Annulus);
+        let made = appraise(&input, &stitched((*layout.mesh).clone(), true), Allowed::default());
+        assert!(made.flaws.is_empty(), "{made:?}");
     }
 
     #[test]

@@ -5,8 +5,8 @@
 //! count is the product of three, each of which is 1 for what an artist made or a scanner saw:
 //! - of needles: a face counts as the disc in it is of the disc about it, min(1, (q / q₀)²), with q = 4√3 A / Σ l² its
 //!   quality, 1 where its sides are equal;
-//! - of strips and sieves: with w = min(A / D, 4 A / L) the mean width of the surface (D its diagonal, L the length of its
-//!   rims), faces count in so many squares of that width;
+//! - of strips and sieves: with w = A / D the mean width of the surface (D its diagonal), faces count in so many squares of
+//!   that width; so they do in squares of w = 4 A / L (L the length of its rims), the mean width between its rims;
 //! - of noise: where most faces turn against their neighbours, those count that lie in pieces where they don't.
 //!
 //! So twice as many faces of the same form are worth the same work. *Ours, not the paper's.*
@@ -19,9 +19,11 @@ use super::connected_across;
 
 /// q₀: faces of less are needles. Of the scans that results are measured on at most .3 % are. *Untuned.*
 const QUALITY_MIN: f64 = 0.1;
-/// Squares of its mean width that a surface is worth at most. The scans that results are measured on have 1 to 4, those
-/// made of views, which are full of gaps, up to 38 by their rims (`service-2026-11-25c`). *Untuned.*
+/// Squares of its mean width that a surface is worth at most, and of the mean width between its rims. The scans that results are
+/// measured on have 1 to 4, those made of views, which are full of gaps, up to 38 by their rims (`service-2026-11-25c`).
+/// *Untuned.*
 const SQUARES: f64 = 5.0;
+const SQUARES_BETWEEN_RIMS: f64 = 40.0;
 /// cos 45°: neighbours that turn more do not go on in each other.
 const GOES_ON: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Triangles of a piece that goes on. In noise whose slopes are 1 and more hardly a piece has as many. *Untuned.*
@@ -48,7 +50,7 @@ fn round(mesh: &TriMesh) -> f64 {
     mesh.triangles.iter().map(worth).sum::<f64>() / mesh.triangles.len().max(1) as f64
 }
 
-/// The share of its area that so many squares of its mean width have.
+/// The share of its area that so many squares of its mean widths have.
 fn squares(mesh: &TriMesh) -> f64 {
     let area = mesh.total_area();
     let place = |v: u32| mesh.positions[v as usize];
@@ -58,10 +60,10 @@ fn squares(mesh: &TriMesh) -> f64 {
     let low = used().fold(Vec3::repeat(f64::INFINITY), |low, x| low.inf(&x));
     let high = used().fold(Vec3::repeat(f64::NEG_INFINITY), |high, x| high.sup(&x));
     let across = area / (high - low).norm();
-    // A sum of nothing is -0.
-    let width = if rims > 0.0 { across.min(4.0 * area / rims) } else { across };
-    // Of no area there is no width.
-    let share = SQUARES * width * width / area;
+    let share = |squares: f64, width: f64| squares * width * width / area;
+    // Of no area there is no width. A sum of nothing is -0.
+    let of_rims = if rims > 0.0 { share(SQUARES_BETWEEN_RIMS, 4.0 * area / rims) } else { 1.0 };
+    let share = share(SQUARES, across).min(of_rims);
     if share.is_finite() { share.min(1.0) } else { 0.0 }
 }
 
@@ -138,7 +140,7 @@ mod tests {
             crate::topology::submesh(&whole, &kept).0
         };
         assert_eq!(share_of_form(&sieve(25)), 1.0);
-        assert!(worth(&sieve(2)) < 256.0, "{}", worth(&sieve(2)));
+        assert!(worth(&sieve(2)) < 1024.0, "{}", worth(&sieve(2)));
     }
 
     #[test]

@@ -6,6 +6,7 @@
 //! A tube one of whose two loops is a hole is a disc: a face with a gap. Else a surface that is a primitive as it is stays so, whatever
 //! its loops; of a scan, [`closed`] counts the only loop as a hole, too. *Ours, not the paper's.*
 
+use super::holes::filled;
 use super::{Patch, Topology, TopologyError, classify, components, invariants, submesh};
 use crate::mesh::tri::TriMesh;
 
@@ -103,6 +104,17 @@ pub fn closed(patch: Patch) -> Patch {
         (holes, 0) => Patch { topology: Topology::Sphere, holes, ..patch },
         _ => patch,
     }
+}
+
+/// A patch with its holes filled, and the shorter end of a tube, which examples without that end may bridge; `None` where there is
+/// nothing to fill.
+pub fn with_gaps_filled(patch: &Patch) -> Option<TriMesh> {
+    let mut gaps = patch.holes.clone();
+    if patch.topology == Topology::Annulus {
+        let ends = patch.mesh.boundary_loops().into_iter().filter(|edges| !patch.holes.contains(edges));
+        gaps.extend(ends.min_by(|a, b| length(&patch.mesh, a).total_cmp(&length(&patch.mesh, b))));
+    }
+    (!gaps.is_empty()).then(|| filled(&patch.mesh, &gaps))
 }
 
 /// The component of most area, if the policy lets the others go.
