@@ -366,7 +366,13 @@ async fn settled(
     ui: &mut Ui,
 ) -> Result<Outcome, ClientError> {
     let named = if map.verdict.is_poor() { &[][..] } else { std::slice::from_ref(&map) };
-    let composition = stitched(query, &new_composition(named, wish), api, ui).await?;
+    let composition = match stitched(query, &new_composition(named, wish), api, ui).await {
+        Err(error) if is_late(&error) && !map.verdict.is_poor() => {
+            ui.note(&format!("it is as it was mapped: {}", error.message()));
+            return Ok(Outcome::Map(Box::new(map), name.into()));
+        }
+        stitched => stitched?,
+    };
     if composition.notes.iter().any(|note| note == AS_MAPPED) {
         return Ok(Outcome::Map(Box::new(map), name.into()));
     }

@@ -90,9 +90,8 @@ impl State {
             return false;
         };
         let content = content(&entry.bytes);
-        let is_known = |slot: &Slot| {
-            slot.position > entry.position || slot.position == entry.position && slot.content == content
-        };
+        let is_known =
+            |slot: &Slot| slot.position > entry.position || slot.position == entry.position && slot.content == content;
         if self.slots.get(&identity).is_some_and(is_known) {
             return false;
         }

@@ -132,7 +132,9 @@ pub(crate) fn judge(
     let differing = || {
         let told: Vec<BTreeMap<ExampleId, String>> = all
             .iter()
-            .map(|server| server.snapshot().examples.iter().map(|e| (e.id, format!("{} {}", e.revision, e.name))).collect())
+            .map(|server| {
+                server.snapshot().examples.iter().map(|e| (e.id, format!("{} {}", e.revision, e.name))).collect()
+            })
             .collect();
         let ids: BTreeSet<ExampleId> = told.iter().flat_map(|one| one.keys().copied()).collect();
         let of = |id: &ExampleId| told.iter().map(|one| one.get(id).cloned()).collect::<Vec<_>>();

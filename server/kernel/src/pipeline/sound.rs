@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn the_shorter_end_of_a_tube_may_be_bridged() {
+    fn an_end_of_a_tube_may_be_bridged() {
         let far = |x: f64| (x + 0.2).abs() > 0.25;
         let kept = |line: &&str| !line.starts_with("f ");
         let text = dome(40);

@@ -16,6 +16,8 @@ use crate::topology::{self, invariants, split_pinched};
 
 /// A handle with a shorter loop, in √area, is noise. *Untuned:* ankles, which are not, have some .15.
 const SHORT: f64 = 0.1;
+/// So is one with a loop of so many edges of the usual length: it has no form. *Untuned.*
+const EDGES: f64 = 5.0;
 /// Trees that are looked through at most, and roots of which none shows a short loop until what is left is taken for no noise.
 const TREES: usize = 24;
 const FRUITLESS_MAX: usize = 3;
@@ -27,7 +29,10 @@ pub fn without_small(surface: &TriMesh) -> Option<(TriMesh, usize)> {
         return None;
     }
     let (area, triangle_of) = by_area(surface).into_iter().next()?;
-    let most = SHORT * area.sqrt();
+    let edge =
+        |h: u32| (surface.positions[surface.head(h) as usize] - surface.positions[surface.tail(h) as usize]).norm();
+    let edges = surface.twins.len() as u32;
+    let most = (SHORT * area.sqrt()).max(EDGES * (0..edges).map(edge).sum::<f64>() / f64::from(edges));
     let mut mesh = surface.clone();
     let (mut cuts, mut fruitless) = (0, 0);
     for _ in 0..TREES {

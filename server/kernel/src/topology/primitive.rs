@@ -106,14 +106,11 @@ pub fn closed(patch: Patch) -> Patch {
     }
 }
 
-/// A patch with its holes filled, and the shorter end of a tube, which examples without that end may bridge; `None` where there is
-/// nothing to fill.
+/// A patch with its holes filled, and both ends of a tube, of which examples with fewer ends may bridge one, a long slit as well as a
+/// short opening; `None` where there is nothing to fill.
 pub fn with_gaps_filled(patch: &Patch) -> Option<TriMesh> {
-    let mut gaps = patch.holes.clone();
-    if patch.topology == Topology::Annulus {
-        let ends = patch.mesh.boundary_loops().into_iter().filter(|edges| !patch.holes.contains(edges));
-        gaps.extend(ends.min_by(|a, b| length(&patch.mesh, a).total_cmp(&length(&patch.mesh, b))));
-    }
+    let is_tube = patch.topology == Topology::Annulus;
+    let gaps = if is_tube { patch.mesh.boundary_loops() } else { patch.holes.clone() };
     (!gaps.is_empty()).then(|| filled(&patch.mesh, &gaps))
 }
 
@@ -229,7 +226,8 @@ mod tests {
         let mut long = grid(20, 20, true, false);
         long.positions.iter_mut().for_each(|p| p.z *= 400.0);
         assert_eq!(told(&long), (Topology::Annulus, vec![]));
-        let window: Vec<u32> = (0..800).filter(|t| matches!(t / 2 % 20, 5..14) && (4..14).contains(&(t / 40))).collect();
+        let window: Vec<u32> =
+            (0..800).filter(|t| matches!(t / 2 % 20, 5..14) && (4..14).contains(&(t / 40))).collect();
         assert_eq!(told(&without(&sheet, &window)), (Topology::Annulus, vec![]));
     }
 
