@@ -60,7 +60,10 @@ pub(super) async fn choose(
     }
     match told {
         // The example may stand below the entries that are shown.
-        Some(told) => fitting(&api.example(told.example).await?, number, segment.topology),
+        Some(told) => {
+            let is_alone = query.segments.len() == 1;
+            fitting(&api.example(told.example).await?, number, (segment.topology, is_alone))
+        }
         None => Err(ClientError::NothingRanked { segment: number, topology: segment.topology.to_string() }),
     }
 }
@@ -91,13 +94,14 @@ fn best(ranking: &Ranking, segment: u32, told: Option<ExampleRef>) -> Option<Cho
 }
 
 /// The first segment of the example that has the topology, or that can be laid on a part of the input; a part of what is there
-/// whole, too, only at last.
-fn fitting(example: &Example, segment: u32, topology: Topology) -> Result<Choice, ClientError> {
-    // Of a disc and a closed surface one may lie on a part of the other, and either on what was cut at two places.
+/// whole, too, only at last. `is_alone`: whether the segment is all of the scan.
+fn fitting(example: &Example, segment: u32, (topology, is_alone): (Topology, bool)) -> Result<Choice, ClientError> {
+    // Of a disc and a closed surface one may lie on a part of the other, and either on all of a scan that was cut at two places.
+    let is_cut = is_alone && topology == Topology::Annulus;
     let has_caps = |topology| matches!(topology, Topology::Disc | Topology::Sphere);
     let (parts, wholes): (Vec<_>, Vec<_>) = example.segments.iter().partition(|segment| segment.is_part);
     let same = wholes.iter().find(|candidate| candidate.topology == topology);
-    let found = same.or_else(|| wholes.iter().find(|c| has_caps(c.topology) && topology != Topology::Torus));
+    let found = same.or_else(|| wholes.iter().find(|c| has_caps(c.topology) && (is_cut || has_caps(topology))));
     let found = found.or_else(|| parts.iter().find(|candidate| candidate.topology == topology));
     let Some(found) = found else {
         let article = if topology == Topology::Annulus { "an" } else { "a" };
@@ -128,16 +132,18 @@ mod tests {
 
     #[test]
     fn an_example_below_the_ranking_is_taken_by_its_topology() {
-        let annulus = fitting(&head(), 4, Topology::Annulus).expect("it has one");
+        let annulus = fitting(&head(), 4, (Topology::Annulus, false)).expect("it has one");
         assert_eq!((annulus.new.segment, annulus.new.example_segment), (4, 1));
-        let cap = fitting(&head(), 4, Topology::Sphere).expect("a disc may lie on a part of it");
+        let cap = fitting(&head(), 4, (Topology::Sphere, false)).expect("a disc may lie on a part of it");
         assert_eq!((cap.new.segment, cap.new.example_segment), (4, 0));
         let mut animal = head();
         animal.segments[0].topology = Topology::Sphere;
         animal.segments[1..].iter_mut().for_each(|segment| segment.is_part = true);
-        let chosen = |topology| fitting(&animal, 0, topology).expect("it can be laid").new.example_segment;
+        let chosen = |topology| fitting(&animal, 0, (topology, false)).expect("it can be laid").new.example_segment;
         assert_eq!([Topology::Sphere, Topology::Disc, Topology::Annulus].map(chosen), [0, 0, 1]);
-        let error = fitting(&head(), 4, Topology::Torus).expect_err("it has none");
+        let whole = fitting(&animal, 0, (Topology::Annulus, true)).expect("a whole animal on what was cut");
+        assert_eq!(whole.new.example_segment, 0);
+        let error = fitting(&head(), 4, (Topology::Torus, true)).expect_err("it has none");
         assert!(error.to_string().contains("a torus"), "{error}");
     }
 }
