@@ -164,6 +164,12 @@ pub trait Engine: Send + Sync + 'static {
     /// [`EngineError`].
     fn newest(&self) -> Result<u64, EngineError>;
 
+    /// How many keys have an entry.
+    ///
+    /// # Errors
+    /// [`EngineError`].
+    fn keys(&self) -> Result<u64, EngineError>;
+
     /// Which nodes lead: another text whenever others do.
     ///
     /// # Errors

@@ -2,7 +2,7 @@
 //!
 //! Deliveries are numbered: those that come too early wait for those before them, and one that stays away begins the
 //! following anew after the last entry that came in order. After an election it begins a little before: an engine that
-//! lost its end writes other entries there.
+//! lost its end writes other entries there. Where fewer keys are known than there are, it begins at the first entry.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,7 +18,7 @@ const QUIET: Duration = Duration::from_millis(500);
 const PAUSES: (Duration, Duration) = (Duration::from_millis(50), Duration::from_secs(2));
 
 /// Positions that are delivered again after an election.
-const AGAIN: u64 = 1024;
+pub(crate) const AGAIN: u64 = 1024;
 /// Deliveries that wait for one before them, at most.
 const EARLY_MAX: usize = 256;
 
@@ -40,7 +40,7 @@ pub(crate) fn run(inner: &Inner, engine: &Arc<dyn Engine>, stopping: &AtomicBool
     let mut pause = PAUSES.0;
     while !stopping.load(Ordering::Relaxed) {
         let before = inner.progress().position;
-        let after = if inner.is_to_follow_anew() { before.saturating_sub(AGAIN) } else { before };
+        let after = before.saturating_sub(inner.steps_back());
         let begun = engine.follow(after);
         let ended = begun.and_then(|mut deliveries| follow(inner, &**engine, &mut *deliveries, stopping));
         match ended {

@@ -7,6 +7,9 @@
 //!
 //! A stream that lost its end gives its positions away again. So that none stands for two entries, it is filled up first
 //! to where this server knows that it was, and followed anew from a little before.
+//!
+//! A follower, too, can be passed over: after a split JetStream 2.9 was seen not to deliver an entry to one of three servers, and to
+//! deliver what came after it. So keys are counted at each look, and all entries are followed again where some are missing.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,6 +20,7 @@ use quadmuse_store::ContentHash;
 
 use crate::cache::Cache;
 use crate::engine::{Engine, EngineError, Entry, Written};
+use crate::follow::AGAIN;
 use crate::inner::Inner;
 use crate::manifest::DOCUMENT;
 
@@ -108,6 +112,10 @@ impl Healer {
                 match self.look(due.is_empty()) {
                     // Until the next election nothing more can go.
                     Ok(true) => due.clear(),
+                    // Someone who knows too little looks on.
+                    Ok(false) if due.is_empty() => {
+                        due.extend(self.looked_after.last().map(|after| Instant::now() + *after))
+                    }
                     Ok(false) => {}
                     Err(error) => {
                         tracing::debug!(%error, "what was written could not be looked for; that is tried again");
@@ -117,10 +125,14 @@ impl Healer {
         }
     }
 
-    /// Looks whether what was written lately is there, and writes again what is not; whether all is there now. `is_last`: an
-    /// engine that is still behind will not catch up.
+    /// Looks whether what was written lately is there, and writes again what is not; whether all is there now, and known here.
+    /// `is_last`: an engine that is still behind will not catch up.
     fn look(&self, is_last: bool) -> Result<bool, EngineError> {
-        self.inner.follow_anew();
+        let is_complete = self.inner.state().keys() >= self.engine.keys()?;
+        self.inner.follow_anew(if is_complete { AGAIN } else { u64::MAX });
+        if !is_complete {
+            tracing::warn!("entries of the engine did not come; all are followed again");
+        }
         for name in self.inner.recent.objects() {
             if self.is_stopping() {
                 return Ok(false);
@@ -138,7 +150,7 @@ impl Healer {
             tracing::warn!(newest, known, "the engine lost the end of its entries; it is filled up");
             newest = self.filled_to(known)?;
         }
-        let mut all = newest >= known;
+        let mut all = is_complete && newest >= known;
         for (key, entry) in self.inner.recent.entries() {
             if self.is_stopping() {
                 return Ok(false);

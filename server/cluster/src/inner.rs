@@ -1,6 +1,6 @@
 //! What the callers and the follower of a shared corpus have in common.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::time::{Duration, Instant};
 
@@ -16,8 +16,8 @@ pub(crate) struct Inner {
     pub(crate) progress: Mutex<Progress>,
     pub(crate) moved: Condvar,
     pub(crate) recent: Recent,
-    /// Whether the entries are to be followed anew.
-    anew: AtomicBool,
+    /// By how many positions before where they are the entries are to be followed anew; 0: they are not.
+    anew: AtomicU64,
     listeners: Mutex<Vec<Listener>>,
     /// When it was opened.
     begun: Instant,
@@ -30,7 +30,7 @@ impl Inner {
             progress: Mutex::new(Progress { position: 0, newest: 0, sure: None, end: None }),
             moved: Condvar::new(),
             recent: Recent::default(),
-            anew: AtomicBool::new(false),
+            anew: AtomicU64::new(0),
             listeners: Mutex::default(),
             begun: Instant::now(),
         }
@@ -77,19 +77,19 @@ impl Inner {
         self.listeners.lock().unwrap_or_else(PoisonError::into_inner).push(listener);
     }
 
-    /// Has the entries followed anew, from a little before where they are.
-    pub(crate) fn follow_anew(&self) {
-        self.anew.store(true, Ordering::Relaxed);
+    /// Has the entries followed anew, from so many positions before where they are.
+    pub(crate) fn follow_anew(&self, before: u64) {
+        self.anew.fetch_max(before, Ordering::Relaxed);
     }
 
     /// Whether they are to be.
     pub(crate) fn is_asked_to_follow_anew(&self) -> bool {
-        self.anew.load(Ordering::Relaxed)
+        self.anew.load(Ordering::Relaxed) > 0
     }
 
-    /// The same, and takes it as done.
-    pub(crate) fn is_to_follow_anew(&self) -> bool {
-        self.anew.swap(false, Ordering::Relaxed)
+    /// From how many positions before, and takes it as done.
+    pub(crate) fn steps_back(&self) -> u64 {
+        self.anew.swap(0, Ordering::Relaxed)
     }
 
     /// Waits until everything up to `position` is in, at most for `timeout`; whether it is.

@@ -416,6 +416,15 @@ impl Engine for JetStream {
         self.wait(DOING, self.end_of(&self.entries, DOING))
     }
 
+    fn keys(&self) -> Result<u64, EngineError> {
+        const DOING: &str = "count its keys";
+        // Of each key it keeps the newest entry alone.
+        self.wait(DOING, async {
+            let info = self.entries.get_info().await.map_err(|error| silent(DOING, error))?;
+            Ok(info.state.messages)
+        })
+    }
+
     fn leader(&self) -> Result<String, EngineError> {
         self.wait(LEADING, async {
             let (entries, objects) = (leader_of(&self.entries).await?, leader_of(&self.objects.stream).await?);

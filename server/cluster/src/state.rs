@@ -63,8 +63,10 @@ pub(crate) struct State {
     newest: u64,
     row_keeper: Option<RowKeeper>,
     snapshot: Option<Arc<Snapshot>>,
-    /// Entries that this release can't read, by key: a sentence each.
+    /// Keys of entries that this release can't read.
     unread: BTreeSet<String>,
+    /// Keys of a newer release, which mean nothing here.
+    foreign: BTreeSet<String>,
 }
 
 impl State {
@@ -87,6 +89,7 @@ impl State {
         }
         let Some(identity) = key.strip_prefix(EXAMPLE).and_then(ContentHash::from_hex) else {
             // Of a newer release; whatever it is, it is no example.
+            self.foreign.insert(key.to_owned());
             return false;
         };
         let content = content(&entry.bytes);
@@ -152,6 +155,12 @@ impl State {
             Some(Slot { position, id: None, .. }) => Some(*position),
             Some(_) => None,
         }
+    }
+
+    /// How many keys it knows an entry of.
+    pub(crate) fn keys(&self) -> u64 {
+        let unread = self.unread.iter().filter(|key| self.position(key) == 0).count();
+        (self.slots.len() + self.documents.len() + self.foreign.len() + unread) as u64
     }
 
     /// The newest position known of a key; 0 if none is.

@@ -183,6 +183,29 @@ fn what_the_engine_acknowledged_and_lost_is_written_again() {
 }
 
 #[test]
+fn whoever_was_passed_over_notices_after_an_election() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let engine = FakeEngine::new(12, Faults::default());
+    let joined = |cache: &str| {
+        let soon = [1, 2, 3].map(|times| Duration::from_millis(50 * times));
+        let options = SharedOptions { looked_after: soon, ..SharedOptions::caching_in(&dir.path().join(cache)) };
+        SharedCorpus::open(Arc::new(engine.clone()), &options).expect("joined")
+    };
+    let (a, b) = (joined("a"), joined("b"));
+    a.add(&small(0).example(), &[]).expect("added");
+    // By those that both begin after the election, too.
+    engine.pass_over_next(2);
+    a.add(&small(1).example(), &[]).expect("added");
+    a.add(&small(2).example(), &[]).expect("added");
+    eventually("the other has what came after", || b.snapshot().examples.len() >= 2);
+    // The healer has to know who led before.
+    std::thread::sleep(Duration::from_millis(2200));
+    assert_eq!(b.snapshot().examples.len(), 2, "one never came");
+    engine.elect();
+    eventually("the other has all", || b.snapshot().examples == a.snapshot().examples);
+}
+
+#[test]
 fn objects_are_collected_when_nobody_needs_them_and_they_are_old() {
     let dir = tempfile::tempdir().expect("a directory");
     let engine = FakeEngine::new(3, Faults::default());

@@ -49,6 +49,10 @@ struct World {
     dice: u64,
     /// Counts the elections.
     term: u64,
+    /// Counts the followings.
+    followings: u64,
+    /// A position that followings before that of a number do not deliver.
+    passed_over: Option<(u64, u64)>,
     /// By how much its clock is behind the servers'.
     clock_behind: Duration,
 }
@@ -128,6 +132,17 @@ impl FakeEngine {
         world.term += 1;
     }
 
+    /// Passes the next entry over, in all followings there are and in so many more.
+    pub(crate) fn pass_over_next(&self, followings: u64) {
+        let mut world = self.shared.world();
+        world.passed_over = Some((world.log.len() as u64 + 1, world.followings + followings + 1));
+    }
+
+    /// Elects another leader.
+    pub(crate) fn elect(&self) {
+        self.shared.world().term += 1;
+    }
+
     /// Sets its clock back, or, as one would see it from here, those of the servers ahead.
     pub(crate) fn set_clock_behind(&self, by: Duration) {
         self.shared.world().clock_behind = by;
@@ -205,6 +220,10 @@ impl Engine for FakeEngine {
         })
     }
 
+    fn keys(&self) -> Result<u64, EngineError> {
+        self.call("count its keys", |world| world.newest.len() as u64)
+    }
+
     fn leader(&self) -> Result<String, EngineError> {
         self.call("tell its leader", |world| world.term.to_string())
     }
@@ -216,7 +235,10 @@ impl Engine for FakeEngine {
 
     fn follow(&self, after: u64) -> Result<Box<dyn Deliveries>, EngineError> {
         self.call("be followed", |_| ())?;
-        Ok(Box::new(Followed { engine: self.clone(), position: after, number: 0, waiting: VecDeque::new() }))
+        let mut world = self.shared.world();
+        world.followings += 1;
+        let following = world.followings;
+        Ok(Box::new(Followed { engine: self.clone(), position: after, following, number: 0, waiting: VecDeque::new() }))
     }
 
     fn add_job(&self, kind: &str, name: &str, payload: &[u8]) -> Result<bool, EngineError> {
@@ -315,6 +337,7 @@ impl Job for Taken {
 struct Followed {
     engine: FakeEngine,
     position: u64,
+    following: u64,
     number: u64,
     waiting: VecDeque<Delivery>,
 }
@@ -327,7 +350,9 @@ impl Followed {
             self.position += 1;
             let (key, bytes) = world.log[self.position as usize - 1].clone();
             // Of each key the newest entry is kept.
-            if world.newest[&key] != self.position {
+            let is_before = |(position, first): (u64, u64)| position == self.position && self.following < first;
+            let is_passed_over = world.passed_over.is_some_and(is_before);
+            if world.newest[&key] != self.position || is_passed_over {
                 continue;
             }
             self.number += 1;

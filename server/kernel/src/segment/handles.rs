@@ -2,14 +2,14 @@
 //!
 //! Shapes that are fused from depth pictures have such handles by the dozen, behind ears and between strands of hair. Each is cut along
 //! a short loop, which leaves two small holes that lie on each other; they count as any others of a scan. All handles are found
-//! at once: the loops of a tree of shortest paths and a tree of the faces that it leaves are a basis, and those of
-//! small handles are short. *Source:* Erickson and Whittlesey 2005 (tree and cotree). *Ours:* many loops of one tree.
+//! at once: the loops of a tree of shortest paths and a tree of the faces that it leaves are a basis. Where one closes there is a
+//! handle, and the shortest loops of what lies about that place are short if the handle is small.
+//! *Source:* Erickson and Whittlesey 2005 (tree and cotree). *Ours:* many loops of one tree, and what lies about them.
 
-use super::distance::spread;
 use super::mended::by_area;
 use super::opened::cut;
-use super::split::loops;
-use crate::mesh::geodesic::Marcher;
+use super::split::{Loop, loops};
+use crate::mesh::Vec3;
 use crate::mesh::tri::{NONE, TriMesh};
 use crate::numerics::stop;
 use crate::topology::{self, invariants, split_pinched};
@@ -18,9 +18,10 @@ use crate::topology::{self, invariants, split_pinched};
 const SHORT: f64 = 0.1;
 /// So is one with a loop of so many edges of the usual length: it has no form. *Untuned.*
 const EDGES: f64 = 5.0;
-/// Trees that are looked through at most, and roots of which none shows a short loop until what is left is taken for no noise.
+/// What lies about a place, in longest loops: each that passes there is in it.
+const ABOUT: f64 = 1.5;
+/// Trees of the whole surface that are looked through at most: handles that lie beside each other are cut one after the other.
 const TREES: usize = 24;
-const FRUITLESS_MAX: usize = 3;
 
 /// The surface with the small handles of its largest component cut, and how many were; `None` where it has none. Vertices keep
 /// their numbers; copies are appended.
@@ -34,22 +35,18 @@ pub fn without_small(surface: &TriMesh) -> Option<(TriMesh, usize)> {
     let edges = surface.twins.len() as u32;
     let most = (SHORT * area.sqrt()).max(EDGES * (0..edges).map(edge).sum::<f64>() / f64::from(edges));
     let mut mesh = surface.clone();
-    let (mut cuts, mut fruitless) = (0, 0);
+    let mut cuts = 0;
     for _ in 0..TREES {
         stop::ask();
         let (part, _) = topology::submesh(&mesh, &triangle_of);
-        let found = invariants(&part);
-        if found.genus < 1 {
+        if invariants(&part).genus < 1 {
             break;
         }
-        let roots = spread(&Marcher::new(&part), 1 + fruitless);
-        let Some(root) = roots.last() else { break };
-        let rings = apart(loops(&part, root.0), most, part.positions.len());
+        let of_tree = loops(&part, part.triangles[0][0]);
+        let about = of_tree.iter().flat_map(|found| about(&part, found.closes_at, ABOUT * most)).collect::<Vec<Loop>>();
+        let rings = apart(&part, of_tree.into_iter().chain(about).collect(), most);
         if rings.is_empty() {
-            fruitless += 1;
-            if fruitless == FRUITLESS_MAX {
-                break;
-            }
+            break;
         }
         cuts += rings.len();
         let edges = rings.iter().flat_map(|ring| (0..ring.len()).map(move |k| [ring[k], ring[(k + 1) % ring.len()]]));
@@ -61,17 +58,41 @@ pub fn without_small(surface: &TriMesh) -> Option<(TriMesh, usize)> {
     (cuts > 0).then_some((mesh, cuts))
 }
 
-/// The shortest loops, none longer than `most`, no two of which share a vertex.
-fn apart(mut loops: Vec<(f64, Vec<u32>)>, most: f64, vertices: usize) -> Vec<Vec<u32>> {
-    loops.retain(|(length, _)| *length <= most);
-    loops.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let mut is_taken = vec![false; vertices];
+/// The loops of what lies within a distance of a vertex, joined to it.
+fn about(mesh: &TriMesh, vertex: u32, reach: f64) -> Vec<Loop> {
+    let at = mesh.positions[vertex as usize];
+    let is_near = |v: &u32| (mesh.positions[*v as usize] - at).norm() <= reach;
+    let near: Vec<u32> =
+        (0..mesh.triangles.len() as u32).filter(|&t| mesh.triangles[t as usize].iter().all(is_near)).collect();
+    stop::pass(mesh.triangles.len());
+    let (region, _) = topology::submesh(mesh, &near);
+    let own = topology::pieces(&region)
+        .into_iter()
+        .find(|set| set.iter().any(|&t| mesh.triangles[near[t as usize] as usize].contains(&vertex)));
+    let Some(own) = own else { return Vec::new() };
+    let triangles: Vec<u32> = own.iter().map(|&t| near[t as usize]).collect();
+    let (region, vertex_of) = topology::submesh(mesh, &triangles);
+    let Some(root) = vertex_of.iter().position(|&v| v == vertex) else { return Vec::new() };
+    let whole = |v: &u32| vertex_of[*v as usize];
+    let found = loops(&region, root as u32).into_iter();
+    found.map(|l| Loop { ring: l.ring.iter().map(whole).collect(), closes_at: whole(&l.closes_at), ..l }).collect()
+}
+
+/// The shortest loops, none longer than `most`, and none so near to another that both may go around one handle: cut along two such,
+/// the surface would fall into two.
+fn apart(mesh: &TriMesh, mut loops: Vec<Loop>, most: f64) -> Vec<Vec<u32>> {
+    loops.retain(|found| found.length <= most);
+    loops.sort_by(|a, b| a.length.total_cmp(&b.length).then(a.ring.cmp(&b.ring)));
+    let mut is_taken = vec![false; mesh.positions.len()];
     let mut chosen = Vec::new();
-    for (_, ring) in loops {
-        if ring.iter().all(|&v| !is_taken[v as usize]) {
-            ring.iter().for_each(|&v| is_taken[v as usize] = true);
-            chosen.push(ring);
+    for Loop { ring, .. } in loops {
+        if ring.iter().any(|&v| is_taken[v as usize]) {
+            continue;
         }
+        let at = mesh.positions[ring[0] as usize];
+        let is_near = |x: &Vec3| (x - at).norm() <= 2.0 * ABOUT * most;
+        is_taken.iter_mut().zip(&mesh.positions).for_each(|(taken, x)| *taken |= is_near(x));
+        chosen.push(ring);
     }
     chosen
 }

@@ -144,12 +144,22 @@ fn around_handle(mesh: &TriMesh, genus: i64) -> Option<Vec<u32>> {
 
 /// Length and vertices of the shortest loop through the tree of shortest paths from `base` that does not separate.
 fn shortest_loop(mesh: &TriMesh, base: u32) -> Option<(f64, Vec<u32>)> {
-    loops(mesh, base).pop()
+    loops(mesh, base).pop().map(|found| (found.length, found.ring))
 }
 
-/// Length and vertices of the loops through the tree of shortest paths from `base` that together do not separate, one for each way
-/// around or through a handle; the shortest way from `base` last.
-pub(super) fn loops(mesh: &TriMesh, base: u32) -> Vec<(f64, Vec<u32>)> {
+/// A loop along edges.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Loop {
+    pub(super) length: f64,
+    /// Its vertices.
+    pub(super) ring: Vec<u32>,
+    /// The vertex farthest from the root of the tree that it was found by.
+    pub(super) closes_at: u32,
+}
+
+/// The loops through the tree of shortest paths from `base` that together do not separate, one for each way around or through a
+/// handle; the shortest way from `base` last.
+pub(super) fn loops(mesh: &TriMesh, base: u32) -> Vec<Loop> {
     let (distance, reached_from) = edge_paths(mesh, base);
     // Faces, and beyond them the boundary loops as if each were filled by one face.
     let faces = mesh.triangles.len();
@@ -196,7 +206,7 @@ pub(super) fn loops(mesh: &TriMesh, base: u32) -> Vec<(f64, Vec<u32>)> {
         ring.extend(two.get(shared..)?.iter().rev());
         let at = |k: usize| mesh.positions[ring[k % ring.len()] as usize];
         let length = (0..ring.len()).map(|k| (at(k + 1) - at(k)).norm()).sum();
-        (ring.len() >= 3).then_some((length, ring))
+        (ring.len() >= 3).then_some(Loop { length, ring, closes_at: mesh.head(h) })
     };
     closing.into_iter().filter_map(ring).collect()
 }
