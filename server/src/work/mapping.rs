@@ -2,7 +2,7 @@
 //!
 //! An example that was passed over at a coarse level is first registered through the levels it missed.
 
-use super::engine::{Encoding, EngineError, Lead, Mapped, Refusal, Side, Wishes};
+use super::engine::{Encoding, Engine, EngineError, Lead, Mapped, Refusal, Side, Wishes};
 use super::ingest;
 use super::making::{self, Making, Tell, untold};
 use super::query::{LiveQuery, MAPS_MAX, ms_since};
@@ -141,8 +141,7 @@ async fn made(
     let (example, segment) = (work.catalogue.example(wanted.example)?, wanted.example_segment);
     let query = live.encoded(wanted.segment).await?;
     tell("comparing the example with the scan", 0.1);
-    let input = live.model.mesh.faces.len() as u64 * MEMORY_PER_INPUT_FACE;
-    let estimate = work.engine.memory_estimate(example.bytes) + input;
+    let estimate = memory_of(&*work.engine, example.bytes, live.model.mesh.faces.len());
     let job = work.admit(live.caller.user, estimate, REQUEST_TIME_MAX)?;
     let encoding = Arc::new(query.encoding.clone());
     let candidate = registered(work, &job, live, &wanted, &encoding).await?;
@@ -374,5 +373,23 @@ fn summary(
         reasons: mapped.reasons.clone(),
         evidence: mapped.evidence,
         timings,
+    }
+}
+
+/// What a map takes, in bytes: what its example takes, which is read, and its input, on which it settles.
+fn memory_of(engine: &dyn Engine, example_bytes: u64, input_faces: usize) -> u64 {
+    engine.memory_estimate(example_bytes) + input_faces as u64 * MEMORY_PER_INPUT_FACE
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::work::engine::fake::FakeEngine;
+
+    #[test]
+    fn a_map_is_paid_for_with_what_its_input_and_its_example_take() {
+        let of = |bytes, faces| memory_of(&FakeEngine, bytes, faces);
+        assert_eq!(of(900, 0) - of(0, 0), FakeEngine.memory_estimate(900) - FakeEngine.memory_estimate(0));
+        assert_eq!(of(900, 100_000) - of(900, 0), 100_000 * MEMORY_PER_INPUT_FACE);
     }
 }

@@ -401,27 +401,3 @@ async fn what_nobody_asks_for_is_let_go_and_what_was_made_of_it_is_held_longer()
     // The upload may still be put away, for who starts the query again.
     assert!(bench.work.pool.admission().used().bytes < 100);
 }
-
-#[tokio::test]
-async fn a_map_is_paid_for_with_what_its_input_and_its_example_take() {
-    // Three parts of four are one user's share: 12,750 bytes.
-    let bench = Bench::with(Admission::new(17_000, 32));
-    bench.add("short", "segment disc 1").await;
-    bench.add("long", &format!("segment disc 1{}", "\n".repeat(900))).await;
-    let example = |ranking: Value, name: &str| {
-        let entries = ranking["entries"].as_array().cloned().expect("entries");
-        entries.iter().find(|entry| entry["name"] == name).expect("it is ranked")["example"].clone()
-    };
-    let large = bench.query("top=1&resolution=32", &"segment disc 1\n".repeat(17)).await;
-    bench.ended(&large).await;
-    let ranking = bench.get(&format!("{large}/ranking")).await.json();
-    let map = async |path: &str, example: Value| {
-        bench.post_json(&format!("{path}/maps?wait=60"), json!({"segment": 0, "example": example})).await
-    };
-    // 17 faces of input are 10,200 bytes, and the longer example is 900 more than there is room for beside them.
-    map(&large, example(ranking.clone(), "long")).await.problem(429, "overloaded");
-    assert_eq!(map(&large, example(ranking.clone(), "short")).await.status, StatusCode::CREATED);
-    let small = bench.query("top=1&resolution=32", "segment disc 1").await;
-    bench.ended(&small).await;
-    assert_eq!(map(&small, example(ranking, "long")).await.status, StatusCode::CREATED);
-}
