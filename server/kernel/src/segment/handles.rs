@@ -22,6 +22,10 @@ const EDGES: f64 = 5.0;
 const ABOUT: f64 = 1.5;
 /// Trees of the whole surface that are looked through at most: handles that lie beside each other are cut one after the other.
 const TREES: usize = 24;
+/// Places that are looked about for each tree: each costs a look at all triangles.
+const PLACES: usize = 48;
+/// A surface of more handles is a lattice, which is meant. *Untuned.*
+const HANDLES_MAX: i64 = 256;
 
 /// The surface with the small handles of its largest component cut, and how many were; `None` where it has none. Vertices keep
 /// their numbers; copies are appended.
@@ -39,11 +43,12 @@ pub fn without_small(surface: &TriMesh) -> Option<(TriMesh, usize)> {
     for _ in 0..TREES {
         stop::ask();
         let (part, _) = topology::submesh(&mesh, &triangle_of);
-        if invariants(&part).genus < 1 {
+        if !(1..=HANDLES_MAX).contains(&invariants(&part).genus) {
             break;
         }
         let of_tree = loops(&part, part.triangles[0][0]);
-        let about = of_tree.iter().flat_map(|found| about(&part, found.closes_at, ABOUT * most)).collect::<Vec<Loop>>();
+        let places = of_tree.iter().rev().take(PLACES).map(|found| found.closes_at);
+        let about: Vec<Loop> = places.flat_map(|place| about(&part, place, ABOUT * most)).collect();
         let rings = apart(&part, of_tree.into_iter().chain(about).collect(), most);
         if rings.is_empty() {
             break;
@@ -78,7 +83,7 @@ fn about(mesh: &TriMesh, vertex: u32, reach: f64) -> Vec<Loop> {
     found.map(|l| Loop { ring: l.ring.iter().map(whole).collect(), closes_at: whole(&l.closes_at), ..l }).collect()
 }
 
-/// The shortest loops, none longer than `most`, and none so near to another that both may go around one handle: cut along two such,
+/// The shortest loops, none longer than `most`, and none as near to another as those that go around one handle: cut along two such,
 /// the surface would fall into two.
 fn apart(mesh: &TriMesh, mut loops: Vec<Loop>, most: f64) -> Vec<Vec<u32>> {
     loops.retain(|found| found.length <= most);
@@ -90,7 +95,7 @@ fn apart(mesh: &TriMesh, mut loops: Vec<Loop>, most: f64) -> Vec<Vec<u32>> {
             continue;
         }
         let at = mesh.positions[ring[0] as usize];
-        let is_near = |x: &Vec3| (x - at).norm() <= 2.0 * ABOUT * most;
+        let is_near = |x: &Vec3| (x - at).norm() <= most;
         is_taken.iter_mut().zip(&mesh.positions).for_each(|(taken, x)| *taken |= is_near(x));
         chosen.push(ring);
     }
