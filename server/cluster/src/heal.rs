@@ -9,7 +9,8 @@
 //! to where this server knows that it was, and followed anew from a little before.
 //!
 //! A follower, too, can be passed over: after a split JetStream 2.9 was seen not to deliver an entry to one of three servers, and to
-//! deliver what came after it. So keys are counted at each look, and all entries are followed again where some are missing.
+//! deliver what came after it. So keys are counted at each look, and all entries are followed again where some are missing, or
+//! where they are not too many.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -34,6 +35,8 @@ pub(crate) const LOOKED_AFTER: [Duration; 3] =
     [Duration::from_secs(3), Duration::from_secs(15), Duration::from_secs(60)];
 /// The document that a stream is filled up with.
 const FILLER: &str = "filler";
+/// Where there are no more keys, all entries are followed again after an election: 100,000 take some two seconds.
+const FOLLOWED_AGAIN_MAX: u64 = 200_000;
 /// Most entries that a stream is filled up with: more than a stream can lose in the time that is remembered.
 const FILLED_MAX: u64 = 100_000;
 
@@ -110,13 +113,12 @@ impl Healer {
             if due.front().is_some_and(|due| *due <= Instant::now()) {
                 due.pop_front();
                 match self.look(due.is_empty()) {
-                    // Until the next election nothing more can go.
-                    Ok(true) => due.clear(),
                     // Someone who knows too little looks on.
                     Ok(false) if due.is_empty() => {
                         due.extend(self.looked_after.last().map(|after| Instant::now() + *after))
                     }
-                    Ok(false) => {}
+                    // What is on its way is there at the next look.
+                    Ok(_) => {}
                     Err(error) => {
                         tracing::debug!(%error, "what was written could not be looked for; that is tried again");
                     }
@@ -129,7 +131,9 @@ impl Healer {
     /// `is_last`: an engine that is still behind will not catch up.
     fn look(&self, is_last: bool) -> Result<bool, EngineError> {
         let is_complete = self.inner.state().keys() >= self.engine.keys()?;
-        self.inner.follow_anew(if is_complete { AGAIN } else { u64::MAX });
+        // A newer entry of a key that is known may be what did not come.
+        let may_all = self.inner.state().keys() <= FOLLOWED_AGAIN_MAX;
+        self.inner.follow_anew(if is_complete && !may_all { AGAIN } else { u64::MAX });
         if !is_complete {
             tracing::warn!("entries of the engine did not come; all are followed again");
         }
