@@ -6,7 +6,7 @@ use crate::{
     queries::{composition, mesh_file, service},
     run,
 };
-use quadmuse_proto::{Composition, Map, Query, QueryState, Verdict};
+use quadmuse_proto::{Code, Composition, Map, Query, QueryState, Verdict};
 use std::sync::{
     Arc,
     atomic::{AtomicBool, AtomicU32, Ordering},
@@ -106,4 +106,21 @@ async fn retopo_says_where_it_found_no_parts_to_cut() {
     assert_eq!(ran.code(), 0, "{}", ran.notes);
     assert_eq!(ran.notes.matches("fits poorly").count(), 1, "{}", ran.notes);
     assert!(ran.notes.ends_with("no parts were found\n"), "{}", ran.notes);
+}
+
+#[tokio::test]
+async fn retopo_delivers_a_map_whose_stitching_takes_too_long() {
+    let mesh = mesh_file();
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.obj");
+    let server = Fake::start(|asked| match asked.line.contains("/compositions") {
+        true => Reply::problem(Code::Deadline, 504, "expected it to end in its time"),
+        false => service(asked, 1),
+    });
+    let ran = run(&server.url, &format!("retopo {} -o {}", mesh.path().display(), out.display())).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    assert!(ran.notes.contains("it is as it was mapped"), "{}", ran.notes);
+    let written = server.lines().into_iter().rfind(|line| line.contains("/mesh")).expect("a mesh is asked for");
+    assert!(written.contains("/maps/"), "{written}");
+    assert!(out.exists());
 }

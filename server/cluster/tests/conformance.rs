@@ -149,15 +149,18 @@ fn objects_that_are_damaged_or_lost_are_told_and_healed_by_adding_again() {
     }
 }
 
+/// A server that looks after what was written soon after an election.
+fn join_looking_soon(engine: &FakeEngine, cache: &Path) -> SharedCorpus {
+    let soon = [1, 2, 3].map(|times| Duration::from_millis(50 * times));
+    let options = SharedOptions { looked_after: soon, ..SharedOptions::caching_in(cache) };
+    SharedCorpus::open(Arc::new(engine.clone()), &options).expect("joined")
+}
+
 #[test]
 fn what_the_engine_acknowledged_and_lost_is_written_again() {
     let dir = tempfile::tempdir().expect("a directory");
     let engine = FakeEngine::new(11, Faults::default());
-    let joined = |cache: &str| {
-        let soon = [1, 2, 3].map(|times| Duration::from_millis(50 * times));
-        let options = SharedOptions { looked_after: soon, ..SharedOptions::caching_in(&dir.path().join(cache)) };
-        SharedCorpus::open(Arc::new(engine.clone()), &options).expect("joined")
-    };
+    let joined = |cache: &str| join_looking_soon(&engine, &dir.path().join(cache));
     let (a, b) = (joined("a"), joined("b"));
     let mut records: Vec<_> =
         (0..10).map(|seed| a.add(&small(seed).example(), &[]).expect("added").record().clone()).collect();
@@ -186,11 +189,7 @@ fn what_the_engine_acknowledged_and_lost_is_written_again() {
 fn whoever_was_passed_over_notices_after_an_election() {
     let dir = tempfile::tempdir().expect("a directory");
     let engine = FakeEngine::new(12, Faults::default());
-    let joined = |cache: &str| {
-        let soon = [1, 2, 3].map(|times| Duration::from_millis(50 * times));
-        let options = SharedOptions { looked_after: soon, ..SharedOptions::caching_in(&dir.path().join(cache)) };
-        SharedCorpus::open(Arc::new(engine.clone()), &options).expect("joined")
-    };
+    let joined = |cache: &str| join_looking_soon(&engine, &dir.path().join(cache));
     let (a, b) = (joined("a"), joined("b"));
     a.add(&small(0).example(), &[]).expect("added");
     // By those that both begin after the election, too.

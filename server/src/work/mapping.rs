@@ -376,7 +376,7 @@ fn summary(
     }
 }
 
-/// What a map takes, in bytes: what its example takes, which is read, and its input, on which it settles.
+/// Bytes that a map takes: those of its example, which is read, and of its input, on which it settles.
 fn memory_of(engine: &dyn Engine, example_bytes: u64, input_faces: usize) -> u64 {
     engine.memory_estimate(example_bytes) + input_faces as u64 * MEMORY_PER_INPUT_FACE
 }

@@ -10,7 +10,7 @@ use crate::segment::{PartCount, Segmented, fused, segment, without_small_handles
 use crate::topology::form::share_of_form;
 use crate::topology::{Components, Patch, Topology, TopologyError};
 use std::collections::HashSet;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Faces of a segment, of those that tell of its form, that are enough to choose an example by: several are tried, and laid on
 /// it in rough poses before.
@@ -57,6 +57,8 @@ pub struct Model {
     pub(crate) laid: Option<WholeMap>,
     /// Whether it was cut where another surface ends, so that its boundary means nothing.
     pub(crate) is_part: bool,
+    /// The share of the faces of each segment that tell of its form, once it is asked for.
+    pub(crate) form_shares: OnceLock<Vec<f64>>,
 }
 
 /// An example laid on an input whole.
@@ -123,6 +125,7 @@ impl Model {
             parts: Vec::new(),
             laid: None,
             is_part,
+            form_shares: OnceLock::new(),
         }
     }
 
@@ -147,13 +150,13 @@ impl Model {
 
     /// The segments as they are told, numbered from 0: where it has parts besides its whole, the whole first.
     pub fn segments(&self) -> Vec<Segment> {
-        let segment = |p: &Patch| Segment {
+        let segment = |(number, p): (u32, &Patch)| Segment {
             topology: p.topology,
             faces: count_polygons(&self.segmented, p),
-            form: self.form_of(p),
+            form: self.form(number),
             holes: p.holes.len() as u32,
         };
-        self.patches().map(segment).collect()
+        (0..).zip(self.patches()).map(segment).collect()
     }
 
     /// The segment of each face of the upload, as it is told.
@@ -183,15 +186,14 @@ impl Model {
         self.laid.is_none() && self.form(segment) >= FACES_CHOSEN_MIN
     }
 
-    /// Whether the mesh, whatever it is cut into, has as many triangles that tell of its form as a scan: what has fewer is laid on
-    /// with less care.
+    /// Tells whether the mesh, whatever it is cut into, has as many triangles that tell of its form as a scan: what has fewer is
+    /// laid on with less care.
     pub(crate) fn is_scan(&self) -> bool {
-        let parts = &self.segmented.parts;
         let triangles = |p: &Patch| p.mesh.triangles.len() as f64;
+        let parts = &self.segmented.parts;
         let all: f64 = parts.iter().map(triangles).sum();
-        let form: f64 = parts.iter().map(|p| triangles(p) * share_of_form(&p.mesh)).sum();
-        let share = if all > 0.0 { form / all } else { 0.0 };
-        share * self.prepared.mesh.triangles.len() as f64 >= FACES_OF_SCAN_MIN as f64
+        let form: f64 = parts.iter().zip(self.form_shares()).map(|(p, share)| triangles(p) * share).sum();
+        all > 0.0 && form / all * self.prepared.mesh.triangles.len() as f64 >= FACES_OF_SCAN_MIN as f64
     }
 
     /// Whether a segment has enough triangles to have tips, and parts that one would tell apart. `surface`: that segment as it is
@@ -203,11 +205,13 @@ impl Model {
 
     /// Polygons of a segment that tell of its form.
     fn form(&self, segment: u32) -> u64 {
-        self.patch(segment).map_or(0, |patch| self.form_of(patch))
+        let share = self.form_shares().get(segment as usize).copied().unwrap_or_default();
+        (share * self.faces(segment) as f64).round() as u64
     }
 
-    fn form_of(&self, patch: &Patch) -> u64 {
-        (share_of_form(&patch.mesh) * count_polygons(&self.segmented, patch) as f64).round() as u64
+    /// The share of the faces of each segment that tell of its form.
+    fn form_shares(&self) -> &[f64] {
+        self.form_shares.get_or_init(|| self.patches().map(|patch| share_of_form(&patch.mesh)).collect())
     }
 
     /// Polygons of a segment.
@@ -239,8 +243,19 @@ pub fn read(bytes: &[u8], format: Option<Format>, cut: &Cut, limits: &Limits) ->
     let repairs = told.chain(opened).chain(segmented.parts.iter().flat_map(|part| mended(part, &segmented))).collect();
     let (faces, format) = (mesh.faces.len(), wanted.unwrap_or(Format::Obj));
     let mesh = Arc::new(mesh);
-    let model =
-        Model { mesh, format, repairs, labels: None, besides, prepared, segmented, parts, laid: None, is_part: false };
+    let model = Model {
+        mesh,
+        format,
+        repairs,
+        labels: None,
+        besides,
+        prepared,
+        segmented,
+        parts,
+        laid: None,
+        is_part: false,
+        form_shares: OnceLock::new(),
+    };
     let labels = asked.then(|| model.face_labels(faces));
     Ok(Model { labels, ..model })
 }
@@ -357,7 +372,7 @@ fn handles_told(count: u32) -> String {
     format!("{count} handle{s} cut open for the computation; maps keep to the surface")
 }
 
-/// What was left out of a patch, or will be filled, to make it a primitive.
+/// Tells what was left out of a patch, or will be filled, to make it a primitive.
 fn mended(patch: &Patch, of: &Segmented) -> Vec<String> {
     let handles_opened = of.handles_opened;
     let mut sentences = Vec::new();

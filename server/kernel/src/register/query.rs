@@ -180,8 +180,8 @@ impl Query {
         whole.iter().chain(parts).cloned().collect()
     }
 
-    /// What examples of a topology are compared with: the surface itself, or, for examples with fewer boundaries, the same with
-    /// its own filled, the shortest first. `None` where that can't be unfolded. *Ours, not the paper's.*
+    /// The surface that examples of a topology are compared with: this one, or, for examples with fewer boundaries, this one with
+    /// boundaries filled, the shortest first. `None` where that can't be unfolded. *Ours, not the paper's.*
     pub fn facing(&self, example: Topology) -> Option<&Self> {
         match (self.best.encoding.topology, example) {
             (Topology::Disc, Topology::Sphere) => self.filled(),

@@ -6,6 +6,8 @@
 //! handle, and the shortest loops of what lies about that place are short if the handle is small.
 //! *Source:* Erickson and Whittlesey 2005 (tree and cotree). *Ours:* many loops of one tree, and what lies about them.
 
+use std::collections::BTreeSet;
+
 use super::mended::by_area;
 use super::opened::cut;
 use super::split::{Loop, loops};
@@ -18,12 +20,10 @@ use crate::topology::{self, invariants, split_pinched};
 const SHORT: f64 = 0.1;
 /// So is one with a loop of so many edges of the usual length: it has no form. *Untuned.*
 const EDGES: f64 = 5.0;
-/// What lies about a place, in longest loops: each that passes there is in it.
+/// Radius of what is looked through about a place, in longest loops: a small handle there lies within it.
 const ABOUT: f64 = 1.5;
 /// Trees of the whole surface that are looked through at most: handles that lie beside each other are cut one after the other.
 const TREES: usize = 24;
-/// Places that are looked about for each tree: each costs a look at all triangles.
-const PLACES: usize = 48;
 /// A surface of more handles is a lattice, which is meant. *Untuned.*
 const HANDLES_MAX: i64 = 256;
 
@@ -47,8 +47,7 @@ pub fn without_small(surface: &TriMesh) -> Option<(TriMesh, usize)> {
             break;
         }
         let of_tree = loops(&part, part.triangles[0][0]);
-        let places = of_tree.iter().rev().take(PLACES).map(|found| found.closes_at);
-        let about: Vec<Loop> = places.flat_map(|place| about(&part, place, ABOUT * most)).collect();
+        let about: Vec<Loop> = of_tree.iter().flat_map(|l| about(&part, l.closes_at, ABOUT * most)).collect();
         let rings = apart(&part, of_tree.into_iter().chain(about).collect(), most);
         if rings.is_empty() {
             break;
@@ -63,24 +62,30 @@ pub fn without_small(surface: &TriMesh) -> Option<(TriMesh, usize)> {
     (cuts > 0).then_some((mesh, cuts))
 }
 
-/// The loops of what lies within a distance of a vertex, joined to it.
-fn about(mesh: &TriMesh, vertex: u32, reach: f64) -> Vec<Loop> {
-    let at = mesh.positions[vertex as usize];
-    let is_near = |v: &u32| (mesh.positions[*v as usize] - at).norm() <= reach;
-    let near: Vec<u32> =
-        (0..mesh.triangles.len() as u32).filter(|&t| mesh.triangles[t as usize].iter().all(is_near)).collect();
-    stop::pass(mesh.triangles.len());
-    let (region, _) = topology::submesh(mesh, &near);
-    let own = topology::pieces(&region)
-        .into_iter()
-        .find(|set| set.iter().any(|&t| mesh.triangles[near[t as usize] as usize].contains(&vertex)));
-    let Some(own) = own else { return Vec::new() };
-    let triangles: Vec<u32> = own.iter().map(|&t| near[t as usize]).collect();
-    let (region, vertex_of) = topology::submesh(mesh, &triangles);
-    let Some(root) = vertex_of.iter().position(|&v| v == vertex) else { return Vec::new() };
-    let whole = |v: &u32| vertex_of[*v as usize];
-    let found = loops(&region, root as u32).into_iter();
-    found.map(|l| Loop { ring: l.ring.iter().map(whole).collect(), closes_at: whole(&l.closes_at), ..l }).collect()
+/// The loops of the piece of a surface about a halfedge whose vertices lie within a distance of its head.
+fn about(mesh: &TriMesh, halfedge: u32, reach: f64) -> Vec<Loop> {
+    let at = mesh.positions[mesh.head(halfedge) as usize];
+    let is_near =
+        |t: u32| mesh.triangles[t as usize].iter().all(|&v| (mesh.positions[v as usize] - at).norm() <= reach);
+    let mut piece = BTreeSet::from([halfedge / 3]);
+    let mut todo = vec![halfedge / 3];
+    while let Some(t) = todo.pop() {
+        stop::pass(1);
+        for other in (0..3).map(|k| mesh.twin(3 * t + k)).filter(|&g| g != NONE).map(|g| g / 3) {
+            if is_near(other) && piece.insert(other) {
+                todo.push(other);
+            }
+        }
+    }
+    let piece: Vec<u32> = piece.into_iter().collect();
+    let (region, vertex_of) = topology::submesh(mesh, &piece);
+    let Ok(own) = piece.binary_search(&(halfedge / 3)) else { return Vec::new() };
+    let root = region.head(3 * own as u32 + halfedge % 3);
+    let in_mesh = |found: Loop| {
+        let ring = found.ring.iter().map(|&v| vertex_of[v as usize]).collect();
+        Loop { ring, closes_at: 3 * piece[found.closes_at as usize / 3] + found.closes_at % 3, ..found }
+    };
+    loops(&region, root).into_iter().map(in_mesh).collect()
 }
 
 /// The shortest loops, none longer than `most`, and none as near to another as those that go around one handle: cut along two such,

@@ -153,7 +153,7 @@ pub(super) struct Loop {
     pub(super) length: f64,
     /// Its vertices.
     pub(super) ring: Vec<u32>,
-    /// The vertex farthest from the root of the tree that it was found by.
+    /// The halfedge at which two ways from the root meet.
     pub(super) closes_at: u32,
 }
 
@@ -206,7 +206,7 @@ pub(super) fn loops(mesh: &TriMesh, base: u32) -> Vec<Loop> {
         ring.extend(two.get(shared..)?.iter().rev());
         let at = |k: usize| mesh.positions[ring[k % ring.len()] as usize];
         let length = (0..ring.len()).map(|k| (at(k + 1) - at(k)).norm()).sum();
-        (ring.len() >= 3).then_some(Loop { length, ring, closes_at: mesh.head(h) })
+        (ring.len() >= 3).then_some(Loop { length, ring, closes_at: h })
     };
     closing.into_iter().filter_map(ring).collect()
 }

@@ -73,8 +73,8 @@ fn with_most(mesh: &TriMesh, policy: Components, ends_max: usize) -> Result<Patc
     Ok(Patch { topology, mesh: part, vertex_of, triangle_of, holes, left_out: count.saturating_sub(1) })
 }
 
-/// What a primitive is once a gap in it is filled, with the gap: a tube one of whose loops is a hole is a disc. If both are, it may be a
-/// long tube and stays one.
+/// The topology of a primitive once a gap in it is filled, and the gap. A tube one of whose loops is a hole is a disc. A tube
+/// both of whose loops are holes may be a long tube, and stays one.
 fn with_gap(mesh: &TriMesh, topology: Topology) -> (Topology, Vec<Vec<u32>>) {
     match topology {
         Topology::Annulus => match gaps(mesh, &|_| false) {

@@ -40,7 +40,7 @@ pub struct Solver {
     pub laplacian: Laplacian,
     /// Vertices on the boundary.
     pub on_boundary: Vec<bool>,
-    /// What is held at 0 in the Dirichlet Laplacian.
+    /// True for each vertex that the Dirichlet Laplacian holds at 0.
     fixed: Vec<bool>,
     /// Its factor, where it is held.
     dirichlet: Mutex<Option<Arc<Factored>>>,
