@@ -1,6 +1,7 @@
 //! How good a map is: fold-overs, distortion against the example's own shape, and one honest word.
 
 pub mod coverage;
+pub(crate) mod facing;
 pub mod sound;
 mod way;
 

@@ -212,6 +212,7 @@ async fn made(
         laid = around;
         laid.iter_mut().flatten().for_each(|laid| laid.reasons.retain(|reason| !reason.starts_with(BARE)));
     }
+    tracing::debug!(query = %live.id, covered = appraisal.covered, away = appraisal.away, turned = appraisal.turned, "stitched");
     let mut headline = headline(&laid, &appraisal);
     if !unstitched.is_empty() && unstitched.len() < live.model.segments.len() {
         headline.verdict = headline.verdict.max(Verdict::Fair);

@@ -7,6 +7,7 @@
 
 use std::sync::OnceLock;
 
+use super::facing::{Facing, Turned};
 use super::way::Ways;
 use crate::compose::fit::Measured;
 use crate::mesh::bvh::Bvh;
@@ -61,6 +62,8 @@ pub struct Flaws {
     pub bare: f64,
     /// Of the mesh's area: faces that look into the surface.
     pub inward: f64,
+    /// Of the mesh's area: what looks more than 60° away from the surface. It is ugly, and no reason by itself to call a mesh broken.
+    pub turned: f64,
     /// Of the faces: those without area.
     pub collapsed: f64,
     /// The faces that are astray or off, in order.
@@ -158,6 +161,8 @@ impl ReferenceSurface {
     /// purpose: they may leave it, but for spikes.
     pub fn flaws(&self, mesh: &PolyMesh, bridging: &[u32]) -> Flaws {
         let usual = usual_edges(mesh.positions.len(), mesh.faces.iter().flat_map(sides), &mesh.positions);
+        let facing = Facing::new(&self.surface, &self.tree, middle_of(&usual));
+        let mut turned = Turned::default();
         let (mut all, mut off, mut inward, mut astray) = (0.0, 0.0, 0.0, 0.0);
         let (mut astray_edges, mut collapsed) = (0usize, 0usize);
         let mut long: Vec<(f64, [Vec3; 2])> = Vec::new();
@@ -180,6 +185,9 @@ impl ReferenceSurface {
             if !bridges && near.triangle != NONE && self.surface.area_vector(near.triangle as usize).dot(&normal) < 0.0
             {
                 inward += area;
+            }
+            if !bridges {
+                turned.add(facing.turned(&points));
             }
             let leaves = (LEAVES_MIN * self.diagonal).max(LEAVES_EDGES * usual);
             let edges = (0..points.len()).map(|k| [points[k], points[(k + 1) % points.len()]]);
@@ -208,6 +216,7 @@ impl ReferenceSurface {
             off: off / all,
             bare: self.bare(mesh, &usual),
             inward: inward / all,
+            turned: turned.share(),
             collapsed: collapsed as f64 / mesh.faces.len().max(1) as f64,
             faces,
         }
@@ -222,10 +231,7 @@ impl ReferenceSurface {
     /// Share of the surface's area with no face near it.
     fn bare(&self, mesh: &PolyMesh, usual: &[f64]) -> f64 {
         let [_, back] = self.measured.distances(mesh);
-        let mut edges: Vec<f64> = usual.iter().copied().filter(|e| *e > 0.0).collect();
-        let middle = edges.len() / 2;
-        let edge = if edges.is_empty() { 0.0 } else { *edges.select_nth_unstable_by(middle, f64::total_cmp).1 };
-        let far = (FAR_EDGES * edge).clamp(FAR * self.diagonal, FAR_MAX * self.diagonal);
+        let far = (FAR_EDGES * middle_of(usual)).clamp(FAR * self.diagonal, FAR_MAX * self.diagonal);
         back.iter().filter(|(_, away)| *away > far).count() as f64 / back.len().max(1) as f64
     }
 }
@@ -248,6 +254,13 @@ fn usual_edges(count: usize, edges: impl Iterator<Item = [u32; 2]>, positions: &
         if lengths.is_empty() { 0.0 } else { *lengths.select_nth_unstable_by(middle, f64::total_cmp).1 }
     };
     (0..count).map(&mut median).collect()
+}
+
+/// The median of the lengths that are not 0; 0 where there is none.
+fn middle_of(lengths: &[f64]) -> f64 {
+    let mut lengths: Vec<f64> = lengths.iter().copied().filter(|e| *e > 0.0).collect();
+    let middle = lengths.len() / 2;
+    if lengths.is_empty() { 0.0 } else { *lengths.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
 /// The sides of a polygon.
@@ -308,8 +321,8 @@ mod tests {
         for along in [40, 12] {
             let flaws = grounds().flaws(&bent(along), &[]);
             assert_eq!(
-                (flaws.reasons(0.0, 0.0), flaws.astray_edges, flaws.inward),
-                (Vec::new(), 0, 0.0),
+                (flaws.reasons(0.0, 0.0), flaws.astray_edges, flaws.inward, flaws.turned),
+                (Vec::new(), 0, 0.0, 0.0),
                 "{along}: {flaws:?}"
             );
         }
@@ -367,7 +380,7 @@ mod tests {
     #[test]
     fn a_spike_is_found() {
         let (flaws, reasons) = found(|mesh| mesh.positions[2 * 11 + 5].x = -0.8);
-        assert!(flaws.astray_edges == 4 && flaws.spike > 0.3, "{flaws:?}");
+        assert!(flaws.astray_edges == 4 && flaws.spike > 0.3 && flaws.turned > 0.0, "{flaws:?}");
         assert!(reasons.iter().any(|why| why.contains("a spike")), "{reasons:?}");
         // One is enough on a mesh of any size.
         let alone = Flaws { spike: flaws.spike, astray: 1e-4, ..Flaws::default() };
@@ -407,6 +420,7 @@ mod tests {
         };
         let (flaws, reasons) = found(turned);
         assert!((flaws.inward - 0.25).abs() < 0.01, "{flaws:?}");
+        assert!((flaws.turned - 0.25).abs() < 0.02, "{flaws:?}");
         assert!(reasons.len() == 1 && reasons[0].contains("inside out"), "{reasons:?}");
     }
 

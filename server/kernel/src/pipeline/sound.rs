@@ -29,6 +29,8 @@ pub struct Appraisal {
     /// Mean distance of its faces' middles from the input by area, as a share of the input's diagonal. Faces that bridge a gap
     /// count for nothing.
     pub away: f64,
+    /// Share of its area that looks more than 60° away from the input, 0–1: spikes and crumples.
+    pub turned: f64,
     /// What makes it no use as it is, a sentence each; none of a mesh that is sound.
     pub flaws: Vec<String>,
     /// Segments on which the faces stand that make it so.
@@ -86,8 +88,8 @@ pub fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Appraisal {
     flawed.sort_unstable();
     flawed.dedup();
     let away = away / f64::max(lying * scale(ground.input().surface).diagonal, f64::MIN_POSITIVE);
-    let (covered, flaws) = (1.0 - flaws.bare, flaws.reasons(allowed.bare, allowed.spanned));
-    Appraisal { examples, covered, away, flaws, flawed }
+    let (covered, turned, flaws) = (1.0 - flaws.bare, flaws.turned, flaws.reasons(allowed.bare, allowed.spanned));
+    Appraisal { examples, covered, away, turned, flaws, flawed }
 }
 
 fn middle(mesh: &PolyMesh, face: &[u32]) -> Vec3 {
