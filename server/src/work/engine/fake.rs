@@ -308,7 +308,7 @@ impl Engine for FakeEngine {
         let is_torn = script.tears && made.is_example.contains(&true) || script.rag && is_stitched;
         let flaws = if is_torn { vec!["it is torn".into()] } else { Vec::new() };
         let flawed = if is_torn { (0..made.is_example.len() as u32).collect() } else { Vec::new() };
-        Ok(Appraisal { examples, covered: 1.0, away: 0.0, flaws, flawed })
+        Ok(Appraisal { examples, covered: 1.0, flaws, flawed, ..Appraisal::default() })
     }
 
     fn template(&self, query: &Side, _: &Stop) -> Result<Mapped, EngineError> {
