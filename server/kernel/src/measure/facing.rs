@@ -121,20 +121,28 @@ mod tests {
         [0, 1, 2, 3].map(|k| Vec3::new(corners[k][0], corners[k][1], heights[k]))
     }
 
+    /// The share of a quad that looks away from a sheet.
+    fn turned(surface: &TriMesh, corners: &[Vec3]) -> f64 {
+        let tree = Bvh::new(surface);
+        Facing::new(surface, &tree, 0.4).turned(corners).share()
+    }
+
     #[test]
-    fn noise_turns_no_face_and_a_spike_does() {
-        // As steep as triangles of 1/40 get by 1/40: up to 60° and more.
+    fn noise_turns_no_face() {
+        // Edges of 1/40 that rise by up to 1/20: triangles lean by more than 60°.
         let surface = rough(40, 0.025);
-        let tree = Bvh::new(&surface);
-        let facing = Facing::new(&surface, &tree, 0.4);
-        let turned = |heights| facing.turned(&quad(heights)).share();
-        assert_eq!(turned([0.0; 4]), 0.0);
-        assert_eq!(turned([0.0, 0.1, 0.0, 0.1]), 0.0);
-        assert!(turned([0.0, 0.0, 1.0, 1.0]) > 0.9, "a face that stands up");
-        let spike = turned([0.0, 0.0, 1.0, 0.0]);
-        assert!((0.4..1.0).contains(&spike), "half of it stands up: {spike}");
+        assert_eq!(turned(&surface, &quad([0.0; 4])), 0.0);
+        assert_eq!(turned(&surface, &quad([0.0, 0.1, 0.0, 0.1])), 0.0);
+    }
+
+    #[test]
+    fn a_spike_stands_off_and_a_face_that_looks_inward_is_turned() {
+        let flat = rough(40, 0.0);
+        assert_eq!(turned(&flat, &quad([0.0, 0.0, 1.0, 1.0])), 1.0);
+        let spike = turned(&flat, &quad([0.0, 0.0, 1.0, 0.0]));
+        assert!((0.4..=1.0).contains(&spike), "half of it stands up: {spike}");
         let mut over = quad([0.0; 4]);
         over.reverse();
-        assert!((facing.turned(&over).share() - 1.0).abs() < 1e-12, "inside out");
+        assert!((turned(&flat, &over) - 1.0).abs() < 1e-12);
     }
 }
