@@ -4,8 +4,9 @@
     judged.py SET[:PREFIX]… [--programs DIR] [--shared DIR] [--out DIR]
 
 Sets: scans (retopo with the shared corpus), made (the same of scans that are made of shared meshes, without examples of their
-family), flawed (shared scans with a triangle gone, openings, tiny handles, noise), extents, cross, species, unseen, groundtruth (one example onto one input), unlike (the same of another kind: a hand onto a
-head, none of which can be right).
+family), flawed (shared scans with a triangle gone, openings, tiny handles, noise), extents, cross, species, unseen, groundtruth
+(one example onto one input), unlike (the same of another kind: a hand onto a head, none of which can be right), kinds (which kind of
+example comes first for busts, masks, heads and hands, open and closed).
 PREFIX limits a set to rows whose name begins with it. DIR of --programs has quadmuse and quadmuse-server (default:
 target/release). Needs numpy and scipy. Starts a server of its own on a free port. Results, maps and pictures stay in --out.
 """
@@ -311,6 +312,51 @@ def judge_unlike(service, meshes, out, prefix):
     print(f"\nunlike: {len(table)} maps, {dict(collections.Counter(str(row[2]) for row in table))}")
 
 
+# What an example of the shared corpus is called that is of a kind.
+KINDS = {"head": ("head", "bust", "face"), "hand": ("hand",)}
+
+
+def kinds_queries(meshes, folder):
+    """Scans whose kind is known: its name, the kind, and the file. Closed ones are made here."""
+    import flawed
+    import judge
+    from made import write
+
+    folder.mkdir(parents=True, exist_ok=True)
+    extents = [row for row in rows_of(meshes / "extents/pairs.csv") if row["kind"] in ("bust", "chin", "mask")]
+    yield from ((row["kind"], "head", meshes / "extents" / row["input"]) for row in extents)
+    cross = sorted((meshes / "cross").glob("input_*.ply"))
+    hands = [meshes / "unseen" / row["input"] for row in rows_of(meshes / "unseen/pairs.csv") if row["kind"] == "hand"]
+    for kind, files in (("head", cross), ("hand", hands)):
+        for file in files:
+            yield kind, kind, file
+            closed = folder / f"{file.stem}_closed.obj"
+            if not closed.exists():
+                vertices, faces = judge.load(file)
+                write(closed, *flawed.capped(vertices, judge.triangles(faces)))
+            yield f"closed {kind}", kind, closed
+
+
+def judge_kinds(service, meshes, out, prefix):
+    """Whether an example of the query's kind comes first, among all of the shared corpus: asked is .95."""
+    add_shared(service, meshes)
+    table = []
+    for name, kind, file in kinds_queries(meshes, out / "kinds"):
+        if not is_shown(prefix, name, file.stem):
+            continue
+        before = service.seconds()
+        query, problem = service.run("query", file, "--top", 3)
+        ranking, _ = service.run("ranking", query.get("query", "@last"), "--segment", 0)
+        first = next((entry["name"] for entry in ranking.get("entries", [])), problem)
+        is_right = any(word in first for word in KINDS[kind])
+        table.append([name, file.stem, first, "yes" if is_right else "no", round(service.seconds() - before, 1)])
+        print("|", *table[-1], file=sys.stderr, flush=True)
+    print_table(["query", "scan", "first", "of its kind", "processor s"], table)
+    for name in dict.fromkeys(row[0] for row in table):
+        of = [row for row in table if row[0] == name]
+        print(f"\n{name}: {sum(row[3] == 'yes' for row in of)} of {len(of)}")
+
+
 def unseen(meshes, name, side):
     """The example or the input of the first pair of a set of `unseen`."""
     return next([meshes / "unseen" / row[side]] for row in rows_of(meshes / "unseen/pairs.csv") if row["set"] == name)
@@ -338,6 +384,8 @@ def main():
                 judge_scans(service, meshes, out, prefix)
             elif name == "flawed":
                 judge_flawed(service, meshes, out, prefix)
+            elif name == "kinds":
+                judge_kinds(service, meshes, out, prefix)
             elif name == "made":
                 judge_made(service, meshes, out, prefix)
             elif name == "cross":

@@ -373,7 +373,8 @@ async fn settled(
         }
         stitched => stitched?,
     };
-    if composition.notes.iter().any(|note| note == AS_MAPPED) {
+    // What the composition says against the whole mesh, the map does not know.
+    if composition.notes.iter().any(|note| note == AS_MAPPED) && composition.verdict <= map.verdict {
         return Ok(Outcome::Map(Box::new(map), name.into()));
     }
     if let ([segment], false) = (&query.segments[..], map.verdict.is_poor()) {
