@@ -14,7 +14,7 @@ const TURNED_COS: f64 = 0.5;
 /// Points of a triangle that are looked at, by their weights of the corners.
 const POINTS: [[f64; 3]; 3] =
     [[2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0], [1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0], [1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0]];
-/// Passes of averaging for a face as long as one edge of the surface: n passes reach as far as √n edges.
+/// Passes of averaging for a face as long as one edge of the surface: n passes reach as far as √n edges. *Untuned.*
 const PASSES: f64 = 0.1;
 /// Passes at most.
 const PASSES_MAX: f64 = 16.0;
