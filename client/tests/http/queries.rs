@@ -407,10 +407,16 @@ async fn retopo_leaves_it_to_the_service_whether_a_single_map_is_composed() {
     let mesh = mesh_file();
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out.obj");
-    for (notes, ending) in [(vec![], "16 quads, parts: 1 good"), (vec![AS_MAPPED.to_owned()], "good, 4 faces")] {
+    let as_mapped = || vec![AS_MAPPED.to_owned()];
+    // A map that its composition calls worse is told as that tells it.
+    for (notes, verdict, ending) in [
+        (vec![], Verdict::Good, "16 quads, parts: 1 good"),
+        (as_mapped(), Verdict::Good, "good, 4 faces"),
+        (as_mapped(), Verdict::Poor, "16 quads, parts: 1 good"),
+    ] {
         let server = Fake::start(move |asked| match asked.line.as_str() {
             line if line.starts_with("POST") && line.contains("/compositions?") => {
-                Reply::json(201, &Composition { quads: 16, notes: notes.clone(), ..composition() })
+                Reply::json(201, &Composition { quads: 16, verdict, notes: notes.clone(), ..composition() })
             }
             _ => service(asked, 1),
         });
