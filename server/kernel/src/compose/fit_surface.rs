@@ -78,8 +78,11 @@ fn by_faces(net: &Net, target: &Target, asked: &mut [Asked]) {
         let share = area / samples.len() as f64;
         for weights in &samples {
             let x: Vec3 = c.iter().zip(weights).map(|(&v, w)| net.positions[v as usize] * *w).sum();
-            let Some(near) = target.onto_surface_within(x, BELIEVED * area.sqrt()) else { continue };
-            c.iter().zip(weights).for_each(|(&v, w)| ask(asked, v, near - x, share * w));
+            let r = target.onto_surface(x) - x;
+            if r.norm_squared() > BELIEVED * BELIEVED * area {
+                continue;
+            }
+            c.iter().zip(weights).for_each(|(&v, w)| ask(asked, v, r, share * w));
         }
     }
 }
@@ -94,11 +97,10 @@ fn by_points(net: &Net, points: &[Vec3], asked: &mut [Asked]) {
     let areas: Vec<f64> = fans.face.iter().map(|&f| area_vector(net, net.face(f)).norm()).collect();
     let share = fans.mesh.total_area() / points.len().max(1) as f64;
     let bvh = Bvh::new(&fans.mesh);
-    let most = BELIEVED * areas.iter().copied().fold(0.0, f64::max).sqrt();
     for &x in points {
-        let Some(near) = bvh.closest_within(x, most) else { continue };
+        let near = bvh.closest(x);
         let Some(&area) = areas.get(near.triangle as usize) else { continue };
-        if near.distance > BELIEVED * area.sqrt() {
+        if near.distance * near.distance > BELIEVED * BELIEVED * area {
             continue;
         }
         let corners = fans.mesh.triangles[near.triangle as usize];

@@ -40,11 +40,6 @@ impl Target {
         self.surface.closest(p).point
     }
 
-    /// The nearest point of the surface, if it is no farther than `most`.
-    pub fn onto_surface_within(&self, p: Vec3, most: f64) -> Option<Vec3> {
-        self.surface.closest_within(p, most).map(|found| found.point)
-    }
-
     /// The nearest point of the true boundary.
     pub fn onto_border(&self, p: Vec3) -> Vec3 {
         self.border.closest(p).point

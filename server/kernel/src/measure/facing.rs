@@ -54,14 +54,9 @@ impl<'a> Facing<'a> {
         // The edge of an equilateral triangle of the mean area.
         let own = (4.0 / 3f64.sqrt() * surface.total_area() / count).sqrt().max(f64::MIN_POSITIVE);
         let passes = (PASSES * (edge / own).powi(2)).clamp(0.0, PASSES_MAX).round() as usize;
-        let areas: Vec<Vec3> = (0..surface.triangles.len()).map(|t| surface.area_vector(t)).collect();
-        let mut normals = about_vertices(surface, |t| areas[t]);
+        let mut normals = units(surface.vertex_area_vectors());
         for _ in 0..passes {
-            let mean = |t: usize| {
-                let sum: Vec3 = surface.triangles[t].iter().map(|&v| normals[v as usize]).sum();
-                sum * areas[t].norm()
-            };
-            normals = about_vertices(surface, mean);
+            normals = averaged(surface, &normals);
         }
         Self { surface, tree, normals }
     }
@@ -92,15 +87,20 @@ impl<'a> Facing<'a> {
     }
 }
 
-/// Unit sums, at each vertex, of what its triangles have.
-fn about_vertices(surface: &TriMesh, of: impl Fn(usize) -> Vec3) -> Vec<Vec3> {
-    let mut sums = vec![Vec3::zeros(); surface.positions.len()];
+/// Normals of the vertices, each the mean of those of the triangles around it, by area.
+fn averaged(surface: &TriMesh, normals: &[Vec3]) -> Vec<Vec3> {
+    let mut sums = vec![Vec3::zeros(); normals.len()];
     for (t, corners) in surface.triangles.iter().enumerate() {
         stop::pass(1);
-        let own = of(t);
+        let own = corners.iter().map(|&v| normals[v as usize]).sum::<Vec3>() * surface.area(t);
         corners.iter().for_each(|&v| sums[v as usize] += own);
     }
-    sums.into_iter().map(|n| n.try_normalize(0.0).unwrap_or_default()).collect()
+    units(sums)
+}
+
+/// Vectors of length 1; those without a direction stay 0.
+fn units(vectors: Vec<Vec3>) -> Vec<Vec3> {
+    vectors.into_iter().map(|n| n.try_normalize(0.0).unwrap_or_default()).collect()
 }
 
 #[cfg(test)]

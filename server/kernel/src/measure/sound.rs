@@ -62,8 +62,6 @@ pub struct Flaws {
     pub bare: f64,
     /// Of the mesh's area: faces that look into the surface.
     pub inward: f64,
-    /// Of the mesh's area: what looks more than 60° away from the surface. It is ugly, and no reason by itself to call a mesh broken.
-    pub turned: f64,
     /// Of the faces: those without area.
     pub collapsed: f64,
     /// The faces that are astray or off, in order.
@@ -161,8 +159,6 @@ impl ReferenceSurface {
     /// purpose: they may leave it, but for spikes.
     pub fn flaws(&self, mesh: &PolyMesh, bridging: &[u32]) -> Flaws {
         let usual = usual_edges(mesh.positions.len(), mesh.faces.iter().flat_map(sides), &mesh.positions);
-        let facing = Facing::new(&self.surface, &self.tree, middle_of(&usual));
-        let mut turned = Turned::default();
         let (mut all, mut off, mut inward, mut astray) = (0.0, 0.0, 0.0, 0.0);
         let (mut astray_edges, mut collapsed) = (0usize, 0usize);
         let mut long: Vec<(f64, [Vec3; 2])> = Vec::new();
@@ -185,9 +181,6 @@ impl ReferenceSurface {
             if !bridges && near.triangle != NONE && self.surface.area_vector(near.triangle as usize).dot(&normal) < 0.0
             {
                 inward += area;
-            }
-            if !bridges {
-                turned.add(facing.turned(&points));
             }
             let leaves = (LEAVES_MIN * self.diagonal).max(LEAVES_EDGES * usual);
             let edges = (0..points.len()).map(|k| [points[k], points[(k + 1) % points.len()]]);
@@ -216,10 +209,22 @@ impl ReferenceSurface {
             off: off / all,
             bare: self.bare(mesh, &usual),
             inward: inward / all,
-            turned: turned.share(),
             collapsed: collapsed as f64 / mesh.faces.len().max(1) as f64,
             faces,
         }
+    }
+
+    /// Share of a mesh's area that looks more than 60° away from the surface, 0–1: spikes and crumples, which are ugly and no reason
+    /// by themselves to call it broken. Faces that are `bridging` a gap, in order, count for nothing.
+    pub fn turned(&self, mesh: &PolyMesh, bridging: &[u32]) -> f64 {
+        let usual = usual_edges(mesh.positions.len(), mesh.faces.iter().flat_map(sides), &mesh.positions);
+        let facing = Facing::new(&self.surface, &self.tree, middle_of(&usual));
+        let mut turned = Turned::default();
+        for (face, _) in mesh.faces.iter().zip(0u32..).filter(|(_, f)| bridging.binary_search(f).is_err()) {
+            let corners: Vec<Vec3> = face.iter().map(|&v| mesh.positions[v as usize]).collect();
+            turned.add(facing.turned(&corners));
+        }
+        turned.share()
     }
 
     /// Whether an edge leaves the surface by more than a length.
@@ -321,8 +326,8 @@ mod tests {
         for along in [40, 12] {
             let flaws = grounds().flaws(&bent(along), &[]);
             assert_eq!(
-                (flaws.reasons(0.0, 0.0), flaws.astray_edges, flaws.inward, flaws.turned),
-                (Vec::new(), 0, 0.0, 0.0),
+                (flaws.reasons(0.0, 0.0), flaws.astray_edges, flaws.inward),
+                (Vec::new(), 0, 0.0),
                 "{along}: {flaws:?}"
             );
         }
@@ -380,7 +385,7 @@ mod tests {
     #[test]
     fn a_spike_is_found() {
         let (flaws, reasons) = found(|mesh| mesh.positions[2 * 11 + 5].x = -0.8);
-        assert!(flaws.astray_edges == 4 && flaws.spike > 0.3 && flaws.turned > 0.0, "{flaws:?}");
+        assert!(flaws.astray_edges == 4 && flaws.spike > 0.3, "{flaws:?}");
         assert!(reasons.iter().any(|why| why.contains("a spike")), "{reasons:?}");
         // One is enough on a mesh of any size.
         let alone = Flaws { spike: flaws.spike, astray: 1e-4, ..Flaws::default() };
@@ -420,8 +425,21 @@ mod tests {
         };
         let (flaws, reasons) = found(turned);
         assert!((flaws.inward - 0.25).abs() < 0.01, "{flaws:?}");
-        assert!((flaws.turned - 0.25).abs() < 0.02, "{flaws:?}");
         assert!(reasons.len() == 1 && reasons[0].contains("inside out"), "{reasons:?}");
+    }
+
+    #[test]
+    fn what_looks_away_is_measured_and_what_bridges_a_gap_is_not() {
+        let mut mesh = bent(40);
+        assert_eq!(grounds().turned(&mesh, &[]), 0.0);
+        // The middle of row 2 is drawn out to a spike of four faces.
+        mesh.positions[2 * 11 + 5].x = -0.8;
+        let spiked = grounds().turned(&mesh, &[]);
+        let faces: Vec<u32> =
+            (0u32..).zip(mesh.faces.iter()).filter(|(_, c)| c.contains(&27)).map(|(f, _)| f).collect();
+        assert_eq!(faces.len(), 4);
+        assert!(spiked > 0.02, "{spiked}");
+        assert_eq!(grounds().turned(&mesh, &faces), 0.0);
     }
 
     #[test]

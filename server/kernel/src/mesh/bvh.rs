@@ -98,22 +98,12 @@ impl Bvh {
 
     /// The closest point of the mesh.
     pub fn closest(&self, point: Vec3) -> Closest {
-        self.sought(point, f64::INFINITY)
-    }
-
-    /// The closest point of the mesh, if it is no farther than `most`, but for rounding. What is farther is found out sooner.
-    pub fn closest_within(&self, point: Vec3, most: f64) -> Option<Closest> {
-        Some(self.sought(point, most * most)).filter(|found| found.triangle != NONE)
-    }
-
-    /// The closest point within a squared distance.
-    fn sought(&self, point: Vec3, most_squared: f64) -> Closest {
         stop::poll();
         let mut best = Closest { triangle: NONE, barycentric: [0.0; 3], point, distance: f64::INFINITY };
         if self.nodes.is_empty() || point.iter().any(|x| !x.is_finite()) {
             return best;
         }
-        let mut best_squared = most_squared;
+        let mut best_squared = f64::INFINITY;
         let mut stack = [(0u32, 0.0f64); STACK_SIZE];
         stack[0] = (0, self.bound(0, &point));
         let mut height = 1;
@@ -147,9 +137,7 @@ impl Bvh {
                 }
             }
         }
-        if best.triangle != NONE {
-            best.distance = best_squared.sqrt();
-        }
+        best.distance = best_squared.sqrt();
         best
     }
 
@@ -295,17 +283,6 @@ mod tests {
             assert!((combine(&corners, found.barycentric) - found.point).norm() < 1e-12);
             assert!(found.barycentric.iter().all(|w| *w >= 0.0));
             assert!((found.barycentric.iter().sum::<f64>() - 1.0).abs() < 1e-12);
-        }
-    }
-
-    #[test]
-    fn within_a_distance_the_tree_finds_the_same_or_nothing() {
-        let mesh = sheet(12);
-        let bvh = Bvh::new(&mesh);
-        for p in points(12, 300) {
-            let found = bvh.closest(p);
-            assert_eq!(bvh.closest_within(p, found.distance * 1.001), Some(found));
-            assert_eq!(bvh.closest_within(p, found.distance * 0.999).filter(|_| found.distance > 0.0), None);
         }
     }
 

@@ -61,7 +61,9 @@ pub fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Appraisal {
     let ground = query.ground();
     let surface = owned(ground.input());
     let filled = query.segmented.parts.iter().filter_map(with_gaps_filled);
-    let flaws = ReferenceSurface::new(surface.into_owned()).with_gaps(filled).flaws(&made.mesh, &made.bridging);
+    let reference = ReferenceSurface::new(surface.into_owned()).with_gaps(filled);
+    let flaws = reference.flaws(&made.mesh, &made.bridging);
+    let turned = reference.turned(&made.mesh, &made.bridging);
     let tree = Bvh::new(ground.input().surface);
     // The segment on which a face stands: that at its middle.
     let placed = |face: &[u32]| {
@@ -88,7 +90,7 @@ pub fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Appraisal {
     flawed.sort_unstable();
     flawed.dedup();
     let away = away / f64::max(lying * scale(ground.input().surface).diagonal, f64::MIN_POSITIVE);
-    let (covered, turned, flaws) = (1.0 - flaws.bare, flaws.turned, flaws.reasons(allowed.bare, allowed.spanned));
+    let (covered, flaws) = (1.0 - flaws.bare, flaws.reasons(allowed.bare, allowed.spanned));
     Appraisal { examples, covered, away, turned, flaws, flawed }
 }
 
