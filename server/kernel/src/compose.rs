@@ -26,6 +26,7 @@ pub mod optimise;
 pub mod part;
 mod placement;
 pub mod plan;
+mod reembed;
 pub mod resolve;
 pub mod rim;
 pub mod rows;

@@ -1,5 +1,5 @@
-//! Brings a stitched mesh close to its input: optimises it, moves vertices to regions that it does not cover, and
-//! subdivides it until it lies close. *Ours, not the paper's.*
+//! Brings a stitched mesh close to its input: optimises it, moves vertices to regions that it does not cover, subdivides it
+//! until it lies close, and lays anew what was crumpled by that. *Ours, not the paper's.*
 
 use super::check::check;
 use super::cover::cover;
@@ -8,6 +8,7 @@ use super::fit::Fit;
 use super::fit_surface::{Held, fit_surface};
 use super::net::Net;
 use super::placement::{Draft, LayoutOrigin, Marks};
+use super::reembed::reembed;
 use super::site::{Site, Use, on_surface};
 use super::square;
 use super::stitching::{KEPT_MISS_MAX, MISS_MAX, Stitching};
@@ -91,6 +92,7 @@ impl Stitching<'_> {
                 now = self.fitted_to_surface(now, origins);
             }
             now = self.optimised_on_both_sides(now, origins);
+            now = self.reembedded(now, origins);
         }
         report.fit = now.fit;
         now.mesh
@@ -137,9 +139,7 @@ impl Stitching<'_> {
     /// With edges on the input's sharp lines, and which vertices lie there; `None` where there are none.
     fn creased(&self, now: &Draft, origins: &[LayoutOrigin]) -> Option<(Net, Vec<bool>)> {
         let mut net = Net::from_mesh(&now.mesh);
-        let is_kept = |p: Vec3| self.segment_at(p).and_then(|s| origins.get(s)) == Some(&LayoutOrigin::Kept);
-        let stays: Vec<bool> =
-            net.positions.iter().map(|&p| origins.contains(&LayoutOrigin::Kept) && is_kept(p)).collect();
+        let stays: Vec<bool> = net.positions.iter().map(|&p| self.is_kept(p, origins)).collect();
         let snapped =
             crease::snap(&mut net, self.surface(), self.sharp_edges(), &self.target, &|v: u32| stays[v as usize]);
         if snapped.met <= 0.0 {
@@ -156,8 +156,32 @@ impl Stitching<'_> {
         if !tips.contains(&true) {
             return None;
         }
+        // The neighbours of what was moved were put on the nearest places of the input.
+        self.reembed(&mut net, origins);
         let (mesh, fit) = self.judged(net.into_mesh().0, COVER_GAIN * now.fit.worst())?;
         Some(self.optimised(Draft { mesh, fit, tips, on_line: Vec::new() }, origins, OPTIMISE_ROUNDS / 2))
+    }
+
+    /// Whether a layout that is kept lies nearest to a point.
+    fn is_kept(&self, p: Vec3, origins: &[LayoutOrigin]) -> bool {
+        let is_kept = |s: usize| origins.get(s) == Some(&LayoutOrigin::Kept);
+        origins.contains(&LayoutOrigin::Kept) && self.segment_at(p).is_some_and(is_kept)
+    }
+
+    fn reembed(&self, net: &mut Net, origins: &[LayoutOrigin]) {
+        let passed = UNCOVERED_MAX * self.scale.diagonal;
+        let stays = |p: Vec3| self.is_kept(p, origins);
+        reembed(net, self.measured.points(), (self.surface(), &self.target), passed, &stays);
+    }
+
+    /// The mesh with its crumpled regions laid anew.
+    fn reembedded(&self, now: Draft, origins: &[LayoutOrigin]) -> Draft {
+        let mut net = Net::from_mesh(&now.mesh);
+        self.reembed(&mut net, origins);
+        match self.judged(net.into_mesh().0, f64::INFINITY) {
+            Some((mesh, fit)) => Draft { mesh, fit, ..now },
+            None => now,
+        }
     }
 
     /// A mesh that holds, with its distances, if the worse of them is at most so much.

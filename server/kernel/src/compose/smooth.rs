@@ -35,6 +35,11 @@ impl Target {
         Self { surface: Bvh::new(mesh), border: Bvh::new(&border) }
     }
 
+    /// The search tree of the surface.
+    pub(super) fn tree(&self) -> &Bvh {
+        &self.surface
+    }
+
     /// The nearest point of the surface.
     pub fn onto_surface(&self, p: Vec3) -> Vec3 {
         self.surface.closest(p).point

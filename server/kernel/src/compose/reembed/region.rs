@@ -1,0 +1,142 @@
+//! The part of a surface that a closed polygon near it bounds.
+//!
+//! The corners of the polygon are put on the nearest vertices of the surface, and joined by shortest paths along its edges.
+//! An edge that is run both ways counts for nothing. What can be reached from the triangles on the left of the path
+//! without crossing it is the region. *Ours, not the paper's.*
+
+use crate::mesh::Vec3;
+use crate::mesh::bvh::Bvh;
+use crate::mesh::tri::{NONE, TriMesh, prev};
+use crate::topology::{Topology, classify, submesh};
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
+
+/// A path is sought this many times as far as its ends are apart, and as many of the longest edges at them. *Untuned.*
+const DETOUR_MAX: f64 = 4.0;
+/// Largest share of the surface's triangles that a region may have.
+const REGION_MAX: f64 = 0.5;
+
+/// A surface on which regions are sought.
+pub(super) struct Surroundings<'a> {
+    surface: &'a TriMesh,
+    tree: &'a Bvh,
+    outgoing: Vec<u32>,
+}
+
+impl<'a> Surroundings<'a> {
+    pub(super) fn new(surface: &'a TriMesh, tree: &'a Bvh) -> Self {
+        Self { surface, tree, outgoing: surface.outgoing() }
+    }
+
+    /// The disc on the left of a closed polygon; `None` where there is none.
+    pub(super) fn left_of(&self, polygon: &[Vec3]) -> Option<TriMesh> {
+        let surface = self.surface;
+        let corners: Vec<u32> = polygon.iter().map(|&p| self.nearest_vertex(p)).collect::<Option<_>>()?;
+        let mut path: BTreeSet<u32> = BTreeSet::new();
+        for k in 0..corners.len() {
+            for h in self.path(corners[k], corners[(k + 1) % corners.len()])? {
+                let twin = surface.twin(h);
+                if twin == NONE || !path.remove(&twin) {
+                    path.insert(h);
+                }
+            }
+        }
+        let most = REGION_MAX * surface.triangles.len() as f64;
+        let mut found: BTreeSet<u32> = path.iter().map(|h| h / 3).collect();
+        let mut front: Vec<u32> = found.iter().copied().collect();
+        while let Some(t) = front.pop() {
+            if found.len() as f64 > most {
+                return None;
+            }
+            for h in 3 * t..3 * t + 3 {
+                let twin = surface.twin(h);
+                if twin != NONE && !path.contains(&h) && !path.contains(&twin) && found.insert(twin / 3) {
+                    front.push(twin / 3);
+                }
+            }
+        }
+        let is_right = |h: &u32| surface.twin(*h) != NONE && found.contains(&(surface.twin(*h) / 3));
+        if path.iter().any(is_right) {
+            return None;
+        }
+        let triangles: Vec<u32> = found.into_iter().collect();
+        let (region, _) = submesh(surface, &triangles);
+        (classify(&region).ok()? == Topology::Disc).then_some(region)
+    }
+
+    fn nearest_vertex(&self, p: Vec3) -> Option<u32> {
+        let near = self.tree.closest(p);
+        let corners = self.surface.triangles.get(near.triangle as usize)?;
+        (0..3).max_by(|&a, &b| near.barycentric[a].total_cmp(&near.barycentric[b])).map(|k| corners[k])
+    }
+
+    /// The halfedges of the shortest path along edges between two vertices.
+    fn path(&self, from: u32, to: u32) -> Option<Vec<u32>> {
+        let at = |v: u32| self.surface.positions[v as usize];
+        let longest = |v: u32| {
+            let mut longest = 0f64;
+            self.for_each_spoke(v, |_, w| longest = longest.max((at(w) - at(v)).norm()));
+            longest
+        };
+        let most = DETOUR_MAX * ((at(to) - at(from)).norm() + longest(from).max(longest(to)));
+        let mut reached: BTreeMap<u32, (f64, u32)> = BTreeMap::from([(from, (0.0, NONE))]);
+        // Positive finite floats order like their bits.
+        let mut heap = BinaryHeap::from([Reverse((0u64, from))]);
+        while let Some(Reverse((key, v))) = heap.pop() {
+            let d = f64::from_bits(key);
+            if v == to || d > most {
+                break;
+            }
+            if reached.get(&v).is_some_and(|r| d > r.0) {
+                continue;
+            }
+            self.for_each_spoke(v, |h, w| {
+                let next = d + (at(w) - at(v)).norm();
+                if reached.get(&w).is_none_or(|r| next < r.0) {
+                    reached.insert(w, (next, h));
+                    heap.push(Reverse((next.to_bits(), w)));
+                }
+            });
+        }
+        let mut path = Vec::new();
+        let mut v = to;
+        while v != from {
+            let h = reached.get(&v)?.1;
+            path.push(h);
+            v = self.surface.tail(h);
+        }
+        path.reverse();
+        Some(path)
+    }
+
+    /// Calls `visit` with each halfedge that leaves a vertex of an inner edge, or has a triangle on its left, and its head.
+    fn for_each_spoke(&self, v: u32, mut visit: impl FnMut(u32, u32)) {
+        let start = self.outgoing[v as usize];
+        let mut h = start;
+        while h != NONE {
+            visit(h, self.surface.head(h));
+            h = self.surface.twin(prev(h));
+            if h == start {
+                return;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::topology::tests::grid;
+
+    #[test]
+    fn a_polygon_bounds_what_lies_on_its_left() {
+        let surface = grid(20, 20, false, false);
+        let tree = Bvh::new(&surface);
+        let surroundings = Surroundings::new(&surface, &tree);
+        let mut square = [[0.3, 0.3], [0.7, 0.3], [0.7, 0.7], [0.3, 0.7]].map(|[x, y]| Vec3::new(x, y, 0.01));
+        let region = surroundings.left_of(&square).expect("a disc");
+        assert!((region.total_area() - 0.16).abs() < 0.02, "{}", region.total_area());
+        square.reverse();
+        assert!(surroundings.left_of(&square).is_none(), "the other side is the larger");
+    }
+}
