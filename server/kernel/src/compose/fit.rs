@@ -44,7 +44,7 @@ pub struct Measured {
 impl Measured {
     /// Of a surface.
     pub fn new(surface: &TriMesh) -> Self {
-        Self { points: samples(surface, SAMPLES), bvh: Bvh::new(surface) }
+        Self { points: samples(surface), bvh: Bvh::new(surface) }
     }
 
     /// Points of it, spread evenly by area.
@@ -71,17 +71,17 @@ fn mean(distances: &[(Vec3, f64)]) -> f64 {
     sum / distances.len().max(1) as f64
 }
 
-/// So many points, spread evenly by area.
-pub(super) fn samples(mesh: &TriMesh, count: usize) -> Vec<Vec3> {
-    let mut points = Vec::with_capacity(count);
-    let step = mesh.total_area() / count as f64;
+/// Points spread evenly by area.
+fn samples(mesh: &TriMesh) -> Vec<Vec3> {
+    let mut points = Vec::with_capacity(SAMPLES);
+    let step = mesh.total_area() / SAMPLES as f64;
     if step <= 0.0 || !step.is_finite() {
         return points;
     }
     let mut up_to = 0.0;
     for (t, corners) in mesh.triangles.iter().enumerate() {
         up_to += mesh.area(t);
-        while points.len() < count && (points.len() as f64 + 0.5) * step < up_to {
+        while points.len() < SAMPLES && (points.len() as f64 + 0.5) * step < up_to {
             let k = points.len() as f64;
             let (mut a, mut b) = ((k * SPREAD[0]).fract(), (k * SPREAD[1]).fract());
             if a + b > 1.0 {

@@ -169,6 +169,9 @@ impl Stitching<'_> {
     }
 
     fn reembed(&self, net: &mut Net, origins: &[LayoutOrigin]) {
+        if self.is_late() {
+            return;
+        }
         let passed = UNCOVERED_MAX * self.scale.diagonal;
         let stays = |p: Vec3| self.is_kept(p, origins);
         reembed(net, self.measured.points(), (self.surface(), &self.target), passed, &stays);

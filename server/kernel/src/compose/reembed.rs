@@ -11,7 +11,6 @@
 mod disc;
 mod region;
 
-use super::fit::samples;
 use super::net::{Fans, Net};
 use super::optimise::optimise;
 use super::smooth::Target;
@@ -19,22 +18,24 @@ use crate::encode::index::Location;
 use crate::measure::facing::{Facing, Turned};
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
-use crate::mesh::tri::TriMesh;
+use crate::mesh::tri::{NONE, TriMesh};
 use crate::numerics::stop;
 use disc::{harmonic, tutte};
 use region::Surroundings;
 use std::collections::BTreeSet;
 
-/// Rings around the faces that look away, each tried on what the one before left. *Untuned.*
-const RINGS: [usize; 4] = [1, 2, 4, 7];
+/// Rings around flawed faces, each tried where the one before did not mend them. *Untuned.*
+const RINGS: [usize; 5] = [1, 2, 3, 5, 8];
+/// Times that all is looked through.
+const PASSES: usize = 2;
+/// Share of a flaw that may be left for a region to be mended.
+const HALF: f64 = 0.5;
 /// Share of a face that looks away, from which on it is laid anew.
 const AWAY: f64 = 0.3;
 /// Largest share of the net's faces that one region may have: a wider one is more than its rim can tell. *Untuned.*
 const REGION_MAX: f64 = 0.25;
 /// Rounds of optimisation of what was laid anew.
 const ROUNDS: u32 = 40;
-/// Points of the part of the surface that a region is laid on.
-const SAMPLES: usize = 400;
 
 /// Lays the regions of a net anew that look away from the surface, or pass over it by more than `passed`, where less of them
 /// does so then; the net's boundary stays, and so does what `stays`. `points` are spread evenly over the surface.
@@ -47,15 +48,20 @@ pub(super) fn reembed(
 ) {
     let looks = Looks::new(net, surface, target, passed);
     let surroundings = Surroundings::new(surface, target.tree());
-    for rings in RINGS {
-        let flawed = looks.flawed(net, points);
-        if flawed.is_empty() {
-            break;
-        }
-        for patch in patches(net, &flawed, rings) {
-            stop::ask();
-            if !patch.inner.iter().any(|&v| stays(net.positions[v as usize])) {
-                patch.mend(net, target, &looks, &surroundings);
+    for _ in 0..PASSES {
+        let (flawed, nearest) = looks.flawed(net, points);
+        for faces in connected(net, flawed) {
+            // The flaw goes with a rim that lies well: of one farther out more of the layout moves.
+            for rings in RINGS {
+                stop::ask();
+                let Some(patch) = Patch::around(net, &faces, rings) else { continue };
+                if patch.inner.iter().any(|&v| stays(net.positions[v as usize])) {
+                    break;
+                }
+                let own = nearest.iter().zip(points).filter(|(f, _)| patch.faces.contains(f)).map(|(_, &x)| x);
+                if patch.mend(net, &own.collect::<Vec<Vec3>>(), (target, &looks, &surroundings)) {
+                    break;
+                }
             }
         }
     }
@@ -79,18 +85,25 @@ impl<'a> Looks<'a> {
         self.facing.turned(&corners)
     }
 
-    /// The faces that look away, and those next to points of the surface that are passed over.
-    fn flawed(&self, net: &Net, points: &[Vec3]) -> BTreeSet<u32> {
+    /// The faces that look away, and those next to points of the surface that are passed over; and the face next to each point.
+    fn flawed(&self, net: &Net, points: &[Vec3]) -> (BTreeSet<u32>, Vec<u32>) {
         let mut found: BTreeSet<u32> =
             net.faces().map(|(f, _)| f).filter(|&f| self.of(net, f).share() > AWAY).collect();
         let fans = net.fans();
         let tree = Bvh::new(&fans.mesh);
-        let near = points.iter().map(|&x| tree.closest(x)).filter(|near| near.distance > self.passed);
-        found.extend(near.filter_map(|near| fans.face.get(near.triangle as usize)));
-        found
+        let mut nearest = Vec::with_capacity(points.len());
+        for &x in points {
+            let near = tree.closest(x);
+            let face = fans.face.get(near.triangle as usize).copied().unwrap_or(NONE);
+            nearest.push(face);
+            if near.distance > self.passed && face != NONE {
+                found.insert(face);
+            }
+        }
+        (found, nearest)
     }
 
-    /// The share of some faces' area that looks away, and that of a part of the surface, given by points, that is passed over.
+    /// The share of some faces' area that looks away, and that of some points of the surface that they pass over.
     fn flaw(&self, net: &Net, faces: &BTreeSet<u32>, points: &[Vec3]) -> f64 {
         let mut all = Turned::default();
         faces.iter().for_each(|&f| all.add(self.of(net, f)));
@@ -109,31 +122,61 @@ struct Patch {
     inner: Vec<u32>,
 }
 
-/// The discs around some faces, widened by some rings. What is no disc, or too wide, is left out.
-fn patches(net: &Net, away: &BTreeSet<u32>, rings: usize) -> Vec<Patch> {
-    let around = |f: u32| net.face(f).iter().flat_map(|&v| net.at(v).iter().copied()).collect::<Vec<u32>>();
-    let mut wide = away.clone();
-    for _ in 0..rings {
-        wide = wide.iter().flat_map(|&f| around(f)).collect();
-    }
-    let most = REGION_MAX * net.faces().count() as f64;
-    let mut left = wide;
+/// The faces that share a corner with one.
+fn around(net: &Net, face: u32) -> impl Iterator<Item = u32> {
+    net.face(face).iter().flat_map(|&v| net.at(v).iter().copied())
+}
+
+/// Some faces in sets that are connected by corners, in order.
+fn connected(net: &Net, mut left: BTreeSet<u32>) -> Vec<BTreeSet<u32>> {
     let mut found = Vec::new();
-    while let Some(&first) = left.first() {
+    while let Some(first) = left.pop_first() {
         let (mut faces, mut front) = (BTreeSet::new(), vec![first]);
-        left.remove(&first);
         while let Some(f) = front.pop() {
             faces.insert(f);
-            front.extend(around(f).into_iter().filter(|g| left.remove(g)));
+            front.extend(around(net, f).filter(|g| left.remove(g)));
         }
-        if faces.len() as f64 <= most {
-            found.extend(Patch::of(net, faces));
+        found.push(faces);
+    }
+    found
+}
+
+/// The faces that some faces enclose: sets of fewer than they are themselves, with nothing beyond.
+fn enclosed(net: &Net, faces: &BTreeSet<u32>) -> BTreeSet<u32> {
+    let mut found = BTreeSet::new();
+    let mut outside: BTreeSet<u32> =
+        faces.iter().flat_map(|&f| around(net, f)).filter(|f| !faces.contains(f)).collect();
+    while let Some(first) = outside.pop_first() {
+        let (mut set, mut front) = (BTreeSet::from([first]), vec![first]);
+        while let Some(f) = front.pop().filter(|_| set.len() < faces.len()) {
+            front.extend(around(net, f).filter(|g| !faces.contains(g) && set.insert(*g)));
+        }
+        outside.retain(|f| !set.contains(f));
+        if set.len() < faces.len() {
+            found.extend(set);
         }
     }
     found
 }
 
 impl Patch {
+    /// Some faces, widened by some rings, and what they enclose; `None` where that is no disc, or too wide.
+    fn around(net: &Net, faces: &BTreeSet<u32>, rings: usize) -> Option<Self> {
+        let most = REGION_MAX * net.faces().count() as f64;
+        let mut wide = faces.clone();
+        for _ in 0..rings {
+            if wide.len() as f64 > most {
+                return None;
+            }
+            wide = wide.iter().flat_map(|&f| around(net, f)).collect();
+        }
+        if let Some(patch) = Self::of(net, wide.clone()).filter(|_| wide.len() as f64 <= most) {
+            return Some(patch);
+        }
+        wide.extend(enclosed(net, &wide));
+        (wide.len() as f64 <= most).then(|| Self::of(net, wide)).flatten()
+    }
+
     /// Of faces; `None` where they are no disc.
     fn of(net: &Net, faces: BTreeSet<u32>) -> Option<Self> {
         let mut edges: BTreeSet<(u32, u32)> = BTreeSet::new();
@@ -168,27 +211,37 @@ impl Patch {
         (!inner.is_empty()).then_some(Self { faces, rim, inner })
     }
 
-    /// Lays the patch anew, if less of it is flawed then.
-    fn mend(&self, net: &mut Net, target: &Target, looks: &Looks<'_>, surroundings: &Surroundings<'_>) {
+    /// Lays the patch anew, if less of it is flawed then; tells whether half of the flaw is gone. `points` are those of the
+    /// surface that it is next to.
+    fn mend(
+        &self,
+        net: &mut Net,
+        points: &[Vec3],
+        (target, looks, surroundings): (&Target, &Looks<'_>, &Surroundings<'_>),
+    ) -> bool {
         let rim: Vec<Vec3> = self.rim.iter().map(|&v| net.positions[v as usize]).collect();
-        let Some(sheet) = surroundings.left_of(&rim) else { return };
-        let points = samples(&sheet, SAMPLES);
+        let Some(sheet) = surroundings.left_of(&rim, self.faces.len() as f64 / net.faces().count().max(1) as f64)
+        else {
+            return false;
+        };
         let places = |net: &Net| self.inner.iter().map(|&v| net.positions[v as usize]).collect::<Vec<Vec3>>();
-        let mut best = (looks.flaw(net, &self.faces, &points), places(net));
-        let before = best.0;
+        let before = looks.flaw(net, &self.faces, points);
+        let mut best = (before, places(net));
         if self.lay(net, &rim, &sheet).is_some() {
-            for evened_out in [false, true] {
-                if evened_out {
-                    self.even_out(net, target);
-                }
-                let now = looks.flaw(net, &self.faces, &points);
-                // Evened out it is taken where it is as good.
-                if now < best.0 || (evened_out && best.0 < before && now <= best.0) {
-                    best = (now, places(net));
-                }
+            let laid = looks.flaw(net, &self.faces, points);
+            if laid < before {
+                best = (laid, places(net));
+            }
+            self.even_out(net, target);
+            let evened_out = looks.flaw(net, &self.faces, points);
+            // Evened out it is taken where it is as good.
+            if evened_out < before && evened_out <= best.0 {
+                best = (evened_out, places(net));
             }
         }
-        self.inner.iter().zip(best.1).for_each(|(&v, p)| net.positions[v as usize] = p);
+        let (flaw, places) = best;
+        self.inner.iter().zip(places).for_each(|(&v, p)| net.positions[v as usize] = p);
+        flaw <= HALF * before
     }
 
     /// Puts the inner vertices where the maps of the patch and of the surface to the unit disc agree; `None` where there are none.
@@ -239,6 +292,7 @@ impl Patch {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::compose::fit::Measured;
     use crate::compose::net::tests::sheet;
     use crate::topology::tests::grid;
 
@@ -269,8 +323,8 @@ mod tests {
             net.positions.iter().map(|p| if inside(p) { Vec3::new(1.0 - p.x, p.y, p.z) } else { *p }).collect();
         let before = std::mem::replace(&mut net.positions, crumpled);
         assert!(share(&net, &surface, &target) > smooth + 0.05);
-        let points = samples(&surface, 1_000);
-        reembed(&mut net, &points, (&surface, &target), 0.02, &|_| false);
+        let measured = Measured::new(&surface);
+        reembed(&mut net, measured.points(), (&surface, &target), 0.02, &|_| false);
         assert!(share(&net, &surface, &target) <= smooth + 1e-9);
         let far = |p: &Vec3| (p.x - 0.5).abs().max((p.y - 0.5).abs()) > 0.45;
         assert!(before.iter().zip(&net.positions).filter(|(p, _)| far(p)).all(|(p, q)| p == q));

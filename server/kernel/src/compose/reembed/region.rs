@@ -7,14 +7,17 @@
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::{NONE, TriMesh, prev};
+use crate::numerics::stop;
 use crate::topology::{Topology, classify, submesh};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
 /// A path is sought this many times as far as its ends are apart, and as many of the longest edges at them. *Untuned.*
 const DETOUR_MAX: f64 = 4.0;
-/// Largest share of the surface's triangles that a region may have.
-const REGION_MAX: f64 = 0.5;
+/// A region may have this share of the surface's triangles, and this many times the share of the faces that are to lie there:
+/// what was dragged over an ear are few faces. *Untuned.*
+const REGION_LEAST: f64 = 0.1;
+const REGION_MAX: f64 = 4.0;
 
 /// A surface on which regions are sought.
 pub(super) struct Surroundings<'a> {
@@ -28,8 +31,8 @@ impl<'a> Surroundings<'a> {
         Self { surface, tree, outgoing: surface.outgoing() }
     }
 
-    /// The disc on the left of a closed polygon; `None` where there is none.
-    pub(super) fn left_of(&self, polygon: &[Vec3]) -> Option<TriMesh> {
+    /// The disc on the left of a closed polygon, for that share of some faces; `None` where there is none, or a far larger one.
+    pub(super) fn left_of(&self, polygon: &[Vec3], share: f64) -> Option<TriMesh> {
         let surface = self.surface;
         let corners: Vec<u32> = polygon.iter().map(|&p| self.nearest_vertex(p)).collect::<Option<_>>()?;
         let mut path: BTreeSet<u32> = BTreeSet::new();
@@ -41,10 +44,11 @@ impl<'a> Surroundings<'a> {
                 }
             }
         }
-        let most = REGION_MAX * surface.triangles.len() as f64;
+        let most = (REGION_LEAST + REGION_MAX * share) * surface.triangles.len() as f64;
         let mut found: BTreeSet<u32> = path.iter().map(|h| h / 3).collect();
         let mut front: Vec<u32> = found.iter().copied().collect();
         while let Some(t) = front.pop() {
+            stop::pass(1);
             if found.len() as f64 > most {
                 return None;
             }
@@ -83,6 +87,7 @@ impl<'a> Surroundings<'a> {
         // Positive finite floats order like their bits.
         let mut heap = BinaryHeap::from([Reverse((0u64, from))]);
         while let Some(Reverse((key, v))) = heap.pop() {
+            stop::pass(1);
             let d = f64::from_bits(key);
             if v == to || d > most {
                 break;
@@ -109,7 +114,7 @@ impl<'a> Surroundings<'a> {
         Some(path)
     }
 
-    /// Calls `visit` with each halfedge that leaves a vertex of an inner edge, or has a triangle on its left, and its head.
+    /// Calls `visit` with each halfedge that leaves a vertex, and its head.
     fn for_each_spoke(&self, v: u32, mut visit: impl FnMut(u32, u32)) {
         let start = self.outgoing[v as usize];
         let mut h = start;
@@ -134,9 +139,9 @@ mod tests {
         let tree = Bvh::new(&surface);
         let surroundings = Surroundings::new(&surface, &tree);
         let mut square = [[0.3, 0.3], [0.7, 0.3], [0.7, 0.7], [0.3, 0.7]].map(|[x, y]| Vec3::new(x, y, 0.01));
-        let region = surroundings.left_of(&square).expect("a disc");
+        let region = surroundings.left_of(&square, 0.16).expect("a disc");
         assert!((region.total_area() - 0.16).abs() < 0.02, "{}", region.total_area());
         square.reverse();
-        assert!(surroundings.left_of(&square).is_none(), "the other side is the larger");
+        assert!(surroundings.left_of(&square, 0.16).is_none(), "the other side is the larger");
     }
 }
