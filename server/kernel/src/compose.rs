@@ -48,7 +48,6 @@ use crate::encode::index::PlanarIndex;
 use crate::mesh::PolyMesh;
 use crate::mesh::tri::TriMesh;
 use crate::numerics::stop;
-use crate::topology::form::is_formless;
 use crate::unfold::Chart;
 use check::{Broken, check_structure, extraordinary};
 use fit::{Fit, Measured};
@@ -236,11 +235,9 @@ pub fn compose(
     let components = apart::apart(input);
     let worth = apart::worth(&components, SEGMENTS_FEW, WORTH_MAX);
     for (component, is_worth_it) in components.iter().zip(worth) {
+        // A scrap is late from the start.
+        let late_at = if is_worth_it { late_at } else { 0 };
         let of_it: Vec<Piece<'_>> = component.segments.iter().map(|&s| pieces[s]).collect();
-        let is_brought = |piece: &Piece<'_>| matches!(piece, Piece::Mapped(_) | Piece::Kept(_));
-        let is_formless = || !of_it.iter().any(is_brought) && is_formless(component.input().surface);
-        // A scrap is late from the start, and so is what has no form that a layout could be made better by.
-        let late_at = if is_worth_it && !is_formless() { late_at } else { 0 };
         made.push((component.segments.clone(), composed(component.input(), &of_it, options, scale, late_at, stopped)?));
     }
     let (mesh, mut report) = apart::together(made, pieces.len());

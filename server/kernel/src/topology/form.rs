@@ -39,12 +39,6 @@ pub fn share_of_form(mesh: &TriMesh) -> f64 {
     round(mesh) * squares(mesh) * smooth(mesh)
 }
 
-/// Whether a surface of very many faces tells of no form: all of them together count for less than one.
-pub fn is_formless(mesh: &TriMesh) -> bool {
-    let count = mesh.triangles.len();
-    count >= TRIANGLES_MIN && share_of_form(mesh) * (count as f64) < 1.0
-}
-
 /// The mean of what triangles are worth as needles.
 fn round(mesh: &TriMesh) -> f64 {
     let worth = |&corners: &[u32; 3]| {
@@ -128,14 +122,6 @@ mod tests {
         assert!(few < 16.0 && many < few, "{few} {many}");
         let flat = sheet(100, 100, |_, x| Vec3::new(x.x, 1e-6 * x.y, 0.0));
         assert!(worth(&flat) < 1.0);
-    }
-
-    #[test]
-    fn very_many_needles_have_no_form_and_a_few_needles_and_a_strip_have_one() {
-        let flat = |n: u32| sheet(n, n, |_, x| Vec3::new(x.x, 1e-6 * x.y, 0.0));
-        assert!(is_formless(&fan(100_000)) && is_formless(&flat(100)));
-        let strip = sheet(20_000, 1, |_, x| Vec3::new(x.x * 20_000.0, x.y, 0.0));
-        assert!([flat(10), fan(12), strip, sheet(30, 30, |_, x| x)].iter().all(|mesh| !is_formless(mesh)));
     }
 
     #[test]
