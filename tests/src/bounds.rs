@@ -45,6 +45,8 @@ pub struct Cost {
     pub took_s: f64,
     /// Processor time of the server, in seconds.
     pub cpu_s: f64,
+    /// What its threads waited for a core that others had, in seconds: on a machine that others use, computing threads stand back.
+    pub waited_s: f64,
     /// The most memory the server ever held, in bytes.
     pub peak: u64,
     /// Whether the server lived on.
@@ -93,7 +95,7 @@ pub fn cost(store: &Path, file: &Path, sent: Sent, time_max: Duration) -> Result
     copy(store, &data)?;
     let mut server = Server::start(&data)?;
     let client = Client::new(server.url());
-    let before = process::cpu_ms(server.id());
+    let [cpu_before, waited_before] = [process::cpu_ms(server.id()), process::waited_ms(server.id())];
     let begun = Instant::now();
     let out = folder.path().join("out.obj");
     let words = match sent {
@@ -106,11 +108,13 @@ pub fn cost(store: &Path, file: &Path, sent: Sent, time_max: Duration) -> Result
     let mut child = command.stdout(Stdio::null()).stderr(said_file).spawn()?;
     let code = wait(&mut child, begun + time_max)?;
     let took_s = begun.elapsed().as_secs_f64();
-    let cpu_s = (process::cpu_ms(server.id()) - before) / 1000.0;
+    let cpu_s = (process::cpu_ms(server.id()) - cpu_before) / 1000.0;
+    let waited_s = (process::waited_ms(server.id()) - waited_before) / 1000.0;
     let [_, peak] = process::resident(server.id());
     let said = std::fs::read_to_string(said)?;
     let words = said.lines().find(|line| line.contains("error")).or_else(|| said.lines().next_back());
-    Ok(Cost { code, took_s, cpu_s, peak, lives: server.is_alive(), words: words.unwrap_or_default().to_owned() })
+    let words = words.unwrap_or_default().to_owned();
+    Ok(Cost { code, took_s, cpu_s, waited_s, peak, lives: server.is_alive(), words })
 }
 
 /// Waits for a child until then; stops it after that.
@@ -164,5 +168,8 @@ pub fn row(name: &str, cost: &Cost) -> String {
     let lives = if cost.lives { "" } else { " **ended**" };
     let words: String = cost.words.replace('|', "/").chars().take(110).collect();
     let mib = cost.peak as f64 / f64::from(1 << 20);
-    format!("| {name} | {code}{lives} | {:.1} | {:.1} | {mib:.0} | {words} |", cost.took_s, cost.cpu_s)
+    format!(
+        "| {name} | {code}{lives} | {:.1} | {:.1} | {:.1} | {mib:.0} | {words} |",
+        cost.took_s, cost.cpu_s, cost.waited_s
+    )
 }

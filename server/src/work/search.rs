@@ -19,7 +19,7 @@ use super::engine::{Cut, Encoding, Engine, Model, ModelSegment, Registration};
 use super::ingest::{self, Upload, encode, normal_tags};
 use super::query::{LiveQuery, QueryOptions, ms_since};
 use super::ranking::{Candidate, Depth, levels_up_to, mark, order, registered_at};
-use super::worth::{is_much_of_scan, is_worth_an_example};
+use super::worth::{choices, is_much_of_scan, is_worth_an_example};
 use super::{Caller, REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, PoolError, Stop, StopReason};
 use crate::telemetry::traces;
@@ -285,11 +285,12 @@ impl SegmentSearch<'_> {
     async fn each(&self, step: Step, level: u32) -> Result<(Vec<Candidate>, usize), WorkError> {
         let newest = self.live.board().rankings.get(self.segment).cloned().unwrap_or_default();
         let top = self.live.options.top as usize;
+        let choices = choices(&self.live.model.segments, self.segment, top);
         let mut finished = 0;
         let goes_on = |candidate: &Candidate| match step {
             Step::Refine => candidate.state == EntryState::Refining,
             Step::Finish => {
-                let goes = candidate.state == EntryState::Done && finished < top;
+                let goes = candidate.state == EntryState::Done && finished < choices;
                 finished += usize::from(goes);
                 goes
             }

@@ -20,6 +20,8 @@ const FACES_PER_SEGMENT: u64 = 256;
 const FACES_MIN: u64 = 16;
 /// Entries of a ranking that are tried for a segment that is a third of the mesh or more.
 const TRIES: usize = 3;
+/// Where but one of so many faces tells of a form, hardly any does. Of scans and their parts at least one of two does. *Untuned.*
+const FACES_PER_FORM: u64 = 16;
 /// Faces of a segment on average below which many segments are a rag, of which only those with enough form are worth it.
 const FACES_OF_RAG: u64 = 96;
 
@@ -57,6 +59,14 @@ pub fn tries(segments: &[ModelSegment], segment: usize) -> usize {
     }
 }
 
+/// How many of the best of a segment's ranking have their poles sought before anybody chooses among them, of the `top` that are
+/// shown. A search costs some forty pictures of all faces, whatever they tell: where hardly any tells of a form, only the best is
+/// finished; another is when it is chosen.
+pub fn choices(segments: &[ModelSegment], segment: usize, top: usize) -> usize {
+    let is_worth_it = segments.get(segment).is_some_and(|s| FACES_PER_FORM * s.form >= s.faces);
+    if is_worth_it { top } else { top.min(1) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -91,6 +101,13 @@ mod tests {
         assert_eq!([tries(&[]), tries(&[1]), tries(&[12]), tries(&[100]), tries(&[50_000])], [0, 0, 0, 1, TRIES]);
         assert_eq!([tries(&[1000, 2001]), tries(&[1, 1000]), tries(&[1000, 2000])], [1, 0, TRIES]);
         assert_eq!([tries(&[1023]), tries(&[1024]), tries(&[300, 300])], [1, TRIES, 1]);
+    }
+
+    #[test]
+    fn one_choice_is_finished_where_most_faces_tell_nothing_and_all_of_a_scan_however_coarse() {
+        let of = |faces, form| ModelSegment { topology: Topology::Disc, faces, form, holes: 0 };
+        let segments = [of(300_000, 700), of(20, 20), of(40_000, 40_000), of(40_000, 2_499)];
+        assert_eq!([0, 1, 2, 3].map(|s| choices(&segments, s, 4)), [1, 4, 4, 1]);
     }
 
     #[test]

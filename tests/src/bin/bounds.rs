@@ -75,7 +75,9 @@ fn run(options: &Options) -> Result<(), BoundsError> {
     let store = folder.path().join("store");
     bounds::corpus(folder.path(), &store)?;
     println!("load {}\n", process::load());
-    println!("| input | exit | s | s of processor | MiB | words |\n|---|---|---|---|---|---|");
+    println!(
+        "| input | exit | s | s of processor | s waited for a core | MiB | words |\n|---|---|---|---|---|---|---|"
+    );
     for family in
         FAMILIES.iter().filter(|f| options.families == "all" || options.families.split(',').any(|n| n == f.name))
     {

@@ -4,10 +4,20 @@ use std::path::Path;
 
 /// Processor time of all threads so far, in milliseconds.
 pub fn cpu_ms(id: u32) -> f64 {
+    scheduled_ms(id, 0)
+}
+
+/// What all threads so far waited for a core that others had, in milliseconds: of real time, neither theirs nor a sleep.
+pub fn waited_ms(id: u32) -> f64 {
+    scheduled_ms(id, 1)
+}
+
+/// A field of what the system's scheduler tells of threads, summed over all of them.
+fn scheduled_ms(id: u32, field: usize) -> f64 {
     let Ok(threads) = std::fs::read_dir(format!("/proc/{id}/task")) else { return 0.0 };
     let of_thread = |entry: std::fs::DirEntry| {
         let text = std::fs::read_to_string(entry.path().join("schedstat")).ok()?;
-        text.split(' ').next()?.parse::<f64>().ok()
+        text.split(' ').nth(field)?.parse::<f64>().ok()
     };
     threads.flatten().filter_map(of_thread).sum::<f64>() / 1e6
 }

@@ -11,7 +11,7 @@ use crate::work::engine::{Model, Opaque, Rough, RoughLead};
 use crate::work::ingest;
 use crate::work::query::ms_since;
 use crate::work::ranking::{Candidate, by_fit, by_likeness};
-use crate::work::worth::FACES_CHOSEN_MIN;
+use crate::work::worth::{FACES_CHOSEN_MIN, choices};
 use futures_util::{StreamExt, stream};
 use quadmuse_kernel::settle::Likeness;
 use quadmuse_proto::{EntryState, LevelTiming, Topology};
@@ -229,6 +229,7 @@ impl SegmentSearch<'_> {
     /// Finishes those that came to the top, and publishes the ranking.
     async fn published(&self, mut candidates: Vec<Candidate>, start: Instant) -> Result<(), WorkError> {
         let (top, level) = (self.live.options.top as usize, self.live.options.resolution);
+        let top = choices(&self.live.model.segments, self.segment, top);
         let laid = candidates.iter().filter(|candidate| candidate.likeness.is_some()).count();
         for (place, candidate) in candidates.iter_mut().enumerate() {
             if place >= top.min(laid) {

@@ -11,8 +11,14 @@ use crate::numerics::stop;
 use crate::topology::Topology;
 use crate::unfold::{Chart, Uv};
 
-/// Levels that are traced.
+/// Levels that are traced, and at least.
 const LEVELS: usize = 128;
+const LEVELS_MIN: usize = 8;
+/// A needle from the rim to the pole crosses every level, so that a fan of 100,000 held 700 MiB of pieces, and sorted them
+/// (`service-2026-11-26`). So many crossings in all are usual, and a triangle: of an even mesh of n triangles a level crosses
+/// about 2√n. Where there are more, fewer levels are traced. *Untuned.*
+const USUAL_CROSSINGS: usize = 1 << 20;
+const USUAL_CROSSINGS_EACH: usize = 16;
 /// How far inside the domain its first and last levels are traced.
 const INSIDE: f64 = 1e-6;
 /// Halvings in which a place on a level is found.
@@ -38,24 +44,53 @@ fn mixed(a: f64, b: f64, t: f64) -> f64 {
     a + (b - a) * t
 }
 
+/// The least and the greatest v of a triangle.
+fn reach(corners: &[Uv; 3]) -> [f64; 2] {
+    let v = || corners.iter().map(|c| c[1]);
+    [v().fold(f64::INFINITY, f64::min), v().fold(f64::NEG_INFINITY, f64::max)]
+}
+
+/// The levels within a reach: the first, and the first beyond it.
+fn crossed(v: &[f64], [low, high]: [f64; 2]) -> (usize, usize) {
+    (v.partition_point(|&x| x < low), v.partition_point(|&x| x <= high))
+}
+
+/// The v of the levels that are traced.
+fn levels_of(chart: &Chart) -> Vec<f64> {
+    // A pole's area is even in v, its distance in √v: levels are as far apart as the surface is.
+    let level = |x: f64| match chart.topology {
+        Topology::Disc => 1.0 - (1.0 - x) * (1.0 - x),
+        Topology::Sphere => 0.5 - 0.5 * (std::f64::consts::PI * x).cos(),
+        Topology::Annulus | Topology::Torus => x,
+    };
+    let usual = USUAL_CROSSINGS.max(USUAL_CROSSINGS_EACH * chart.corners.len());
+    let mut count = LEVELS;
+    loop {
+        let v: Vec<f64> = (0..=count).map(|l| level(l as f64 / count as f64)).collect();
+        let crossings = |corners: &[Uv; 3]| {
+            let (from, to) = crossed(&v, reach(corners));
+            to - from
+        };
+        stop::pass(chart.corners.len());
+        if count <= LEVELS_MIN || chart.corners.iter().map(crossings).sum::<usize>() <= usual {
+            return v;
+        }
+        count /= 2;
+    }
+}
+
 impl Levels {
     /// Traces a chart's.
     pub fn new(chart: &Chart) -> Self {
-        // A pole's area is even in v, its distance in √v: levels are as far apart as the surface is.
-        let level = |x: f64| match chart.topology {
-            Topology::Disc => 1.0 - (1.0 - x) * (1.0 - x),
-            Topology::Sphere => 0.5 - 0.5 * (std::f64::consts::PI * x).cos(),
-            Topology::Annulus | Topology::Torus => x,
-        };
-        let v: Vec<f64> = (0..=LEVELS).map(|l| level(l as f64 / LEVELS as f64)).collect();
-        let mut pieces: Vec<Vec<Piece>> = vec![Vec::new(); LEVELS + 1];
-        let mut bands = vec![0.0; LEVELS];
+        let v = levels_of(chart);
+        let count = v.len() - 1;
+        let mut pieces: Vec<Vec<Piece>> = vec![Vec::new(); count + 1];
+        let mut bands = vec![0.0; count];
         for (t, corners) in chart.corners.iter().enumerate() {
-            let low = corners.iter().map(|c| c[1]).fold(f64::INFINITY, f64::min);
-            let high = corners.iter().map(|c| c[1]).fold(f64::NEG_INFINITY, f64::max);
-            let (from, to) = (v.partition_point(|&x| x < low), v.partition_point(|&x| x <= high));
+            let [low, high] = reach(corners);
+            let (from, to) = crossed(&v, [low, high]);
             stop::pass(1 + to - from);
-            for l in from.saturating_sub(1)..(to + 1).min(LEVELS + 1) {
+            for l in from.saturating_sub(1)..(to + 1).min(count + 1) {
                 let x = v[l].clamp(INSIDE, 1.0 - INSIDE);
                 pieces[l].extend(crossing(&chart.mesh, t, corners, x));
                 if let Some(&next) = v.get(l + 1) {
@@ -67,7 +102,7 @@ impl Levels {
         }
         let (around, share): (Vec<f64>, Vec<_>) = pieces.into_iter().map(shares).unzip();
         let mut height = vec![0.0];
-        for l in 0..LEVELS {
+        for l in 0..count {
             let mean = 0.5 * (around[l] + around[l + 1]);
             height.push(height[l] + if mean > 0.0 { bands[l] / mean } else { 0.0 });
         }
@@ -76,11 +111,11 @@ impl Levels {
 
     /// Height of the last level above the first.
     pub fn height(&self) -> f64 {
-        self.height[LEVELS]
+        self.height[self.height.len() - 1]
     }
 
     fn place(&self, height: f64) -> Place {
-        let l = self.height.partition_point(|&x| x <= height).clamp(1, LEVELS) - 1;
+        let l = self.height.partition_point(|&x| x <= height).clamp(1, self.height.len() - 1) - 1;
         let step = self.height[l + 1] - self.height[l];
         (l, if step > 0.0 { ((height - self.height[l]) / step).clamp(0.0, 1.0) } else { 0.0 })
     }
@@ -196,6 +231,34 @@ mod tests {
             assert!(ends.iter().any(|e| (e - length(ring)).abs() < 0.05 * length(ring)), "{ends:?}");
         }
         assert!((levels.v(0.5 * levels.height()) - 0.5).abs() < 0.1);
+    }
+
+    /// n needles about the pole of a disc.
+    fn fan(n: u32) -> Chart {
+        let turn = |i: u32| f64::from(i) / f64::from(n) * std::f64::consts::TAU;
+        let mut positions = vec![Vec3::zeros()];
+        positions.extend((0..n).map(|i| Vec3::new(turn(i).cos(), turn(i).sin(), 0.0)));
+        let triangles = (0..n).map(|i| [0, 1 + i, 1 + (i + 1) % n]).collect();
+        let patch = whole(&TriMesh::from_triangles(positions, triangles).expect("a fan")).expect("a disc");
+        unfold(&patch, &UnfoldOptions::default()).expect("solvable")
+    }
+
+    #[test]
+    fn the_pieces_of_needles_are_no_more_than_usual_and_even_meshes_have_all_levels() {
+        let of = |levels: &Levels| levels.share.iter().map(Vec::len).sum::<usize>();
+        // Two pairs a crossing, and those of the ends; a needle beside the end of the period is crossed twice.
+        let many = Levels::new(&fan(100_000));
+        assert!(of(&many) < 4 * USUAL_CROSSINGS_EACH * 100_000, "{}", of(&many));
+        let few = Levels::new(&fan(1_000));
+        assert_eq!(few.share.len(), LEVELS + 1);
+        // A ring between coarser levels is shorter by 2.5 %.
+        let close = |a: f64, b: f64| (a - b).abs() < 0.05 * b;
+        assert!(close(many.height(), few.height()), "{} {}", many.height(), few.height());
+        let middle = 0.5 * few.height();
+        assert!(close(many.around(middle), few.around(middle)), "{} {}", many.around(middle), few.around(middle));
+        let patch = whole(&grid(300, 300, false, false)).expect("a disc");
+        let even = unfold(&patch, &UnfoldOptions::default()).expect("solvable");
+        assert_eq!(Levels::new(&even).share.len(), LEVELS + 1);
     }
 
     #[test]
