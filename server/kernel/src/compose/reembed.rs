@@ -28,13 +28,13 @@ use std::collections::BTreeSet;
 const RINGS: [usize; 5] = [1, 2, 3, 5, 8];
 /// Times that all is looked through.
 const PASSES: usize = 2;
-/// Share of a flaw that may be left for a region to be mended.
+/// Share of a flaw that may be left for a region to be mended. *Untuned.*
 const HALF: f64 = 0.5;
-/// Share of a face that looks away, from which on it is laid anew.
+/// Share of a face that looks away, from which on it is laid anew. *Untuned.*
 const AWAY: f64 = 0.3;
 /// Largest share of the net's faces that one region may have: a wider one is more than its rim can tell. *Untuned.*
 const REGION_MAX: f64 = 0.25;
-/// Rounds of optimisation of what was laid anew.
+/// Rounds of optimisation of what was laid anew. *Untuned.*
 const ROUNDS: u32 = 40;
 
 /// Lays the regions of a net anew that look away from the surface, or pass over it by more than `passed`, where less of them
@@ -127,7 +127,7 @@ fn around(net: &Net, face: u32) -> impl Iterator<Item = u32> {
     net.face(face).iter().flat_map(|&v| net.at(v).iter().copied())
 }
 
-/// Some faces in sets that are connected by corners, in order.
+/// Some faces in sets that are connected by corners, the largest first.
 fn connected(net: &Net, mut left: BTreeSet<u32>) -> Vec<BTreeSet<u32>> {
     let mut found = Vec::new();
     while let Some(first) = left.pop_first() {
@@ -138,6 +138,7 @@ fn connected(net: &Net, mut left: BTreeSet<u32>) -> Vec<BTreeSet<u32>> {
         }
         found.push(faces);
     }
+    found.sort_by_key(|faces| std::cmp::Reverse(faces.len()));
     found
 }
 

@@ -9,58 +9,70 @@ use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::{NONE, TriMesh, prev};
 use crate::numerics::stop;
 use crate::topology::{Topology, classify, submesh};
+use std::cell::Cell;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
-/// A path is sought this many times as far as its ends are apart, and as many of the longest edges at them. *Untuned.*
+/// A path between the vertices next to two points may be so many times as long as the way over these points. *Untuned.*
 const DETOUR_MAX: f64 = 4.0;
 /// A region may have this share of the surface's triangles, and this many times the share of the faces that are to lie there:
 /// what was dragged over an ear are few faces. *Untuned.*
 const REGION_LEAST: f64 = 0.1;
 const REGION_MAX: f64 = 4.0;
+/// All regions together may have so many times the triangles of the surface: solving for each takes about as long as it is
+/// large. *Untuned.*
+const SURFACES_MAX: usize = 6;
 
 /// A surface on which regions are sought.
 pub(super) struct Surroundings<'a> {
     surface: &'a TriMesh,
     tree: &'a Bvh,
     outgoing: Vec<u32>,
+    /// Triangles that may still be looked at.
+    left: Cell<usize>,
 }
 
 impl<'a> Surroundings<'a> {
     pub(super) fn new(surface: &'a TriMesh, tree: &'a Bvh) -> Self {
-        Self { surface, tree, outgoing: surface.outgoing() }
+        let left = Cell::new(SURFACES_MAX * surface.triangles.len());
+        Self { surface, tree, outgoing: surface.outgoing(), left }
     }
 
     /// The disc on the left of a closed polygon, for that share of some faces; `None` where there is none, or a far larger one.
     pub(super) fn left_of(&self, polygon: &[Vec3], share: f64) -> Option<TriMesh> {
         let surface = self.surface;
-        let corners: Vec<u32> = polygon.iter().map(|&p| self.nearest_vertex(p)).collect::<Option<_>>()?;
+        let corners: Vec<(u32, f64)> = polygon.iter().map(|&p| self.nearest_vertex(p)).collect::<Option<_>>()?;
         let mut path: BTreeSet<u32> = BTreeSet::new();
         for k in 0..corners.len() {
-            for h in self.path(corners[k], corners[(k + 1) % corners.len()])? {
+            let next = (k + 1) % corners.len();
+            let ((from, off), (to, off_too)) = (corners[k], corners[next]);
+            let way = off + (polygon[next] - polygon[k]).norm() + off_too;
+            for h in self.path(from, to, DETOUR_MAX * way)? {
                 let twin = surface.twin(h);
                 if twin == NONE || !path.remove(&twin) {
                     path.insert(h);
                 }
             }
         }
+        let right: BTreeSet<u32> =
+            path.iter().map(|&h| surface.twin(h)).filter(|&h| h != NONE).map(|h| h / 3).collect();
         let most = (REGION_LEAST + REGION_MAX * share) * surface.triangles.len() as f64;
         let mut found: BTreeSet<u32> = path.iter().map(|h| h / 3).collect();
         let mut front: Vec<u32> = found.iter().copied().collect();
-        while let Some(t) = front.pop() {
+        let mut is_bounded = found.is_disjoint(&right);
+        while let Some(t) = front.pop().filter(|_| is_bounded) {
             stop::pass(1);
-            if found.len() as f64 > most {
-                return None;
-            }
             for h in 3 * t..3 * t + 3 {
                 let twin = surface.twin(h);
                 if twin != NONE && !path.contains(&h) && !path.contains(&twin) && found.insert(twin / 3) {
+                    is_bounded &= !right.contains(&(twin / 3));
                     front.push(twin / 3);
                 }
             }
+            is_bounded &= found.len() as f64 <= most && found.len() <= self.left.get();
         }
-        let is_right = |h: &u32| surface.twin(*h) != NONE && found.contains(&(surface.twin(*h) / 3));
-        if path.iter().any(is_right) {
+        self.left.set(self.left.get().saturating_sub(found.len()));
+        if !is_bounded {
             return None;
         }
         let triangles: Vec<u32> = found.into_iter().collect();
@@ -68,28 +80,23 @@ impl<'a> Surroundings<'a> {
         (classify(&region).ok()? == Topology::Disc).then_some(region)
     }
 
-    fn nearest_vertex(&self, p: Vec3) -> Option<u32> {
-        let near = self.tree.closest(p);
-        let corners = self.surface.triangles.get(near.triangle as usize)?;
-        (0..3).max_by(|&a, &b| near.barycentric[a].total_cmp(&near.barycentric[b])).map(|k| corners[k])
+    /// The nearest corner of the nearest triangle, and how far it is.
+    fn nearest_vertex(&self, p: Vec3) -> Option<(u32, f64)> {
+        let corners = self.surface.triangles.get(self.tree.closest(p).triangle as usize)?;
+        let off = |v: u32| (self.surface.positions[v as usize] - p).norm();
+        corners.iter().map(|&v| (v, off(v))).min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
-    /// The halfedges of the shortest path along edges between two vertices.
-    fn path(&self, from: u32, to: u32) -> Option<Vec<u32>> {
+    /// The halfedges of the shortest path along edges between two vertices; `None` where that is longer than `most`.
+    fn path(&self, from: u32, to: u32, most: f64) -> Option<Vec<u32>> {
         let at = |v: u32| self.surface.positions[v as usize];
-        let longest = |v: u32| {
-            let mut longest = 0f64;
-            self.for_each_spoke(v, |_, w| longest = longest.max((at(w) - at(v)).norm()));
-            longest
-        };
-        let most = DETOUR_MAX * ((at(to) - at(from)).norm() + longest(from).max(longest(to)));
         let mut reached: BTreeMap<u32, (f64, u32)> = BTreeMap::from([(from, (0.0, NONE))]);
         // Positive finite floats order like their bits.
         let mut heap = BinaryHeap::from([Reverse((0u64, from))]);
         while let Some(Reverse((key, v))) = heap.pop() {
             stop::pass(1);
             let d = f64::from_bits(key);
-            if v == to || d > most {
+            if v == to {
                 break;
             }
             if reached.get(&v).is_some_and(|r| d > r.0) {
@@ -97,7 +104,7 @@ impl<'a> Surroundings<'a> {
             }
             self.for_each_spoke(v, |h, w| {
                 let next = d + (at(w) - at(v)).norm();
-                if reached.get(&w).is_none_or(|r| next < r.0) {
+                if next <= most && reached.get(&w).is_none_or(|r| next < r.0) {
                     reached.insert(w, (next, h));
                     heap.push(Reverse((next.to_bits(), w)));
                 }
