@@ -1,7 +1,6 @@
 //! How good a map is: fold-overs, distortion against the example's own shape, and one honest word.
 
 pub mod coverage;
-pub(crate) mod facing;
 pub mod sound;
 mod way;
 

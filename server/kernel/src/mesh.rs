@@ -7,6 +7,7 @@
 pub mod bvh;
 pub(crate) mod disjoint;
 pub mod error;
+pub(crate) mod facing;
 mod format;
 pub mod geodesic;
 mod gltf;

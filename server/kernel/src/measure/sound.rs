@@ -7,10 +7,10 @@
 
 use std::sync::OnceLock;
 
-use super::facing::{Facing, Turned};
 use super::way::Ways;
 use crate::compose::fit::Measured;
 use crate::mesh::bvh::Bvh;
+use crate::mesh::facing::{Facing, Turned};
 use crate::mesh::tri::{NONE, TriMesh};
 use crate::mesh::{PolyMesh, Vec3};
 use crate::topology::holes::is_filling;

@@ -251,11 +251,8 @@ mod tests {
         assert!(of(&many) < 4 * USUAL_CROSSINGS_EACH * 100_000, "{}", of(&many));
         let few = Levels::new(&fan(1_000));
         assert_eq!(few.share.len(), LEVELS + 1);
-        // A ring between coarser levels is shorter by 2.5 %.
-        let close = |a: f64, b: f64| (a - b).abs() < 0.05 * b;
-        assert!(close(many.height(), few.height()), "{} {}", many.height(), few.height());
-        let middle = 0.5 * few.height();
-        assert!(close(many.around(middle), few.around(middle)), "{} {}", many.around(middle), few.around(middle));
+        // Needles taper from the rim to the pole; a band of theirs is measured as if they did not.
+        assert!((many.height() - few.height()).abs() < 0.05 * few.height(), "{} {}", many.height(), few.height());
         let patch = whole(&grid(300, 300, false, false)).expect("a disc");
         let even = unfold(&patch, &UnfoldOptions::default()).expect("solvable");
         assert_eq!(Levels::new(&even).share.len(), LEVELS + 1);

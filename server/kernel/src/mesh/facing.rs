@@ -4,9 +4,9 @@
 //! Their faces look another way than the surface does. The surface's normals are averaged over about half a face, so that
 //! noise turns none. *Ours, not the paper's.*
 
-use crate::mesh::Vec3;
-use crate::mesh::bvh::Bvh;
-use crate::mesh::tri::{NONE, TriMesh};
+use super::Vec3;
+use super::bvh::Bvh;
+use super::tri::{NONE, TriMesh};
 use crate::numerics::stop;
 
 /// Cosine of the angle from which on a face looks another way: 60°.
