@@ -45,7 +45,7 @@ pub struct Cost {
     pub took_s: f64,
     /// Processor time of the server, in seconds.
     pub cpu_s: f64,
-    /// What its threads waited for a core that others had, in seconds: on a machine that others use, computing threads stand back.
+    /// Its threads waited for a core so long, in seconds: computing threads stand back on a machine that others use.
     pub waited_s: f64,
     /// The most memory the server ever held, in bytes.
     pub peak: u64,

@@ -7,7 +7,7 @@ pub fn cpu_ms(id: u32) -> f64 {
     scheduled_ms(id, 0)
 }
 
-/// What all threads so far waited for a core that others had, in milliseconds: of real time, neither theirs nor a sleep.
+/// All threads so far waited for a core so long, in milliseconds: real time that is neither processor time nor sleep.
 pub fn waited_ms(id: u32) -> f64 {
     scheduled_ms(id, 1)
 }

@@ -162,7 +162,7 @@ impl Stitching<'_> {
         Some(self.optimised(Draft { mesh, fit, tips, on_line: Vec::new() }, origins, OPTIMISE_ROUNDS / 2))
     }
 
-    /// Whether a layout that is kept lies nearest to a point.
+    /// Tells whether a layout that is kept lies nearest to a point.
     fn is_kept(&self, p: Vec3, origins: &[LayoutOrigin]) -> bool {
         let is_kept = |s: usize| origins.get(s) == Some(&LayoutOrigin::Kept);
         origins.contains(&LayoutOrigin::Kept) && self.segment_at(p).is_some_and(is_kept)
