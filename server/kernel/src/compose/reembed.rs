@@ -1,11 +1,13 @@
 //! Lays crumpled regions of a net anew.
 //!
-//! The middle of a long edge, put on the nearest place of the surface, may land on the other side of an ear or a wing; the
-//! quads around it then look away from the surface. Faces that look away, widened by some rings, form a disc of the net
-//! whose rim lies well. The surface to the left of the rim is a disc too ([`region`]). Both are mapped to the unit disc:
+//! A vertex that is put on the nearest place of the surface, as the neighbours of a tip are when that is moved to
+//! cover an ear ([`cover`](super::cover)), may land on the other side of it; the quads around it then look away from
+//! the surface. Faces that look away, or pass over the surface, widened by some rings, form a disc of the net whose
+//! rim lies well. The surface to the left of the rim is a disc too ([`region`]). Both are mapped to the unit disc:
 //! the surface by a harmonic map with its border on the circle, the net by Tutte's embedding, whose rim is where the
-//! surface's map has it. Each inner vertex goes to the place of the surface that has its image. A net of squares has a
-//! uniform embedding that is nearly conformal, as the surface's map is, so that rings around the tip of an ear stay rings.
+//! surface's map has it. Each inner vertex goes to the place of the surface that has its image. A net of squares has
+//! a uniform embedding that is nearly conformal, as the surface's map is, so that rings around the tip of an ear stay
+//! rings.
 //! *Source:* Tutte, *How to draw a graph* (1963). *Ours, not the paper's:* on a region that looks away.
 
 mod disc;
