@@ -251,7 +251,7 @@ impl<'a> Settler<'a> {
     pub fn relief(&self, start: &[Vec3]) -> Option<f64> {
         let setting = self.setting(start)?;
         let positions: Vec<Vec3> = start.iter().map(|x| setting.frame.undo(x)).collect();
-        let places: Vec<Closest> = start.iter().map(|x| self.input.tree.closest(*x)).collect();
+        let places = self.input.tree.closest_to_all(start);
         let nodes = &self.nodes[1];
         let judged = Judged {
             rest: &self.rest,

@@ -46,8 +46,7 @@ fn farthest_asked(net: &Net, points: &[Vec3], allowed: f64) -> Vec<(u32, Vec3)> 
     let fans = net.fans();
     let bvh = Bvh::new(&fans.mesh);
     let mut asked: Vec<(f64, u32, Vec3)> = Vec::new();
-    for &x in points {
-        let nearest = bvh.closest(x);
+    for (&x, nearest) in points.iter().zip(bvh.closest_to_all(points)) {
         let Some(&face) = fans.face.get(nearest.triangle as usize).filter(|_| nearest.distance > allowed) else {
             continue;
         };

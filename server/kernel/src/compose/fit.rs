@@ -61,7 +61,9 @@ impl Measured {
     /// The distance of each point of a mesh of polygons from it, and of each of its points from the mesh.
     pub fn distances(&self, mesh: &PolyMesh) -> [Vec<(Vec3, f64)>; 2] {
         let other = Self::new(&Fans::of(&mesh.positions, (0..).zip(mesh.faces.iter())).mesh);
-        let to = |points: &[Vec3], bvh: &Bvh| points.iter().map(|&p| (p, bvh.closest(p).distance)).collect();
+        let to = |points: &[Vec3], bvh: &Bvh| {
+            points.iter().zip(bvh.closest_to_all(points)).map(|(&p, near)| (p, near.distance)).collect()
+        };
         [to(&other.points, &self.bvh), to(&self.points, &other.bvh)]
     }
 }

@@ -69,16 +69,21 @@ fn ask(asked: &mut [Asked], v: u32, r: Vec3, weight: f64) {
 
 /// Points of the faces look for the surface.
 fn by_faces(net: &Net, target: &Target, asked: &mut [Asked]) {
+    let of_quads: Vec<Vec<f64>> = GAUSS.iter().flat_map(|&s| GAUSS.map(|t| bilinear(s, t))).collect();
+    let samples = |c: &[u32]| match c.len() {
+        4 => of_quads.clone(),
+        n => vec![vec![1.0 / n as f64; n]],
+    };
+    let point = |c: &[u32], weights: &[f64]| c.iter().zip(weights).map(|(&v, w)| net.positions[v as usize] * *w).sum();
+    let points = net.faces().flat_map(|(_, c)| samples(c).into_iter().map(move |weights| point(c, &weights)));
+    let points: Vec<Vec3> = points.collect();
+    let mut met = points.iter().zip(target.all_onto_surface(&points));
     for (_, c) in net.faces() {
         let area = area_vector(net, c).norm();
-        let samples: Vec<Vec<f64>> = match c.len() {
-            4 => GAUSS.iter().flat_map(|&s| GAUSS.map(|t| bilinear(s, t))).collect(),
-            n => vec![vec![1.0 / n as f64; n]],
-        };
+        let samples = samples(c);
         let share = area / samples.len() as f64;
-        for weights in &samples {
-            let x: Vec3 = c.iter().zip(weights).map(|(&v, w)| net.positions[v as usize] * *w).sum();
-            let r = target.onto_surface(x) - x;
+        for (weights, (x, on)) in samples.iter().zip(met.by_ref()) {
+            let r = on - x;
             if r.norm_squared() > BELIEVED * BELIEVED * area {
                 continue;
             }
@@ -97,8 +102,7 @@ fn by_points(net: &Net, points: &[Vec3], asked: &mut [Asked]) {
     let areas: Vec<f64> = fans.face.iter().map(|&f| area_vector(net, net.face(f)).norm()).collect();
     let share = fans.mesh.total_area() / points.len().max(1) as f64;
     let bvh = Bvh::new(&fans.mesh);
-    for &x in points {
-        let near = bvh.closest(x);
+    for (x, near) in points.iter().zip(bvh.closest_to_all(points)) {
         let Some(&area) = areas.get(near.triangle as usize) else { continue };
         if near.distance * near.distance > BELIEVED * BELIEVED * area {
             continue;

@@ -168,10 +168,13 @@ impl State {
             (0..3).for_each(|k| moves[k][v] = pull[k]);
         }
         moves.iter_mut().for_each(|column| self.factor.solve(column));
-        for v in (0..positions.len()).filter(free) {
+        let aim = |v: usize| {
             let solved = along(v, Vec3::new(moves[0][v], moves[1][v], moves[2][v])) * self.step;
             let share = (self.step_max[v] / solved.norm()).min(1.0);
-            let to = target.onto_surface(positions[v] + solved * share + self.last[v] * MOMENTUM);
+            positions[v] + solved * share + self.last[v] * MOMENTUM
+        };
+        let aims: Vec<Vec3> = (0..positions.len()).filter(free).map(aim).collect();
+        for (v, to) in (0..positions.len()).filter(free).zip(target.all_onto_surface(&aims)) {
             self.last[v] = to - positions[v];
             positions[v] = to;
         }

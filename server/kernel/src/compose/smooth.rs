@@ -45,6 +45,11 @@ impl Target {
         self.surface.closest(p).point
     }
 
+    /// The nearest points of the surface.
+    pub fn all_onto_surface(&self, points: &[Vec3]) -> Vec<Vec3> {
+        self.surface.closest_to_all(points).into_iter().map(|near| near.point).collect()
+    }
+
     /// The nearest point of the true boundary.
     pub fn onto_border(&self, p: Vec3) -> Vec3 {
         self.border.closest(p).point
@@ -118,24 +123,23 @@ impl Plan {
 
     /// Goes `rounds` rounds.
     pub fn run(&self, net: &mut Net, target: &Target, rounds: u32) {
+        let following = (0..self.moving.len()).filter(|k| !self.follows[*k].is_empty());
+        let (border, inside): (Vec<usize>, Vec<usize>) = following.partition(|k| self.on_border[*k]);
         for _ in 0..rounds {
-            let moved: Vec<Vec3> = (0..self.moving.len()).map(|k| self.moved(net, target, k)).collect();
-            for (&(v, _), p) in self.moving.iter().zip(moved) {
-                net.positions[v as usize] = p;
-            }
+            let to: Vec<Vec3> = inside.iter().map(|&k| self.aim(net, k)).collect();
+            let on_border: Vec<Vec3> = border.iter().map(|&k| target.onto_border(self.aim(net, k))).collect();
+            let moved = inside.iter().zip(target.all_onto_surface(&to)).chain(border.iter().zip(on_border));
+            moved.for_each(|(&k, p)| net.positions[self.moving[k].0 as usize] = p);
         }
     }
 
-    fn moved(&self, net: &Net, target: &Target, k: usize) -> Vec3 {
+    /// Where one that moves would go if it were not put back onto the input.
+    fn aim(&self, net: &Net, k: usize) -> Vec3 {
         let (v, weight) = self.moving[k];
         let here = net.positions[v as usize];
         let follows = &self.follows[k];
-        if follows.is_empty() {
-            return here;
-        }
         let mean = follows.iter().map(|&w| net.positions[w as usize]).sum::<Vec3>() / follows.len() as f64;
-        let to = here + (mean - here) * weight;
-        if self.on_border[k] { target.onto_border(to) } else { target.onto_surface(to) }
+        here + (mean - here) * weight
     }
 }
 

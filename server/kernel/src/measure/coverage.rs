@@ -49,9 +49,11 @@ pub fn coverage(example: &TriMesh, cross: &CrossMap, input: &TriMesh, features: 
     }
     let step = input.positions.len().div_ceil(SAMPLES_MAX).max(1);
     let (mut far, mut all) = (0.0, 0.0);
-    for (p, mass) in input.positions.iter().zip(&masses).step_by(step).filter(|(_, mass)| **mass > 0.0) {
+    let taken = || input.positions.iter().zip(&masses).step_by(step).filter(|(_, mass)| **mass > 0.0);
+    let points: Vec<Vec3> = taken().map(|(p, _)| *p).collect();
+    for ((_, mass), closest) in taken().zip(tree.closest_to_all(&points)) {
         all += mass;
-        if tree.closest(*p).distance > near {
+        if closest.distance > near {
             far += mass;
         }
     }

@@ -1,21 +1,29 @@
 //! The point of a triangle mesh that is closest to a given one.
 //!
-//! A binary tree of boxes over the triangles, split at the median along the longest axis of their centres. Boxes are kept
-//! in single precision, rounded outwards; distances to triangles are exact in double precision. Ties go to the triangle
-//! with the lowest number, so that the answer does not depend on the tree. A mesh of needles gets turned boxes besides
-//! ([`turned`]).
+//! A tree of boxes over the triangles, four to a node, split at the medians along the longest axes of their centres. Boxes
+//! are kept and compared in single precision, rounded so that they bound from below; distances to triangles are exact in
+//! double precision. Ties go to the triangle with the lowest number, so that the answer does not depend on the tree. A mesh
+//! of needles gets turned boxes besides ([`turned`]).
 
 mod turned;
 
 use super::Vec3;
 use super::tri::{NONE, TriMesh};
-use crate::numerics::stop;
+use crate::numerics::{side_by_side, stop};
+use std::ops::Range;
 use turned::Turned;
 
-/// Triangles in a leaf.
-const LEAF_SIZE: usize = 4;
-/// The deepest that a median split over `u32` triangles can get, with room for the pushes of one node.
+/// Children of a node: as many as the narrowest vectors hold.
+const WIDTH: usize = 4;
+/// The deepest that median splits over `u32` triangles can get is 16 nodes; each leaves all children but one to do.
 const STACK_SIZE: usize = 64;
+/// A child that is a triangle has this bit, one that is a node has not.
+const TRIANGLE: u32 = 1 << 31;
+/// What sums of single precision may be too large by, as a share of them; and where they are hardly above zero, by value.
+const ROOM: f32 = 1e-6;
+const LEAST: f32 = f32::MIN_POSITIVE;
+/// Fewer points are searched for on one thread: a second one takes some 30 µs to start.
+const SHARED_MIN: usize = 256;
 
 /// A tree of boxes over the triangles of a mesh.
 #[derive(Clone, Debug, Default)]
@@ -42,58 +50,93 @@ pub struct Closest {
     pub distance: f64,
 }
 
+/// The boxes of a node's children, by axis, and which these are: [`NONE`], or a node, or, with the bit [`TRIANGLE`], a
+/// triangle in the order of the leaves.
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    low: [f32; 3],
-    high: [f32; 3],
-    /// A leaf's first triangle; an inner node's second child (its first is the next node).
-    link: u32,
-    /// Triangles of a leaf; 0 for inner nodes.
-    count: u32,
+    low: [[f32; WIDTH]; 3],
+    high: [[f32; WIDTH]; 3],
+    children: [u32; WIDTH],
+}
+
+/// A triangle while the tree is built.
+#[derive(Clone, Copy)]
+struct Item {
+    centre: [f32; 3],
+    triangle: u32,
 }
 
 impl Bvh {
     /// Builds the tree.
     pub fn new(mesh: &TriMesh) -> Self {
-        let corners: Vec<[Vec3; 3]> = mesh.triangles.iter().map(|t| t.map(|v| mesh.positions[v as usize])).collect();
-        let centres: Vec<Vec3> = corners.iter().map(|[a, b, c]| (a + b + c) / 3.0).collect();
-        let mut order: Vec<u32> = (0..corners.len() as u32).collect();
-        let mut nodes = Vec::with_capacity(corners.len());
-        let (mut turned, has_needles) = (Vec::new(), turned::has_needles(&corners));
-        // Ranges of `order` still to be made into nodes, each with the parent whose second child it is.
-        let mut todo = vec![(0, order.len(), None)];
-        while let Some((start, end, parent)) = todo.pop() {
-            if start == end {
+        let corners = |t: &[u32; 3]| t.map(|v| mesh.positions[v as usize]);
+        let item = |(t, c): (usize, &[u32; 3])| {
+            let centre = corners(c).iter().sum::<Vec3>() / 3.0;
+            Item { centre: [centre.x, centre.y, centre.z].map(|x| x as f32), triangle: t as u32 }
+        };
+        let mut items: Vec<Item> = mesh.triangles.iter().enumerate().map(item).collect();
+        let mut nodes: Vec<Node> = Vec::with_capacity(items.len() / 2 + 1);
+        let mut ranges = Vec::with_capacity(items.len() / 2 + 1);
+        // Ranges of `items` still to be made into nodes, each with the place among its parent's children.
+        let mut todo = vec![(0..items.len(), None)];
+        while let Some((range, parent)) = todo.pop() {
+            if range.is_empty() {
                 continue;
             }
-            if let Some(parent) = parent {
-                let number = nodes.len() as u32;
-                let node: &mut Node = &mut nodes[parent];
-                node.link = number;
+            let number = nodes.len();
+            if let Some((parent, slot)) = parent {
+                let parent: &mut Node = &mut nodes[parent];
+                parent.children[slot] = number as u32;
             }
-            stop::pass(end - start);
-            let slice = &mut order[start..end];
-            let (low, high) = bounds(slice.iter().flat_map(|t| corners[*t as usize]));
-            let is_leaf = slice.len() <= LEAF_SIZE;
-            let count = if is_leaf { slice.len() as u32 } else { 0 };
-            nodes.push(Node { low: round_down(low), high: round_up(high), link: start as u32, count });
-            if has_needles {
-                turned.push(Turned::of(slice.iter().map(|t| &corners[*t as usize])));
+            stop::pass(range.len());
+            let mut node = Node {
+                low: [[f32::INFINITY; WIDTH]; 3],
+                high: [[f32::NEG_INFINITY; WIDTH]; 3],
+                children: [NONE; WIDTH],
+            };
+            for (slot, part) in parts(&mut items, range.clone()).into_iter().enumerate() {
+                match part.len() {
+                    0 => {}
+                    1 => node.children[slot] = part.start as u32 | TRIANGLE,
+                    _ => todo.push((part, Some((number, slot)))),
+                }
             }
-            if is_leaf {
-                continue;
-            }
-            let (low, high) = bounds(slice.iter().map(|t| centres[*t as usize]));
-            let axis = (high - low).imax();
-            let middle = slice.len() / 2;
-            slice.select_nth_unstable_by(middle, |s, t| {
-                centres[*s as usize][axis].total_cmp(&centres[*t as usize][axis]).then(s.cmp(t))
-            });
-            todo.push((start + middle, end, Some(nodes.len() - 1)));
-            todo.push((start, start + middle, None));
+            nodes.push(node);
+            ranges.push(range);
         }
-        let corners = order.iter().map(|t| corners[*t as usize]).collect();
-        Self { nodes, turned, corners, triangle_of: order }
+        let corners: Vec<[Vec3; 3]> =
+            items.iter().map(|item| corners(&mesh.triangles[item.triangle as usize])).collect();
+        let mut tree = Self {
+            turned: Vec::new(),
+            triangle_of: items.into_iter().map(|item| item.triangle).collect(),
+            corners,
+            nodes,
+        };
+        tree.put_boxes();
+        if turned::has_needles(&tree.corners) {
+            tree.turned = ranges.into_iter().map(|range| Turned::of(tree.corners[range].iter())).collect();
+        }
+        tree
+    }
+
+    /// Gives all children their boxes; a node comes before its children.
+    fn put_boxes(&mut self) {
+        for number in (0..self.nodes.len()).rev() {
+            for slot in 0..WIDTH {
+                let (low, high) = match self.nodes[number].children[slot] {
+                    NONE => continue,
+                    child if child & TRIANGLE == 0 => self.nodes[child as usize].whole(),
+                    child => {
+                        let [a, b, c] = &self.corners[(child & !TRIANGLE) as usize];
+                        (round_down(a.inf(b).inf(c)), round_up(a.sup(b).sup(c)))
+                    }
+                };
+                let node = &mut self.nodes[number];
+                for k in 0..3 {
+                    (node.low[k][slot], node.high[k][slot]) = (low[k], high[k]);
+                }
+            }
+        }
     }
 
     /// The closest point of the mesh.
@@ -103,68 +146,125 @@ impl Bvh {
         if self.nodes.is_empty() || point.iter().any(|x| !x.is_finite()) {
             return best;
         }
+        let (above, below) = (round_up(point), round_down(point));
         let mut best_squared = f64::INFINITY;
         let mut stack = [(0u32, 0.0f64); STACK_SIZE];
-        stack[0] = (0, self.bound(0, &point));
         let mut height = 1;
         while height > 0 {
             height -= 1;
-            let (number, bound) = stack[height];
+            let (child, bound) = stack[height];
             if bound > best_squared {
                 continue;
             }
-            let node = &self.nodes[number as usize];
-            if node.count > 0 {
-                let range = node.link as usize..(node.link + node.count) as usize;
-                for (corners, triangle) in self.corners[range.clone()].iter().zip(&self.triangle_of[range]) {
-                    let barycentric = closest_on_triangle(corners, &point);
-                    let at = combine(corners, barycentric);
-                    let squared = (at - point).norm_squared();
-                    if squared < best_squared || (squared == best_squared && *triangle < best.triangle) {
-                        best_squared = squared;
-                        best = Closest { triangle: *triangle, barycentric, point: at, distance: 0.0 };
-                    }
+            if child & TRIANGLE != 0 {
+                let at = (child & !TRIANGLE) as usize;
+                let (corners, triangle) = (&self.corners[at], self.triangle_of[at]);
+                let barycentric = closest_on_triangle(corners, &point);
+                let on = combine(corners, barycentric);
+                let squared = (on - point).norm_squared();
+                if squared < best_squared || (squared == best_squared && triangle < best.triangle) {
+                    best_squared = squared;
+                    best = Closest { triangle, barycentric, point: on, distance: 0.0 };
                 }
                 continue;
             }
-            let first = (number + 1, self.bound(number + 1, &point));
-            let second = (node.link, self.bound(node.link, &point));
-            let (near, far) = if first.1 <= second.1 { (first, second) } else { (second, first) };
-            for child in [far, near] {
-                if child.1 <= best_squared {
-                    stack[height] = child;
-                    height += 1;
+            let node = &self.nodes[child as usize];
+            let bounds = node.bounds(&above, &below);
+            // The nearest goes on top.
+            let from = height;
+            for (&child, bound) in node.children.iter().zip(bounds) {
+                let bound = self.bound(child, bound, &point);
+                if child == NONE || bound > best_squared {
+                    continue;
                 }
+                let mut at = height;
+                while at > from && stack[at - 1].1 < bound {
+                    stack[at] = stack[at - 1];
+                    at -= 1;
+                }
+                stack[at] = (child, bound);
+                height += 1;
             }
         }
         best.distance = best_squared.sqrt();
         best
     }
 
-    /// A lower bound of the squared distance from a point to what is below a node.
-    #[inline]
-    fn bound(&self, number: u32, point: &Vec3) -> f64 {
-        let along_axes = self.nodes[number as usize].distance_squared(point);
-        self.turned.get(number as usize).map_or(along_axes, |turned| along_axes.max(turned.distance_squared(point)))
+    /// The closest points of the mesh for many points, half of them on a second thread. As many steps are counted as if each
+    /// were sought alone.
+    pub fn closest_to_all(&self, points: &[Vec3]) -> Vec<Closest> {
+        let search = |points: &[Vec3]| points.iter().map(|&p| self.closest(p)).collect::<Vec<_>>();
+        if points.len() < SHARED_MIN {
+            return search(points);
+        }
+        let (first, second) = points.split_at(points.len() / 2);
+        let (mut found, others) = side_by_side(|| search(first), || search(second));
+        stop::count(others.len() as u64);
+        found.extend(others);
+        found
     }
+
+    /// A lower bound of the squared distance from a point to a child, given that to its box along the axes.
+    #[inline]
+    fn bound(&self, child: u32, along_axes: f32, point: &Vec3) -> f64 {
+        let along_axes = f64::from(along_axes);
+        self.turned.get(child as usize).map_or(along_axes, |turned| along_axes.max(turned.distance_squared(point)))
+    }
+}
+
+/// Divides a range of triangles into up to four, twice at the median along the longest axis. Those that are more than a
+/// node's, but for the last, are of a multiple of its width, so that most nodes are full.
+fn parts(items: &mut [Item], range: Range<usize>) -> [Range<usize>; WIDTH] {
+    if range.len() <= WIDTH {
+        return std::array::from_fn(|k| (range.start + k).min(range.end)..(range.start + k + 1).min(range.end));
+    }
+    let middle = halve(items, range.clone());
+    let (first, second) = (halve(items, range.start..middle), halve(items, middle..range.end));
+    [range.start..first, first..middle, middle..second, second..range.end]
+}
+
+/// Sorts a range of triangles into two along the longest axis of their centres, and tells where the second begins.
+fn halve(items: &mut [Item], range: Range<usize>) -> usize {
+    if range.len() <= WIDTH {
+        return range.end;
+    }
+    let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    for item in &items[range.clone()] {
+        for k in 0..3 {
+            (low[k], high[k]) = (low[k].min(item.centre[k]), high[k].max(item.centre[k]));
+        }
+    }
+    let size = [0, 1, 2].map(|k| high[k] - low[k]);
+    let longest = if size[0] >= size[1] && size[0] >= size[2] { 0 } else { 1 + usize::from(size[2] > size[1]) };
+    let middle = (range.len() / 2).next_multiple_of(WIDTH);
+    items[range.clone()].select_nth_unstable_by(middle, |s, t| {
+        s.centre[longest].total_cmp(&t.centre[longest]).then(s.triangle.cmp(&t.triangle))
+    });
+    range.start + middle
 }
 
 impl Node {
-    /// A lower bound of the squared distance from a point to what is in the box.
+    /// Lower bounds of the squared distances from a point, of which the next single-precision numbers above and below are
+    /// given, to what is in the boxes.
     #[inline]
-    fn distance_squared(&self, point: &Vec3) -> f64 {
-        let mut sum = 0.0;
+    fn bounds(&self, above: &[f32; 3], below: &[f32; 3]) -> [f32; WIDTH] {
+        // Not `f32::max`, which takes care of what is no number.
+        let larger = |a: f32, b: f32| if a > b { a } else { b };
+        let mut sums = [0.0; WIDTH];
         for k in 0..3 {
-            let outside = (f64::from(self.low[k]) - point[k]).max(point[k] - f64::from(self.high[k])).max(0.0);
-            sum += outside * outside;
+            for (slot, sum) in sums.iter_mut().enumerate() {
+                let outside = larger(larger(self.low[k][slot] - above[k], below[k] - self.high[k][slot]), 0.0);
+                *sum += outside * outside;
+            }
         }
-        sum
+        sums.map(|sum| if sum < f32::MAX { sum * (1.0 - ROOM) - LEAST } else { f32::MAX * (1.0 - ROOM) })
     }
-}
 
-fn bounds(points: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
-    let start = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
-    points.fold(start, |(low, high), p| (low.inf(&p), high.sup(&p)))
+    /// The box of all children.
+    fn whole(&self) -> ([f32; 3], [f32; 3]) {
+        let low = self.low.map(|side| side.into_iter().fold(f32::INFINITY, f32::min));
+        (low, self.high.map(|side| side.into_iter().fold(f32::NEG_INFINITY, f32::max)))
+    }
 }
 
 fn round_down(v: Vec3) -> [f32; 3] {

@@ -50,6 +50,12 @@ pub fn poll() {
     }
 }
 
+/// Counts steps that another thread made for this one, and asks whether to go on.
+pub fn count(steps: u64) {
+    STEPS.set(STEPS.get().wrapping_add(steps));
+    ask();
+}
+
 /// Asks whether to go on once in a while as a pass over many elements comes by so many of them. Counts no steps: how much
 /// work is allowed does not depend on where passes are interrupted.
 #[inline]

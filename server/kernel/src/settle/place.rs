@@ -25,7 +25,7 @@ pub(super) fn places(
     positions: &[Vec3],
     edges: &[f64],
 ) -> (Vec<Closest>, Vec<bool>) {
-    let places: Vec<Closest> = positions.iter().map(|x| tree.closest(*x)).collect();
+    let places = tree.closest_to_all(positions);
     let lost = (places.iter().zip(positions).zip(edges))
         .map(|((place, x), edge)| {
             let way = x - place.point;

@@ -22,7 +22,9 @@ pub(super) fn has_needles(corners: &[[Vec3; 3]]) -> bool {
 fn is_needle([a, b, c]: &[Vec3; 3]) -> bool {
     let size = a.sup(b).sup(c) - a.inf(b).inf(c);
     let of_box = size.x * size.y + size.y * size.z + size.z * size.x;
-    of_box > NEEDLE * (b - a).cross(&(c - a)).norm()
+    let area = (b - a).cross(&(c - a)).norm();
+    // What has no area has no normal for a turned box.
+    area > 0.0 && of_box > NEEDLE * area
 }
 
 /// A box along axes of its own.
