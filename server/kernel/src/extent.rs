@@ -6,6 +6,8 @@
 
 use crate::encode::{Encoding, LEVEL_SIDES};
 use crate::mesh::tri::TriMesh;
+use crate::numerics::stop::Stop;
+use crate::numerics::{in_halves, side_by_side};
 use crate::rank::{Shape, score};
 use crate::register::entry::MIRROR_MARGIN;
 use crate::register::image::Image;
@@ -165,23 +167,18 @@ struct Pairing {
 
 /// The extents at which an example and an input, both discs or spheres, register best, best first. What is whole on both
 /// sides is not among them.
-pub fn extents(one: &Query, two: &Query, solver: &dyn Solver, stop: &dyn Fn() -> bool) -> Vec<Extent> {
+pub fn extents(one: &Query, two: &Query, solver: &dyn Solver, stop: Stop<'_>) -> Vec<Extent> {
     let is_fit = |q: &Query| matches!(q.encoding().topology, Topology::Disc | Topology::Sphere);
     if !is_fit(one) || !is_fit(two) {
         return Vec::new();
     }
-    let (one, two) = (Subject::new(one, POLES_SPREAD), Subject::new(two, POLES_SPREAD));
-    let mut found: Vec<Extent> = Vec::new();
-    for pairing in swept(&one, &two) {
-        if stop() {
-            break;
-        }
-        found.extend(registered(&one, &two, &pairing, solver, stop));
-    }
+    let (one, two) = side_by_side(|| Subject::new(one, POLES_SPREAD), || Subject::new(two, POLES_SPREAD));
+    let extent = |pairing: &Pairing| if stop() { None } else { registered(&one, &two, pairing, solver, stop) };
+    let mut found: Vec<Extent> = in_halves(&swept(&one, &two), extent).into_iter().flatten().collect();
     found.sort_by(|a, b| a.score.total_cmp(&b.score));
     found.truncate(MOVED);
     let search = Search { one: &one, two: &two, solver, stop };
-    let mut moved: Vec<Extent> = found.into_iter().map(|extent| search.descend(extent)).collect();
+    let mut moved = in_halves(&found, |extent| search.descend(extent.clone()));
     moved.sort_by(|a, b| a.score.total_cmp(&b.score));
     moved
 }
@@ -241,13 +238,7 @@ fn scored(cost: f64, flip: Flip, moduli: [f64; 2]) -> f64 {
     score(cost, one, two, 0.0) * if flip.is_mirror() { MIRROR_MARGIN } else { 1.0 }
 }
 
-fn registered(
-    one: &Subject,
-    two: &Subject,
-    p: &Pairing,
-    solver: &dyn Solver,
-    stop: &dyn Fn() -> bool,
-) -> Option<Extent> {
+fn registered(one: &Subject, two: &Subject, p: &Pairing, solver: &dyn Solver, stop: Stop<'_>) -> Option<Extent> {
     let views = [&one.views[p.views[0]], &two.views[p.views[1]]];
     let crop = |k: usize| Crop { poles: views[k].poles.clone(), share: p.shares[k] };
     register(views, [crop(0), crop(1)], p.flip, solver, stop)
@@ -259,7 +250,7 @@ fn register(
     [one, two]: [Crop; 2],
     flip: Flip,
     solver: &dyn Solver,
-    stop: &dyn Fn() -> bool,
+    stop: Stop<'_>,
 ) -> Option<Extent> {
     let encodings: [Encoding; 2] =
         [views[0].encoding(one.share, SEARCH_SIDE), views[1].encoding(two.share, SEARCH_SIDE)];
@@ -282,7 +273,7 @@ struct Search<'a> {
     one: &'a Subject<'a>,
     two: &'a Subject<'a>,
     solver: &'a dyn Solver,
-    stop: &'a dyn Fn() -> bool,
+    stop: Stop<'a>,
 }
 
 impl Search<'_> {

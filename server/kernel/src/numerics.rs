@@ -7,5 +7,5 @@ pub mod sparse;
 pub mod stop;
 pub mod wide;
 
-pub use pair::side_by_side;
+pub use pair::{in_halves, side_by_side};
 pub use sparse::{Factored, Pattern, SolveError};

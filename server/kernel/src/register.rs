@@ -16,6 +16,7 @@ pub mod problem;
 pub mod query;
 pub mod solve;
 pub mod spectra;
+pub mod tips;
 pub mod trial;
 pub mod view;
 

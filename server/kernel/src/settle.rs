@@ -30,6 +30,7 @@ pub use span::spanned;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::{Bvh, Closest};
 use crate::mesh::tri::TriMesh;
+use crate::numerics::stop::Stop;
 use align::Rigid;
 use elastic::{Body, View};
 use evidence::Judged;
@@ -190,7 +191,7 @@ pub fn settle(
     start: &[Vec3],
     mirror: f64,
     options: &Options,
-    stop: &dyn Fn() -> bool,
+    stop: Stop<'_>,
 ) -> Option<Settled> {
     Settler::new(example, input, mirror, options)?.settle(start, stop)
 }
@@ -240,7 +241,7 @@ impl<'a> Settler<'a> {
     }
 
     /// The similarity stage alone: which of many rough starts is worth settling.
-    pub fn align(&self, start: &[Vec3], stop: &dyn Fn() -> bool) -> Option<Aligned> {
+    pub fn align(&self, start: &[Vec3], stop: Stop<'_>) -> Option<Aligned> {
         let setting = self.setting(start)?;
         let found = self.aligned(&setting, stop)?;
         let score = self.rigid.score(&setting.coarse, &found);
@@ -267,21 +268,21 @@ impl<'a> Settler<'a> {
     }
 
     /// Lays the example on the input; see [`settle`].
-    pub fn settle(&self, start: &[Vec3], stop: &dyn Fn() -> bool) -> Option<Settled> {
+    pub fn settle(&self, start: &[Vec3], stop: Stop<'_>) -> Option<Settled> {
         self.settle_to(start, (self.options.manner, 0.0), stop)
     }
 
     /// Lays the example in a manner other than that of the options.
-    pub fn fine(&self, start: &[Vec3], manner: Manner, stop: &dyn Fn() -> bool) -> Option<Settled> {
+    pub fn fine(&self, start: &[Vec3], manner: Manner, stop: Stop<'_>) -> Option<Settled> {
         self.settle_to(start, (manner, 0.0), stop)
     }
 
     /// Lays the example roughly, in a third of the time: enough to compare starts.
-    pub fn rough(&self, start: &[Vec3], manner: Manner, stop: &dyn Fn() -> bool) -> Option<Settled> {
+    pub fn rough(&self, start: &[Vec3], manner: Manner, stop: Stop<'_>) -> Option<Settled> {
         self.settle_to(start, (manner, ROUGH), stop)
     }
 
-    fn settle_to(&self, start: &[Vec3], (manner, finest): (Manner, f64), stop: &dyn Fn() -> bool) -> Option<Settled> {
+    fn settle_to(&self, start: &[Vec3], (manner, finest): (Manner, f64), stop: Stop<'_>) -> Option<Settled> {
         let setting = self.setting(start)?;
         match manner {
             Manner::Whole => self.whole(&setting, finest, stop),
@@ -295,7 +296,7 @@ impl<'a> Settler<'a> {
         }
     }
 
-    fn whole(&self, setting: &Setting, finest: f64, stop: &dyn Fn() -> bool) -> Option<Settled> {
+    fn whole(&self, setting: &Setting, finest: f64, stop: Stop<'_>) -> Option<Settled> {
         let found = self.aligned(setting, stop)?;
         let mut pose = Pose::of(&self.rest, &self.nodes[0]);
         pose.places.iter_mut().for_each(|x| *x = found.apply(x));
@@ -307,7 +308,7 @@ impl<'a> Settler<'a> {
     }
 
     /// The example as a whole on the input.
-    fn aligned(&self, setting: &Setting, stop: &dyn Fn() -> bool) -> Option<Similarity> {
+    fn aligned(&self, setting: &Setting, stop: Stop<'_>) -> Option<Similarity> {
         let count = setting.held.len().max(1) as f64;
         let pair = |held: &Held| (held.at(&self.rest.positions), held.to, HELD_AS_WHOLE / count);
         let held: Vec<(Vec3, Vec3, f64)> = setting.held.iter().map(pair).collect();
@@ -317,16 +318,16 @@ impl<'a> Settler<'a> {
 
     /// Lays the example on the input after the landmarks, which lead it there and then let go of it: for tips that may have been
     /// matched wrongly.
-    pub fn led(&self, landmarks: &[Landmark], stop: &dyn Fn() -> bool) -> Option<Settled> {
+    pub fn led(&self, landmarks: &[Landmark], stop: Stop<'_>) -> Option<Settled> {
         self.led_to(landmarks, 0.0, stop)
     }
 
     /// The same roughly.
-    pub fn led_roughly(&self, landmarks: &[Landmark], stop: &dyn Fn() -> bool) -> Option<Settled> {
+    pub fn led_roughly(&self, landmarks: &[Landmark], stop: Stop<'_>) -> Option<Settled> {
         self.led_to(landmarks, ROUGH, stop)
     }
 
-    fn led_to(&self, landmarks: &[Landmark], finest: f64, stop: &dyn Fn() -> bool) -> Option<Settled> {
+    fn led_to(&self, landmarks: &[Landmark], finest: f64, stop: Stop<'_>) -> Option<Settled> {
         let (found, _) = held::carried(&self.rest, &self.ground, landmarks)?;
         let start: Vec<Vec3> = self.rest.positions.iter().map(|x| found.apply(x)).collect();
         let setting = self.setting(&start)?;
@@ -339,7 +340,7 @@ impl<'a> Settler<'a> {
         self.bend(&setting, pose, 0, [finest, LED_FROM], Manner::Following, stop)
     }
 
-    fn following(&self, setting: &Setting, start: &[Vec3], finest: f64, stop: &dyn Fn() -> bool) -> Option<Settled> {
+    fn following(&self, setting: &Setting, start: &[Vec3], finest: f64, stop: Stop<'_>) -> Option<Settled> {
         let places: Vec<Vec3> = start.iter().map(|x| setting.frame.undo(x)).collect();
         let mut pose = Pose::of(&self.rest, &self.nodes[0]);
         let mut body = self.body(0)?;
@@ -374,7 +375,7 @@ impl<'a> Settler<'a> {
         mut level: usize,
         [finest, from]: [f64; 2],
         manner: Manner,
-        stop: &dyn Fn() -> bool,
+        stop: Stop<'_>,
     ) -> Option<Settled> {
         let fine = Seen::new(self.input.fine.seen_from(&setting.frame));
         let mut body = self.body(level)?;

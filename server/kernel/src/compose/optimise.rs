@@ -162,14 +162,15 @@ impl State {
         self.energy = asked.energy;
         let along = |v: usize, d: Vec3| d - asked.normals[v] * asked.normals[v].dot(&d);
         let free = |v: &usize| !self.fixed[*v];
-        let mut moves = [0, 1, 2].map(|_| vec![0.0; positions.len()]);
-        for v in (0..positions.len()).filter(free) {
+        let n = positions.len();
+        let mut moves = vec![0.0; 3 * n];
+        for v in (0..n).filter(free) {
             let pull = along(v, asked.pull[v]);
-            (0..3).for_each(|k| moves[k][v] = pull[k]);
+            (0..3).for_each(|k| moves[k * n + v] = pull[k]);
         }
-        moves.iter_mut().for_each(|column| self.factor.solve(column));
+        self.factor.solve_columns(&mut moves, 3);
         let aim = |v: usize| {
-            let solved = along(v, Vec3::new(moves[0][v], moves[1][v], moves[2][v])) * self.step;
+            let solved = along(v, Vec3::new(moves[v], moves[n + v], moves[2 * n + v])) * self.step;
             let share = (self.step_max[v] / solved.norm()).min(1.0);
             positions[v] + solved * share + self.last[v] * MOMENTUM
         };

@@ -6,6 +6,8 @@
 use crate::mesh::Vec3;
 use crate::mesh::bvh::{Bvh, Closest};
 use crate::mesh::tri::TriMesh;
+use crate::numerics::stop::Stop;
+use crate::numerics::{in_halves, side_by_side};
 use crate::settle::{Evidence, Landmark, Manner, Options, PreparedInput, Settled, Settler};
 use std::sync::Arc;
 
@@ -67,6 +69,12 @@ enum From {
     Tips(Vec<Landmark>),
 }
 
+impl From {
+    fn of(start: &Start, manner: Manner) -> Self {
+        Self::Start(start.positions.clone(), manner)
+    }
+}
+
 /// What has been laid roughly: how it lies, where its vertices are, and from where it came.
 #[derive(Debug)]
 struct RoughFit {
@@ -110,7 +118,8 @@ impl<'a> Rests<'a> {
 
     fn on(example: &TriMesh, (input, ready): (&'a TriMesh, Arc<PreparedInput>), options: &Options) -> Option<Self> {
         let settler = |mirror| Settler::on(example, (input, Arc::clone(&ready)), mirror, options);
-        Some(Self { plain: settler(1.0)?, mirrored: settler(-1.0)?, laid: Vec::new(), area: input.total_area() })
+        let (plain, mirrored) = side_by_side(|| settler(1.0), || settler(-1.0));
+        Some(Self { plain: plain?, mirrored: mirrored?, laid: Vec::new(), area: input.total_area() })
     }
 
     /// The same, with landmarks held on their places.
@@ -135,24 +144,22 @@ impl<'a> Rests<'a> {
 
     /// The best of all, settled; `None` when stopped. The best few settle where they are near: roughly laid, what is nearly its own
     /// mirror image, or faces backwards, can't be told from it.
-    pub fn into_best(self, stop: &dyn Fn() -> bool) -> Option<Rested> {
+    pub fn into_best(self, stop: Stop<'_>) -> Option<Rested> {
         let near = worth(self.best()?) - NEAR;
         let mut finalists: Vec<RoughFit> = self.laid.into_iter().filter(|laid| worth(&laid.rested) >= near).collect();
         finalists.sort_by(|a, b| worth(&b.rested).total_cmp(&worth(&a.rested)));
-        let mut settled: Option<Rested> = None;
-        for RoughFit { rested: Rested { mirrored, .. }, from, .. } in finalists.into_iter().take(FINALISTS) {
-            let settler = if mirrored { &self.mirrored } else { &self.plain };
-            let found = match &from {
+        finalists.truncate(FINALISTS);
+        let settled = |RoughFit { rested: Rested { mirrored, .. }, from, .. }: &RoughFit| {
+            let settler = if *mirrored { &self.mirrored } else { &self.plain };
+            let Settled { places, lost, off, evidence, .. } = match from {
                 From::Start(start, manner) => settler.fine(start, *manner, stop)?,
                 From::Tips(tips) => settler.led(tips, stop)?,
             };
-            let made =
-                Rested { places: found.places, lost: found.lost, off: found.off, mirrored, evidence: found.evidence };
-            if settled.as_ref().is_none_or(|settled| worth(&made) > worth(settled)) {
-                settled = Some(made);
-            }
-        }
-        settled
+            Some(Rested { places, lost, off, mirrored: *mirrored, evidence })
+        };
+        let all = in_halves(&finalists, settled).into_iter().collect::<Option<Vec<Rested>>>();
+        let better = |best: Rested, made: Rested| if worth(&made) > worth(&best) { made } else { best };
+        all?.into_iter().reduce(better)
     }
 
     /// Whether the best so far needs no other.
@@ -165,10 +172,13 @@ impl<'a> Rests<'a> {
     }
 
     /// Settles a start as a whole, and bending after it where it is nearly right. A mirrored one is tried unmirrored too.
-    pub fn tries(&mut self, start: &Start, stop: &dyn Fn() -> bool) {
-        self.settle(start, start.mirrored, Manner::Whole, stop);
-        if self.relief(start).is_some_and(|relief| relief > FOLLOWED) {
-            self.settle(start, start.mirrored, Manner::Following, stop);
+    pub fn tries(&mut self, start: &Start, stop: Stop<'_>) {
+        let is_followed = self.relief(start).is_some_and(|relief| relief > FOLLOWED);
+        let whole = || self.found(start, start.mirrored, Manner::Whole, stop);
+        let following = || self.found(start, start.mirrored, Manner::Following, stop);
+        let (whole, following) = if is_followed { side_by_side(whole, following) } else { (whole(), None) };
+        for (found, manner) in [(whole, Manner::Whole), (following, Manner::Following)] {
+            found.into_iter().for_each(|found| self.keep(found, start.mirrored, From::of(start, manner)));
         }
         if start.mirrored {
             // What is nearly its own mirror image lies about there unmirrored, too.
@@ -179,12 +189,12 @@ impl<'a> Rests<'a> {
     }
 
     /// Settles a start as a whole alone: a pose, from which nothing bends.
-    pub fn tries_whole(&mut self, start: &Start, stop: &dyn Fn() -> bool) {
+    pub fn tries_whole(&mut self, start: &Start, stop: Stop<'_>) {
         self.settle(start, start.mirrored, Manner::Whole, stop);
     }
 
     /// Lays the example after tips that are matched, in the orientation in which these are carried better.
-    pub fn tries_led(&mut self, tips: &[Landmark], stop: &dyn Fn() -> bool) {
+    pub fn tries_led(&mut self, tips: &[Landmark], stop: Stop<'_>) {
         let (Some(plain), Some(mirrored)) = (self.plain.missed(tips), self.mirrored.missed(tips)) else { return };
         let is_mirrored = mirrored < plain;
         let settler = if is_mirrored { &self.mirrored } else { &self.plain };
@@ -194,12 +204,16 @@ impl<'a> Rests<'a> {
     }
 
     /// Lays a start roughly; returns where its vertices lie.
-    fn settle(&mut self, start: &Start, mirrored: bool, manner: Manner, stop: &dyn Fn() -> bool) -> Option<Vec<Vec3>> {
-        let settler = if mirrored { &self.mirrored } else { &self.plain };
-        let found = settler.rough(&start.positions, manner, stop)?;
+    fn settle(&mut self, start: &Start, mirrored: bool, manner: Manner, stop: Stop<'_>) -> Option<Vec<Vec3>> {
+        let found = self.found(start, mirrored, manner, stop)?;
         let positions = found.positions.clone();
-        self.keep(found, mirrored, From::Start(start.positions.clone(), manner));
+        self.keep(found, mirrored, From::of(start, manner));
         Some(positions)
+    }
+
+    fn found(&self, start: &Start, mirrored: bool, manner: Manner, stop: Stop<'_>) -> Option<Settled> {
+        let settler = if mirrored { &self.mirrored } else { &self.plain };
+        settler.rough(&start.positions, manner, stop)
     }
 
     /// Keeps what was laid; of places that are one, the surer.

@@ -7,6 +7,7 @@ use super::rest::{Rested, Rests, Start};
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::TriMesh;
+use crate::numerics::stop::Stop;
 use crate::settle::{Landmark, Posed, PreparedInput, Similarity, Sought, poses, poses_on};
 use std::sync::Arc;
 
@@ -75,7 +76,7 @@ pub fn rough(
     (input, ready): (&TriMesh, &RoughInput),
     tips: &[Vec<Landmark>],
     lead: Option<Lead<'_>>,
-    stop: &dyn Fn() -> bool,
+    stop: Stop<'_>,
 ) -> Option<RoughFit> {
     let mut rests = Rests::roughly(example.mesh, (input, Arc::clone(&ready.ready)))?;
     match lead {
@@ -112,7 +113,7 @@ impl RoughFit {
 
 /// Points of an example with where they belong on the input, by a part of the example that lies there; `None` where that is no
 /// part of it.
-fn leading(lead: Lead<'_>, example: Shape<'_>, input: &TriMesh, stop: &dyn Fn() -> bool) -> Option<Vec<Landmark>> {
+fn leading(lead: Lead<'_>, example: Shape<'_>, input: &TriMesh, stop: Stop<'_>) -> Option<Vec<Landmark>> {
     let may_be_part = [true, false];
     let found = poses(lead.mesh, example.mesh, may_be_part, Sought::Roughly, stop);
     let share = |pose: &Similarity| pose.scale.powi(2) * lead.mesh.total_area() / example.mesh.total_area();

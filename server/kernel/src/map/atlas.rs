@@ -49,6 +49,14 @@ struct Side {
     encoding: Encoding,
 }
 
+impl Side {
+    /// Where a tip lies; `None` for one that is a pole.
+    fn place(&self, tip: u32) -> Option<Uv> {
+        let is_free = self.chart.poles.iter().all(|pole| pole.vertex != tip);
+        is_free.then(|| self.chart.uv[tip as usize])
+    }
+}
+
 /// One pair of charts with their registration.
 #[derive(Debug)]
 struct Sheet {
@@ -305,7 +313,7 @@ impl Sheet {
         solver: &dyn Solver,
         stop: &dyn Fn() -> bool,
     ) -> Self {
-        let mut pairs = tip_controls(matches, flip, &one, &two);
+        let mut pairs = tip_controls(matches, flip, |tip| one.place(tip), |tip| two.place(tip));
         let others = pairs.clone();
         unwrap_shifts(&mut pairs);
         let images = query_images(&two.encoding, CHART_SIDE);

@@ -9,7 +9,7 @@ mod turned;
 
 use super::Vec3;
 use super::tri::{NONE, TriMesh};
-use crate::numerics::{side_by_side, stop};
+use crate::numerics::{in_halves, stop};
 use std::ops::Range;
 use turned::Turned;
 
@@ -193,14 +193,11 @@ impl Bvh {
     /// The closest points of the mesh for many points, half of them on a second thread. As many steps are counted as if each
     /// were sought alone.
     pub fn closest_to_all(&self, points: &[Vec3]) -> Vec<Closest> {
-        let search = |points: &[Vec3]| points.iter().map(|&p| self.closest(p)).collect::<Vec<_>>();
         if points.len() < SHARED_MIN {
-            return search(points);
+            return points.iter().map(|&p| self.closest(p)).collect();
         }
-        let (first, second) = points.split_at(points.len() / 2);
-        let (mut found, others) = side_by_side(|| search(first), || search(second));
-        stop::count(others.len() as u64);
-        found.extend(others);
+        let found = in_halves(points, |&p| self.closest(p));
+        stop::count(points.len() as u64 / 2);
         found
     }
 

@@ -19,6 +19,18 @@ pub fn side_by_side<A, B: Send>(first: impl FnOnce() -> A, second: impl Fn() -> 
     })
 }
 
+/// Computes a value of each item, of the second half of them on another thread, and returns the values in the items' order.
+pub fn in_halves<T: Sync, R: Send>(items: &[T], of: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    let all = |some: &[T]| some.iter().map(&of).collect::<Vec<R>>();
+    let (some, others) = items.split_at(items.len().div_ceil(2));
+    if others.is_empty() {
+        return all(some);
+    }
+    let (mut found, others) = side_by_side(|| all(some), || all(others));
+    found.extend(others);
+    found
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -28,6 +40,14 @@ mod tests {
         let words = [String::from("u"), String::from("v")];
         let lengths = side_by_side(|| words[0].len() + 1, || words[1].clone());
         assert_eq!(lengths, (2, "v".to_owned()));
+    }
+
+    #[test]
+    fn values_come_back_in_the_order_of_the_items() {
+        for count in [0usize, 1, 2, 5, 100] {
+            let items: Vec<usize> = (0..count).collect();
+            assert_eq!(in_halves(&items, |k| k + 1), (1..=count).collect::<Vec<_>>());
+        }
     }
 
     #[test]

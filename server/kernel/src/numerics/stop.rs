@@ -10,6 +10,9 @@
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
+/// Asked now and then, on any thread, by what takes long: true once it is to stop. Once true it stays so.
+pub type Stop<'a> = &'a (dyn Fn() -> bool + Sync);
+
 /// What a poll asks: it returns, or unwinds.
 pub type Ask = Rc<dyn Fn()>;
 

@@ -2,8 +2,7 @@
 
 use crate::mesh::{MeshError, MeshErrorKind};
 
-/// Asked now and then by what takes long: true once it is to stop. Once true it stays so.
-pub type Stop<'a> = &'a (dyn Fn() -> bool + Sync);
+pub use crate::numerics::stop::Stop;
 
 /// Why a stage refused or gave up.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::image::Image;
 use super::query_images;
+use super::tips::Tips;
 use super::trial::Trials;
 use super::view::View;
 use crate::encode::index::PlanarIndex;
@@ -58,7 +59,7 @@ impl Unfolded {
 
 /// What was made for some poles, so that it is made once; what doesn't fit is made anew.
 #[derive(Debug)]
-struct Kept<T>(Mutex<BTreeMap<Vec<u32>, Arc<OnceLock<T>>>>);
+pub(super) struct Kept<T>(Mutex<BTreeMap<Vec<u32>, Arc<OnceLock<T>>>>);
 
 impl<T> Default for Kept<T> {
     fn default() -> Self {
@@ -67,7 +68,7 @@ impl<T> Default for Kept<T> {
 }
 
 impl<T: Clone> Kept<T> {
-    fn get_or(&self, poles: &[u32], most: usize, make: impl FnOnce() -> T) -> T {
+    pub(super) fn get_or(&self, poles: &[u32], most: usize, make: impl FnOnce() -> T) -> T {
         let slot = {
             let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
             let has_room = kept.len() < most || kept.contains_key(poles);
@@ -94,6 +95,8 @@ pub struct Query {
     tree: OnceLock<Arc<Bvh>>,
     limbs: OnceLock<Vec<u32>>,
     fingers: OnceLock<Vec<u32>>,
+    /// What tips are matched by: of limbs, and of fingers.
+    matched_by: [OnceLock<Arc<Tips>>; 2],
     /// From which the unfoldings for other poles follow; `None` where poles are fixed.
     conformal: Option<Conformal>,
     candidates: OnceLock<Vec<Arc<Unfolded>>>,
@@ -135,6 +138,7 @@ impl Query {
             tree: OnceLock::new(),
             limbs: OnceLock::new(),
             fingers: OnceLock::new(),
+            matched_by: Default::default(),
             conformal,
             candidates: OnceLock::new(),
             parts: OnceLock::new(),
@@ -255,6 +259,15 @@ impl Query {
             Breadth::Fingers => &self.fingers,
         };
         kept.get_or_init(|| self.unfolder.protrusions(&self.best.poles, breadth).unwrap_or_default())
+    }
+
+    /// What its tips of some breadth are matched by.
+    pub fn matched_by(&self, breadth: Breadth) -> Arc<Tips> {
+        let kept = match breadth {
+            Breadth::Limbs => &self.matched_by[0],
+            Breadth::Fingers => &self.matched_by[1],
+        };
+        Arc::clone(kept.get_or_init(|| Arc::new(Tips::new(self, breadth))))
     }
 
     /// The query's encoding with its best pole.

@@ -10,6 +10,7 @@ use super::rest::{Nodes, Rest};
 use super::similarity::Similarity;
 use super::tree::KdTree;
 use crate::mesh::Vec3;
+use crate::numerics::stop::Stop;
 
 /// Share of the way along the surface that a target keeps.
 const TANGENTIAL: f64 = 0.3;
@@ -51,7 +52,7 @@ impl Rigid {
         (sent, share): (&Samples, f64),
         held: &[(Vec3, Vec3, f64)],
         rounds: usize,
-        stop: &dyn Fn() -> bool,
+        stop: Stop<'_>,
     ) -> Option<Similarity> {
         let mut found = Similarity::identity();
         let mut partners = Partners::default();

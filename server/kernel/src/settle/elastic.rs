@@ -12,12 +12,13 @@
 
 use super::held::{HELD, Held};
 use super::input_surface::{Samples, Seen, sixfold};
-use super::matches::{Partners, back, onto};
+use super::matches::{Back, Partners, back, onto};
 use super::rest::{Nodes, Pose, Rest, vertex_normals};
 use super::similarity::nearest_scaled_rotation;
 use super::tree::KdTree;
 use crate::mesh::Vec3;
-use crate::numerics::{Factored, Pattern};
+use crate::numerics::stop::Stop;
+use crate::numerics::{Factored, Pattern, side_by_side};
 use nalgebra::Matrix3;
 
 /// ε: what counts along the surface.
@@ -92,7 +93,7 @@ impl<'a> Body<'a> {
         pose: &mut Pose,
         (view, partners): (View<'_>, &mut Partners),
         scale: (f64, usize),
-        stop: &dyn Fn() -> bool,
+        stop: Stop<'_>,
     ) -> Option<()> {
         self.rounds(pose, scale, stop, |pose| self.pull(pose, view, partners))
     }
@@ -105,7 +106,7 @@ impl<'a> Body<'a> {
         (places, weights): (&[Vec3], &[f64]),
         held: &[Held],
         scale: (f64, usize),
-        stop: &dyn Fn() -> bool,
+        stop: Stop<'_>,
     ) -> Option<()> {
         self.rounds(pose, scale, stop, |pose| {
             let all = pose.deformed(self.rest, self.nodes);
@@ -122,13 +123,7 @@ impl<'a> Body<'a> {
     }
 
     /// Rounds at scale r after landmarks alone.
-    pub(super) fn lead(
-        &self,
-        pose: &mut Pose,
-        held: &[Held],
-        scale: (f64, usize),
-        stop: &dyn Fn() -> bool,
-    ) -> Option<()> {
+    pub(super) fn lead(&self, pose: &mut Pose, held: &[Held], scale: (f64, usize), stop: Stop<'_>) -> Option<()> {
         self.rounds(pose, scale, stop, |pose| {
             let mut pull = self.no_pull();
             self.hold(pose, &pose.deformed(self.rest, self.nodes), held, &mut pull);
@@ -154,7 +149,7 @@ impl<'a> Body<'a> {
         &self,
         pose: &mut Pose,
         (r, rounds): (f64, usize),
-        stop: &dyn Fn() -> bool,
+        stop: Stop<'_>,
         mut pull: impl FnMut(&Pose) -> Pull,
     ) -> Option<()> {
         let bend = r.powi(4);
@@ -186,29 +181,38 @@ impl<'a> Body<'a> {
         let owner: Vec<usize> = self.data.vertices.iter().map(|v| self.nodes.owner[*v as usize] as usize).collect();
         let mut pull = self.no_pull();
         self.hold(pose, &all, view.held, &mut pull);
-        let met = onto(view.seen, &points, &normals, SIGMA_MIN, &mut partners.onto);
+        let last = &partners.back;
+        let (met, back) = side_by_side(
+            || onto(view.seen, &points, &normals, SIGMA_MIN, &mut partners.onto),
+            || self.met_by_samples(view, (&points, &normals), last.clone()),
+        );
         for i in 0..points.len() {
             let (n, w) = (met.normals[i], met.weights[i] * self.data.areas[i]);
             let d = (n * n.transpose() + Matrix3::from_diagonal_element(TANGENTIAL)) * w;
             pull.stiff[owner[i]] += d;
             pull.to[owner[i]] += d * (met.targets[i] - points[i] + pose.places[owner[i]]);
         }
-        self.pull_back(pose, (view, &mut partners.back), (&points, &normals), met.sigma, &owner, &mut pull);
+        self.pull_back(pose, (view, &back), (&points, &normals), met.sigma, &owner, &mut pull);
+        partners.back = back.met;
         pull
+    }
+
+    /// What the input's samples meet; `last`: the partners of the last round.
+    fn met_by_samples(&self, view: View<'_>, (points, normals): (&[Vec3], &[Vec3]), mut last: Vec<u32>) -> Back {
+        let tree = KdTree::new(points.iter().zip(normals).map(|(x, n)| sixfold(x, n)));
+        let rim: Vec<bool> = self.data.vertices.iter().map(|v| self.rest.rim[*v as usize]).collect();
+        back(view.sent, &tree, normals, &rim, &mut last)
     }
 
     fn pull_back(
         &self,
         pose: &Pose,
-        (view, partners): (View<'_>, &mut Vec<u32>),
+        (view, met): (View<'_>, &Back),
         (points, normals): (&[Vec3], &[Vec3]),
         sigma: f64,
         owner: &[usize],
         pull: &mut Pull,
     ) {
-        let tree = KdTree::new(points.iter().zip(normals).map(|(x, n)| sixfold(x, n)));
-        let rim: Vec<bool> = self.data.vertices.iter().map(|v| self.rest.rim[*v as usize]).collect();
-        let met = back(view.sent, &tree, normals, &rim, partners);
         for k in 0..met.met.len() {
             let (v, y, n) = (met.met[k] as usize, view.sent.points[k], view.sent.normals[k]);
             let way = y - points[v];

@@ -13,6 +13,8 @@ use super::matches::sigma;
 use super::similarity::Similarity;
 use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
+use crate::numerics::in_halves;
+use crate::numerics::stop::Stop;
 use nalgebra::Matrix3;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -103,18 +105,13 @@ pub fn poses(
     input: &TriMesh,
     may_be_small: [bool; 2],
     sought: Sought,
-    stop: &dyn Fn() -> bool,
+    stop: Stop<'_>,
 ) -> Vec<(f64, Similarity)> {
     poses_on(example, may_be_small[0], &Posed::sought(input, may_be_small[1], sought), stop)
 }
 
 /// The same on an input that is ready.
-pub fn poses_on(
-    example: &TriMesh,
-    may_be_small: bool,
-    input: &Posed,
-    stop: &dyn Fn() -> bool,
-) -> Vec<(f64, Similarity)> {
+pub fn poses_on(example: &TriMesh, may_be_small: bool, input: &Posed, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
     // Nothing is laid on it where the input is no part.
     let shares = if input.small.is_some() { input.effort.shares } else { &[] };
     let one = Posed::new(&InputSurface::new(example), may_be_small, (input.effort, shares));
@@ -184,7 +181,7 @@ impl Posed {
     }
 
     /// How like another it is; not at all where there is no pose, or when stopped.
-    pub fn likeness(&self, other: &Self, stop: &dyn Fn() -> bool) -> Likeness {
+    pub fn likeness(&self, other: &Self, stop: Stop<'_>) -> Likeness {
         match (&self.whole, &other.whole) {
             (Some(one), Some(two)) => {
                 let best = |small: &Small, large: &Large| {
@@ -200,7 +197,7 @@ impl Posed {
     }
 
     /// How like a part of a closed surface it is.
-    fn most_of(&self, closed: &Self, stop: &dyn Fn() -> bool) -> Likeness {
+    fn most_of(&self, closed: &Self, stop: Stop<'_>) -> Likeness {
         self.small.as_ref().map_or_else(Likeness::default, |small| self.weighed(closed, &small.tried(closed, stop)))
     }
 
@@ -213,7 +210,7 @@ impl Posed {
 }
 
 /// All poses of `one` on `two`, best first.
-fn found(one: &Posed, two: &Posed, stop: &dyn Fn() -> bool) -> Vec<(f64, Similarity)> {
+fn found(one: &Posed, two: &Posed, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
     let tried = |of: &Posed, on: &Posed| of.small.as_ref().map_or(Vec::new(), |small| small.tried(on, stop));
     let mut found = tried(one, two);
     found.extend(tried(two, one).into_iter().map(|(score, onto)| (score, inverse(&onto))));
@@ -391,16 +388,15 @@ impl Sifted {
 
 impl Small {
     /// The best poses on a larger surface, with their scores. Empty when stopped.
-    fn tried(&self, whole: &Posed, stop: &dyn Fn() -> bool) -> Vec<(f64, Similarity)> {
+    fn tried(&self, whole: &Posed, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
         let effort = whole.effort;
         let normal = self.normals.iter().sum::<Vec3>().try_normalize(0.0).unwrap_or_else(Vec3::z);
         let own = axes(normal).transpose();
-        let mut found = Vec::new();
-        for large in &whole.large {
+        let on = |large: &Large| -> Option<Vec<(f64, Similarity)>> {
             let mut rough = Sifted::new(effort);
             for k in spread(&large.seen.samples.points, effort.places) {
                 if stop() {
-                    return Vec::new();
+                    return None;
                 }
                 let (to, along) = large.about(large.seen.samples.points[k]);
                 let there = axes(along);
@@ -409,12 +405,12 @@ impl Small {
                     self.sift(large, Motion { rotation, shift: to }, &mut rough);
                 }
             }
-            let Some(rough) = self.rested(large, rough.poses, effort, stop) else { return Vec::new() };
+            let rough = self.rested(large, rough.poses, effort, stop)?;
             let pose = |m: &Motion| Similarity { scale: 1.0, rotation: m.rotation, shift: m.shift };
             let undo = inverse(&self.frame);
-            found.extend(rough.iter().map(|(score, m)| (*score, large.frame.after(&pose(m)).after(&undo))));
-        }
-        found
+            Some(rough.iter().map(|(score, m)| (*score, large.frame.after(&pose(m)).after(&undo))).collect())
+        };
+        in_halves(&whole.large, on).into_iter().collect::<Option<Vec<_>>>().unwrap_or_default().concat()
     }
 
     /// Where sample `k` is, and its normal.
@@ -423,7 +419,7 @@ impl Small {
     }
 
     /// The best poses on another closed surface, middle on middle, with their scores; `None` when stopped.
-    fn tried_whole(&self, large: &Large, effort: &Effort, stop: &dyn Fn() -> bool) -> Option<Vec<(f64, Motion)>> {
+    fn tried_whole(&self, large: &Large, effort: &Effort, stop: Stop<'_>) -> Option<Vec<(f64, Motion)>> {
         let mut rough = Sifted::new(effort);
         for k in 0..effort.places {
             if stop() {
@@ -444,7 +440,7 @@ impl Small {
         large: &Large,
         mut rough: Vec<(f64, Motion)>,
         effort: &Effort,
-        stop: &dyn Fn() -> bool,
+        stop: Stop<'_>,
     ) -> Option<Vec<(f64, Motion)>> {
         for (kept, samples, rounds) in effort.rests {
             rough.sort_by(|a, b| b.0.total_cmp(&a.0));

@@ -1,7 +1,7 @@
 //! Theorems first: what is laid on itself comes back; where either ends, each ends at its own place.
 
 use super::*;
-use std::cell::Cell;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A bumpy sheet over [−x, x] × [−1, 1]; `lift` moves it.
 fn sheet(columns: usize, rows: usize, [from, to]: [f64; 2]) -> TriMesh {
@@ -144,7 +144,7 @@ fn a_coarser_set_of_nodes_carries_the_same_map() {
 #[test]
 fn what_cannot_be_settled_is_refused_and_a_stop_is_heard() {
     let (example, input) = (sheet(11, 9, [-1.0, 1.0]), sheet(31, 25, [-1.0, 1.0]));
-    let run = |e: &TriMesh, i: &TriMesh, s: &[Vec3], stop: &dyn Fn() -> bool| {
+    let run = |e: &TriMesh, i: &TriMesh, s: &[Vec3], stop: Stop<'_>| {
         settle(e, i, s, 1.0, &Options::default(), stop).is_some()
     };
     let start = example.positions.clone();
@@ -154,12 +154,9 @@ fn what_cannot_be_settled_is_refused_and_a_stop_is_heard() {
     assert!(!run(&example, &input, &vec![Vec3::repeat(f64::NAN); start.len()], &go));
     assert!(!run(&TriMesh::default(), &input, &[], &go));
     assert!(!run(&example, &TriMesh::default(), &start, &go));
-    let asked = Cell::new(0);
-    let stop = || {
-        asked.set(asked.get() + 1);
-        asked.get() > 3
-    };
-    assert!(!run(&example, &input, &start, &stop) && asked.get() == 4);
+    let asked = AtomicUsize::new(0);
+    let stop = || asked.fetch_add(1, Ordering::Relaxed) >= 3;
+    assert!(!run(&example, &input, &start, &stop) && asked.into_inner() == 4);
 }
 
 /// Points of the half sheet held on the same points of the large one, three on a line but one.

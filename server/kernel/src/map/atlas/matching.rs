@@ -7,19 +7,16 @@
 use std::sync::Arc;
 
 use super::assignment::{Assignment, Assignments};
-use super::{Side, unwrap_shifts};
-use crate::encode::encode_to;
+use super::unwrap_shifts;
 use crate::encode::features::distance;
-use crate::mesh::geodesic::Marcher;
 use crate::register::entry::MIRROR_MARGIN;
 use crate::register::solve::Rigid;
+use crate::register::tips::{MATCH_SIDE, TipView, Tips};
 use crate::register::{Flip, Level, Query, Registration, Solver, query_images};
 use crate::topology::Topology;
 use crate::unfold::Uv;
 use crate::unfold::pole::Breadth;
 
-/// Level at which matches are compared.
-const MATCH_SIDE: usize = 32;
 /// Mean difference of u that costs as much as a distortion of [`DISTORTION`].
 const TWIST: f64 = 0.06;
 /// The best of those that are looked at in several charts, how much worse than the best they may be, and charts each.
@@ -53,15 +50,10 @@ pub(super) enum Which {
 pub(super) struct Matcher<'a> {
     example: &'a Query,
     query: &'a Query,
-    breadth: Breadth,
     solver: &'a dyn Solver,
     stop: &'a dyn Fn() -> bool,
-    /// Distances between tips along each surface, in √area; of discs the boundary comes last.
-    between: [Vec<Vec<f64>>; 2],
-    /// Number of tips of each surface.
-    tips: [usize; 2],
-    /// u of tip t in the chart with its lower pole at tip p and its upper at q, at [p][q][t].
-    angles: [Vec<f64>; 2],
+    /// The tips of each surface.
+    tips: [Arc<Tips>; 2],
 }
 
 impl<'a> Matcher<'a> {
@@ -72,17 +64,7 @@ impl<'a> Matcher<'a> {
         solver: &'a dyn Solver,
         stop: &'a dyn Fn() -> bool,
     ) -> Self {
-        let sides = [example, query];
-        Self {
-            example,
-            query,
-            breadth,
-            solver,
-            stop,
-            between: sides.map(|side| distances_between(side, side.tips(breadth))),
-            tips: sides.map(|side| side.tips(breadth).len()),
-            angles: sides.map(|side| angles_between(side, side.tips(breadth))),
-        }
+        Self { example, query, solver, stop, tips: [example, query].map(|side| side.matched_by(breadth)) }
     }
 
     /// The best match. A mirrored one has to beat the best unmirrored one, on surfaces neither of which is its own mirror
@@ -106,9 +88,8 @@ impl<'a> Matcher<'a> {
             Which::Example => (self.example, 0),
             Which::Query => (self.query, 1),
         };
-        let between = [self.between[s].clone(), self.between[s].clone()];
-        let (tips, angles) = ([self.tips[s]; 2], [self.angles[s].clone(), self.angles[s].clone()]);
-        let own = Matcher { example: surface, query: surface, between, tips, angles, solver: &Rigid, ..*self };
+        let tips = [Arc::clone(&self.tips[s]), Arc::clone(&self.tips[s])];
+        let own = Matcher { example: surface, query: surface, tips, solver: &Rigid, ..*self };
         let [_, mirror] = own.search(&[Flip { u: true, v: false }]);
         mirror.is_some_and(|m| m.cost < SYMMETRIC_MATCH)
     }
@@ -130,7 +111,7 @@ impl<'a> Matcher<'a> {
     /// The likeliest matches among the given flips, best first.
     fn finalists(&self, flips: &[Flip]) -> Vec<Match> {
         let anchors = usize::from(self.is_disc());
-        let table = Assignments::new([&self.between[0], &self.between[1]], anchors);
+        let table = Assignments::new([&self.tips[0].between, &self.tips[1].between], anchors);
         let mut found: Vec<Match> = Vec::new();
         for likely in table.likely() {
             if (self.stop)() {
@@ -160,8 +141,10 @@ impl<'a> Matcher<'a> {
         for k in self.spread(pairs) {
             let bottom = self.opposite(pairs, k);
             let turn = |&(a, x): &(usize, usize)| {
-                let u =
-                    |s: usize, p: usize, q: usize, t: usize| self.angles[s][(p * self.tips[s] + q) * self.tips[s] + t];
+                let u = |s: usize, p: usize, q: usize, t: usize| {
+                    let count = self.tips[s].vertices.len();
+                    self.tips[s].angles[(p * count + q) * count + t]
+                };
                 u(1, pairs[bottom].1, pairs[k].1, x) - sign * u(0, pairs[bottom].0, pairs[k].0, a)
             };
             let others = || pairs.iter().enumerate().filter(|(j, _)| *j != k && *j != bottom).map(|(_, p)| turn(p));
@@ -180,7 +163,7 @@ impl<'a> Matcher<'a> {
         if self.is_disc() {
             return k;
         }
-        let from = &self.between[0][pairs[k].0];
+        let from = &self.tips[0].between[pairs[k].0];
         let other = (0..pairs.len()).filter(|&j| j != k);
         other.max_by(|&a, &b| from[pairs[a].0].total_cmp(&from[pairs[b].0])).unwrap_or(k)
     }
@@ -201,8 +184,8 @@ impl<'a> Matcher<'a> {
             let pairs = &finalist.assignment.pairs;
             let mut costs = Vec::new();
             for k in self.spread(pairs) {
-                let one = self.quick(Which::Example, &self.poles_at(pairs, k, Which::Example));
-                let two = self.quick(Which::Query, &self.poles_at(pairs, k, Which::Query));
+                let one = self.tips[0].view(self.example, &self.poles_at(pairs, k, Which::Example));
+                let two = self.tips[1].view(self.query, &self.poles_at(pairs, k, Which::Query));
                 if let (Some(one), Some(two)) = (one, two) {
                     costs.push(self.cost(&finalist.assignment, finalist.flip, &one, &two));
                 }
@@ -220,7 +203,7 @@ impl<'a> Matcher<'a> {
         let mut chosen = vec![0];
         while chosen.len() < CHARTS_LOOKED_AT.min(pairs.len()) {
             let nearest = |k: usize| {
-                chosen.iter().map(|&c| self.between[0][pairs[k].0][pairs[c].0]).fold(f64::INFINITY, f64::min)
+                chosen.iter().map(|&c| self.tips[0].between[pairs[k].0][pairs[c].0]).fold(f64::INFINITY, f64::min)
             };
             let farthest = (0..pairs.len()).filter(|k| !chosen.contains(k));
             match farthest.max_by(|&a, &b| nearest(a).total_cmp(&nearest(b)).then(b.cmp(&a))) {
@@ -233,8 +216,8 @@ impl<'a> Matcher<'a> {
 
     fn tip(&self, which: Which, k: usize) -> u32 {
         match which {
-            Which::Example => self.example.tips(self.breadth)[k],
-            Which::Query => self.query.tips(self.breadth)[k],
+            Which::Example => self.tips[0].vertices[k],
+            Which::Query => self.tips[1].vertices[k],
         }
     }
 
@@ -244,20 +227,11 @@ impl<'a> Matcher<'a> {
         if self.is_disc() { vec![tip(k)] } else { vec![tip(self.opposite(pairs, k)), tip(k)] }
     }
 
-    fn quick(&self, which: Which, poles: &[u32]) -> Option<Side> {
-        let side = match which {
-            Which::Example => self.example,
-            Which::Query => self.query,
-        };
-        let chart = side.quick_chart(poles)?;
-        let encoding = encode_to(&chart, MATCH_SIDE);
-        Some(Side { chart: Arc::new(chart), encoding })
-    }
-
     /// How well a match holds in a pair of charts: tips on tips by a rotation, pictures alike from there; infinite where
     /// it can't be told.
-    fn cost(&self, assignment: &Assignment, flip: Flip, one: &Side, two: &Side) -> f64 {
-        let mut controls = tip_controls(&self.vertices(&assignment.pairs), flip, one, two);
+    fn cost(&self, assignment: &Assignment, flip: Flip, one: &TipView, two: &TipView) -> f64 {
+        let mut controls =
+            tip_controls(&self.vertices(&assignment.pairs), flip, |tip| one.place(tip), |tip| two.place(tip));
         let images = query_images(&two.encoding, MATCH_SIDE);
         let level = images.first().and_then(|image| Level::new(&one.encoding, image));
         let (Some(level), false) = (level, controls.is_empty()) else { return f64::INFINITY };
@@ -271,7 +245,7 @@ impl<'a> Matcher<'a> {
 
     /// Matched tips as vertices of the two meshes.
     pub(super) fn vertices(&self, pairs: &[(usize, usize)]) -> Vec<(u32, u32)> {
-        let (one, two) = (self.example.tips(self.breadth), self.query.tips(self.breadth));
+        let (one, two) = (&self.tips[0].vertices, &self.tips[1].vertices);
         pairs.iter().map(|&(a, b)| (one[a], two[b])).collect()
     }
 }
@@ -283,43 +257,12 @@ fn off(controls: &mut [(Uv, Uv)]) -> f64 {
     sum / controls.len().max(1) as f64
 }
 
-/// Matched tips in a pair of charts, those at poles left out.
-pub(super) fn tip_controls(matches: &[(u32, u32)], flip: Flip, one: &Side, two: &Side) -> Vec<(Uv, Uv)> {
-    let is_pole = |side: &Side, v: u32| side.chart.poles.iter().any(|p| p.vertex == v);
-    matches
-        .iter()
-        .filter(|(a, b)| !is_pole(one, *a) && !is_pole(two, *b))
-        .map(|&(a, b)| (flip.apply(one.chart.uv[a as usize]), two.chart.uv[b as usize]))
-        .collect()
-}
-
-fn angles_between(side: &Query, tips: &[u32]) -> Vec<f64> {
-    let disc = side.encoding().topology == Topology::Disc;
-    let mut all = Vec::with_capacity(tips.len().pow(3));
-    for &p in tips {
-        for &q in tips {
-            let poles = if disc { vec![q] } else { vec![p, q] };
-            all.extend(side.angles(&poles, tips).unwrap_or_else(|| vec![0.0; tips.len()]));
-        }
-    }
-    all
-}
-
-fn distances_between(side: &Query, tips: &[u32]) -> Vec<Vec<f64>> {
-    let mesh = side.unfolder().mesh();
-    let marcher = Marcher::new(mesh);
-    let scale = mesh.total_area().sqrt();
-    let mut rows: Vec<Vec<f64>> = Vec::new();
-    for &tip in tips {
-        let d = marcher.distances(&[tip]);
-        rows.push(tips.iter().map(|&x| d[x as usize] / scale).collect());
-    }
-    if side.encoding().topology == Topology::Disc {
-        let rim: Vec<u32> =
-            mesh.boundary_vertices().iter().enumerate().filter(|(_, on)| **on).map(|(v, _)| v as u32).collect();
-        let d = marcher.distances(&rim);
-        rows.iter_mut().zip(tips).for_each(|(row, &tip)| row.push(d[tip as usize] / scale));
-        rows.push(tips.iter().map(|&tip| d[tip as usize] / scale).chain([0.0]).collect());
-    }
-    rows
+/// Matched tips in a pair of charts, given where each tip lies, those at poles left out.
+pub(super) fn tip_controls(
+    matches: &[(u32, u32)],
+    flip: Flip,
+    one: impl Fn(u32) -> Option<Uv>,
+    two: impl Fn(u32) -> Option<Uv>,
+) -> Vec<(Uv, Uv)> {
+    matches.iter().filter_map(|&(a, b)| Some((flip.apply(one(a)?), two(b)?))).collect()
 }
