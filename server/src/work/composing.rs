@@ -163,7 +163,7 @@ async fn made(
         if let Some(sound) = around {
             return Ok(sound);
         }
-        if let Some(alone) = alone.map(|map| as_mapped(&[(0, map)], 1)) {
+        if let Some(alone) = alone.map(|map| as_mapped(&[(0, map)], None, 1)) {
             let appraisal = engine.appraise(&model, &alone, allowed)?;
             return Ok(Sound::of(alone, appraisal));
         }
@@ -175,11 +175,12 @@ async fn made(
             return Ok(Sound::of(whole, appraisal));
         }
         let sound = stitched_sound(&*engine, &model, (parts, &instead), (how, allowed), stop)?;
-        let standing = if wanted.density == 0 { standing(&model, &engine.alone(&model)?, &maps) } else { Vec::new() };
+        let by_itself = engine.alone(&model)?;
+        let standing = if wanted.density == 0 { standing(&model, &by_itself, &maps) } else { Vec::new() };
         if standing.is_empty() || !sound.is_poor_beside(&standing, &model) {
             return Ok(sound);
         }
-        let beside = unstitched(&*engine, &model, standing, allowed)?;
+        let beside = unstitched(&*engine, &model, standing, (&sound.made, &by_itself), allowed)?;
         let is_result = |beside: &Sound| beside.appraisal.covered >= ALONE_MIN && beside.appraisal.away <= AWAY_MAX;
         Ok(beside.filter(is_result).unwrap_or(sound))
     };
@@ -202,8 +203,9 @@ async fn made(
     templates.extend(&gave_way);
     summaries.retain(|part| !gave_way.contains(&part.segment));
     if !unstitched.is_empty() {
-        summaries.retain(|part| unstitched.contains(&part.segment));
-        templates.clear();
+        let is_example = |segment: u32| stitched.is_example.get(segment as usize) == Some(&true);
+        summaries.retain(|part| unstitched.contains(&part.segment) && is_example(part.segment));
+        templates.retain(|segment| unstitched.contains(segment) && !is_example(*segment));
     }
     templates.sort_unstable();
     let counts = super::ingest::counts_of(&stitched.mesh);
@@ -256,7 +258,7 @@ struct Sound {
     appraisal: Appraisal,
     /// Segments whose examples gave way to regular layouts.
     gave_way: Vec<u32>,
-    /// The segments on which alone there is a mesh, where that is their maps side by side; else empty.
+    /// The segments on which alone there is a mesh, where that is maps side by side; else empty.
     unstitched: Vec<u32>,
     /// What is told of the parts of a scan that was cut along the rim of its map.
     around: Option<Vec<Option<BroughtMap>>>,

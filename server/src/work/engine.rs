@@ -499,6 +499,19 @@ pub trait Engine: Send + Sync + 'static {
         Ok(vec![false; query.segments.len()])
     }
 
+    /// The faces of a composition that stand on some segments, and which of them, in order, bridge a gap.
+    ///
+    /// # Errors
+    /// [`EngineError::Internal`].
+    fn of_segments(
+        &self,
+        _query: &Model,
+        _made: &Stitched,
+        _segments: &[u32],
+    ) -> Result<(Arc<PolyMesh>, Vec<u32>), EngineError> {
+        Ok((Arc::default(), Vec::new()))
+    }
+
     /// Measures a composition against its input.
     ///
     /// # Errors

@@ -26,33 +26,56 @@ pub(super) fn standing(model: &Model, alone: &[bool], maps: &[Option<Arc<LiveMap
     mapped.into_iter().find(|one| is_most(std::slice::from_ref(one))).into_iter().collect()
 }
 
-/// The maps of some segments side by side, without those to blame for what is wrong with them; `None` where none is left.
+/// The maps of some segments side by side, without those to blame for what is wrong with them, and beside them what was `stitched`
+/// on segments that have their components of the scan to themselves (`alone`), where that is sound; `None` where no map is left.
 pub(super) fn unstitched(
     engine: &dyn Engine,
     model: &Model,
     mut standing: Vec<(usize, Arc<LiveMap>)>,
+    (stitched, alone): (&Stitched, &[bool]),
     allowed: Allowed,
 ) -> Result<Option<Sound>, EngineError> {
+    let stands = |standing: &[(usize, Arc<LiveMap>)], segment: u32| standing.iter().any(|(n, _)| *n as u32 == segment);
+    let mut beside: Vec<u32> = (0u32..).zip(alone).filter(|(_, alone)| **alone).map(|(segment, _)| segment).collect();
+    beside.retain(|segment| !stands(&standing, *segment));
     while !standing.is_empty() {
-        let made = as_mapped(&standing, model.segments.len());
+        let rest = engine.of_segments(model, stitched, &beside)?;
+        let rest = Some(rest).filter(|(mesh, _)| mesh.faces.len() > 0);
+        let mut made = as_mapped(&standing, rest.as_ref(), model.segments.len());
+        beside.iter().map(|segment| *segment as usize).for_each(|k| made.is_example[k] = stitched.is_example[k]);
         let appraisal = engine.appraise(model, &made, Allowed { bare: 1.0, ..allowed })?;
-        let count = standing.len();
         if appraisal.flaws.is_empty() {
-            let unstitched = standing.iter().map(|(number, _)| *number as u32).collect();
+            let mut unstitched: Vec<u32> = standing.iter().map(|(number, _)| *number as u32).collect();
+            unstitched.extend(&beside);
             return Ok(Some(Sound { unstitched, ..Sound::of(made, appraisal) }));
         }
-        standing.retain(|(number, _)| !appraisal.flawed.contains(&(*number as u32)));
-        if standing.len() == count {
+        let is_flawed = |segment: &u32| appraisal.flawed.contains(segment);
+        if beside.iter().any(is_flawed) {
+            beside.retain(|segment| !is_flawed(segment));
+            continue;
+        }
+        let count = standing.len();
+        standing.retain(|(number, _)| !is_flawed(&(*number as u32)));
+        if standing.len() == count && beside.is_empty() {
             break;
+        }
+        if standing.len() == count {
+            // What is wrong is told of no segment.
+            beside.clear();
         }
     }
     Ok(None)
 }
 
-/// Maps as a composition of `count` segments.
-pub(super) fn as_mapped(maps: &[(usize, Arc<LiveMap>)], count: usize) -> Stitched {
+/// Maps as a composition of `count` segments, with a mesh beside them and its faces that bridge a gap.
+pub(super) fn as_mapped(
+    maps: &[(usize, Arc<LiveMap>)],
+    beside: Option<&(Arc<PolyMesh>, Vec<u32>)>,
+    count: usize,
+) -> Stitched {
     let newest: Vec<Arc<MapState>> = maps.iter().map(|(_, map)| map.newest()).collect();
-    let mapped: Vec<(&Arc<PolyMesh>, &[u32])> =
-        newest.iter().map(|state| (&state.mapped.mesh, &state.mapped.reach.bridging[..])).collect();
-    Stitched::as_mapped(&mapped, (0..count).map(|k| maps.iter().any(|(number, _)| *number == k)).collect())
+    let mapped = newest.iter().map(|state| (&state.mapped.mesh, &state.mapped.reach.bridging[..]));
+    let beside = beside.map(|(mesh, bridging)| (mesh, &bridging[..]));
+    let all: Vec<(&Arc<PolyMesh>, &[u32])> = mapped.chain(beside).collect();
+    Stitched::as_mapped(&all, (0..count).map(|k| maps.iter().any(|(number, _)| *number == k)).collect())
 }

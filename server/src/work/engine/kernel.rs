@@ -368,6 +368,16 @@ impl Engine for KernelEngine {
         Ok(model_in(query)?.alone())
     }
 
+    fn of_segments(
+        &self,
+        query: &Model,
+        made: &Stitched,
+        segments: &[u32],
+    ) -> Result<(Arc<PolyMesh>, Vec<u32>), EngineError> {
+        let (mesh, bridging) = pipeline::of_segments(model_in(query)?, made, segments);
+        Ok((Arc::new(mesh), bridging))
+    }
+
     fn appraise(&self, query: &Model, made: &Stitched, allowed: Allowed) -> Result<Appraisal, EngineError> {
         Ok(pipeline::appraise(model_in(query)?, made, allowed))
     }
