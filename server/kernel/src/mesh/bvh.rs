@@ -383,6 +383,31 @@ mod tests {
         }
     }
 
+    #[test]
+    fn many_points_find_what_each_finds_alone_in_as_many_steps() {
+        let bvh = Bvh::new(&sheet(12));
+        for count in [0, SHARED_MIN - 1, SHARED_MIN, 2 * SHARED_MIN + 1] {
+            let points: Vec<Vec3> = points(12, count).collect();
+            let before = stop::steps();
+            let found = bvh.closest_to_all(&points);
+            assert_eq!(stop::steps() - before, count as u64);
+            assert!(found.iter().zip(&points).all(|(found, &p)| *found == bvh.closest(p)) && found.len() == count);
+        }
+    }
+
+    #[test]
+    fn far_and_tiny_meshes_find_the_same() {
+        for scale in [1e-30, 1e-12, 1e12, 1e30] {
+            let mut mesh = sheet(12);
+            mesh.positions.iter_mut().for_each(|p| *p *= scale);
+            let bvh = Bvh::new(&mesh);
+            for p in points(12, 60).map(|p| p * scale) {
+                let found = bvh.closest(p);
+                assert_eq!((found.distance, found.triangle), by_search(&mesh, p), "{scale}");
+            }
+        }
+    }
+
     /// A bumpy fan of `n` needles around one vertex.
     fn fan(n: usize) -> TriMesh {
         let angle = |i: usize| std::f64::consts::TAU * i as f64 / n as f64;

@@ -40,7 +40,7 @@ pub(super) fn unstitched(
     beside.retain(|segment| !stands(&standing, *segment));
     while !standing.is_empty() {
         let rest = engine.of_segments(model, stitched, &beside)?;
-        let rest = Some(rest).filter(|(mesh, _)| mesh.faces.len() > 0);
+        let rest = Some(rest).filter(|(mesh, _)| !mesh.faces.is_empty());
         let mut made = as_mapped(&standing, rest.as_ref(), model.segments.len());
         beside.iter().map(|segment| *segment as usize).for_each(|k| made.is_example[k] = stitched.is_example[k]);
         let appraisal = engine.appraise(model, &made, Allowed { bare: 1.0, ..allowed })?;
