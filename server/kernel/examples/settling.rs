@@ -8,6 +8,7 @@ mod asked;
 
 use quadmuse_kernel::fit::rest::{Rests, Start};
 use quadmuse_kernel::mesh::{self, Format, Limits, TriMesh};
+use quadmuse_kernel::numerics::stop::Stop;
 use quadmuse_kernel::settle::{Sought, poses};
 use std::path::Path;
 
@@ -20,7 +21,7 @@ fn surface(name: &str) -> Option<TriMesh> {
     Some(mesh::prepare(&poly).ok()?.mesh)
 }
 
-fn settled(example: &TriMesh, input: &TriMesh, stopped: &dyn Fn() -> bool) -> Option<f64> {
+fn settled(example: &TriMesh, input: &TriMesh, stopped: Stop<'_>) -> Option<f64> {
     let mut rests = Rests::new(example, input)?;
     for (_, pose) in poses(example, input, [true, true], Sought::Thoroughly, stopped).iter().take(POSED) {
         let positions = example.positions.iter().map(|x| pose.apply(x)).collect();

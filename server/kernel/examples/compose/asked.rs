@@ -4,7 +4,7 @@
 //! own processor time, tell the distribution of that wait without cancelling: a wait is above x with the probability
 //! Σ max(0, gap − x) / Σ gap.
 
-use quadmuse_kernel::numerics::stop;
+use quadmuse_kernel::numerics::stop::{self, Stop};
 use std::backtrace::Backtrace;
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -66,8 +66,9 @@ fn place() -> String {
     lines.join(" < ")
 }
 
-/// Runs a computation and tells its gaps; `stopped` is what it is to be given to ask beside its polls.
-pub(crate) fn asked<T>(work: impl FnOnce(&dyn Fn() -> bool) -> T) -> (T, Gaps) {
+/// Runs a computation and tells its gaps; `stopped` is what it is to be given to ask beside its polls. Questions of other threads
+/// than this one count for nothing.
+pub(crate) fn asked<T>(work: impl FnOnce(Stop<'_>) -> T) -> (T, Gaps) {
     let begun = Instant::now();
     let state = Rc::new(RefCell::new((Gaps::default(), begun, now_ms(begun))));
     let inner = Rc::clone(&state);
@@ -86,16 +87,14 @@ pub(crate) fn asked<T>(work: impl FnOnce(&dyn Fn() -> bool) -> T) -> (T, Gaps) {
         // What telling took is not the computation's.
         (*real, *cpu) = (Instant::now(), now_ms(begun));
     });
-    let own = Rc::clone(&ask);
     let made = stop::within(ask, || {
         let made = work(&|| {
-            own();
+            stop::ask();
             false
         });
         stop::ask();
         made
     });
-    drop(own);
     let gaps = std::mem::take(&mut state.borrow_mut().0);
     (made, gaps)
 }
