@@ -6,10 +6,10 @@
 //! multiplied by a log-normal factor. A surface of like parts in other proportions has such an encoding; no surface is
 //! made that has it.
 
-use crate::demo::random::Random;
 use crate::work::engine::kernel::topology_in;
 use crate::work::engine::{Packed, PackedFeature, SegmentFacts};
 use quadmuse_kernel::encode::{LEVEL_SIDES, Picture, features};
+use quadmuse_samples::random::Random;
 use std::f64::consts::{PI, TAU};
 
 /// Waves of a warp.

@@ -229,6 +229,20 @@ fn say(line: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::demo::inputs;
+    use quadmuse_kernel::mesh::{Limits, read};
+
+    #[test]
+    fn the_samples_are_there_as_files_that_can_be_read() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let samples = inputs();
+        let written = put_all(&folder.path().join("scans"), &samples).expect("writes");
+        for sample in samples {
+            let bytes = std::fs::read(written.join(&sample.name).with_extension("obj")).expect("is there");
+            let read = read(&bytes, None, &Limits::default());
+            assert_eq!(read.expect("a mesh").faces.len(), sample.mesh.faces.len(), "{}", sample.name);
+        }
+    }
 
     #[test]
     fn the_rotation_of_a_turned_mesh_is_found() {

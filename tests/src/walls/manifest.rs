@@ -14,7 +14,7 @@ pub struct CrateWall {
 }
 
 /// The walls, as ARCHITECTURE.md tells them.
-pub const CRATE_WALLS: [CrateWall; 7] = [
+pub const CRATE_WALLS: [CrateWall; 8] = [
     CrateWall {
         manifest: "server/kernel/Cargo.toml",
         ours: &[],
@@ -37,6 +37,7 @@ pub const CRATE_WALLS: [CrateWall; 7] = [
         ],
     },
     CrateWall { manifest: "proto/Cargo.toml", ours: &[], never: &["axum", "hyper", "reqwest", "sled", "tokio"] },
+    CrateWall { manifest: "server/samples/Cargo.toml", ours: &["quadmuse-kernel"], never: &["axum", "sled", "tokio"] },
     CrateWall {
         manifest: "server/store/Cargo.toml",
         ours: &["quadmuse-kernel", "quadmuse-proto", "quadmuse-migrations"],
@@ -51,7 +52,14 @@ pub const CRATE_WALLS: [CrateWall; 7] = [
     CrateWall { manifest: "client/Cargo.toml", ours: &["quadmuse-proto"], never: &["axum", "sled"] },
     CrateWall {
         manifest: "server/Cargo.toml",
-        ours: &["quadmuse-cluster", "quadmuse-kernel", "quadmuse-store", "quadmuse-proto", "quadmuse-migrations"],
+        ours: &[
+            "quadmuse-cluster",
+            "quadmuse-kernel",
+            "quadmuse-migrations",
+            "quadmuse-proto",
+            "quadmuse-samples",
+            "quadmuse-store",
+        ],
         never: &["sled", "reqwest"],
     },
 ];

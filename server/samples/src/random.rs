@@ -4,11 +4,11 @@ use std::f64::consts::TAU;
 
 /// SplitMix64. *Source:* G. Steele, D. Lea, C. Flood, Fast splittable pseudorandom number generators, 2014.
 #[derive(Clone, Debug)]
-pub(crate) struct Random(u64);
+pub struct Random(u64);
 
 impl Random {
     /// The generator that starts from `seed`.
-    pub(crate) fn new(seed: u64) -> Self {
+    pub fn new(seed: u64) -> Self {
         Self(seed)
     }
 
@@ -20,23 +20,23 @@ impl Random {
     }
 
     /// Evenly from 0 (included) to 1 (excluded).
-    pub(crate) fn unit(&mut self) -> f64 {
+    pub fn unit(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }
 
     /// Evenly from `low` to `high`.
-    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
     /// Normally distributed with mean 0 and deviation 1 (Box and Muller).
-    pub(crate) fn normal(&mut self) -> f64 {
+    pub fn normal(&mut self) -> f64 {
         let (r, a) = (1.0 - self.unit(), self.unit());
         (-2.0 * r.ln()).sqrt() * (TAU * a).cos()
     }
 
     /// Puts `items` into a random order (Fisher and Yates).
-    pub(crate) fn shuffle<T>(&mut self, items: &mut [T]) {
+    pub fn shuffle<T>(&mut self, items: &mut [T]) {
         for k in (1..items.len()).rev() {
             let j = (self.unit() * (k + 1) as f64) as usize;
             items.swap(k, j.min(k));
