@@ -1,4 +1,4 @@
-//! What the server shows of the built-in samples: them as files ([`samples`]), and a tour with pictures ([`tour`]).
+//! The built-in samples as files ([`samples`]), and a tour of them with pictures ([`tour`]).
 
 pub mod samples;
 pub mod tour;

@@ -19,7 +19,7 @@ const WIDTH: usize = 4;
 const STACK_SIZE: usize = 64;
 /// A child that is a triangle has this bit, one that is a node has not.
 const TRIANGLE: u32 = 1 << 31;
-/// What sums of single precision may be too large by, as a share of them; and where they are hardly above zero, by value.
+/// Sums of single precision may be too large by this share of them, and where they are hardly above zero, by this value.
 const ROOM: f32 = 1e-6;
 const LEAST: f32 = f32::MIN_POSITIVE;
 /// Fewer points are searched for on one thread: a second one takes some 30 µs to start.

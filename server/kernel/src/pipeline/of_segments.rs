@@ -1,4 +1,4 @@
-//! What a composition made of some segments alone.
+//! Takes the faces of some segments out of a composition.
 
 use super::model::Model;
 use super::sound::area;

@@ -95,7 +95,7 @@ pub struct Query {
     tree: OnceLock<Arc<Bvh>>,
     limbs: OnceLock<Vec<u32>>,
     fingers: OnceLock<Vec<u32>>,
-    /// What tips are matched by: of limbs, and of fingers.
+    /// Tips with all that they are matched by: of limbs, and of fingers.
     matched_by: [OnceLock<Arc<Tips>>; 2],
     /// From which the unfoldings for other poles follow; `None` where poles are fixed.
     conformal: Option<Conformal>,
@@ -261,7 +261,7 @@ impl Query {
         kept.get_or_init(|| self.unfolder.protrusions(&self.best.poles, breadth).unwrap_or_default())
     }
 
-    /// What its tips of some breadth are matched by.
+    /// Its tips of some breadth, with all that they are matched by.
     pub fn matched_by(&self, breadth: Breadth) -> Arc<Tips> {
         let kept = match breadth {
             Breadth::Limbs => &self.matched_by[0],

@@ -1,7 +1,7 @@
-//! What is known of the tips of one surface, by which they are matched with the tips of another.
+//! Tips of one surface, with all that they are matched by with the tips of another.
 //!
-//! A query is matched with many examples, and an example with many queries: what depends on one surface alone is computed
-//! once.
+//! A query is matched with many examples, and an example with many queries: these values depend on one surface alone, and are
+//! computed once.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

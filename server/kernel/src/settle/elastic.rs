@@ -197,7 +197,7 @@ impl<'a> Body<'a> {
         pull
     }
 
-    /// What the input's samples meet; `last`: the partners of the last round.
+    /// Finds the vertices that the input's samples meet; `last`: the partners of the last round.
     fn met_by_samples(&self, view: View<'_>, (points, normals): (&[Vec3], &[Vec3]), mut last: Vec<u32>) -> Back {
         let tree = KdTree::new(points.iter().zip(normals).map(|(x, n)| sixfold(x, n)));
         let rim: Vec<bool> = self.data.vertices.iter().map(|v| self.rest.rim[*v as usize]).collect();
