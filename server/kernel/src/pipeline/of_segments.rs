@@ -1,7 +1,7 @@
 //! Takes the faces of some segments out of a composition.
 
 use super::model::Model;
-use super::sound::area;
+use super::sound::{area, middle};
 use super::stitched::Stitched;
 use crate::map::assemble::select;
 use crate::mesh::bvh::Bvh;
@@ -18,9 +18,7 @@ pub fn of_segments(query: &Model, made: &Stitched, segments: &[u32]) -> (PolyMes
     let mut sets = Sets::new(mesh.positions.len());
     mesh.faces.iter().for_each(|face| face.iter().for_each(|&v| sets.join(face[0], v)));
     let tree = Bvh::new(input.surface);
-    let middle =
-        |face: &[u32]| face.iter().map(|&v| mesh.positions[v as usize]).sum::<Vec3>() / face.len().max(1) as f64;
-    let middles: Vec<Vec3> = mesh.faces.iter().map(middle).collect();
+    let middles: Vec<Vec3> = mesh.faces.iter().map(|face| middle(mesh, face)).collect();
     let mut areas: BTreeMap<(u32, u32), f64> = BTreeMap::new();
     for (face, near) in mesh.faces.iter().zip(tree.closest_to_all(&middles)) {
         if let Some(&owner) = input.owner.get(near.triangle as usize) {

@@ -94,7 +94,8 @@ pub fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Appraisal {
     Appraisal { examples, covered, away, turned, flaws, flawed }
 }
 
-fn middle(mesh: &PolyMesh, face: &[u32]) -> Vec3 {
+/// The mean of a face's corners.
+pub(crate) fn middle(mesh: &PolyMesh, face: &[u32]) -> Vec3 {
     face.iter().map(|&v| mesh.positions[v as usize]).sum::<Vec3>() / face.len().max(1) as f64
 }
 
