@@ -20,11 +20,10 @@ use crate::encode::index::{Location, PlanarIndex};
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::TriMesh;
-use crate::numerics::side_by_side;
+use crate::numerics::in_halves;
 use crate::register::{Flip, Registration};
 use crate::topology::holes::is_filling;
 use crate::unfold::{Chart, Uv, signed_area};
-use std::ops::Range;
 
 /// Where each vertex of an example's patch goes on the input.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,13 +36,10 @@ pub struct CrossMap {
 
 /// Maps the vertices of the example's patch. Poles go to poles and boundaries to boundaries, exactly.
 pub fn cross_map(registration: &Registration, example: &Chart, input: &Chart, index: &PlanarIndex) -> CrossMap {
-    let located = |range: Range<usize>| -> Vec<Location> {
-        range.map(|v| index.locate(input, registration.map(example.topology, vertex_uv(example, v)))).collect()
-    };
-    let (all, half) = (example.patch_vertices, example.patch_vertices / 2);
-    let (mut locations, rest) = side_by_side(|| located(0..half), || located(half..all));
-    locations.extend(rest);
-    let positions = locations.iter().map(|l| l.point(input)).collect();
+    let vertices: Vec<usize> = (0..example.patch_vertices).collect();
+    let locate = |v: &usize| index.locate(input, registration.map(example.topology, vertex_uv(example, *v)));
+    let locations = in_halves(&vertices, locate);
+    let positions: Vec<Vec3> = locations.iter().map(|l| l.point(input)).collect();
     CrossMap { locations, positions }
 }
 
