@@ -6,7 +6,8 @@
 Sets: scans (retopo with the shared corpus), made (the same of scans that are made of shared meshes, without examples of their
 family), flawed (shared scans with a triangle gone, openings, tiny handles, noise), extents, cross, species, unseen, groundtruth
 (one example onto one input), unlike (the same of another kind: a hand onto a head, none of which can be right), kinds (which kind of
-example comes first for busts, masks, heads and hands, open and closed).
+example comes first for busts, masks, heads and hands, open and closed), landmarks (maps that are wrong by themselves, before and after up to
+five landmarks).
 PREFIX limits a set to rows whose name begins with it. DIR of --programs has quadmuse and quadmuse-server (default:
 target/release). Needs numpy and scipy. Starts a server of its own on a free port. Results, maps and pictures stay in --out.
 """
@@ -173,7 +174,7 @@ def far(judged):
     return [judged.get(way, {}).get("p95") for way in ("out_to_scan_pct", "scan_to_out_pct")]
 
 
-def mapped(service, example, scan, out, tag):
+def mapped(service, example, scan, out, tag, *options):
     """Maps one example onto one input; answers with the resource, the files, seconds and what went wrong."""
     mesh, kept = out / f"{tag}.obj", out / f"{tag}.kept"
     for stale in (mesh, kept):
@@ -183,7 +184,7 @@ def mapped(service, example, scan, out, tag):
     there = service.run("show", added.get("id", example.stem))[0]
     query, more = service.run("query", scan, "--tag", (there.get("tags") or [example.stem])[0], "--top", 1, "--segments", "whole")
     before = service.seconds()
-    answer, most = service.run("map", query.get("query", "@last"), added.get("id", example.stem), "-o", mesh, "--force", "--kept", kept)
+    answer, most = service.run("map", query.get("query", "@last"), added.get("id", example.stem), "-o", mesh, "--force", "--kept", kept, *options)
     used = service.seconds() - before
     (out / f"{tag}.json").write_text(json.dumps(answer, indent=1) + "\n" + "\n".join([problem, more, most]))
     return answer, mesh if mesh.exists() else None, kept if kept.exists() else None, used, (most or more or problem).splitlines()[-1:]
@@ -357,6 +358,36 @@ def judge_kinds(service, meshes, out, prefix):
         print(f"\n{name}: {sum(row[3] == 'yes' for row in of)} of {len(of)}")
 
 
+def judge_landmarks(service, meshes, out, prefix):
+    """Maps that are wrong by themselves, before and after up to five landmarks."""
+    import judge_extents
+    import landmarks
+
+    table = []
+    for kind in (landmarks.faces, landmarks.hands, landmarks.animals):
+        for example, scan, pairs, judged in kind(meshes):
+            if not is_shown(prefix, kind.__name__, example.stem):
+                continue
+            tag = f"landmarks-{example.stem}-{scan.stem}"
+            file = out / f"{tag}.json"
+            file.write_text(json.dumps(pairs))
+            cells = [example.stem, scan.stem, len(pairs)]
+            for way, options in (("by-itself", []), ("with", ["--landmarks", file])):
+                picture = ["--picture", out / f"{tag}-{way}.png"]
+                answer, mesh, kept, used, problem = mapped(service, example, scan, out, f"{tag}-{way}", *options, *picture)
+                figure = None
+                if mesh:
+                    vertices, _ = judge_extents.read(mesh)
+                    own = len(judge_extents.read(example)[0])
+                    numbers = [int(line) for line in kept.read_text().split()] if kept and answer.get("kept") is not None else range(own)
+                    figure = judged(vertices[: len(numbers)], list(numbers))
+                cells += [figure, answer.get("verdict", *problem), round(used, 1)]
+            table.append(cells)
+            print("|", *cells, file=sys.stderr, flush=True)
+    ways = [f"{what} {way}" for way in ("before", "after") for what in ("figure", "verdict", "processor s")]
+    print_table(["example", "scan", "landmarks", *ways], table)
+
+
 def unseen(meshes, name, side):
     """The example or the input of the first pair of a set of `unseen`."""
     return next([meshes / "unseen" / row[side]] for row in rows_of(meshes / "unseen/pairs.csv") if row["set"] == name)
@@ -386,6 +417,8 @@ def main():
                 judge_flawed(service, meshes, out, prefix)
             elif name == "kinds":
                 judge_kinds(service, meshes, out, prefix)
+            elif name == "landmarks":
+                judge_landmarks(service, meshes, out, prefix)
             elif name == "made":
                 judge_made(service, meshes, out, prefix)
             elif name == "cross":

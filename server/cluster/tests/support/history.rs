@@ -9,7 +9,7 @@ use quadmuse_cluster::{Engine, JetStream, SharedCorpus};
 use quadmuse_proto::id::ExampleId;
 use quadmuse_store::{Backend, Patch, StoreError};
 
-use crate::conformance::{eventually, small};
+use crate::suite::{eventually, small};
 
 /// Longest time for what the engine lost to be written again: two looks after the last election, and some more.
 const HEALED_WITHIN: Duration = Duration::from_secs(40);

@@ -8,9 +8,7 @@ use std::path::Path;
 use quadmuse_proto::id::ExampleId;
 use quadmuse_store::{Store, StoreError};
 
-#[path = "support/sample.rs"]
-mod sample;
-use sample::{Sample, options, segment};
+use crate::sample::{Sample, options, segment};
 
 fn add(store: &Store, seed: u64) -> ExampleId {
     store.add(&Sample::with(seed, vec![segment(seed)]).example()).unwrap().record().id

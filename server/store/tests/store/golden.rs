@@ -12,11 +12,7 @@ use quadmuse_store::{
     ChartRecord, Feature, LandmarkRecord, NewSegmentation, Patch, Segmentation, Store, StoreError, Topology,
 };
 
-#[path = "support/sample.rs"]
-mod sample;
-#[path = "support/golden.rs"]
-mod stored;
-use sample::{Sample, options, segment_of};
+use crate::sample::{Sample, options, segment_of};
 
 fn files(dir: &Path, out: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(dir).unwrap() {
@@ -150,13 +146,13 @@ fn a_store_of_any_schema_reads_as_it_was_written() {
     if std::env::var("QUADMUSE_WRITE_GOLDEN").is_ok() {
         let dir = tempfile::tempdir().unwrap();
         write(dir.path());
-        fs::create_dir_all(stored::path(newest).parent().unwrap()).unwrap();
-        fs::write(stored::path(newest), pack(dir.path())).unwrap();
+        fs::create_dir_all(crate::stored::path(newest).parent().unwrap()).unwrap();
+        fs::write(crate::stored::path(newest), pack(dir.path())).unwrap();
     }
     for schema in 1..=newest {
-        let packed = fs::read(stored::path(schema)).unwrap();
+        let packed = fs::read(crate::stored::path(schema)).unwrap();
         let dir = tempfile::tempdir().unwrap();
-        stored::unpack_bytes(&packed, dir.path());
+        crate::stored::unpack_bytes(&packed, dir.path());
         let size: usize = contents(dir.path()).iter().map(|(_, content)| content.len()).sum();
         println!("golden store of schema {schema}: {} bytes packed, {size} unpacked", packed.len());
         read(dir.path(), schema);

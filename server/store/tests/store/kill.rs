@@ -11,9 +11,7 @@ use std::time::{Duration, Instant};
 use quadmuse_proto::id::ExampleId;
 use quadmuse_store::{Filter, OpenOptions, Patch, Store, StoreError};
 
-#[path = "support/sample.rs"]
-mod sample;
-use sample::{Sample, options, random, segment_of};
+use crate::sample::{Sample, options, random, segment_of};
 
 const DIR: &str = "QUADMUSE_KILL_TEST_DIR";
 const ROUND: &str = "QUADMUSE_KILL_TEST_ROUND";
@@ -85,7 +83,7 @@ struct Known {
 /// Starts a writer, kills it after some time, and notes what it acknowledged.
 fn round(dir: &Path, round: u64, known: &mut HashMap<ExampleId, Known>) -> usize {
     let mut child = Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "child", "--nocapture", "--test-threads=1"])
+        .args(["--exact", "kill::child", "--nocapture", "--test-threads=1"])
         .env(DIR, dir)
         .env(ROUND, round.to_string())
         .stdout(Stdio::piped())

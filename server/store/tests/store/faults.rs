@@ -12,11 +12,7 @@ use std::time::{Duration, Instant};
 use quadmuse_proto::id::ExampleId;
 use quadmuse_store::{Patch, Store, StoreError};
 
-#[path = "support/golden.rs"]
-mod golden;
-#[path = "support/sample.rs"]
-mod sample;
-use sample::{Sample, options};
+use crate::sample::{Sample, options};
 
 const DIR: &str = "QUADMUSE_FAULT_DIR";
 const ORDER: &str = "QUADMUSE_FAULT_ORDER";
@@ -50,7 +46,7 @@ fn child(layer: &Path, dir: &Path, part: &str, order: Option<&str>) -> ExitStatu
         fs::write(&file, order).unwrap();
     }
     let mut command = Command::new(std::env::current_exe().unwrap());
-    command.args(["--exact", "in_a_child", "--nocapture"]).env("LD_PRELOAD", layer);
+    command.args(["--exact", "faults::in_a_child", "--nocapture"]).env("LD_PRELOAD", layer);
     command.env(DIR, dir).env(ORDER, file).env(PART, part).status().unwrap()
 }
 
@@ -211,11 +207,11 @@ fn an_upgrade_killed_at_any_change_is_finished_by_the_next_start() {
     }
     let dir = tempfile::tempdir().unwrap();
     let Some(layer) = layer(dir.path()) else { return };
-    for schema in golden::schemas() {
+    for schema in crate::stored::schemas() {
         let mut killed = 0;
         for number in 1..CHANGES_MAX {
             let root = dir.path().join(format!("{schema}-{number}"));
-            golden::unpack(schema, &root);
+            crate::stored::unpack(schema, &root);
             let status = child(&layer, &root, "open", Some(&format!("kill {number}")));
             assert!(status.success() || status.code() == Some(KILLED), "schema {schema}, change {number}: {status}");
             let (store, report) = Store::open(&root, &options()).unwrap();
@@ -245,7 +241,7 @@ fn a_store_opens_on_a_disk_that_takes_nothing_or_says_why_not() {
     let Some(layer) = layer(dir.path()) else { return };
     for number in 1..12 {
         let root = dir.path().join(number.to_string());
-        golden::unpack(1, &root);
+        crate::stored::unpack(1, &root);
         // Whatever an opening meets, it ends in order, and the next one finds everything.
         let status = child(&layer, &root, "open", Some(&format!("eio {number}")));
         assert!(status.success() || status.code() == Some(REFUSED), "change {number}: {status}");

@@ -4,9 +4,7 @@ use std::time::Duration;
 
 use quadmuse_store::{Added, Filter, NewSegmentation, OpenOptions, Patch, Segmentation, Store, StoreError, Topology};
 
-#[path = "support/sample.rs"]
-mod sample;
-use sample::{Sample, options, segment};
+use crate::sample::{Sample, options, segment};
 
 #[test]
 fn what_was_added_is_there_after_a_restart_bit_for_bit() {

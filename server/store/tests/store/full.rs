@@ -11,9 +11,7 @@ use std::time::{Duration, Instant};
 use quadmuse_proto::id::ExampleId;
 use quadmuse_store::{OpenOptions, Store, StoreError};
 
-#[path = "support/sample.rs"]
-mod sample;
-use sample::{Sample, options};
+use crate::sample::{Sample, options};
 
 const DIR: &str = "QUADMUSE_FULL_TEST_DIR";
 /// How often is asked whether a store writes again by itself: so long on a busy machine that it never will.
@@ -25,7 +23,7 @@ fn a_full_disk_is_survived() {
         return;
     }
     let dir = tempfile::tempdir().unwrap();
-    let script = r#"mount -t tmpfs -o size=96m none "$1" || exit 77; exec "$0" --exact child --nocapture"#;
+    let script = r#"mount -t tmpfs -o size=96m none "$1" || exit 77; exec "$0" --exact full::child --nocapture"#;
     let exe = std::env::current_exe().unwrap();
     let mut command = Command::new("unshare");
     command.args(["--mount", "--map-root-user", "sh", "-c", script]).arg(exe).arg(dir.path()).env(DIR, dir.path());
@@ -153,7 +151,7 @@ fn survive(disk: &Path, root: &Path, options: &OpenOptions, blind: bool) {
             break;
         }
         let (seed, id) = kept[round % kept.len()];
-        let _ = store.put_derived(id, 0, 1, &sample::segment_of(seed, &[32, 64, 128], 700));
+        let _ = store.put_derived(id, 0, 1, &crate::sample::segment_of(seed, &[32, 64, 128], 700));
     }
     println!("blind {blind}: {} kept, {refused} refused, suspended: {:?}", kept.len(), store.suspended());
     assert!(refused > 0);

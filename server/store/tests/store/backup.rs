@@ -7,9 +7,7 @@ use std::io::Read;
 
 use quadmuse_store::{LandmarkRecord, NewSegmentation, Patch, Problem, Store, StoreError};
 
-#[path = "support/sample.rs"]
-mod sample;
-use sample::{Sample, options, random, segment};
+use crate::sample::{Sample, options, random, segment};
 
 /// A corpus with labels, an annotation, a second encoding and two segments.
 fn build(store: &Store) {

@@ -1,6 +1,6 @@
 //! Unfolds every real surface there is that one chart can hold: scans and artists' meshes.
 //!
-//! `cargo test --release -p quadmuse-kernel --test unfolding -- --nocapture` prints the table of tests/records. The
+//! `cargo test --release -p quadmuse-kernel --test kernel unfolding -- --nocapture` prints the table of tests/records. The
 //! meshes lie outside of the project, in `../shared/meshes` or where `QUADMUSE_SHARED` says.
 
 use quadmuse_kernel::mesh::{self, Format, Limits};

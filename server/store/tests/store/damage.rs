@@ -10,9 +10,7 @@ use std::time::{Duration, Instant};
 use quadmuse_proto::id::ExampleId;
 use quadmuse_store::{Added, DerivedSegment, OpenOptions, Store, StoreError};
 
-#[path = "support/sample.rs"]
-mod sample;
-use sample::{Sample, options, random, segment_of};
+use crate::sample::{Sample, options, random, segment_of};
 
 /// Examples of the store; more of them fill several segments of the database.
 const EXAMPLES: &str = "QUADMUSE_DAMAGE_EXAMPLES";

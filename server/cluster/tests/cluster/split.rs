@@ -4,31 +4,20 @@
 //! A node that is stopped (`tests/jetstream.rs`) says nothing to anybody. A node that is cut off goes on, and takes itself
 //! for the leader for a while: here once for those who write to it, and once with nobody but them.
 
-#[path = "../../store/tests/support/conformance.rs"]
-mod conformance;
-#[path = "support/history.rs"]
-mod history;
-#[path = "support/leader.rs"]
-mod leader;
-#[path = "support/nodes.rs"]
-mod nodes;
-#[path = "../../store/tests/support/sample.rs"]
-mod sample;
-
 use std::path::Path;
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use history::History;
-use leader::leader;
-use nodes::{Link, Nodes};
+use crate::history::History;
+use crate::leader::leader;
+use crate::nodes::{Link, Nodes};
 use quadmuse_cluster::{ClusterOptions, JetStream, SharedCorpus, SharedOptions};
 
 /// Says to a process of this program that it has a network, and a `/run`, of its own.
 const INSIDE: &str = "QUADMUSE_SPLIT_INSIDE";
-const NAME: &str = "a_node_that_is_cut_off_acknowledges_nothing_that_is_lost";
+const NAME: &str = "split::a_node_that_is_cut_off_acknowledges_nothing_that_is_lost";
 /// A node is cut off for so long: longer than an election takes.
 const CUT_OFF: Duration = Duration::from_secs(10);
 const TOGETHER: Duration = Duration::from_secs(2);
@@ -79,7 +68,8 @@ fn split() {
     std::thread::scope(|scope| {
         for writer in 0..4u64 {
             let (server, history, stopping) = (&servers[writer as usize % 2], &history, &stopping);
-            scope.spawn(move || history::write(&**server, 1_000_000 * (writer + 1)..u64::MAX, history, stopping));
+            scope
+                .spawn(move || crate::history::write(&**server, 1_000_000 * (writer + 1)..u64::MAX, history, stopping));
         }
         // From the other nodes alone, so that clients still reach it; then from everybody.
         for links in [&[Link::Nodes][..], &[Link::Nodes, Link::Clients]] {
@@ -92,5 +82,5 @@ fn split() {
         std::thread::sleep(TOGETHER);
         stopping.store(true, Ordering::Relaxed);
     });
-    history::judge(history, &servers, &join(&nodes.addresses(), dir.path(), "fresh"), &asking, "two splits");
+    crate::history::judge(history, &servers, &join(&nodes.addresses(), dir.path(), "fresh"), &asking, "two splits");
 }

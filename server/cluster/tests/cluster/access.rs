@@ -1,17 +1,12 @@
 //! Who gets in to the engine: TLS by an authority of one's own, certificates of servers, users and passwords. Left out where
 //! there is no `nats-server` or no `openssl`.
 
-#[path = "support/nodes.rs"]
-mod nodes;
-#[path = "../../store/tests/support/sample.rs"]
-mod sample;
-
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
 
-use nodes::Nodes;
+use crate::nodes::Nodes;
 use quadmuse_cluster::{Access, ClusterOptions, EngineError, JetStream, SharedCorpus, SharedOptions};
 use quadmuse_store::Backend;
 
@@ -34,7 +29,7 @@ fn authority(dir: &Path, name: &str) {
 #[test]
 fn only_who_has_the_certificates_and_the_password_gets_in_and_only_to_whom_it_trusts() {
     let has_openssl = Command::new("openssl").arg("version").stdout(Stdio::null()).status().is_ok();
-    if nodes::program().is_none() || !has_openssl {
+    if crate::nodes::program().is_none() || !has_openssl {
         eprintln!("left out: there is no nats-server, or no openssl");
         return;
     }
@@ -65,7 +60,7 @@ fn only_who_has_the_certificates_and_the_password_gets_in_and_only_to_whom_it_tr
         let engine = reached(right, &sound).expect("reached");
         SharedCorpus::open(Arc::new(engine), &SharedOptions::caching_in(&path(cache))).expect("joined")
     };
-    let sample = sample::Sample::with(1, vec![sample::segment_of(1, &[32], 4)]);
+    let sample = crate::sample::Sample::with(1, vec![crate::sample::segment_of(1, &[32], 4)]);
     let id = join("one").add(&sample.example(), &[]).expect("added").record().id;
     assert_eq!(join("two").mesh_bytes(id).expect("there"), sample.mesh);
 

@@ -3,28 +3,15 @@
 //! The kills are in one test, so that its nodes are started once. Left out where there is no
 //! `nats-server`.
 
-#[path = "../../store/tests/support/conformance.rs"]
-mod conformance;
-#[path = "support/history.rs"]
-mod history;
-#[path = "support/leader.rs"]
-mod leader;
-#[path = "support/nodes.rs"]
-mod nodes;
-#[path = "support/queue.rs"]
-mod queue;
-#[path = "../../store/tests/support/sample.rs"]
-mod sample;
-
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use conformance::{eventually, small};
-use history::History;
-use leader::leader;
-use nodes::Nodes;
+use crate::history::History;
+use crate::leader::leader;
+use crate::nodes::Nodes;
+use crate::suite::{eventually, small};
 use quadmuse_cluster::{ClusterOptions, Engine, Entry, JetStream, SharedCorpus, SharedOptions, Written};
 use quadmuse_proto::id::ExampleId;
 use quadmuse_store::Backend;
@@ -41,7 +28,7 @@ fn on_a_real_engine() {
     let dir = tempfile::tempdir().expect("a directory");
     let begun = Instant::now();
     let mut corpora = 0;
-    conformance::all(&mut || {
+    crate::suite::all(&mut || {
         corpora += 1;
         let bucket = format!("conformance-{corpora}");
         (join(&nodes, &bucket, dir.path()), join(&nodes, &bucket, dir.path()))
@@ -156,7 +143,7 @@ fn a_follower_that_does_not_read_for_a_while_misses_nothing(nodes: &Nodes) {
 fn jobs_are_done_once_with_effect(nodes: &Nodes) {
     let options = ClusterOptions { lease: Duration::from_secs(2), ..ClusterOptions::new(&nodes.addresses(), "jobs") };
     let [one, other] = [(); 2].map(|()| JetStream::connect(&options).expect("reached"));
-    queue::all([&one, &other], options.lease, true);
+    crate::queue::all([&one, &other], options.lease, true);
 }
 
 fn large_objects_come_back(nodes: &Nodes, dir: &Path) {
@@ -213,7 +200,8 @@ fn what_was_acknowledged_survives_the_nodes(nodes: &mut Nodes, dir: &Path) {
     std::thread::scope(|scope| {
         for writer in 0..4u64 {
             let (server, history, stopping) = (&servers[writer as usize % 2], &history, &stopping);
-            scope.spawn(move || history::write(&**server, 1_000_000 * (writer + 1)..u64::MAX, history, stopping));
+            scope
+                .spawn(move || crate::history::write(&**server, 1_000_000 * (writer + 1)..u64::MAX, history, stopping));
         }
         for kill in 0..kills {
             std::thread::sleep(Duration::from_millis(1000));
@@ -236,5 +224,5 @@ fn what_was_acknowledged_survives_the_nodes(nodes: &mut Nodes, dir: &Path) {
         }
         stopping.store(true, Ordering::Relaxed);
     });
-    history::judge(history, &servers, &join(nodes, "killed", dir), &asking, &format!("{kills} kills"));
+    crate::history::judge(history, &servers, &join(nodes, "killed", dir), &asking, &format!("{kills} kills"));
 }

@@ -1,20 +1,11 @@
 //! A corpus that servers share is a backend like every other, also where its engine is unreliable.
 
-#[path = "../../store/tests/support/conformance.rs"]
-mod conformance;
-#[path = "support/fake.rs"]
-mod fake;
-#[path = "support/queue.rs"]
-mod queue;
-#[path = "../../store/tests/support/sample.rs"]
-mod sample;
-
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use conformance::{Pair, eventually, small};
-use fake::{FakeEngine, Faults};
+use crate::fake::{FakeEngine, Faults};
+use crate::suite::{Pair, eventually, small};
 use quadmuse_cluster::{RowMaker, SharedCorpus, SharedOptions};
 use quadmuse_store::{Added, Backend, Documents, NewSegmentation, Patch, Store, StoreError};
 
@@ -32,9 +23,9 @@ fn pair(engine: &FakeEngine, dir: &Path) -> Pair {
 #[test]
 fn jobs_are_done_once_with_effect_whoever_dies_and_whatever_is_lost() {
     let reliable = FakeEngine::new(1, Faults::default());
-    queue::all([&reliable, &reliable.clone()], fake::LEASE, true);
+    crate::queue::all([&reliable, &reliable.clone()], crate::fake::LEASE, true);
     let faulty = FakeEngine::new(2, Faults::many());
-    queue::all([&faulty, &faulty.clone()], fake::LEASE, false);
+    crate::queue::all([&faulty, &faulty.clone()], crate::fake::LEASE, false);
 }
 
 #[test]
@@ -60,7 +51,7 @@ fn an_encoding_that_was_made_twice_changes_nothing() {
 #[test]
 fn a_shared_corpus_conforms() {
     let dir = tempfile::tempdir().expect("a directory");
-    conformance::all(&mut || pair(&FakeEngine::new(1, Faults::default()), dir.path()));
+    crate::suite::all(&mut || pair(&FakeEngine::new(1, Faults::default()), dir.path()));
 }
 
 #[test]
@@ -68,7 +59,7 @@ fn a_shared_corpus_conforms_on_an_engine_that_reorders_delays_repeats_and_drops(
     let dir = tempfile::tempdir().expect("a directory");
     for seed in 1..3 {
         let mut corpora = 0;
-        conformance::all(&mut || {
+        crate::suite::all(&mut || {
             corpora += 1;
             pair(&FakeEngine::new(100 * seed + corpora, Faults::many()), dir.path())
         });
@@ -306,9 +297,9 @@ fn a_backup_is_the_corpus_of_one_moment_whatever_others_do_meanwhile() {
 #[test]
 fn a_local_corpus_goes_there_and_back_byte_for_byte() {
     let dir = tempfile::tempdir().expect("a directory");
-    let (store, _) = Store::open(&dir.path().join("first"), &sample::options()).expect("a store");
+    let (store, _) = Store::open(&dir.path().join("first"), &crate::sample::options()).expect("a store");
     for seed in 0..5 {
-        store.add(&sample::Sample::new(seed).example()).expect("added");
+        store.add(&crate::sample::Sample::new(seed).example()).expect("added");
     }
     let mut before = Vec::new();
     store.backup(&mut before).expect("written");
@@ -319,7 +310,7 @@ fn a_local_corpus_goes_there_and_back_byte_for_byte() {
     for record in &store.snapshot().examples {
         shared.put_whole(Backend::whole(&store, record.id).expect("whole")).expect("imported");
     }
-    let (back, _) = Store::open(&dir.path().join("second"), &sample::options()).expect("a store");
+    let (back, _) = Store::open(&dir.path().join("second"), &crate::sample::options()).expect("a store");
     let other = join(&engine, dir.path());
     for record in &other.snapshot().examples {
         Backend::put_whole(&back, other.whole(record.id).expect("whole")).expect("exported");

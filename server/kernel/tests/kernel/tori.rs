@@ -1,6 +1,6 @@
 //! How exactly a torus is laid on another mesh of itself: rings, and a tube along a trefoil.
 //!
-//! `cargo test --release -p quadmuse-kernel --test tori -- --nocapture` prints the table of tests/records.
+//! `cargo test --release -p quadmuse-kernel --test kernel tori -- --nocapture` prints the table of tests/records.
 
 use quadmuse_kernel::encode::encode;
 use quadmuse_kernel::map::{cross_map, folded_faces};

@@ -8,9 +8,7 @@ use quadmuse_kernel::mesh::{self, Limits};
 use quadmuse_kernel::{topology, unfold};
 use quadmuse_store::{ChartRecord, DerivedSegment, Feature, Level, Store, Topology};
 
-#[path = "support/sample.rs"]
-mod sample;
-use sample::{Sample, options};
+use crate::sample::{Sample, options};
 
 /// Meshes taken, so that the test stays short.
 const MESHES: usize = 24;

@@ -1,0 +1,5 @@
+//! The server from inside: corpus, queries and maps without HTTP.
+mod determinism;
+mod landmarks;
+mod parts;
+mod transfer;
