@@ -1,5 +1,4 @@
 //! A backup restored is the same corpus; a damaged one is refused; a check finds what is damaged.
-#![allow(clippy::unwrap_used, reason = "a test")]
 
 use std::collections::BTreeMap;
 use std::fs;

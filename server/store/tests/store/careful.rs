@@ -1,5 +1,4 @@
 //! What is not known to be garbage is kept, what is half is not served, and looking changes nothing.
-#![allow(clippy::unwrap_used, reason = "a test")]
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -1,5 +1,4 @@
 //! Damaged bytes in any file of a store: never a panic out of opening, never wrong bytes, the rest served, encodings rebuilt.
-#![allow(clippy::unwrap_used, reason = "a test")]
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -2,8 +2,6 @@
 //!
 //! `support/fault.c` is preloaded into a child of this test; it needs a C compiler, and says so where there is none. Nothing that
 //! was acknowledged is lost; what was refused does not come back; a removal succeeds or changes nothing.
-#![allow(clippy::unwrap_used, reason = "a test")]
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus};

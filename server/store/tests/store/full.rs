@@ -1,6 +1,5 @@
 //! A disk that is really full, under the database's feet: writes are refused, reads go on, removals work, nothing acknowledged is lost,
 //! and writing resumes by itself. Needs a small file system of its own: where mounting one isn't allowed, it says so and is passed over.
-#![allow(clippy::unwrap_used, reason = "a test")]
 
 use std::fs;
 use std::path::Path;

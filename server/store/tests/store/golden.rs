@@ -3,7 +3,6 @@
 //! `tests/golden/schema_N/store.bin.zst` holds the files of a small store as a schema of that number left them: a row of
 //! `path length u16 LE ‖ path ‖ content length u64 LE ‖ content`, compressed. Never write one anew once it was released:
 //! `QUADMUSE_WRITE_GOLDEN=1` does so for the current schema while that is in the making.
-#![allow(clippy::unwrap_used, reason = "a test")]
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,5 @@
 //! kill -9 at random times under four writers: nothing acknowledged is lost, nothing half-written is seen, no opening refused.
 
-#![allow(clippy::unwrap_used, reason = "a test, also where it is the child process")]
-
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;

@@ -1,4 +1,5 @@
 //! The store from outside: one program, as each would be linked anew.
+#![allow(clippy::unwrap_used, reason = "a test")]
 
 mod backup;
 mod basics;
