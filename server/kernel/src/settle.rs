@@ -9,6 +9,7 @@
 //! that chooses between them.
 
 mod align;
+mod effort;
 mod elastic;
 mod evidence;
 mod held;
@@ -21,9 +22,10 @@ mod similarity;
 mod span;
 mod tree;
 
+pub use effort::Sought;
 pub use evidence::Evidence;
 pub use held::Landmark;
-pub use poses::{Likeness, Posed, Sought, poses, poses_on};
+pub use poses::{Likeness, Posed, poses, poses_on};
 pub use similarity::Similarity;
 pub use span::spanned;
 

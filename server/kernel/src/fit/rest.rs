@@ -188,9 +188,14 @@ impl<'a> Rests<'a> {
         }
     }
 
-    /// Settles a start as a whole alone: a pose, from which nothing bends.
-    pub fn tries_whole(&mut self, start: &Start, stop: Stop<'_>) {
-        self.settle(start, start.mirrored, Manner::Whole, stop);
+    /// Settles a pose as a whole. What the two have apart (a crown, shoulders) may draw it off its place: where it agrees better
+    /// than all that was laid, it is followed, too.
+    pub fn tries_pose(&mut self, pose: &Start, stop: Stop<'_>) {
+        self.settle(pose, pose.mirrored, Manner::Whole, stop);
+        let best = self.best().map_or(FOLLOWED, |best| best.evidence.relief.max(FOLLOWED));
+        if self.relief(pose).is_some_and(|relief| relief > best) {
+            self.settle(pose, pose.mirrored, Manner::Following, stop);
+        }
     }
 
     /// Lays the example after tips that are matched, in the orientation in which these are carried better.

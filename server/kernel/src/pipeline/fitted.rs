@@ -217,7 +217,7 @@ fn settled(
         let (sought, most) = if on.is_scan() { (Sought::Thoroughly, POSED) } else { (Sought::Quickly, POSED_FEW) };
         for (_, pose) in poses(mesh, input, [!closed(example), !closed(query)], sought, stop).iter().take(most) {
             let positions = mesh.positions.iter().map(|x| pose.apply(x)).collect();
-            rests.tries_whole(&Start { positions, mirrored: false }, stop);
+            rests.tries_pose(&Start { positions, mirrored: false }, stop);
             if rests.is_convincing() {
                 break;
             }

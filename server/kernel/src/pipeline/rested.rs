@@ -90,7 +90,7 @@ pub(crate) fn rest(
     mapped.evidence = Some(evidence);
     mapped.folds = mapped.folds.saturating_sub(turned_there as u64);
     let folded = share(&surface.patch.mesh, &cross.positions, &turned);
-    (mapped.verdict, mapped.reasons) = judged(&evidence, folded, mapped.reach.spanned);
+    (mapped.verdict, mapped.reasons) = judged(&evidence, folded, mapped.reach.spanned, held.len());
     mapped.reasons.extend(missed);
     let mut fitted = Fitted { mapped, example, query: query.clone() };
     if beyond == Beyond::Extend && covered < COVERED {
@@ -207,6 +207,8 @@ fn share(mesh: &TriMesh, positions: &[Vec3], polygons: &[u32]) -> f64 {
     (0..mesh.triangles.len()).filter(is_one).map(area).sum::<f64>() / all.max(f64::MIN_POSITIVE)
 }
 
+/// So many landmarks fix a pose.
+const POSE_FIXED_BY: usize = 3;
 /// Confidence from which on a settled map is good, or fair; calibrated in tests/records.
 const CONFIDENCE: [f64; 2] = [0.4, -0.08];
 /// Share of the area of faces that look inward up to which it is good, or fair: hidden faces of bodies do in the truth too.
@@ -216,8 +218,9 @@ const FOLDED: [f64; 2] = [0.02, 0.06];
 const SPANNED: [f64; 2] = [0.02, 0.25];
 
 /// The verdict on a map that has settled, with a sentence for each measure that is not good. Relief falls where shapes
-/// differ, and bend grows where the map is wrong, so neither is told alone.
-fn judged(evidence: &Evidence, folded: f64, spanned: f64) -> (Verdict, Vec<String>) {
+/// differ, and bend grows where the map is wrong, so neither is told alone. `held`: landmarks. Where they fix the pose, the caller
+/// has said where the example belongs, and shapes that differ are no reason to throw it away.
+fn judged(evidence: &Evidence, folded: f64, spanned: f64, held: usize) -> (Verdict, Vec<String>) {
     let confidence = evidence.agreement();
     let mut reasons = Vec::new();
     let mut measure = |is_good: bool, is_fair: bool, why: &str| {
@@ -233,6 +236,7 @@ fn judged(evidence: &Evidence, folded: f64, spanned: f64) -> (Verdict, Vec<Strin
         }
     };
     let [good, fair] = CONFIDENCE;
+    let fair = if held >= POSE_FIXED_BY { f64::NEG_INFINITY } else { fair };
     let alike =
         measure(confidence >= good, confidence >= fair, "bumps and hollows of the example lie on others of the scan");
     let [good, fair] = FOLDED;
@@ -251,5 +255,21 @@ fn worse(a: Verdict, b: Verdict) -> Verdict {
         Verdict::Fair
     } else {
         Verdict::Good
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn where_landmarks_fix_the_pose_shapes_that_differ_are_no_reason_to_throw_a_map_away() {
+        let unlike = Evidence { relief: -0.2, bend: 100.0, ..Evidence::default() };
+        let verdict = |folded, held| judged(&unlike, folded, 0.0, held).0;
+        assert_eq!(
+            [0, 2, 3, 5].map(|held| verdict(0.0, held)),
+            [Verdict::Poor, Verdict::Poor, Verdict::Fair, Verdict::Fair]
+        );
+        assert_eq!(verdict(0.5, 5), Verdict::Poor, "folds are one");
     }
 }
