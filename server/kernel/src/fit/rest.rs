@@ -188,8 +188,8 @@ impl<'a> Rests<'a> {
         }
     }
 
-    /// Settles a pose as a whole. What the two have apart (a crown, shoulders) may draw it off its place: where it agrees better
-    /// than all that was laid, it is followed, too.
+    /// Settles a pose as a whole. What only one of the two has (a crown, shoulders) may draw it off its place: where the pose
+    /// agrees better than all that was laid, it is followed as it stands, too.
     pub fn tries_pose(&mut self, pose: &Start, stop: Stop<'_>) {
         self.settle(pose, pose.mirrored, Manner::Whole, stop);
         let best = self.best().map_or(FOLLOWED, |best| best.evidence.relief.max(FOLLOWED));

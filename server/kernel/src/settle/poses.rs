@@ -2,12 +2,12 @@
 //! on each other.
 //!
 //! The smaller surface is laid with its middle and mean normal on points spread over the larger, turned about the normal in
-//! equal steps, at some sizes. The mean normal of what is bulky (a head with a neck) says little, and its middle lies deep
-//! inside: it is laid with what is about each of some of its points ([`Small::anchors`]), too. The likelier poses come to rest by
-//! iterated closest points, of one size, from the smaller onto the larger. Of two closed surfaces neither is a part of the other: they are laid middle on middle, of one area, in
-//! rotations spread evenly. A pose is scored by how near the smaller lies, times how well its relief ([`super::Evidence`]) agrees
-//! with what it lies on: nearness alone lays a face on the back of a head. Samples that lie off it have no say in that: a head has no crown. *Ours, not
-//! a paper's.*
+//! equal steps, at some sizes. The mean normal of what is bulky (a head with its neck) says little, and its middle lies deep
+//! inside: if that leads to no sure pose, what is about each of some of its points is laid so, too. The likelier poses come to
+//! rest by iterated closest points, of one size, from the smaller onto the larger. Of two closed surfaces neither is a part of
+//! the other: they are laid middle on middle, of one area, in rotations spread evenly. A pose is scored by how near the smaller
+//! lies, times how well its relief ([`super::Evidence`]) agrees with what it lies on: nearness alone lays a face on the back of a
+//! head. Samples that lie off the larger say nothing of relief: an example has no crown. *Ours, not a paper's.*
 
 use super::effort::{Effort, FULL, MIDDLE, QUICK, Sought};
 use super::evidence::{Around, correlation};
@@ -32,7 +32,7 @@ const SMALL: usize = 256;
 const NEAR: f64 = 0.06;
 /// A mean normal is that of what lies so near about a point, in √area of the smaller.
 const ABOUT: f64 = 0.4;
-/// A surface whose normals have a shorter mean is bulky: heads have .06 to .2, faces more than .6. *Untuned.*
+/// A surface whose normals have a shorter mean is bulky: two heads with necks have .06 and .21. *Untuned.*
 const BULKY: f64 = 0.5;
 /// A pose that scores so much is found by the middle alone, and no anchors are tried. *Untuned:* of heads on statues right poses have
 /// .3 to .6, and wrong ones up to .35.
@@ -445,7 +445,7 @@ impl Small {
                 if stop() {
                     return None;
                 }
-                // What the two have apart may draw a pose off its place: then it stays.
+                // What only one of the two has may draw a pose off its place: then it stays.
                 let before = self.score(large, *samples, motion, &[]);
                 let (rested, met) = self.rest(large, *samples, *motion, *rounds);
                 *score = self.score(large, *samples, &rested, &met);
