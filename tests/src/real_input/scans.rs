@@ -8,7 +8,7 @@ use crate::{
 use std::{path::Path, time::Instant};
 
 /// The scans of a subset.
-const SUBSET: [&str; 3] = ["hand_lowres.obj", "spot.ply", "demosthenes_head.obj"];
+const SUBSET: [&str; 3] = ["hand_lowres.obj", "leeperrysmith_head.ply", "demosthenes_head.obj"];
 
 /// What came of a scan.
 #[derive(Clone, Debug)]

@@ -188,14 +188,23 @@ impl<'a> Rests<'a> {
         }
     }
 
-    /// Settles a pose as a whole. What only one of the two has (a crown, shoulders) may draw it off its place: where the pose
-    /// agrees better than all that was laid, it is followed as it stands, too.
-    pub fn tries_pose(&mut self, pose: &Start, stop: Stop<'_>) {
-        self.settle(pose, pose.mirrored, Manner::Whole, stop);
+    /// Settles a pose as a whole, from which nothing bends; returns the relief that came of it.
+    pub fn tries_whole(&mut self, pose: &Start, stop: Stop<'_>) -> Option<f64> {
+        let found = self.found(pose, pose.mirrored, Manner::Whole, stop)?;
+        let relief = found.evidence.relief;
+        self.keep(found, pose.mirrored, From::of(pose, Manner::Whole));
+        Some(relief)
+    }
+
+    /// The same; but what only one of the two has (a crown, shoulders) may draw a pose off its place: where it agrees better than
+    /// all that was laid, it is followed as it stands, too.
+    pub fn tries_pose(&mut self, pose: &Start, stop: Stop<'_>) -> Option<f64> {
+        let relief = self.tries_whole(pose, stop);
         let best = self.best().map_or(FOLLOWED, |best| best.evidence.relief.max(FOLLOWED));
         if self.relief(pose).is_some_and(|relief| relief > best) {
             self.settle(pose, pose.mirrored, Manner::Following, stop);
         }
+        relief
     }
 
     /// Lays the example after tips that are matched, in the orientation in which these are carried better.

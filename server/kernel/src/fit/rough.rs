@@ -88,7 +88,7 @@ pub fn rough(
             tips.iter().for_each(|tips| rests.tries_led(tips, stop));
             for (_, pose) in poses_on(example.mesh, !example.is_closed, &ready.posed, stop).iter().take(POSED) {
                 let positions = example.mesh.positions.iter().map(|x| pose.apply(x)).collect();
-                rests.tries_pose(&Start { positions, mirrored: false }, stop);
+                rests.tries_whole(&Start { positions, mirrored: false }, stop);
                 if rests.is_convincing() {
                     break;
                 }

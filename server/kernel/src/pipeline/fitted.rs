@@ -213,17 +213,20 @@ fn settled(
     // Of two closed surfaces neither ends anywhere.
     let closed = |side: &Side| side.encoded.facts.topology == Topology::Sphere;
     let may_be_part = !(closed(example) && closed(query));
+    let mut whole_relief = rests.best().map(|best| best.evidence.relief);
     if may_be_part && rests.best().is_none_or(|best| best.evidence.relief < DOUBTFUL) {
         let (sought, most) = if on.is_scan() { (Sought::Thoroughly, POSED) } else { (Sought::Quickly, POSED_FEW) };
         for (_, pose) in poses(mesh, input, [!closed(example), !closed(query)], sought, stop).iter().take(most) {
             let positions = mesh.positions.iter().map(|x| pose.apply(x)).collect();
-            rests.tries_pose(&Start { positions, mirrored: false }, stop);
+            // What was followed from a wrong pose agrees well enough by itself to give hope.
+            let relief = rests.tries_pose(&Start { positions, mirrored: false }, stop);
+            whole_relief = whole_relief.into_iter().chain(relief).reduce(f64::max);
             if rests.is_convincing() {
                 break;
             }
         }
     }
-    let is_hopeless = rests.best().is_some_and(|best| best.evidence.relief < HOPELESS);
+    let is_hopeless = whole_relief.is_some_and(|relief| relief < HOPELESS);
     if may_be_part && has_parts && !is_hopeless && !rests.is_convincing() {
         for start in parts(example, query, (one, two), stop)? {
             rests.tries(&start, stop);

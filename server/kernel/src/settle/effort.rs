@@ -32,7 +32,7 @@ pub(super) const FULL: Effort = Effort {
 pub(super) const MIDDLE: Effort = Effort {
     places: 100,
     turns: 12,
-    anchors: 8,
+    anchors: 0,
     shares: &[0.12, 0.18, 0.27, 0.4, 0.6, 0.9],
     large: 1500,
     sifted_by: 24,
