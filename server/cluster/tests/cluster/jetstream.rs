@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use crate::history::History;
+use crate::history::{self, History};
 use crate::leader::leader;
 use crate::nodes::Nodes;
 use crate::suite::{eventually, small};
@@ -198,11 +198,7 @@ fn what_was_acknowledged_survives_the_nodes(nodes: &mut Nodes, dir: &Path) {
     let asking = JetStream::connect(&ClusterOptions::new(&nodes.addresses(), "killed")).expect("reached");
     let (history, stopping) = (Mutex::new(History::default()), AtomicBool::new(false));
     std::thread::scope(|scope| {
-        for writer in 0..4u64 {
-            let (server, history, stopping) = (&servers[writer as usize % 2], &history, &stopping);
-            scope
-                .spawn(move || crate::history::write(&**server, 1_000_000 * (writer + 1)..u64::MAX, history, stopping));
-        }
+        history::start_writers(scope, &servers, &history, &stopping);
         for kill in 0..kills {
             std::thread::sleep(Duration::from_millis(1000));
             let leader = leader(&asking);
@@ -224,5 +220,5 @@ fn what_was_acknowledged_survives_the_nodes(nodes: &mut Nodes, dir: &Path) {
         }
         stopping.store(true, Ordering::Relaxed);
     });
-    crate::history::judge(history, &servers, &join(nodes, "killed", dir), &asking, &format!("{kills} kills"));
+    history::judge(history, &servers, &join(nodes, "killed", dir), &asking, &format!("{kills} kills"));
 }

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use crate::history::History;
+use crate::history::{self, History};
 use crate::leader::leader;
 use crate::nodes::{Link, Nodes};
 use quadmuse_cluster::{ClusterOptions, JetStream, SharedCorpus, SharedOptions};
@@ -66,11 +66,7 @@ fn split() {
     let servers = [join(&only, dir.path(), "a"), join(&nodes.addresses(), dir.path(), "b")];
     let (history, stopping) = (Mutex::new(History::default()), AtomicBool::new(false));
     std::thread::scope(|scope| {
-        for writer in 0..4u64 {
-            let (server, history, stopping) = (&servers[writer as usize % 2], &history, &stopping);
-            scope
-                .spawn(move || crate::history::write(&**server, 1_000_000 * (writer + 1)..u64::MAX, history, stopping));
-        }
+        history::start_writers(scope, &servers, &history, &stopping);
         // From the other nodes alone, so that clients still reach it; then from everybody.
         for links in [&[Link::Nodes][..], &[Link::Nodes, Link::Clients]] {
             std::thread::sleep(TOGETHER);
@@ -82,5 +78,5 @@ fn split() {
         std::thread::sleep(TOGETHER);
         stopping.store(true, Ordering::Relaxed);
     });
-    crate::history::judge(history, &servers, &join(&nodes.addresses(), dir.path(), "fresh"), &asking, "two splits");
+    history::judge(history, &servers, &join(&nodes.addresses(), dir.path(), "fresh"), &asking, "two splits");
 }

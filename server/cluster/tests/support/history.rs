@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
+use std::thread::Scope;
 use std::time::{Duration, Instant};
 
 use quadmuse_cluster::{Engine, JetStream, SharedCorpus};
@@ -40,13 +41,21 @@ impl History {
     }
 }
 
-/// Adds and renames until `stopping`. What it wrote it reads at once, on the same server.
-pub(crate) fn write(
-    server: &dyn Backend,
-    seeds: std::ops::Range<u64>,
-    history: &Mutex<History>,
-    stopping: &AtomicBool,
+/// Starts four threads that write to two servers in turn, until `stopping`.
+pub(crate) fn start_writers<'scope>(
+    scope: &'scope Scope<'scope, '_>,
+    servers: &'scope [Arc<SharedCorpus>; 2],
+    history: &'scope Mutex<History>,
+    stopping: &'scope AtomicBool,
 ) {
+    for writer in 0..4u64 {
+        let server = &servers[writer as usize % 2];
+        scope.spawn(move || write(&**server, 1_000_000 * (writer + 1)..u64::MAX, history, stopping));
+    }
+}
+
+/// Adds and renames until `stopping`. What it wrote it reads at once, on the same server.
+fn write(server: &dyn Backend, seeds: std::ops::Range<u64>, history: &Mutex<History>, stopping: &AtomicBool) {
     for seed in seeds {
         if stopping.load(Ordering::Relaxed) {
             return;

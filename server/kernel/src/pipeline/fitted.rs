@@ -218,7 +218,7 @@ fn settled(
         let (sought, most) = if on.is_scan() { (Sought::Thoroughly, POSED) } else { (Sought::Quickly, POSED_FEW) };
         for (_, pose) in poses(mesh, input, [!closed(example), !closed(query)], sought, stop).iter().take(most) {
             let positions = mesh.positions.iter().map(|x| pose.apply(x)).collect();
-            // What was followed from a wrong pose agrees well enough by itself to give hope.
+            // Only a pose that is laid as a whole gives hope: what is followed agrees fairly from wrong poses, too.
             let relief = rests.tries_pose(&Start { positions, mirrored: false }, stop);
             whole_relief = whole_relief.into_iter().chain(relief).reduce(f64::max);
             if rests.is_convincing() {

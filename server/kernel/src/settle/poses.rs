@@ -197,13 +197,13 @@ struct Small {
     points: Vec<Vec3>,
     normals: Vec<Vec3>,
     relief: Vec<[f64; 3]>,
-    /// What is laid on the larger: its middle, and of what is bulky some points.
+    /// Its middle comes first; what is bulky has some of its points, too.
     anchors: Vec<Anchor>,
     /// From its own coordinates to these.
     frame: Similarity,
 }
 
-/// What is laid on a place of the larger surface.
+/// A piece of the smaller surface is laid on places of the larger, and carries the rest with it.
 #[derive(Clone, Copy, Debug)]
 struct Anchor {
     /// Its middle.
@@ -246,7 +246,7 @@ impl Small {
     }
 }
 
-/// The middle of samples that are spread evenly, and, if they are bulky, what lies about the first `more` of them.
+/// Returns the middle of samples that are spread evenly, and, if they are bulky, what lies about the first `more` of them.
 fn anchors(points: &[Vec3], normals: &[Vec3], more: usize) -> Vec<Anchor> {
     let upright = |normal: Vec3| axes(normal.try_normalize(0.0).unwrap_or_else(Vec3::z)).transpose();
     let all = normals.iter().sum::<Vec3>();
@@ -260,7 +260,7 @@ fn anchors(points: &[Vec3], normals: &[Vec3], more: usize) -> Vec<Anchor> {
     found
 }
 
-/// The mean of points and of normals within [`ABOUT`] of a point.
+/// Returns the mean of the points, and the sum of the normals, within [`ABOUT`] of a point.
 fn mean_about(points: &[Vec3], normals: &[Vec3], at: Vec3) -> (Vec3, Vec3) {
     let (mut sum, mut place, mut normal) = (0.0, Vec3::zeros(), Vec3::zeros());
     for k in (0..points.len()).filter(|k| (points[*k] - at).norm_squared() < ABOUT * ABOUT) {

@@ -2,13 +2,13 @@
 //!
 //! The meshes lie outside of the project, in `../shared/meshes` or where `QUADMUSE_SHARED` says.
 
+use crate::folder;
 use quadmuse_kernel::encode::index::PlanarIndex;
 use quadmuse_kernel::map::cross_map;
 use quadmuse_kernel::mesh::{self, Format, Limits, TriMesh, Vec3};
 use quadmuse_kernel::register::{Flip, Registration};
 use quadmuse_kernel::topology::{Components, Topology, primitive, whole};
 use quadmuse_kernel::unfold::{UnfoldOptions, unfold};
-use std::path::Path;
 
 /// A sheet of `n` by `n` cells, or a tube where it is closed around.
 fn grid(n: u32, closed: bool) -> TriMesh {
@@ -33,12 +33,8 @@ fn to_segment(p: Vec3, a: Vec3, b: Vec3) -> f64 {
 
 #[test]
 fn boundaries_land_on_boundaries() {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
-    let folder = std::env::var_os("QUADMUSE_SHARED").map_or(beside, Into::into).join("meshes/scans");
-    let Ok(entries) = std::fs::read_dir(&folder) else {
-        println!("{} is absent: nothing tested", folder.display());
-        return;
-    };
+    let Some(folder) = folder("scans") else { return };
+    let entries = std::fs::read_dir(&folder).expect("a readable folder");
     let mut files: Vec<_> = entries.map(|entry| entry.expect("readable").path()).collect();
     files.sort();
     let mut tried = 0;

@@ -2,23 +2,12 @@
 //!
 //! The meshes lie outside of the project, in `../shared/meshes` or where `QUADMUSE_SHARED` says.
 
+use crate::folder;
 use quadmuse_kernel::mesh::{self, Format, Limits, NONE, Prepared, TriMesh};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
-
-/// The folder of a kind of meshes, or `None` (and a note) where there is none.
-fn folder(kind: &str) -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
-    let shared = std::env::var_os("QUADMUSE_SHARED").map_or(beside, PathBuf::from);
-    let folder = shared.join("meshes").join(kind);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("{} is absent: nothing tested", folder.display());
-    None
-}
 
 /// All mesh files below a folder, sorted.
 fn files(folder: &Path) -> Vec<PathBuf> {

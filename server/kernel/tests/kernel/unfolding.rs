@@ -3,22 +3,11 @@
 //! `cargo test --release -p quadmuse-kernel --test kernel unfolding -- --nocapture` prints the table of tests/records. The
 //! meshes lie outside of the project, in `../shared/meshes` or where `QUADMUSE_SHARED` says.
 
+use crate::folder;
 use quadmuse_kernel::mesh::{self, Format, Limits};
 use quadmuse_kernel::topology::{self, Components};
 use quadmuse_kernel::unfold::{UnfoldOptions, unfold};
 use std::path::{Path, PathBuf};
-
-/// The folder of a kind of meshes, or `None` (and a note) where there is none.
-fn folder(kind: &str) -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
-    let shared = std::env::var_os("QUADMUSE_SHARED").map_or(beside, PathBuf::from);
-    let folder = shared.join("meshes").join(kind);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("{} is absent: nothing tested", folder.display());
-    None
-}
 
 fn files(folder: &Path) -> Vec<PathBuf> {
     let mut files: Vec<PathBuf> =
