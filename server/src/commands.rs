@@ -9,6 +9,7 @@ use crate::service::{self, StartError};
 use crate::shutdown;
 use crate::work::corpus::stored::words_of;
 use crate::work::engine::kernel::KernelEngine;
+use crate::work::engine::leave_out;
 use crate::{audit, bench_corpus};
 use quadmuse_cluster::{JetStream, SharedDocuments};
 use quadmuse_migrations::MigrationError;
@@ -125,6 +126,10 @@ pub fn runtime() -> Result<tokio::runtime::Runtime, CommandError> {
 }
 
 fn serve(args: ServeArgs) -> Result<(), CommandError> {
+    if !args.without.is_empty() {
+        tracing::warn!(stages = ?args.without, "left out: what is computed is to be measured, not to be kept");
+        leave_out(&args.without);
+    }
     let config = Config::resolve(args)?;
     let runtime = runtime()?;
     let served = runtime.block_on(async {

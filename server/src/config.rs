@@ -6,6 +6,7 @@ pub use cluster::{ClusterAction, ClusterArgs};
 
 use crate::connections::ConnectionLimits;
 use crate::telemetry::traces::Collector;
+use crate::work::engine::Stage;
 use clap::{Args, Parser, Subcommand};
 use quadmuse_cluster::ClusterOptions;
 use quadmuse_proto::Share;
@@ -170,6 +171,10 @@ pub struct ServeArgs {
     /// other shares are asked in each search. Every share has to be held by a server, and may be by several.
     #[arg(long, env = "QUADMUSE_SHARD", value_name = "K/N")]
     pub shard: Option<Share>,
+    /// Leave stages of the computation out, to measure what each is worth; what is computed without them is not to be kept.
+    #[arg(long, value_name = "STAGES", value_delimiter = ',', value_parser = Stage::named, hide_short_help = true)]
+    #[serde(skip)]
+    pub without: Vec<Stage>,
     /// Where the corpus lies, if not in the directory of the store.
     #[command(flatten)]
     #[serde(flatten)]
@@ -446,6 +451,15 @@ mod tests {
         {
             assert!(crate::http::origin::origin_name(bad).is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn stages_that_are_left_out_are_known_by_name_and_others_refused() {
+        assert!(parse(&["--data", "d"]).without.is_empty());
+        assert_eq!(parse(&["--data", "d", "--without", "poses,cover"]).without, [Stage::Poses, Stage::Cover]);
+        let refused =
+            Cli::try_parse_from(["quadmuse-server", "--data", "d", "--without", "pose"]).expect_err("no stage");
+        assert!(refused.to_string().contains("poses, anchors"), "{refused}");
     }
 
     #[test]

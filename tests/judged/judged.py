@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Judges Quadmuse on the shared meshes: one table a set, in Markdown.
 
-    judged.py SET[:PREFIX]… [--programs DIR] [--shared DIR] [--out DIR]
+    judged.py SET[:PREFIX]… [--programs DIR] [--shared DIR] [--out DIR] [--without STAGE,…]
 
 Sets: scans (retopo with the shared corpus), made (the same of scans that are made of shared meshes, without examples of their
 family), flawed (shared scans with a triangle gone, openings, tiny handles, noise), extents, cross, species, unseen, groundtruth
@@ -22,6 +22,8 @@ import subprocess
 import sys
 import time
 
+import verdicts
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 TICKS = os.sysconf("SC_CLK_TCK")
 
@@ -29,10 +31,10 @@ TICKS = os.sysconf("SC_CLK_TCK")
 class Service:
     """A server on a free port, and the client that talks to it."""
 
-    def __init__(self, programs, folder):
+    def __init__(self, programs, folder, without=None):
         self.client = str(programs / "quadmuse")
         log = open(folder / "server.log", "w")
-        command = [programs / "quadmuse-server", "serve", "--data", folder / "data", "--listen", "127.0.0.1:0"]
+        command = [programs / "quadmuse-server", "serve", "--data", folder / "data", "--listen", "127.0.0.1:0", *(["--without", without] if without else [])]
         self.server = subprocess.Popen(command, stdout=log, stderr=log)
         for _ in range(300):
             found = re.search(r'"address":"(127[0-9.:]*)', (folder / "server.log").read_text())
@@ -217,6 +219,7 @@ def judge_pairs(service, meshes, out, prefix, folder):
             judged = judge_extents.report(vertices[:own], true_vertices, true_faces, inside, numbers)
         cells = [row["kind"], row["example"].removeprefix("example_").removesuffix(".obj"), answer.get("verdict"), judged.get("median_pct"),
                  judged.get("p95_pct"), judged.get("missing"), round(used, 1), "; ".join(answer.get("reasons") or problem)[:100]]
+        verdicts.note(out, folder, row["example"], row["input"], verdicts.is_right(judged), answer)
         table.append(cells)
         print("|", *cells, file=sys.stderr, flush=True)
     print_table(["kind", "pair", "verdict", "median %", "p95 %", "missing", "processor s", "reasons"], table)
@@ -224,8 +227,8 @@ def judge_pairs(service, meshes, out, prefix, folder):
     for kind in dict.fromkeys(row[0] for row in table):
         of = [row for row in table if row[0] == kind]
         medians = [row[3] for row in of if row[3] is not None]
-        verdicts = " ".join(f"{verdict} {[row[2] for row in of].count(verdict)}" for verdict in dict.fromkeys(row[2] for row in of))
-        print(f"| {kind} | {len(of)} | {mean(medians)} | {max(medians, default=None)} | {mean([row[4] for row in of])} | {verdicts} | {mean([row[6] for row in of])} |")
+        words = " ".join(f"{word} {[row[2] for row in of].count(word)}" for word in dict.fromkeys(row[2] for row in of))
+        print(f"| {kind} | {len(of)} | {mean(medians)} | {max(medians, default=None)} | {mean([row[4] for row in of])} | {words} | {mean([row[6] for row in of])} |")
 
 
 def judge_cross(service, meshes, out, prefix):
@@ -249,6 +252,7 @@ def judge_cross(service, meshes, out, prefix):
                     numbers = numpy.loadtxt(kept).astype(int) if kept and answer.get("kept") is not None else None
                     judged = judge_cross.report(judge_extents.read(mesh)[0], family, scan, numbers)
                 cells = [example, scan, answer.get("verdict"), judged.get("m"), judged.get("worst"), judged.get("missing"), round(used, 1)]
+                verdicts.note(out, "cross", example, scan, verdicts.is_right(judged), answer)
                 table.append(cells)
                 print("|", *cells, *problem, file=sys.stderr, flush=True)
     print_table(["example", "scan", "verdict", "m", "worst point", "points missing", "processor s"], table)
@@ -281,6 +285,7 @@ def judge_species(service, meshes, out, prefix):
                 judged = judge_species.report(vertices[:own], faces, labels, placed, (at / f"labels_{scan}.txt").read_text().split())
                 agree, legs = judged["agree"], judged["legs"]
             cells = [example, scan, answer.get("verdict"), agree, legs, round(used, 1)]
+            verdicts.note(out, "species", example, scan, verdicts.is_right({"agree": agree or 0}), answer)
             table.append(cells)
             print("|", *cells, *problem, file=sys.stderr, flush=True)
     print_table(["example", "scan", "verdict", "agreement", "legs", "processor s"], table)
@@ -304,9 +309,11 @@ def judge_unlike(service, meshes, out, prefix):
         for example in examples:
             for other, (_, scans) in kinds.items():
                 for scan in scans if other != kind else []:
-                    if not is_shown(prefix, kind, example.stem):
+                    # A body has a head, and there a head belongs.
+                    if not is_shown(prefix, kind, example.stem) or kind == "head" and "mhbody" in scan.stem:
                         continue
                     answer, _, _, used, problem = mapped(service, example, scan, out, f"unlike-{example.stem}-{scan.stem}")
+                    verdicts.note(out, "unlike", example.stem, scan.stem, False, answer)
                     table.append([example.stem, scan.stem, answer.get("verdict"), (answer.get("evidence") or {}).get("agreement"), round(used, 1)])
                     print("|", *table[-1], *problem, file=sys.stderr, flush=True)
     print_table(["example", "scan", "verdict", "agreement", "processor s"], table)
@@ -399,6 +406,7 @@ def main():
     parser.add_argument("--programs", type=pathlib.Path, default=ROOT / "target/release")
     parser.add_argument("--shared", type=pathlib.Path, default=pathlib.Path(os.environ.get("QUADMUSE_SHARED", ROOT.parent / "shared")))
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("judged"))
+    parser.add_argument("--without", help="stages of the computation that are left out, as `quadmuse-server --help` tells them")
     arguments = parser.parse_args()
     meshes = arguments.shared / "meshes"
     if not meshes.is_dir():
@@ -408,7 +416,7 @@ def main():
         name, _, prefix = asked.partition(":")
         out = arguments.out / name
         out.mkdir(parents=True, exist_ok=True)
-        service = Service(arguments.programs, out)
+        service = Service(arguments.programs, out, arguments.without)
         try:
             print(f"\n## {name}\n", flush=True)
             if name == "scans":

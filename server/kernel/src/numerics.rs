@@ -1,9 +1,10 @@
 //! Linear algebra that the geometry leans on: sparse symmetric systems factored once and solved often, and small
-//! dense ones.
+//! dense ones; how a computation is stopped, split between two threads, and which of its stages are left out.
 
 pub mod dense;
 pub mod pair;
 pub mod sparse;
+pub mod stage;
 pub mod stop;
 pub mod wide;
 

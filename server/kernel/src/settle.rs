@@ -342,6 +342,22 @@ impl<'a> Settler<'a> {
         self.bend(&setting, pose, 0, [finest, LED_FROM], Manner::Following, stop)
     }
 
+    /// Lays the example after a start that is nearly right, its tips held on those that they match.
+    pub fn held(&self, start: &[Vec3], tips: &[Landmark], stop: Stop<'_>) -> Option<Settled> {
+        self.held_to((start, tips), 0.0, stop)
+    }
+
+    /// The same roughly.
+    pub fn held_roughly(&self, start: &[Vec3], tips: &[Landmark], stop: Stop<'_>) -> Option<Settled> {
+        self.held_to((start, tips), ROUGH, stop)
+    }
+
+    fn held_to(&self, (start, tips): (&[Vec3], &[Landmark]), finest: f64, stop: Stop<'_>) -> Option<Settled> {
+        let mut setting = self.setting(start)?;
+        setting.held = tips.iter().map(|tip| tip.seen_from(&setting.frame)).collect();
+        self.following(&setting, start, finest, stop)
+    }
+
     fn following(&self, setting: &Setting, start: &[Vec3], finest: f64, stop: Stop<'_>) -> Option<Settled> {
         let places: Vec<Vec3> = start.iter().map(|x| setting.frame.undo(x)).collect();
         let mut pose = Pose::of(&self.rest, &self.nodes[0]);

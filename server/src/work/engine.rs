@@ -26,6 +26,7 @@ pub use cut::{Besides, Cut, Grain};
 pub use mapped::{Fitted, Lead, Mapped, Wishes};
 pub use packed::{Packed, PackedFeature};
 pub use quadmuse_kernel::compose::rows::{Resized, Wanted, faces_within_max};
+pub use quadmuse_kernel::numerics::stage::{Stage, leave_out};
 pub use quadmuse_kernel::pipeline::{Allowed, Appraisal, BARE, OnePart, Reach, Refusal, Rough, Stitched, Stitching};
 pub use rough::RoughLead;
 

@@ -16,6 +16,7 @@ use super::simplify_valence::ValenceSimplifier;
 use super::stitching::{MISS_MAX, Stitching};
 use super::{Closeness, Piece, REGULAR_QUADS, Report};
 use crate::mesh::PolyMesh;
+use crate::numerics::stage::Stage;
 
 /// By how much edges are made shorter where a layout does not hold: *untuned*.
 const SHORTER: f64 = 0.8;
@@ -30,7 +31,7 @@ impl Stitching<'_> {
     /// The layout along a field, if nothing was brought; `None` where there is none that holds.
     pub(super) fn along_field(&self, pieces: &[Piece<'_>], report: &mut Report) -> Option<PolyMesh> {
         let is_bare = |piece: &Piece<'_>| matches!(piece, Piece::Regular(..) | Piece::Nothing);
-        if self.is_late() || !pieces.iter().all(is_bare) {
+        if !Stage::Field.is_on() || self.is_late() || !pieces.iter().all(is_bare) {
             return None;
         }
         let h = (self.scale.area / REGULAR_QUADS).sqrt() * self.options.edge_scale;

@@ -15,6 +15,7 @@ use super::stitching::{KEPT_MISS_MAX, MISS_MAX, Stitching};
 use super::subdivide::subdivide;
 use super::{Closeness, Report};
 use crate::mesh::{PolyMesh, Vec3};
+use crate::numerics::stage::Stage;
 
 /// Most quads that the whole is subdivided to, and times at most.
 const WHOLE_QUADS_MAX: usize = 48_000;
@@ -131,6 +132,9 @@ impl Stitching<'_> {
     }
 
     fn on_both_sides(&self, mesh: PolyMesh, fit: Fit, held: Held<'_>) -> (PolyMesh, Fit) {
+        if !Stage::FitSurface.is_on() {
+            return (mesh, fit);
+        }
         let mut net = Net::from_mesh(&mesh);
         fit_surface(&mut net, self.measured.points(), &self.target, held);
         self.judged(net.into_mesh().0, FIT_SURFACE_GAIN * fit.worst()).unwrap_or((mesh, fit))
@@ -138,6 +142,9 @@ impl Stitching<'_> {
 
     /// With edges on the input's sharp lines, and which vertices lie there; `None` where there are none.
     fn creased(&self, now: &Draft, origins: &[LayoutOrigin]) -> Option<(Net, Vec<bool>)> {
+        if !Stage::Crease.is_on() {
+            return None;
+        }
         let mut net = Net::from_mesh(&now.mesh);
         let stays: Vec<bool> = net.positions.iter().map(|&p| self.is_kept(p, origins)).collect();
         let snapped =
@@ -151,6 +158,9 @@ impl Stitching<'_> {
 
     /// The mesh moved to regions that it does not cover; `None` where that does not bring it nearer to the input.
     fn covering(&self, now: &Draft, origins: &[LayoutOrigin]) -> Option<Draft> {
+        if !Stage::Cover.is_on() {
+            return None;
+        }
         let mut net = Net::from_mesh(&now.mesh);
         let tips = cover(&mut net, self.measured.points(), &self.target, UNCOVERED_MAX * self.scale.diagonal);
         if !tips.contains(&true) {
@@ -169,7 +179,7 @@ impl Stitching<'_> {
     }
 
     fn reembed(&self, net: &mut Net, origins: &[LayoutOrigin]) {
-        if self.is_late() {
+        if self.is_late() || !Stage::Reembed.is_on() {
             return;
         }
         let passed = UNCOVERED_MAX * self.scale.diagonal;

@@ -5,6 +5,7 @@ use super::fit::Fit;
 use super::following::Near;
 use super::site::{Site, Use};
 use super::stitching::{MISS_MAX, Stitching};
+use crate::numerics::stage::Stage;
 
 /// Share of the distance that is allowed down to which it is expected to come.
 const EXPECTED: f64 = 0.9;
@@ -27,7 +28,7 @@ impl Stitching<'_> {
     pub(super) fn missing(&self, sites: &[Site<'_>], near: &Near) -> Vec<usize> {
         let (now, most) = (&near.laid, MISS_MAX * self.scale.diagonal);
         let is_one_part = matches!(sites, [site] if site.stands != Use::Regular);
-        if !near.is_missed || is_one_part || now.fit.worst() <= most {
+        if !Stage::Refine.is_on() || !near.is_missed || is_one_part || now.fit.worst() <= most {
             return Vec::new();
         }
         let [out, back] = self.measured.distances(&now.mesh);

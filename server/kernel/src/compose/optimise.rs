@@ -17,6 +17,7 @@ use super::net::Net;
 use super::smooth::Target;
 use crate::mesh::Vec3;
 use crate::numerics::sparse::{Factored, Pattern};
+use crate::numerics::stage::Stage;
 
 /// Part of the way that a size goes, in logarithms, not to the one wanted, but to the one that a quad has.
 const SIZE_FREEDOM: f64 = 0.5;
@@ -57,7 +58,7 @@ impl Quad {
 
 /// Runs `rounds` rounds. `stiffness` of each vertex: 0 for one that is free, ∞ for one that stays.
 pub fn optimise(net: &mut Net, target: &Target, stiffness: &[f64], rounds: u32) {
-    let Some(mut state) = State::new(net, stiffness) else { return };
+    let Some(mut state) = State::new(net, stiffness).filter(|_| Stage::Optimise.is_on()) else { return };
     for _ in 0..rounds {
         let asked = state.ask(&net.positions);
         if asked.energy < state.least.0 {

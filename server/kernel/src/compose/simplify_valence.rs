@@ -10,6 +10,7 @@ use super::net::{Net, Step};
 use super::resolve::worst_deviation_deg;
 use super::smooth::Target;
 use crate::mesh::Vec3;
+use crate::numerics::stage::Stage;
 
 /// Rounds over the whole net at most.
 const ROUNDS: usize = 6;
@@ -59,6 +60,9 @@ impl<'a> ValenceSimplifier<'a> {
 
     /// Makes changes until none helps; gives how many were made.
     pub fn run(&mut self) -> usize {
+        if !Stage::Valence.is_on() {
+            return 0;
+        }
         let mut changes = 0;
         for least in GAINS {
             for _ in 0..ROUNDS {

@@ -21,6 +21,9 @@ const CONVINCING_WHOLE: f64 = 0.45;
 const WHOLE: f64 = 0.97;
 /// A start of less relief is not followed: it is wrong. *Untuned.*
 const FOLLOWED: f64 = 0.1;
+/// A start that lays tips so near to their matches in the mean, in √area of the input, is of that match. *Untuned:* right starts have up
+/// to .03, wrong ones .3 and more.
+const AGREES: f64 = 0.1;
 /// A mirrored place must be so much surer than one that is not: bodies and heads are nearly their own mirror image.
 const MIRROR_MARGIN: f64 = 0.1;
 /// Places that are less sure than the best by no more than this settle too, so many at most.
@@ -67,6 +70,7 @@ pub struct Rested {
 enum From {
     Start(Vec<Vec3>, Manner),
     Tips(Vec<Landmark>),
+    Held(Vec<Vec3>, Vec<Landmark>),
 }
 
 impl From {
@@ -154,6 +158,7 @@ impl<'a> Rests<'a> {
             let Settled { places, lost, off, evidence, .. } = match from {
                 From::Start(start, manner) => settler.fine(start, *manner, stop)?,
                 From::Tips(tips) => settler.led(tips, stop)?,
+                From::Held(start, tips) => settler.held(start, tips, stop)?,
             };
             Some(Rested { places, lost, off, mirrored: *mirrored, evidence })
         };
@@ -207,8 +212,20 @@ impl<'a> Rests<'a> {
         relief
     }
 
+    /// Lays the example after tips that are matched: where a start lays them near their matches, it is followed with the tips held
+    /// there, since a limb that is near another slides along it otherwise; else by the tips alone.
+    pub fn tries_tips(&mut self, tips: &[Landmark], start: Option<&Start>, stop: Stop<'_>) {
+        let reach = AGREES * self.area.sqrt() * tips.len() as f64;
+        let agrees = |start: &&Start| tips.iter().map(|tip| tip.distance(&start.positions)).sum::<f64>() <= reach;
+        let Some(start) = start.filter(agrees) else { return self.tries_led(tips, stop) };
+        let settler = if start.mirrored { &self.mirrored } else { &self.plain };
+        if let Some(found) = settler.held_roughly(&start.positions, tips, stop) {
+            self.keep(found, start.mirrored, From::Held(start.positions.clone(), tips.to_vec()));
+        }
+    }
+
     /// Lays the example after tips that are matched, in the orientation in which these are carried better.
-    pub fn tries_led(&mut self, tips: &[Landmark], stop: Stop<'_>) {
+    fn tries_led(&mut self, tips: &[Landmark], stop: Stop<'_>) {
         let (Some(plain), Some(mirrored)) = (self.plain.missed(tips), self.mirrored.missed(tips)) else { return };
         let is_mirrored = mirrored < plain;
         let settler = if is_mirrored { &self.mirrored } else { &self.plain };
@@ -271,6 +288,33 @@ mod tests {
         let positions = flat.positions.iter().map(|p| Vec3::new(sign * p.x, p.y, bump(p))).collect();
         let turn = |t: &[u32; 3]| if sign < 0.0 { [t[0], t[2], t[1]] } else { *t };
         TriMesh::from_triangles(positions, flat.triangles.iter().map(turn).collect()).expect("a sheet")
+    }
+
+    #[test]
+    fn tips_are_held_where_a_start_lays_them_near_and_lead_by_themselves_where_it_does_not() {
+        let (example, input) = (sheet(24, 1.0), sheet(60, 1.0));
+        let tree = Bvh::new(&input);
+        let tip = |v: &usize| Landmark {
+            corners: [(*v as u32, 1.0), (*v as u32, 0.0), (*v as u32, 0.0)],
+            to: tree.closest(example.positions[*v]),
+        };
+        let n = example.positions.len();
+        let tips: Vec<Landmark> = [30, n / 2 + 7, n - 40, n - 27].iter().map(tip).collect();
+        let moved = |by: f64| Start {
+            positions: example.positions.iter().map(|p| p + Vec3::new(by, 0.0, 0.0)).collect(),
+            mirrored: false,
+        };
+        for (by, is_held) in [(0.02, true), (0.3, false)] {
+            let mut rests = Rests::new(&example, &input).expect("areas");
+            rests.tries_tips(&tips, Some(&moved(by)), &|| false);
+            assert_eq!(matches!(rests.laid[0].from, From::Held(..)), is_held, "{by}");
+            let best = rests.into_best(&|| false).expect("settled");
+            let off = tips.iter().map(|tip| {
+                let v = tip.corners[0].0 as usize;
+                (best.places[v].point - example.positions[v]).norm()
+            });
+            assert!(off.fold(0.0, f64::max) < 0.02, "{by}");
+        }
     }
 
     #[test]

@@ -85,7 +85,7 @@ pub fn rough(
             rests.tries(&rests.carried()?, stop);
         }
         None => {
-            tips.iter().for_each(|tips| rests.tries_led(tips, stop));
+            tips.iter().for_each(|tips| rests.tries_tips(tips, None, stop));
             for (_, pose) in poses_on(example.mesh, !example.is_closed, &ready.posed, stop).iter().take(POSED) {
                 let positions = example.mesh.positions.iter().map(|x| pose.apply(x)).collect();
                 rests.tries_whole(&Start { positions, mirrored: false }, stop);

@@ -19,6 +19,7 @@ use crate::fit::{Cropped, Surface, crop, crop_between};
 use crate::map::atlas::likely_matches;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::{TriMesh, Vec3};
+use crate::numerics::stage::Stage;
 use crate::register::{Entry, LevenbergMarquardt, Query};
 use crate::segment::Segmented;
 use crate::settle::{Landmark as KernelLandmark, Similarity, Sought, poses};
@@ -58,6 +59,7 @@ pub fn reaches(example: Topology, query: Topology) -> bool {
 /// has those of a tube.
 pub fn ranked_against(query: Topology, is_most: bool) -> Vec<Topology> {
     match query {
+        _ if !Stage::Topologies.is_on() => vec![query],
         Topology::Sphere => vec![Topology::Sphere, Topology::Disc],
         Topology::Disc if is_most => vec![Topology::Disc, Topology::Sphere],
         Topology::Annulus if is_most => vec![Topology::Annulus, Topology::Disc, Topology::Sphere],
@@ -178,6 +180,9 @@ fn settled(
     relief: &dyn Fn(&Rests) -> f64,
     stop: Stop,
 ) -> Result<Option<Rested>, PipelineError> {
+    if !Stage::Settle.is_on() {
+        return Ok(None);
+    }
     let mesh = &one.patch.mesh;
     let tree = Arc::clone(two.query.tree());
     let Some(mut rests) = Rests::with_tree(mesh, input, tree) else { return Ok(None) };
@@ -202,9 +207,9 @@ fn settled(
     let on = &*query.model;
     let has_tips = on.has_tips(query.segment, input);
     let has_parts = has_tips && on.is_scan();
-    if has_tips && !rests.is_convincing() {
+    if has_tips && Stage::Tips.is_on() && !rests.is_convincing() {
         for tips in &matched_tips([&one.query, &two.query], (mesh, input), LED, stop) {
-            rests.tries_led(tips, stop);
+            rests.tries_tips(tips, whole, stop);
             if rests.is_convincing() {
                 break;
             }
@@ -214,7 +219,7 @@ fn settled(
     let closed = |side: &Side| side.encoded.facts.topology == Topology::Sphere;
     let may_be_part = !(closed(example) && closed(query));
     let mut whole_relief = rests.best().map(|best| best.evidence.relief);
-    if may_be_part && rests.best().is_none_or(|best| best.evidence.relief < DOUBTFUL) {
+    if may_be_part && Stage::Poses.is_on() && rests.best().is_none_or(|best| best.evidence.relief < DOUBTFUL) {
         let (sought, most) = if on.is_scan() { (Sought::Thoroughly, POSED) } else { (Sought::Quickly, POSED_FEW) };
         for (_, pose) in poses(mesh, input, [!closed(example), !closed(query)], sought, stop).iter().take(most) {
             let positions = mesh.positions.iter().map(|x| pose.apply(x)).collect();
@@ -227,7 +232,7 @@ fn settled(
         }
     }
     let is_hopeless = whole_relief.is_some_and(|relief| relief < HOPELESS);
-    if may_be_part && has_parts && !is_hopeless && !rests.is_convincing() {
+    if may_be_part && has_parts && Stage::Extents.is_on() && !is_hopeless && !rests.is_convincing() {
         for start in parts(example, query, (one, two), stop)? {
             rests.tries(&start, stop);
             if rests.is_convincing() {

@@ -20,6 +20,7 @@ use crate::measure::sound::ReferenceSurface;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::area_between;
 use crate::mesh::{NONE, PolyMesh, TriMesh, Vec3};
+use crate::numerics::stage::Stage;
 use crate::register::{Entry, Flip};
 use crate::settle::Evidence;
 use crate::unfold::{Chart, Uv};
@@ -48,7 +49,10 @@ pub(crate) fn rest(
     let (locations, positions) = places.into_iter().map(|p| (Location::from(p), p.point)).unzip();
     let mut cross = CrossMap { locations, positions };
     let mut bare: Vec<bool> = lost.iter().zip(&off).map(|(lost, off)| *lost || *off).collect();
-    let leaps = leaps(&one.patch.mesh, &cross.positions, &ReferenceSurface::new((*chart.mesh).clone()));
+    let leaps = match Stage::Fray.is_on() {
+        true => leaps(&one.patch.mesh, &cross.positions, &ReferenceSurface::new((*chart.mesh).clone())),
+        false => Vec::new(),
+    };
     islands(&one.patch.mesh, &leaps, &mut bare);
     let mut lost = with_turned(&one.patch.mesh, &cross, chart, sign, lost);
     fray(&one.patch.mesh, &leaps, &mut lost);
@@ -66,9 +70,11 @@ pub(crate) fn rest(
         example = of_example(&example, less)?;
     }
     let spanned = span(&mut cross, &surface.patch.mesh, &bare, two.query.tree());
-    let ground = InputChart { chart, index: two.query.index() };
-    turn_back(&surface.patch.mesh, &mut cross, &ground, sign, &OnceLock::new());
-    mend(&surface.patch.mesh, &mut cross, chart, sign);
+    if Stage::Mend.is_on() {
+        let ground = InputChart { chart, index: two.query.index() };
+        turn_back(&surface.patch.mesh, &mut cross, &ground, sign, &OnceLock::new());
+        mend(&surface.patch.mesh, &mut cross, chart, sign);
+    }
     let mut turned = inward(&surface.patch.mesh, &cross, chart, sign);
     let before = turned.len();
     // What is spanned is flat, and which way it looks says nothing.

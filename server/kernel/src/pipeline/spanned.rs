@@ -3,6 +3,7 @@
 use crate::map::CrossMap;
 use crate::mesh::TriMesh;
 use crate::mesh::bvh::Bvh;
+use crate::numerics::stage::Stage;
 use crate::settle::spanned;
 
 /// Spans the vertices that are `bare`, for which the input has nothing, between those around them. The example's rim stays.
@@ -10,7 +11,7 @@ use crate::settle::spanned;
 pub(crate) fn span(cross: &mut CrossMap, mesh: &TriMesh, bare: &[bool], tree: &Bvh) -> Vec<u32> {
     let rim = mesh.boundary_vertices();
     let free: Vec<bool> = bare.iter().zip(rim).map(|(bare, rim)| *bare && !rim).collect();
-    if !free.contains(&true) {
+    if !free.contains(&true) || !Stage::Span.is_on() {
         return Vec::new();
     }
     let positions = spanned(mesh, &cross.positions, &free);

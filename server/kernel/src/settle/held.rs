@@ -42,6 +42,11 @@ impl Landmark {
         Some(Self { corners: [0, 1, 2].map(|k| (corners[k], from.barycentric[k])), to })
     }
 
+    /// How far it is from its point where the example's vertices have these positions.
+    pub fn distance(&self, positions: &[Vec3]) -> f64 {
+        (self.of(positions) - self.to.point).norm()
+    }
+
     pub(super) fn seen_from(&self, frame: &Similarity) -> Held {
         Held { corners: self.corners, to: frame.undo(&self.to.point) }
     }

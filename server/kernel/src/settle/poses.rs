@@ -17,6 +17,7 @@ use super::similarity::Similarity;
 use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
 use crate::numerics::in_halves;
+use crate::numerics::stage::Stage;
 use crate::numerics::stop::Stop;
 use nalgebra::Matrix3;
 use std::cmp::Reverse;
@@ -242,7 +243,8 @@ impl Small {
         let points: Vec<Vec3> = few.iter().map(|k| all.points[*k]).collect();
         let normals: Vec<Vec3> = few.iter().map(|k| all.normals[*k]).collect();
         let relief = few.iter().map(|k| relief(&around, &all, *k)).collect();
-        Self { anchors: anchors(&points, &normals, effort.anchors), points, normals, relief, frame }
+        let more = if Stage::Anchors.is_on() { effort.anchors } else { 0 };
+        Self { anchors: anchors(&points, &normals, more), points, normals, relief, frame }
     }
 }
 

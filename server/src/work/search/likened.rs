@@ -7,7 +7,7 @@
 use super::{SegmentSearch, caught_up};
 use crate::pool::{Lane, Stop};
 use crate::work::WorkError;
-use crate::work::engine::{Model, Opaque, Rough, RoughLead};
+use crate::work::engine::{Model, Opaque, Rough, RoughLead, Stage};
 use crate::work::ingest;
 use crate::work::query::ms_since;
 use crate::work::ranking::{Candidate, by_fit, by_likeness};
@@ -52,6 +52,9 @@ impl SegmentSearch<'_> {
     /// Lets the shapes decide, where the pictures leave it open.
     pub(super) async fn by_likeness(&self) -> Result<(), WorkError> {
         let start = Instant::now();
+        if !Stage::Rough.is_on() {
+            return Ok(());
+        }
         let newest = self.live.board().rankings.get(self.segment).cloned().unwrap_or_default();
         if !self.is_open(&newest.candidates) {
             return Ok(());
@@ -87,7 +90,7 @@ impl SegmentSearch<'_> {
             }
         }
         let best = chosen.iter().copied().max_by(|&a, &b| worth(&candidates[a]).total_cmp(&worth(&candidates[b])));
-        let Some(best) = best else { return Ok(()) };
+        let Some(best) = best.filter(|_| Stage::Leads.is_on()) else { return Ok(()) };
         let from = candidates[best].clone();
         let Some(rough) = from.rough.clone().filter(|r| r.agreement >= LEADS_FROM && r.covered < LEADS_BELOW) else {
             return Ok(());
