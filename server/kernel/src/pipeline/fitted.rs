@@ -39,6 +39,8 @@ const DOUBTFUL: f64 = 0.65;
 /// Below this relief after all poses the example belongs nowhere, and maps of parts, which take as long again, are not tried.
 /// *Untuned:* right maps of parts have more than .5.
 const HOPELESS: f64 = 0.3;
+/// A larger share of a scan's area is most of it. *Untuned.*
+const MOST: f64 = 0.5;
 /// Poses that are settled.
 const POSED: usize = 5;
 /// The same on what is no scan.
@@ -220,7 +222,11 @@ fn settled(
     let may_be_part = !(closed(example) && closed(query));
     let mut whole_relief = rests.best().map(|best| best.evidence.relief);
     if may_be_part && Stage::Poses.is_on() && rests.best().is_none_or(|best| best.evidence.relief < DOUBTFUL) {
-        let (sought, most) = if on.is_scan() { (Sought::Thoroughly, POSED) } else { (Sought::Quickly, POSED_FEW) };
+        let (sought, most) = match on.is_scan() {
+            true if is_most(query, two) => (Sought::Thoroughly, POSED),
+            true => (Sought::ByMiddle, POSED),
+            false => (Sought::Quickly, POSED_FEW),
+        };
         for (_, pose) in poses(mesh, input, [!closed(example), !closed(query)], sought, stop).iter().take(most) {
             let positions = mesh.positions.iter().map(|x| pose.apply(x)).collect();
             // Only a pose that is laid as a whole gives hope: what is followed agrees fairly from wrong poses, too.
@@ -245,6 +251,11 @@ fn settled(
     let best = rests.into_best(stop);
     stopped(stop)?;
     Ok(best.filter(|best| best.evidence.relief > least))
+}
+
+/// Whether a segment makes up most of its scan.
+fn is_most(query: &Side, surface: &Surface) -> bool {
+    surface.patch.mesh.total_area() > MOST * query.model.segmented.mesh.total_area()
 }
 
 /// The likeliest ways to match the tips of two surfaces, at most `most` of either orientation, as landmarks of an example's mesh

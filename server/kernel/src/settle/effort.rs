@@ -28,6 +28,8 @@ pub(super) const FULL: Effort = Effort {
     sifted_by: 32,
     rests: &[(240, 64, 4), (24, 256, 12)],
 };
+/// To lay one on a part of a scan.
+pub(super) const ON_A_PART: Effort = Effort { anchors: 0, ..FULL };
 /// To lay one roughly.
 pub(super) const MIDDLE: Effort = Effort {
     places: 100,
@@ -53,6 +55,9 @@ pub(super) const QUICK: Effort = Effort {
 pub enum Sought {
     /// As for a scan.
     Thoroughly,
+    /// The same, but with a bulky surface laid by its middle alone: as for a part of a scan that was cut, which is no statue with
+    /// a head somewhere on it.
+    ByMiddle,
     /// A third of the work.
     Roughly,
     /// A twelfth of the work: for inputs of few faces.

@@ -9,7 +9,7 @@
 //! lies, times how well its relief ([`super::Evidence`]) agrees with what it lies on: nearness alone lays a face on the back of a
 //! head. Samples that lie off the larger say nothing of relief: an example has no crown. *Ours, not a paper's.*
 
-use super::effort::{Effort, FULL, MIDDLE, QUICK, Sought};
+use super::effort::{Effort, FULL, MIDDLE, ON_A_PART, QUICK, Sought};
 use super::evidence::{Around, correlation};
 use super::input_surface::{InputSurface, Samples, Seen, sixfold};
 use super::matches::sigma;
@@ -125,6 +125,7 @@ impl Posed {
             Sought::Quickly => &QUICK,
             Sought::Roughly => &MIDDLE,
             Sought::Thoroughly => &FULL,
+            Sought::ByMiddle => &ON_A_PART,
         };
         Self::new(&InputSurface::new(input), may_be_small, (effort, effort.shares))
     }
