@@ -81,10 +81,13 @@ def print_verdicts(head, rows, verdicts):
 
 
 def report(folders):
-    rows = []
+    # A map that was judged twice counts as it was judged last.
+    judged = {}
     for folder in folders:
         for path in sorted(pathlib.Path(folder).glob("**/verdicts.jsonl")):
-            rows += map(json.loads, path.read_text().splitlines())
+            rows = map(json.loads, path.read_text().splitlines())
+            judged.update(((row["set"], row["example"], row["scan"]), row) for row in rows)
+    rows = list(judged.values())
     if not rows:
         sys.exit("no verdicts there: run judged.py with the sets that have a truth, and give its --out")
     print_verdicts("As delivered", rows, [row["verdict"] for row in rows])

@@ -58,7 +58,10 @@ impl Quad {
 
 /// Runs `rounds` rounds. `stiffness` of each vertex: 0 for one that is free, ∞ for one that stays.
 pub fn optimise(net: &mut Net, target: &Target, stiffness: &[f64], rounds: u32) {
-    let Some(mut state) = State::new(net, stiffness).filter(|_| Stage::Optimise.is_on()) else { return };
+    if !Stage::Optimise.is_on() {
+        return;
+    }
+    let Some(mut state) = State::new(net, stiffness) else { return };
     for _ in 0..rounds {
         let asked = state.ask(&net.positions);
         if asked.energy < state.least.0 {

@@ -78,7 +78,7 @@ static LEFT_OUT: AtomicU32 = AtomicU32::new(0);
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected a stage ({}), found {found:?}", NAMES.map(|(_, name)| name).join(", "))]
 pub struct UnknownStage {
-    /// What was asked for.
+    /// The name that no stage has.
     pub found: String,
 }
 
@@ -92,7 +92,7 @@ impl Stage {
         found.ok_or_else(|| UnknownStage { found: name.to_owned() })
     }
 
-    /// Whether it is not left out.
+    /// Tells whether it is computed: it is, unless it was left out.
     pub fn is_on(self) -> bool {
         LEFT_OUT.load(Ordering::Relaxed) & self.bit() == 0
     }

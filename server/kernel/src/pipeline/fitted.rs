@@ -253,7 +253,7 @@ fn settled(
     Ok(best.filter(|best| best.evidence.relief > least))
 }
 
-/// Whether a segment makes up most of its scan.
+/// Tells whether a segment makes up most of its scan.
 fn is_most(query: &Side, surface: &Surface) -> bool {
     surface.patch.mesh.total_area() > MOST * query.model.segmented.mesh.total_area()
 }
