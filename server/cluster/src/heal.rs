@@ -9,8 +9,9 @@
 //! to where this server knows that it was, and followed anew from a little before.
 //!
 //! A follower, too, can be passed over: after a split JetStream 2.9 was seen not to deliver an entry to one of three servers, and to
-//! deliver what came after it. So keys are counted at each look, and all entries are followed again where some are missing, or
-//! where they are not too many.
+//! deliver what came after it, also to a server that had just joined. So keys are counted at each look, and all entries are
+//! followed again where some are missing, or where they are not too many. A server that joins can't know how long ago the
+//! last election was; it looks as after one.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -97,14 +98,14 @@ pub(crate) struct Healer {
 }
 
 impl Healer {
-    /// Asks who leads, and looks when that has changed, until it is stopped. Blocks.
+    /// Asks who leads, and looks when that has changed, and at first, until it is stopped. Blocks.
     pub(crate) fn run(&self) {
         let mut leader: Option<String> = None;
         let mut due: VecDeque<Instant> = VecDeque::new();
         while !self.stopping.load(Ordering::Relaxed) {
             std::thread::park_timeout(ASKED);
             if let Ok(now) = self.engine.leader() {
-                if leader.as_ref().is_some_and(|before| *before != now) {
+                if leader.as_ref() != Some(&now) {
                     let begun = Instant::now();
                     due = self.looked_after.iter().map(|after| begun + *after).collect();
                 }
