@@ -110,9 +110,19 @@ pub(crate) fn fit(
     let rough = rough.as_ref().map(|rough| Start { positions: rough.places.to_vec(), mirrored: rough.mirrored });
     let known = Known { held: &held, led: &led, rough: rough.as_ref() };
     let settled = settled(whole.as_ref(), (example, &one), (query, &two), (&input, known), &relief, stop)?;
+    let finished = |rested| rest(rested, (example, &one), (query, &two), (*beyond, &held), stop);
     match (settled, &from) {
-        (Some(rested), from) => {
-            let fitted = rest(rested, (example, &one), (query, &two), (*beyond, &held), stop)?;
+        (Some(Best { rested, is_better: false }), Some(from)) => {
+            // What settled may serve where the map of the charts does not.
+            let charted = by_charts(from)?;
+            if charted.mapped.verdict < Verdict::Poor {
+                return Ok(charted);
+            }
+            let fitted = finished(rested)?;
+            Ok(if fitted.mapped.verdict < charted.mapped.verdict { fitted } else { charted })
+        }
+        (Some(Best { rested, .. }), from) => {
+            let fitted = finished(rested)?;
             let covers = fitted.mapped.reach.covers;
             // Where boundary on boundary is a good map, the two surfaces end alike.
             if !held.is_empty() {
@@ -158,7 +168,8 @@ fn led(
     let own = Arc::clone(&one.query.chart.mesh);
     let anywhere = |_: &Rests| -1.0;
     let found = settled(None, (&lead.example, &part), (example, one), (&own, Known::default()), &anywhere, stop)?;
-    let Some(found) = found.filter(|found| found.evidence.relief >= DOUBTFUL) else { return Ok(Vec::new()) };
+    let found = found.map(|best| best.rested).filter(|found| found.evidence.relief >= DOUBTFUL);
+    let Some(found) = found else { return Ok(Vec::new()) };
     let on_part = Bvh::new(&part.patch.mesh);
     let mesh = &lead.example.model.mesh;
     let kept: Vec<u32> = lead.kept.clone().unwrap_or_else(|| (0..mesh.positions.len() as u32).collect());
@@ -173,7 +184,14 @@ fn led(
     Ok(between(&one.patch.mesh, input, &spread(&pairs)))
 }
 
-/// The best place at which the example settles, if it is better than where the charts lay it.
+/// The best place at which an example settles.
+struct Best {
+    rested: Rested,
+    /// Whether it is better than where the charts lay it.
+    is_better: bool,
+}
+
+/// Settles the example from all starts until one is convincing; `None` where it settles nowhere.
 fn settled(
     whole: Option<&Start>,
     (example, one): (&Side, &Surface),
@@ -181,7 +199,7 @@ fn settled(
     (input, known): (&TriMesh, Known<'_>),
     relief: &dyn Fn(&Rests) -> f64,
     stop: Stop,
-) -> Result<Option<Rested>, PipelineError> {
+) -> Result<Option<Best>, PipelineError> {
     if !Stage::Settle.is_on() {
         return Ok(None);
     }
@@ -201,7 +219,7 @@ fn settled(
     if let Some(carried) = rests.carried() {
         rests.tries(&carried, stop);
         stopped(stop)?;
-        return Ok(rests.into_best(stop));
+        return Ok(rests.into_best(stop).map(|rested| Best { rested, is_better: true }));
     }
     for start in whole.into_iter().chain(known.rough) {
         rests.tries(start, stop);
@@ -250,7 +268,7 @@ fn settled(
     let least = relief(&rests) + SETTLED_MARGIN;
     let best = rests.into_best(stop);
     stopped(stop)?;
-    Ok(best.filter(|best| best.evidence.relief > least))
+    Ok(best.map(|rested| Best { is_better: rested.evidence.relief > least, rested }))
 }
 
 /// Tells whether a segment makes up most of its scan.
