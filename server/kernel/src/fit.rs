@@ -1,7 +1,7 @@
 //! Fitting: an example laid on an input that may end elsewhere than it does.
 //!
-//! Each hypothesis of how much of one belongs on how much of the other ([`crate::extent`]) is cut out, unfolded with its
-//! own boundary, registered and laid as surfaces that end alike are.
+//! Rough places are tried, and the best settle ([`rest`]). What the input has nothing for is left out, and folds are mended
+//! ([`mend`]); what the input has beyond the example is continued ([`beyond`]).
 
 pub mod beyond;
 pub mod mend;
@@ -12,24 +12,13 @@ pub mod rough;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use crate::encode::index::PlanarIndex;
-use crate::extent::{Crop, Extent, extents};
-use crate::map::atlas::Atlas;
-use crate::map::reembed::{InputChart, settle};
-use crate::map::{CrossMap, cross_map};
-use crate::measure::{self, BURDENED_DEG, Distortion};
 use crate::mesh::Vec3;
 use crate::mesh::bvh::{Bvh, Closest};
 use crate::mesh::tri::{NONE, TriMesh, nearest_share};
-use crate::register::entry::{Hypothesis, PROTRUSIONS_MANY};
-use crate::register::{Entry, Query, Solver};
-use crate::segment::{Segmented, segment_above, segment_labels};
-use crate::settle::Similarity;
+use crate::register::Query;
+use crate::segment::{Segmented, segment_labels};
 use crate::topology::{Components, Patch, Topology, connected, primitive};
-use crate::unfold::{Chart, UnfoldError, UnfoldOptions};
-
-/// Level to which everything is registered.
-const SIDE: usize = 128;
+use crate::unfold::{UnfoldError, UnfoldOptions};
 
 /// A surface that can be fitted.
 #[derive(Clone, Debug)]
@@ -51,120 +40,13 @@ impl Surface {
     }
 }
 
-/// An example laid on an input, before it is told how good that is.
-#[derive(Debug)]
-pub struct FittedMap {
-    /// Where its vertices go.
-    pub cross: CrossMap,
-    /// The chart on whose mesh they lie.
-    pub input: Arc<Chart>,
-    /// Whether it lies mirrored.
-    pub mirrored: bool,
-    /// E / variance at the finest level.
-    pub cost: f64,
-    /// 95th percentile of the angle distortion before the polish.
-    pub laid_angle_p95_deg: f64,
-    /// How it distorts the example.
-    pub distortion: Distortion,
-    /// Whether a chart for each protrusion made it.
-    pub is_atlas: bool,
-}
-
-/// Lays an example on an input that ends where it does.
-///
-/// # Errors
-/// [`UnfoldError`].
-pub fn lay(
-    one: &Surface,
-    two: &Surface,
-    solver: &dyn Solver,
-    stop: &(dyn Fn() -> bool + Sync),
-) -> Result<Option<FittedMap>, UnfoldError> {
-    let Some(mut entry) = Entry::coarse(&two.query, one.query.encoding(), solver, stop) else { return Ok(None) };
-    while entry.side() < SIDE {
-        entry.advance(&two.query, one.query.encoding(), solver, stop)?;
-    }
-    entry.refine_poles(&two.query, one.query.encoding(), solver, stop)?;
-    let mut laid = by_chart(one, two, &entry)?;
-    if two.query.protrusions().len() < PROTRUSIONS_MANY && laid.laid_angle_p95_deg > BURDENED_DEG {
-        let mesh = &one.patch.mesh;
-        let burden = |h: &Hypothesis| measure::burden(mesh, &one.query.chart, &two.query, h);
-        entry.unburden_poles(&two.query, one.query.encoding(), solver, &burden, stop)?;
-        laid = by_chart(one, two, &entry)?;
-    }
-    let many = by_atlas(one, two, solver, stop)?;
-    Ok(Some(many.filter(|many| many.distortion.badness() < laid.distortion.badness()).unwrap_or(laid)))
-}
-
-fn by_chart(one: &Surface, two: &Surface, entry: &Entry) -> Result<FittedMap, UnfoldError> {
-    let best = entry.best();
-    let input = two.query.chart_for(&best.unfolded.poles)?;
-    let index = PlanarIndex::new(&input);
-    let mut cross = cross_map(&best.registration, &one.query.chart, &input, &index);
-    let mirrored = best.registration.flip.is_mirror();
-    let laid_angle_p95_deg = settled(one, &mut cross, &[InputChart { chart: &input, index: &index }], mirrored);
-    let distortion = measure::distortion(&one.patch.mesh, &cross, &input, sign(mirrored));
-    Ok(FittedMap { cross, input, mirrored, cost: best.cost(), laid_angle_p95_deg, distortion, is_atlas: false })
-}
-
-fn by_atlas(
-    one: &Surface,
-    two: &Surface,
-    solver: &dyn Solver,
-    stop: &(dyn Fn() -> bool + Sync),
-) -> Result<Option<FittedMap>, UnfoldError> {
-    let Some(atlas) = Atlas::build(&one.query, &two.query, solver, stop)? else { return Ok(None) };
-    let Ok(mut cross) = atlas.cross_map(&[]) else { return Ok(None) };
-    let Some(input) = atlas.input() else { return Ok(None) };
-    let mirrored = atlas.mirrored;
-    let laid_angle_p95_deg = settled(one, &mut cross, &atlas.grounds(), mirrored);
-    let distortion = measure::distortion(&one.patch.mesh, &cross, input, sign(mirrored));
-    let input = Arc::clone(input);
-    Ok(Some(FittedMap {
-        cross,
-        input,
-        mirrored,
-        cost: atlas.mean_cost(),
-        laid_angle_p95_deg,
-        distortion,
-        is_atlas: true,
-    }))
-}
-
-fn settled(one: &Surface, cross: &mut CrossMap, grounds: &[InputChart], mirrored: bool) -> f64 {
-    let laid = measure::angle_distortion(&one.patch.mesh, cross).p95;
-    settle(&one.patch.mesh, cross, grounds, sign(mirrored));
-    laid
-}
-
-fn sign(mirrored: bool) -> f64 {
-    if mirrored { -1.0 } else { 1.0 }
-}
-
-/// A surface with what a crop leaves of it in front.
+/// A surface with what is kept of it in front.
 #[derive(Debug)]
 pub struct Cropped {
     /// The surface cut in two: the part that stays, and the rest.
     pub segmented: Segmented,
     /// The part that stays, unfolded.
     pub surface: Surface,
-}
-
-/// Cuts a part out of a surface, through its triangles; `None` where what is cut out is no disc.
-pub fn crop(surface: &Surface, crop: &Crop) -> Option<Cropped> {
-    let below = surface.query.shares_below(&crop.poles)?;
-    let level = 1.0 - crop.share;
-    let field: Vec<f64> = below.iter().take(surface.patch.mesh.positions.len()).map(|v| v - level).collect();
-    cut_out(segment_above(&surface.patch.mesh, &field).ok()?, surface, crop)
-}
-
-/// The same between the polygons: each goes where most of it is.
-pub fn crop_between(surface: &Surface, crop: &Crop) -> Option<Cropped> {
-    let below = surface.query.shares_below(&crop.poles)?;
-    let level = 1.0 - crop.share;
-    let field: Vec<f64> = below.iter().take(surface.patch.mesh.positions.len()).map(|v| v - level).collect();
-    let cut = segment_above(&surface.patch.mesh, &field).ok()?;
-    cut_out(cut.between_polygons(&surface.patch.mesh).ok()?, surface, crop)
 }
 
 /// What is left of an example's surface without the polygons most of whose vertices are `lost`; `None` where that is no
@@ -200,83 +82,6 @@ pub fn without(surface: &Surface, lost: &[bool], least: f64) -> Option<Cropped> 
     let patch = Patch { topology: found.topology, holes: found.holes, ..part.clone() };
     segmented.parts[0] = patch.clone();
     Some(Cropped { segmented, surface: Surface::new(patch).ok()? })
-}
-
-fn cut_out(mut segmented: Segmented, surface: &Surface, crop: &Crop) -> Option<Cropped> {
-    let part = segmented.parts.first()?;
-    let found = primitive(&part.mesh, Components::Crumbs).ok().filter(|p| p.topology == Topology::Disc)?;
-    let patch = Patch { topology: found.topology, holes: found.holes, ..part.clone() };
-    segmented.parts[0] = patch.clone();
-    // The solve's own vertices lie beside the patch's.
-    let solved = surface.query.unfolder().mesh();
-    let at = solved.positions[*crop.poles.last()? as usize];
-    let away = |v: &usize| (patch.mesh.positions[*v] - at).norm_squared();
-    let on_boundary = patch.mesh.boundary_vertices();
-    let inner = (0..patch.mesh.positions.len()).filter(|&v| !on_boundary[v]);
-    let pole = inner.min_by(|a, b| away(a).total_cmp(&away(b)))? as u32;
-    let query = Query::starting_at(&patch, &UnfoldOptions { poles: vec![pole] }).ok()?;
-    Some(Cropped { segmented, surface: Surface { patch: Arc::new(patch), query: Arc::new(query) } })
-}
-
-/// An example, or a part of it, laid on an input, or a part of it.
-#[derive(Debug)]
-pub struct Fit {
-    /// How much of each, as the pictures told; `None`: all of both.
-    pub extent: Option<Extent>,
-    /// What is left of the example, where it reaches beyond the input.
-    pub one: Option<Cropped>,
-    /// What is left of the input, where it reaches beyond the example.
-    pub two: Option<Cropped>,
-    /// The map of the one on the other.
-    pub laid: FittedMap,
-}
-
-impl Fit {
-    /// Where each vertex of the example goes; those that were cut off follow the others as a whole.
-    pub fn start(&self, example: &Surface) -> Vec<Vec3> {
-        let laid = &self.laid.cross.positions;
-        let Some(one) = &self.one else { return laid.clone() };
-        let rest = &example.patch.mesh.positions;
-        let part = &one.segmented.parts[0].vertex_of;
-        let pairs = part.iter().zip(laid).map(|(&v, x)| (rest[v as usize], *x, 1.0));
-        let mirrored = self.laid.mirrored;
-        let reflect = |x: &Vec3| if mirrored { Vec3::new(-x.x, x.y, x.z) } else { *x };
-        let Some(fit) = Similarity::fit(pairs.map(|(e, x, w)| (reflect(&e), x, w))) else { return laid.clone() };
-        let mut start: Vec<Vec3> = rest.iter().map(|x| fit.apply(&reflect(x))).collect();
-        part.iter().zip(laid).for_each(|(&v, x)| start[v as usize] = *x);
-        start
-    }
-}
-
-/// Every hypothesis laid, in the order in which their pictures register, all of both first.
-///
-/// # Errors
-/// [`UnfoldError`].
-pub fn fits(
-    one: &Surface,
-    two: &Surface,
-    solver: &dyn Solver,
-    stop: &(dyn Fn() -> bool + Sync),
-) -> Result<Vec<Fit>, UnfoldError> {
-    let mut all = Vec::new();
-    if let Some(laid) = lay(one, two, solver, stop)? {
-        all.push(Fit { extent: None, one: None, two: None, laid });
-    }
-    for extent in extents(&one.query, &two.query, solver, stop) {
-        let of_one = (!extent.one.is_whole()).then(|| crop_between(one, &extent.one));
-        let of_two = (!extent.two.is_whole()).then(|| crop(two, &extent.two));
-        if matches!(of_one, Some(None)) || matches!(of_two, Some(None)) {
-            continue;
-        }
-        let (of_one, of_two) = (of_one.flatten(), of_two.flatten());
-        let surface = |cropped: &Option<Cropped>, whole: &Surface| {
-            cropped.as_ref().map_or_else(|| whole.clone(), |cropped| cropped.surface.clone())
-        };
-        if let Some(laid) = lay(&surface(&of_one, one), &surface(&of_two, two), solver, stop)? {
-            all.push(Fit { extent: Some(extent), one: of_one, two: of_two, laid });
-        }
-    }
-    Ok(all)
 }
 
 /// Where an input goes on beyond an example that was laid on it: a value a vertex of the input, positive within the example,

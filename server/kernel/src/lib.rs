@@ -19,8 +19,6 @@ pub mod register;
 
 pub mod rank;
 
-pub mod extent;
-
 pub mod map;
 
 pub mod compose;

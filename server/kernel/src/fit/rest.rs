@@ -193,23 +193,19 @@ impl<'a> Rests<'a> {
         }
     }
 
-    /// Settles a pose as a whole, from which nothing bends; returns the relief that came of it.
-    pub fn tries_whole(&mut self, pose: &Start, stop: Stop<'_>) -> Option<f64> {
-        let found = self.found(pose, pose.mirrored, Manner::Whole, stop)?;
-        let relief = found.evidence.relief;
-        self.keep(found, pose.mirrored, From::of(pose, Manner::Whole));
-        Some(relief)
+    /// Settles a pose as a whole, from which nothing bends.
+    pub fn tries_whole(&mut self, pose: &Start, stop: Stop<'_>) {
+        self.settle(pose, pose.mirrored, Manner::Whole, stop);
     }
 
     /// The same; but what only one of the two has (a crown, shoulders) may draw a pose off its place: where it agrees better than
     /// all that was laid, it is followed as it stands, too.
-    pub fn tries_pose(&mut self, pose: &Start, stop: Stop<'_>) -> Option<f64> {
-        let relief = self.tries_whole(pose, stop);
+    pub fn tries_pose(&mut self, pose: &Start, stop: Stop<'_>) {
+        self.tries_whole(pose, stop);
         let best = self.best().map_or(FOLLOWED, |best| best.evidence.relief.max(FOLLOWED));
         if self.relief(pose).is_some_and(|relief| relief > best) {
             self.settle(pose, pose.mirrored, Manner::Following, stop);
         }
-        relief
     }
 
     /// Lays the example after tips that are matched; where that is not convincing, after a start, too.

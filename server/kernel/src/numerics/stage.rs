@@ -22,8 +22,6 @@ pub enum Stage {
     Poses,
     /// A bulky example is posed about some of its points.
     Anchors,
-    /// Parts of either surface are registered.
-    Extents,
     /// Faces that the input has nothing for are spanned between their neighbours.
     Span,
     /// Faces that leap between sheets of the input are left out.
@@ -49,7 +47,7 @@ pub enum Stage {
 }
 
 /// All stages and their names, in the order in which they are passed.
-const NAMES: [(Stage, &str); 19] = [
+const NAMES: [(Stage, &str); 18] = [
     (Stage::Topologies, "topologies"),
     (Stage::Rough, "rough"),
     (Stage::Leads, "leads"),
@@ -57,7 +55,6 @@ const NAMES: [(Stage, &str); 19] = [
     (Stage::Tips, "tips"),
     (Stage::Poses, "poses"),
     (Stage::Anchors, "anchors"),
-    (Stage::Extents, "extents"),
     (Stage::Span, "span"),
     (Stage::Fray, "fray"),
     (Stage::Mend, "mend"),

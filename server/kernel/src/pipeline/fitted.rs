@@ -1,7 +1,7 @@
 //! Examples laid on inputs that may end elsewhere, or be closed where the example is open.
 //!
-//! The map of both as wholes, then rough poses ([`poses`]), then maps of parts ([`extents`]) are starts; each settles on the
-//! input with its boundary free ([`Rests`]), until one is convincing. Faces of the example that lie beyond the input are left
+//! The map of both as wholes, the match of their tips, then rough poses ([`poses`]) are starts; each settles on the input with its
+//! boundary free ([`Rests`]), until one is convincing. Faces of the example that lie beyond the input are left
 //! out, and what of the input lies beyond the example is continued by rows of quads, where that is asked for.
 
 use super::constrain::{self, locate};
@@ -12,33 +12,25 @@ use super::registered::{self, Registered};
 use super::rested::rest;
 use super::side::{Encoded, Facts, Side};
 use crate::encode::index::Location;
-use crate::extent::{Crop, Extent, extents};
 use crate::fit::rest::{Rested, Rests, Start};
 use crate::fit::rough::{between, between_by, spread};
-use crate::fit::{Cropped, Surface, crop, crop_between};
+use crate::fit::{Cropped, Surface};
 use crate::map::atlas::likely_matches;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::{TriMesh, Vec3};
 use crate::numerics::stage::Stage;
 use crate::register::{Entry, LevenbergMarquardt, Query};
 use crate::segment::Segmented;
-use crate::settle::{Landmark as KernelLandmark, Similarity, Sought, poses};
+use crate::settle::{Landmark as KernelLandmark, Sought, poses};
 use crate::topology::{Patch, Topology};
 use std::sync::{Arc, OnceLock};
 
-/// The finest level at which parts are registered, in pixels a side.
+/// The finest level at which surfaces are registered, in pixels a side.
 const SIDE: usize = 128;
-/// Pairs of parts that are laid.
-const LAID: usize = 2;
-/// Extents of which neither share differs by more are the same.
-const SAME_SHARE: f64 = 0.02;
 /// Ways to match the tips that are tried, of either orientation.
 const LED: usize = 2;
 /// Below this relief rough poses are tried.
 const DOUBTFUL: f64 = 0.65;
-/// Below this relief after all poses the example belongs nowhere, and maps of parts, which take as long again, are not tried.
-/// *Untuned:* right maps of parts have more than .5.
-const HOPELESS: f64 = 0.3;
 /// A larger share of a scan's area is most of it. *Untuned.*
 const MOST: f64 = 0.5;
 /// Poses that are settled.
@@ -225,9 +217,7 @@ fn settled(
         rests.tries(start, stop);
     }
     let on = &*query.model;
-    let has_tips = on.has_tips(query.segment, input);
-    let has_parts = has_tips && on.is_scan();
-    if has_tips && Stage::Tips.is_on() && !rests.is_convincing() {
+    if on.has_tips(query.segment, input) && Stage::Tips.is_on() && !rests.is_convincing() {
         for tips in &matched_tips([&one.query, &two.query], (mesh, input), LED, stop) {
             rests.tries_tips(tips, whole, stop);
             if rests.is_convincing() {
@@ -238,7 +228,6 @@ fn settled(
     // Of two closed surfaces neither ends anywhere.
     let closed = |side: &Side| side.encoded.facts.topology == Topology::Sphere;
     let may_be_part = !(closed(example) && closed(query));
-    let mut whole_relief = rests.best().map(|best| best.evidence.relief);
     if may_be_part && Stage::Poses.is_on() && rests.best().is_none_or(|best| best.evidence.relief < DOUBTFUL) {
         let (sought, most) = match on.is_scan() {
             true if is_most(query, two) => (Sought::Thoroughly, POSED),
@@ -247,18 +236,7 @@ fn settled(
         };
         for (_, pose) in poses(mesh, input, [!closed(example), !closed(query)], sought, stop).iter().take(most) {
             let positions = mesh.positions.iter().map(|x| pose.apply(x)).collect();
-            // Only a pose that is laid as a whole gives hope: what is followed agrees fairly from wrong poses, too.
-            let relief = rests.tries_pose(&Start { positions, mirrored: false }, stop);
-            whole_relief = whole_relief.into_iter().chain(relief).reduce(f64::max);
-            if rests.is_convincing() {
-                break;
-            }
-        }
-    }
-    let is_hopeless = whole_relief.is_some_and(|relief| relief < HOPELESS);
-    if may_be_part && has_parts && Stage::Extents.is_on() && !is_hopeless && !rests.is_convincing() {
-        for start in parts(example, query, (one, two), stop)? {
-            rests.tries(&start, stop);
+            rests.tries_pose(&Start { positions, mirrored: false }, stop);
             if rests.is_convincing() {
                 break;
             }
@@ -319,60 +297,6 @@ pub(crate) fn registration(one: &Query, two: &Query, stop: Stop) -> Result<Optio
     registered::checked(entry, stop).map(Some)
 }
 
-/// Starts from the best pairs of parts, each laid like surfaces that end alike.
-fn parts(
-    example: &Side,
-    query: &Side,
-    (one, two): (&Surface, &Surface),
-    stop: Stop,
-) -> Result<Vec<Start>, PipelineError> {
-    let mut found: Vec<Extent> = Vec::new();
-    for extent in extents(&one.query, &two.query, &LevenbergMarquardt::default(), stop) {
-        let apart = |a: &Crop, b: &Crop| (a.share - b.share).abs() > SAME_SHARE;
-        let is_new = found.iter().all(|f| {
-            apart(&f.one, &extent.one) || apart(&f.two, &extent.two) || f.registration.flip != extent.registration.flip
-        });
-        if is_new && !(extent.one.is_whole() && extent.two.is_whole()) {
-            found.push(extent);
-        }
-    }
-    stopped(stop)?;
-    let mut starts = Vec::new();
-    for extent in found {
-        let first = if extent.one.is_whole() { None } else { Some(crop_between(one, &extent.one)) };
-        let second = if extent.two.is_whole() { None } else { Some(crop(two, &extent.two)) };
-        if matches!(first, Some(None)) || matches!(second, Some(None)) {
-            continue;
-        }
-        let (first, second) = (first.flatten(), second.flatten());
-        let part_of_one = first.as_ref().map(|first| first.segmented.parts[0].vertex_of.clone());
-        let example = first.map_or_else(|| Ok(example.clone()), |first| of_example(example, first))?;
-        let query = second.map_or_else(|| query.clone(), |second| of_query(query, second));
-        let (from, to) = (&example.encoded.query, &query.encoded.query);
-        let Some(registration) = registration(from, to, stop)? else { continue };
-        let laid = registered::whole(&registration, &example, &query, stop)?;
-        starts.push(Start {
-            positions: completed(&one.patch.mesh, part_of_one.as_deref(), laid.positions, laid.mirrored),
-            mirrored: laid.mirrored,
-        });
-        if starts.len() == LAID {
-            break;
-        }
-    }
-    Ok(starts)
-}
-
-/// Where each vertex of an example goes when those of a part of it are laid: the others follow the part as a whole.
-fn completed(example: &TriMesh, part: Option<&[u32]>, laid: Vec<Vec3>, mirrored: bool) -> Vec<Vec3> {
-    let Some(part) = part else { return laid };
-    let reflected = |x: &Vec3| if mirrored { Vec3::new(-x.x, x.y, x.z) } else { *x };
-    let pairs = part.iter().zip(&laid).map(|(&v, x)| (reflected(&example.positions[v as usize]), *x, 1.0));
-    let fit = Similarity::fit(pairs).unwrap_or_else(Similarity::identity);
-    let mut all: Vec<Vec3> = example.positions.iter().map(|x| fit.apply(&reflected(x))).collect();
-    part.iter().zip(&laid).for_each(|(&v, x)| all[v as usize] = *x);
-    all
-}
-
 fn surface(side: &Side) -> Result<Surface, PipelineError> {
     let model = &*side.model;
     Ok(Surface { patch: Arc::new(model.patch(side.segment)?.clone()), query: Arc::clone(&side.encoded.query) })
@@ -393,11 +317,6 @@ pub(crate) fn of_example(whole: &Side, cropped: Cropped) -> Result<Side, Pipelin
     part.triangle_of.iter().for_each(|&t| part_of[t as usize] = 0);
     let segmented = Segmented { part_of, parts: vec![part], seams: Vec::new(), ..model.segmented.clone() };
     Ok(side(whole, segmented, cropped.surface.query))
-}
-
-/// The side that a part of a query is; what is left beside it are the model's other segments.
-fn of_query(whole: &Side, cropped: Cropped) -> Side {
-    side(whole, cropped.segmented, cropped.surface.query)
 }
 
 fn side(whole: &Side, segmented: Segmented, query: Arc<Query>) -> Side {

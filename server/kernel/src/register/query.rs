@@ -114,14 +114,6 @@ impl Query {
     /// # Errors
     /// [`UnfoldError`].
     pub fn new(patch: &Patch, options: &UnfoldOptions) -> Result<Self, UnfoldError> {
-        Ok(Self { poles_given: !options.poles.is_empty(), ..Self::starting_at(patch, options)? })
-    }
-
-    /// The same with poles that may be sought again for an example.
-    ///
-    /// # Errors
-    /// [`UnfoldError`].
-    pub fn starting_at(patch: &Patch, options: &UnfoldOptions) -> Result<Self, UnfoldError> {
         let (mesh, own) = (solve_mesh(patch), patch.mesh.positions.len());
         let (unfolder, pole_sets) = Unfolder::with_poles(mesh, patch.topology, own, options)?;
         let solution = unfolder.first_solution(&pole_sets)?;
@@ -131,7 +123,7 @@ impl Query {
         Ok(Self {
             unfolder,
             pole_sets,
-            poles_given: false,
+            poles_given: !options.poles.is_empty(),
             chart: Arc::new(chart),
             best,
             index: OnceLock::new(),
@@ -297,11 +289,6 @@ impl Query {
     /// The poles worth trying, best first.
     pub fn pole_sets(&self) -> &[Vec<u32>] {
         &self.pole_sets
-    }
-
-    /// u and the share of area below each vertex of the mesh for other poles; `None` where poles are fixed.
-    pub fn shares_below(&self, poles: &[u32]) -> Option<Vec<f64>> {
-        Some(self.quick_chart(poles)?.uv.iter().map(|uv| uv[1]).collect())
     }
 
     /// The same as [`Self::try_poles`], kept for the next who tries them: the best examples' searches begin at the same

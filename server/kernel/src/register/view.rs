@@ -99,8 +99,8 @@ mod tests {
         let query = Query::new(&patch, &options).expect("solvable");
         let view = query.view(&pole, 128).expect("a conformal map");
         let share = 0.5;
-        let below = query.shares_below(&pole).expect("a chart");
-        let field: Vec<f64> = below.iter().take(patch.mesh.positions.len()).map(|v| v - (1.0 - share)).collect();
+        let below = query.quick_chart(&pole).expect("a chart").uv;
+        let field: Vec<f64> = below.iter().take(patch.mesh.positions.len()).map(|uv| uv[1] - (1.0 - share)).collect();
         let part = segment_above(&patch.mesh, &field).expect("a cut").parts.swap_remove(0);
         let at = patch.mesh.positions[pole[0] as usize];
         let near = |v: &usize| (part.mesh.positions[*v] - at).norm();
