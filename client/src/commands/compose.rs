@@ -4,7 +4,7 @@ use super::{
     choose::{best_score, finished},
     deliver::{Delivered, Target, write_composition, write_kept, write_map},
     making::{Awaited, awaited},
-    map::{Held, is_late, lay, lay_best},
+    map::{Held, is_late, lay, lay_best, lay_each, mapping},
     rank::{again, check_segment, follow_upload, upload},
     screen::Wanted,
 };
@@ -18,6 +18,7 @@ use crate::{
     table,
     ui::Ui,
 };
+use futures_util::StreamExt;
 use quadmuse_proto::{
     Composition, CompositionPart, ExampleId, Map, NewComposition, Product, Query, QuerySegment, Verdict,
     composition::{AS_MAPPED, SMOOTHING_DEFAULT},
@@ -434,12 +435,10 @@ async fn composed(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Res
         ui.note(&format!("{left} of {all} segments have too few faces for an example; they take regular layouts"));
     }
     let bar = ui.bar(count as u64, "mapping");
-    for (done, segment) in mapped.into_iter().enumerate() {
-        let (number, told) = (segment.segment, told(segment.segment, wish));
-        let laid = match told {
-            None => lay_best(query, segment, wish.lay.beyond, api, ui).await,
-            Some(_) => lay(query, number, told, (wish.lay.beyond, &Held::default()), api, ui).await,
-        };
+    let asked: Vec<_> = mapped.into_iter().map(|segment| (segment, told(segment.segment, wish))).collect();
+    let mut each = lay_each(query, asked.clone(), wish.lay.beyond, api);
+    for (done, (segment, told)) in asked.into_iter().enumerate() {
+        let Some(laid) = awaited(mapping(query), each.next(), api, ui).await else { break };
         let said = match laid {
             // What nobody asked for and is poor is left to the service, which says what takes its place.
             Ok((map, name)) if told.is_none() && map.verdict.is_poor() => {

@@ -15,14 +15,14 @@ use crate::{
     state::State,
     ui::Ui,
 };
-use futures_util::{StreamExt, stream};
+use futures_util::{Stream, StreamExt, stream};
 use quadmuse_proto::{
     Beyond, Code, ConstraintEdit, ExampleId, Landmark, Map, MapId, NewMap, Place, Problem, Product, Query, QueryId,
     QuerySegment,
 };
 use std::collections::BTreeMap;
 
-/// Examples that are laid at a time.
+/// Examples that are laid at a time on a segment, and segments that examples are laid on at a time.
 const AT_A_TIME: usize = 2;
 
 pub(super) async fn map(args: &MapArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
@@ -112,7 +112,7 @@ async fn laid(
 }
 
 /// A map of a query that is awaited.
-fn mapping(query: &Query) -> Awaited {
+pub(super) fn mapping(query: &Query) -> Awaited {
     Awaited { query: query.id, product: Product::Map, what: "mapping" }
 }
 
@@ -125,18 +125,23 @@ pub(super) async fn lay_best(
     api: &Api,
     ui: &mut Ui,
 ) -> Result<(Map, String), ClientError> {
+    awaited(mapping(query), best(query, segment, beyond, api), api, ui).await
+}
+
+/// The same, and says nothing.
+async fn best(query: &Query, segment: &QuerySegment, beyond: Beyond, api: &Api) -> Result<(Map, String), ClientError> {
     let tries = segment.tries as usize;
     let free = Held::default();
-    let mut best = lay(query, segment.segment, None, (beyond, &free), api, ui).await?;
+    let one = |told| laid(query, segment.segment, told, (beyond, &free), api);
+    let mut best = one(None).await?;
     if tries <= 1 || best.0.is_enough(1, tries) {
         return Ok(best);
     }
     // The first is mostly good enough. Where it is not, two at a time are laid, and looked at in order.
     let others = promising(query, segment.segment, tries, api).await?;
-    let one = |told| laid(query, segment.segment, Some(told), (beyond, &free), api);
-    let mut found = stream::iter(others.into_iter().skip(1).map(one)).buffered(AT_A_TIME);
+    let mut found = stream::iter(others.into_iter().skip(1).map(|told| one(Some(told)))).buffered(AT_A_TIME);
     let mut tried = 1;
-    while let Some(found) = awaited(mapping(query), found.next(), api, ui).await {
+    while let Some(found) = found.next().await {
         tried += 1;
         match found {
             Ok(found) if found.0.worth() > best.0.worth() => best = found,
@@ -149,6 +154,22 @@ pub(super) async fn lay_best(
         }
     }
     Ok(best)
+}
+
+/// Lays on each of some segments the example that is told, or else the best; two segments at a time. The answers come in order.
+pub(super) fn lay_each<'a>(
+    query: &'a Query,
+    segments: Vec<(&'a QuerySegment, Option<ExampleRef>)>,
+    beyond: Beyond,
+    api: &'a Api,
+) -> impl Stream<Item = Result<(Map, String), ClientError>> + Unpin {
+    let one = move |(segment, told): (&'a QuerySegment, Option<ExampleRef>)| async move {
+        match told {
+            None => best(query, segment, beyond, api).await,
+            Some(_) => laid(query, segment.segment, told, (beyond, &Held::default()), api).await,
+        }
+    };
+    Box::pin(stream::iter(segments).map(one).buffered(AT_A_TIME))
 }
 
 /// Tells whether the service gave up because the request took too long.
