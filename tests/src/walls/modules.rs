@@ -3,7 +3,7 @@
 use super::source::{code_of, lines_naming, without_tests};
 
 /// The kernel's modules in the order in which a mesh passes through them: each uses only those before it.
-pub const KERNEL_ORDER: [&str; 15] = [
+pub const KERNEL_ORDER: [&str; 14] = [
     "numerics", "mesh", "topology", "segment", "unfold", "encode", "register", "rank", "map", "compose", "measure",
     "settle", "fit", "pipeline",
 ];
