@@ -96,6 +96,14 @@ impl Api {
             .await
     }
 
+    /// Cancels a query, and frees it.
+    ///
+    /// # Errors
+    /// The service refuses (there is none) or is out of reach.
+    pub async fn remove_query(&self, id: QueryId) -> Result<(), ClientError> {
+        self.send(self.request(Method::DELETE, &["queries", &id.to_string()])).await.map(drop)
+    }
+
     /// A query as it stands.
     ///
     /// # Errors

@@ -5,7 +5,7 @@ use super::{
     deliver::{Delivered, Target, write_composition, write_kept, write_map},
     making::{Awaited, awaited},
     map::{Held, is_late, lay, lay_best, lay_each, mapping},
-    rank::{again, check_segment, follow_upload, upload},
+    rank::{again, check_segment, follow_upload, remember, start, upload},
     screen::Wanted,
 };
 use crate::{
@@ -258,11 +258,10 @@ async fn cut_and_composed(
     state: &State,
     ui: &mut Ui,
 ) -> Result<Option<Outcome>, ClientError> {
-    let query = cut(args, Parts::Auto, api, state, ui).await?;
-    if query.segments.len() < 2 {
+    let Some(query) = cut(args, (Parts::Auto, |query| query.segments.len() > 1), api, state, ui).await? else {
         ui.note("no parts were found");
         return Ok(None);
-    }
+    };
     composed(&query, wish, api, ui).await.map(Some)
 }
 
@@ -284,11 +283,23 @@ struct Figure {
     is_enough: bool,
 }
 
-/// The same scan, cut otherwise and ranked again.
-async fn cut(args: &QueryArgs, parts: Parts, api: &Api, state: &State, ui: &mut Ui) -> Result<Query, ClientError> {
+/// The same scan, cut otherwise and ranked again; `None` where it was not cut: it would only be ranked as before.
+async fn cut(
+    args: &QueryArgs,
+    (parts, is_cut): (Parts, fn(&Query) -> bool),
+    api: &Api,
+    state: &State,
+    ui: &mut Ui,
+) -> Result<Option<Query>, ClientError> {
     let mut args = args.clone();
     args.rank.segments.parts = Some(parts);
-    ranked(&args, None, api, state, ui).await
+    let query = start(&args, api, ui).await?;
+    if !is_cut(&query) {
+        api.remove_query(query.id).await?;
+        return Ok(None);
+    }
+    remember(&query, api, state, ui);
+    ranked(&args, Some(query), api, state, ui).await.map(Some)
 }
 
 /// A scan parted at its waist, such as a figure from its base, with the example that fits one side of it best and what lies around
@@ -305,10 +316,7 @@ async fn at_waist(
         [only] => best_score(whole, only.segment, api).await?,
         _ => f64::INFINITY,
     };
-    let query = cut(args, Parts::Waist, api, state, ui).await?;
-    if !query.waist {
-        return Ok(None);
-    }
+    let Some(query) = cut(args, (Parts::Waist, |query| query.waist), api, state, ui).await? else { return Ok(None) };
     // A figure is more like an example than with its base, and more than its base is.
     let mut sides = Vec::new();
     for side in query.segments.iter().filter(|side| side.tries > 0) {

@@ -40,7 +40,8 @@ pub(super) async fn again(gone: QueryId, api: &Api, state: &State, ui: &mut Ui) 
     Ok(query)
 }
 
-fn remember(query: &Query, api: &Api, state: &State, ui: &mut Ui) {
+/// Keeps a query for those who ask for the last.
+pub(super) fn remember(query: &Query, api: &Api, state: &State, ui: &mut Ui) {
     if let Err(error) = state.keep_query(api.server(), query.id) {
         ui.note(&format!("the query is not remembered for {}: {}", names::LAST, error.message()));
     }
@@ -48,6 +49,16 @@ fn remember(query: &Query, api: &Api, state: &State, ui: &mut Ui) {
 
 /// Uploads a mesh, remembers its query, and tells what was repaired in it.
 pub(super) async fn upload(args: &QueryArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<Query, ClientError> {
+    let query = start(args, api, ui).await?;
+    remember(&query, api, state, ui);
+    for repair in &query.repairs {
+        ui.note(&format!("{}: {repair}", args.file.display()));
+    }
+    Ok(query)
+}
+
+/// Uploads a mesh.
+pub(super) async fn start(args: &QueryArgs, api: &Api, ui: &mut Ui) -> Result<Query, ClientError> {
     let like = match &args.rank.like {
         Some(name) => Some(names::example(name, api).await?),
         None => None,
@@ -55,12 +66,7 @@ pub(super) async fn upload(args: &QueryArgs, api: &Api, state: &State, ui: &mut 
     let spinner = ui.spinner("uploading");
     let query = api.start_query(args, like, &|share| tell_share(&spinner, "uploading", share)).await;
     spinner.finish_and_clear();
-    let query = query?;
-    remember(&query, api, state, ui);
-    for repair in &query.repairs {
-        ui.note(&format!("{}: {repair}", args.file.display()));
-    }
-    Ok(query)
+    query
 }
 
 /// Shows the rankings of a query until they are final.

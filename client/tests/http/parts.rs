@@ -76,7 +76,8 @@ async fn retopo_parts_a_figure_from_its_base_and_cuts_further_only_where_that_he
                 Some("compositions") => {
                     Reply::json(201, &Composition { inspired: if waist { inspired } else { 0.1 }, ..composition() })
                 }
-                Some(id) if id == query_id().to_string() => {
+                Some("queries") => Reply::json(202, &Query { waist, ..query(QueryState::Queued, segments) }),
+                Some(id) if id == query_id().to_string() && asked.line.starts_with("GET") => {
                     Reply::json(200, &Query { waist, ..query(QueryState::Done, segments) })
                 }
                 _ => service(asked, segments),
@@ -106,6 +107,8 @@ async fn retopo_says_where_it_found_no_parts_to_cut() {
     assert_eq!(ran.code(), 0, "{}", ran.notes);
     assert_eq!(ran.notes.matches("fits poorly").count(), 1, "{}", ran.notes);
     assert!(ran.notes.ends_with("no parts were found\n"), "{}", ran.notes);
+    let freed = server.lines().iter().filter(|line| line.starts_with("DELETE")).count();
+    assert_eq!(freed, 2, "what was not cut is not ranked again");
 }
 
 #[tokio::test]

@@ -28,6 +28,7 @@ pub(crate) fn service(asked: &Asked, segments: u32) -> Reply {
             let segment = parameter("segment").unwrap_or_default();
             Reply::json(200, &ranking(segment, revision.into(), 16 << revision, state))
         }
+        ("DELETE", "/Q") => Reply { status: 204, headers: Vec::new(), body: Vec::new() },
         ("POST", "/Q/maps") => Reply::json(201, &map()),
         ("PATCH", rest) if rest.ends_with("/constraints") => Reply::json(200, &map()),
         ("POST", "/Q/compositions") => Reply::json(201, &composition()),

@@ -15,6 +15,7 @@ mod evidence;
 mod held;
 mod input_surface;
 mod matches;
+mod nearness;
 mod place;
 mod poses;
 mod rest;

@@ -1,18 +1,20 @@
 //! Rough poses of one surface on another of which it shows a part: a mask on a head, a head on a mask; and of closed surfaces
 //! on each other.
 //!
-//! The smaller surface is laid with its middle and mean normal on points spread over the larger, turned about the normal in
-//! equal steps, at some sizes. The mean normal of what is bulky (a head with its neck) says little, and its middle lies deep
-//! inside: if that leads to no sure pose, what is about each of some of its points is laid so, too. The likelier poses come to
-//! rest by iterated closest points, of one size, from the smaller onto the larger. Of two closed surfaces neither is a part of
-//! the other: they are laid middle on middle, of one area, in rotations spread evenly. A pose is scored by how near the smaller
-//! lies, times how well its relief ([`super::Evidence`]) agrees with what it lies on: nearness alone lays a face on the back of a
-//! head. Samples that lie off the larger say nothing of relief: an example has no crown. *Ours, not a paper's.*
+//! The smaller surface is laid with its middle and mean normal on points spread over the larger, turned about the
+//! normal in equal steps, at some sizes. The mean normal of what is bulky (a head with its neck) says little, and its
+//! middle lies deep inside: if that leads to no sure pose, what is about each of some of its points is laid so, too.
+//! Poses are sifted by a grid ([`Nearness`]); the likelier come to rest by iterated closest points, of one size, from
+//! the smaller onto the larger. Of two closed surfaces neither is a part of the other: they are laid middle on middle,
+//! of one area, in rotations spread evenly. A pose is scored by how near the smaller lies, times how well its relief
+//! ([`super::Evidence`]) agrees with what it lies on: nearness alone lays a face on the back of a head. Samples that
+//! lie off the larger say nothing of relief: an example has no crown. *Ours, not a paper's.*
 
 use super::effort::{Effort, FULL, MIDDLE, ON_A_PART, QUICK, Sought};
 use super::evidence::{Around, correlation};
 use super::input_surface::{InputSurface, Samples, Seen, sixfold};
 use super::matches::sigma;
+use super::nearness::Nearness;
 use super::similarity::Similarity;
 use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
@@ -20,8 +22,6 @@ use crate::numerics::in_halves;
 use crate::numerics::stage::Stage;
 use crate::numerics::stop::Stop;
 use nalgebra::Matrix3;
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
@@ -39,16 +39,13 @@ const BULKY: f64 = 0.5;
 /// .3 to .6, and wrong ones up to .35.
 const SURE: f64 = 0.45;
 /// So many times as many poses of what is bulky are brought to rest: more are tried, and sifting tells them by nearness alone.
-const BULKY_RESTS: usize = 2;
+const BULKY_RESTS: usize = 3;
 /// σ of the relief, in √area of the smaller.
 const RELIEF_SCALES: [f64; 3] = [0.04, 0.1, 0.2];
 /// Share of the way along the surface that a target keeps.
 const TANGENTIAL: f64 = 0.3;
 /// Partners may be so much farther than the nearest.
 const SLACK: f64 = 0.2;
-/// Poses are sifted by partners within this squared distance, in √area of the smaller: one that is farther, or that faces
-/// away, counts less than 1 % of one that is met.
-const SIFTED_WITHIN: f64 = 0.0625;
 /// Poses that are told; those turned and moved by less against a better one are left out.
 const TOLD: usize = 12;
 const TURNED: f64 = TAU / 18.0;
@@ -217,6 +214,7 @@ struct Anchor {
 /// The larger surface as seen from the smaller, laid at one size.
 #[derive(Debug)]
 struct Large {
+    nearness: Nearness,
     seen: Seen,
     around: Around,
     /// The heights of each sample, made when it is first met: most never are.
@@ -284,7 +282,7 @@ impl Large {
         let frame = frame_of(samples, (share * area).sqrt());
         let all = samples.seen_from(&frame);
         let (around, relief) = (Around::new(&all), vec![OnceLock::new(); all.points.len()]);
-        Self { seen: Seen::new(all), around, relief, frame }
+        Self { nearness: Nearness::new(&all), seen: Seen::new(all), around, relief, frame }
     }
 
     /// The heights of a sample.
@@ -342,45 +340,12 @@ fn direction(k: usize, of: usize) -> Vec3 {
     Vec3::new(radius * cos, radius * sin, z)
 }
 
-/// Poses that may be among the nearest.
-struct Sifted {
-    /// Samples by which a pose is sifted.
-    samples: usize,
-    /// How many poses go on.
-    kept: usize,
-    /// The nearness of the nearest so many, the least first: its bits, which for what is not negative are in its order.
-    nearest: BinaryHeap<Reverse<u64>>,
-    poses: Vec<(f64, Motion)>,
-}
-
-impl Sifted {
-    /// `times` as many as usual go on.
-    fn new(effort: &Effort, times: usize) -> Self {
-        let kept = effort.rests.first().map_or(usize::MAX, |rest| times * rest.0);
-        Self { samples: effort.sifted_by, kept, nearest: BinaryHeap::new(), poses: Vec::new() }
-    }
-
-    /// A pose that is certain to be less near than this does not go on: by the rounding of a sum less than the last that does.
-    fn least(&self) -> f64 {
-        let last = self.nearest.peek().filter(|_| self.nearest.len() >= self.kept);
-        last.map_or(f64::NEG_INFINITY, |last| f64::from_bits(last.0) * (1.0 - 1e-9))
-    }
-
-    fn add(&mut self, nearness: f64, motion: Motion) {
-        self.poses.push((nearness, motion));
-        self.nearest.push(Reverse(nearness.to_bits()));
-        if self.nearest.len() > self.kept {
-            self.nearest.pop();
-        }
-    }
-}
-
 impl Small {
     /// The best poses on a larger surface, with their scores. Empty when stopped.
     fn tried(&self, whole: &Posed, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
         let effort = whole.effort;
         let on = |anchors: &[Anchor], times: usize, large: &Large| -> Option<Vec<(f64, Similarity)>> {
-            let mut rough = Sifted::new(effort, times);
+            let mut rough = Vec::new();
             for k in spread(&large.seen.samples.points, effort.places) {
                 if stop() {
                     return None;
@@ -391,11 +356,12 @@ impl Small {
                     let there = there * turned(turn, effort.turns);
                     for anchor in anchors {
                         let rotation = there * anchor.upright;
-                        self.sift(large, Motion { rotation, shift: to - rotation * anchor.middle }, &mut rough);
+                        let motion = Motion { rotation, shift: to - rotation * anchor.middle };
+                        rough.push((self.nearness(large, &motion, effort.sifted_by), motion));
                     }
                 }
             }
-            let rough = self.rested(large, (rough.poses, times), effort, stop)?;
+            let rough = self.rested(large, (rough, times), effort, stop)?;
             let pose = |m: &Motion| Similarity { scale: 1.0, rotation: m.rotation, shift: m.shift };
             let undo = inverse(&self.frame);
             Some(rough.iter().map(|(score, m)| (*score, large.frame.after(&pose(m)).after(&undo))).collect())
@@ -419,7 +385,7 @@ impl Small {
 
     /// The best poses on another closed surface, middle on middle, with their scores; `None` when stopped.
     fn tried_whole(&self, large: &Large, effort: &Effort, stop: Stop<'_>) -> Option<Vec<(f64, Motion)>> {
-        let mut rough = Sifted::new(effort, 1);
+        let mut rough = Vec::new();
         for k in 0..effort.places {
             if stop() {
                 return None;
@@ -427,10 +393,11 @@ impl Small {
             let there = axes(direction(k, effort.places));
             for turn in 0..effort.turns {
                 let rotation = there * turned(turn, effort.turns);
-                self.sift(large, Motion { rotation, shift: Vec3::zeros() }, &mut rough);
+                let motion = Motion { rotation, shift: Vec3::zeros() };
+                rough.push((self.nearness(large, &motion, effort.sifted_by), motion));
             }
         }
-        self.rested(large, (rough.poses, 1), effort, stop)
+        self.rested(large, (rough, 1), effort, stop)
     }
 
     /// The likelier poses brought to rest, `times` as many as usual, each with its score; `None` when stopped.
@@ -470,26 +437,14 @@ impl Small {
         (x, met, n.dot(&large.seen.samples.normals[met]).max(0.0))
     }
 
-    /// Adds a pose with its nearness, the mean over the first samples, unless enough others are nearer for certain.
-    fn sift(&self, large: &Large, motion: Motion, sifted: &mut Sifted) {
+    /// How near its first samples lie, and how they face what they lie at, in the mean.
+    fn nearness(&self, large: &Large, motion: &Motion, samples: usize) -> f64 {
+        let count = samples.min(self.points.len());
         let of = |k: usize| {
-            let (x, n) = self.moved(k, &motion);
-            let met = large.seen.tree.near(&sixfold(&x, &n), u32::MAX, (SLACK, SIFTED_WITHIN));
-            met.map_or(0.0, |(met, _)| {
-                let facing = n.dot(&large.seen.samples.normals[met as usize]).max(0.0);
-                facing * near(&x, &large.seen.samples.points[met as usize])
-            })
+            let (x, n) = self.moved(k, motion);
+            large.nearness.at(&x, &n)
         };
-        let count = sifted.samples.min(self.points.len());
-        let (mut sum, least) = (0.0, sifted.least() * count as f64);
-        for k in 0..count {
-            // No sample adds more than 1.
-            if sum + ((count - k) as f64) < least {
-                return;
-            }
-            sum += of(k);
-        }
-        sifted.add(sum / count.max(1) as f64, motion);
+        (0..count).map(of).sum::<f64>() / count.max(1) as f64
     }
 
     /// `last`: partners of the samples in the last round.
