@@ -179,7 +179,7 @@ fn led(
 /// The best place at which an example settles.
 struct Best {
     rested: Rested,
-    /// Whether it is better than where the charts lay it.
+    /// True where it is better than where the charts lay it.
     is_better: bool,
 }
 

@@ -58,7 +58,7 @@ pub enum Sought {
     /// The same, but with a bulky surface laid by its middle alone: as for a part of a scan that was cut, which is no statue with
     /// a head somewhere on it.
     ByMiddle,
-    /// A third of the work.
+    /// A quarter of the work.
     Roughly,
     /// A twelfth of the work: for inputs of few faces.
     Quickly,
