@@ -113,7 +113,7 @@ pub(crate) fn fit(
             let fitted = finished(rested)?;
             Ok(if fitted.mapped.verdict < charted.mapped.verdict { fitted } else { charted })
         }
-        (Some(Best { rested, .. }), from) => {
+        (Some(Best { rested, is_better: true }), from) => {
             let fitted = finished(rested)?;
             let covers = fitted.mapped.reach.covers;
             // Where boundary on boundary is a good map, the two surfaces end alike.
@@ -129,7 +129,7 @@ pub(crate) fn fit(
             Ok(alike.filter(is_better).unwrap_or(fitted))
         }
         (None, Some(from)) => by_charts(from),
-        (None, None) => {
+        (_, None) => {
             let detail =
                 "expected an example of which a part matches the input, or the reverse, found none; choose another";
             Err(PipelineError::refused(Refusal::NotEncodable, detail))

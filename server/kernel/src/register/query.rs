@@ -85,6 +85,7 @@ impl<T: Clone> Kept<T> {
 #[derive(Debug)]
 pub struct Query {
     unfolder: Unfolder,
+    /// The poles worth trying, best first.
     pole_sets: Vec<Vec<u32>>,
     /// Whether the user gave the poles, which are then kept.
     pub poles_given: bool,
@@ -284,11 +285,6 @@ impl Query {
     pub fn view(&self, poles: &[u32], side: usize) -> Option<View> {
         let conformal = self.conformal.as_ref().filter(|conformal| conformal.is_precise_at(poles))?;
         Some(self.trials.get_or_init(|| Trials::new(conformal.mesh())).view(conformal, poles, side))
-    }
-
-    /// The poles worth trying, best first.
-    pub fn pole_sets(&self) -> &[Vec<u32>] {
-        &self.pole_sets
     }
 
     /// The same as [`Self::try_poles`], kept for the next who tries them: the best examples' searches begin at the same
