@@ -539,7 +539,10 @@ async fn retopo_like_an_example_lays_it_on_every_segment_and_tells_the_quads_bef
     assert_eq!(posted[0].line, format!("POST /v1/queries?like={}", example_id(3)));
     let wanted = |k: usize| serde_json::from_slice::<serde_json::Value>(&posted[k].body).expect("JSON");
     let map = |segment: u32, example: u8, of: u32| serde_json::json!({"segment": segment, "example": example_id(example).to_string(), "example_segment": of, "beyond": "extend"});
-    assert_eq!([wanted(1), wanted(2), wanted(3)], [map(0, 3, 0), map(1, 2, 7), map(2, 3, 2)]);
+    // Two segments are mapped at a time, in any order.
+    let mut mapped = [wanted(1), wanted(2), wanted(3)];
+    mapped.sort_by_key(|body| body["segment"].as_u64());
+    assert_eq!(mapped, [map(0, 3, 0), map(1, 2, 7), map(2, 3, 2)]);
     assert_eq!(wanted(4)["density"], 1);
     let kept = wanted(4)["keep"].clone();
     assert!(kept.as_array().is_some_and(|of| of.contains(&1.into())), "{kept}");

@@ -49,10 +49,8 @@ struct World {
     dice: u64,
     /// Counts the elections.
     term: u64,
-    /// Counts the followings.
-    followings: u64,
-    /// A position that followings before that of a number do not deliver.
-    passed_over: Option<(u64, u64)>,
+    /// A position that is not delivered.
+    passed_over: Option<u64>,
     /// By how much its clock is behind the servers'.
     clock_behind: Duration,
 }
@@ -132,10 +130,15 @@ impl FakeEngine {
         world.term += 1;
     }
 
-    /// Passes the next entry over, in all followings there are and in so many more.
-    pub(crate) fn pass_over_next(&self, followings: u64) {
+    /// Does not deliver the next entry to anybody, until all are delivered again.
+    pub(crate) fn pass_over_next(&self) {
         let mut world = self.shared.world();
-        world.passed_over = Some((world.log.len() as u64 + 1, world.followings + followings + 1));
+        world.passed_over = Some(world.log.len() as u64 + 1);
+    }
+
+    /// Delivers all entries to those that follow anew.
+    pub(crate) fn deliver_all(&self) {
+        self.shared.world().passed_over = None;
     }
 
     /// Elects another leader.
@@ -235,10 +238,7 @@ impl Engine for FakeEngine {
 
     fn follow(&self, after: u64) -> Result<Box<dyn Deliveries>, EngineError> {
         self.call("be followed", |_| ())?;
-        let mut world = self.shared.world();
-        world.followings += 1;
-        let following = world.followings;
-        Ok(Box::new(Followed { engine: self.clone(), position: after, following, number: 0, waiting: VecDeque::new() }))
+        Ok(Box::new(Followed { engine: self.clone(), position: after, number: 0, waiting: VecDeque::new() }))
     }
 
     fn add_job(&self, kind: &str, name: &str, payload: &[u8]) -> Result<bool, EngineError> {
@@ -337,7 +337,6 @@ impl Job for Taken {
 struct Followed {
     engine: FakeEngine,
     position: u64,
-    following: u64,
     number: u64,
     waiting: VecDeque<Delivery>,
 }
@@ -350,8 +349,7 @@ impl Followed {
             self.position += 1;
             let (key, bytes) = world.log[self.position as usize - 1].clone();
             // Of each key the newest entry is kept.
-            let is_before = |(position, first): (u64, u64)| position == self.position && self.following < first;
-            let is_passed_over = world.passed_over.is_some_and(is_before);
+            let is_passed_over = world.passed_over == Some(self.position);
             if world.newest[&key] != self.position || is_passed_over {
                 continue;
             }
