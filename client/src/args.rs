@@ -6,7 +6,10 @@ pub use annotate::AnnotateArgs;
 
 use crate::{
     file::OutFile,
-    spec::{ConstraintSpec, ExampleRef, LandmarkSpec, LandmarksSpec, Name, Require, SegmentsSpec, TagEdit, UsePart},
+    spec::{
+        ConstraintSpec, ExampleRef, LandmarkSpec, LandmarksSpec, Name, Require, SegmentNameSpec, SegmentRef,
+        SegmentsSpec, TagEdit, UsePart,
+    },
 };
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
@@ -125,6 +128,16 @@ pub enum Command {
     Query(QueryCommand),
     /// Show the ranking of a query
     Ranking(RankingArgs),
+    /// Name the parts of a scan, its segments, for all who look at the query
+    Name {
+        /// The query
+        #[arg(value_name = "QUERY")]
+        query: Name,
+        /// `SEGMENT=NAME`, the segment by its number or by the name it has; `SEGMENT=` takes the name off. Without any, the segments
+        /// are listed
+        #[arg(value_name = "SEGMENT=NAME")]
+        names: Vec<SegmentNameSpec>,
+    },
     /// Lay an example on the input, and write the mesh
     Map(MapArgs),
     /// Edit the constraints of a map, and write the new mesh
@@ -277,9 +290,9 @@ pub struct RankingArgs {
     /// The query
     #[arg(value_name = "QUERY")]
     pub query: Name,
-    /// Only this segment
-    #[arg(long, value_name = "N")]
-    pub segment: Option<u32>,
+    /// Only this segment, by its number or its name
+    #[arg(long, value_name = "SEGMENT")]
+    pub segment: Option<SegmentRef>,
     /// Follow it until it is final
     #[arg(long)]
     pub follow: bool,
@@ -330,9 +343,9 @@ pub struct MapArgs {
     /// The example, or `EXAMPLE:SEGMENT` [default: the best entry of the ranking]
     #[arg(value_name = "EXAMPLE")]
     pub example: Option<ExampleRef<Name>>,
-    /// The query's segment
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub segment: u32,
+    /// The query's segment, by its number or its name
+    #[arg(long, value_name = "SEGMENT", default_value = "0")]
+    pub segment: SegmentRef,
     /// Where the input reaches beyond the example: `extend` continues the example's boundary by rows of quads, `leave` writes the example's
     /// faces alone
     #[arg(long, value_name = "extend|leave", value_parser = beyond, default_value = "leave")]
@@ -413,9 +426,10 @@ pub struct LayArgs {
 /// The flags of a composition.
 #[derive(Clone, Debug, Args)]
 pub struct ComposeArgs {
-    /// `SEGMENT=EXAMPLE` or `SEGMENT=EXAMPLE:SEGMENT`: this example in place of the best (may be repeated)
+    /// `SEGMENT=EXAMPLE` or `SEGMENT=EXAMPLE:SEGMENT`: this example in place of the best (may be repeated). The scan's segment by
+    /// its number, or by its name where it was given one
     #[arg(long = "use", value_name = "SEGMENT=EXAMPLE")]
-    pub uses: Vec<UsePart<Name>>,
+    pub uses: Vec<UsePart<Name, SegmentRef>>,
     /// How to lay it
     #[command(flatten)]
     pub lay: LayArgs,

@@ -11,6 +11,7 @@ mod gauge;
 mod making;
 mod manual;
 mod map;
+mod naming;
 mod open;
 mod rank;
 mod screen;
@@ -32,6 +33,7 @@ pub async fn dispatch(command: Command, api: &Api, state: &State, ui: &mut Ui) -
         Command::Annotate(args) => annotate::annotate(&args, api, ui).await,
         Command::Query(args) => rank::query(&args, api, state, ui).await,
         Command::Ranking(args) => rank::ranking(&args, api, state, ui).await,
+        Command::Name { query, names } => naming::name(&query, &names, api, state, ui).await,
         Command::Map(args) => map::map(&args, api, state, ui).await,
         Command::Constrain(args) => map::constrain(args, api, state, ui).await,
         Command::Compose(args) => compose::compose(&args, api, state, ui).await,

@@ -146,21 +146,17 @@ pub enum ClientError {
         segments: usize,
     },
     /// Nothing has this name.
-    #[error(
-        "expected the id of {}, its beginning or its name, found `{found}`, which none has; {}",
-        a(kind),
-        listed_by(kind)
-    )]
+    #[error("expected {}, found `{found}`, which none has; {}", named_by(kind), listed_by(kind))]
     NoSuchName {
-        /// The kind of thing sought: `example`, `query` or `map`.
+        /// The kind of thing sought: `example`, `query`, `map` or `segment`.
         kind: &'static str,
         /// The text.
         found: String,
     },
     /// Several things have this name, or begin with it.
-    #[error("expected one {kind}, found `{found}`, which may be {candidates}; give more of its id")]
+    #[error("expected one {kind}, found `{found}`, which may be {candidates}; give {}", more_of(kind))]
     Ambiguous {
-        /// The kind of thing sought: `example`, `query` or `map`.
+        /// The kind of thing sought: `example`, `query`, `map` or `segment`.
         kind: &'static str,
         /// The text.
         found: String,
@@ -359,8 +355,17 @@ fn failures(failed: usize, total: usize) -> String {
 }
 
 /// A kind of thing with its article.
-fn a(kind: &str) -> String {
-    format!("{} {kind}", if kind == "example" { "an" } else { "a" })
+fn named_by(kind: &str) -> String {
+    match kind {
+        "segment" => "the number or the name of a segment".into(),
+        "example" => "the id of an example, its beginning or its name".into(),
+        _ => format!("the id of a {kind}, its beginning or its name"),
+    }
+}
+
+/// The words that tell one thing from others of like names.
+fn more_of(kind: &str) -> &'static str {
+    if kind == "segment" { "its number" } else { "more of its id" }
 }
 
 /// Where the names of a kind are to be seen.
@@ -368,6 +373,7 @@ fn listed_by(kind: &str) -> &'static str {
     match kind {
         "example" => "see `quadmuse list`",
         "query" => "`quadmuse query` prints it last; `@last` is the last",
+        "segment" => "`quadmuse name QUERY` lists those of a query",
         _ => "`quadmuse map` prints it",
     }
 }

@@ -5,10 +5,10 @@
 use crate::{
     api::{Api, ExampleFilter},
     error::ClientError,
-    spec::{ExampleRef, Name, UsePart},
+    spec::{ExampleRef, Name, SegmentRef, UsePart},
     state::State,
 };
-use quadmuse_proto::{ExampleId, MapId, QueryId};
+use quadmuse_proto::{ExampleId, MapId, QueryId, QuerySegment};
 use std::fmt::Display;
 
 /// The word for the last query that was started.
@@ -44,14 +44,19 @@ pub async fn example_ref(told: &ExampleRef<Name>, api: &Api) -> Result<ExampleRe
     Ok(ExampleRef { example: example(&told.example, api).await?, segment: told.segment })
 }
 
-/// The examples that segments are to take.
+/// The examples that segments are to take; `segments`: those of the query.
 ///
 /// # Errors
 /// As [`example`].
-pub async fn uses(told: &[UsePart<Name>], api: &Api) -> Result<Vec<UsePart>, ClientError> {
+pub async fn uses(
+    told: &[UsePart<Name, SegmentRef>],
+    segments: &[QuerySegment],
+    api: &Api,
+) -> Result<Vec<UsePart>, ClientError> {
     let mut all = Vec::with_capacity(told.len());
     for part in told {
-        all.push(UsePart { segment: part.segment, example: example_ref(&part.example, api).await? });
+        let segment = segment(&part.segment, segments)?;
+        all.push(UsePart { segment, example: example_ref(&part.example, api).await? });
     }
     Ok(all)
 }
@@ -69,6 +74,21 @@ pub async fn query(name: &Name, api: &Api, state: &State) -> Result<QueryId, Cli
     }
     let all = api.queries().await?;
     one("query", &name.0, all.into_iter().map(|query| Thing { id: query.id, name: String::new() }).collect())
+}
+
+/// The number of the segment that a text stands for. A number is taken at its word: the service knows whether there is such
+/// a segment.
+///
+/// # Errors
+/// As [`example`].
+pub fn segment(told: &SegmentRef, segments: &[QuerySegment]) -> Result<u32, ClientError> {
+    match told {
+        SegmentRef::Number(number) => Ok(*number),
+        SegmentRef::Named(found) => {
+            let thing = |s: &QuerySegment| Some(Thing { id: s.segment, name: s.name.clone()? });
+            one("segment", found, segments.iter().filter_map(thing).collect())
+        }
+    }
 }
 
 /// The map of a query that a text stands for.
@@ -136,6 +156,22 @@ mod tests {
         assert!(matches!(error, ClientError::Ambiguous { .. }), "{error}");
         let many: Vec<(u8, &str)> = (1..=20).map(|k| (k, "head")).collect();
         assert!(one("example", "head", things(&many)).expect_err("many").to_string().contains("and 12 more"));
+    }
+
+    #[test]
+    fn a_segment_goes_by_its_number_or_its_name() {
+        let named = |segment, name: Option<&str>| QuerySegment { name: name.map(str::to_owned), ..bare(segment) };
+        let all = [named(0, Some("arm")), named(1, None), named(2, Some("leg left")), named(3, Some("leg right"))];
+        let find = |text: &str| segment(&text.parse().expect(text), &all);
+        assert_eq!([find("1").ok(), find("9").ok(), find("arm").ok(), find("leg l").ok()], [1, 9, 0, 2].map(Some));
+        let said = find("leg").expect_err("two").to_string();
+        assert!(said.contains("2 (leg left), 3 (leg right); give its number"), "{said}");
+        let said = find("foot").expect_err("none").to_string();
+        assert!(said.contains("the number or the name of a segment, found `foot`, which none has"), "{said}");
+    }
+
+    fn bare(segment: u32) -> QuerySegment {
+        QuerySegment { segment, ..crate::table::tests::query(1).segments.remove(0) }
     }
 
     #[test]

@@ -172,20 +172,63 @@ impl FromStr for ExampleRef<Name> {
     }
 }
 
-/// `SEGMENT=EXAMPLE`: which example a segment of the query takes.
+/// A segment of a query, by its number or by its name. [`names`](crate::names) tells which segment has a name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SegmentRef {
+    /// Its number, from 0.
+    Number(u32),
+    /// Its name, or the beginning of it.
+    Named(String),
+}
+
+impl FromStr for SegmentRef {
+    type Err = SpecError;
+
+    fn from_str(text: &str) -> Result<Self, SpecError> {
+        match text.parse() {
+            Ok(number) => Ok(Self::Number(number)),
+            Err(_) if text.trim().is_empty() => refuse("the number or the name of a segment", text),
+            Err(_) => Ok(Self::Named(text.into())),
+        }
+    }
+}
+
+/// `SEGMENT=NAME`: what a segment of a query is to be called; without a name it loses the one it has.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SegmentNameSpec {
+    /// The segment.
+    pub segment: SegmentRef,
+    /// Its name; empty for none.
+    pub name: String,
+}
+
+impl FromStr for SegmentNameSpec {
+    type Err = SpecError;
+
+    fn from_str(text: &str) -> Result<Self, SpecError> {
+        let expected = "SEGMENT=NAME, a segment and what it is to be called";
+        let Some((segment, name)) = text.split_once('=') else { return refuse(expected, text) };
+        match segment.parse() {
+            Ok(segment) => Ok(Self { segment, name: name.trim().into() }),
+            Err(_) => refuse(expected, text),
+        }
+    }
+}
+
+/// `SEGMENT=EXAMPLE`: which example a segment of the query takes; on the command line with a [`Name`] and a [`SegmentRef`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct UsePart<N = ExampleId> {
+pub struct UsePart<N = ExampleId, S = u32> {
     /// The query's segment.
-    pub segment: u32,
+    pub segment: S,
     /// The example laid on it.
     pub example: ExampleRef<N>,
 }
 
-impl FromStr for UsePart<Name> {
+impl FromStr for UsePart<Name, SegmentRef> {
     type Err = SpecError;
 
     fn from_str(text: &str) -> Result<Self, SpecError> {
-        let expected = "SEGMENT=EXAMPLE, a number and an example";
+        let expected = "SEGMENT=EXAMPLE, a segment and an example";
         let Some((segment, example)) = text.split_once('=') else { return refuse(expected, text) };
         match (segment.parse(), example.parse()) {
             (Ok(segment), Ok(example)) => Ok(Self { segment, example }),
@@ -357,14 +400,26 @@ mod tests {
 
     #[test]
     fn an_example_may_name_its_segment() {
-        let with: UsePart<Name> = format!("3={ID}:2").parse().expect("parses");
-        assert_eq!((with.segment, with.example.segment), (3, Some(2)));
+        let with: UsePart<Name, SegmentRef> = format!("3={ID}:2").parse().expect("parses");
+        assert_eq!((with.segment, with.example.segment), (SegmentRef::Number(3), Some(2)));
+        let part: UsePart<Name, SegmentRef> = format!("left arm={ID}").parse().expect("parses");
+        assert_eq!(part.segment, SegmentRef::Named("left arm".into()));
         let without: ExampleRef<Name> = ID.parse().expect("parses");
         assert_eq!(without.segment, None);
         let named: ExampleRef<Name> = "head: old:1".parse().expect("parses");
         assert_eq!((named.example.0.as_str(), named.segment), ("head: old", Some(1)));
-        for text in [format!("x={ID}"), "3=".into(), "3=:2".into(), ID.into()] {
-            assert!(text.parse::<UsePart<Name>>().is_err(), "{text}");
+        for text in [format!("={ID}"), "3=".into(), "3=:2".into(), ID.into()] {
+            assert!(text.parse::<UsePart<Name, SegmentRef>>().is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn a_part_is_given_a_name_or_loses_it() {
+        let spec = |text: &str| text.parse::<SegmentNameSpec>();
+        let number =
+            |segment, name: &str| Ok(SegmentNameSpec { segment: SegmentRef::Number(segment), name: name.into() });
+        assert_eq!((spec("2=left arm "), spec("0=")), (number(2, "left arm"), number(0, "")));
+        assert_eq!(spec("arm=a=b").expect("parses").name, "a=b");
+        assert!(["", "arm", "=arm", " =arm"].into_iter().all(|text| spec(text).is_err()));
     }
 }

@@ -149,6 +149,7 @@ mod tests {
         let ranking = Ranking {
             query,
             segment: 0,
+            segment_name: None,
             revision: 3,
             level: 32,
             resolution: 128,

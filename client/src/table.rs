@@ -3,10 +3,12 @@
 mod corpus;
 mod outcome;
 mod ranking;
+mod segments;
 
 pub use corpus::{example, examples, parts, sought};
 pub use outcome::{composition, expected_quads, map, verdicts};
 pub use ranking::{first_entries, ranking, revision, summary};
+pub use segments::{segment, segments};
 
 use crate::{error::printable, ui::Room};
 use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, LineStyle, Row, Table, TableStyle};
@@ -54,7 +56,7 @@ fn new_table(columns: &[Column], room: Room) -> Table {
 }
 
 /// A row that is one line, whatever is in it.
-fn line<const N: usize>(cells: [String; N]) -> Row {
+fn line(cells: impl IntoIterator<Item = String>) -> Row {
     let mut row = Row::from(cells);
     row.max_height(1);
     row

@@ -37,7 +37,7 @@ pub use making::{CompositionOrMaking, Making, MakingEvent, MakingState, MapOrMak
 pub use map::{Beyond, Covers, Distortion, Histogram, Map, MapEvidence, MapTimings, NewMap, Verdict};
 pub use paging::Page;
 pub use problem::{Code, Problem};
-pub use query::{LevelTiming, Progress, Query, QuerySegment, QueryState, QueryTimings};
+pub use query::{LevelTiming, Progress, Query, QueryPatch, QuerySegment, QueryState, QueryTimings, SegmentName};
 pub use ranking::{Entry, EntryState, Flip, Ranking};
 pub use sample::{Sample, SampleKind};
 pub use segment::{Components, Parts, Segmentation, Topology};

@@ -21,6 +21,12 @@ pub const DEADLINE_MS_MAX: u64 = 3_600_000;
 /// Longest `wait_ms` of a long poll.
 pub const WAIT_MS_MAX: u64 = 60_000;
 
+/// Most characters of a segment's name.
+pub const SEGMENT_NAME_LENGTH_MAX: usize = 60;
+
+/// Most segments of a query that have names.
+pub const SEGMENTS_NAMED_MAX: usize = 256;
+
 /// Where a query stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -114,6 +120,9 @@ pub struct Query {
 pub struct QuerySegment {
     /// Its number in the query.
     pub segment: u32,
+    /// What it is called, where it was given a name. Two of a query may have the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
     /// Its topology.
     pub topology: Topology,
     /// Faces of the input that belong to it.
@@ -135,6 +144,27 @@ pub struct QuerySegment {
     pub level: Option<u32>,
     /// Corpus segments that it is ranked against; an example that is there whole and by its parts counts once.
     pub corpus_size: u64,
+}
+
+/// `PATCH /v1/queries/{id}`: all of it or nothing; what is absent stays as it is.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct QueryPatch {
+    /// New names of segments, each segment once; the others keep theirs. At most 256 segments of a query have names.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub segments: Vec<SegmentName>,
+}
+
+/// The name of a segment of a query.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct SegmentName {
+    /// The segment's number in the query.
+    pub segment: u32,
+    /// Its name: at most 60 characters, not only blanks, without control and direction characters; empty takes it off.
+    pub name: String,
 }
 
 fn is_zero(count: &u32) -> bool {
@@ -186,4 +216,26 @@ pub struct LevelTiming {
     pub entries: u64,
     /// Milliseconds.
     pub ms: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_patch_travels_as_it_was_and_what_it_does_not_know_is_refused() {
+        let name = SegmentName { segment: 2, name: "left arm".into() };
+        let patch = QueryPatch { segments: vec![name] };
+        let text = serde_json::to_string(&patch).expect("prints");
+        assert_eq!(text, r#"{"segments":[{"segment":2,"name":"left arm"}]}"#);
+        assert_eq!(serde_json::from_str::<QueryPatch>(&text).expect("reads"), patch);
+        let packed = rmp_serde::to_vec_named(&patch).expect("packs");
+        assert_eq!(rmp_serde::from_slice::<QueryPatch>(&packed).expect("unpacks"), patch);
+        assert_eq!(serde_json::from_str::<QueryPatch>("{}").expect("reads"), QueryPatch::default());
+        for wrong in
+            [r#"{"names":[]}"#, r#"{"segments":[{"segment":2}]}"#, r#"{"segments":[{"segment":2,"name":"a","x":1}]}"#]
+        {
+            assert!(serde_json::from_str::<QueryPatch>(wrong).is_err(), "{wrong}");
+        }
+    }
 }

@@ -111,7 +111,18 @@ mod tests {
         let query = QueryId::generate();
         let (state, entries) = (QueryState::Ranking, Vec::new());
         let (incomplete, corpus_size) = (Vec::new(), 3);
-        Ranking { query, segment: 1, revision: 7, level: 32, resolution: 128, state, entries, corpus_size, incomplete }
+        Ranking {
+            query,
+            segment: 1,
+            segment_name: Some("arm".into()),
+            revision: 7,
+            level: 32,
+            resolution: 128,
+            state,
+            entries,
+            corpus_size,
+            incomplete,
+        }
     }
 
     #[test]

@@ -89,7 +89,7 @@ fn documented() -> OpenApiRouter<App> {
         .routes(routes!(examples::thumbnail))
         .routes(routes!(examples::encoding))
         .routes(routes!(queries::start, queries::list))
-        .routes(routes!(queries::get, queries::cancel))
+        .routes(routes!(queries::get, queries::annotate, queries::cancel))
         .routes(routes!(queries::restart))
         .routes(routes!(queries::mesh))
         .routes(routes!(ranking::get))

@@ -18,6 +18,7 @@ pub mod kept;
 pub mod landmarks;
 pub mod making;
 pub mod mapping;
+pub mod naming;
 pub mod picture;
 pub mod pictures;
 pub mod queries;

@@ -4,7 +4,7 @@ import { $, buffer, call, canStartAgain, json, make, sentence } from "/web/call.
 import { follow } from "/web/follow.js";
 import { draw, layBest, resume, showComposition, showMap } from "/web/laying.js";
 import { showPanel } from "/web/panel.js";
-import { adopt, partName } from "/web/partnames.js";
+import { adopt, namesOf, partName } from "/web/partnames.js";
 import { readPly } from "/web/read.js";
 import { go } from "/web/route.js";
 import { bench } from "/web/state.js";
@@ -51,7 +51,7 @@ export function showSegments(query) {
 // faces and their names, where its parts were made here; `like`: the example that it was cut as.
 export async function open(started, { mesh = null, name = "", wanted = {}, made = null, like = null } = {}) {
   bench.query?.stop.abort();
-  const query = { id: started.id, name: name || `scan of ${started.counts.faces} faces`, state: started.state, repairs: started.repairs, segments: started.segments, segment: 0, rankings: new Map(), ended: false, shown: null, laid: new Map(), touched: false, like, stop: new AbortController(), past: [], at: -1, pairs: [] };
+  const query = { id: started.id, name: name || `scan of ${started.counts.faces} faces`, state: started.state, repairs: started.repairs, segments: started.segments, names: namesOf(started), segment: 0, rankings: new Map(), ended: false, shown: null, laid: new Map(), touched: false, like, stop: new AbortController(), past: [], at: -1, pairs: [] };
   bench.query = query;
   $("welcome").hidden = true;
   $("trouble").textContent = "";
@@ -71,7 +71,10 @@ export async function open(started, { mesh = null, name = "", wanted = {}, made 
     // What is cut into parts is fetched with its parts.
     query.mesh = mesh && started.segments.length < 2 ? mesh : readPly(await buffer(`/v1/queries/${query.id}/mesh?format=ply`));
     if (bench.query !== query) return;
-    if (made) { adopt(query, made); showSegments(query); }
+    if (made) {
+      adopt(query, made).catch((error) => { say(error.message, "bad"); showSegments(query); });
+      showSegments(query);
+    }
     viewer.setScan(query.mesh);
     tools.setNames({ result: query.name, example: "" });
     tools.set({ layout: "one", show: "quads" });

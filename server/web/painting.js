@@ -4,7 +4,7 @@ import { buffer, make } from "/web/call.js";
 import { cutAlong, seenBy } from "/web/cutting.js";
 import { faceCount } from "/web/mesh.js";
 import { button, showPanel } from "/web/panel.js";
-import { cleaned, ownNames, plainName } from "/web/partnames.js";
+import { cleaned, plainName } from "/web/partnames.js";
 import { colourOf, css } from "/web/parts.js";
 import { readPly } from "/web/read.js";
 import { endsOf, facing, free, tidied, used } from "/web/regions.js";
@@ -63,7 +63,7 @@ export async function begin(query) {
   const old = query.mesh.segments;
   const last = tried.get(query.id);
   const labels = Uint16Array.from(last?.labels ?? old ?? new Uint16Array(faceCount(query.mesh)));
-  query.painting = { old, labels, names: new Map(last?.names ?? ownNames(query)), label: old ? query.segment : 0, size: "medium", past: [], before: [] };
+  query.painting = { old, labels, names: new Map(last?.names ?? query.names), label: old ? query.segment : 0, size: "medium", past: [], before: [] };
   // Points of a map, and landmarks, would lie in the way.
   bench.viewer.setPoints([]);
   bench.viewer.setPairs([]);

@@ -112,7 +112,11 @@ export function showParts(query, { stitch }) {
   list.append(...query.segments.map((s) => item(query, s)));
   const called = make("label", `Name of ${plainName(query.segment).toLowerCase()} `);
   const name = make("input", undefined, { id: "part-name", value: partName(query, query.segment) === plainName(query.segment) ? "" : partName(query, query.segment), placeholder: plainName(query.segment), autocomplete: "off", maxLength: 60 });
-  name.onchange = () => { rename(query, query.segment, cleaned(name.value, query.segment)); showSegments(query); showPanel(query); };
+  name.onchange = () => {
+    const show = () => { if (bench.query === query) { showSegments(query); showPanel(query); } };
+    rename(query, [{ segment: query.segment, name: cleaned(name.value, query.segment) }]).catch((error) => { say(error.message, "bad"); show(); });
+    show();
+  };
   called.append(name);
   const label = make("label", "Density ");
   const density = make("select", undefined, { id: "density" });

@@ -138,24 +138,38 @@ export const parts = {
     await page.click("#paint-done");
     await until("a stitched mesh", () => page.url().includes("/composition/"));
     await rest(page);
-    const names = () => page.evaluate(() => [...document.querySelectorAll("#part-list .part")].map((b) => b.textContent).sort().join());
+    const names = (at = page) => at.evaluate(() => [...document.querySelectorAll("#part-list .part")].map((b) => b.textContent).sort().join());
     check((await names()).includes(name) && (await names()).includes("Part "), await names());
     check((await page.locator("#segment option").allTextContents()).some((text) => text.startsWith(name)), "the ranking does not tell the name");
     await page.click("#show-parts");
     await page.waitForTimeout(300);
     await shoot(page, "cut-used");
     await noComplaints(page, "cut used");
-    // Kept over a reload; changed, and taken back.
+    // Kept over a reload, and told to who opens the link in another browser; changed, and taken back.
     const before = await names();
     await page.reload();
     await page.waitForSelector("#part-list li");
     check((await names()) === before, `after a reload: ${await names()}`);
+    const other = await open({}, page.url());
+    await other.waitForSelector("#part-list li");
+    check((await names(other)) === before, `in another browser: ${await names(other)}`);
+    check((await other.locator("#segment option").allTextContents()).some((text) => text.startsWith(name)), "the other's ranking does not tell the name");
+    await shoot(other, "named-elsewhere");
     await page.fill("#part-name", "Oberarm <b>");
     await page.press("#part-name", "Enter");
     await until("another name", async () => (await names()).includes("Oberarm <b>"));
     await page.fill("#part-name", " ");
     await page.press("#part-name", "Enter");
     await until("its number", async () => !(await names()).includes("Oberarm"));
+    // What the server refuses is told, and is as it was.
+    page.expected = [/status of 400/];
+    await page.fill("#part-name", "a\u202eb");
+    await page.press("#part-name", "Enter");
+    await until("a refusal", async () => /direction characters/.test(await page.textContent("#status")));
+    check(!(await names()).includes("\u202e"), await names());
+    await other.reload();
+    await other.waitForSelector("#part-list li");
+    check((await names(other)) === (await names()), `in another browser, after all: ${await names(other)}`);
   },
 
   async "a line that comes back to where it began cuts out what is in it, and one beside all parts nothing"({ open, scan }) {

@@ -79,6 +79,8 @@ query = call("queries_start", body=bumpy(40, 0.3))
 assert isinstance(query, models.Query), query
 while call("queries_get", query.id).state not in (models.QueryState.DONE, models.QueryState.FAILED):
     time.sleep(0.1)
+given = models.QueryPatch(segments=[models.SegmentName(segment=0, name="all of it")])
+assert call("queries_annotate", query.id, body=given).segments[0].name == "all of it"
 entries = call("ranking_get", query.id, segment=0).entries
 assert any(entry.example == example.id for entry in entries), entries
 

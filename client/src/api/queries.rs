@@ -8,7 +8,7 @@ use crate::{
 };
 use quadmuse_proto::{
     Composition, CompositionId, CompositionOrMaking, ConstraintEdit, ExampleId, Making, MakingState, Map, MapId,
-    MapOrMaking, MeshFormat, NewComposition, NewMap, Page, Query, QueryId, Ranking,
+    MapOrMaking, MeshFormat, NewComposition, NewMap, Page, Query, QueryId, QueryPatch, Ranking,
 };
 use reqwest::{Method, RequestBuilder, Response, header};
 use std::time::Duration;
@@ -110,6 +110,15 @@ impl Api {
     /// The service refuses (there is none) or is out of reach.
     pub async fn query(&self, id: QueryId) -> Result<Query, ClientError> {
         self.json(self.request(Method::GET, &["queries", &id.to_string()]), "a query").await
+    }
+
+    /// Names segments of a query.
+    ///
+    /// # Errors
+    /// The service refuses (there is no such segment) or is out of reach.
+    pub async fn patch_query(&self, id: QueryId, patch: &QueryPatch) -> Result<Query, ClientError> {
+        let request = self.request(Method::PATCH, &["queries", &id.to_string()]).json(patch);
+        self.json(request, "the query that was changed").await
     }
 
     /// The address of the service's page that shows a query.

@@ -13,7 +13,7 @@ use crate::{
     args::{ComposeArgs, ComposeCommand, LayArgs, QueryArgs, RetopoArgs},
     error::ClientError,
     names,
-    spec::{ExampleRef, UsePart},
+    spec::{ExampleRef, SegmentRef, UsePart},
     state::State,
     table,
     ui::Ui,
@@ -49,21 +49,38 @@ impl Wish<'_> {
 }
 
 pub(super) async fn compose(args: &ComposeCommand, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
-    let wish = wish(&args.compose, api, ui).await?;
-    let query = finished(names::query(&args.query, api, state).await?, api, ui).await?;
+    let target = target(&args.compose, ui)?;
+    let id = names::query(&args.query, api, state).await?;
+    let has_names = args.compose.uses.iter().any(|part| matches!(part.segment, SegmentRef::Named(_)));
+    // What is misspelt is told before the ranking is waited for.
+    let segments = if has_names { api.query(id).await?.segments } else { Vec::new() };
+    let wish = wish(&args.compose, target, &segments, api).await?;
+    let query = finished(id, api, ui).await?;
     stitch(&query, &wish, api, ui).await?.is_enough(wish.lay.require)
 }
 
 pub(super) async fn retopo(args: &RetopoArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
-    let wish = wish(&args.compose, api, ui).await?;
+    let target = target(&args.compose, ui)?;
+    // A scan that is yet to be sent has no names.
+    let wish = wish(&args.compose, target, &[], api).await?;
     let require = wish.lay.require;
     make(&args.query, wish, api, state, ui).await?.is_enough(require)
 }
 
-async fn wish<'a>(args: &'a ComposeArgs, api: &Api, ui: &mut Ui) -> Result<Wish<'a>, ClientError> {
+fn target(args: &ComposeArgs, ui: &mut Ui) -> Result<Target, ClientError> {
     let target = Target::of(&args.out, args.kept.as_deref()).sized(&args.size);
     target.prepare(ui)?;
-    Ok(Wish { lay: &args.lay, uses: names::uses(&args.uses, api).await?, target })
+    Ok(target)
+}
+
+/// The flags, with what their names stand for.
+async fn wish<'a>(
+    args: &'a ComposeArgs,
+    target: Target,
+    segments: &[QuerySegment],
+    api: &Api,
+) -> Result<Wish<'a>, ClientError> {
+    Ok(Wish { lay: &args.lay, uses: names::uses(&args.uses, segments, api).await?, target })
 }
 
 /// All of it in one go: uploads a scan, ranks, maps or composes, and writes the mesh.
@@ -416,7 +433,8 @@ fn told(segment: u32, wish: &Wish<'_>) -> Option<ExampleRef> {
 
 /// What a segment takes, in a line.
 fn chosen(segment: &QuerySegment, number: usize, count: usize, what: &str) -> String {
-    format!("segment {} ({number} of {count}, {}): {what}", segment.segment, segment.topology)
+    let of = table::segment(segment.segment, segment.name.as_deref());
+    format!("{of} ({number} of {count}, {}): {what}", segment.topology)
 }
 
 /// An example that was laid, and how well it fits.

@@ -34,7 +34,8 @@ pub(super) async fn map(args: &MapArgs, api: &Api, state: &State, ui: &mut Ui) -
         None => None,
     };
     let query = finished(names::query(&args.query, api, state).await?, api, ui).await?;
-    let (map, name) = lay(&query, args.segment, told, (args.beyond, &held), api, ui).await?;
+    let segment = names::segment(&args.segment, &query.segments)?;
+    let (map, name) = lay(&query, segment, told, (args.beyond, &held), api, ui).await?;
     held.tell(map.example, api, ui).await?;
     write_map(&map, Some(&name), &target, api, ui).await?.is_enough(args.require)
 }

@@ -103,9 +103,10 @@ fn tell_end(end: &End, ui: &mut Ui) {
 
 pub(super) async fn ranking(args: &RankingArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
     let query = api.query(names::query(&args.query, api, state).await?).await?;
-    check_segment(&query, args.segment)?;
+    let only = args.segment.as_ref().map(|told| names::segment(told, &query.segments)).transpose()?;
+    check_segment(&query, only)?;
     if args.follow {
-        let mut screen = Screen::new(query.clone(), args.segment, Wanted::Ranking, ui);
+        let mut screen = Screen::new(query.clone(), only, Wanted::Ranking, ui);
         let end = follow::stream(api, query.id, &mut screen).await?;
         ui.settle();
         follow::conclude(&end)?;
@@ -116,7 +117,7 @@ pub(super) async fn ranking(args: &RankingArgs, api: &Api, state: &State, ui: &m
         return Err(ClientError::Refused(Box::new(problem)));
     }
     let segments = query.segments.iter().map(|segment| segment.segment);
-    for segment in segments.filter(|&segment| args.segment.is_none_or(|only| only == segment)) {
+    for segment in segments.filter(|&segment| only.is_none_or(|only| only == segment)) {
         let ranking = api.ranking(query.id, RankingView { segment, after: None, wait_ms: 0 }).await?;
         ui.value(&ranking)?;
         ui.text(&table::ranking(&ranking, ui.room()))?;

@@ -1,6 +1,6 @@
 //! Rankings: of one segment in full, of several in a line each.
 
-use super::{Column, line, new_table, word};
+use super::{Column, line, new_table, segments::segment as told, word};
 use crate::ui::Room;
 use comfy_table::Table;
 use quadmuse_proto::{Entry, EntryState, Flip, Query, Ranking, Share};
@@ -31,10 +31,11 @@ pub fn first_entries(ranking: &Ranking, count: u32) -> String {
 
 /// A revision of a segment's ranking in a line: its level, and the best entry.
 pub fn revision(ranking: &Ranking) -> String {
-    let Ranking { segment, level, resolution, .. } = ranking;
+    let Ranking { level, resolution, .. } = ranking;
     match ranking.entries.first() {
         Some(best) => format!(
-            "segment {segment} · level {level} of {resolution} · best: {}, score {:.4} ({}){}",
+            "{} · level {level} of {resolution} · best: {}, score {:.4} ({}){}",
+            told(ranking.segment, ranking.segment_name.as_deref()),
             name(best),
             best.score,
             example(best),
@@ -114,19 +115,17 @@ fn wide_table<'a>(entries: impl Iterator<Item = &'a Entry>, room: Room) -> Table
 }
 
 fn title(ranking: &Ranking) -> String {
-    let Ranking { segment, level, resolution, corpus_size, state, .. } = ranking;
+    let Ranking { level, resolution, corpus_size, state, .. } = ranking;
+    let segment = told(ranking.segment, ranking.segment_name.as_deref());
     match (ranking.level, ranking.entries.is_empty()) {
-        (0, _) => format!("segment {segment} · {} · no ranking yet", state.as_str()),
+        (0, _) => format!("{segment} · {} · no ranking yet", state.as_str()),
         (_, true) if ranking.incomplete.is_empty() => {
-            format!("segment {segment} · {} · nothing in the corpus has its topology", state.as_str())
+            format!("{segment} · {} · nothing in the corpus has its topology", state.as_str())
         }
-        (_, true) => format!("segment {segment} · {} · nothing found{}", state.as_str(), without(&ranking.incomplete)),
+        (_, true) => format!("{segment} · {} · nothing found{}", state.as_str(), without(&ranking.incomplete)),
         _ => {
             let without = without(&ranking.incomplete);
-            format!(
-                "segment {segment} · level {level} of {resolution} · {corpus_size} ranked · {}{without}",
-                state.as_str()
-            )
+            format!("{segment} · level {level} of {resolution} · {corpus_size} ranked · {}{without}", state.as_str())
         }
     }
 }
@@ -143,30 +142,34 @@ fn without(incomplete: &[Share]) -> String {
 
 /// The best entry of each segment of a query; `rankings` holds one a segment, as far as there are some.
 pub fn summary(query: &Query, rankings: &[Option<Ranking>], room: Room) -> String {
-    let columns = [
-        Column::Numbers("segment"),
+    let has_names = query.segments.iter().any(|segment| segment.name.is_some());
+    let mut columns = vec![Column::Numbers("segment")];
+    columns.extend(has_names.then_some(Column::Words("name")));
+    columns.extend([
         Column::Words("topology"),
         Column::Numbers("level"),
         Column::Words("best"),
         Column::Ids("example"),
         Column::Numbers("score"),
         Column::Numbers("of"),
-    ];
+    ]);
     let mut table = new_table(&columns, room);
     let shown = fitting(query.segments.len(), room);
     for (index, segment) in query.segments.iter().take(shown).enumerate() {
         let ranking = rankings.get(index).and_then(Option::as_ref);
         let best = ranking.and_then(|ranking| ranking.entries.first());
         let level = ranking.map_or(0, |ranking| ranking.level);
-        table.add_row(line([
-            segment.segment.to_string(),
+        let mut cells = vec![segment.segment.to_string()];
+        cells.extend(has_names.then(|| segment.name.as_deref().map_or_else(|| "–".to_owned(), word)));
+        cells.extend([
             segment.topology.to_string(),
             if level == 0 { "–".to_owned() } else { format!("{level} of {}", query.resolution) },
             best.map_or_else(|| "–".to_owned(), name),
             best.map_or_else(String::new, example),
             best.map_or_else(String::new, |entry| format!("{:.4}", entry.score)),
             segment.corpus_size.to_string(),
-        ]));
+        ]);
+        table.add_row(line(cells));
     }
     let rest = query.segments.len() - shown;
     let table = room.paint.table(&table.to_string());
@@ -243,6 +246,7 @@ pub(crate) mod tests {
         Ranking {
             query: QueryId::from_bytes([7; 16]),
             segment: 0,
+            segment_name: None,
             revision: 2,
             level: 64,
             resolution: 128,
@@ -256,6 +260,7 @@ pub(crate) mod tests {
     pub(crate) fn query(segments: u32) -> Query {
         let segment = |segment| QuerySegment {
             segment,
+            name: None,
             topology: Topology::Annulus,
             faces: 100,
             holes: 0,
@@ -348,5 +353,13 @@ pub(crate) mod tests {
         assert!(text.contains("64 of 128"), "{text}");
         assert_eq!(text.matches("annulus").count(), 3, "{text}");
         assert_eq!(text.matches("head 1").count(), 1, "{text}");
+        assert!(!text.contains("name"), "{text}");
+        let mut named = query(3);
+        named.segments[1].name = Some("arm".into());
+        let text = summary(&named, &[], Room::default());
+        assert!(text.lines().next().is_some_and(|head| head.contains("name")) && text.contains("arm"), "{text}");
+        let called = Ranking { segment_name: Some("arm".into()), ..with_entries(1) };
+        assert!(ranking(&called, Room::default()).starts_with("segment 0, arm · level 64"));
+        assert!(revision(&called).starts_with("segment 0, arm · level 64"));
     }
 }

@@ -56,6 +56,7 @@ pub(crate) fn example(n: u8) -> Example {
 pub(crate) fn query(state: QueryState, segments: u32) -> Query {
     let segment = |segment| QuerySegment {
         segment,
+        name: None,
         topology: Topology::Disc,
         faces: 100,
         holes: 0,
@@ -110,7 +111,19 @@ pub(crate) fn ranking(segment: u32, revision: u64, level: u32, state: QueryState
     };
     let entries = (1..=3).map(entry).collect();
     let (query, incomplete) = (query_id(), Vec::new());
-    Ranking { query, segment, revision, level, resolution: 128, state, entries, corpus_size: 3, incomplete }
+    let segment_name = None;
+    Ranking {
+        query,
+        segment,
+        segment_name,
+        revision,
+        level,
+        resolution: 128,
+        state,
+        entries,
+        corpus_size: 3,
+        incomplete,
+    }
 }
 
 /// The map.

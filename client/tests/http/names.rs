@@ -5,7 +5,7 @@ use crate::{
     messages::{example, example_id, map, map_id, query, query_id},
     run_with,
 };
-use quadmuse_proto::{Code, Constraint, ConstraintOrigin, Example, Location, Map, Page, QueryState};
+use quadmuse_proto::{Code, Constraint, ConstraintOrigin, Example, Location, Map, Page, Query, QueryPatch, QueryState};
 
 /// A corpus of a head, a hand and two feet, and one query with one map.
 fn service(asked: &Asked) -> Reply {
@@ -91,4 +91,69 @@ async fn a_constraint_that_the_map_has_not_is_told_with_those_it_has() {
     );
     let ran = run_with(&server.url, state.path(), &format!("--json {line}")).await;
     assert_eq!(ran.json_lines()[0]["code"], "not_found");
+}
+
+/// A query of three segments, of which some have names.
+fn parts(names: [Option<&str>; 3]) -> Query {
+    let mut query = query(QueryState::Done, 3);
+    query.segments.iter_mut().zip(names).for_each(|(segment, name)| segment.name = name.map(str::to_owned));
+    query
+}
+
+#[tokio::test]
+async fn parts_are_named_and_listed() {
+    let server = Fake::start(|asked| match asked.line.split(' ').next() {
+        Some("PATCH") => Reply::json(200, &parts([Some("arm"), None, Some("lower leg")])),
+        _ => Reply::json(200, &parts([Some("arm"), Some("old"), None])),
+    });
+    let state = tempfile::tempdir().expect("a folder");
+    let ran = run_with(&server.url, state.path(), &format!("name {}", query_id())).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    assert!(ran.out.contains("arm") && ran.out.contains("old") && ran.out.lines().count() == 5, "{}", ran.out);
+    assert!(server.lines().iter().all(|line| line.starts_with("GET")), "listing changes nothing");
+    // A part goes by the name that it has, too.
+    let ran = run_with(&server.url, state.path(), &format!("--json name {} 2=leg old=", query_id())).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    let patch = server.asked().into_iter().find(|asked| asked.line.starts_with("PATCH")).expect("it is sent");
+    assert_eq!(patch.line, format!("PATCH /v1/queries/{}", query_id()));
+    let sent: QueryPatch = serde_json::from_slice(&patch.body).expect("a patch");
+    let sent: Vec<(u32, &str)> = sent.segments.iter().map(|s| (s.segment, s.name.as_str())).collect();
+    assert_eq!(sent, [(2, "leg"), (1, "")]);
+    let told = &ran.json_lines()[0]["segments"];
+    assert_eq!((&told[0]["name"], &told[1]["name"]), (&serde_json::json!("arm"), &serde_json::json!(null)));
+    let ran = run_with(&server.url, state.path(), &format!("name {} nose=x", query_id())).await;
+    assert!(ran.code() == 1 && ran.notes.contains("found `nose`, which none has"), "{}", ran.notes);
+}
+
+#[tokio::test]
+async fn a_part_goes_by_its_name_where_a_segment_is_asked_for() {
+    let server = Fake::start(|asked| match asked.line.split(['?', ' ']).nth(1).unwrap_or_default() {
+        path if path.ends_with(&query_id().to_string()) => {
+            Reply::json(200, &parts([Some("arm"), Some("leg left"), Some("leg right")]))
+        }
+        _ => crate::queries::service(asked, 3),
+    });
+    let state = tempfile::tempdir().expect("a folder");
+    let out = state.path().join("out.obj");
+    let mapped = |server: &Fake| {
+        let asked = server.asked().into_iter().rfind(|asked| asked.line.contains("/maps?")).expect("a map");
+        serde_json::from_slice::<serde_json::Value>(&asked.body).expect("JSON")["segment"].clone()
+    };
+    let run = async |line: &str| run_with(&server.url, state.path(), line).await;
+    let ran = run(&format!("map {} --segment arm --force -o {}", query_id(), out.display())).await;
+    assert_eq!((ran.code(), mapped(&server)), (0, serde_json::json!(0)), "{}", ran.notes);
+    let ran = run(&format!("map {} --segment leg --force -o {}", query_id(), out.display())).await;
+    assert!(ran.code() == 1 && ran.notes.contains("1 (leg left), 2 (leg right); give its number"), "{}", ran.notes);
+    let ran = run(&format!("ranking {} --segment arm", query_id())).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    assert!(server.lines().last().is_some_and(|line| line.contains("segment=0")), "{:?}", server.lines());
+    let uses = format!("--use arm={}:4", example_id(3));
+    let ran = run(&format!("compose {} {uses} --force -o {}", query_id(), out.display())).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    let chosen = server.asked().into_iter().filter(|asked| asked.line.contains("/maps?"));
+    let chosen = chosen.filter_map(|asked| serde_json::from_slice::<serde_json::Value>(&asked.body).ok());
+    assert!(chosen.into_iter().any(|new| new["example_segment"] == 4 && new["segment"] == 0));
+    assert!(ran.notes.contains("segment 0, arm (1 of 3, disc)"), "{}", ran.notes);
+    let ran = run(&format!("compose {} --use nose={} --force -o {}", query_id(), example_id(3), out.display())).await;
+    assert!(ran.code() == 1 && ran.notes.contains("found `nose`, which none has"), "{}", ran.notes);
 }

@@ -1,5 +1,6 @@
 //! `/v1/queries`: input meshes while they are ranked, and after.
 
+use super::body::Message;
 use super::caller::Who;
 use super::error::{HttpError, problem_of};
 use super::files::{mesh_answer, wanted_format};
@@ -11,12 +12,12 @@ use super::params::{Params, PathIds};
 use super::upload::MeshUpload;
 use crate::app::App;
 use crate::work::query::{LiveQuery, QueryOptions};
-use crate::work::{WorkError, ingest, search};
+use crate::work::{WorkError, ingest, naming, search};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use quadmuse_proto::query::{RESOLUTION_DEFAULT, TOP_DEFAULT};
-use quadmuse_proto::{ExampleId, Page, Query, QueryId};
+use quadmuse_proto::{ExampleId, Page, Query, QueryId, QueryPatch};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -69,7 +70,7 @@ pub async fn start(
 }
 
 /// Starts a query again, with what it was started with: another query, with an id of its own. For one that has ended, or whose
-/// server is gone (`owner_gone`). Uploads are kept for a day, while there is room.
+/// server is gone (`owner_gone`). Its segments have the names that they had. Uploads are kept for a day, while there is room.
 #[utoipa::path(
     post, path = "/v1/queries/{id}/restart", tag = "queries",
     params(
@@ -93,8 +94,13 @@ pub async fn restart(
         Turn::Make(claim) => claim,
     };
     let (upload, options) = app.kept.find(&app.work, caller, id, app.settings.upload_limit).await?;
+    let names = app.kept.names(&app.work, id).await;
     let live = search::start(&app.work, caller, upload.clone(), options).await?;
     app.kept.keep(&app.work, &live, upload);
+    if !names.is_empty() {
+        naming::name_again(&app.work, &live, names);
+        app.kept.keep_names(&app.work, &live);
+    }
     claim.made(&live.id);
     accepted(&wants, &live)
 }
@@ -156,6 +162,25 @@ pub async fn get(
     PathIds((id,)): PathIds<(QueryId,)>,
 ) -> Result<Response, HttpError> {
     wants.show(&described(&*app.work.queries.get(id)?))
+}
+
+/// Names segments of a query, for all who look at it. They stay named where it is started again.
+#[utoipa::path(
+    patch, path = "/v1/queries/{id}", tag = "queries",
+    params(("id" = QueryId, Path)),
+    request_body = QueryPatch,
+    responses((status = 200, description = "The query now", body = Query))
+)]
+pub async fn annotate(
+    State(app): State<App>,
+    wants: Wants,
+    PathIds((id,)): PathIds<(QueryId,)>,
+    patch: Message<QueryPatch>,
+) -> Result<Response, HttpError> {
+    let live = app.work.queries.get(id)?;
+    naming::name(&app.work, &live, patch.value.segments)?;
+    app.kept.keep_names(&app.work, &live);
+    wants.answer(StatusCode::OK, None, &described(&live))
 }
 
 /// Cancels a query and frees it; streams of it end with `cancelled`.

@@ -7,7 +7,7 @@ use crate::work::corpus::CorpusError;
 use crate::work::corpus::stored::{StoredCorpus, row_maker, without_picture};
 use crate::work::engine::Engine;
 use crate::work::jobs::Queue;
-use crate::work::kept::UploadStore;
+use crate::work::kept::{UploadStore, What};
 use quadmuse_cluster::{ClusterOptions, JetStream, Job, RowKeeper, SharedCorpus, SharedOptions};
 use quadmuse_proto::{QueryId, Share};
 use quadmuse_store::{Backend, Documents, StoreError};
@@ -68,21 +68,21 @@ pub(super) async fn corpus_of(shared: Arc<SharedCorpus>, engine: &Arc<dyn Engine
 /// Uploads of queries, kept on the engine.
 pub(super) struct SharedUploads(pub(super) Arc<SharedCorpus>);
 
-fn upload_name(id: QueryId) -> String {
-    format!("query-{id}")
+fn upload_name(id: QueryId, what: What) -> String {
+    format!("query-{id}{}", what.suffix())
 }
 
 impl UploadStore for SharedUploads {
-    fn put(&self, id: QueryId, bytes: &[u8]) -> Result<(), CorpusError> {
-        Ok(self.0.keep_upload(&upload_name(id), bytes)?)
+    fn put(&self, id: QueryId, what: What, bytes: &[u8]) -> Result<(), CorpusError> {
+        Ok(self.0.keep_upload(&upload_name(id, what), bytes)?)
     }
 
-    fn get(&self, id: QueryId) -> Result<Option<Vec<u8>>, CorpusError> {
-        Ok(self.0.upload(&upload_name(id))?)
+    fn get(&self, id: QueryId, what: What) -> Result<Option<Vec<u8>>, CorpusError> {
+        Ok(self.0.upload(&upload_name(id, what))?)
     }
 
-    fn remove(&self, id: QueryId) -> Result<(), CorpusError> {
-        Ok(self.0.remove_upload(&upload_name(id))?)
+    fn remove(&self, id: QueryId, what: What) -> Result<(), CorpusError> {
+        Ok(self.0.remove_upload(&upload_name(id, what))?)
     }
 }
 

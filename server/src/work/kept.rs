@@ -1,5 +1,5 @@
 //! What queries were started with, kept for a day, so that one can be started again: on this server after it ended, or on
-//! another after its own died.
+//! another after its own died. What its segments are called is kept beside it.
 //!
 //! Kept are the bytes as they were sent (unpacked, then compressed by zstd) with all that was asked of them and whose they
 //! are. They are kept behind the answer's back: a query is not slower for it, and is ranked where keeping fails.
@@ -14,6 +14,7 @@ use bytes::Bytes;
 use quadmuse_cluster::{UPLOADS_BYTES_MAX, UPLOADS_KEPT_FOR};
 use quadmuse_proto::{Components, ExampleId, MeshFormat, Parts, QueryId, Segmentation};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::fs::{self, OpenOptions};
 use std::io::{ErrorKind, Write};
 use std::os::unix::fs::OpenOptionsExt;
@@ -28,26 +29,45 @@ const AT_ONCE: usize = 2;
 /// How well they are compressed: fast.
 const ZSTD_LEVEL: i32 = 1;
 
+/// What is kept of a query.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum What {
+    /// Its upload, with what was asked.
+    Upload,
+    /// The names of its segments.
+    Names,
+}
+
+impl What {
+    /// What follows the query's id in the name under which it is kept.
+    pub fn suffix(self) -> &'static str {
+        match self {
+            Self::Upload => "",
+            Self::Names => "-names",
+        }
+    }
+}
+
 /// Where uploads of queries are kept for [`UPLOADS_KEPT_FOR`] at most, and while they take at most [`UPLOADS_BYTES_MAX`]. Every
 /// call blocks.
 pub trait UploadStore: Send + Sync + 'static {
-    /// Puts one away.
+    /// Puts one away, in place of an older one.
     ///
     /// # Errors
     /// [`CorpusError`].
-    fn put(&self, id: QueryId, bytes: &[u8]) -> Result<(), CorpusError>;
+    fn put(&self, id: QueryId, what: What, bytes: &[u8]) -> Result<(), CorpusError>;
 
     /// One that was put away; `None` if it never was, or is no more.
     ///
     /// # Errors
     /// [`CorpusError`].
-    fn get(&self, id: QueryId) -> Result<Option<Vec<u8>>, CorpusError>;
+    fn get(&self, id: QueryId, what: What) -> Result<Option<Vec<u8>>, CorpusError>;
 
     /// Removes one, if it is there.
     ///
     /// # Errors
     /// [`CorpusError`].
-    fn remove(&self, id: QueryId) -> Result<(), CorpusError>;
+    fn remove(&self, id: QueryId, what: What) -> Result<(), CorpusError>;
 }
 
 /// What a caller asked, beside the bytes.
@@ -103,12 +123,15 @@ pub struct Kept {
     uploads: Arc<dyn UploadStore>,
     turns: Arc<Semaphore>,
     readers: Semaphore,
+    /// Names are put away one after the other.
+    naming: Arc<Semaphore>,
 }
 
 impl Kept {
     /// On a store of uploads.
     pub fn on(uploads: Arc<dyn UploadStore>) -> Self {
-        Self { uploads, turns: Arc::new(Semaphore::new(AT_ONCE)), readers: Semaphore::new(AT_ONCE) }
+        let (turns, readers, naming) = (Semaphore::new(AT_ONCE), Semaphore::new(AT_ONCE), Semaphore::new(1));
+        Self { uploads, turns: Arc::new(turns), readers, naming: Arc::new(naming) }
     }
 
     /// Keeps what a query was started with, in the background.
@@ -121,10 +144,10 @@ impl Kept {
             let kept = work.blocking(move |work| {
                 // Removed while it waited: nobody wants it.
                 if work.queries.owner(id).is_some() {
-                    uploads.put(id, &packed(owner, &upload, &options)?)?;
+                    uploads.put(id, What::Upload, &packed(owner, &upload, &options)?)?;
                     drop(upload);
                     if work.queries.owner(id).is_none() {
-                        uploads.remove(id)?;
+                        uploads.remove(id, What::Upload)?;
                     }
                 }
                 Ok(())
@@ -133,6 +156,46 @@ impl Kept {
                 tracing::warn!(%error, query = %id, "its upload is not kept: it can't be started again elsewhere");
             }
         });
+    }
+
+    /// Keeps what the segments of a query are called, in the background.
+    pub fn keep_names(&self, work: &Arc<Work>, live: &Arc<LiveQuery>) {
+        let (uploads, naming, work) = (Arc::clone(&self.uploads), Arc::clone(&self.naming), Arc::clone(work));
+        let (id, live, tracked) = (live.id, Arc::clone(live), Arc::clone(&work));
+        tracked.background.spawn(async move {
+            // Each puts away the names as they are by then, so the last that were given are the last that are kept.
+            let Ok(_turn) = naming.acquire_owned().await else { return };
+            let kept = work.blocking(move |work| {
+                let names = live.names.all();
+                if names.is_empty() || work.queries.owner(id).is_none() {
+                    uploads.remove(id, What::Names)?;
+                    return Ok(());
+                }
+                let bytes = rmp_serde::to_vec(&names).map_err(|error| CorpusError::Failed(error.into()))?;
+                uploads.put(id, What::Names, &bytes)?;
+                if work.queries.owner(id).is_none() {
+                    uploads.remove(id, What::Names)?;
+                }
+                Ok(())
+            });
+            if let Err(error) = kept.await {
+                tracing::warn!(%error, query = %id, "its names are not kept: it has none where it is started again");
+            }
+        });
+    }
+
+    /// What the segments of a query are called, or were. Without them it is started again all the same.
+    pub async fn names(&self, work: &Arc<Work>, id: QueryId) -> BTreeMap<u32, String> {
+        if let Ok(live) = work.queries.get(id) {
+            return live.names.all();
+        }
+        let uploads = Arc::clone(&self.uploads);
+        let found = work.blocking(move |_| Ok(uploads.get(id, What::Names)?)).await;
+        let kept = found.unwrap_or_else(|error| {
+            tracing::warn!(%error, query = %id, "its names are not found");
+            None
+        });
+        kept.and_then(|kept| rmp_serde::from_slice(&kept).ok()).unwrap_or_default()
     }
 
     /// What a query of the caller was started with.
@@ -151,7 +214,7 @@ impl Kept {
         // What comes from there is paid for only once its length is known.
         let _reader = self.readers.acquire().await.map_err(|_| WorkError::Lost)?;
         let uploads = Arc::clone(&self.uploads);
-        let found = work.blocking(move |_| Ok(uploads.get(id)?)).await?;
+        let found = work.blocking(move |_| Ok(uploads.get(id, What::Upload)?)).await?;
         let kept = found.as_deref().and_then(unpacked);
         let (asked, bytes) = kept.ok_or(WorkError::NoSuchQuery(id))?;
         if !caller.sees(User(asked.owner)) || asked.length > largest {
@@ -181,12 +244,16 @@ impl Kept {
         Ok((Upload { bytes, format: asked.format, cut }, options))
     }
 
-    /// Removes what a query was started with, in the background.
+    /// Removes what is kept of a query, in the background.
     pub fn remove(&self, work: &Arc<Work>, id: QueryId) {
         let (uploads, tracked) = (Arc::clone(&self.uploads), Arc::clone(work));
         let work = Arc::clone(work);
         tracked.background.spawn(async move {
-            if let Err(error) = work.blocking(move |_| Ok(uploads.remove(id)?)).await {
+            let removed = work.blocking(move |_| {
+                uploads.remove(id, What::Upload)?;
+                Ok(uploads.remove(id, What::Names)?)
+            });
+            if let Err(error) = removed.await {
                 tracing::debug!(%error, query = %id, "its upload was not removed; it goes with its time");
             }
         });
@@ -232,7 +299,11 @@ impl Files {
         Ok(())
     }
 
-    fn write(&self, id: QueryId, bytes: &[u8]) -> std::io::Result<()> {
+    fn path(&self, id: QueryId, what: What) -> PathBuf {
+        self.dir.join(format!("{id}{}", what.suffix()))
+    }
+
+    fn write(&self, id: QueryId, what: What, bytes: &[u8]) -> std::io::Result<()> {
         fs::create_dir_all(&self.dir)?;
         self.make_room(bytes.len() as u64)?;
         let facts = rustix::fs::statvfs(&self.dir)?;
@@ -241,10 +312,10 @@ impl Files {
             return Err(ErrorKind::StorageFull.into());
         }
         // Under another name until it is whole; what a crash leaves of it goes with its time.
-        let partial = self.dir.join(format!("{id}.partial"));
+        let partial = self.dir.join(format!("{id}{}.partial", what.suffix()));
         let written = OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&partial);
         let written = written.and_then(|mut file| file.write_all(bytes));
-        written.and_then(|()| fs::rename(&partial, self.dir.join(id.to_string()))).inspect_err(|_| {
+        written.and_then(|()| fs::rename(&partial, self.path(id, what))).inspect_err(|_| {
             let _ = fs::remove_file(&partial);
         })
     }
@@ -260,12 +331,12 @@ fn of_disk(error: std::io::Error) -> CorpusError {
 }
 
 impl UploadStore for Files {
-    fn put(&self, id: QueryId, bytes: &[u8]) -> Result<(), CorpusError> {
-        self.write(id, bytes).map_err(of_disk)
+    fn put(&self, id: QueryId, what: What, bytes: &[u8]) -> Result<(), CorpusError> {
+        self.write(id, what, bytes).map_err(of_disk)
     }
 
-    fn get(&self, id: QueryId) -> Result<Option<Vec<u8>>, CorpusError> {
-        let path = self.dir.join(id.to_string());
+    fn get(&self, id: QueryId, what: What) -> Result<Option<Vec<u8>>, CorpusError> {
+        let path = self.path(id, what);
         let is_old = |facts: fs::Metadata| facts.modified().ok()?.elapsed().ok().map(|age| age > UPLOADS_KEPT_FOR);
         match fs::metadata(&path).map(is_old).and_then(|is_old| Ok((is_old, fs::read(&path)?))) {
             Ok((Some(true), _)) => Ok(None),
@@ -275,8 +346,8 @@ impl UploadStore for Files {
         }
     }
 
-    fn remove(&self, id: QueryId) -> Result<(), CorpusError> {
-        match fs::remove_file(self.dir.join(id.to_string())) {
+    fn remove(&self, id: QueryId, what: What) -> Result<(), CorpusError> {
+        match fs::remove_file(self.path(id, what)) {
             Err(error) if error.kind() != ErrorKind::NotFound => Err(of_disk(error)),
             _ => Ok(()),
         }
@@ -312,18 +383,25 @@ mod tests {
         let dir = tempfile::tempdir().expect("a directory");
         let files = Files::beside(dir.path());
         let (one, other) = (QueryId::generate(), QueryId::generate());
-        assert_eq!(files.get(one).expect("answered"), None);
-        files.put(one, b"one").expect("put");
-        files.put(other, b"other").expect("put");
-        assert_eq!(Files::beside(dir.path()).get(one).expect("answered").as_deref(), Some(&b"one"[..]));
-        files.remove(one).expect("removed");
-        files.remove(one).expect("removed before");
-        assert_eq!(files.get(one).expect("answered"), None);
+        let get = |id, what| files.get(id, what).expect("answered");
+        assert_eq!(get(one, What::Upload), None);
+        files.put(one, What::Upload, b"one").expect("put");
+        files.put(other, What::Upload, b"other").expect("put");
+        let again = Files::beside(dir.path());
+        assert_eq!(again.get(one, What::Upload).expect("answered").as_deref(), Some(&b"one"[..]));
+        // Names stand beside it, and the newer ones in place of the older.
+        assert_eq!(get(one, What::Names), None);
+        files.put(one, What::Names, b"old").expect("put");
+        files.put(one, What::Names, b"new").expect("put");
+        files.remove(one, What::Upload).expect("removed");
+        files.remove(one, What::Upload).expect("removed before");
+        assert_eq!((get(one, What::Upload), get(one, What::Names)), (None, Some(b"new".to_vec())));
+        files.remove(one, What::Names).expect("removed");
 
         let old = fs::File::options().write(true).open(dir.path().join(FOLDER).join(other.to_string())).expect("there");
         old.set_modified(SystemTime::now() - UPLOADS_KEPT_FOR - Duration::from_secs(60)).expect("set");
-        assert_eq!(files.get(other).expect("answered"), None);
-        files.put(one, b"one").expect("put");
+        assert_eq!(get(other, What::Upload), None);
+        files.put(one, What::Upload, b"one").expect("put");
         assert_eq!(fs::read_dir(dir.path().join(FOLDER)).expect("a folder").count(), 1);
     }
 }

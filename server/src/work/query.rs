@@ -8,6 +8,7 @@ use super::engine::{Encoded, Model};
 use super::ingest::counts_of;
 use super::making::Makings;
 use super::mapping::LiveMap;
+use super::naming::Names;
 use super::ranking::{Candidate, entries, levels_up_to, template_entry};
 use super::worth::tries;
 use super::{Caller, WorkError};
@@ -55,6 +56,8 @@ pub struct LiveQuery {
     pub encoded: Vec<OnceLock<Arc<Encoded>>>,
     /// Its maps.
     pub maps: Mutex<BTreeMap<MapId, Arc<LiveMap>>>,
+    /// What its segments are called.
+    pub names: Names,
     /// What is made of it.
     pub makings: Makings,
     /// Its compositions.
@@ -126,6 +129,7 @@ impl LiveQuery {
             model,
             encoded: (0..count).map(|_| OnceLock::new()).collect(),
             maps: Mutex::default(),
+            names: Names::default(),
             makings: Makings::default(),
             compositions: Mutex::default(),
             job,
@@ -331,6 +335,7 @@ impl LiveQuery {
         let facts = self.encoded.get(segment)?.get().map(|encoded| encoded.encoding.facts);
         Some(QuerySegment {
             segment: segment as u32,
+            name: self.names.of(segment as u32),
             topology: known.topology,
             faces: known.faces,
             holes: known.holes,
@@ -358,6 +363,7 @@ impl LiveQuery {
         Ok(Ranking {
             query: self.id,
             segment,
+            segment_name: self.names.of(segment),
             revision: ranking.revision,
             level: ranking.level,
             resolution: self.options.resolution,

@@ -155,6 +155,7 @@ fn example(name: &str, media: &str) -> Option<Value> {
         "examples_annotate" => {
             json!({ "name": "head", "tags": ["face"], "landmarks": [{ "name": "nose_tip", "vertex": 0 }] })
         }
+        "queries_annotate" => json!({ "segments": [{ "segment": 0, "name": "head" }] }),
         "maps_create" => json!({ "segment": 0, "example": ID, "example_segment": 0 }),
         "maps_constrain" => json!({ "undo": [], "on_fold": "resolve" }),
         "compositions_create" => json!({ "density": 0 }),
@@ -178,6 +179,7 @@ fn links(name: &str) -> (&'static [&'static str], Value) {
             "id",
             &[
                 "queries_get",
+                "queries_annotate",
                 "queries_mesh",
                 "ranking_get",
                 "maps_list",

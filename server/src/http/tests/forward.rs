@@ -42,7 +42,7 @@ impl Shared {
         Arc::new(Peers::join_with(Arc::clone(&self.documents) as Arc<_>, address, share).expect("joined"))
     }
 
-    async fn server(&self) -> Server {
+    pub(super) async fn server(&self) -> Server {
         let server = self.holding(None, Arc::default()).await;
         server.bench.stock().await;
         server
@@ -65,12 +65,12 @@ impl Shared {
         Server { bench, address, runtime: Some(runtime) }
     }
 
-    /// Waits until the upload of a query is kept.
-    async fn until_kept(&self, path: &str) {
+    /// Waits until something is kept of a query.
+    pub(super) async fn until_kept(&self, path: &str, what: What) {
         use crate::work::kept::UploadStore;
         let id = id_of(path);
         let begun = Instant::now();
-        while Files::beside(self.uploads.path()).get(id).expect("answered").is_none() {
+        while Files::beside(self.uploads.path()).get(id, what).expect("answered").is_none() {
             assert!(begun.elapsed() < Duration::from_secs(20), "{path} is not kept");
             tokio::time::sleep(Duration::from_millis(5)).await;
         }
@@ -322,7 +322,7 @@ async fn who_asks_for_what_a_dead_server_had_is_told_and_starts_it_again() {
     let shared = Shared::new();
     let (a, b) = (shared.server().await, shared.server().await);
     let query = a.query("segment disc 3").await;
-    shared.until_kept(&query).await;
+    shared.until_kept(&query, What::Upload).await;
     let before = a.bench.ended(&query).await;
     a.die().await;
     let begun = Instant::now();
