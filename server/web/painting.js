@@ -23,12 +23,14 @@ const HINTS = {
   join: "Drag from one part to another: the first takes the other in.",
 };
 
+const KEYS = "By keyboard: go to the scan, move the cross with Alt and the arrows (farther with Shift, too), set points with Enter, and cut with C, or Enter again. Backspace takes a point back, Escape the line.";
+
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
 // What was made of scans, by their ids: where it was refused it is there again.
 const tried = new Map();
 
-const nameOf = ({ names }, label) => names.get(label) ?? plainName(label);
+export const nameOf = ({ names }, label) => names.get(label) ?? plainName(label);
 
 let waiting = 0;
 function show(query) {
@@ -49,7 +51,7 @@ function take(query, tool) {
   if (tool === "brush" && used(painting.labels).length === 1) { painting.label = free([...painting.labels]); show(query); }
   Object.assign(bench.viewer, { brush: tool === "brush", draws: tool !== "brush" });
   bench.viewer.canvas.classList.toggle("picking", tool !== "brush");
-  say("Drag beside the scan to turn it.");
+  say("Drag beside the scan to turn it, or press the arrows there.");
 }
 
 export async function begin(query) {
@@ -110,20 +112,19 @@ export function brush(found, isFirst) {
   show(query);
 }
 
-// A line that was drawn: samples of it, each with the face under it, or -1.
+// A line that was drawn: samples of it, each with the face under it, or -1. Answers whether anything came of it.
 export function stroke(line) {
   const { query } = bench;
-  if (!query?.painting) return;
-  if (query.painting.tool === "cut") cutPart(query, line);
-  else join(query, line);
+  if (!query?.painting) return false;
+  return query.painting.tool === "cut" ? cutPart(query, line) : join(query, line);
 }
 
 function cutPart(query, line) {
   const { painting } = query;
-  if (used(painting.labels).length >= PARTS_MAX) { say(`There are ${PARTS_MAX} parts already, and no more are possible.`, "bad"); return; }
+  if (used(painting.labels).length >= PARTS_MAX) { say(`There are ${PARTS_MAX} parts already, and no more are possible.`, "bad"); return false; }
   const box = bench.viewer.paneBoxes().find((b) => b.name === "result");
   const found = cutAlong(query.mesh, painting.labels, line, seenBy(bench.viewer, query.mesh, box), painting.before);
-  if (found.trouble) { say(found.trouble, "bad"); return; }
+  if (found.trouble) { say(found.trouble, "bad"); return false; }
   keep(query);
   if (found.labels) {
     Object.assign(painting, { labels: found.labels, label: found.label, before: [] });
@@ -134,14 +135,16 @@ function cutPart(query, line) {
   }
   show(query);
   showPanel(query);
+  return true;
 }
 
 function join(query, line) {
   const { painting } = query;
   const met = line.filter((s) => s.face >= 0).map((s) => painting.labels[s.face]);
-  if (!met.length || met[0] === met.at(-1)) { say("Begin on one part, and end on another.", "bad"); return; }
+  if (!met.length || met[0] === met.at(-1)) { say("Begin on one part, and end on another.", "bad"); return false; }
   merge(query, met.at(-1), met[0]);
   say(`${nameOf(painting, met[0])} has taken in ${nameOf(painting, met.at(-1))}.`);
+  return true;
 }
 
 export function undo(query) {
@@ -243,6 +246,7 @@ export function showPainting(query) {
   const there = used(painting.labels);
   const section = make("section");
   section.append(make("h2", "Making parts"), toolRow(query), make("p", `${HINTS[painting.tool]} Each part has to be one piece: open with one rim, a tube, or closed.`, { className: "soft" }), list(query, used([...there, painting.label])), naming(query, () => showPanel(query)));
+  if (painting.tool === "cut") section.querySelector("p.soft").after(make("p", KEYS, { className: "soft" }));
   if (painting.tool === "brush") section.append(brushRow(query, there));
   section.append(merging(query, there));
   const out = make("p", undefined, { className: "row" });

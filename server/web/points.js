@@ -1,6 +1,7 @@
 // Putting a map right: points that hold the quads are dragged, pinned and taken off; with undo, redo, and by keyboard.
 
 import { $, buffer, make, send } from "/web/call.js";
+import * as cutkeys from "/web/cutkeys.js";
 import { canRedo, canUndo, step } from "/web/history.js";
 import { showMap } from "/web/laying.js";
 import * as landmarks from "/web/landmarks.js";
@@ -133,6 +134,7 @@ export const hooks = {
     else bench.onpart(pane, face);
   },
   onpair: landmarks.dragged,
+  ondraw: cutkeys.draw,
 };
 
 export async function undo(by) {
@@ -169,6 +171,8 @@ function nudge(query, key) {
 }
 
 export function begin(canvas) {
+  cutkeys.begin(canvas);
+  canvas.addEventListener("keydown", cutkeys.key);
   document.addEventListener("keydown", (event) => {
     if (!(event.ctrlKey || event.metaKey) || /^(INPUT|TEXTAREA|SELECT)$/.test(event.target.tagName)) return;
     const key = event.key.toLowerCase();

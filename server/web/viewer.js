@@ -22,7 +22,7 @@ export class Viewer {
   // `hooks`: `ondrag(id, point)` while a point is dragged, `ondrop(id, point)` when it is let go; `onpick(pane, hit)` for a
   // click on a mesh where `picks` is set; `onpin(hit)` for a double click on the quads; `onbrush(hit, isFirst)` for strokes
   // where `brush` is set, with null at the end of each; `onstroke(samples)` for a line that was drawn where `draws` is set;
-  // `onpair(k, end, point)` when a landmark was dragged.
+  // `onpair(k, end, point)` when a landmark was dragged; `ondraw()` after each frame.
   constructor(canvas, marks, hooks) {
     this.painter = new Painter(canvas);
     Object.assign(this, { canvas, marks, hooks, points: [], pairs: [], held: null, picks: false, meshes: {}, frames: {}, heat: null, tints: {} });
@@ -214,6 +214,7 @@ export class Viewer {
       else this.drawResult(view, ratio);
     }
     this.placeMarks();
+    this.hooks.ondraw?.();
   }
 
   drawExample(view, ratio) {

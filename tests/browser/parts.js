@@ -56,6 +56,45 @@ async function makeParts(page) {
   await page.waitForTimeout(300);
 }
 
+// The line across the middle of what is seen of an arm, by shares of the view, and how wide it is there in pixels.
+const acrossArm = (page) => viewer(page, `(v) => {
+  const box = v.paneBoxes()[0];
+  const { positions } = v.meshes.scan;
+  const at = [];
+  for (let k = 0; k < positions.length; k += 3) at.push(v.onScreen([...positions.subarray(k, k + 3)], box));
+  const mean = [0, 1].map((c) => at.reduce((s, p) => s + p[c], 0) / at.length);
+  // The long axis of what is seen.
+  const m = at.reduce(([a, b, d], [x, y]) => [a + (x - mean[0]) ** 2, b + (x - mean[0]) * (y - mean[1]), d + (y - mean[1]) ** 2], [0, 0, 0]);
+  const angle = Math.atan2(2 * m[1], m[0] - m[2]) / 2;
+  const axis = [Math.cos(angle), Math.sin(angle)];
+  const along = at.map((p) => (p[0] - mean[0]) * axis[0] + (p[1] - mean[1]) * axis[1]);
+  const off = at.map((p) => -(p[0] - mean[0]) * axis[1] + (p[1] - mean[1]) * axis[0]);
+  const near = off.filter((_, k) => Math.abs(along[k]) < 10);
+  const share = (o) => [(mean[0] - axis[1] * o) / box.width, (mean[1] + axis[0] * o) / box.height];
+  return { across: Math.max(...near) - Math.min(...near), from: share(Math.min(...near) - 12), to: share(Math.max(...near) + 12) };
+}`);
+
+// Goes to an element by Tab alone.
+async function tabTo(page, id) {
+  for (let k = 0; k < 200; k++) {
+    if ((await page.evaluate(() => document.activeElement?.id)) === id) return;
+    await page.keyboard.press("Tab");
+  }
+  throw new Error(`Tab never comes to ${id}`);
+}
+
+// Moves the cross to a place, by shares of the view.
+async function steer(page, [x, y]) {
+  const { width, height } = await page.locator("#canvas").boundingBox();
+  const at = await page.evaluate(() => /M([\d.]+) ([\d.]+)h9/.exec(document.querySelector(".keyed path").getAttribute("d")).slice(1).map(Number));
+  const [dx, dy] = [x * width - (at[0] + 12), y * height - at[1]].map((by) => Math.round(by / 6));
+  for (const [by, keys] of [[dx, ["ArrowLeft", "ArrowRight"]], [dy, ["ArrowUp", "ArrowDown"]]]) {
+    const key = keys[by < 0 ? 0 : 1];
+    for (let k = 0; k < Math.floor(Math.abs(by) / 8); k++) await page.keyboard.press(`Alt+Shift+${key}`);
+    for (let k = 0; k < Math.abs(by) % 8; k++) await page.keyboard.press(`Alt+${key}`);
+  }
+}
+
 export const parts = {
   async "a part is cut off by a line across it, named, joined again, and each step undone"({ open, scan }) {
     const page = await open();
@@ -68,22 +107,7 @@ export const parts = {
     await page.focus("#canvas");
     await page.keyboard.press("1");
     await page.waitForTimeout(200);
-    const { across, from, to } = await viewer(page, `(v) => {
-      const box = v.paneBoxes()[0];
-      const { positions } = v.meshes.scan;
-      const at = [];
-      for (let k = 0; k < positions.length; k += 3) at.push(v.onScreen([...positions.subarray(k, k + 3)], box));
-      const mean = [0, 1].map((c) => at.reduce((s, p) => s + p[c], 0) / at.length);
-      // The long axis of what is seen.
-      const m = at.reduce(([a, b, d], [x, y]) => [a + (x - mean[0]) ** 2, b + (x - mean[0]) * (y - mean[1]), d + (y - mean[1]) ** 2], [0, 0, 0]);
-      const angle = Math.atan2(2 * m[1], m[0] - m[2]) / 2;
-      const axis = [Math.cos(angle), Math.sin(angle)];
-      const along = at.map((p) => (p[0] - mean[0]) * axis[0] + (p[1] - mean[1]) * axis[1]);
-      const off = at.map((p) => -(p[0] - mean[0]) * axis[1] + (p[1] - mean[1]) * axis[0]);
-      const near = off.filter((_, k) => Math.abs(along[k]) < 10);
-      const share = (o) => [(mean[0] - axis[1] * o) / box.width, (mean[1] + axis[0] * o) / box.height];
-      return { across: Math.max(...near) - Math.min(...near), from: share(Math.min(...near) - 12), to: share(Math.max(...near) + 12) };
-    }`);
+    const { across, from, to } = await acrossArm(page);
     check(across > 20, `the arm is ${across} pixels wide`);
     await stroke(page, [from, to]);
     await shoot(page, "cut-drawing");
@@ -170,6 +194,71 @@ export const parts = {
     await other.reload();
     await other.waitForSelector("#part-list li");
     check((await names(other)) === (await names()), `in another browser, after all: ${await names(other)}`);
+  },
+
+  async "a scan is cut in two by keyboard alone"({ open, scan }) {
+    const page = await open();
+    await laid(page, scan("arm"));
+    await rest(page);
+    await tabTo(page, "repaint");
+    await page.keyboard.press("Enter");
+    await page.waitForSelector("#tool-cut");
+    await tabTo(page, "canvas");
+    check(/Alt and the arrows/.test(await page.textContent("#status")), `nothing tells the keys: ${await page.textContent("#status")}`);
+    await page.keyboard.press("1");
+    await page.waitForTimeout(200);
+    const { from, to } = await acrossArm(page);
+    const said = () => page.textContent("#status");
+    const line = () => page.evaluate(() => document.querySelector(".keyed polyline").getAttribute("points").split(" ").filter(Boolean).length);
+    await page.keyboard.press("c");
+    check(/needs two points/.test(await said()), await said());
+    await steer(page, from);
+    await page.keyboard.press("Enter");
+    check(/Point 1 is set, beside the scan/.test(await said()), await said());
+    await steer(page, [(from[0] + to[0]) / 2, (from[1] + to[1]) / 2]);
+    check(/on Part 1/.test(await said()), await said());
+    await page.keyboard.press("Enter");
+    check(/Point 2 is set, on Part 1/.test(await said()) && (await line()) === 3, `${await said()}, ${await line()}`);
+    await page.keyboard.press("Backspace");
+    check(/1 point left/.test(await said()) && (await line()) === 2, `${await said()}, ${await line()}`);
+    // What was set goes along where the scan is turned.
+    const first = () => page.evaluate(() => document.querySelector(".keyed polyline").getAttribute("points").split(" ")[0]);
+    const before = await first();
+    for (const key of ["ArrowLeft", "ArrowUp"]) await page.keyboard.press(key);
+    await until("the scan turned", async () => (await first()) !== before, 5000);
+    await page.keyboard.press("1");
+    await until("the scan turned back", async () => (await first()) === before, 5000);
+    await steer(page, to);
+    await shoot(page, "cut-keys-drawing");
+    await noComplaints(page, "cut by keyboard");
+    await page.keyboard.press("c");
+    await until("two parts", async () => (await labelled(page)).length === 2, 5000);
+    check(/Part 2 is a part of its own now/.test(await said()) && (await line()) === 0, `${await said()}, ${await line()}`);
+    await page.waitForTimeout(300);
+    await shoot(page, "cut-keys");
+    const cut = await labelled(page);
+    for (const part of cut) check(part.pieces === 1 && part.border > 5 && part.passes.join() === "2", JSON.stringify({ ...part, at: 0 }));
+    check(Math.min(...cut.map((p) => p.faces)) > 0.15 * (cut[0].faces + cut[1].faces), `not about half: ${cut.map((p) => p.faces)}`);
+    // Taken back, and cut by Enter twice; what parts nothing keeps its line until Escape.
+    await page.keyboard.press("Control+z");
+    await until("one part", async () => (await labelled(page)).length === 1);
+    await page.keyboard.press("Enter");
+    await steer(page, from);
+    await page.keyboard.press("Enter");
+    await page.keyboard.press("Enter");
+    await until("two parts again", async () => (await labelled(page)).length === 2, 5000);
+    await page.keyboard.press("Enter");
+    await page.keyboard.press("Alt+ArrowLeft");
+    await page.keyboard.press("c");
+    check(/line/.test(await said()) && (await line()) === 2 && (await labelled(page)).length === 2, `${await said()}, ${await line()}`);
+    await page.keyboard.press("Escape");
+    check((await line()) === 0 && /taken away/.test(await said()), await said());
+    await page.keyboard.press("Escape");
+    check((await page.evaluate(() => document.activeElement.id)) === "tool-cut", "Escape does not leave the scan");
+    check((await page.evaluate(() => document.querySelector(".keyed path").getAttribute("d"))) === "", "the cross is still there");
+    await tabTo(page, "paint-done");
+    await page.keyboard.press("Enter");
+    await until("a stitched mesh", () => page.url().includes("/composition/"));
   },
 
   async "a line that comes back to where it began cuts out what is in it, and one beside all parts nothing"({ open, scan }) {

@@ -52,7 +52,7 @@ macro_rules! assets {
 
 assets!(
     "access.js" SCRIPT, "bench.css" STYLE, "bench.js" SCRIPT, "call.js" SCRIPT, "camera.js" SCRIPT, "coarse.js" SCRIPT,
-    "corpus.js" SCRIPT, "cutting.js" SCRIPT, "partnames.js" SCRIPT, "pen.js" SCRIPT, "regions.js" SCRIPT, "ways.js" SCRIPT,
+    "corpus.js" SCRIPT, "cutkeys.js" SCRIPT, "cutting.js" SCRIPT, "partnames.js" SCRIPT, "pen.js" SCRIPT, "regions.js" SCRIPT, "ways.js" SCRIPT,
     "docs.js" SCRIPT, "drape.js" SCRIPT, "example.js" SCRIPT, "files.js" SCRIPT, "follow.js" SCRIPT, "heat.js" SCRIPT,
     "histograms.js" SCRIPT, "history.js" SCRIPT, "icon.svg" PICTURE, "index.js" SCRIPT, "landmarks.js" SCRIPT, "laying.js" SCRIPT, "making.js" SCRIPT, "mesh.js" SCRIPT,
     "mirror.js" SCRIPT, "naming.js" SCRIPT,

@@ -206,7 +206,7 @@ async fn pages_load_nothing_from_elsewhere() {
         let imports = imports.filter_map(|line| line.split('"').nth(1)).map(str::to_owned);
         wanted.extend(imports.filter(|import| !wanted.contains(import)).collect::<Vec<_>>());
     }
-    assert_eq!(seen, 44, "{wanted:?}");
+    assert_eq!(seen, 45, "{wanted:?}");
     // Every file of the page is served.
     for entry in std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/web")).expect("the page's folder") {
         let name = entry.expect("a file").file_name().into_string().expect("a name");
