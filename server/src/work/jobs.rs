@@ -38,6 +38,9 @@ const STALE_MAX: u64 = 1000;
 const LOOKS: (Duration, Duration) = (Duration::from_millis(25), Duration::from_millis(500));
 /// How well uploads are compressed: fast.
 const ZSTD_LEVEL: i32 = 1;
+/// What metrics call the two kinds of jobs.
+const ADD: &str = "add";
+const ENCODE: &str = "encode";
 /// How often the length of the queue is told to whoever watches.
 const COUNT_EVERY: Duration = Duration::from_secs(5);
 
@@ -252,6 +255,10 @@ pub(super) async fn encode_again(work: &Arc<Work>, stale: Vec<(ExampleId, u32)>)
 /// Does jobs until `stopping`, as many at a time as there are threads.
 pub async fn run(work: Arc<Work>, stopping: CancellationToken) {
     let Some(queue) = work.queue.get().cloned() else { return };
+    // There from the beginning: of a counter that is first seen at 1 an alert doesn't know that it has grown.
+    for what in [ADD, ENCODE] {
+        metrics::counter!("quadmuse_jobs_total", "kind" => what, "outcome" => Effect::GivenUp.word()).increment(0);
+    }
     let takers = (0..work.pool.threads()).map(|_| taker(&work, &queue, &stopping));
     tokio::join!(futures_util::future::join_all(takers), count(&work, &queue, &stopping));
 }
@@ -339,7 +346,7 @@ async fn done(work: &Arc<Work>, queue: &Arc<dyn Queue>, job: &Shared, stopping: 
             () = stopping.cancelled() => break Effect::PutOff(Duration::ZERO),
         }
     };
-    let what = if matches!(task, Task::Add { .. }) { "add" } else { "encode" };
+    let what = if matches!(task, Task::Add { .. }) { ADD } else { ENCODE };
     metrics::counter!("quadmuse_jobs_total", "kind" => what, "outcome" => effect.word()).increment(1);
     match effect {
         Effect::Done | Effect::GivenUp => say(work, job, ended).await,
