@@ -92,14 +92,18 @@ pub struct Settled {
     pub manner: Manner,
 }
 
-/// Where the example rests as a whole.
-#[derive(Clone, Copy, Debug)]
+/// An example that rests on the input as a whole.
 pub struct Aligned {
-    /// From the example's own coordinates (mirrored at x = its centre where the map mirrors: see
-    /// [`Settler::rest_position`]) to the input's.
-    pub similarity: Similarity,
-    /// The share of the example that lies on the input and faces as it does, 0 to 1.
-    pub score: f64,
+    setting: Setting,
+    /// In the setting's frame.
+    found: Similarity,
+}
+
+/// An example that has bent halfway from where it rests as a whole: enough to tell which of several starts are worth more.
+pub struct Halfway {
+    pose: Pose,
+    /// What speaks for it so far.
+    pub evidence: Evidence,
 }
 
 /// Scales r in √area, rounds at each, and which of the node sets bends.
@@ -120,6 +124,12 @@ const FOLLOWING_ROUNDS: usize = 3;
 const FOLLOWED_FROM: f64 = 0.036;
 /// The scale to which a start is laid roughly.
 const ROUGH: f64 = 0.05;
+/// The last scale before starts are told from each other, and one that is below it: until there bending is cheap, and what agrees
+/// less there agrees less in the end (tests/records).
+const HALFWAY: f64 = 0.1;
+const BELOW_HALFWAY: f64 = 0.09;
+/// Wholes that rest less apart than this, in their own √area, rest at one place. *Untuned.*
+const ONE: f64 = 0.05;
 /// Scales below this see the fine samples.
 const FINE_BELOW: f64 = 0.06;
 /// Start vertices so near to the input's rim, in √area of the input, do not count, unless too few would be left.
@@ -199,6 +209,14 @@ pub fn settle(
     Settler::new(example, input, mirror, options)?.settle(start, stop)
 }
 
+impl Aligned {
+    /// From the example's own coordinates (mirrored at x = its centre where the map mirrors: see [`Settler::rest_position`]) to the
+    /// input's.
+    pub fn similarity(&self) -> Similarity {
+        self.setting.frame.after(&self.found)
+    }
+}
+
 impl<'a> Settler<'a> {
     /// Prepares; `None` where either has no area.
     pub fn new(example: &TriMesh, input: &'a TriMesh, mirror: f64, options: &Options) -> Option<Self> {
@@ -243,12 +261,35 @@ impl<'a> Settler<'a> {
         Some((self.rest.positions.iter().map(|x| found.apply(x)).collect(), missed))
     }
 
-    /// The similarity stage alone: which of many rough starts is worth settling.
+    /// The similarity stage alone.
     pub fn align(&self, start: &[Vec3], stop: Stop<'_>) -> Option<Aligned> {
         let setting = self.setting(start)?;
         let found = self.aligned(&setting, stop)?;
-        let score = self.rigid.score(&setting.coarse, &found);
-        Some(Aligned { similarity: setting.frame.after(&found), score })
+        Some(Aligned { setting, found })
+    }
+
+    /// Tells whether the example rests at one place: its vertices lie less apart in the mean than [`ONE`] of its size.
+    pub fn are_one(&self, a: &Aligned, b: &Aligned) -> bool {
+        let (a, b) = (a.similarity(), b.similarity());
+        let nodes = &self.nodes[0].vertices;
+        let apart =
+            |v: &u32| (a.apply(&self.rest.positions[*v as usize]) - b.apply(&self.rest.positions[*v as usize])).norm();
+        nodes.iter().map(apart).sum::<f64>() <= ONE * a.scale.min(b.scale) * nodes.len() as f64
+    }
+
+    /// Bends the example halfway.
+    pub fn halfway(&self, from: &Aligned, stop: Stop<'_>) -> Option<Halfway> {
+        let (mut pose, mut level) = (self.carried_by(&from.setting, &from.found, stop)?, 0);
+        self.bent(&from.setting, (&mut pose, &mut level), [HALFWAY, f64::INFINITY], stop)?;
+        let evidence = self.judged(&from.setting, &pose, level, Manner::Whole).evidence;
+        Some(Halfway { pose, evidence })
+    }
+
+    /// Lays roughly what has bent halfway.
+    pub fn rough_from(&self, (from, halfway): (&Aligned, &Halfway), stop: Stop<'_>) -> Option<Settled> {
+        let (mut pose, mut level) = (halfway.pose.clone(), 0);
+        self.bent(&from.setting, (&mut pose, &mut level), [ROUGH, BELOW_HALFWAY], stop)?;
+        Some(self.judged(&from.setting, &pose, level, Manner::Whole))
     }
 
     /// [`Evidence::relief`] of the start as it is.
@@ -301,13 +342,19 @@ impl<'a> Settler<'a> {
 
     fn whole(&self, setting: &Setting, finest: f64, stop: Stop<'_>) -> Option<Settled> {
         let found = self.aligned(setting, stop)?;
+        let pose = self.carried_by(setting, &found, stop)?;
+        self.bend(setting, pose, 0, [finest, f64::INFINITY], Manner::Whole, stop)
+    }
+
+    /// The pose as a whole; where landmarks carry it, bent after these.
+    fn carried_by(&self, setting: &Setting, found: &Similarity, stop: Stop<'_>) -> Option<Pose> {
         let mut pose = Pose::of(&self.rest, &self.nodes[0]);
         pose.places.iter_mut().for_each(|x| *x = found.apply(x));
         pose.maps.iter_mut().for_each(|m| *m = found.rotation * found.scale);
         if setting.held.len() >= LANDMARKS_CARRY {
             self.body(0)?.lead(&mut pose, &setting.held, LEADING, stop)?;
         }
-        self.bend(setting, pose, 0, [finest, f64::INFINITY], Manner::Whole, stop)
+        Some(pose)
     }
 
     /// The example as a whole on the input.
@@ -392,19 +439,36 @@ impl<'a> Settler<'a> {
         setting: &Setting,
         mut pose: Pose,
         mut level: usize,
-        [finest, from]: [f64; 2],
+        scales: [f64; 2],
         manner: Manner,
         stop: Stop<'_>,
     ) -> Option<Settled> {
+        self.bent(setting, (&mut pose, &mut level), scales, stop)?;
+        Some(self.judged(setting, &pose, level, manner))
+    }
+
+    /// Bends a pose, on nodes of a level, at the scales from one down to another.
+    fn bent<'s>(
+        &'s self,
+        setting: &Setting,
+        (pose, level): (&mut Pose, &mut usize),
+        [finest, from]: [f64; 2],
+        stop: Stop<'_>,
+    ) -> Option<()> {
         let fine = Seen::new(self.input.fine.seen_from(&setting.frame));
-        let mut body = self.body(level)?;
+        let mut body: Body<'s> = self.body(*level)?;
         let mut partners = Partners::default();
         for (r, rounds, wanted) in SCALES.into_iter().filter(|s| (finest..=from).contains(&s.0)) {
-            self.change(&mut pose, &mut body, &mut level, wanted)?;
+            self.change(pose, &mut body, level, wanted)?;
             let seen = if r < FINE_BELOW { &fine } else { &setting.coarse };
             let view = View { seen, sent: &setting.sent, share: self.share(setting), held: &setting.held };
-            body.bend(&mut pose, (view, &mut partners), (r, rounds), stop)?;
+            body.bend(pose, (view, &mut partners), (r, rounds), stop)?;
         }
+        Some(())
+    }
+
+    /// Finds the places of a pose, and what speaks for it.
+    fn judged(&self, setting: &Setting, pose: &Pose, level: usize, manner: Manner) -> Settled {
         let nodes = &self.nodes[level];
         let settled = pose.deformed(&self.rest, nodes);
         let beyond: Vec<Vec3> = settled.iter().map(|x| setting.frame.apply(x)).collect();
@@ -416,14 +480,14 @@ impl<'a> Settler<'a> {
             ground: &self.ground,
             frame: &setting.frame,
             nodes,
-            pose: &pose,
+            pose,
             positions: &settled,
             places: &places,
             lost: &lost,
         };
         let evidence = judged.evidence(&self.nodes[1], &setting.coarse.samples);
         let positions = places.iter().map(|p| p.point).collect();
-        Some(Settled { places, positions, lost, off, evidence, manner })
+        Settled { places, positions, lost, off, evidence, manner }
     }
 
     /// Area, in the frame, that a sample sent stands for.

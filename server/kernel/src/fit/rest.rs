@@ -8,7 +8,9 @@ use crate::mesh::bvh::{Bvh, Closest};
 use crate::mesh::tri::TriMesh;
 use crate::numerics::stop::Stop;
 use crate::numerics::{in_halves, side_by_side};
-use crate::settle::{Evidence, Landmark, Manner, Options, PreparedInput, Settled, Settler};
+use crate::settle::{
+    Aligned, Evidence, Halfway, Landmark, Manner, Options, PreparedInput, Settled, Settler, Similarity,
+};
 use std::sync::Arc;
 
 /// From this relief on a map is convincing, and no other place is tried. *Untuned:* right maps have .72 to .98 and wrong ones
@@ -29,6 +31,8 @@ const MIRROR_MARGIN: f64 = 0.1;
 /// Places that are less sure than the best by no more than this settle too, so many at most.
 const NEAR: f64 = 0.15;
 const FINALISTS: usize = 3;
+/// What is less sure than the best by more than this when it has bent halfway is not surer in the end (tests/records).
+const NEAR_HALFWAY: f64 = 0.06;
 /// Places whose vertices are less apart in the mean, in √area of the input, are one.
 const SAME: f64 = 0.03;
 
@@ -76,6 +80,13 @@ enum From {
 impl From {
     fn of(start: &Start, manner: Manner) -> Self {
         Self::Start(start.positions.clone(), manner)
+    }
+}
+
+impl Start {
+    /// An example in a pose.
+    pub fn posed(example: &TriMesh, pose: &Similarity) -> Self {
+        Self { positions: example.positions.iter().map(|x| pose.apply(x)).collect(), mirrored: false }
     }
 }
 
@@ -142,8 +153,22 @@ impl<'a> Rests<'a> {
 
     /// The best so far.
     pub fn best(&self) -> Option<&Rested> {
-        let all = self.laid.iter().map(|laid| &laid.rested);
-        all.max_by(|a, b| worth(a).total_cmp(&worth(b)))
+        self.surest().map(|laid| &laid.rested)
+    }
+
+    /// Where the best so far began, if it was laid as a whole.
+    pub fn best_start(&self) -> Option<Start> {
+        let best = self.surest()?;
+        match &best.from {
+            From::Start(positions, Manner::Whole) => {
+                Some(Start { positions: positions.clone(), mirrored: best.rested.mirrored })
+            }
+            _ => None,
+        }
+    }
+
+    fn surest(&self) -> Option<&RoughFit> {
+        self.laid.iter().max_by(|a, b| worth(&a.rested).total_cmp(&worth(&b.rested)))
     }
 
     /// The best of all, settled; `None` when stopped. The best few settle where they are near: roughly laid, what is nearly its own
@@ -193,18 +218,43 @@ impl<'a> Rests<'a> {
         }
     }
 
-    /// Settles a pose as a whole, from which nothing bends.
-    pub fn tries_whole(&mut self, pose: &Start, stop: Stop<'_>) {
-        self.settle(pose, pose.mirrored, Manner::Whole, stop);
+    /// Settles the likeliest of some unmirrored poses as wholes: all where they rest, those that rest at one place once; of these the
+    /// ones that agree best when they have bent halfway.
+    pub fn tries_poses(&mut self, poses: &[Start], stop: Stop<'_>) {
+        let settler = &self.plain;
+        let mut apart: Vec<(&Start, Aligned)> = Vec::new();
+        let aligned = in_halves(poses, |pose| settler.align(&pose.positions, stop));
+        for (pose, aligned) in poses.iter().zip(aligned).filter_map(|(pose, aligned)| Some((pose, aligned?))) {
+            if !apart.iter().any(|(_, known)| settler.are_one(known, &aligned)) {
+                apart.push((pose, aligned));
+            }
+        }
+        let halfway = in_halves(&apart, |(_, aligned)| settler.halfway(aligned, stop));
+        let sure = |halfway: &Halfway| halfway.evidence.confidence();
+        let best = halfway.iter().flatten().map(sure).fold(f64::NEG_INFINITY, f64::max);
+        let near: Vec<(&(&Start, Aligned), &Halfway)> = (apart.iter().zip(halfway.iter()))
+            .filter_map(|(start, halfway)| Some((start, halfway.as_ref()?)))
+            .filter(|(_, halfway)| sure(halfway) >= best - NEAR_HALFWAY)
+            .collect();
+        let found = in_halves(&near, |((pose, aligned), halfway)| {
+            Some((From::of(pose, Manner::Whole), settler.rough_from((aligned, halfway), stop)?))
+        });
+        let found: Vec<(From, Settled)> = found.into_iter().flatten().collect();
+        found.into_iter().for_each(|(from, found)| self.keep(found, false, from));
     }
 
-    /// The same; but what only one of the two has (a crown, shoulders) may draw a pose off its place: where it agrees better than
+    /// The same; but what only one of the two has (a crown, shoulders) may draw a pose off its place: where one agrees better than
     /// all that was laid, it is followed as it stands, too.
-    pub fn tries_pose(&mut self, pose: &Start, stop: Stop<'_>) {
-        self.tries_whole(pose, stop);
-        let best = self.best().map_or(FOLLOWED, |best| best.evidence.relief.max(FOLLOWED));
-        if self.relief(pose).is_some_and(|relief| relief > best) {
-            self.settle(pose, pose.mirrored, Manner::Following, stop);
+    pub fn tries_poses_as_they_stand(&mut self, poses: &[Start], stop: Stop<'_>) {
+        self.tries_poses(poses, stop);
+        for pose in poses {
+            if self.is_convincing() {
+                return;
+            }
+            let best = self.best().map_or(FOLLOWED, |best| best.evidence.relief.max(FOLLOWED));
+            if self.relief(pose).is_some_and(|relief| relief > best) {
+                self.settle(pose, false, Manner::Following, stop);
+            }
         }
     }
 
@@ -320,6 +370,21 @@ mod tests {
             });
             assert!(off.fold(0.0, f64::max) < 0.02, "{by}");
         }
+    }
+
+    #[test]
+    fn of_poses_that_rest_at_one_place_and_of_worse_ones_one_is_laid() {
+        let (example, input) = (sheet(24, 1.0), sheet(60, 1.0));
+        let moved = |by: f64, sign: f64| {
+            let place = |p: &Vec3| Vec3::new(p.x + by, sign * p.y, sign * p.z);
+            Start { positions: example.positions.iter().map(place).collect(), mirrored: false }
+        };
+        let mut rests = Rests::new(&example, &input).expect("areas");
+        rests.tries_poses(&[moved(0.0, -1.0), moved(0.02, 1.0), moved(-0.02, 1.0)], &|| false);
+        assert_eq!(rests.laid.len(), 1);
+        assert!(rests.is_convincing());
+        let start = rests.best_start().expect("laid as a whole");
+        assert_eq!(start.positions, moved(0.02, 1.0).positions);
     }
 
     #[test]

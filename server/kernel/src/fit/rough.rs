@@ -67,6 +67,8 @@ pub struct RoughFit {
     pub places: Vec<Vec3>,
     /// Whether it lies mirrored.
     pub mirrored: bool,
+    /// From where it was laid, if that was as a whole.
+    pub start: Option<Start>,
 }
 
 /// Lays an example roughly on an input that is ready; `None` where there is no way to, or when stopped. `tips`: ways to match the
@@ -86,28 +88,32 @@ pub fn rough(
         }
         None => {
             tips.iter().for_each(|tips| rests.tries_tips(tips, None, stop));
-            for (_, pose) in poses_on(example.mesh, !example.is_closed, &ready.posed, stop).iter().take(POSED) {
-                let positions = example.mesh.positions.iter().map(|x| pose.apply(x)).collect();
-                rests.tries_whole(&Start { positions, mirrored: false }, stop);
-                if rests.is_convincing() {
-                    break;
-                }
-            }
+            let found = poses_on(example.mesh, !example.is_closed, &ready.posed, stop);
+            let posed: Vec<Start> =
+                found.iter().take(POSED).map(|(_, pose)| Start::posed(example.mesh, pose)).collect();
+            rests.tries_poses(&posed, stop);
         }
     }
     let best = rests.best().filter(|_| !stop())?;
-    Some(RoughFit::of(best, example.mesh))
+    Some(RoughFit::of(best, rests.best_start(), example.mesh))
 }
 
 impl RoughFit {
-    fn of(rested: &Rested, example: &TriMesh) -> Self {
+    fn of(rested: &Rested, start: Option<Start>, example: &TriMesh) -> Self {
         let evidence = &rested.evidence;
         let places = rested.places.iter().map(|place| place.point).collect();
         let is_off =
             |t: &usize| example.triangles[*t].iter().all(|&v| rested.off[v as usize] && !rested.lost[v as usize]);
         let off = (0..example.triangles.len()).filter(is_off).map(|t| example.area(t)).sum::<f64>();
         let off = off / example.total_area().max(f64::MIN_POSITIVE);
-        Self { agreement: evidence.agreement(), covered: evidence.covered, off, places, mirrored: rested.mirrored }
+        Self {
+            agreement: evidence.agreement(),
+            covered: evidence.covered,
+            off,
+            places,
+            mirrored: rested.mirrored,
+            start,
+        }
     }
 }
 

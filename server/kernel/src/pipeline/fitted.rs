@@ -33,6 +33,9 @@ const LED: usize = 2;
 const DOUBTFUL: f64 = 0.65;
 /// A larger share of a scan's area is most of it. *Untuned.*
 const MOST: f64 = 0.5;
+/// What agrees so much when it is laid roughly lies there, and no other pose is sought. *Untuned:* heads on a statue's pedestal or
+/// hair agree less than .05.
+const SURE_ROUGHLY: f64 = 0.1;
 /// Poses that are settled.
 const POSED: usize = 5;
 /// The same on what is no scan.
@@ -99,8 +102,10 @@ pub(crate) fn fit(
         Some(lead) => led(lead, (example, &one), &input, stop)?,
         None => Vec::new(),
     };
-    let rough = rough.as_ref().map(|rough| Start { positions: rough.places.to_vec(), mirrored: rough.mirrored });
-    let known = Known { held: &held, led: &led, rough: rough.as_ref() };
+    let lies = rough.as_ref().map(|rough| Start { positions: rough.places.to_vec(), mirrored: rough.mirrored });
+    let sure = rough.as_ref().filter(|rough| rough.agreement >= SURE_ROUGHLY);
+    let posed = sure.map(|rough| rough.start.as_deref().map_or(&[][..], std::slice::from_ref));
+    let known = Known { held: &held, led: &led, rough: lies.as_ref(), posed };
     let settled = settled(whole.as_ref(), (example, &one), (query, &two), (&input, known), &relief, stop)?;
     let finished = |rested| rest(rested, (example, &one), (query, &two), (*beyond, &held), stop);
     match (settled, &from) {
@@ -146,6 +151,9 @@ struct Known<'a> {
     led: &'a [KernelLandmark],
     /// How it lies when it is laid roughly.
     rough: Option<&'a Start>,
+    /// The poses to settle from where it agrees when it is laid roughly, so that none need be sought: the one from which it was laid,
+    /// if it was from one.
+    posed: Option<&'a [Start]>,
 }
 
 /// Where points of an example belong on the input, by a map of another example that lies on both; none where the other does not
@@ -234,13 +242,12 @@ fn settled(
             true => (Sought::ByMiddle, POSED),
             false => (Sought::Quickly, POSED_FEW),
         };
-        for (_, pose) in poses(mesh, input, [!closed(example), !closed(query)], sought, stop).iter().take(most) {
-            let positions = mesh.positions.iter().map(|x| pose.apply(x)).collect();
-            rests.tries_pose(&Start { positions, mirrored: false }, stop);
-            if rests.is_convincing() {
-                break;
-            }
-        }
+        let find = || -> Vec<Start> {
+            let found = poses(mesh, input, [!closed(example), !closed(query)], sought, stop);
+            found.iter().take(most).map(|(_, pose)| Start::posed(mesh, pose)).collect()
+        };
+        let posed = known.posed.map_or_else(find, <[Start]>::to_vec);
+        rests.tries_poses_as_they_stand(&posed, stop);
     }
     stopped(stop)?;
     let least = relief(&rests) + SETTLED_MARGIN;

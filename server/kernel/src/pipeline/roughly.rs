@@ -3,6 +3,7 @@
 use super::error::{PipelineError, Stop, stopped};
 use super::fitted::matched_tips;
 use super::model::Model;
+use crate::fit::rest::Start;
 use crate::fit::rough::{Lead, RoughInput, Shape, rough};
 use crate::mesh::Vec3;
 use crate::register::Query;
@@ -25,6 +26,8 @@ pub struct Rough {
     pub places: Arc<Vec<Vec3>>,
     /// Whether it lies mirrored.
     pub mirrored: bool,
+    /// From where it was laid, if that was as a whole.
+    pub start: Option<Arc<Start>>,
 }
 
 impl Rough {
@@ -81,6 +84,7 @@ pub fn lay(
         off: fit.off,
         places: Arc::new(fit.places),
         mirrored: fit.mirrored,
+        start: fit.start.map(Arc::new),
     }))
 }
 

@@ -18,8 +18,6 @@ const TANGENTIAL: f64 = 0.3;
 const SIGMA_MIN: f64 = 0.01;
 /// A round that moves no point farther than this is the last.
 const STILL: f64 = 2e-3;
-/// Distance at which a point counts 1/e in the score.
-const SCORE_DISTANCE: f64 = 0.05;
 
 /// Points of the example that stand for it in this stage, with a tree over them at rest.
 #[derive(Clone, Debug)]
@@ -102,13 +100,5 @@ impl Rigid {
             let target = found.apply(&e) - ways[k] * TANGENTIAL - n * n.dot(&ways[k]) * (1.0 - TANGENTIAL);
             pairs.push((e, target, met.weights[k] * (-(distances[k] / sigma).powi(2)).exp() * share));
         }
-    }
-
-    /// The share of the example that lies on the input and faces as it does, 0 to 1.
-    pub(super) fn score(&self, seen: &Seen, by: &Similarity) -> f64 {
-        let (points, normals) = self.moved(by);
-        let met = onto(seen, &points, &normals, f64::INFINITY, &mut Vec::new());
-        let near = |i: usize| (-((met.targets[i] - points[i]).norm() / (by.scale * SCORE_DISTANCE)).powi(2)).exp();
-        (0..points.len()).map(|i| self.areas[i] * met.weights[i] * near(i)).sum()
     }
 }

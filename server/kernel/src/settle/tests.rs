@@ -125,8 +125,10 @@ fn the_right_start_aligns_better_than_one_upside_down_and_twice_is_the_same() {
     let right = settler.align(&disturbed(&example), &go).expect("to be aligned");
     let over: Vec<Vec3> = disturbed(&example).iter().map(|p| Vec3::new(p.x, -p.y, -p.z)).collect();
     let wrong = settler.align(&over, &go).expect("to be aligned");
-    assert!(right.score > 0.85 && wrong.score < right.score - 0.1, "{} {}", right.score, wrong.score);
-    let at = right.similarity.apply(&settler.rest_position(390).expect("a vertex"));
+    assert!(settler.are_one(&right, &right) && !settler.are_one(&right, &wrong));
+    let sure = |from: &Aligned| settler.halfway(from, &go).expect("to bend").evidence.confidence();
+    assert!(sure(&right) > 0.5 && sure(&wrong) < sure(&right) - 0.2, "{} {}", sure(&right), sure(&wrong));
+    let at = right.similarity().apply(&settler.rest_position(390).expect("a vertex"));
     assert!((at - example.positions[390]).norm() < 0.05, "{}", (at - example.positions[390]).norm());
     let twice = [0, 1].map(|_| settler.settle(&disturbed(&example), &go).expect("to be settled"));
     assert_eq!(twice[0].positions, twice[1].positions);
