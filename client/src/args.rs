@@ -404,9 +404,13 @@ pub struct ConstrainArgs {
     pub out: OutArgs,
 }
 
-/// How a scan takes what is laid on it.
+/// What is laid on a scan, and how: the same flags for one scan and for a folder of them.
 #[derive(Clone, Debug, Args)]
 pub struct LayArgs {
+    /// `SEGMENT=EXAMPLE` or `SEGMENT=EXAMPLE:SEGMENT`: this example in place of the best (may be repeated). The scan's segment by
+    /// its number, or by its name where it was given one
+    #[arg(long = "use", value_name = "SEGMENT=EXAMPLE")]
+    pub uses: Vec<UsePart<Name, SegmentRef>>,
     /// Rounds of smoothing [default: 5]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=i64::from(composition::SMOOTHING_MAX)))]
     pub smoothing: Option<u32>,
@@ -421,24 +425,20 @@ pub struct LayArgs {
     /// has an example's quads; `fair`, `good`: its verdict is that or better. A broken result always exits with 1
     #[arg(long, value_name = "inspired|fair|good")]
     pub require: Option<Require>,
+    /// How many quads to write
+    #[command(flatten)]
+    pub size: SizeArgs,
 }
 
 /// The flags of a composition.
 #[derive(Clone, Debug, Args)]
 pub struct ComposeArgs {
-    /// `SEGMENT=EXAMPLE` or `SEGMENT=EXAMPLE:SEGMENT`: this example in place of the best (may be repeated). The scan's segment by
-    /// its number, or by its name where it was given one
-    #[arg(long = "use", value_name = "SEGMENT=EXAMPLE")]
-    pub uses: Vec<UsePart<Name, SegmentRef>>,
-    /// How to lay it
+    /// What to lay on it, and how
     #[command(flatten)]
     pub lay: LayArgs,
     /// A file for the numbers of the example's vertices that were kept, from 0, one a line: others lie beyond the input
     #[arg(long, value_name = "FILE")]
     pub kept: Option<PathBuf>,
-    /// How many quads to write
-    #[command(flatten)]
-    pub size: SizeArgs,
     /// Where to write it
     #[command(flatten)]
     pub out: OutArgs,
@@ -487,7 +487,7 @@ pub struct BatchArgs {
     /// How to rank them
     #[command(flatten)]
     pub rank: RankArgs,
-    /// What to lay on them
+    /// What to lay on each, and how
     #[command(flatten)]
     pub lay: LayArgs,
 }

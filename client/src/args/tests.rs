@@ -57,6 +57,8 @@ fn every_verb_of_the_interface_is_there() {
         "quadmuse remove --tag wip --yes",
         "quadmuse add a.obj.gz --verbose --name nose",
         "quadmuse batch scans -o out --require fair --format ply --pictures --tag head",
+        "quadmuse batch scans -o out --quads 5000 --use 0=ID --density 1",
+        "quadmuse batch scans -o out --tolerance 0.1% --like ID",
         "quadmuse open @last",
         "quadmuse completions zsh",
         "quadmuse man retopo",
@@ -105,6 +107,7 @@ fn wrong_usage_is_refused_with_exit_code_2() {
         "quadmuse map ID -o out.obj --tolerance 0",
         "quadmuse retopo a.obj -o out.obj --quads 100 --tolerance 1",
         "quadmuse batch scans",
+        "quadmuse batch scans -o out --quads 100 --tolerance 1",
         "quadmuse completions tcsh",
     ] {
         let error = parse(line).expect_err(line);

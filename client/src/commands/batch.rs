@@ -9,7 +9,9 @@ use crate::{
     args::{BatchArgs, QueryArgs},
     error::ClientError,
     file::{self, OutFile, Packing},
+    names,
     paint::Paint,
+    spec::UsePart,
     state::State,
     table,
     ui::Ui,
@@ -34,6 +36,9 @@ struct Line {
     verdict: Option<Verdict>,
     /// Faces of the result.
     faces: Option<u64>,
+    /// The distance of result and scan, in % of the scan's diagonal, where a size was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    within_percent: Option<f64>,
     /// Share of the result's area whose quads are an example's, 0–1.
     inspired: Option<f64>,
     seconds: f64,
@@ -45,15 +50,17 @@ struct Line {
 
 pub(super) async fn batch(args: &BatchArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
     let scans = scans_in(&args.dir)?;
-    let names = names_of_results(&scans, args.format.as_str());
-    prepare(args, &names, ui)?;
+    let results = names_of_results(&scans, args.format.as_str());
+    prepare(args, &results, ui)?;
+    // An example that is misspelt is told once, before anything is sent; scans that are yet to be sent have no names.
+    let uses = names::uses(&args.lay.uses, &[], api).await?;
     let report = args.out.join(REPORT);
     let width = scans.iter().map(|scan| name_of(scan).chars().count()).max().unwrap_or_default();
     let bar = ui.bar(scans.len() as u64, "scans");
     let (mut lines, mut failed) = (Vec::new(), 0);
-    for (scan, name) in scans.iter().zip(&names) {
+    for (scan, name) in scans.iter().zip(&results) {
         let begun = Instant::now();
-        let result = one(args, scan, &args.out.join(name), api, state, &mut ui.silent_below()).await;
+        let result = one((args, &uses), scan, &args.out.join(name), api, state, &mut ui.silent_below()).await;
         if let Err(error @ (ClientError::Unreachable { .. } | ClientError::BrokenOff { .. })) = result {
             // Without a server every other scan would fail alike.
             bar.finish_and_clear();
@@ -125,7 +132,7 @@ fn prepare(args: &BatchArgs, names: &[String], ui: &mut Ui) -> Result<(), Client
 
 /// One scan; what is printed of it goes to `ui`.
 async fn one(
-    args: &BatchArgs,
+    (args, uses): (&BatchArgs, &[UsePart]),
     scan: &Path,
     out: &Path,
     api: &Api,
@@ -134,7 +141,8 @@ async fn one(
 ) -> Result<Delivered, ClientError> {
     let file = OutFile { path: out.into(), format: args.format, packing: Packing::Plain };
     let picture = args.pictures.then(|| out.with_extension("png"));
-    let wish = Wish { lay: &args.lay, uses: Vec::new(), target: Target::silent(file, picture) };
+    let target = Target::silent(file, picture).sized(&args.lay.size);
+    let wish = Wish { lay: &args.lay, uses: uses.to_vec(), target };
     let query = QueryArgs { file: scan.into(), rank: args.rank.clone() };
     make(&query, wish, api, state, ui).await
 }
@@ -145,6 +153,7 @@ fn line_of(scan: &Path, result: Result<Delivered, ClientError>, args: &BatchArgs
         file: None,
         verdict: None,
         faces: None,
+        within_percent: None,
         inspired: None,
         seconds: (took.as_secs_f64() * 1000.0).round() / 1000.0,
         query: None,
@@ -156,12 +165,13 @@ fn line_of(scan: &Path, result: Result<Delivered, ClientError>, args: &BatchArgs
         Err(error) => return Line { error: Some(error.message()), ..line },
     };
     line.error = done.is_enough(args.lay.require).err().map(|error| error.message());
-    let Delivered { query, verdict, inspired, reasons, faces, file } = done;
+    let Delivered { query, verdict, inspired, reasons, faces, within_percent, file } = done;
     let (verdict, faces, inspired) = (Some(verdict), Some(faces), Some(inspired));
-    Line { file: Some(file), verdict, faces, inspired, query: Some(query), reasons, ..line }
+    Line { file: Some(file), verdict, faces, within_percent, inspired, query: Some(query), reasons, ..line }
 }
 
-/// A line for people: `scan.ply   good    3152 faces  100 % inspired  12.30 s`.
+/// A line for people: `scan.ply   good    3152 faces  100 % inspired  12.30 s`, and where a size was asked for, how near
+/// the result is to the scan.
 fn told(line: &Line, width: usize, paint: Paint) -> String {
     let time = table::time(1000.0 * line.seconds);
     let Line { verdict: Some(verdict), faces: Some(faces), inspired: Some(inspired), .. } = line else {
@@ -171,12 +181,13 @@ fn told(line: &Line, width: usize, paint: Paint) -> String {
     let word = paint.verdict(*verdict, &format!("{:6}", verdict.as_str()));
     let percent = format!("{:.0}", 100.0 * inspired);
     let below = if line.error.is_some() && *verdict != Verdict::Broken { "  less than is required" } else { "" };
-    format!("{:width$}  {word}  {faces:>7} faces  {percent:>3} % inspired  {time:>9}{below}", line.scan)
+    let within = line.within_percent.map(|within| format!("  within {within:.3} %")).unwrap_or_default();
+    format!("{:width$}  {word}  {faces:>7} faces  {percent:>3} % inspired  {time:>9}{within}{below}", line.scan)
 }
 
 /// The report, as RFC 4180 has it: a header, and a line a scan.
 fn csv(lines: &[Line]) -> String {
-    let mut text = "scan,file,verdict,faces,inspired,seconds,query,reasons,error\r\n".to_owned();
+    let mut text = "scan,file,verdict,faces,inspired,seconds,query,reasons,error,within_percent\r\n".to_owned();
     for line in lines {
         let cells = [
             line.scan.clone(),
@@ -188,6 +199,7 @@ fn csv(lines: &[Line]) -> String {
             line.query.map(|query| query.to_string()).unwrap_or_default(),
             line.reasons.join("; "),
             line.error.clone().unwrap_or_default(),
+            line.within_percent.map(|within| within.to_string()).unwrap_or_default(),
         ];
         let _ = write!(text, "{}\r\n", cells.map(|cell| quoted(&cell)).join(","));
     }

@@ -51,10 +51,10 @@ impl Wish<'_> {
 pub(super) async fn compose(args: &ComposeCommand, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
     let target = target(&args.compose, ui)?;
     let id = names::query(&args.query, api, state).await?;
-    let has_names = args.compose.uses.iter().any(|part| matches!(part.segment, SegmentRef::Named(_)));
+    let has_names = args.compose.lay.uses.iter().any(|part| matches!(part.segment, SegmentRef::Named(_)));
     // What is misspelt is told before the ranking is waited for.
     let segments = if has_names { api.query(id).await?.segments } else { Vec::new() };
-    let wish = wish(&args.compose, target, &segments, api).await?;
+    let wish = wish(&args.compose.lay, target, &segments, api).await?;
     let query = finished(id, api, ui).await?;
     stitch(&query, &wish, api, ui).await?.is_enough(wish.lay.require)
 }
@@ -62,25 +62,25 @@ pub(super) async fn compose(args: &ComposeCommand, api: &Api, state: &State, ui:
 pub(super) async fn retopo(args: &RetopoArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
     let target = target(&args.compose, ui)?;
     // A scan that is yet to be sent has no names.
-    let wish = wish(&args.compose, target, &[], api).await?;
+    let wish = wish(&args.compose.lay, target, &[], api).await?;
     let require = wish.lay.require;
     make(&args.query, wish, api, state, ui).await?.is_enough(require)
 }
 
 fn target(args: &ComposeArgs, ui: &mut Ui) -> Result<Target, ClientError> {
-    let target = Target::of(&args.out, args.kept.as_deref()).sized(&args.size);
+    let target = Target::of(&args.out, args.kept.as_deref()).sized(&args.lay.size);
     target.prepare(ui)?;
     Ok(target)
 }
 
 /// The flags, with what their names stand for.
 async fn wish<'a>(
-    args: &'a ComposeArgs,
+    lay: &'a LayArgs,
     target: Target,
     segments: &[QuerySegment],
     api: &Api,
 ) -> Result<Wish<'a>, ClientError> {
-    Ok(Wish { lay: &args.lay, uses: names::uses(&args.uses, segments, api).await?, target })
+    Ok(Wish { lay, uses: names::uses(&lay.uses, segments, api).await?, target })
 }
 
 /// All of it in one go: uploads a scan, ranks, maps or composes, and writes the mesh.

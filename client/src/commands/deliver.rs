@@ -144,6 +144,9 @@ pub(super) struct Delivered {
     pub(super) reasons: Vec<String>,
     /// Its faces.
     pub(super) faces: u64,
+    /// The distance that 95 % of it and of the scan have from each other at most, in % of the scan's diagonal, where a size
+    /// was asked for.
+    pub(super) within_percent: Option<f64>,
     /// The file, as it is told.
     pub(super) file: String,
 }
@@ -184,7 +187,8 @@ pub(super) async fn write_map(
     ui.text(&format!("{told}\nwritten    {file}: {}, {} faces", map.verdict.as_str(), faces))?;
     ui.value(&Written { file: file.clone(), resized, message: map })?;
     let Map { query, verdict, inspired, .. } = *map;
-    Ok(Delivered { query, verdict, inspired, reasons: map.reasons.clone(), faces, file })
+    let within_percent = resized.map(|resized| resized.within_percent);
+    Ok(Delivered { query, verdict, inspired, reasons: map.reasons.clone(), faces, within_percent, file })
 }
 
 /// Writes the numbers of the example's vertices that a map has, one a line, where they are asked for.
@@ -219,5 +223,8 @@ pub(super) async fn write_composition(
     ui.text(&format!("{told}\nwritten     {file}: {quads} quads, {verdicts}"))?;
     ui.value(&Written { file: file.clone(), resized, message: composition })?;
     let reasons = composition.reasons.clone();
-    Ok(Delivered { query, verdict, inspired, reasons, faces: quads + triangles, file })
+    // A size that was asked for counts all faces.
+    let faces = resized.map_or(quads + triangles, |resized| resized.faces);
+    let within_percent = resized.map(|resized| resized.within_percent);
+    Ok(Delivered { query, verdict, inspired, reasons, faces, within_percent, file })
 }

@@ -2,7 +2,7 @@
 
 use crate::{
     fake::{Asked, Fake, Reply},
-    messages::{map, query_id},
+    messages::{example_id, map, query_id},
     queries::{composition, service},
     run, run_answering,
 };
@@ -48,7 +48,7 @@ async fn a_batch_goes_on_past_a_bad_scan_and_reports_all() {
     }
     let report = fs::read_to_string(out.join("report.csv")).expect("a report");
     let rows: Vec<&str> = report.split("\r\n").collect();
-    assert_eq!(rows[0], "scan,file,verdict,faces,inspired,seconds,query,reasons,error");
+    assert_eq!(rows[0], "scan,file,verdict,faces,inspired,seconds,query,reasons,error,within_percent");
     assert_eq!((rows.len(), rows[4]), (5, ""), "{report}");
     assert!(rows[2].starts_with("bad.obj,,,,,") && rows[2].contains(r#"found ""x"""#), "{report}");
     assert!(!out.join("bad.obj").exists());
@@ -71,6 +71,73 @@ async fn what_is_less_than_is_required_counts_as_failed_and_is_written() {
         assert_eq!(lines[0]["error"].is_null(), code == 0, "{}", ran.out);
         assert!(out.join("a.obj").is_file());
     }
+}
+
+#[tokio::test]
+async fn a_batch_takes_the_wishes_of_retopo_for_every_scan() {
+    let server = Fake::start(|asked| {
+        let mut reply = refusing_one(asked);
+        if asked.line.contains("tolerance=") || asked.line.contains("quads=") {
+            reply.headers.extend(["quadmuse-faces: 6000".to_owned(), "quadmuse-within: 0.4".to_owned()]);
+        }
+        reply
+    });
+    let folder = scans();
+    fs::remove_file(folder.path().join("bad.obj")).expect("is there");
+    let out = folder.path().join("out");
+    let line = format!("batch {} -o {} --force --tag head", folder.path().display(), out.display());
+    for flag in ["--quads 6000", "--tolerance 0.1%"] {
+        let before = server.asked().len();
+        let ran = run(&server.url, &format!("{line} {flag} --use 0={}:7", example_id(3))).await;
+        assert_eq!(ran.code(), 0, "{}", ran.notes);
+        assert_eq!(ran.out.matches("   6000 faces").count(), 2, "{}", ran.out);
+        assert_eq!(ran.out.matches("within 0.400 %").count(), 2, "{}", ran.out);
+        let asked = server.asked().split_off(before);
+        let posted: Vec<&Asked> = asked.iter().filter(|asked| asked.line.contains("/maps?")).collect();
+        assert_eq!(posted.len(), 2, "a map a scan");
+        for map in posted {
+            let body: serde_json::Value = serde_json::from_slice(&map.body).expect("JSON");
+            assert_eq!(body["example"], example_id(3).to_string());
+            assert_eq!(body["example_segment"], 7);
+        }
+        let wanted = format!("&{}", flag.trim_start_matches("--").replace(' ', "=").trim_end_matches('%'));
+        let meshes = asked.iter().filter(|asked| asked.line.contains("/mesh?"));
+        assert!(meshes.map(|mesh| mesh.line.ends_with(&wanted)).eq([true; 2]), "{wanted}: {:?}", server.lines());
+        assert_eq!(asked.iter().filter(|asked| asked.line == "POST /v1/queries?tag=head").count(), 2);
+        let report = fs::read_to_string(out.join("report.csv")).expect("a report");
+        let rows: Vec<&str> = report.split("\r\n").collect();
+        assert!(rows[1].contains(",6000,0.7500,") && rows[1].ends_with(",0.4"), "{report}");
+    }
+}
+
+#[tokio::test]
+async fn a_size_that_was_asked_for_counts_all_faces_of_a_composition() {
+    let server = Fake::start(|asked| match asked.line.contains("/compositions?") {
+        true => Reply::json(201, &Composition { quads: 40, triangles: 2, ..composition() }),
+        false => {
+            let mut reply = service(asked, 3);
+            if asked.line.contains("quads=") {
+                reply.headers.extend(["quadmuse-faces: 90".to_owned(), "quadmuse-within: 0.4".to_owned()]);
+            }
+            reply
+        }
+    });
+    let folder = scans();
+    let line = format!("batch {0} -o {0}/out --force --json", folder.path().display());
+    for (flags, faces) in [("", 42), (" --quads 88", 90)] {
+        let ran = run(&server.url, &format!("{line}{flags}")).await;
+        assert!(ran.json_lines().iter().all(|line| line["faces"] == faces), "{flags}: {}", ran.out);
+    }
+}
+
+#[tokio::test]
+async fn an_example_that_is_misspelt_is_told_before_a_batch_sends_anything() {
+    let (server, folder) = (Fake::start(refusing_one), scans());
+    let ran =
+        run(&server.url, &format!("batch {0} -o {0}/out --use arm={1}", folder.path().display(), example_id(3))).await;
+    assert_eq!(ran.code(), 1, "{}", ran.notes);
+    assert!(ran.notes.contains("found `arm`"), "{}", ran.notes);
+    assert_eq!(server.lines().len(), 0);
 }
 
 #[tokio::test]
