@@ -72,7 +72,7 @@ pub fn ask(address: SocketAddr, line: &str, headers: &[(&str, &str)], body: &[u8
     let sent = stream.write_all(head.as_bytes()).and_then(|()| stream.write_all(body));
     let mut bytes = Vec::new();
     let read = stream.read_to_end(&mut bytes);
-    match parse(&bytes) {
+    match parse(&bytes, line.starts_with("HEAD ")) {
         Some(answer) => Ok(answer),
         None => Err(sent.and(read.map(drop)).err().unwrap_or_else(|| {
             let beginning = String::from_utf8_lossy(&bytes[..bytes.len().min(80)]).into_owned();
@@ -81,7 +81,8 @@ pub fn ask(address: SocketAddr, line: &str, headers: &[(&str, &str)], body: &[u8
     }
 }
 
-fn parse(bytes: &[u8]) -> Option<Answer> {
+/// Reads an answer; `None` where a part of it is missing. One to `HEAD` has no body, however long it says that it is.
+fn parse(bytes: &[u8], is_head: bool) -> Option<Answer> {
     let end = bytes.windows(4).position(|four| four == b"\r\n\r\n")?;
     let head = std::str::from_utf8(&bytes[..end]).ok()?;
     let mut lines = head.split("\r\n");
@@ -92,7 +93,9 @@ fn parse(bytes: &[u8]) -> Option<Answer> {
         .collect();
     let rest = &bytes[end + 4..];
     let is_chunked = headers.iter().any(|(name, value)| name == "transfer-encoding" && value == "chunked");
-    let body = if is_chunked { unchunk(rest)? } else { rest.to_vec() };
+    let told = headers.iter().find(|(name, _)| name == "content-length" && !is_head);
+    let length = told.and_then(|(_, length)| length.parse().ok());
+    let body = if is_chunked { unchunk(rest)? } else { rest.get(..length.unwrap_or(rest.len()))?.to_vec() };
     Some(Answer { status, headers, body })
 }
 
@@ -118,8 +121,12 @@ mod tests {
     #[test]
     fn chunks_are_put_together_and_a_cut_body_is_noticed() {
         let whole = b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n3\r\nabc\r\n2;x=y\r\nde\r\n0\r\n\r\n";
-        let answer = parse(whole).expect("an answer");
+        let answer = parse(whole, false).expect("an answer");
         assert_eq!((answer.status, answer.body.as_slice()), (200, b"abcde".as_slice()));
-        assert!(parse(&whole[..whole.len() - 8]).is_none());
+        assert!(parse(&whole[..whole.len() - 8], false).is_none());
+        let whole = b"HTTP/1.1 200 OK\r\nContent-Length: 3\r\n\r\nabc";
+        assert_eq!(parse(whole, false).expect("an answer").body, b"abc");
+        assert!(parse(&whole[..whole.len() - 3], true).is_some());
+        assert!(parse(&whole[..whole.len() - 1], false).is_none());
     }
 }

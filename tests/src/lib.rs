@@ -5,6 +5,7 @@ pub mod bounds;
 pub mod client;
 pub mod http;
 pub mod judge;
+pub mod kills;
 pub mod load;
 pub mod real_input;
 pub mod retopo_judged;

@@ -1,10 +1,11 @@
 //! Kills over all parts of a cluster under load, and what became of what was acknowledged.
 //!
 //! `cluster_kills [--kills 200] [--every 3]`: three nodes of a real engine and three servers, on loopback; three writers add
-//! examples and rename them, a reader lists, and a caller asks queries of one server through another. Every few seconds a
-//! part is killed (`kill -9`) and started again, or stopped for a while (SIGSTOP, as a split of the network looks to the
-//! others): a server, a node, the next. At the end all servers, and one that joins afresh, are compared with what was
-//! acknowledged, and every object is read. Ends with 1 if anything is missing. Needs `nats-server`.
+//! examples and rename them, a reader lists, and callers ask queries of one server, and maps of them, through another. Every few
+//! seconds a part is killed (`kill -9`) and started again, or stopped for a while (SIGSTOP, as a split of the network looks to
+//! the others): a server, a node, the next. At the end all servers, and one that joins afresh, are compared with what was
+//! acknowledged, and every object is read. Ends with 1 if anything is missing, or if a map came late, came wrong, or was refused
+//! without a problem that says why. Needs `nats-server`.
 
 #[path = "../../../server/cluster/tests/support/nodes.rs"]
 mod nodes;
@@ -13,6 +14,7 @@ use nodes::Nodes;
 use quadmuse_tests::{
     binaries::program,
     http,
+    kills::{self, Addresses, Maps, some},
     server::Server,
     shapes::{self, Faces},
     tool,
@@ -49,6 +51,7 @@ struct History {
     /// Reads that were older than the reader's own write.
     stale: AtomicU64,
     queries: [AtomicU64; 2],
+    maps: Maps,
     is_over: AtomicBool,
 }
 
@@ -72,8 +75,6 @@ impl Gaps {
         (now.1.as_secs_f64(), now.2)
     }
 }
-
-type Addresses = Mutex<Vec<Option<SocketAddr>>>;
 
 fn main() -> ExitCode {
     tool::ended(run(tool::number("--kills", 200), Duration::from_secs(tool::number("--every", 3))))
@@ -99,7 +100,7 @@ fn run(kills: u64, every: Duration) -> Result<bool, Box<dyn Error>> {
     let mut servers = data.iter().map(|data| server(&nodes, data).map(Some)).collect::<Result<Vec<_>, _>>()?;
     let addresses: Addresses = Mutex::new(servers.iter().map(|one| one.as_ref().map(Server::address)).collect());
     let history = History::default();
-    let begun = Instant::now();
+    let (begun, mut ended) = (Instant::now(), 0);
     std::thread::scope(|scope| -> Result<(), Box<dyn Error>> {
         for writer in 0..3 {
             let (history, addresses) = (&history, &addresses);
@@ -107,20 +108,36 @@ fn run(kills: u64, every: Duration) -> Result<bool, Box<dyn Error>> {
         }
         scope.spawn(|| read(&addresses, &history));
         scope.spawn(|| query(&addresses, &history));
-        let ended = (0..kills).try_for_each(|kill| {
+        for caller in 0..COUNT {
+            let (history, addresses) = (&history, &addresses);
+            scope.spawn(move || kills::ask(caller, addresses, &history.maps, &history.is_over));
+        }
+        let struck = (0..kills).try_for_each(|kill| {
             std::thread::sleep(every);
             if kill % 20 == 0 {
                 let [(_, writes), (_, reads)] = [history.writes.told(), history.reads.told()];
                 eprintln!("{kill} kills, {:.0} s, {writes} writes, {reads} reads", begun.elapsed().as_secs_f64());
             }
+            ended += note_ended(&mut servers, begun);
             strike(kill, &mut nodes, &mut servers, &data, &addresses)
         });
         history.is_over.store(true, Ordering::Relaxed);
-        ended
+        struck
     })?;
-    println!("{kills} kills in {:.0} s", begun.elapsed().as_secs_f64());
+    println!("{kills} kills in {:.0} s; servers found ended before: {ended}", begun.elapsed().as_secs_f64());
     let is_whole = judged(&nodes, &history, dir.path(), servers.iter().flatten())?;
-    Ok(is_whole)
+    Ok(is_whole && ended == 0)
+}
+
+/// Tells of servers that ended though nobody killed them: how many there are.
+fn note_ended(servers: &mut [Option<Server>], begun: Instant) -> usize {
+    let ended = servers.iter_mut().flatten().filter_map(|one| Some((one.ended()?, one)));
+    ended
+        .map(|(status, one)| {
+            let (at, log) = (begun.elapsed().as_secs_f64(), one.log());
+            eprintln!("at {at:.0} s the server at {} was found ended: {status}\n{log}", one.address());
+        })
+        .count()
 }
 
 /// One kill: in turn a server, a node, a server that is stopped, a node that is stopped.
@@ -165,10 +182,6 @@ fn strike(
     Ok(())
 }
 
-fn some(addresses: &Addresses, turn: usize) -> Option<SocketAddr> {
-    addresses.lock().expect("not poisoned")[turn % COUNT]
-}
-
 /// Adds an example and renames it twice, again and again, each on the next server.
 fn write(writer: u32, addresses: &Addresses, history: &History) {
     for turn in 0.. {
@@ -176,9 +189,8 @@ fn write(writer: u32, addresses: &Addresses, history: &History) {
             return;
         }
         let Some(address) = some(addresses, turn) else { continue };
-        // Each is another mesh.
-        let mesh = format!("# {writer} {turn}\n{}", shapes::vase(writer, 8, 4, Faces::Quads));
-        let added = http::post(address, &format!("/v1/examples?name=w{writer}t{turn}"), "model/obj", mesh.as_bytes());
+        let (mesh, name) = (kills::example(writer, turn), kills::name(writer, turn));
+        let added = http::post(address, &format!("/v1/examples?name={name}"), "model/obj", mesh.as_bytes());
         let Some(example) = added.ok().filter(|answer| answer.status == 201).map(|answer| answer.json()) else {
             std::thread::sleep(Duration::from_millis(100));
             continue;
@@ -188,7 +200,7 @@ fn write(writer: u32, addresses: &Addresses, history: &History) {
         history.writes.note();
         let path = format!("/v1/examples/{id}");
         for revision in 1..=2u64 {
-            let body = format!("{{\"name\": \"w{writer}t{turn}r{revision}\", \"revision\": {revision}}}");
+            let body = format!("{{\"name\": \"{name}r{revision}\", \"revision\": {revision}}}");
             let length = body.len().to_string();
             let headers = [("content-type", "application/json"), ("content-length", length.as_str())];
             let renamed = http::ask(address, &format!("PATCH {path}"), &headers, body.as_bytes());
@@ -294,8 +306,10 @@ fn judged<'a>(
     println!("acknowledged: {} examples, {writes} writes; longest time without one {write_gap:.1} s", examples.len());
     println!("reads: {reads}; longest time without one {read_gap:.1} s; older than the reader's own write: {stale}");
     println!("queries: {done} done, {gone} told that their server is gone");
+    let (maps, are_maps_right) = history.maps.told();
+    println!("{maps}");
     println!("lost: {}; lists of all four servers equal: {is_equal} ({} examples)", lost.len(), lists[0].len());
     println!("check: {}", String::from_utf8_lossy(&check.stdout).trim());
     lost.iter().for_each(|id| eprintln!("lost, or at an older revision: {id}"));
-    Ok(lost.is_empty() && is_equal && stale == 0 && check.status.success())
+    Ok(lost.is_empty() && is_equal && stale == 0 && are_maps_right && check.status.success())
 }
