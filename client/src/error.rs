@@ -354,7 +354,7 @@ fn failures(failed: usize, total: usize) -> String {
     }
 }
 
-/// A kind of thing with its article.
+/// What names a thing of a kind.
 fn named_by(kind: &str) -> String {
     match kind {
         "segment" => "the number or the name of a segment".into(),

@@ -430,8 +430,7 @@ mod tests {
 
     #[test]
     fn what_explains_more_of_the_query_comes_first_and_what_explains_nothing_stays() {
-        let rough =
-            |agreement, covered| Some(Rough { agreement, covered, off: 0.0, places: Arc::default(), mirrored: false });
+        let rough = |agreement, covered| Some(Rough { agreement, covered, ..Rough::default() });
         let mut all: Vec<Candidate> =
             [("a", 1.0), ("b", 2.0), ("c", 3.0), ("d", 4.0)].map(|(hash, score)| candidate(hash, score)).into();
         all[0].rough = rough(-0.2, 1.0);

@@ -14,7 +14,7 @@ use std::sync::Arc;
 const MATCHED: usize = 1;
 
 /// How an example lies on a query, roughly.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Rough {
     /// How sure it is, below 1: relief, less what its bend counts.
     pub agreement: f64,
