@@ -7,6 +7,7 @@ use super::net::Fans;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::TriMesh;
 use crate::mesh::{PolyMesh, Vec3};
+use std::sync::Arc;
 
 /// Points on each.
 const SAMPLES: usize = 6000;
@@ -38,13 +39,18 @@ impl Fit {
 #[derive(Clone, Debug)]
 pub struct Measured {
     points: Vec<Vec3>,
-    bvh: Bvh,
+    bvh: Arc<Bvh>,
 }
 
 impl Measured {
     /// Of a surface.
     pub fn new(surface: &TriMesh) -> Self {
-        Self { points: samples(surface), bvh: Bvh::new(surface) }
+        Self::with_tree(surface, Arc::new(Bvh::new(surface)))
+    }
+
+    /// The same with the surface's tree.
+    pub fn with_tree(surface: &TriMesh, bvh: Arc<Bvh>) -> Self {
+        Self { points: samples(surface), bvh }
     }
 
     /// Points of it, spread evenly by area.

@@ -91,7 +91,7 @@ pub fn bend(
     let stays = |v: usize| bent.locations[v] == cross.locations[v] || targets.contains_key(&(v as u32));
     let fixed: Vec<bool> = (0..border.len()).map(|v| border[v] || stays(v)).collect();
     let options = PolishOptions { rounds: ROUNDS, ..PolishOptions::default() };
-    polish_within(mesh, &mut bent, input, mirror, fixed, &options);
+    polish_within(mesh, &mut bent, input, mirror, &fixed, &options);
     let turned = |cross: &CrossMap| inward(mesh, cross, input, mirror).len();
     let (before, after) = (turned(cross), turned(&bent));
     if after > before { Err(BendError::Folds { faces: after - before }) } else { Ok(bent) }

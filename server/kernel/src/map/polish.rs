@@ -11,8 +11,8 @@
 use super::CrossMap;
 use super::walk::walk;
 use crate::encode::index::Location;
-use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
+use crate::mesh::{NONE, Vec3};
 use crate::numerics::sparse::Pattern;
 use crate::unfold::Chart;
 
@@ -43,26 +43,51 @@ const SIZE_RANGE: f64 = 4.0;
 /// Moves the map of `mesh` (the example's patch) along the mesh of `input`. `mirror` is −1 for mirrored maps. Boundary
 /// vertices stay.
 pub fn polish(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64, options: &PolishOptions) {
-    polish_within(mesh, cross, input, mirror, mesh.boundary_vertices(), options);
+    let faces = Faces {
+        triangles: &mesh.triangles,
+        rest: mesh.triangles.iter().map(|t| flat(corners(mesh, t), mirror)).collect(),
+        fixed: mesh.boundary_vertices(),
+        area: mesh.total_area(),
+    };
+    settle(faces, cross, input, options);
 }
 
-/// The same, but for the vertices that are `fixed`.
+/// The same, but for the vertices that are `fixed`. Only faces with a corner that moves are looked at: a point that is dragged moves
+/// some hundred of them.
 pub fn polish_within(
     mesh: &TriMesh,
     cross: &mut CrossMap,
     input: &Chart,
     mirror: f64,
-    fixed: Vec<bool>,
+    fixed: &[bool],
     options: &PolishOptions,
 ) {
-    let corners = |t: &[u32; 3]| t.map(|v| mesh.positions[v as usize]);
+    let moves = |t: &&[u32; 3]| t.iter().any(|&v| !fixed[v as usize]);
+    let moving: Vec<&[u32; 3]> = mesh.triangles.iter().filter(moves).collect();
+    let mut vertices: Vec<u32> = moving.iter().flat_map(|t| t.iter().copied()).collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    let mut number = vec![NONE; fixed.len()];
+    vertices.iter().zip(0..).for_each(|(&v, k)| number[v as usize] = k);
+    let triangles: Vec<[u32; 3]> = moving.iter().map(|t| t.map(|v| number[v as usize])).collect();
     let faces = Faces {
-        triangles: &mesh.triangles,
-        rest: mesh.triangles.iter().map(|t| flat(corners(t), mirror)).collect(),
-        fixed,
+        triangles: &triangles,
+        rest: moving.iter().map(|t| flat(corners(mesh, t), mirror)).collect(),
+        fixed: vertices.iter().map(|&v| fixed[v as usize]).collect(),
         area: mesh.total_area(),
     };
-    settle(faces, cross, input, options);
+    let mut part = CrossMap {
+        locations: vertices.iter().map(|&v| cross.locations[v as usize]).collect(),
+        positions: vertices.iter().map(|&v| cross.positions[v as usize]).collect(),
+    };
+    settle(faces, &mut part, input, options);
+    for (k, &v) in vertices.iter().enumerate() {
+        (cross.locations[v as usize], cross.positions[v as usize]) = (part.locations[k], part.positions[k]);
+    }
+}
+
+fn corners(mesh: &TriMesh, triangle: &[u32; 3]) -> [Vec3; 3] {
+    triangle.map(|v| mesh.positions[v as usize])
 }
 
 /// Faces with the shape that each would have.
@@ -310,6 +335,26 @@ mod tests {
         let options = PolishOptions { anchor: 0.0, ..PolishOptions::default() };
         polish(&mesh, &mut cross, &chart, 1.0, &options);
         assert!(off(&mesh, &cross) < 0.05 * before, "{before} became {}", off(&mesh, &cross));
+    }
+
+    #[test]
+    fn within_the_boundary_all_comes_to_rest_as_it_does_alone_and_what_is_fixed_stays() {
+        let (mesh, chart, cross) = shaken();
+        let options = PolishOptions { step_max: 100.0, ..PolishOptions::default() };
+        let polished = |fixed: &[bool]| {
+            let mut within = cross.clone();
+            polish_within(&mesh, &mut within, &chart, 1.0, fixed, &options);
+            within
+        };
+        let mut all = cross.clone();
+        polish(&mesh, &mut all, &chart, 1.0, &options);
+        let within = polished(&mesh.boundary_vertices());
+        assert!(all.positions.iter().zip(&within.positions).all(|(a, b)| (a - b).norm() < 1e-9));
+        let fixed: Vec<bool> = mesh.positions.iter().map(|p| p.x < 0.5).collect();
+        let half = polished(&fixed);
+        let moved = |v: usize| half.positions[v] != cross.positions[v];
+        assert!((0..fixed.len()).all(|v| !fixed[v] || !moved(v)) && (0..fixed.len()).any(moved));
+        assert_eq!(polished(&vec![true; fixed.len()]), cross);
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! are compared with the surface's diagonal and with the mesh's own edges near by, so that a coarse layout, whose chords
 //! leave the surface by a share of their length, is not taken for a broken one. *Ours, not the paper's.*
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use super::way::Ways;
 use crate::compose::fit::Measured;
@@ -40,7 +40,7 @@ const COLLAPSED: f64 = 1e-3;
 #[derive(Clone, Debug)]
 pub struct ReferenceSurface {
     surface: TriMesh,
-    tree: Bvh,
+    tree: Arc<Bvh>,
     measured: Measured,
     diagonal: f64,
     ways: OnceLock<Ways>,
@@ -108,13 +108,20 @@ impl Flaws {
 impl ReferenceSurface {
     /// Of a surface with an area.
     pub fn new(surface: TriMesh) -> Self {
+        let tree = Arc::new(Bvh::new(&surface));
+        Self::with_tree(surface, tree)
+    }
+
+    /// The same with the surface's tree.
+    pub fn with_tree(surface: TriMesh, tree: Arc<Bvh>) -> Self {
         let (low, high) = surface
             .positions
             .iter()
             .filter(|p| p.iter().all(|x| x.is_finite()))
             .fold((Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY)), |(a, b), p| (a.inf(p), b.sup(p)));
         let diagonal = (high - low).norm().max(f64::MIN_POSITIVE);
-        Self { tree: Bvh::new(&surface), measured: Measured::new(&surface), diagonal, surface, ways: OnceLock::new() }
+        let measured = Measured::with_tree(&surface, Arc::clone(&tree));
+        Self { tree, measured, diagonal, surface, ways: OnceLock::new() }
     }
 
     /// The same with gaps that faces may bridge: the fillings among the triangles of these meshes.
@@ -127,7 +134,7 @@ impl ReferenceSurface {
             self.surface.positions.extend(&mesh.positions);
         }
         if self.surface.triangles.len() > count {
-            self.tree = Bvh::new(&self.surface);
+            self.tree = Arc::new(Bvh::new(&self.surface));
             self.ways = OnceLock::new();
         }
         self

@@ -12,7 +12,7 @@ use crate::mesh::bvh::Bvh;
 use crate::mesh::{NONE, Vec3};
 use crate::topology::Topology;
 use crate::unfold::Chart;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// Applies an edit to the registration of a map; `told` are the map's constraints.
 ///
@@ -284,7 +284,12 @@ pub(crate) fn locate(
     if !point.iter().all(|x| x.is_finite()) {
         return Err(invalid("expected finite coordinates, found one that is not".into()));
     }
-    let found = bvh.get_or_init(|| Bvh::new(&chart.mesh)).closest(point);
+    let own = &side.encoded.query;
+    let found = match Arc::ptr_eq(&chart.mesh, &own.chart.mesh) {
+        // Its tree is there already.
+        true => own.tree().closest(point),
+        false => bvh.get_or_init(|| Bvh::new(&chart.mesh)).closest(point),
+    };
     if found.triangle == NONE {
         return Err(invalid("expected a point near the surface, found one beyond all range".into()));
     }

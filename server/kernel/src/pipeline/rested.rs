@@ -50,7 +50,11 @@ pub(crate) fn rest(
     let mut cross = CrossMap { locations, positions };
     let mut bare: Vec<bool> = lost.iter().zip(&off).map(|(lost, off)| *lost || *off).collect();
     let leaps = match Stage::Fray.is_on() {
-        true => leaps(&one.patch.mesh, &cross.positions, &ReferenceSurface::new((*chart.mesh).clone())),
+        true => leaps(
+            &one.patch.mesh,
+            &cross.positions,
+            &ReferenceSurface::with_tree((*chart.mesh).clone(), Arc::clone(two.query.tree())),
+        ),
         false => Vec::new(),
     };
     islands(&one.patch.mesh, &leaps, &mut bare);

@@ -9,6 +9,7 @@ use crate::measure::sound::ReferenceSurface;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::{NONE, PolyMesh, TriMesh, Vec3};
 use crate::topology::with_gaps_filled;
+use std::sync::Arc;
 
 /// What is no flaw of a composition, since its maps are so on purpose. Shares from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -45,7 +46,7 @@ pub(crate) fn check(mapped: &mut Mapped, query: &Side) {
         ReferenceSurface::new(owned(inner.ground().input()).into_owned()).flaws(&mapped.mesh, &[]).reasons(1.0, 0.0)
     } else {
         let surface: &TriMesh = &query.encoded.query.chart.mesh;
-        ReferenceSurface::new(surface.clone())
+        ReferenceSurface::with_tree(surface.clone(), Arc::clone(query.encoded.query.tree()))
             .with_gaps(inner.patch(query.segment).ok().and_then(with_gaps_filled).into_iter())
             .flaws(&mapped.mesh, &mapped.reach.bridging)
             .reasons(1.0 - mapped.reach.covers.input, mapped.reach.spanned)
@@ -112,7 +113,6 @@ mod tests {
     use crate::mesh::Limits;
     use crate::pipeline::{Cut, read as read_model};
     use std::fmt::Write;
-    use std::sync::Arc;
 
     /// n × n quads on a dome, as OBJ.
     fn dome(n: usize) -> String {
