@@ -404,7 +404,7 @@ pub struct ConstrainArgs {
     pub out: OutArgs,
 }
 
-/// What is laid on a scan, and how: the same flags for one scan and for a folder of them.
+/// The flags that tell what is laid on a scan, and how: the same for one scan and for a folder of them.
 #[derive(Clone, Debug, Args)]
 pub struct LayArgs {
     /// `SEGMENT=EXAMPLE` or `SEGMENT=EXAMPLE:SEGMENT`: this example in place of the best (may be repeated). The scan's segment by
@@ -433,7 +433,7 @@ pub struct LayArgs {
 /// The flags of a composition.
 #[derive(Clone, Debug, Args)]
 pub struct ComposeArgs {
-    /// What to lay on it, and how
+    /// The examples to lay on it, and how
     #[command(flatten)]
     pub lay: LayArgs,
     /// A file for the numbers of the example's vertices that were kept, from 0, one a line: others lie beyond the input
@@ -487,7 +487,7 @@ pub struct BatchArgs {
     /// How to rank them
     #[command(flatten)]
     pub rank: RankArgs,
-    /// What to lay on each, and how
+    /// The examples to lay on each, and how
     #[command(flatten)]
     pub lay: LayArgs,
 }

@@ -354,7 +354,7 @@ fn failures(failed: usize, total: usize) -> String {
     }
 }
 
-/// What names a thing of a kind.
+/// Tells how a thing of a kind is named.
 fn named_by(kind: &str) -> String {
     match kind {
         "segment" => "the number or the name of a segment".into(),

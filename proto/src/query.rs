@@ -120,7 +120,7 @@ pub struct Query {
 pub struct QuerySegment {
     /// Its number in the query.
     pub segment: u32,
-    /// What it is called, where it was given a name. Two of a query may have the same.
+    /// The name that it was given, if any. Two of a query may have the same.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     /// Its topology.

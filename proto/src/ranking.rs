@@ -18,7 +18,7 @@ pub struct Ranking {
     pub query: QueryId,
     /// Its segment.
     pub segment: u32,
-    /// What the segment is called, where it was given a name.
+    /// The name that the segment was given, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub segment_name: Option<String>,
     /// Grows with every ranking of the query, whichever the segment; 0 before the first.

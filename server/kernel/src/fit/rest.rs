@@ -31,7 +31,7 @@ const MIRROR_MARGIN: f64 = 0.1;
 /// Places that are less sure than the best by no more than this settle too, so many at most.
 const NEAR: f64 = 0.15;
 const FINALISTS: usize = 3;
-/// What is less sure than the best by more than this when it has bent halfway is not surer in the end (tests/records).
+/// A pose that is less sure than the best by more than this when it has bent halfway is not surer in the end (tests/records).
 const NEAR_HALFWAY: f64 = 0.06;
 /// Places whose vertices are less apart in the mean, in √area of the input, are one.
 const SAME: f64 = 0.03;

@@ -33,7 +33,7 @@ const LED: usize = 2;
 const DOUBTFUL: f64 = 0.65;
 /// A larger share of a scan's area is most of it. *Untuned.*
 const MOST: f64 = 0.5;
-/// What agrees so much when it is laid roughly lies there, and no other pose is sought. *Untuned:* heads on a statue's pedestal or
+/// An example that agrees so much when it is laid roughly lies there, and no other pose is sought. *Untuned:* heads on a statue's pedestal or
 /// hair agree less than .05.
 const SURE_ROUGHLY: f64 = 0.1;
 /// Poses that are settled.
