@@ -102,7 +102,7 @@ pub struct Aligned {
 /// An example that has bent halfway from where it rests as a whole: enough to tell which of several starts are worth more.
 pub struct Halfway {
     pose: Pose,
-    /// What speaks for it so far.
+    /// The evidence that speaks for it so far.
     pub evidence: Evidence,
 }
 

@@ -38,7 +38,7 @@ const STALE_MAX: u64 = 1000;
 const LOOKS: (Duration, Duration) = (Duration::from_millis(25), Duration::from_millis(500));
 /// How well uploads are compressed: fast.
 const ZSTD_LEVEL: i32 = 1;
-/// What metrics call the two kinds of jobs.
+/// The names of the two kinds of jobs in metrics.
 const ADD: &str = "add";
 const ENCODE: &str = "encode";
 /// How often the length of the queue is told to whoever watches.

@@ -29,7 +29,7 @@ const AT_ONCE: usize = 2;
 /// How well they are compressed: fast.
 const ZSTD_LEVEL: i32 = 1;
 
-/// What is kept of a query.
+/// The two things that are kept of a query.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum What {
     /// Its upload, with what was asked.
@@ -39,7 +39,7 @@ pub enum What {
 }
 
 impl What {
-    /// What follows the query's id in the name under which it is kept.
+    /// The end of the name under which it is kept: it follows the query's id.
     pub fn suffix(self) -> &'static str {
         match self {
             Self::Upload => "",
@@ -184,7 +184,7 @@ impl Kept {
         });
     }
 
-    /// What the segments of a query are called, or were. Without them it is started again all the same.
+    /// The names that the segments of a query have, or had. Without them it is started again all the same.
     pub async fn names(&self, work: &Arc<Work>, id: QueryId) -> BTreeMap<u32, String> {
         if let Ok(live) = work.queries.get(id) {
             return live.names.all();

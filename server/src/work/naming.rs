@@ -1,4 +1,4 @@
-//! What the segments of a query are called: names that people give the parts of a scan, for all who look at it.
+//! Names of a query's segments: people give them to the parts of a scan, for all who look at it.
 //!
 //! They live with the query, are paid for as its memory is, and are kept beside what it was started with ([`super::kept`]),
 //! so that they are there again where it is started again.

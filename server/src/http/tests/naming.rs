@@ -1,4 +1,4 @@
-//! What the segments of a query are called.
+//! Tests of the names that segments of a query are given.
 
 use super::forward::Shared;
 use super::*;
@@ -12,7 +12,7 @@ impl Bench {
         self.request(Method::PATCH, path, &kind, json!({ "segments": segments }).to_string()).await
     }
 
-    /// What a query's resource tells of the names, in the order of its segments.
+    /// The names that a query's resource tells, in the order of its segments.
     async fn names(&self, path: &str) -> Vec<Value> {
         of(&self.get(path).await.json())
     }
