@@ -22,7 +22,6 @@ use lanes::Lanes;
 use quadmuse_kernel::numerics::stop as interrupt;
 use std::backtrace::Backtrace;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::rc::Rc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -285,7 +284,7 @@ fn guarded<T>(stop: &Stop, memory_bytes: u64, work: impl FnOnce(&Stop) -> T) -> 
             resume_unwind(Box::new(Interrupted(reason)));
         }
     };
-    let run = || taken::within(memory_bytes, || interrupt::within(Rc::new(ask), || work(stop)));
+    let run = || taken::within(memory_bytes, || interrupt::within(Arc::new(ask), || work(stop)));
     catch_unwind(AssertUnwindSafe(run)).map_err(|panic| match panic.downcast_ref::<Interrupted>() {
         Some(Interrupted(reason)) => PoolError::Stopped(*reason),
         None => PoolError::Panicked { message: words_of(&*panic) },

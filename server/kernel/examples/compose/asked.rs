@@ -6,8 +6,7 @@
 
 use quadmuse_kernel::numerics::stop::{self, Stop};
 use std::backtrace::Backtrace;
-use std::cell::RefCell;
-use std::rc::Rc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 /// Gaps of more are told with where they end.
@@ -70,10 +69,15 @@ fn place() -> String {
 /// than this one count for nothing.
 pub(crate) fn asked<T>(work: impl FnOnce(Stop<'_>) -> T) -> (T, Gaps) {
     let begun = Instant::now();
-    let state = Rc::new(RefCell::new((Gaps::default(), begun, now_ms(begun))));
-    let inner = Rc::clone(&state);
-    let ask = Rc::new(move || {
-        let (gaps, real, cpu) = &mut *inner.borrow_mut();
+    let state = Arc::new(Mutex::new((Gaps::default(), begun, now_ms(begun))));
+    let inner = Arc::clone(&state);
+    let caller = std::thread::current().id();
+    let ask = Arc::new(move || {
+        // Others that work for this thread have clocks of their own.
+        if std::thread::current().id() != caller {
+            return;
+        }
+        let (gaps, real, cpu) = &mut *inner.lock().unwrap_or_else(PoisonError::into_inner);
         // Cheap first: most gaps are far too short to matter.
         if real.elapsed().as_secs_f64() < 1e-3 {
             return;
@@ -95,6 +99,6 @@ pub(crate) fn asked<T>(work: impl FnOnce(Stop<'_>) -> T) -> (T, Gaps) {
         stop::ask();
         made
     });
-    let gaps = std::mem::take(&mut state.borrow_mut().0);
+    let gaps = std::mem::take(&mut state.lock().unwrap_or_else(PoisonError::into_inner).0);
     (made, gaps)
 }

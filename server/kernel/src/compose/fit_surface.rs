@@ -14,6 +14,7 @@ use super::net::Net;
 use super::smooth::Target;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
+use crate::numerics::side_by_side;
 
 /// Rounds.
 const ROUNDS: u32 = 8;
@@ -51,13 +52,13 @@ pub fn fit_surface(net: &mut Net, points: &[Vec3], target: &Target, held: Held<'
     };
     let moving: Vec<bool> = (0..net.positions.len() as u32).map(|v| !net.at(v).is_empty() && !is_held(v)).collect();
     for _ in 0..ROUNDS {
-        let mut asked = vec![Asked::default(); net.positions.len()];
-        by_faces(net, target, &mut asked);
-        by_points(net, points, &mut asked);
+        let (by_faces, by_points) = side_by_side(|| by_faces(net, target), || by_points(net, points));
         let normals = normals(net);
-        for (v, a) in asked.iter().enumerate().filter(|(v, a)| moving[*v] && a.weight > 0.0) {
-            let n = normals[v];
-            net.positions[v] += n * (STEP * n.dot(&a.sum) / a.weight);
+        for v in (0..net.positions.len()).filter(|&v| moving[v]) {
+            let (n, weight) = (normals[v], by_faces[v].weight + by_points[v].weight);
+            if weight > 0.0 {
+                net.positions[v] += n * (STEP * n.dot(&(by_faces[v].sum + by_points[v].sum)) / weight);
+            }
         }
     }
 }
@@ -67,8 +68,9 @@ fn ask(asked: &mut [Asked], v: u32, r: Vec3, weight: f64) {
     asked[v as usize].weight += weight;
 }
 
-/// Points of the faces look for the surface.
-fn by_faces(net: &Net, target: &Target, asked: &mut [Asked]) {
+/// What is asked of each vertex by points of the faces, which look for the surface.
+fn by_faces(net: &Net, target: &Target) -> Vec<Asked> {
+    let mut asked = vec![Asked::default(); net.positions.len()];
     let of_quads: Vec<Vec<f64>> = GAUSS.iter().flat_map(|&s| GAUSS.map(|t| bilinear(s, t))).collect();
     let samples = |c: &[u32]| match c.len() {
         4 => of_quads.clone(),
@@ -87,17 +89,19 @@ fn by_faces(net: &Net, target: &Target, asked: &mut [Asked]) {
             if r.norm_squared() > BELIEVED * BELIEVED * area {
                 continue;
             }
-            c.iter().zip(weights).for_each(|(&v, w)| ask(asked, v, r, share * w));
+            c.iter().zip(weights).for_each(|(&v, w)| ask(&mut asked, v, r, share * w));
         }
     }
+    asked
 }
 
 fn bilinear(s: f64, t: f64) -> Vec<f64> {
     vec![(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t]
 }
 
-/// Points of the surface look for the net.
-fn by_points(net: &Net, points: &[Vec3], asked: &mut [Asked]) {
+/// What is asked of each vertex by points of the surface, which look for the net.
+fn by_points(net: &Net, points: &[Vec3]) -> Vec<Asked> {
+    let mut asked = vec![Asked::default(); net.positions.len()];
     let fans = net.fans();
     let areas: Vec<f64> = fans.face.iter().map(|&f| area_vector(net, net.face(f)).norm()).collect();
     let share = fans.mesh.total_area() / points.len().max(1) as f64;
@@ -108,8 +112,9 @@ fn by_points(net: &Net, points: &[Vec3], asked: &mut [Asked]) {
             continue;
         }
         let corners = fans.mesh.triangles[near.triangle as usize];
-        corners.iter().zip(near.barycentric).for_each(|(&v, w)| ask(asked, v, x - near.point, share * w));
+        corners.iter().zip(near.barycentric).for_each(|(&v, w)| ask(&mut asked, v, x - near.point, share * w));
     }
+    asked
 }
 
 /// Normal of a polygon, as long as its area.

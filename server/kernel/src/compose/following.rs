@@ -15,6 +15,7 @@ use super::stitching::{KEPT_MISS_MAX, MISS_MAX, Stitching};
 use super::subdivide::subdivide;
 use super::{Closeness, Report};
 use crate::mesh::{PolyMesh, Vec3};
+use crate::numerics::side_by_side;
 use crate::numerics::stage::Stage;
 
 /// Most quads that the whole is subdivided to, and times at most.
@@ -118,12 +119,16 @@ impl Stitching<'_> {
     /// With its faces on both sides of the input, if that brings it nearer, and with edges on the input's sharp lines, if
     /// that is hardly worse.
     fn fitted_to_surface(&self, now: Draft, origins: &[LayoutOrigin]) -> Draft {
-        let creased = self.creased(&now, origins);
-        let (mesh, fit) = self.on_both_sides(now.mesh, now.fit, Held::Boundary);
-        let plain = Draft { mesh, fit, tips: now.tips, on_line: Vec::new() };
-        let Some((net, on_line)) = creased else { return plain };
-        let Some((mesh, fit)) = self.judged(net.into_mesh().0, f64::INFINITY) else { return plain };
-        let (mesh, fit) = self.on_both_sides(mesh, fit, Held::BoundaryAnd(&on_line));
+        let (plain, creased) = side_by_side(
+            || self.on_both_sides(now.mesh.clone(), now.fit, Held::Boundary),
+            || {
+                let (net, on_line) = self.creased(&now, origins)?;
+                let (mesh, fit) = self.judged(net.into_mesh().0, f64::INFINITY)?;
+                Some((self.on_both_sides(mesh, fit, Held::BoundaryAnd(&on_line)), on_line))
+            },
+        );
+        let plain = Draft { mesh: plain.0, fit: plain.1, tips: now.tips, on_line: Vec::new() };
+        let Some(((mesh, fit), on_line)) = creased else { return plain };
         let angle = |mesh: &PolyMesh| square::mean_deviation_deg(&Net::from_mesh(mesh));
         let worse_deg = angle(&mesh) - angle(&plain.mesh);
         let is_good =

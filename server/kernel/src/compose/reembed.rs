@@ -21,7 +21,7 @@ use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::facing::{Facing, Turned};
 use crate::mesh::tri::{NONE, TriMesh};
-use crate::numerics::stop;
+use crate::numerics::{many_in_halves, stop};
 use disc::{harmonic, tutte};
 use region::Surroundings;
 use std::collections::BTreeSet;
@@ -89,13 +89,13 @@ impl<'a> Looks<'a> {
 
     /// The faces that look away, and those next to points of the surface that are passed over; and the face next to each point.
     fn flawed(&self, net: &Net, points: &[Vec3]) -> (BTreeSet<u32>, Vec<u32>) {
-        let mut found: BTreeSet<u32> =
-            net.faces().map(|(f, _)| f).filter(|&f| self.of(net, f).share() > AWAY).collect();
+        let faces: Vec<u32> = net.faces().map(|(f, _)| f).collect();
+        let away = many_in_halves(&faces, |&f| self.of(net, f).share() > AWAY);
+        let mut found: BTreeSet<u32> = faces.into_iter().zip(away).filter(|(_, away)| *away).map(|(f, _)| f).collect();
         let fans = net.fans();
         let tree = Bvh::new(&fans.mesh);
         let mut nearest = Vec::with_capacity(points.len());
-        for &x in points {
-            let near = tree.closest(x);
+        for near in tree.closest_to_all(points) {
             let face = fans.face.get(near.triangle as usize).copied().unwrap_or(NONE);
             nearest.push(face);
             if near.distance > self.passed && face != NONE {

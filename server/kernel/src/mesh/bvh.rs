@@ -9,7 +9,7 @@ mod turned;
 
 use super::Vec3;
 use super::tri::{NONE, TriMesh};
-use crate::numerics::{in_halves, stop};
+use crate::numerics::{many_in_halves, stop};
 use std::ops::Range;
 use turned::Turned;
 
@@ -22,8 +22,6 @@ const TRIANGLE: u32 = 1 << 31;
 /// Sums of single precision may be too large by this share of them, and where they are hardly above zero, by this value.
 const ROOM: f32 = 1e-6;
 const LEAST: f32 = f32::MIN_POSITIVE;
-/// Fewer points are searched for on one thread: a second one takes some 30 µs to start.
-const SHARED_MIN: usize = 256;
 
 /// A tree of boxes over the triangles of a mesh.
 #[derive(Clone, Debug, Default)]
@@ -190,15 +188,9 @@ impl Bvh {
         best
     }
 
-    /// The closest points of the mesh for many points, half of them on a second thread. As many steps are counted as if each
-    /// were sought alone.
+    /// The closest points of the mesh for many points, half of them on a second thread.
     pub fn closest_to_all(&self, points: &[Vec3]) -> Vec<Closest> {
-        if points.len() < SHARED_MIN {
-            return points.iter().map(|&p| self.closest(p)).collect();
-        }
-        let found = in_halves(points, |&p| self.closest(p));
-        stop::count(points.len() as u64 / 2);
-        found
+        many_in_halves(points, |&p| self.closest(p))
     }
 
     /// A lower bound of the squared distance from a point to a child, given that to its box along the axes.
@@ -386,7 +378,7 @@ mod tests {
     #[test]
     fn many_points_find_what_each_finds_alone_in_as_many_steps() {
         let bvh = Bvh::new(&sheet(12));
-        for count in [0, SHARED_MIN - 1, SHARED_MIN, 2 * SHARED_MIN + 1] {
+        for count in [0, 20, 513] {
             let points: Vec<Vec3> = points(12, count).collect();
             let before = stop::steps();
             let found = bvh.closest_to_all(&points);

@@ -4,14 +4,29 @@
 //! long as the call, and does not take up other work while it waits, as a pool's would: a caller may hold what that
 //! work needs.
 
+use super::stop;
+
+/// Items of a microsecond each from which on a second thread, which costs some 50 µs, is worth while.
+const MANY: usize = 256;
+
 /// Runs both, the second on a thread of its own where one can be had, and returns both results; each is the same
-/// whatever thread it ran on. A panic of either goes on in the caller.
+/// whatever thread it ran on. The second is interrupted as the caller is, and its steps are counted as the caller's. A panic of
+/// either goes on in the caller.
 pub fn side_by_side<A, B: Send>(first: impl FnOnce() -> A, second: impl Fn() -> B + Sync) -> (A, B) {
+    let ask = stop::asked();
+    let apart = || {
+        let before = stop::steps();
+        let b = stop::asking(ask.clone(), &second);
+        (b, stop::steps() - before)
+    };
     std::thread::scope(|scope| {
-        let other = std::thread::Builder::new().spawn_scoped(scope, &second);
+        let other = std::thread::Builder::new().spawn_scoped(scope, &apart);
         let a = first();
         let b = match other.map(std::thread::ScopedJoinHandle::join) {
-            Ok(Ok(b)) => b,
+            Ok(Ok((b, steps))) => {
+                stop::count(steps);
+                b
+            }
             Ok(Err(panic)) => std::panic::resume_unwind(panic),
             Err(_) => second(),
         };
@@ -31,6 +46,11 @@ pub fn in_halves<T: Sync, R: Send>(items: &[T], of: impl Fn(&T) -> R + Sync) -> 
     found
 }
 
+/// The same for items that take a microsecond or so each: few are computed on the caller's thread.
+pub fn many_in_halves<T: Sync, R: Send>(items: &[T], of: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    if items.len() < MANY { items.iter().map(of).collect() } else { in_halves(items, of) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -44,10 +64,21 @@ mod tests {
 
     #[test]
     fn values_come_back_in_the_order_of_the_items() {
-        for count in [0usize, 1, 2, 5, 100] {
+        for count in [0usize, 1, 2, 5, MANY - 1, MANY] {
             let items: Vec<usize> = (0..count).collect();
             assert_eq!(in_halves(&items, |k| k + 1), (1..=count).collect::<Vec<_>>());
+            assert_eq!(many_in_halves(&items, |k| k + 1), (1..=count).collect::<Vec<_>>());
         }
+    }
+
+    #[test]
+    fn the_second_is_interrupted_as_the_caller_is_and_its_steps_count() {
+        let before = stop::steps();
+        side_by_side(|| (0..3).for_each(|_| stop::poll()), || (0..4).for_each(|_| stop::poll()));
+        assert_eq!(stop::steps() - before, 7);
+        let ask: stop::Ask = std::sync::Arc::new(|| std::panic::resume_unwind(Box::new("enough")));
+        let caught = std::panic::catch_unwind(|| stop::within(ask, || side_by_side(|| 1, || stop::ask())));
+        assert_eq!(caught.err().and_then(|p| p.downcast_ref::<&str>().copied()), Some("enough"));
     }
 
     #[test]

@@ -8,13 +8,13 @@
 //! The polls of a thread are counted ([`steps`]): a measure of work that is the same on every machine, where time is not.
 
 use std::cell::{Cell, RefCell};
-use std::rc::Rc;
+use std::sync::Arc;
 
 /// Asked now and then, on any thread, by what takes long: true once it is to stop. Once true it stays so.
 pub type Stop<'a> = &'a (dyn Fn() -> bool + Sync);
 
 /// What a poll asks: it returns, or unwinds.
-pub type Ask = Rc<dyn Fn()>;
+pub type Ask = Arc<dyn Fn() + Send + Sync>;
 
 /// A poll asks once in so many.
 const ASK_EVERY: u64 = 16;
@@ -39,8 +39,18 @@ impl Drop for Before {
 
 /// Runs a computation whose polls, on this thread, ask `ask`.
 pub fn within<T>(ask: Ask, work: impl FnOnce() -> T) -> T {
-    let _before = Before(ASK.with(|now| now.borrow_mut().replace(ask)));
+    asking(Some(ask), work)
+}
+
+/// Runs a computation whose polls, on this thread, ask what those of another thread ask, as [`asked`] there.
+pub(super) fn asking<T>(ask: Option<Ask>, work: impl FnOnce() -> T) -> T {
+    let _before = Before(ASK.with(|now| std::mem::replace(&mut *now.borrow_mut(), ask)));
     work()
+}
+
+/// Returns what the polls of this thread ask.
+pub(super) fn asked() -> Option<Ask> {
+    ASK.with(|now| now.borrow().clone())
 }
 
 /// Asks whether to go on; unwinds if not.
@@ -75,8 +85,7 @@ pub fn pass(elements: usize) {
 /// Asks at once: before what takes long by itself.
 pub fn ask() {
     // Cloned, so that nothing is borrowed while it unwinds.
-    let ask = ASK.with(|now| now.borrow().clone());
-    if let Some(ask) = ask {
+    if let Some(ask) = asked() {
         ask();
     }
 }
@@ -89,14 +98,14 @@ pub fn steps() -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::atomic::{AtomicU64, Ordering};
     use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
     #[test]
     fn a_computation_that_polls_is_interrupted_and_the_next_is_not() {
-        let left = Rc::new(Cell::new(3));
-        let ask: Ask = Rc::new(move || {
-            left.set(left.get() - 1);
-            if left.get() == 0 {
+        let asked = AtomicU64::new(0);
+        let ask: Ask = Arc::new(move || {
+            if asked.fetch_add(1, Ordering::Relaxed) == 2 {
                 resume_unwind(Box::new("enough"));
             }
         });
@@ -115,7 +124,7 @@ mod tests {
     #[test]
     fn a_pass_is_interrupted_too() {
         let mut passed = 0;
-        let ask: Ask = Rc::new(|| resume_unwind(Box::new(())));
+        let ask: Ask = Arc::new(|| resume_unwind(Box::new(())));
         let endless = || loop {
             passed += 1;
             pass(1);
@@ -135,13 +144,16 @@ mod tests {
 
     #[test]
     fn what_was_asked_before_is_asked_again_after() {
-        let asked = Rc::new(Cell::new(0));
-        let (outer, inner) = (Rc::clone(&asked), Rc::clone(&asked));
-        within(Rc::new(move || outer.set(outer.get() + 1)), || {
-            within(Rc::new(move || inner.set(inner.get() + 100)), ask);
+        let asked = Arc::new(AtomicU64::new(0));
+        let adds = |more: u64| -> Ask {
+            let asked = Arc::clone(&asked);
+            Arc::new(move || drop(asked.fetch_add(more, Ordering::Relaxed)))
+        };
+        within(adds(1), || {
+            within(adds(100), ask);
             ask();
         });
         ask();
-        assert_eq!(asked.get(), 101);
+        assert_eq!(asked.load(Ordering::Relaxed), 101);
     }
 }

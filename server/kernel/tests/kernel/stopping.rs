@@ -6,12 +6,16 @@ use quadmuse_kernel::numerics::stop;
 use quadmuse_kernel::register::Query;
 use quadmuse_kernel::segment::{PartCount, segment};
 use quadmuse_kernel::unfold::UnfoldOptions;
-use std::cell::Cell;
+use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Moments at which it is stopped.
 const STOPS: u64 = 12;
+
+/// Threads that may ask before each has heard that it is to stop.
+const THREADS: u64 = 4;
 
 /// Two bumpy sheets apart, of `side`² squares each.
 fn sheets(side: u32) -> PolyMesh {
@@ -48,25 +52,22 @@ fn way(poly: &PolyMesh, entered: &dyn Fn(&'static str)) -> usize {
 
 /// Runs it until it has asked so many times; returns how often it asked, by stage, and whether it ended by itself.
 fn asked_until(poly: &PolyMesh, most: u64) -> (Vec<(&'static str, u64)>, bool) {
-    let stages = Rc::new(Cell::new(Vec::new()));
-    let count = Rc::new(Cell::new(0));
-    let (by_ask, by_stage, seen) = (Rc::clone(&count), Rc::clone(&count), Rc::clone(&stages));
+    let stages = RefCell::new(Vec::new());
+    let count = Arc::new(AtomicU64::new(0));
+    let by_ask = Arc::clone(&count);
     let ask = move || {
-        by_ask.set(by_ask.get() + 1);
-        assert!(by_ask.get() <= most, "it went on after it was stopped");
-        if by_ask.get() == most {
+        let asked = by_ask.fetch_add(1, Ordering::Relaxed) + 1;
+        assert!(asked < most.saturating_add(THREADS), "it went on after it was stopped");
+        if asked >= most {
             resume_unwind(Box::new("stopped"));
         }
     };
-    let entered = move |name| {
-        let mut all = seen.take();
-        all.push((name, by_stage.get()));
-        seen.set(all);
-    };
-    let run = || stop::within(Rc::new(ask), || way(poly, &entered));
+    let asked = || count.load(Ordering::Relaxed).min(most);
+    let entered = |name| stages.borrow_mut().push((name, asked()));
+    let run = || stop::within(Arc::new(ask), || way(poly, &entered));
     let is_ended = catch_unwind(AssertUnwindSafe(run)).is_ok();
     let mut begun = stages.take();
-    begun.push(("end", count.get()));
+    begun.push(("end", asked()));
     (begun.windows(2).map(|pair| (pair[0].0, pair[1].1 - pair[0].1)).collect(), is_ended)
 }
 
