@@ -26,7 +26,7 @@ use crate::topology::holes::is_filling;
 use crate::unfold::{Chart, Uv, signed_area};
 
 /// Where each vertex of an example's patch goes on the input.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct CrossMap {
     /// The place on the input's chart, one a vertex of the patch.
     pub locations: Vec<Location>,

@@ -78,10 +78,18 @@ pub fn pole_corner(chart: &Chart, triangle: u32) -> Option<(usize, f64)> {
 pub struct PlanarIndex {
     cells: usize,
     starts: Vec<u32>,
+    /// The triangles of each cell, those at a pole with the bit [`POLAR`].
     triangles: Vec<u32>,
     /// Halfedges on the surface's boundary.
     rim: Vec<u32>,
 }
+
+/// A triangle at a pole has this bit.
+const POLAR: u32 = 1 << 31;
+/// A point is in a triangle whose barycentric coordinates there are no less than this.
+const INSIDE: f64 = -1e-9;
+/// How far beyond a triangle's box a point of it may lie by that, in the domain's units.
+const BESIDE: f64 = 1e-8;
 
 /// A point so near to the end of v is on the boundary.
 const RIM: f64 = 1e-12;
@@ -111,8 +119,9 @@ impl PlanarIndex {
         let mut triangles = vec![0; starts[cells * cells] as usize];
         for t in 0..count as u32 {
             stop::pass(1);
+            let entry = if pole_corner(chart, t).is_some() { t | POLAR } else { t };
             for_each_cell(chart, t, cells, |c| {
-                triangles[filled[c] as usize] = t;
+                triangles[filled[c] as usize] = entry;
                 filled[c] += 1;
             });
         }
@@ -140,6 +149,22 @@ impl PlanarIndex {
         let cell = |x: f64| ((x * self.cells as f64) as isize).min(self.cells as isize - 1);
         let (cx, cy) = (cell(u), cell(v));
         let mut best: Option<(f64, Location)> = None;
+        // Most triangles of a cell can be told by their boxes not to hold the point.
+        for &entry in self.at(cy as usize * self.cells + cx as usize) {
+            let t = entry & !POLAR;
+            if entry & POLAR == 0 && !may_hold(&chart.corners[t as usize], [u, v], torus) {
+                continue;
+            }
+            let (inside, location) = locate_in(chart, t, [u, v]);
+            if best.as_ref().is_none_or(|(b, _)| inside > *b) {
+                best = Some((inside, location));
+            }
+        }
+        if let Some((inside, location)) = best.take()
+            && inside >= INSIDE
+        {
+            return clamped(location);
+        }
         for radius in 0..self.cells as isize {
             for (x, y) in ring(cx, cy, radius) {
                 if !torus && (y < 0 || y >= self.cells as isize) {
@@ -147,14 +172,14 @@ impl PlanarIndex {
                 }
                 let c = y.rem_euclid(self.cells as isize) as usize * self.cells
                     + x.rem_euclid(self.cells as isize) as usize;
-                for &t in &self.triangles[self.starts[c] as usize..self.starts[c + 1] as usize] {
-                    let (inside, location) = locate_in(chart, t, [u, v]);
+                for &entry in self.at(c) {
+                    let (inside, location) = locate_in(chart, entry & !POLAR, [u, v]);
                     if best.as_ref().is_none_or(|(b, _)| inside > *b) {
                         best = Some((inside, location));
                     }
                 }
             }
-            if best.as_ref().is_some_and(|(inside, _)| *inside >= -1e-9 || radius > 0) {
+            if best.as_ref().is_some_and(|(inside, _)| *inside >= INSIDE || radius > 0) {
                 break;
             }
         }
@@ -163,6 +188,11 @@ impl PlanarIndex {
 }
 
 impl PlanarIndex {
+    /// The triangles of a cell.
+    fn at(&self, cell: usize) -> &[u32] {
+        &self.triangles[self.starts[cell] as usize..self.starts[cell + 1] as usize]
+    }
+
     /// The place on the boundary, for points at an end of v where there is one. On noisy scans triangles overlap in the
     /// domain, and only the boundary's own edges are sure to lie on the boundary.
     fn on_rim(&self, chart: &Chart, u: f64, v: f64) -> Option<Location> {
@@ -192,6 +222,17 @@ impl PlanarIndex {
         }
         best.map(|(_, location)| location)
     }
+}
+
+/// Tells whether the box of a triangle that is at no pole holds a point, in some period.
+fn may_hold(c: &[Uv; 3], uv: Uv, is_periodic_v: bool) -> bool {
+    let holds = |k: usize, is_periodic: bool| {
+        let (low, high) = (c[0][k].min(c[1][k]).min(c[2][k]), c[0][k].max(c[1][k]).max(c[2][k]));
+        let beyond = uv[k] - (low - BESIDE);
+        let beyond = if is_periodic { beyond - beyond.floor() } else { beyond };
+        (0.0..=high - low + 2.0 * BESIDE).contains(&beyond)
+    };
+    holds(1, is_periodic_v) && holds(0, true)
 }
 
 /// Barycentric coordinates made non-negative.

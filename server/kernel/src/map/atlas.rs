@@ -12,7 +12,7 @@ mod cap;
 mod matching;
 
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use cap::Course;
 use matching::{Match, Matcher, Which, tip_controls};
@@ -24,7 +24,7 @@ use crate::encode::index::{Location, PlanarIndex};
 use crate::encode::{Encoding, encode_to};
 use crate::mesh::Vec3;
 use crate::mesh::tri::{NONE, TriMesh};
-use crate::numerics::side_by_side;
+use crate::numerics::{in_halves, many_in_halves, side_by_side};
 use crate::register::entry::PROTRUSIONS_MANY;
 use crate::register::{Flip, Level, Query, Registration, Solver, coarse_flip, query_images};
 use crate::topology::Topology;
@@ -71,6 +71,8 @@ struct Sheet {
 #[derive(Debug)]
 pub struct Atlas {
     sheets: Vec<Sheet>,
+    /// The map without constraints, made once.
+    unconstrained: OnceLock<CrossMap>,
     /// Matched tips: (vertex of the example's mesh, vertex of the input's).
     pub matches: Vec<(u32, u32)>,
     /// Whether the map mirrors.
@@ -148,7 +150,13 @@ impl Atlas {
         if stop() {
             return Ok(None);
         }
-        Ok(Some(Self { sheets, matches, mirrored: found.flip.is_mirror(), cost: found.cost }))
+        Ok(Some(Self {
+            sheets,
+            unconstrained: OnceLock::new(),
+            matches,
+            mirrored: found.flip.is_mirror(),
+            cost: found.cost,
+        }))
     }
 
     /// Maps the vertices of the example's patch onto the mesh of the input's charts. Each of `constraints`, a place on
@@ -157,21 +165,27 @@ impl Atlas {
     /// # Errors
     /// [`EditError::Folds`] when the constraints fold a chart.
     pub fn cross_map(&self, constraints: &[(Location, Location)]) -> Result<CrossMap, EditError> {
-        let Some(first) = self.sheets.first() else {
-            return Ok(CrossMap { locations: Vec::new(), positions: Vec::new() });
-        };
+        if !constraints.is_empty() {
+            return self.constrained(constraints);
+        }
+        if self.unconstrained.get().is_none() {
+            let _ = self.unconstrained.set(self.constrained(&[])?);
+        }
+        Ok(self.unconstrained.get().cloned().unwrap_or_default())
+    }
+
+    fn constrained(&self, constraints: &[(Location, Location)]) -> Result<CrossMap, EditError> {
+        let Some(first) = self.sheets.first() else { return Ok(CrossMap::default()) };
         let (n, input) = (first.example.patch_vertices, &first.input);
-        let laid: Result<Vec<SheetMap>, EditError> =
-            self.sheets.iter().map(|s| SheetMap::new(s, constraints, n)).collect();
-        let laid = laid?;
+        let laid = in_halves(&self.sheets, |sheet| SheetMap::new(sheet, constraints, n));
+        let laid: Vec<SheetMap> = laid.into_iter().collect::<Result<_, EditError>>()?;
         let on_boundary = first.example.mesh.boundary_vertices();
         let rim = Rim::new(&input.mesh);
-        let locations: Vec<Location> = (0..n)
-            .map(|v| {
-                let place = blended(&laid, v);
-                if on_boundary[v] { rim.closest(&input.mesh, place.point(input)) } else { place }
-            })
-            .collect();
+        let vertices: Vec<usize> = (0..n).collect();
+        let locations = many_in_halves(&vertices, |&v| {
+            let place = blended(&laid, v);
+            if on_boundary[v] { rim.closest(&input.mesh, place.point(input)) } else { place }
+        });
         let positions = locations.iter().map(|l| l.point(input)).collect();
         Ok(CrossMap { locations, positions })
     }

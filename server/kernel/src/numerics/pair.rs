@@ -35,8 +35,8 @@ pub fn side_by_side<A, B: Send>(first: impl FnOnce() -> A, second: impl Fn() -> 
 }
 
 /// Computes a value of each item, of the second half of them on another thread, and returns the values in the items' order.
-pub fn in_halves<T: Sync, R: Send>(items: &[T], of: impl Fn(&T) -> R + Sync) -> Vec<R> {
-    let all = |some: &[T]| some.iter().map(&of).collect::<Vec<R>>();
+pub fn in_halves<'a, T: Sync, R: Send>(items: &'a [T], of: impl Fn(&'a T) -> R + Sync) -> Vec<R> {
+    let all = |some: &'a [T]| some.iter().map(&of).collect::<Vec<R>>();
     let (some, others) = items.split_at(items.len().div_ceil(2));
     if others.is_empty() {
         return all(some);
@@ -47,7 +47,7 @@ pub fn in_halves<T: Sync, R: Send>(items: &[T], of: impl Fn(&T) -> R + Sync) -> 
 }
 
 /// The same for items that take a microsecond or so each: few are computed on the caller's thread.
-pub fn many_in_halves<T: Sync, R: Send>(items: &[T], of: impl Fn(&T) -> R + Sync) -> Vec<R> {
+pub fn many_in_halves<'a, T: Sync, R: Send>(items: &'a [T], of: impl Fn(&'a T) -> R + Sync) -> Vec<R> {
     if items.len() < MANY { items.iter().map(of).collect() } else { in_halves(items, of) }
 }
 
@@ -77,7 +77,8 @@ mod tests {
         side_by_side(|| (0..3).for_each(|_| stop::poll()), || (0..4).for_each(|_| stop::poll()));
         assert_eq!(stop::steps() - before, 7);
         let ask: stop::Ask = std::sync::Arc::new(|| std::panic::resume_unwind(Box::new("enough")));
-        let caught = std::panic::catch_unwind(|| stop::within(ask, || side_by_side(|| 1, || stop::ask())));
+        let both = std::panic::AssertUnwindSafe(|| stop::within(ask, || side_by_side(|| 1, stop::ask)));
+        let caught = std::panic::catch_unwind(both);
         assert_eq!(caught.err().and_then(|p| p.downcast_ref::<&str>().copied()), Some("enough"));
     }
 

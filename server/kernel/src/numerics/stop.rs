@@ -98,8 +98,8 @@ pub fn steps() -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::atomic::{AtomicU64, Ordering};
     use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+    use std::sync::atomic::{AtomicU64, Ordering};
 
     #[test]
     fn a_computation_that_polls_is_interrupted_and_the_next_is_not() {

@@ -17,6 +17,7 @@ use crate::map::{CrossMap, cross_map, edit, leave_fillings};
 use crate::measure;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::{PolyMesh, Vec3};
+use crate::numerics::side_by_side;
 use crate::register::entry::{Hypothesis, PROTRUSIONS_MANY};
 use crate::register::{Entry, LevenbergMarquardt};
 use crate::unfold::Chart;
@@ -114,8 +115,12 @@ impl Registered {
             }
             let better = match &made {
                 Some(atlas) => {
-                    let (many, single) = (by_atlas(atlas, self, example, query)?, by_chart(self, example, query)?);
-                    distortion(&many, example)?.badness() < distortion(&single, example)?.badness()
+                    let distorts = |laid: Result<UnmeasuredMap<'_>, PipelineError>| distortion(&laid?, example);
+                    let (many, single) = side_by_side(
+                        || distorts(by_atlas(atlas, self, example, query)),
+                        || distorts(by_chart(self, example, query)),
+                    );
+                    many?.badness() < single?.badness()
                 }
                 None => false,
             };
