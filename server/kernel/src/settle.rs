@@ -92,9 +92,18 @@ pub struct Settled {
     pub manner: Manner,
 }
 
+/// An example that was laid roughly: enough to go on from there.
+#[derive(Clone, Debug)]
+pub struct LaidRoughly {
+    setting: Arc<Setting>,
+    pose: Pose,
+    level: usize,
+    manner: Manner,
+}
+
 /// An example that rests on the input as a whole.
 pub struct Aligned {
-    setting: Setting,
+    setting: Arc<Setting>,
     /// In the setting's frame.
     found: Similarity,
 }
@@ -122,8 +131,9 @@ const SCALES: [(f64, usize, usize); 9] = [
 const FOLLOWING: [(f64, usize); 6] = [(0.3, 0), (0.2, 0), (0.14, 0), (0.1, 0), (0.07, 1), (0.05, 1)];
 const FOLLOWING_ROUNDS: usize = 3;
 const FOLLOWED_FROM: f64 = 0.036;
-/// The scale to which a start is laid roughly.
+/// The scale to which a start is laid roughly, and one that is below it.
 const ROUGH: f64 = 0.05;
+const BELOW_ROUGH: f64 = 0.049;
 /// The last scale before starts are told from each other, and one that is below it: until there bending is cheap, and what agrees
 /// less there agrees less in the end (tests/records).
 const HALFWAY: f64 = 0.1;
@@ -185,6 +195,7 @@ impl PreparedInput {
 }
 
 /// One start: weights of its vertices, and everything in the example's frame.
+#[derive(Debug)]
 struct Setting {
     frame: Similarity,
     weights: Vec<f64>,
@@ -263,7 +274,7 @@ impl<'a> Settler<'a> {
 
     /// The similarity stage alone.
     pub fn align(&self, start: &[Vec3], stop: Stop<'_>) -> Option<Aligned> {
-        let setting = self.setting(start)?;
+        let setting = Arc::new(self.setting(start)?);
         let found = self.aligned(&setting, stop)?;
         Some(Aligned { setting, found })
     }
@@ -286,10 +297,15 @@ impl<'a> Settler<'a> {
     }
 
     /// Lays roughly what has bent halfway.
-    pub fn rough_from(&self, (from, halfway): (&Aligned, &Halfway), stop: Stop<'_>) -> Option<Settled> {
-        let (mut pose, mut level) = (halfway.pose.clone(), 0);
-        self.bent(&from.setting, (&mut pose, &mut level), [ROUGH, BELOW_HALFWAY], stop)?;
-        Some(self.judged(&from.setting, &pose, level, Manner::Whole))
+    pub fn rough_from(&self, (from, halfway): (&Aligned, &Halfway), stop: Stop<'_>) -> Option<(Settled, LaidRoughly)> {
+        let scales = [ROUGH, BELOW_HALFWAY];
+        self.bend(Arc::clone(&from.setting), (halfway.pose.clone(), 0), scales, Manner::Whole, stop)
+    }
+
+    /// Settles what was laid roughly.
+    pub fn fine_from(&self, rough: &LaidRoughly, stop: Stop<'_>) -> Option<Settled> {
+        let from = (rough.pose.clone(), rough.level);
+        self.bend(Arc::clone(&rough.setting), from, [0.0, BELOW_ROUGH], rough.manner, stop).map(|found| found.0)
     }
 
     /// [`Evidence::relief`] of the start as it is.
@@ -313,37 +329,40 @@ impl<'a> Settler<'a> {
 
     /// Lays the example on the input; see [`settle`].
     pub fn settle(&self, start: &[Vec3], stop: Stop<'_>) -> Option<Settled> {
-        self.settle_to(start, (self.options.manner, 0.0), stop)
-    }
-
-    /// Lays the example in a manner other than that of the options.
-    pub fn fine(&self, start: &[Vec3], manner: Manner, stop: Stop<'_>) -> Option<Settled> {
-        self.settle_to(start, (manner, 0.0), stop)
+        self.settle_to(start, (self.options.manner, 0.0), stop).map(|found| found.0)
     }
 
     /// Lays the example roughly, in a third of the time: enough to compare starts.
-    pub fn rough(&self, start: &[Vec3], manner: Manner, stop: Stop<'_>) -> Option<Settled> {
+    pub fn rough(&self, start: &[Vec3], manner: Manner, stop: Stop<'_>) -> Option<(Settled, LaidRoughly)> {
         self.settle_to(start, (manner, ROUGH), stop)
     }
 
-    fn settle_to(&self, start: &[Vec3], (manner, finest): (Manner, f64), stop: Stop<'_>) -> Option<Settled> {
-        let setting = self.setting(start)?;
+    fn settle_to(
+        &self,
+        start: &[Vec3],
+        (manner, finest): (Manner, f64),
+        stop: Stop<'_>,
+    ) -> Option<(Settled, LaidRoughly)> {
+        let setting = Arc::new(self.setting(start)?);
+        let whole = || self.whole(Arc::clone(&setting), finest, stop);
+        let following = || self.following(Arc::clone(&setting), start, finest, stop);
         match manner {
-            Manner::Whole => self.whole(&setting, finest, stop),
-            Manner::Following => self.following(&setting, start, finest, stop),
+            Manner::Whole => whole(),
+            Manner::Following => following(),
             Manner::Either => {
-                let whole = self.whole(&setting, finest, stop);
-                let following = self.following(&setting, start, finest, stop);
-                let relief = |s: &Option<Settled>| s.as_ref().map_or(f64::NEG_INFINITY, |s| s.evidence.relief);
+                let (whole, following) = (whole(), following());
+                let relief = |laid: &Option<(Settled, LaidRoughly)>| {
+                    laid.as_ref().map_or(f64::NEG_INFINITY, |laid| laid.0.evidence.relief)
+                };
                 if relief(&following) > relief(&whole) { following } else { whole }
             }
         }
     }
 
-    fn whole(&self, setting: &Setting, finest: f64, stop: Stop<'_>) -> Option<Settled> {
-        let found = self.aligned(setting, stop)?;
-        let pose = self.carried_by(setting, &found, stop)?;
-        self.bend(setting, pose, 0, [finest, f64::INFINITY], Manner::Whole, stop)
+    fn whole(&self, setting: Arc<Setting>, finest: f64, stop: Stop<'_>) -> Option<(Settled, LaidRoughly)> {
+        let found = self.aligned(&setting, stop)?;
+        let pose = self.carried_by(&setting, &found, stop)?;
+        self.bend(setting, (pose, 0), [finest, f64::INFINITY], Manner::Whole, stop)
     }
 
     /// The pose as a whole; where landmarks carry it, bent after these.
@@ -366,47 +385,35 @@ impl<'a> Settler<'a> {
         self.rigid.align(seen, (sent, share), &held, self.options.rounds, stop)
     }
 
-    /// Lays the example on the input after the landmarks, which lead it there and then let go of it: for tips that may have been
-    /// matched wrongly.
-    pub fn led(&self, landmarks: &[Landmark], stop: Stop<'_>) -> Option<Settled> {
-        self.led_to(landmarks, 0.0, stop)
-    }
-
-    /// The same roughly.
-    pub fn led_roughly(&self, landmarks: &[Landmark], stop: Stop<'_>) -> Option<Settled> {
-        self.led_to(landmarks, ROUGH, stop)
-    }
-
-    fn led_to(&self, landmarks: &[Landmark], finest: f64, stop: Stop<'_>) -> Option<Settled> {
+    /// Lays the example on the input, roughly, after the landmarks, which lead it there and then let go of it: for tips that may have
+    /// been matched wrongly.
+    pub fn led_roughly(&self, landmarks: &[Landmark], stop: Stop<'_>) -> Option<(Settled, LaidRoughly)> {
         let (found, _) = held::carried(&self.rest, &self.ground, landmarks)?;
         let start: Vec<Vec3> = self.rest.positions.iter().map(|x| found.apply(x)).collect();
-        let setting = self.setting(&start)?;
+        let setting = Arc::new(self.setting(&start)?);
         let held: Vec<Held> = landmarks.iter().map(|l| l.seen_from(&setting.frame)).collect();
         let mut pose = Pose::of(&self.rest, &self.nodes[0]);
         let body = self.body(0)?;
         for r in LED {
             body.lead(&mut pose, &held, (r, FOLLOWING_ROUNDS), stop)?;
         }
-        self.bend(&setting, pose, 0, [finest, LED_FROM], Manner::Following, stop)
+        self.bend(setting, (pose, 0), [ROUGH, LED_FROM], Manner::Following, stop)
     }
 
-    /// Lays the example after a start that is nearly right, its tips held on those that they match.
-    pub fn held(&self, start: &[Vec3], tips: &[Landmark], stop: Stop<'_>) -> Option<Settled> {
-        self.held_to((start, tips), 0.0, stop)
-    }
-
-    /// The same roughly.
-    pub fn held_roughly(&self, start: &[Vec3], tips: &[Landmark], stop: Stop<'_>) -> Option<Settled> {
-        self.held_to((start, tips), ROUGH, stop)
-    }
-
-    fn held_to(&self, (start, tips): (&[Vec3], &[Landmark]), finest: f64, stop: Stop<'_>) -> Option<Settled> {
+    /// Lays the example roughly after a start that is nearly right, its tips held on those that they match.
+    pub fn held_roughly(&self, start: &[Vec3], tips: &[Landmark], stop: Stop<'_>) -> Option<(Settled, LaidRoughly)> {
         let mut setting = self.setting(start)?;
         setting.held = tips.iter().map(|tip| tip.seen_from(&setting.frame)).collect();
-        self.following(&setting, start, finest, stop)
+        self.following(Arc::new(setting), start, ROUGH, stop)
     }
 
-    fn following(&self, setting: &Setting, start: &[Vec3], finest: f64, stop: Stop<'_>) -> Option<Settled> {
+    fn following(
+        &self,
+        setting: Arc<Setting>,
+        start: &[Vec3],
+        finest: f64,
+        stop: Stop<'_>,
+    ) -> Option<(Settled, LaidRoughly)> {
         let places: Vec<Vec3> = start.iter().map(|x| setting.frame.undo(x)).collect();
         let mut pose = Pose::of(&self.rest, &self.nodes[0]);
         let mut body = self.body(0)?;
@@ -416,7 +423,7 @@ impl<'a> Settler<'a> {
             body.follow(&mut pose, (&places, &setting.weights), &setting.held, (r, FOLLOWING_ROUNDS), stop)?;
         }
         let scales = [finest, FOLLOWED_FROM.max(finest)];
-        self.bend(setting, pose, level, scales, Manner::Following, stop)
+        self.bend(setting, (pose, level), scales, Manner::Following, stop)
     }
 
     fn body(&self, level: usize) -> Option<Body<'_>> {
@@ -433,18 +440,18 @@ impl<'a> Settler<'a> {
         Some(())
     }
 
-    /// Bends from one scale down to another and finds the places.
+    /// Bends a pose, on nodes of a level, from one scale down to another and finds the places.
     fn bend(
         &self,
-        setting: &Setting,
-        mut pose: Pose,
-        mut level: usize,
+        setting: Arc<Setting>,
+        (mut pose, mut level): (Pose, usize),
         scales: [f64; 2],
         manner: Manner,
         stop: Stop<'_>,
-    ) -> Option<Settled> {
-        self.bent(setting, (&mut pose, &mut level), scales, stop)?;
-        Some(self.judged(setting, &pose, level, manner))
+    ) -> Option<(Settled, LaidRoughly)> {
+        self.bent(&setting, (&mut pose, &mut level), scales, stop)?;
+        let settled = self.judged(&setting, &pose, level, manner);
+        Some((settled, LaidRoughly { setting, pose, level, manner }))
     }
 
     /// Bends a pose, on nodes of a level, at the scales from one down to another.

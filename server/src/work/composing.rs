@@ -217,8 +217,7 @@ async fn made(
     tracing::debug!(query = %live.id, covered = appraisal.covered, away = appraisal.away, turned = appraisal.turned, "stitched");
     let mut headline = headline(&laid, &appraisal);
     if !unstitched.is_empty() && unstitched.len() < live.model.segments.len() {
-        headline.verdict = headline.verdict.max(Verdict::Fair);
-        headline.reasons.push(ALONE.into());
+        headline.leaves_parts_bare();
     }
     let summary = Composition {
         id,
@@ -245,9 +244,6 @@ async fn made(
     live.compositions().insert(composition.summary.id, Arc::clone(&composition));
     Ok(composition)
 }
-
-/// The reason given where a composition leaves small parts of the scan bare.
-const ALONE: &str = "the smaller parts of the scan are left bare: with them the mesh was broken, or lost the example";
 
 /// Where examples have less than this share of the scan that their maps cover, they were lost.
 const LOST: f64 = 0.5;

@@ -9,7 +9,7 @@ use crate::mesh::tri::TriMesh;
 use crate::numerics::stop::Stop;
 use crate::numerics::{in_halves, side_by_side};
 use crate::settle::{
-    Aligned, Evidence, Halfway, Landmark, Manner, Options, PreparedInput, Settled, Settler, Similarity,
+    Aligned, Evidence, Halfway, LaidRoughly, Landmark, Manner, Options, PreparedInput, Settled, Settler, Similarity,
 };
 use std::sync::Arc;
 
@@ -69,20 +69,6 @@ pub struct Rested {
     pub evidence: Evidence,
 }
 
-/// From where an example was laid.
-#[derive(Clone, Debug)]
-enum From {
-    Start(Vec<Vec3>, Manner),
-    Tips(Vec<Landmark>),
-    Held(Vec<Vec3>, Vec<Landmark>),
-}
-
-impl From {
-    fn of(start: &Start, manner: Manner) -> Self {
-        Self::Start(start.positions.clone(), manner)
-    }
-}
-
 impl Start {
     /// An example in a pose.
     pub fn posed(example: &TriMesh, pose: &Similarity) -> Self {
@@ -90,12 +76,14 @@ impl Start {
     }
 }
 
-/// What has been laid roughly: how it lies, where its vertices are, and from where it came.
+/// What has been laid roughly: how it lies, where its vertices are, and from where it goes on.
 #[derive(Debug)]
 struct RoughFit {
     rested: Rested,
     positions: Vec<Vec3>,
-    from: From,
+    laid: LaidRoughly,
+    /// The start, where it was laid as a whole.
+    start: Option<Vec<Vec3>>,
 }
 
 /// An example and an input, prepared for many starts.
@@ -159,12 +147,7 @@ impl<'a> Rests<'a> {
     /// Where the best so far began, if it was laid as a whole.
     pub fn best_start(&self) -> Option<Start> {
         let best = self.surest()?;
-        match &best.from {
-            From::Start(positions, Manner::Whole) => {
-                Some(Start { positions: positions.clone(), mirrored: best.rested.mirrored })
-            }
-            _ => None,
-        }
+        Some(Start { positions: best.start.clone()?, mirrored: best.rested.mirrored })
     }
 
     fn surest(&self) -> Option<&RoughFit> {
@@ -178,13 +161,9 @@ impl<'a> Rests<'a> {
         let mut finalists: Vec<RoughFit> = self.laid.into_iter().filter(|laid| worth(&laid.rested) >= near).collect();
         finalists.sort_by(|a, b| worth(&b.rested).total_cmp(&worth(&a.rested)));
         finalists.truncate(FINALISTS);
-        let settled = |RoughFit { rested: Rested { mirrored, .. }, from, .. }: &RoughFit| {
+        let settled = |RoughFit { rested: Rested { mirrored, .. }, laid, .. }: &RoughFit| {
             let settler = if *mirrored { &self.mirrored } else { &self.plain };
-            let Settled { places, lost, off, evidence, .. } = match from {
-                From::Start(start, manner) => settler.fine(start, *manner, stop)?,
-                From::Tips(tips) => settler.led(tips, stop)?,
-                From::Held(start, tips) => settler.held(start, tips, stop)?,
-            };
+            let Settled { places, lost, off, evidence, .. } = settler.fine_from(laid, stop)?;
             Some(Rested { places, lost, off, mirrored: *mirrored, evidence })
         };
         let all = in_halves(&finalists, settled).into_iter().collect::<Option<Vec<Rested>>>();
@@ -207,8 +186,9 @@ impl<'a> Rests<'a> {
         let whole = || self.found(start, start.mirrored, Manner::Whole, stop);
         let following = || self.found(start, start.mirrored, Manner::Following, stop);
         let (whole, following) = if is_followed { side_by_side(whole, following) } else { (whole(), None) };
-        for (found, manner) in [(whole, Manner::Whole), (following, Manner::Following)] {
-            found.into_iter().for_each(|found| self.keep(found, start.mirrored, From::of(start, manner)));
+        for (found, is_whole) in [(whole, true), (following, false)] {
+            let positions = is_whole.then_some(&start.positions);
+            found.into_iter().for_each(|found| self.keep(found, start.mirrored, positions));
         }
         if start.mirrored {
             // What is nearly its own mirror image lies about there unmirrored, too.
@@ -237,10 +217,10 @@ impl<'a> Rests<'a> {
             .filter(|(_, halfway)| sure(halfway) >= best - NEAR_HALFWAY)
             .collect();
         let found = in_halves(&near, |((pose, aligned), halfway)| {
-            Some((From::of(pose, Manner::Whole), settler.rough_from((aligned, halfway), stop)?))
+            Some((&pose.positions, settler.rough_from((aligned, halfway), stop)?))
         });
-        let found: Vec<(From, Settled)> = found.into_iter().flatten().collect();
-        found.into_iter().for_each(|(from, found)| self.keep(found, false, from));
+        let found: Vec<(&Vec<Vec3>, (Settled, LaidRoughly))> = found.into_iter().flatten().collect();
+        found.into_iter().for_each(|(start, found)| self.keep(found, false, Some(start)));
     }
 
     /// The same; but what only one of the two has (a crown, shoulders) may draw a pose off its place: where one agrees better than
@@ -275,7 +255,7 @@ impl<'a> Rests<'a> {
         }
         let settler = if start.mirrored { &self.mirrored } else { &self.plain };
         if let Some(found) = settler.held_roughly(&start.positions, tips, stop) {
-            self.keep(found, start.mirrored, From::Held(start.positions.clone(), tips.to_vec()));
+            self.keep(found, start.mirrored, None);
         }
     }
 
@@ -285,25 +265,25 @@ impl<'a> Rests<'a> {
         let is_mirrored = mirrored < plain;
         let settler = if is_mirrored { &self.mirrored } else { &self.plain };
         if let Some(found) = settler.led_roughly(tips, stop) {
-            self.keep(found, is_mirrored, From::Tips(tips.to_vec()));
+            self.keep(found, is_mirrored, None);
         }
     }
 
     /// Lays a start roughly; returns where its vertices lie.
     fn settle(&mut self, start: &Start, mirrored: bool, manner: Manner, stop: Stop<'_>) -> Option<Vec<Vec3>> {
         let found = self.found(start, mirrored, manner, stop)?;
-        let positions = found.positions.clone();
-        self.keep(found, mirrored, From::of(start, manner));
+        let positions = found.0.positions.clone();
+        self.keep(found, mirrored, (manner == Manner::Whole).then_some(&start.positions));
         Some(positions)
     }
 
-    fn found(&self, start: &Start, mirrored: bool, manner: Manner, stop: Stop<'_>) -> Option<Settled> {
+    fn found(&self, start: &Start, mirrored: bool, manner: Manner, stop: Stop<'_>) -> Option<(Settled, LaidRoughly)> {
         let settler = if mirrored { &self.mirrored } else { &self.plain };
         settler.rough(&start.positions, manner, stop)
     }
 
-    /// Keeps what was laid; of places that are one, the surer.
-    fn keep(&mut self, found: Settled, mirrored: bool, from: From) {
+    /// Keeps what was laid, and the start of what was laid as a whole; of places that are one, the surer.
+    fn keep(&mut self, (found, laid): (Settled, LaidRoughly), mirrored: bool, start: Option<&Vec<Vec3>>) {
         let Settled { places, lost, off, evidence, positions, .. } = found;
         let reach = SAME * self.area.sqrt() * positions.len() as f64;
         let same = |laid: &RoughFit| {
@@ -311,7 +291,8 @@ impl<'a> Rests<'a> {
             laid.rested.mirrored == mirrored && apart <= reach
         };
         let known = self.laid.iter().position(same);
-        let laid = RoughFit { rested: Rested { places, lost, off, mirrored, evidence }, positions, from };
+        let rested = Rested { places, lost, off, mirrored, evidence };
+        let laid = RoughFit { rested, positions, laid, start: start.cloned() };
         match known {
             Some(k) if worth(&laid.rested) <= worth(&self.laid[k].rested) => {}
             Some(k) => self.laid[k] = laid,

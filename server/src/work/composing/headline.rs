@@ -10,6 +10,9 @@ const INSPIRED_GOOD: f64 = 0.5;
 /// Where more of a composition's area looks away from the scan it is crumpled to the eye. Of the results of 40 scans those that look
 /// smooth have up to 6.5 %, those with crumpled ears, wings or limbs 8.9 to 15.8 % (tests/records).
 const CRUMPLED_MIN: f64 = 0.08;
+/// Where parts of the scan are left bare because they could not be joined, a composition that covers less of it than this is poor:
+/// a head without its horns is no layout of the head. *Untuned.*
+const COVERED_MIN: f64 = 0.8;
 /// Reasons that a composition takes over from one map.
 const REASONS_EACH: usize = 2;
 
@@ -31,6 +34,19 @@ pub(super) struct Headline {
     pub(super) inspired: f64,
     pub(super) reasons: Vec<String>,
     pub(super) covers: Covers,
+}
+
+impl Headline {
+    /// Says that the scan's smaller parts are left bare.
+    pub(super) fn leaves_parts_bare(&mut self) {
+        let percent = 100.0 * (1.0 - self.covers.input);
+        let is_much = self.covers.input < COVERED_MIN;
+        self.verdict = self.verdict.max(if is_much { Verdict::Poor } else { Verdict::Fair });
+        let reason = format!(
+            "the smaller parts of the scan are left bare, {percent:.0} % of it: with them the mesh was broken, or lost the example"
+        );
+        self.reasons.insert(if is_much { 0 } else { self.reasons.len() }, reason);
+    }
 }
 
 /// Of what was brought for each segment, and what came of it.
@@ -129,6 +145,19 @@ mod tests {
         let told = crumpled(0.12);
         assert_eq!((told.verdict, told.inspired), (Verdict::Poor, 1.0));
         assert!(told.reasons[0].starts_with("12 % of its area is crumpled"), "{told:?}");
+    }
+
+    #[test]
+    fn what_leaves_much_of_the_scan_bare_is_poor_and_says_so_first() {
+        let bare = |covered: f64| {
+            let appraisal = Appraisal { covered, ..of(&[1.0]) };
+            let mut told = headline(&[laid(Verdict::Fair)], &appraisal);
+            told.leaves_parts_bare();
+            told
+        };
+        let (much, little) = (bare(0.7), bare(0.95));
+        assert_eq!((much.verdict, little.verdict), (Verdict::Poor, Verdict::Fair));
+        assert!(much.reasons[0].contains("are left bare, 30 % of it") && little.reasons[1].contains("5 %"), "{much:?}");
     }
 
     #[test]
