@@ -98,6 +98,8 @@ pub struct LaidRoughly {
     setting: Arc<Setting>,
     pose: Pose,
     level: usize,
+    /// The scale from which it bends on.
+    from: f64,
     manner: Manner,
 }
 
@@ -305,7 +307,7 @@ impl<'a> Settler<'a> {
     /// Settles what was laid roughly.
     pub fn fine_from(&self, rough: &LaidRoughly, stop: Stop<'_>) -> Option<Settled> {
         let from = (rough.pose.clone(), rough.level);
-        self.bend(Arc::clone(&rough.setting), from, [0.0, BELOW_ROUGH], rough.manner, stop).map(|found| found.0)
+        self.bend(Arc::clone(&rough.setting), from, [0.0, rough.from], rough.manner, stop).map(|found| found.0)
     }
 
     /// [`Evidence::relief`] of the start as it is.
@@ -423,7 +425,9 @@ impl<'a> Settler<'a> {
             body.follow(&mut pose, (&places, &setting.weights), &setting.held, (r, FOLLOWING_ROUNDS), stop)?;
         }
         let scales = [finest, FOLLOWED_FROM.max(finest)];
-        self.bend(setting, (pose, level), scales, Manner::Following, stop)
+        let (settled, rough) = self.bend(setting, (pose.clone(), level), scales, Manner::Following, stop)?;
+        // Finely it bends from where it follows the start, not from where it was bent to be compared.
+        Some((settled, LaidRoughly { pose, level, from: FOLLOWED_FROM, ..rough }))
     }
 
     fn body(&self, level: usize) -> Option<Body<'_>> {
@@ -451,7 +455,7 @@ impl<'a> Settler<'a> {
     ) -> Option<(Settled, LaidRoughly)> {
         self.bent(&setting, (&mut pose, &mut level), scales, stop)?;
         let settled = self.judged(&setting, &pose, level, manner);
-        Some((settled, LaidRoughly { setting, pose, level, manner }))
+        Some((settled, LaidRoughly { setting, pose, level, from: BELOW_ROUGH, manner }))
     }
 
     /// Bends a pose, on nodes of a level, at the scales from one down to another.

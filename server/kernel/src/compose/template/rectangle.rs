@@ -16,8 +16,7 @@ use super::frame::{Corners, Frame, Hole, place};
 use super::ramps::Ramps;
 use super::{Given, Regular};
 use crate::mesh::Vec3;
-use crate::numerics::Factored;
-use crate::numerics::stop;
+use crate::numerics::{Factored, in_halves, stop};
 use crate::topology::Topology;
 use crate::unfold::Chart;
 use crate::unfold::laplacian::Laplacian;
@@ -140,11 +139,17 @@ struct Tried {
     frame: Frame,
 }
 
+/// What frames are laid on.
+#[derive(Clone, Copy, Debug)]
+struct Ground<'a> {
+    chart: &'a Chart,
+    area: f64,
+    rings: &'a [BoundaryVertices],
+}
+
 /// The best of the frames tried.
 struct Search<'a> {
-    harmonics: &'a Harmonics,
-    chart: &'a Chart,
-    rings: &'a [BoundaryVertices],
+    ground: Ground<'a>,
     /// Maps with all boundaries given.
     maps: Ramps<'a>,
     /// Where the hole's vertices fall, by x and y, if the outer boundary is given alone; none of a disc.
@@ -232,9 +237,7 @@ impl Harmonics {
         let wanted = self.area / (edge * edge);
         let (seen, best) = (Vec::new(), None);
         let mut search = Search {
-            harmonics: self,
-            chart,
-            rings,
+            ground: Ground { chart, area: self.area, rings },
             maps,
             falls,
             edge: None,
@@ -281,7 +284,7 @@ impl Search<'_> {
     /// For each share the best of all turns, and from there on what is better beside it: the one best start may lead nowhere.
     fn run(&mut self, oblong: Option<f64>) -> Option<Net> {
         self.seen.clear();
-        let m = self.rings[0].points.len() / 2;
+        let m = self.ground.rings[0].points.len() / 2;
         let ribbon = oblong.filter(|share| *share < RIBBON_MAX);
         let usual = if ribbon.is_some() { &[][..] } else { &SHORT_SIDES };
         for share in usual.iter().copied().chain(oblong) {
@@ -290,9 +293,9 @@ impl Search<'_> {
             let most = if Some(share) == oblong { a / TURN_EDGES } else { m };
             let step = (m / TURNS).min(most).max(1);
             let turns = if ribbon.is_some() { self.ribbon_turns(a) } else { (0..m).step_by(step).collect() };
-            let starts: Vec<Tried> =
-                turns.into_iter().filter_map(|turn| self.try_outer(Corners::new(turn, a, m))).collect();
-            if let Some(start) = starts.into_iter().min_by(|a, b| a.badness.total_cmp(&b.badness)) {
+            let outers = turns.into_iter().filter_map(|turn| Corners::new(turn, a, m));
+            let starts = outers.filter_map(|outer| self.with_hole(outer)).collect();
+            if let Some(start) = self.best_of(starts) {
                 self.climb(start, (m / TURNS).max(1));
             }
         }
@@ -301,7 +304,7 @@ impl Search<'_> {
 
     /// The turns of a ribbon at which its long sides lie nearest to each other: each that is tried costs solves of the whole.
     fn ribbon_turns(&self, a: usize) -> Vec<usize> {
-        let points = &self.rings[0].points;
+        let points = &self.ground.rings[0].points;
         let (round, m) = (points.len(), points.len() / 2);
         let step = (m / RIBBON_SAMPLES).max(1);
         let apart = |turn: usize| -> f64 {
@@ -317,10 +320,11 @@ impl Search<'_> {
     fn climb(&mut self, mut now: Tried, mut step: usize) {
         while step > 0 {
             let Frame { outer, hole } = now.frame;
-            let mut beside: Vec<Tried> = outer.moved(step).into_iter().filter_map(|c| self.try_outer(c)).collect();
+            let moved = outer.moved(step).into_iter().flatten();
+            let mut beside: Vec<Frame> = moved.filter_map(|outer| self.with_hole(outer)).collect();
             let holes = hole.map_or(Vec::new(), |hole| hole.moved(outer));
-            beside.extend(holes.into_iter().filter_map(|hole| self.try_out(Frame { outer, hole: Some(hole) })));
-            match beside.into_iter().min_by(|a, b| a.badness.total_cmp(&b.badness)) {
+            beside.extend(holes.into_iter().map(|hole| Frame { outer, hole: Some(hole) }));
+            match self.best_of(beside) {
                 Some(better) if better.badness < now.badness => now = better,
                 _ => step /= 2,
             }
@@ -330,40 +334,59 @@ impl Search<'_> {
     /// Counts what laying a frame of so many quads took beyond what is usual.
     fn count(&mut self, quads: usize, looks: u64) {
         let more = quads.saturating_sub(USUAL_QUADS * self.wanted) as u64;
-        let usual = USUAL_LOOKS * (self.wanted + self.chart.mesh.triangles.len()) as u64;
+        let usual = USUAL_LOOKS * (self.wanted + self.ground.chart.mesh.triangles.len()) as u64;
         self.unusual += LOOKS_PER_QUAD * more + looks.saturating_sub(usual);
     }
 
-    /// Tries a rectangle, with the hole where it falls; `None` if it has been tried, or does not fit, or too much was tried.
-    fn try_outer(&mut self, outer: Option<Corners>) -> Option<Tried> {
-        let outer = outer?;
-        let Some(falls) = &mut self.falls else { return self.try_out(Frame { outer, hole: None }) };
+    /// A rectangle with the hole where it falls; `None` if that does not fit.
+    fn with_hole(&mut self, outer: Corners) -> Option<Frame> {
+        let Some(falls) = &mut self.falls else { return Some(Frame { outer, hole: None }) };
         let [x, y] = falls.map(&[(outer, [0.0; 2])]);
         let fallen: Vec<(f64, [f64; 2])> =
-            self.rings[1].places.iter().zip(x.into_iter().zip(y)).map(|(p, (x, y))| (p.1, [x, y])).collect();
-        let hole = Hole::nearest(outer, self.rings[1].points.len(), &fallen)?;
-        self.try_out(Frame { outer, hole: Some(hole) })
+            self.ground.rings[1].places.iter().zip(x.into_iter().zip(y)).map(|(p, (x, y))| (p.1, [x, y])).collect();
+        Some(Frame { outer, hole: Some(Hole::nearest(outer, self.ground.rings[1].points.len(), &fallen)?) })
     }
 
-    fn try_out(&mut self, frame: Frame) -> Option<Tried> {
-        if self.seen.contains(&frame) || self.unusual > UNUSUAL_LOOKS_MAX {
-            return None;
+    /// Tries frames, two at a time, and returns the best; `None` if all have been tried, or fit nowhere, or too much was tried.
+    fn best_of(&mut self, frames: Vec<Frame>) -> Option<Tried> {
+        let (ground, mut best) = (self.ground, None::<Tried>);
+        for pair in frames.chunks(2) {
+            let mut maps: Vec<(Frame, [Vec<f64>; 2])> = Vec::new();
+            for &frame in pair {
+                if self.seen.contains(&frame) || self.unusual > UNUSUAL_LOOKS_MAX {
+                    continue;
+                }
+                self.seen.push(frame);
+                stop::ask();
+                let hole = frame.hole.map(|hole| (hole.corners, hole.at.map(|x| x as f64)));
+                let boundaries: Vec<_> = [(frame.outer, [0.0; 2])].into_iter().chain(hole).collect();
+                maps.push((frame, self.maps.map(&boundaries)));
+            }
+            let edge = self.edge;
+            let laid = in_halves(&maps, |(frame, map)| {
+                let (net, looks) = ground.laid(frame, map);
+                let net = net.filter(|net| smallest_share(net) > SMALLEST_SHARE);
+                (net.map(|net| (badness(&net, ground.area, edge), net)), looks)
+            });
+            for (&(frame, _), (laid, looks)) in maps.iter().zip(laid) {
+                self.count(frame.outer.a * frame.outer.b, looks);
+                let Some((badness, net)) = laid else { continue };
+                if self.best.as_ref().is_none_or(|b| badness < b.0) {
+                    self.best = Some((badness, net));
+                }
+                if best.is_none_or(|b| badness < b.badness) {
+                    best = Some(Tried { badness, frame });
+                }
+            }
         }
-        self.seen.push(frame);
-        stop::ask();
-        let net = self.laid(frame).filter(|net| smallest_share(net) > SMALLEST_SHARE)?;
-        let badness = badness(&net, self.harmonics.area, self.edge);
-        if self.best.as_ref().is_none_or(|b| badness < b.0) {
-            self.best = Some((badness, net));
-        }
-        Some(Tried { badness, frame })
+        best
     }
+}
 
-    /// The net on a frame; `None` where a vertex lies in no triangle.
-    fn laid(&mut self, frame: Frame) -> Option<Net> {
-        let hole = frame.hole.map(|hole| (hole.corners, hole.at.map(|x| x as f64)));
-        let boundaries: Vec<_> = [(frame.outer, [0.0; 2])].into_iter().chain(hole).collect();
-        let [x, y] = self.maps.map(&boundaries);
+impl Ground<'_> {
+    /// The net on a frame, by the map of the surface, `None` where a vertex lies in no triangle; and at how many places of
+    /// vertices it looked.
+    fn laid(&self, frame: &Frame, [x, y]: &[Vec<f64>; 2]) -> (Option<Net>, u64) {
         let grid = frame.grid();
         let boundary: usize = self.rings.iter().map(|ring| ring.points.len()).sum();
         let mut stands: Vec<Option<Vec3>> =
@@ -393,8 +416,8 @@ impl Search<'_> {
                 }
             }
         }
-        self.count(a * b, looks);
-        Some(Net::new(stands.into_iter().collect::<Option<Vec<Vec3>>>()?, grid.quads()))
+        let stands = stands.into_iter().collect::<Option<Vec<Vec3>>>();
+        (stands.map(|stands| Net::new(stands, grid.quads())), looks)
     }
 }
 
