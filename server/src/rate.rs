@@ -16,7 +16,31 @@ const BUCKETS_MAX: usize = 65_536;
 pub struct Rates {
     /// Tokens a second for each user who has no quota; 0: no limit.
     per_second: f64,
-    buckets: Mutex<HashMap<User, Bucket>>,
+    buckets: Mutex<Buckets>,
+}
+
+#[derive(Debug, Default)]
+struct Buckets {
+    of: HashMap<User, Bucket>,
+    /// Before this none of them is full, and looking for one is in vain: it looks at all of them.
+    none_full_before: Option<Instant>,
+}
+
+impl Buckets {
+    /// Forgets those that are full again, if there is no place for another; whether there is one now.
+    fn make_place(&mut self, now: Instant) -> bool {
+        if self.of.len() < BUCKETS_MAX {
+            return true;
+        }
+        if self.none_full_before.is_some_and(|first| now < first) {
+            return false;
+        }
+        let refilled = Duration::from_secs_f64(BURST_S);
+        self.of.retain(|_, bucket| now.saturating_duration_since(bucket.at) < refilled);
+        // A bucket that is asked again is full later still.
+        self.none_full_before = self.of.values().map(|bucket| bucket.at + refilled).min();
+        self.of.len() < BUCKETS_MAX
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -47,14 +71,10 @@ impl Rates {
         // One request always fits.
         let full = (rate * BURST_S).max(cost);
         let mut buckets = self.buckets.lock().unwrap_or_else(PoisonError::into_inner);
-        if buckets.len() >= BUCKETS_MAX && !buckets.contains_key(&user) {
-            let refilled = Duration::from_secs_f64(BURST_S);
-            buckets.retain(|_, bucket| now.saturating_duration_since(bucket.at) < refilled);
-            if buckets.len() >= BUCKETS_MAX {
-                return Err(refilled);
-            }
+        if !buckets.of.contains_key(&user) && !buckets.make_place(now) {
+            return Err(Duration::from_secs_f64(BURST_S));
         }
-        let bucket = buckets.entry(user).or_insert(Bucket { tokens: full, at: now });
+        let bucket = buckets.of.entry(user).or_insert(Bucket { tokens: full, at: now });
         let came = now.saturating_duration_since(bucket.at).as_secs_f64() * rate;
         *bucket = Bucket { tokens: (bucket.tokens + came).min(full), at: now };
         if bucket.tokens >= cost {
@@ -94,6 +114,18 @@ mod tests {
     fn no_number_of_users_makes_it_grow() {
         let (rates, now) = (Rates::new(1), Instant::now());
         (0..2 * BUCKETS_MAX as u64).for_each(|n| _ = rates.take_at(User(n), 1.0, None, now));
-        assert!(rates.buckets.lock().expect("not poisoned").len() <= BUCKETS_MAX);
+        assert!(rates.buckets.lock().expect("not poisoned").of.len() <= BUCKETS_MAX);
+    }
+
+    #[test]
+    fn a_place_is_free_once_a_bucket_is_full_again_and_not_before() {
+        let (rates, begun) = (Rates::new(1), Instant::now());
+        let at = |ms: u64| begun + Duration::from_millis(ms);
+        (0..BUCKETS_MAX as u64).for_each(|n| _ = rates.take_at(User(n), 1.0, None, at(n % 2 * 1000)));
+        let new = User(BUCKETS_MAX as u64);
+        assert!(rates.take_at(new, 1.0, None, at(2000)).is_err());
+        assert!(rates.take_at(new, 1.0, None, at(2900)).is_err());
+        assert!(rates.take_at(new, 1.0, None, at(3000)).is_ok(), "half of them are full again");
+        assert_eq!(rates.buckets.lock().expect("not poisoned").of.len(), BUCKETS_MAX / 2 + 1);
     }
 }
