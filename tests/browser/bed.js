@@ -1,7 +1,7 @@
 // What every test of the page needs: a server of its own, a browser, pages whose mistakes are noted, and pictures of them.
 
 import { spawn, spawnSync } from "node:child_process";
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { existsSync, mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync } from "node:fs";
 import { createRequire } from "node:module";
 import { createServer } from "node:net";
 import { tmpdir } from "node:os";
@@ -84,15 +84,41 @@ export class Server {
   }
 }
 
-// The samples that the program makes: { examples, scans }, each a folder.
-export function samples() {
-  const kept = process.env.QUADMUSE_PAGE_SAMPLES ?? join(target, "page-samples");
-  if (!existsSync(join(kept, "examples"))) {
-    mkdirSync(kept, { recursive: true });
-    const made = spawnSync(program, ["demo", "--out", kept], { encoding: "utf8" });
-    check(made.status === 0, `no samples: ${made.stderr}`);
-  }
-  return { examples: join(kept, "examples"), scans: join(kept, "scans") };
+// The samples that the program makes, each a folder; they are there once a demo has run.
+const kept = process.env.QUADMUSE_PAGE_SAMPLES ?? join(target, "page-samples");
+export const samples = { examples: join(kept, "examples"), scans: join(kept, "scans") };
+
+// A server with all samples, rated 3: that of the demo, which also writes them as files, or, where these are there from a
+// run before, one that they are sent to.
+export async function withSamples() {
+  if (!existsSync(samples.scans)) return demo();
+  const server = await (await Server.make()).start();
+  for (const name of readdirSync(samples.examples).filter((n) => n.endsWith(".obj"))) await addExample(server.url, join(samples.examples, name), "&tag=sample");
+  return server;
+}
+
+async function demo() {
+  mkdirSync(kept, { recursive: true });
+  const server = new Server();
+  running.add(server);
+  server.process = spawn(program, ["demo", "--keep", "--out", kept]);
+  let told = "";
+  for (const stream of [server.process.stdout, server.process.stderr]) stream.on("data", (text) => { told += text; });
+  await until("the demo", () => {
+    check(server.process.exitCode === null, `the demo ended: ${told}`);
+    server.url = /^(http:\S+) goes on/m.exec(told)?.[1];
+    return server.url;
+  });
+  const ask = async (path, more) => {
+    const answer = await fetch(`${server.url}/v1/${path}`, more);
+    check(answer.ok, `${path}: ${answer.status} ${await answer.clone().text()}`);
+    return answer;
+  };
+  const all = async (what) => (await (await ask(`${what}?limit=500`)).json()).items;
+  for (const { id } of (await all("examples")).filter((e) => !e.template)) await ask(`examples/${id}`, { method: "PATCH", headers: { "content-type": "application/json" }, body: JSON.stringify({ tags: ["sample"], relevance: 3 }) });
+  // The page lists what was asked before: it begins without.
+  for (const { id } of await all("queries")) await ask(`queries/${id}`, { method: "DELETE" });
+  return server;
 }
 
 export async function addExample(url, path, parameters = "") {
@@ -105,8 +131,12 @@ export async function addExample(url, path, parameters = "") {
 const executablePath = process.env.QUADMUSE_BROWSER ?? "/usr/bin/chromium";
 const found = executablePath.includes("/") ? executablePath : spawnSync("which", [executablePath], { encoding: "utf8" }).stdout.trim();
 
+// Without a graphics card WebGL is computed, and so is all else: the page itself is put together by the browser's own means,
+// which take a third of the time of a computed card.
+const SWITCHES = ["--no-sandbox", "--disable-dev-shm-usage", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--disable-gpu-compositing", "--disable-gpu-rasterization"];
+
 // `more`: further switches of the browser.
-export const launch = (more = []) => chromium.launch({ executablePath: found, args: [...more, "--no-sandbox", "--disable-dev-shm-usage", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"] });
+export const launch = (more = []) => chromium.launch({ executablePath: found, args: [...more, ...SWITCHES] });
 
 // A page of its own profile. `page.mistakes`: what its console said, save what a test says it expects.
 export async function open(browser, url, { width = 1440, height = 900, dark = false, touch = false, token = "", expected = [] } = {}) {

@@ -101,12 +101,11 @@ export const clicks = {
     tell("take that back", await count.end(), 1);
 
     // The corpus: three samples more with a tag, one of them deleted and taken back.
-    const { examples } = samples();
     count = await counting(page);
     await page.click("#to-corpus");
     await page.click("#new-tags");
     await page.keyboard.type("limb");
-    await drop(page, ["arm_human", "leg_human", "tentacle"].map((name) => join(examples, `${name}.obj`)));
+    await drop(page, ["arm_human", "leg_human", "tentacle"].map((name) => join(samples.examples, `${name}.obj`)));
     await until("all of them", () => page.evaluate(() => document.querySelectorAll("#uploads .good").length === 3));
     tell("add examples with a tag", await count.end(1), 3);
 

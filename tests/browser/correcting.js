@@ -1,7 +1,7 @@
 // Putting a map right.
 
 import { check, shoot, until } from "./bed.js";
-import { laid, noComplaints } from "./looking.js";
+import { laid, noComplaints, opened } from "./looking.js";
 
 export const viewer = (page, act, arg) => page.evaluate(`(${act})(document.querySelector("#canvas").viewer, ${JSON.stringify(arg ?? null)})`);
 export const rest = (page) => until("a rest", () => page.evaluate(() => !document.querySelector("#status button") && !/Laying|…/.test(document.querySelector("#status").textContent)));
@@ -66,7 +66,7 @@ export const correcting = {
 
   async "the quads of a whole scan are made denser, and as they were again"({ open, scan }) {
     const page = await open();
-    await laid(page, scan("old_man"));
+    await opened(page, scan("old_man"));
     await rest(page);
     const quads = () => viewer(page, "(v) => v.meshes.quads.starts.length - 1");
     const before = await quads();
@@ -110,7 +110,7 @@ export const correcting = {
 
   async "landmarks are placed by mouse and by keyboard, and hold what is laid"({ open, scan }) {
     const page = await open();
-    await laid(page, scan("old_man"));
+    await opened(page, scan("old_man"));
     await rest(page);
     await page.click("#place");
     await page.waitForTimeout(200);
@@ -143,7 +143,7 @@ export const correcting = {
 
   async "on a symmetric example the landmark across is placed, goes along, and is undone with it"({ open, scan }) {
     const page = await open();
-    await laid(page, scan("old_man"));
+    await opened(page, scan("old_man"));
     await rest(page);
     await page.click("#mirror");
     await page.click("#place");
@@ -213,7 +213,7 @@ export const correcting = {
       check(answer.ok, await answer.text());
     }
     const page = await open();
-    await laid(page, scan("old_man"));
+    await opened(page, scan("old_man"));
     await rest(page);
     check((await page.locator("#names button").count()) === 3, "the names are not offered");
     await page.click("#name-0");

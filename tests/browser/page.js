@@ -1,7 +1,6 @@
 // The page in a real browser, state by state: each leaves a picture for people to judge, a clean console, and nothing for axe.
 // `node page.js [NAME…]` runs those whose name has one of the words in it.
 
-import { readdirSync } from "node:fs";
 import { join } from "node:path";
 import * as bed from "./bed.js";
 import { clicks } from "./clicks.js";
@@ -11,14 +10,12 @@ import { looking } from "./looking.js";
 import { parts } from "./parts.js";
 import { trouble } from "./trouble.js";
 
-const { samples, check, open, launch, addExample, clean, Server } = bed;
+const { samples, check, open, launch, clean, withSamples } = bed;
 
 // What every test gets: a server with the samples, where they lie, and a browser.
 async function prepare() {
-  const { examples, scans } = samples();
-  const server = await (await Server.make()).start();
-  for (const name of readdirSync(examples).filter((n) => n.endsWith(".obj"))) await addExample(server.url, join(examples, name), "&tag=sample");
-  return { server, url: server.url, scan: (name) => join(scans, `scan_${name}.obj`), example: (name) => join(examples, `${name}.obj`), browser: await launch() };
+  const server = await withSamples();
+  return { server, url: server.url, scan: (name) => join(samples.scans, `scan_${name}.obj`), example: (name) => join(samples.examples, `${name}.obj`), browser: await launch() };
 }
 
 const tests = { ...looking, ...correcting, ...parts, ...corpus, ...clicks, ...trouble };

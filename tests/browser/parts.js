@@ -4,7 +4,7 @@ import { writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { addExample, check, drop, folder, holdBack, shoot, until } from "./bed.js";
 import { rest, viewer } from "./correcting.js";
-import { laid, noComplaints } from "./looking.js";
+import { laid, noComplaints, opened } from "./looking.js";
 
 // A mesh of triangles over a square of so many cells; `closes`: it closes both ways.
 function grid(wide, high, closes, place) {
@@ -98,7 +98,7 @@ async function steer(page, [x, y]) {
 export const parts = {
   async "a part is cut off by a line across it, named, joined again, and each step undone"({ open, scan }) {
     const page = await open();
-    await laid(page, scan("arm"));
+    await opened(page, scan("arm"));
     await rest(page);
     await makeParts(page);
     check((await page.getAttribute("#tool-cut", "aria-pressed")) === "true" && (await page.isDisabled("#paint-done")), "it does not begin with the cut, or one part can be used");
@@ -198,7 +198,7 @@ export const parts = {
 
   async "a scan is cut in two by keyboard alone"({ open, scan }) {
     const page = await open();
-    await laid(page, scan("arm"));
+    await opened(page, scan("arm"));
     await rest(page);
     await tabTo(page, "repaint");
     await page.keyboard.press("Enter");
@@ -263,7 +263,7 @@ export const parts = {
 
   async "a line that comes back to where it began cuts out what is in it, and one beside all parts nothing"({ open, scan }) {
     const page = await open({ dark: true });
-    await laid(page, scan("old_man"));
+    await opened(page, scan("old_man"));
     await rest(page);
     await makeParts(page);
     await page.focus("#canvas");
@@ -330,7 +330,7 @@ export const parts = {
   async "on a phone a part is cut off by a finger, in both themes, and two fingers draw nothing"({ open, scan }) {
     for (const dark of [false, true]) {
       const page = await open({ width: 390, height: 844, touch: true, dark });
-      await laid(page, scan("arm"));
+      await opened(page, scan("arm"));
       await rest(page);
       await makeParts(page);
       await page.locator("#canvas").scrollIntoViewIfNeeded();
@@ -446,7 +446,7 @@ export const parts = {
 
   async "parts are painted on a scan, merged, and the scan is cut so"({ open, scan }) {
     const page = await open();
-    await laid(page, scan("old_man"));
+    await opened(page, scan("old_man"));
     await rest(page);
     await page.click("#repaint");
     await page.waitForSelector("#tool-brush");

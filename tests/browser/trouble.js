@@ -3,7 +3,7 @@
 import { join } from "node:path";
 import { writeFileSync } from "node:fs";
 import { addExample, check, drop, folder, gone, launch, open, Server, shoot, until } from "./bed.js";
-import { laid, noComplaints } from "./looking.js";
+import { noComplaints, opened } from "./looking.js";
 
 // A closed scan: a cube, its faces cut fine enough to have form.
 function cube(path) {
@@ -118,7 +118,7 @@ export const trouble = {
 
   async "two tabs don't get in each other's way"({ open, scan }) {
     const page = await open();
-    await laid(page, scan("old_man"));
+    await opened(page, scan("old_man"));
     const other = await page.context().newPage();
     await other.goto(page.url());
     await other.waitForSelector("#panel .verdict");
