@@ -20,7 +20,7 @@ pub fn side_by_side<A, B: Send>(first: impl FnOnce() -> A, second: impl Fn() -> 
         (b, stop::steps() - before)
     };
     std::thread::scope(|scope| {
-        let other = std::thread::Builder::new().spawn_scoped(scope, &apart);
+        let other = std::thread::Builder::new().spawn_scoped(scope, apart);
         let a = first();
         let b = match other.map(std::thread::ScopedJoinHandle::join) {
             Ok(Ok((b, steps))) => {
