@@ -7,8 +7,8 @@ use quadmuse_kernel::numerics::stop;
 use quadmuse_kernel::register::Query;
 use quadmuse_kernel::segment::{PartCount, segment};
 use quadmuse_kernel::unfold::UnfoldOptions;
-use std::cell::Cell;
-use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// What composition promises.
 pub const PROMISE: &str =
@@ -80,18 +80,17 @@ fn composed(poly: &PolyMesh) -> Option<PolyMesh> {
 
 /// Composes a spoilt mesh.
 pub fn composition(seed: u64) -> bool {
-    let asked = Rc::new(Cell::new(0));
-    let counted = Rc::clone(&asked);
+    let asked = Arc::new(AtomicU64::new(0));
+    let counted = Arc::clone(&asked);
     let ask = move || {
-        counted.set(counted.get() + 1);
-        assert!(counted.get() < ASKED_MAX, "seed {seed} does not end");
+        assert!(counted.fetch_add(1, Ordering::Relaxed) < ASKED_MAX, "seed {seed} does not end");
     };
-    let Some(mesh) = stop::within(Rc::new(ask), || composed(&spoilt(seed))) else { return false };
+    let Some(mesh) = stop::within(Arc::new(ask), || composed(&spoilt(seed))) else { return false };
     assert!(!mesh.faces.is_empty(), "it is composed of nothing");
     assert!(mesh.positions.iter().all(|x| x.iter().all(|c| c.is_finite())), "a vertex is nowhere");
     assert!(mesh.faces.corners().iter().all(|&corner| (corner as usize) < mesh.positions.len()), "a corner is none");
     if std::env::var_os("FUZZ_ASKED").is_some() {
-        println!("seed {seed} asked {}", asked.get());
+        println!("seed {seed} asked {}", asked.load(Ordering::Relaxed));
     }
     true
 }
