@@ -2,9 +2,8 @@
 //!
 //! E(y) = Σ_t Σ_k cot α_k |(y_a − y_b) − σ_t R_t (x_a − x_b)|² + β Σ_i m_i |y_i − ŷ_i|², y on the input's surface: each
 //! triangle of the example is laid in the plane tangent to the input where it lands, R_t is the rotation and σ_t the
-//! size that fit it best there. Local step: R_t, σ_t. Global step: with L the matrix of E, factored once, and P what takes
-//! the part along the surface at each vertex, d = P L⁻¹ P (−∇E/2), which is exact where the surface is flat, and goes downhill
-//! elsewhere; then each vertex walks its d_i along the surface.
+//! size that fit it best there. Local step: R_t, σ_t. Global step: displacements d_i in the tangent planes, one sparse
+//! solve; then each vertex walks its d_i along the surface.
 //! *Source:* Sorkine and Alexa, *As-rigid-as-possible surface modeling* (2007), local and global step; Liu et al., *A
 //! local/global approach to mesh parameterization* (2008), triangles in the plane. *Ours, not the paper's:* on a
 //! surface, orientation taken from the input's normal, so that turned faces turn back.
@@ -14,7 +13,7 @@ use super::walk::walk;
 use crate::encode::index::Location;
 use crate::mesh::tri::TriMesh;
 use crate::mesh::{NONE, Vec3};
-use crate::numerics::sparse::{Factored, Pattern};
+use crate::numerics::sparse::Pattern;
 use crate::unfold::Chart;
 
 /// What the polish weighs.
@@ -124,9 +123,8 @@ struct State<'a> {
     size: f64,
     fixed: Vec<bool>,
     start: Vec<Vec3>,
-    /// β m_i.
-    anchors: Vec<f64>,
-    factor: Factored,
+    masses: Vec<f64>,
+    pattern: Pattern,
     vertex_normals: Vec<Vec3>,
     step_max: f64,
 }
@@ -135,6 +133,7 @@ impl<'a> State<'a> {
     fn new(faces: Faces<'a>, cross: &CrossMap, input: &Chart, options: &'a PolishOptions) -> Option<Self> {
         let (n, triangles, rest) = (cross.positions.len(), faces.triangles, faces.rest);
         let cotangents: Vec<[f64; 3]> = rest.iter().map(cotangents).collect();
+        let fixed: Vec<bool> = (0..2 * n).map(|i| faces.fixed[i / 2]).collect();
         let mut masses = vec![0.0; n];
         for (t, corners) in triangles.iter().enumerate() {
             for k in 0..3 {
@@ -142,12 +141,9 @@ impl<'a> State<'a> {
                 masses[corners[(k + 2) % 3] as usize] += cotangents[t][k];
             }
         }
-        let pairs = triangles.iter().flat_map(|t| (0..3).map(move |k| (t[(k + 1) % 3], t[(k + 2) % 3])));
-        let pattern = Pattern::new(n, pairs.clone()).ok()?;
-        let anchors: Vec<f64> = masses.iter().map(|mass| options.anchor * mass).collect();
-        let diagonal: Vec<f64> = masses.iter().zip(&anchors).map(|(mass, anchor)| mass + anchor + 1e-9).collect();
-        let entries = pairs.zip(cotangents.iter().flatten()).map(|((a, b), w)| (a, b, -w));
-        let factor = pattern.factor(&diagonal, entries, &faces.fixed).ok()?;
+        let pairs = triangles.iter().flat_map(|t| (0..3).flat_map(move |k| couplings(t[k], t[(k + 1) % 3])));
+        let own = (0..n as u32).map(|v| (2 * v, 2 * v + 1));
+        let pattern = Pattern::new(2 * n, pairs.chain(own)).ok()?;
         let size = (input.mesh.total_area() / faces.area).sqrt();
         let length: f64 = rest.iter().flat_map(|p| (0..3).map(|k| length(difference(p[(k + 1) % 3], p[k])))).sum();
         let step_max = options.step_max * size * length / (3 * rest.len()).max(1) as f64;
@@ -158,10 +154,10 @@ impl<'a> State<'a> {
             rest,
             cotangents,
             size,
-            fixed: faces.fixed,
+            fixed,
             start,
-            anchors,
-            factor,
+            masses,
+            pattern,
             vertex_normals,
             step_max,
         })
@@ -171,28 +167,46 @@ impl<'a> State<'a> {
     fn round(&mut self, cross: &mut CrossMap, input: &Chart) -> bool {
         let n = cross.positions.len();
         let normals: Vec<Vec3> = cross.locations.iter().map(|l| self.normal(input, *l)).collect();
-        let mut pulls = vec![Vec3::zeros(); n];
+        let frames: Vec<[Vec3; 2]> = normals.iter().map(|n| axes(*n)).collect();
+        let mut diagonal = vec![0.0; 2 * n];
+        let mut entries: Vec<(u32, u32, f64)> = Vec::with_capacity(self.triangles.len() * 12);
+        let mut right = vec![0.0; 2 * n];
         for (t, corners) in self.triangles.iter().enumerate() {
             let targets = self.targets(t, corners, cross, &normals);
             for k in 0..3 {
                 let (a, b) = (corners[(k + 1) % 3] as usize, corners[(k + 2) % 3] as usize);
+                let w = self.cotangents[t][k];
                 // Residual of edge a → b: what is missing.
-                let missing = (targets[k] - (cross.positions[b] - cross.positions[a])) * self.cotangents[t][k];
-                pulls[b] += missing;
-                pulls[a] -= missing;
+                let r = targets[k] - (cross.positions[b] - cross.positions[a]);
+                for i in 0..2 {
+                    right[2 * b + i] += w * frames[b][i].dot(&r);
+                    right[2 * a + i] -= w * frames[a][i].dot(&r);
+                    diagonal[2 * a + i] += w;
+                    diagonal[2 * b + i] += w;
+                    for j in 0..2 {
+                        entries.push(((2 * a + i) as u32, (2 * b + j) as u32, -w * frames[a][i].dot(&frames[b][j])));
+                    }
+                }
             }
         }
-        let along = |v: usize, d: Vec3| d - normals[v] * normals[v].dot(&d);
-        let free = |v: &usize| !self.fixed[*v];
-        let mut steps = vec![0.0; 3 * n];
-        for v in (0..n).filter(free) {
-            let pull = along(v, pulls[v] + (self.start[v] - cross.positions[v]) * self.anchors[v]);
-            (0..3).for_each(|k| steps[k * n + v] = pull[k]);
+        for v in 0..n {
+            let w = self.options.anchor * self.masses[v];
+            let back = self.start[v] - cross.positions[v];
+            for i in 0..2 {
+                diagonal[2 * v + i] += w + 1e-9;
+                right[2 * v + i] += w * frames[v][i].dot(&back);
+            }
         }
-        self.factor.solve_columns(&mut steps, 3);
+        for (x, fixed) in right.iter_mut().zip(&self.fixed) {
+            if *fixed {
+                *x = 0.0;
+            }
+        }
+        let Ok(factor) = self.pattern.factor(&diagonal, entries.into_iter(), &self.fixed) else { return false };
+        factor.solve(&mut right);
         let mut moved = 0.0f64;
-        for v in (0..n).filter(free) {
-            let mut step = along(v, Vec3::new(steps[v], steps[n + v], steps[2 * n + v]));
+        for v in (0..n).filter(|&v| !self.fixed[2 * v]) {
+            let mut step = frames[v][0] * right[2 * v] + frames[v][1] * right[2 * v + 1];
             let length = step.norm();
             if length > self.step_max {
                 step *= self.step_max / length;
@@ -225,6 +239,11 @@ impl<'a> State<'a> {
         let sum: Vec3 = (0..3).map(|k| self.vertex_normals[corners[k] as usize] * at.barycentric[k]).sum();
         sum.try_normalize(0.0).unwrap_or(self.vertex_normals[corners[0] as usize])
     }
+}
+
+/// Unknowns of two vertices that meet in an edge.
+fn couplings(a: u32, b: u32) -> [(u32, u32); 4] {
+    [(2 * a, 2 * b), (2 * a, 2 * b + 1), (2 * a + 1, 2 * b), (2 * a + 1, 2 * b + 1)]
 }
 
 /// cos and sin of the rotation that carries `rest` to `mapped` best, and the size that does so with it.
