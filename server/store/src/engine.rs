@@ -32,9 +32,10 @@ const COLLECT_ROWS: usize = 512;
 /// chunks again.
 const GUARD_KEYS: u16 = 17;
 
-/// How often the disk is tried while the first commit waits for it, and how long that may take.
+/// How often the disk is tried while a commit waits for it, and how long that may take: longer for the first.
 const TRY_EVERY: Duration = Duration::from_secs(1);
-const COMMIT_DEADLINE: Duration = Duration::from_secs(300);
+const COMMIT_DEADLINE: Duration = Duration::from_secs(60);
+const FIRST_COMMIT_DEADLINE: Duration = Duration::from_secs(300);
 
 /// Threads that read records at an opening, at most.
 const READERS_MAX: usize = 4;
@@ -188,13 +189,17 @@ impl Engine {
 
     /// Makes everything written so far durable, power cuts included.
     pub(crate) fn commit(&self) -> Result<(), Failure> {
-        guarded(|| self.db.flush())?;
-        self.file.sync_all().map_err(|error| Failure::from(&error))
+        self.committed(COMMIT_DEADLINE)
     }
 
-    /// The first [`Engine::commit`] after an opening, which may never end: the database forgets what failed while it opened, and
-    /// then waits for what will not be written. So the disk is tried when it takes long.
+    /// The first [`Engine::commit`] after an opening, which writes what the opening mended.
     pub(crate) fn first_commit(&self) -> Result<(), Failure> {
+        self.committed(FIRST_COMMIT_DEADLINE)
+    }
+
+    /// A commit may never end by itself: the database forgets what failed while it opened, and was seen to miss a write that failed
+    /// later; then it waits for what will not be written. So the disk is tried when it takes long.
+    fn committed(&self, deadline: Duration) -> Result<(), Failure> {
         let (db, file) = (self.db.clone(), self.file.try_clone().map_err(|error| Failure::from(&error))?);
         let (sender, receiver) = mpsc::sync_channel(1);
         let flush = move || {
@@ -210,7 +215,7 @@ impl Engine {
                 Err(mpsc::RecvTimeoutError::Disconnected) => return Err(Failure::Panic("its thread ended".into())),
                 Err(mpsc::RecvTimeoutError::Timeout) => self.try_disk().map_err(|error| Failure::from(&error))?,
             }
-            if begun.elapsed() > COMMIT_DEADLINE {
+            if begun.elapsed() > deadline {
                 return Err(Failure::Io("it was not written in time".into()));
             }
         }
