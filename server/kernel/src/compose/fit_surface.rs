@@ -68,7 +68,7 @@ fn ask(asked: &mut [Asked], v: u32, r: Vec3, weight: f64) {
     asked[v as usize].weight += weight;
 }
 
-/// What is asked of each vertex by points of the faces, which look for the surface.
+/// Points of the faces look for the surface; returns what they ask of each vertex.
 fn by_faces(net: &Net, target: &Target) -> Vec<Asked> {
     let mut asked = vec![Asked::default(); net.positions.len()];
     let of_quads: Vec<Vec<f64>> = GAUSS.iter().flat_map(|&s| GAUSS.map(|t| bilinear(s, t))).collect();
@@ -99,7 +99,7 @@ fn bilinear(s: f64, t: f64) -> Vec<f64> {
     vec![(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t]
 }
 
-/// What is asked of each vertex by points of the surface, which look for the net.
+/// Points of the surface look for the net; returns what they ask of each vertex.
 fn by_points(net: &Net, points: &[Vec3]) -> Vec<Asked> {
     let mut asked = vec![Asked::default(); net.positions.len()];
     let fans = net.fans();

@@ -87,7 +87,7 @@ pub fn optimise(net: &mut Net, target: &Target, stiffness: &[f64], rounds: u32) 
     }
 }
 
-/// What is asked of the vertices where they are: E, minus half its gradient with r_q held, and the normals.
+/// The state of the vertices where they are: E, minus half its gradient with r_q held, and the normals.
 struct Asked {
     energy: f64,
     pull: Vec<Vec3>,
@@ -102,7 +102,7 @@ struct State {
     free: usize,
     positions: Vec<Vec3>,
     quads: Vec<Quad>,
-    /// What quads of which no corner moves add to the normal of each vertex.
+    /// The share of each vertex's normal that comes from quads of which no corner moves.
     normals_beside: Vec<Vec3>,
     /// s_v κ_v, x⁰_v and the longest step of each vertex that moves.
     springs: Vec<f64>,

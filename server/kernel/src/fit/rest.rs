@@ -76,7 +76,7 @@ impl Start {
     }
 }
 
-/// What has been laid roughly: how it lies, where its vertices are, and from where it goes on.
+/// An example that has been laid roughly: how it lies, where its vertices are, and from where it goes on.
 #[derive(Debug)]
 struct RoughFit {
     rested: Rested,

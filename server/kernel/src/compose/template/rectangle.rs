@@ -139,7 +139,7 @@ struct Tried {
     frame: Frame,
 }
 
-/// What frames are laid on.
+/// The surface that frames are laid on.
 #[derive(Clone, Copy, Debug)]
 struct Ground<'a> {
     chart: &'a Chart,
