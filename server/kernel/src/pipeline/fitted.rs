@@ -225,9 +225,7 @@ fn settled(
         rests.tries(start, stop);
     }
     let on = &*query.model;
-    // Where it agrees as it was laid roughly, all ways to match the tips were tried then.
-    let may_match = known.posed.is_none() && Stage::Tips.is_on() && on.has_tips(query.segment, input);
-    if may_match && !rests.is_convincing() {
+    if on.has_tips(query.segment, input) && Stage::Tips.is_on() && !rests.is_convincing() {
         for tips in &matched_tips([&one.query, &two.query], (mesh, input), LED, stop) {
             rests.tries_tips(tips, whole, stop);
             if rests.is_convincing() {
