@@ -154,7 +154,7 @@ impl Stitching<'_> {
 
     fn missed(&self, site: &Site<'_>, measured: &Measured) -> f64 {
         let mut net = site.net.clone();
-        fit_surface(&mut net, measured.points(), &self.target, Held::Nothing);
+        fit_surface(&mut net, measured.points(), (self.surface(), &self.target), Held::Nothing);
         measured.fit(&net.into_mesh().0).worst()
     }
 

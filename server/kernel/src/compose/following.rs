@@ -124,7 +124,7 @@ impl Stitching<'_> {
             || {
                 let (net, on_line) = self.creased(&now, origins)?;
                 let (mesh, fit) = self.judged(net.into_mesh().0, f64::INFINITY)?;
-                Some((self.on_both_sides(mesh, fit, Held::BoundaryAnd(&on_line)), on_line))
+                Some((self.on_both_sides(mesh, fit, Held::Boundary), on_line))
             },
         );
         let plain = Draft { mesh: plain.0, fit: plain.1, tips: now.tips, on_line: Vec::new() };
@@ -141,7 +141,7 @@ impl Stitching<'_> {
             return (mesh, fit);
         }
         let mut net = Net::from_mesh(&mesh);
-        fit_surface(&mut net, self.measured.points(), &self.target, held);
+        fit_surface(&mut net, self.measured.points(), (self.surface(), &self.target), held);
         self.judged(net.into_mesh().0, FIT_SURFACE_GAIN * fit.worst()).unwrap_or((mesh, fit))
     }
 

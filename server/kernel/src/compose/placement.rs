@@ -139,7 +139,7 @@ impl Stitching<'_> {
         if !self.optimise(&mut net, origins, Marks { stays: &now.on_line, tips: &now.tips }, ROUNDS) {
             return now;
         }
-        fit_surface(&mut net, self.measured.points(), &self.target, Held::BoundaryAnd(&now.on_line));
+        fit_surface(&mut net, self.measured.points(), (self.surface(), &self.target), Held::BoundaryAnd(&now.on_line));
         let (mesh, Ok(())) = self.checked(&net) else { return now };
         let fit = self.measured.fit(&mesh);
         let is_better = mean_deviation_deg(&net) < before && fit.worst() <= self.farthest(now.fit);

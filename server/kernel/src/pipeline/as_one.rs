@@ -135,7 +135,7 @@ mod tests {
 
     /// A dome with a thorn between the vertices of a sheet of few quads.
     fn thorn(x: f64, y: f64) -> f64 {
-        dome(x, y) + 0.5 * (1.0 - 9.0 * (x - 0.1).hypot(y - 0.1)).max(0.0)
+        dome(x, y) + 0.8 * (1.0 - 9.0 * (x - 0.1).hypot(y - 0.1)).max(0.0)
     }
 
     /// What becomes of a map of n × n quads: the map, by how much it misses in percent, and what is made of it with the same.

@@ -71,6 +71,7 @@ fn whole(mesh: PolyMesh, example: &Model, segments: usize) -> Stitched {
         is_poor_kept: false,
         bridging: Vec::new(),
         is_example: vec![true; segments],
+        is_own: vec![false; segments],
         extraordinary_vertices: extraordinary(&mesh) as u64,
         extraordinary_before: extraordinary(&example.mesh) as u64,
         notes: vec!["one example on all segments: its own faces, put together again whole".into()],

@@ -25,6 +25,8 @@ pub struct Allowed {
 pub struct Appraisal {
     /// Of each segment the share of the mesh's area that an example's layout has there, 0–1.
     pub examples: Vec<f64>,
+    /// Share of its area that is the input's own triangles cut into quads, 0–1.
+    pub own: f64,
     /// Share of the input's area with faces near it, 0–1.
     pub covered: f64,
     /// Mean distance of its faces' middles from the input by area, as a share of the input's diagonal. Faces that bridge a gap
@@ -73,7 +75,7 @@ pub fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Appraisal {
         ((owner != NONE).then_some(owner), near.distance)
     };
     let mut examples = vec![0.0; made.is_example.len()];
-    let (mut all, mut away, mut lying) = (0.0, 0.0, 0.0);
+    let (mut all, mut own, mut away, mut lying) = (0.0, 0.0, 0.0, 0.0);
     for (f, face) in (0u32..).zip(made.mesh.faces.iter()) {
         let area = area(&made.mesh, face);
         all += area;
@@ -85,14 +87,18 @@ pub fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Appraisal {
         if let Some(segment) = segment.filter(|&segment| made.is_example.get(segment) == Some(&true)) {
             examples[segment] += area;
         }
+        if segment.is_some_and(|segment| made.is_own.get(segment) == Some(&true)) {
+            own += area;
+        }
     }
-    examples.iter_mut().for_each(|share| *share /= f64::max(all, f64::MIN_POSITIVE));
+    let all = f64::max(all, f64::MIN_POSITIVE);
+    examples.iter_mut().for_each(|share| *share /= all);
     let mut flawed: Vec<u32> = flaws.faces.iter().filter_map(|&f| placed(made.mesh.faces.face(f as usize)).0).collect();
     flawed.sort_unstable();
     flawed.dedup();
     let away = away / f64::max(lying * scale(ground.input().surface).diagonal, f64::MIN_POSITIVE);
     let (covered, flaws) = (1.0 - flaws.bare, flaws.reasons(allowed.bare, allowed.spanned));
-    Appraisal { examples, covered, away, turned, flaws, flawed }
+    Appraisal { examples, own: own / all, covered, away, turned, flaws, flawed }
 }
 
 /// The mean of a face's corners.
@@ -141,6 +147,7 @@ mod tests {
         Stitched {
             mesh: Arc::new(mesh),
             is_example: vec![is_example],
+            is_own: vec![!is_example],
             is_poor_kept: false,
             bridging: Vec::new(),
             extraordinary_vertices: 0,
@@ -165,7 +172,9 @@ mod tests {
         let sound = appraise(&input, &stitched(mesh.clone(), true), Allowed::default());
         assert!((sound.examples[0] - 1.0).abs() < 1e-9 && sound.covered > 0.999, "{sound:?}");
         assert!(sound.flaws.is_empty() && sound.flawed.is_empty(), "{sound:?}");
-        assert_eq!(appraise(&input, &stitched(mesh.clone(), false), Allowed::default()).examples, [0.0]);
+        let own = appraise(&input, &stitched(mesh.clone(), false), Allowed::default());
+        assert_eq!((&own.examples[..], sound.own), (&[0.0][..], 0.0));
+        assert!((own.own - 1.0).abs() < 1e-9, "{own:?}");
         // A vertex in one corner, drawn through below the dome to the other.
         let mut torn = mesh;
         torn.positions[14] = torn.positions[13 * 13 - 1];

@@ -141,14 +141,21 @@ impl Made {
         (0..report.subdivided.len()).map(|segment| !is_input && stands(segment)).collect()
     }
 
+    /// Whether each segment's own triangles were cut into quads.
+    fn is_own(&self) -> Vec<bool> {
+        let is_input = self.report.way == compose::Way::InputSubdivided;
+        (0..self.report.subdivided.len()).map(|segment| is_input || self.report.own.contains(&segment)).collect()
+    }
+
     pub(crate) fn told(self) -> Stitched {
-        let is_example = self.is_example();
+        let (is_example, is_own) = (self.is_example(), self.is_own());
         let mut notes = notes::brought(&self.brought);
         notes.extend(notes::made(&self.report, self.mesh.faces.len()));
         Stitched {
             is_poor_kept: false,
             bridging: Vec::new(),
             is_example,
+            is_own,
             extraordinary_vertices: self.report.extraordinary_after as u64,
             extraordinary_before: self.report.extraordinary_before as u64,
             mesh: Arc::new(self.mesh),

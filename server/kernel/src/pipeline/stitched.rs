@@ -14,6 +14,8 @@ pub struct Stitched {
     pub mesh: Arc<PolyMesh>,
     /// True for each segment, in order, on which an example's layout stands.
     pub is_example: Vec<bool>,
+    /// True for each segment, in order, whose own triangles were cut into quads.
+    pub is_own: Vec<bool>,
     /// True where a poor map was taken all the same.
     pub is_poor_kept: bool,
     /// Inner vertices with another number of edges than four.
@@ -32,6 +34,7 @@ impl Stitched {
         let extraordinary = extraordinary(&mesh) as u64;
         Self {
             mesh,
+            is_own: vec![false; is_example.len()],
             is_example,
             is_poor_kept: false,
             extraordinary_vertices: extraordinary,

@@ -13,6 +13,8 @@ const CRUMPLED_MIN: f64 = 0.08;
 /// Where parts of the scan are left bare because they could not be joined, a composition that covers less of it than this is poor:
 /// a head without its horns is no layout of the head. *Untuned.*
 const COVERED_MIN: f64 = 0.8;
+/// Where more of a composition's area is the scan's own triangles cut into quads it is poor: that is nobody's layout. *Untuned.*
+const OWN_MAX: f64 = 0.02;
 /// Reasons that a composition takes over from one map.
 const REASONS_EACH: usize = 2;
 
@@ -77,6 +79,16 @@ pub(super) fn headline(brought: &[Option<BroughtMap>], appraisal: &Appraisal) ->
         verdict = Verdict::Poor;
         let percent = 100.0 * appraisal.turned;
         reasons.insert(0, format!("{percent:.0} % of its area is crumpled: quads stand off the scan's surface"));
+    }
+    if appraisal.own > OWN_MAX && verdict < Verdict::Broken {
+        verdict = Verdict::Poor;
+        let percent = 100.0 * appraisal.own;
+        reasons.insert(
+            0,
+            format!(
+                "{percent:.0} % of it is the scan's own triangles, cut into quads: nothing else could be joined there"
+            ),
+        );
     }
     if inspired < INSPIRED_GOOD {
         verdict = verdict.max(Verdict::Fair);
@@ -145,6 +157,15 @@ mod tests {
         let told = crumpled(0.12);
         assert_eq!((told.verdict, told.inspired), (Verdict::Poor, 1.0));
         assert!(told.reasons[0].starts_with("12 % of its area is crumpled"), "{told:?}");
+    }
+
+    #[test]
+    fn what_is_the_scans_own_triangles_is_poor() {
+        let cut = |own: f64| headline(&[laid(Verdict::Good)], &Appraisal { own, ..of(&[0.9]) });
+        assert_eq!(cut(0.01).verdict, Verdict::Good);
+        let told = cut(0.08);
+        assert_eq!(told.verdict, Verdict::Poor);
+        assert!(told.reasons[0].starts_with("8 % of it is the scan's own triangles"), "{told:?}");
     }
 
     #[test]

@@ -42,7 +42,10 @@ pub(super) fn unstitched(
         let rest = engine.of_segments(model, stitched, &beside)?;
         let rest = Some(rest).filter(|(mesh, _)| !mesh.faces.is_empty());
         let mut made = as_mapped(&standing, rest.as_ref(), model.segments.len());
-        beside.iter().map(|segment| *segment as usize).for_each(|k| made.is_example[k] = stitched.is_example[k]);
+        beside
+            .iter()
+            .map(|segment| *segment as usize)
+            .for_each(|k| (made.is_example[k], made.is_own[k]) = (stitched.is_example[k], stitched.is_own[k]));
         let appraisal = engine.appraise(model, &made, Allowed { bare: 1.0, ..allowed })?;
         if appraisal.flaws.is_empty() {
             let mut unstitched: Vec<u32> = standing.iter().map(|(number, _)| *number as u32).collect();

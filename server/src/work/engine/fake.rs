@@ -292,6 +292,7 @@ impl Engine for FakeEngine {
         Ok(Stitched {
             mesh,
             is_example: parts.iter().map(|part| !matches!(part, Part::Template(_) | Part::Poor { .. })).collect(),
+            is_own: vec![false; parts.len()],
             is_poor_kept: false,
             bridging: Vec::new(),
             extraordinary_vertices: 0,
