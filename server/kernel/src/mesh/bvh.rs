@@ -1,8 +1,8 @@
 //! The point of a triangle mesh that is closest to a given one.
 //!
 //! A tree of boxes over the triangles, four to a node, split at the medians along the longest axes of their centres. Boxes
-//! are kept and compared in single precision, rounded so that they bound from below; distances to triangles are exact in
-//! double precision. Ties go to the triangle with the lowest number, so that the answer does not depend on the tree. A mesh
+//! are kept and compared in single precision, about the middle of the mesh, since a scan may lie far from the origin, and rounded so that they bound
+//! from below; distances to triangles are exact in double precision. Ties go to the triangle with the lowest number, so that the answer does not depend on the tree. A mesh
 //! of needles gets turned boxes besides ([`turned`]).
 
 mod turned;
@@ -33,6 +33,8 @@ pub struct Bvh {
     corners: Vec<[Vec3; 3]>,
     /// Number of the triangle, in the order of the leaves.
     triangle_of: Vec<u32>,
+    /// Where boxes have their origin.
+    middle: Vec3,
 }
 
 /// The closest point and where it lies.
@@ -68,8 +70,9 @@ impl Bvh {
     /// Builds the tree.
     pub fn new(mesh: &TriMesh) -> Self {
         let corners = |t: &[u32; 3]| t.map(|v| mesh.positions[v as usize]);
+        let middle = middle(mesh.triangles.iter().flat_map(corners));
         let item = |(t, c): (usize, &[u32; 3])| {
-            let centre = corners(c).iter().sum::<Vec3>() / 3.0;
+            let centre = corners(c).iter().sum::<Vec3>() / 3.0 - middle;
             Item { centre: [centre.x, centre.y, centre.z].map(|x| x as f32), triangle: t as u32 }
         };
         let mut items: Vec<Item> = mesh.triangles.iter().enumerate().map(item).collect();
@@ -109,6 +112,7 @@ impl Bvh {
             triangle_of: items.into_iter().map(|item| item.triangle).collect(),
             corners,
             nodes,
+            middle,
         };
         tree.put_boxes();
         if turned::has_needles(&tree.corners) {
@@ -126,7 +130,7 @@ impl Bvh {
                     child if child & TRIANGLE == 0 => self.nodes[child as usize].whole(),
                     child => {
                         let [a, b, c] = &self.corners[(child & !TRIANGLE) as usize];
-                        (round_down(a.inf(b).inf(c)), round_up(a.sup(b).sup(c)))
+                        (round_down(a.inf(b).inf(c), self.middle), round_up(a.sup(b).sup(c), self.middle))
                     }
                 };
                 let node = &mut self.nodes[number];
@@ -144,7 +148,7 @@ impl Bvh {
         if self.nodes.is_empty() || point.iter().any(|x| !x.is_finite()) {
             return best;
         }
-        let (above, below) = (round_up(point), round_down(point));
+        let (above, below) = (round_up(point, self.middle), round_down(point, self.middle));
         let mut best_squared = f64::INFINITY;
         let mut stack = [(0u32, 0.0f64); STACK_SIZE];
         let mut height = 1;
@@ -256,12 +260,26 @@ impl Node {
     }
 }
 
-fn round_down(v: Vec3) -> [f32; 3] {
-    [v.x, v.y, v.z].map(|x| if f64::from(x as f32) <= x { x as f32 } else { (x as f32).next_down() })
+/// The middle of the box of some points; the origin where that is not finite.
+fn middle(points: impl Iterator<Item = Vec3> + Clone) -> Vec3 {
+    let low = points.clone().reduce(|a, b| a.inf(&b)).unwrap_or_default();
+    let high = points.reduce(|a, b| a.sup(&b)).unwrap_or_default();
+    let middle = 0.5 * low + 0.5 * high;
+    if middle.iter().all(|x| x.is_finite()) { middle } else { Vec3::zeros() }
 }
 
-fn round_up(v: Vec3) -> [f32; 3] {
-    [v.x, v.y, v.z].map(|x| if f64::from(x as f32) >= x { x as f32 } else { (x as f32).next_up() })
+/// A number of single precision that is no larger than v − `middle` in each coordinate. Differences are rounded, too.
+fn round_down(v: Vec3, middle: Vec3) -> [f32; 3] {
+    let d = v - middle;
+    [d.x, d.y, d.z]
+        .map(f64::next_down)
+        .map(|x| if f64::from(x as f32) <= x { x as f32 } else { (x as f32).next_down() })
+}
+
+/// One that is no smaller.
+fn round_up(v: Vec3, middle: Vec3) -> [f32; 3] {
+    let d = v - middle;
+    [d.x, d.y, d.z].map(f64::next_up).map(|x| if f64::from(x as f32) >= x { x as f32 } else { (x as f32).next_up() })
 }
 
 #[inline]
@@ -407,6 +425,24 @@ mod tests {
         let positions = std::iter::once(Vec3::zeros()).chain(rim).collect();
         let triangles = (0..n as u32).map(|i| [0, 1 + i, 1 + (i + 1) % n as u32]).collect();
         TriMesh::from_triangles(positions, triangles).expect("manifold")
+    }
+
+    #[test]
+    fn a_mesh_far_from_the_origin_has_boxes_as_tight_as_elsewhere() {
+        let mut mesh = sheet(12);
+        let far = Vec3::new(5e6, -4e8, 1e9);
+        let size = |mesh: &TriMesh| {
+            let (low, high) = Bvh::new(mesh).nodes[1].whole();
+            [0, 1, 2].map(|k| high[k] - low[k])
+        };
+        let near = size(&mesh);
+        mesh.positions.iter_mut().for_each(|p| *p += far);
+        assert!(size(&mesh).iter().zip(near).all(|(far, near)| (far - near).abs() < 1e-5), "{:?}", size(&mesh));
+        let bvh = Bvh::new(&mesh);
+        for p in points(12, 60).map(|p| p + far) {
+            let found = bvh.closest(p);
+            assert_eq!((found.distance, found.triangle), by_search(&mesh, p));
+        }
     }
 
     #[test]
