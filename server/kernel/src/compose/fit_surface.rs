@@ -1,21 +1,22 @@
 //! Moves the vertices of a net so that its faces, and not its vertices alone, lie on the input.
 //!
-//! Between vertices on a curved surface the faces lie inside of it, by 2/3 of the sagitta on average, and a row of quads
-//! that crosses a sharp rim cuts it off. With x_k points of the faces, w_kv their weights of the corners, a_k the area that each stands for, r_k = π(x_k) − x_k, and
-//! likewise the input's sample points with r_k from the nearest point of the net, the moves d_v make
+//! Between vertices on a curved surface the faces lie inside of it, by 2/3 of the sagitta on average, and a row of
+//! quads that crosses a sharp rim cuts it off. With x_k points of the faces, w_kv their weights of the corners, a_k the
+//! area that each stands for, r_k = π(x_k) − x_k, and likewise the input's sample points with r_k from the nearest
+//! point of the net, the moves d_v make
 //!
 //! Σ_k a_k |r_k − Σ_v w_kv d_v|²_k + λ Σ_v Σ_k a_k w_kv |D_v − mean of the neighbours' D|²
 //!
-//! small. The distance |r|²_k = (n_k·r)² counts along the input's normal n_k at π(x_k), so that faces slide along the input; so far
-//! as r_k does not point along n_k, as beyond the tip of an ear, it counts in every direction. Where normals differ, on both
-//! sides of a ridge, only a vertex on the ridge makes all of it small: rows beside a rim go onto it, be it sharp or
-//! rounded. D_v is by how much v was moved in all: a layout is bent, and its spacing kept.
+//! small. The distance |r|²_k = (n_k·r)² counts along the input's normal n_k at π(x_k), so that faces slide along the
+//! input; so far as r_k does not point along n_k, as beyond the tip of an ear, it counts in every direction. Where
+//! normals differ, on both sides of a ridge, only a vertex on the ridge makes all of it small: rows beside a rim go
+//! onto it, be it sharp or rounded. D_v is by how much v was moved in all: a layout is bent, and its spacing kept.
 //!
-//! Each round solves 3 × 3 equations for each vertex with the others held, and takes π anew; as Σ_v w_kv = 1, the sum can only fall with
-//! that for a given π. The vertices then lie a little outside where the surface bulges, and the surface cuts through the
-//! faces: a layout of half the quads follows the input as closely. *Source:* Pottmann and Hofer, *Geometry of the squared
-//! distance function to curves and surfaces* (2003): which distance counts. *Ours, not the paper's:* on faces, both ways,
-//! and that the moves are kept even.
+//! Each round solves 3 × 3 equations for each vertex with the others held, and takes π anew; as Σ_v w_kv = 1, the
+//! distances can only fall with that for a given π. The vertices then lie a little outside where the surface bulges,
+//! and the surface cuts through the faces: a layout of half the quads follows the input as closely. *Source:* Pottmann
+//! and Hofer, *Geometry of the squared distance function to curves and surfaces* (2003): which distance counts. *Ours,
+//! not the paper's:* on faces, both ways, and that the moves are kept even.
 
 use super::net::Net;
 use super::smooth::Target;
@@ -45,7 +46,7 @@ pub enum Held<'a> {
     BoundaryAnd(&'a [bool]),
 }
 
-/// What the points ask of a vertex: the least of Σ_k w_k |r_k − d|²_k is where the quadric times d is the sum.
+/// Collects what the points ask of a vertex: the least of Σ_k w_k |r_k − d|²_k is where the quadric times d is the sum.
 #[derive(Clone, Copy, Default)]
 struct Asked {
     quadric: Matrix3<f64>,

@@ -1,9 +1,10 @@
 //! The point of a triangle mesh that is closest to a given one.
 //!
-//! A tree of boxes over the triangles, four to a node, split at the medians along the longest axes of their centres. Boxes
-//! are kept and compared in single precision, about the middle of the mesh, since a scan may lie far from the origin, and rounded so that they bound
-//! from below; distances to triangles are exact in double precision. Ties go to the triangle with the lowest number, so that the answer does not depend on the tree. A mesh
-//! of needles gets turned boxes besides ([`turned`]).
+//! A tree of boxes over the triangles, four to a node, split at the medians along the longest axes of their centres.
+//! Boxes are kept and compared in single precision, about the middle of the mesh, since a scan may lie far from the
+//! origin, and rounded so that they bound from below; distances to triangles are exact in double precision. Ties go to
+//! the triangle with the lowest number, so that the answer does not depend on the tree. A mesh of needles gets turned
+//! boxes besides ([`turned`]).
 
 mod turned;
 

@@ -141,7 +141,7 @@ impl Made {
         (0..report.subdivided.len()).map(|segment| !is_input && stands(segment)).collect()
     }
 
-    /// Whether each segment's own triangles were cut into quads.
+    /// Tells of each segment whether its own triangles were cut into quads.
     fn is_own(&self) -> Vec<bool> {
         let is_input = self.report.way == compose::Way::InputSubdivided;
         (0..self.report.subdivided.len()).map(|segment| is_input || self.report.own.contains(&segment)).collect()
