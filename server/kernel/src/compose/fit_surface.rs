@@ -22,7 +22,7 @@ use super::net::Net;
 use super::smooth::Target;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::{Bvh, Closest};
-use crate::mesh::tri::TriMesh;
+use crate::mesh::tri::{NONE, TriMesh};
 use crate::numerics::side_by_side;
 use nalgebra::Matrix3;
 
@@ -109,25 +109,26 @@ pub fn fit_surface(net: &mut Net, points: &[Vec3], on: (&TriMesh, &Target), held
     }
 }
 
-/// The input: its search tree, the unit normals of its triangles, and points of it with their normals.
+/// The input: its surface with the search tree, and points of it with their normals.
 struct Input<'a> {
+    surface: &'a TriMesh,
     target: &'a Target,
-    normals: Vec<Vec3>,
     points: &'a [Vec3],
     at_points: Vec<Vec3>,
 }
 
 impl<'a> Input<'a> {
-    fn new(points: &'a [Vec3], (surface, target): (&TriMesh, &'a Target)) -> Self {
-        let unit = |t: usize| surface.area_vector(t).try_normalize(0.0).unwrap_or_default();
-        let normals: Vec<Vec3> = (0..surface.triangles.len()).map(unit).collect();
-        let mut input = Self { target, normals, points, at_points: Vec::new() };
+    fn new(points: &'a [Vec3], (surface, target): (&'a TriMesh, &'a Target)) -> Self {
+        let mut input = Self { surface, target, points, at_points: Vec::new() };
         input.at_points = target.tree().closest_to_all(points).iter().map(|near| input.normal(near)).collect();
         input
     }
 
+    /// The unit normal where a point is closest; zero where there is none.
     fn normal(&self, near: &Closest) -> Vec3 {
-        self.normals.get(near.triangle as usize).copied().unwrap_or_default()
+        let is_there = near.triangle != NONE;
+        let normal = is_there.then(|| self.surface.area_vector(near.triangle as usize).try_normalize(0.0));
+        normal.flatten().unwrap_or_default()
     }
 }
 
@@ -194,7 +195,6 @@ mod tests {
     use super::*;
     use crate::compose::fit::Measured;
     use crate::compose::net::tests::sheet;
-    use crate::mesh::tri::TriMesh;
     use crate::topology::tests::grid;
 
     /// A piece of a sphere over a square, and a coarse net with its vertices on it.

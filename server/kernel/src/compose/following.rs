@@ -120,11 +120,11 @@ impl Stitching<'_> {
     /// that is hardly worse.
     fn fitted_to_surface(&self, now: Draft, origins: &[LayoutOrigin]) -> Draft {
         let (plain, creased) = side_by_side(
-            || self.on_both_sides(now.mesh.clone(), now.fit, Held::Boundary),
+            || self.on_both_sides(now.mesh.clone(), now.fit),
             || {
                 let (net, on_line) = self.creased(&now, origins)?;
                 let (mesh, fit) = self.judged(net.into_mesh().0, f64::INFINITY)?;
-                Some((self.on_both_sides(mesh, fit, Held::Boundary), on_line))
+                Some((self.on_both_sides(mesh, fit), on_line))
             },
         );
         let plain = Draft { mesh: plain.0, fit: plain.1, tips: now.tips, on_line: Vec::new() };
@@ -136,12 +136,12 @@ impl Stitching<'_> {
         if is_good { Draft { mesh, fit, on_line, ..plain } } else { plain }
     }
 
-    fn on_both_sides(&self, mesh: PolyMesh, fit: Fit, held: Held<'_>) -> (PolyMesh, Fit) {
+    fn on_both_sides(&self, mesh: PolyMesh, fit: Fit) -> (PolyMesh, Fit) {
         if !Stage::FitSurface.is_on() {
             return (mesh, fit);
         }
         let mut net = Net::from_mesh(&mesh);
-        fit_surface(&mut net, self.measured.points(), (self.surface(), &self.target), held);
+        fit_surface(&mut net, self.measured.points(), (self.surface(), &self.target), Held::Boundary);
         self.judged(net.into_mesh().0, FIT_SURFACE_GAIN * fit.worst()).unwrap_or((mesh, fit))
     }
 
