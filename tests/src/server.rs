@@ -108,10 +108,13 @@ impl Server {
     }
 
     fn not_ready(&self, what: String) -> ServerError {
-        let log = std::fs::read_to_string(&self.log).unwrap_or_default();
+        ServerError::NotReady { what, log: self.end_of_log() }
+    }
+
+    fn end_of_log(&self) -> String {
+        let log = self.log();
         let lines: Vec<&str> = log.lines().collect();
-        let log = lines[lines.len().saturating_sub(30)..].join("\n");
-        ServerError::NotReady { what, log }
+        lines[lines.len().saturating_sub(30)..].join("\n")
     }
 
     /// Its process.
@@ -175,5 +178,9 @@ impl Drop for Server {
     fn drop(&mut self) {
         let _ = self.process.kill();
         let _ = self.process.wait();
+        if std::thread::panicking() {
+            // The folder with the log goes with the test.
+            eprintln!("the server at {} logged last:\n{}", self.address, self.end_of_log());
+        }
     }
 }

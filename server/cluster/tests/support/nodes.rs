@@ -69,6 +69,14 @@ pub(crate) struct Nodes {
 impl Drop for Nodes {
     fn drop(&mut self) {
         (0..self.nodes.len()).for_each(|at| self.kill(at));
+        if std::thread::panicking() {
+            // The folder with the logs goes with the test.
+            for node in &self.nodes {
+                let log = std::fs::read_to_string(node.config.with_extension("log")).unwrap_or_default();
+                let lines: Vec<&str> = log.lines().collect();
+                eprintln!("{} logged last:\n{}", node.address, lines[lines.len().saturating_sub(30)..].join("\n"));
+            }
+        }
     }
 }
 
