@@ -2,7 +2,9 @@
 //!
 //! Deliveries are numbered: those that come too early wait for those before them, and one that stays away begins the
 //! following anew after the last entry that came in order. After an election it begins a little before: an engine that
-//! lost its end writes other entries there. Where fewer keys are known than there are, it begins at the first entry.
+//! lost its end writes other entries there. Where fewer keys are known than there are, it begins at the first entry: they
+//! are counted whenever nothing more comes, since JetStream 2.9 was seen to pass over an entry and number the next as if
+//! there had been none.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,6 +18,8 @@ use crate::inner::Inner;
 const QUIET: Duration = Duration::from_millis(500);
 /// Pause before a following that failed is begun anew: the first, and the longest.
 const PAUSES: (Duration, Duration) = (Duration::from_millis(50), Duration::from_secs(2));
+/// Longest pause before all entries are followed again because keys are missing: 100,000 take some two seconds.
+const MISSING_PAUSE_MAX: Duration = Duration::from_secs(60);
 
 /// Positions that are delivered again after an election.
 pub(crate) const AGAIN: u64 = 1024;
@@ -37,25 +41,43 @@ pub(crate) struct Progress {
 
 /// Follows until `stopping`; blocks.
 pub(crate) fn run(inner: &Inner, engine: &Arc<dyn Engine>, stopping: &AtomicBool) {
-    let mut pause = PAUSES.0;
+    let (mut pause, mut pause_max) = PAUSES;
     while !stopping.load(Ordering::Relaxed) {
-        let before = inner.progress().position;
+        let (before, since) = (inner.progress().position, Instant::now());
         let after = before.saturating_sub(inner.steps_back());
         let begun = engine.follow(after);
         let ended = begun.and_then(|mut deliveries| follow(inner, &**engine, &mut *deliveries, stopping));
+        let is_missing = matches!(ended, Ok(Ended::Missing));
         match ended {
             Ok(Ended::Gap) => tracing::debug!(after, "a delivery is missing; following anew"),
+            Ok(Ended::Missing) => {
+                tracing::warn!("entries of the engine did not come; all are followed again");
+                pause_max = MISSING_PAUSE_MAX;
+            }
             Ok(Ended::Stopped) => return,
             Err(error) => tracing::warn!(%error, "the engine's entries can't be followed; trying again"),
         }
-        pause = if inner.progress().position > before { PAUSES.0 } else { (2 * pause).min(PAUSES.1) };
-        std::thread::sleep(pause);
+        if inner.progress().position > before || since.elapsed() > pause_max {
+            (pause, pause_max) = PAUSES;
+        } else {
+            pause = (2 * pause).min(pause_max);
+        }
+        let until = Instant::now() + pause;
+        // The healer may ask for it meanwhile.
+        while Instant::now() < until && !inner.is_asked_to_follow_anew() && !stopping.load(Ordering::Relaxed) {
+            std::thread::sleep(pause.min(PAUSES.0));
+        }
+        if is_missing {
+            inner.follow_anew(u64::MAX);
+        }
     }
 }
 
 /// Why a following ended.
 enum Ended {
     Gap,
+    /// All came that was announced, and there are more keys than are known.
+    Missing,
     Stopped,
 }
 
@@ -68,6 +90,8 @@ fn follow(
     let mut number = 0;
     let mut early: BTreeMap<u64, Delivery> = BTreeMap::new();
     let mut late = false;
+    // The newest position at which all keys were known.
+    let mut complete = None;
     loop {
         if stopping.load(Ordering::Relaxed) {
             return Ok(Ended::Stopped);
@@ -93,10 +117,15 @@ fn follow(
             None if !early.is_empty() => return Ok(Ended::Gap),
             None => {
                 let newest = engine.newest()?;
-                if inner.is_quiet_at(newest) {
+                let has_all = inner.has_come_to(newest);
+                if has_all && complete != Some(newest) && inner.state().keys() >= engine.keys()? {
+                    complete = Some(newest);
+                }
+                if has_all && complete == Some(newest) {
+                    inner.is_sure();
                     late = false;
                 } else if late {
-                    return Ok(Ended::Gap);
+                    return Ok(if has_all { Ended::Missing } else { Ended::Gap });
                 } else {
                     // It may be on its way.
                     late = true;
@@ -125,8 +154,8 @@ impl Inner {
         self.moved.notify_all();
     }
 
-    /// Whether nothing is missing where the engine's newest entry stands at `newest`; notes it if so.
-    fn is_quiet_at(&self, newest: u64) -> bool {
+    /// Whether all came up to the engine's newest entry, which stands at `newest`.
+    fn has_come_to(&self, newest: u64) -> bool {
         let mut progress = self.progress.lock().unwrap_or_else(PoisonError::into_inner);
         if newest < progress.position {
             // A leader that was just elected may not know all yet; it will.
@@ -134,12 +163,12 @@ impl Inner {
             return false;
         }
         progress.newest = newest;
-        let quiet = newest == progress.position;
-        if quiet {
-            progress.sure = Some(Instant::now());
-        }
-        drop(progress);
+        newest == progress.position
+    }
+
+    /// Notes that everything there is is in.
+    fn is_sure(&self) {
+        self.progress().sure = Some(Instant::now());
         self.moved.notify_all();
-        quiet
     }
 }

@@ -142,8 +142,11 @@ fn objects_that_are_damaged_or_lost_are_told_and_healed_by_adding_again() {
 
 /// A server that looks after what was written soon after an election.
 fn join_looking_soon(engine: &FakeEngine, cache: &Path) -> SharedCorpus {
-    let soon = [1, 2, 3].map(|times| Duration::from_millis(50 * times));
-    let options = SharedOptions { looked_after: soon, ..SharedOptions::caching_in(cache) };
+    join_looking_after(engine, cache, [1, 2, 3].map(|times| Duration::from_millis(50 * times)))
+}
+
+fn join_looking_after(engine: &FakeEngine, cache: &Path, looked_after: [Duration; 3]) -> SharedCorpus {
+    let options = SharedOptions { looked_after, ..SharedOptions::caching_in(cache) };
     SharedCorpus::open(Arc::new(engine.clone()), &options).expect("joined")
 }
 
@@ -177,20 +180,38 @@ fn what_the_engine_acknowledged_and_lost_is_written_again() {
 }
 
 #[test]
+fn whoever_was_passed_over_notices_by_itself_that_an_example_is_missing() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let engine = FakeEngine::new(12, Faults::default());
+    // Nobody looks after what was written meanwhile.
+    let joined = |cache: &str| join_looking_after(&engine, &dir.path().join(cache), [Duration::from_secs(3600); 3]);
+    let (a, b) = (joined("a"), joined("b"));
+    a.add(&small(0).example(), &[]).expect("added");
+    eventually("the other has it", || b.snapshot().examples.len() == 1);
+    engine.pass_over_next();
+    a.add(&small(1).example(), &[]).expect("added");
+    a.add(&small(2).example(), &[]).expect("added");
+    eventually("the other has what came after", || b.snapshot().examples.len() >= 2);
+    assert_eq!(b.snapshot().examples.len(), 2, "one has not come");
+    engine.deliver_all();
+    eventually("the other has all", || b.snapshot().examples == a.snapshot().examples);
+}
+
+#[test]
 fn whoever_was_passed_over_notices_after_an_election() {
     let dir = tempfile::tempdir().expect("a directory");
     let engine = FakeEngine::new(12, Faults::default());
     let joined = |cache: &str| join_looking_soon(&engine, &dir.path().join(cache));
     let (a, b) = (joined("a"), joined("b"));
-    a.add(&small(0).example(), &[]).expect("added");
+    let record = a.add(&small(0).example(), &[]).expect("added").record().clone();
     // The looks of those that have just joined are over then.
     std::thread::sleep(Duration::from_millis(4500));
     engine.pass_over_next();
+    a.annotate(record.id, Patch { name: Some("renamed".into()), ..Patch::default() }).expect("renamed");
     a.add(&small(1).example(), &[]).expect("added");
-    a.add(&small(2).example(), &[]).expect("added");
-    eventually("the other has what came after", || b.snapshot().examples.len() >= 2);
+    eventually("the other has what came after", || b.snapshot().examples.len() == 2);
     std::thread::sleep(Duration::from_millis(1500));
-    assert_eq!(b.snapshot().examples.len(), 2, "one never came");
+    assert_ne!(b.snapshot().examples, a.snapshot().examples, "the name never came, and no key is missing");
     engine.deliver_all();
     engine.elect();
     eventually("the other has all", || b.snapshot().examples == a.snapshot().examples);
