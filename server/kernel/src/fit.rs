@@ -104,14 +104,15 @@ pub fn within(example: &TriMesh, positions: &[Vec3], input: &TriMesh) -> Option<
     Some(input.positions.iter().map(signed).collect())
 }
 
-/// Tells whether a point of a mesh lies on its boundary: on one of its edges, or at one of its vertices (`on_rim`), whose triangle may
-/// have no such edge.
+/// Tells whether a point of a mesh lies on its boundary, or on that part of it whose vertices are `on_rim`: on one of its edges, or
+/// at one of its vertices, whose triangle may have no such edge.
 fn is_on_rim(mesh: &TriMesh, on_rim: &[bool], at: &Closest) -> bool {
     let corners = mesh.triangles[at.triangle as usize];
     let is_at_vertex = |k: usize| at.barycentric[k] > 1.0 - 1e-9 && on_rim[corners[k] as usize];
     (0..3).any(is_at_vertex)
         || (0..3u32).any(|k| {
             // The edge opposite the third corner is the halfedge of the first.
-            at.barycentric[(k as usize + 2) % 3] < 1e-9 && mesh.twin(3 * at.triangle + k) == NONE
+            let ends = [k, (k + 1) % 3].map(|k| on_rim[corners[k as usize] as usize]);
+            at.barycentric[(k as usize + 2) % 3] < 1e-9 && mesh.twin(3 * at.triangle + k) == NONE && ends == [true; 2]
         })
 }

@@ -159,6 +159,7 @@ async fn made(
         allowed = Allowed::default();
     }
     let again = (Arc::clone(&engine), Arc::clone(&model), parts.clone(), instead.clone());
+    let laid_maps = maps.clone();
     let stitch = move |stop: &Stop| -> Result<Sound, EngineError> {
         if let Some(sound) = around {
             return Ok(sound);
@@ -195,7 +196,18 @@ async fn made(
         let plainly = move |stop: &Stop| stitched_sound(&*engine, &model, (parts, &instead), (how, allowed), stop);
         found = work.pool.run(&job, Lane::Lay, plainly).await.map_err(WorkError::from).and_then(|found| Ok(found?));
     }
-    let Sound { made: stitched, appraisal, gave_way, unstitched, around } = found?;
+    let mut found = found?;
+    // What could not be stitched may be laid out around the map that is most of it.
+    if let Some(map) = side_by_side::most(&live.model, &found, &laid_maps) {
+        let around = laid_around(work, live, &map, &job, (how, allowed, true)).await?;
+        if let Some(around) = around.filter(|around| around.is_better_than(&found)) {
+            let centre = map.newest().summary.segment;
+            templates.extend(summaries.iter().map(|part| part.segment).filter(|segment| *segment != centre));
+            summaries.retain(|part| part.segment == centre);
+            found = around;
+        }
+    }
+    let Sound { made: stitched, appraisal, gave_way, unstitched, around } = found;
     if stitched.is_poor_kept {
         summaries.append(&mut poor);
     }
@@ -216,8 +228,8 @@ async fn made(
     }
     tracing::debug!(query = %live.id, covered = appraisal.covered, away = appraisal.away, turned = appraisal.turned, "stitched");
     let mut headline = headline(&laid, &appraisal);
-    if !unstitched.is_empty() && unstitched.len() < live.model.segments.len() {
-        headline.leaves_parts_bare();
+    if !unstitched.is_empty() {
+        headline.is_side_by_side(unstitched.len() < live.model.segments.len());
     }
     let summary = Composition {
         id,
@@ -248,6 +260,9 @@ async fn made(
 /// Where examples have less than this share of the scan that their maps cover, they were lost.
 const LOST: f64 = 0.5;
 
+/// What covers more of a scan is better where its examples keep this share of it.
+const KEPT: f64 = 0.9;
+
 /// What a composition came to.
 struct Sound {
     made: Stitched,
@@ -273,6 +288,13 @@ impl Sound {
         let share = |number: usize| model.segments.get(number).map_or(0.0, |s| s.faces as f64 / all.max(1) as f64);
         let beside: f64 = standing.iter().map(|(number, map)| share(*number) * map.newest().summary.covers.input).sum();
         !self.appraisal.flaws.is_empty() || inspired < LOST * beside
+    }
+
+    /// Tells whether it covers more of the scan by layouts than another, and keeps its examples.
+    fn is_better_than(&self, other: &Self) -> bool {
+        let inspired = |sound: &Self| sound.appraisal.examples.iter().sum::<f64>() * sound.appraisal.covered;
+        let laid_out = |sound: &Self| (1.0 - sound.appraisal.own) * sound.appraisal.covered;
+        laid_out(self) > laid_out(other) && inspired(self) >= KEPT * inspired(other)
     }
 }
 

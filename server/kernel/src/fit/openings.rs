@@ -11,11 +11,11 @@ use crate::mesh::tri::{NONE, TriMesh};
 use crate::mesh::{PolyMesh, Vec3, prepare};
 use crate::topology;
 
-/// The largest piece of those faces of a layout that keep off the rim of the surface it lies on. No vertex of it is passed by
-/// the boundary twice. `None` where nothing is left.
-pub fn off_rim(laid: &PolyMesh, surface: &TriMesh) -> Option<PolyMesh> {
-    let (tree, rim) = (Bvh::new(surface), surface.boundary_vertices());
-    let on_rim: Vec<bool> = laid.positions.iter().map(|&x| is_on_rim(surface, &rim, &tree.closest(x))).collect();
+/// The largest piece of those faces of a layout that keep off the rim of the surface it lies on, of which `rim` says a vertex what
+/// counts. No vertex of it is passed by the boundary twice. `None` where nothing is left.
+pub fn off_rim(laid: &PolyMesh, surface: &TriMesh, rim: &[bool]) -> Option<PolyMesh> {
+    let tree = Bvh::new(surface);
+    let on_rim: Vec<bool> = laid.positions.iter().map(|&x| is_on_rim(surface, rim, &tree.closest(x))).collect();
     let keep: Vec<bool> = laid.faces.iter().map(|face| !face.iter().any(|&v| on_rim[v as usize])).collect();
     let mut left = largest(&select(laid, &keep))?;
     loop {
@@ -118,13 +118,18 @@ mod tests {
     #[test]
     fn what_reaches_over_the_rim_is_left_out_and_what_lies_within_stays() {
         let surface = grid(20, 20, false, false);
+        let rim = surface.boundary_vertices();
         let within = sheet(6, 0.2, 0.8);
-        assert_eq!(off_rim(&within, &surface).map(|left| left.faces.len()), Some(36));
+        assert_eq!(off_rim(&within, &surface, &rim).map(|left| left.faces.len()), Some(36));
         // A column and a row of vertices lie beyond.
         let over = sheet(6, 0.2, 1.1);
-        let left = off_rim(&over, &surface).expect("what lies within");
+        let left = off_rim(&over, &surface, &rim).expect("what lies within");
         assert_eq!(left.faces.len(), 25);
-        assert!(off_rim(&sheet(3, 2.0, 3.0), &surface).is_none());
+        assert!(off_rim(&sheet(3, 2.0, 3.0), &surface, &rim).is_none());
+        // Only one side of the rim counts.
+        let right: Vec<bool> = surface.positions.iter().map(|x| x.x == 1.0).collect();
+        let left = off_rim(&over, &surface, &right).expect("what lies within");
+        assert_eq!(left.faces.len(), 30);
     }
 
     #[test]
@@ -132,7 +137,8 @@ mod tests {
         let mut laid = sheet(4, 0.1, 0.9);
         let keep: Vec<bool> = (0..16).map(|f| matches!(f, 0 | 1 | 4 | 5 | 10 | 11 | 14 | 15)).collect();
         laid = select(&laid, &keep);
-        let left = off_rim(&laid, &grid(20, 20, false, false)).expect("one of both");
+        let surface = grid(20, 20, false, false);
+        let left = off_rim(&laid, &surface, &surface.boundary_vertices()).expect("one of both");
         assert_eq!(left.faces.len(), 4);
     }
 

@@ -4,16 +4,18 @@ use super::continued::own_faces;
 use super::model::Model;
 use crate::fit::openings::{closed_within, off_rim};
 use crate::fit::within;
-use crate::mesh::{PolyMesh, prepare};
+use crate::mesh::{NONE, PolyMesh, TriMesh, prepare};
 use crate::segment::segment_around;
+use crate::topology::{Patch, submesh};
 use std::sync::Arc;
 
 /// More parts of the rest are a rag: none of them is worth a layout.
 const PARTS_MAX: usize = 24;
 
-/// The input of one segment, or one cut at its waist, cut along the rim of a map that lies on a part of it, and the map's own
-/// faces. What the map covers is segment 0, the others are the rest. `None` where the map has no rim, nothing lies beyond it, or
-/// the rest is a rag.
+/// An input cut along the rim of a map that lies on a part of it, and the map's own faces, save those at a cut of its segment.
+/// What the map covers is segment 0, the others are the rest; other segments of the input stay as they are, unless it was cut at
+/// its waist. `None` where the map has no rim, nothing lies beyond it, or the rest
+/// is a rag.
 ///
 /// `segment` is the one that the map lies on, `mesh` the map's, `own` its [`Reach::own`](super::Reach::own).
 pub fn around(
@@ -23,30 +25,49 @@ pub fn around(
     own: Option<(u64, u64)>,
 ) -> Option<(Model, Arc<PolyMesh>)> {
     let own = own_faces(mesh, own).unwrap_or_else(|| Arc::clone(mesh));
-    let is_at_waist = query.is_at_waist();
-    let (own, surface) = match &query.segmented.parts[..] {
-        [patch] => (own, &patch.mesh),
-        _ if is_at_waist => {
-            let side = off_rim(&own, &query.patch(segment).ok()?.mesh)?;
-            (Arc::new(side), &query.segmented.mesh)
-        }
-        _ => return None,
+    let patch = query.patch(segment).ok()?;
+    let (surface, part_of) = of_parts(query)?;
+    let own = match query.segmented.parts.len() {
+        1 => own,
+        _ => Arc::new(off_rim(&own, &patch.mesh, &at_cut(&query.segmented.mesh, patch))?),
     };
     let laid = prepare(&own).ok()?;
-    let mut field = within(&laid.mesh, &laid.mesh.positions, surface)?;
-    if is_at_waist {
-        // Beyond the waist nothing belongs to the layout, even where it lies next to it, as a base does beneath a belly.
-        let mut is_beyond = vec![true; field.len()];
-        query.patch(segment).ok()?.vertex_of.iter().for_each(|&v| is_beyond[v as usize] = false);
-        field.iter_mut().zip(is_beyond).filter(|(_, beyond)| *beyond).for_each(|(x, _)| *x = -x.abs());
-    }
-    let segmented = segment_around(surface, &field).ok()?;
+    let mut field = within(&laid.mesh, &laid.mesh.positions, &surface)?;
+    // Beyond the cut nothing belongs to the layout, even where it lies next to it, as a base does beneath a belly.
+    let mut is_beyond = vec![true; field.len()];
+    let triangles = surface.triangles.iter().zip(&part_of).filter(|(_, part)| **part == segment);
+    triangles.flat_map(|(corners, _)| corners).for_each(|&v| is_beyond[v as usize] = false);
+    field.iter_mut().zip(is_beyond).filter(|(_, beyond)| *beyond).for_each(|(x, _)| *x = -x.abs());
+    let others = |part: &u32| (!query.is_at_waist() && *part != segment).then_some(*part);
+    let kept: Vec<Option<u32>> = part_of.iter().map(others).collect();
+    let segmented = segment_around(&surface, &field, &kept).ok()?;
     if !(2..=PARTS_MAX).contains(&segmented.parts.len()) {
         return None;
     }
     // Eyes and a mouth that are open on the example are none of the openings that the rest borders on.
     let own = Arc::new(closed_within(&own, &segmented.parts.first()?.mesh));
     Some((Model { besides: None, ..query.recut(segmented, true) }, own))
+}
+
+/// The surface of all parts of an input, without what was left out beside them, and the part of each of its triangles.
+fn of_parts(query: &Model) -> Option<(TriMesh, Vec<u32>)> {
+    let of_one = |(part, patch): (u32, &Patch)| patch.triangle_of.iter().map(|&t| (t, part)).collect::<Vec<_>>();
+    let mut all: Vec<(u32, u32)> = (0..).zip(&query.segmented.parts).flat_map(of_one).collect();
+    all.sort_unstable();
+    let (triangles, part_of): (Vec<u32>, Vec<u32>) = all.into_iter().unzip();
+    (!triangles.is_empty()).then(|| (submesh(&query.segmented.mesh, &triangles).0, part_of))
+}
+
+/// Which vertices of a part lie where another part of the surface begins.
+fn at_cut(surface: &TriMesh, part: &Patch) -> Vec<bool> {
+    let mut at_cut = vec![false; part.mesh.positions.len()];
+    for h in (0..part.mesh.twins.len() as u32).filter(|&h| part.mesh.twin(h) == NONE) {
+        let Some(on_surface) = part.triangle_of.get(h as usize / 3).map(|t| 3 * t + h % 3) else { continue };
+        if surface.twin(on_surface) != NONE {
+            [part.mesh.tail(h), part.mesh.head(h)].iter().for_each(|&v| at_cut[v as usize] = true);
+        }
+    }
+    at_cut
 }
 
 #[cfg(test)]

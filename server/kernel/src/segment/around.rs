@@ -1,9 +1,10 @@
 //! Cutting a surface along the rim of what was laid on a part of it.
 //!
-//! The part within comes first. The rest falls into protrusions and other primitives, and small gaps in these count as filled. *Ours, not the paper's.*
+//! The part within comes first. The rest falls into protrusions and other primitives, and small gaps in these count as filled.
+//! *Ours, not the paper's.*
 
 use super::parts::{Count, parts};
-use super::{Order, Segmented, cut_at_zero};
+use super::{Order, Segmented, cut_at_zero, merge};
 use crate::mesh::tri::{NONE, TriMesh};
 use crate::topology::holes::filled;
 use crate::topology::{self, Patch, Topology, TopologyError, primitive};
@@ -14,15 +15,22 @@ const SMALL_COMPONENT_SHARE: f64 = 0.002;
 const WITHIN: u32 = 0;
 /// The label of what lies beyond, while it is not cut up yet.
 const BEYOND: u32 = 1;
+/// The label of the first part that stays as it is, until it is known how many there are before it.
+const KEPT: u32 = 1 << 24;
 
 /// Cuts a surface along the curve on which `field`, one value a vertex, is 0. The largest piece where it is positive comes
-/// first; then those where it is not, each cut into its protrusions and primitives.
+/// first; then those where it is not, each cut into its protrusions and primitives; then what is `kept`: a number for each triangle
+/// of a part that stays as it is.
 ///
 /// # Errors
 /// [`TopologyError::Empty`].
-pub fn segment_around(surface: &TriMesh, field: &[f64]) -> Result<Segmented, TopologyError> {
+pub fn segment_around(surface: &TriMesh, field: &[f64], kept: &[Option<u32>]) -> Result<Segmented, TopologyError> {
     let (refined, mut label_of) = cut_at_zero(surface, field)?;
     let mesh = &refined.mesh;
+    let kept_of = |t: usize| kept.get(refined.source_of[t] as usize).copied().flatten();
+    for (t, label) in label_of.iter_mut().enumerate() {
+        *label = kept_of(t).map_or(*label, |part| KEPT + part);
+    }
     relabel(mesh, &mut label_of, WITHIN, f64::INFINITY);
     relabel(mesh, &mut label_of, BEYOND, SMALL_COMPONENT_SHARE * mesh.total_area());
     let mut first = BEYOND;
@@ -31,6 +39,9 @@ pub fn segment_around(surface: &TriMesh, field: &[f64]) -> Result<Segmented, Top
         piece.iter().zip(&labels).for_each(|(&t, label)| label_of[t as usize] = first + label);
         first += 1 + labels.iter().max().copied().unwrap_or(0);
     }
+    // What filled gaps alone held to its part.
+    merge::absorb_small_components(mesh, &mut label_of);
+    label_of.iter_mut().filter(|label| **label >= KEPT).for_each(|label| *label = *label - KEPT + first);
     let mut made = Segmented::assemble(surface, refined, &label_of, Order::Labels);
     for (number, part) in made.parts.iter_mut().enumerate() {
         let found = meant(&made.mesh, &made.part_of, &part.mesh, &part.triangle_of);
@@ -111,7 +122,7 @@ mod tests {
         let kept: Vec<u32> = (0..sheet.triangles.len() as u32).filter(|t| !without.contains(t)).collect();
         let sheet = topology::submesh(&sheet, &kept).0;
         let away = |p: &crate::mesh::Vec3| radius - (p.x - at[0]).hypot(p.y - at[1]);
-        segment_around(&sheet, &sheet.positions.iter().map(away).collect::<Vec<_>>()).expect("a sheet")
+        segment_around(&sheet, &sheet.positions.iter().map(away).collect::<Vec<_>>(), &[]).expect("a sheet")
     }
 
     fn told(cut: &Segmented) -> Vec<(Topology, usize)> {
@@ -150,13 +161,26 @@ mod tests {
     fn what_falls_apart_beyond_a_band_is_in_no_part_together() {
         let sheet = grid(24, 24, false, false);
         let field: Vec<f64> = sheet.positions.iter().map(|p| 0.2 - (p.x - 0.5).abs()).collect();
-        let cut = segment_around(&sheet, &field).expect("a sheet");
+        let cut = segment_around(&sheet, &field, &[]).expect("a sheet");
         are_primitives(&cut);
         assert!((cut.parts[0].mesh.total_area() / sheet.total_area() - 0.4).abs() < 0.02);
         for part in &cut.parts[1..] {
             let left = part.mesh.positions.iter().filter(|p| p.x < 0.5).count();
             assert!(left == 0 || left == part.mesh.positions.len());
         }
+    }
+
+    #[test]
+    fn parts_that_are_kept_stay_as_they_are_behind_the_others() {
+        let sheet = grid(24, 24, false, false);
+        let right = |t: usize| sheet.triangles[t].iter().all(|&v| sheet.positions[v as usize].x >= 0.75);
+        let kept: Vec<Option<u32>> = (0..sheet.triangles.len()).map(|t| right(t).then_some(0)).collect();
+        let field: Vec<f64> = sheet.positions.iter().map(|p| 0.2 - (p.x - 0.4).hypot(p.y - 0.5)).collect();
+        let cut = segment_around(&sheet, &field, &kept).expect("a sheet");
+        are_primitives(&cut);
+        let last = cut.parts.last().expect("parts");
+        assert!(cut.parts.len() > 2 && last.mesh.positions.iter().all(|p| p.x >= 0.75));
+        assert!((last.mesh.total_area() / sheet.total_area() - 0.25).abs() < 1e-9);
     }
 
     #[test]

@@ -39,11 +39,18 @@ pub(super) struct Headline {
 }
 
 impl Headline {
-    /// Says that the scan's smaller parts are left bare.
-    pub(super) fn leaves_parts_bare(&mut self) {
+    /// Says what is left bare where maps stand side by side in place of a stitched mesh. `has_bare_parts`: the scan's smaller parts
+    /// are; what else is, the maps tell.
+    pub(super) fn is_side_by_side(&mut self, has_bare_parts: bool) {
         let percent = 100.0 * (1.0 - self.covers.input);
         let is_much = self.covers.input < COVERED_MIN;
-        self.verdict = self.verdict.max(if is_much { Verdict::Poor } else { Verdict::Fair });
+        if is_much {
+            self.verdict = self.verdict.max(Verdict::Poor);
+        }
+        if !has_bare_parts {
+            return;
+        }
+        self.verdict = self.verdict.max(Verdict::Fair);
         let reason = format!(
             "the smaller parts of the scan are left bare, {percent:.0} % of it: with them the mesh was broken, or lost the example"
         );
@@ -173,12 +180,16 @@ mod tests {
         let bare = |covered: f64| {
             let appraisal = Appraisal { covered, ..of(&[1.0]) };
             let mut told = headline(&[laid(Verdict::Fair)], &appraisal);
-            told.leaves_parts_bare();
+            told.is_side_by_side(true);
             told
         };
         let (much, little) = (bare(0.7), bare(0.95));
         assert_eq!((much.verdict, little.verdict), (Verdict::Poor, Verdict::Fair));
         assert!(much.reasons[0].contains("are left bare, 30 % of it") && little.reasons[1].contains("5 %"), "{much:?}");
+        let mut beside = headline(&[laid(Verdict::Fair)], &Appraisal { covered: 0.7, ..of(&[1.0]) });
+        let reasons = beside.reasons.clone();
+        beside.is_side_by_side(false);
+        assert_eq!((beside.verdict, beside.reasons), (Verdict::Poor, reasons), "its map says what is bare");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Maps of several segments side by side, where stitching them breaks the mesh or loses the examples.
 
-use super::Sound;
+use super::{BARE_MIN, Sound};
 use crate::work::engine::{Allowed, Engine, EngineError, Model, PolyMesh, Stitched};
 use crate::work::mapping::{LiveMap, MapState};
 use std::sync::Arc;
@@ -24,6 +24,17 @@ pub(super) fn standing(model: &Model, alone: &[bool], maps: &[Option<Arc<LiveMap
         return apart;
     }
     mapped.into_iter().find(|one| is_most(std::slice::from_ref(one))).into_iter().collect()
+}
+
+/// The map that is most of what stands side by side in place of a stitched mesh; `None` where no map does, or it leaves little bare.
+pub(super) fn most(model: &Model, found: &Sound, maps: &[Option<Arc<LiveMap>>]) -> Option<Arc<LiveMap>> {
+    if found.unstitched.is_empty() || found.appraisal.covered > 1.0 - BARE_MIN {
+        return None;
+    }
+    let faces = |segment: u32| model.segments.get(segment as usize).map_or(0, |segment| segment.faces);
+    let is_map = |segment: &u32| found.made.is_example.get(*segment as usize) == Some(&true);
+    let most = found.unstitched.iter().copied().filter(is_map).max_by_key(|segment| faces(*segment))?;
+    maps.get(most as usize)?.clone()
 }
 
 /// The maps of some segments side by side, without those to blame for what is wrong with them, and beside them what was `stitched`
