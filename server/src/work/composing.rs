@@ -2,12 +2,11 @@
 
 mod headline;
 mod side_by_side;
+mod sound;
 mod surrounded;
 mod waist;
 
-use super::engine::{
-    Allowed, Appraisal, BARE, Encoded, Engine, EngineError, Model, OnePart, Part, Stitched, Stitching,
-};
+use super::engine::{Allowed, BARE, Encoded, EngineError, Model, OnePart, Part, Stitching};
 use super::making::{self, Making, Tell};
 use super::mapping::{self, LiveMap, get};
 use super::query::{LiveQuery, ms_since};
@@ -25,6 +24,7 @@ use quadmuse_proto::{
     NewMap, Product, Verdict,
 };
 use side_by_side::{as_mapped, standing, unstitched};
+use sound::{Sound, stitched_sound};
 use std::sync::Arc;
 use std::time::Instant;
 use surrounded::Surrounded;
@@ -255,90 +255,6 @@ async fn made(
     let composition = Arc::new(LiveComposition { _held: held, summary, mesh: stitched.mesh });
     live.compositions().insert(composition.summary.id, Arc::clone(&composition));
     Ok(composition)
-}
-
-/// Where examples have less than this share of the scan that their maps cover, they were lost.
-const LOST: f64 = 0.5;
-
-/// What covers more of a scan is better where its examples keep this share of it.
-const KEPT: f64 = 0.9;
-
-/// What a composition came to.
-struct Sound {
-    made: Stitched,
-    appraisal: Appraisal,
-    /// Segments whose examples gave way to regular layouts.
-    gave_way: Vec<u32>,
-    /// The segments on which alone there is a mesh, where that is maps side by side; else empty.
-    unstitched: Vec<u32>,
-    /// What is told of the parts of a scan that was cut along the rim of its map.
-    around: Option<Vec<Option<BroughtMap>>>,
-}
-
-impl Sound {
-    fn of(made: Stitched, appraisal: Appraisal) -> Self {
-        Self { made, appraisal, gave_way: Vec::new(), unstitched: Vec::new(), around: None }
-    }
-
-    /// Tells whether the maps that stand side by side would be better, if they are sound: this mesh is broken, or its examples have
-    /// less than half of what they have there.
-    fn is_poor_beside(&self, standing: &[(usize, Arc<LiveMap>)], model: &Model) -> bool {
-        let inspired = self.appraisal.examples.iter().sum::<f64>() * self.appraisal.covered;
-        let all: u64 = model.segments.iter().map(|segment| segment.faces).sum();
-        let share = |number: usize| model.segments.get(number).map_or(0.0, |s| s.faces as f64 / all.max(1) as f64);
-        let beside: f64 = standing.iter().map(|(number, map)| share(*number) * map.newest().summary.covers.input).sum();
-        !self.appraisal.flaws.is_empty() || inspired < LOST * beside
-    }
-
-    /// Tells whether it covers more of the scan by layouts than another, and keeps its examples.
-    fn is_better_than(&self, other: &Self) -> bool {
-        let inspired = |sound: &Self| sound.appraisal.examples.iter().sum::<f64>() * sound.appraisal.covered;
-        let laid_out = |sound: &Self| (1.0 - sound.appraisal.own) * sound.appraisal.covered;
-        laid_out(self) > laid_out(other) && inspired(self) >= KEPT * inspired(other)
-    }
-}
-
-/// Stitches, and measures the result. Where it is no use as it is, the examples on the segments that are to blame give way to
-/// regular layouts, unless they were chosen.
-fn stitched_sound(
-    engine: &dyn Engine,
-    model: &Model,
-    (mut parts, instead): (Vec<Part>, &[Option<Arc<Encoded>>]),
-    (how, allowed): (Stitching, Allowed),
-    stop: &Stop,
-) -> Result<Sound, EngineError> {
-    let made = engine.compose(model, &parts, how, stop)?;
-    let appraisal = engine.appraise(model, &made, allowed)?;
-    let is_example = |segment: &u32| made.is_example.get(*segment as usize) == Some(&true);
-    if appraisal.flaws.is_empty() {
-        return Ok(Sound::of(made, appraisal));
-    }
-    // First those that are to blame; then all, since what no example stands on is laid out as one.
-    let blamed: Vec<u32> = appraisal.flawed.iter().copied().filter(is_example).collect();
-    let all: Vec<u32> = (0..parts.len() as u32).filter(is_example).collect();
-    let blamed = if blamed.len() < all.len() { blamed } else { Vec::new() };
-    for giving_way in [blamed, all] {
-        let mut gave_way = Vec::new();
-        for segment in giving_way {
-            let slots = (parts.get_mut(segment as usize), instead.get(segment as usize));
-            if let (Some(part), Some(Some(instead))) = slots {
-                *part = Part::Template(Arc::clone(instead));
-                gave_way.push(segment);
-            }
-        }
-        if gave_way.is_empty() {
-            continue;
-        }
-        let mut again = engine.compose(model, &parts, how, stop)?;
-        let after = engine.appraise(model, &again, allowed)?;
-        if after.flaws.is_empty() {
-            let segments = gave_way.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
-            let why = appraisal.flaws.join("; ");
-            again.notes.push(format!("examples gave way to regular layouts on segments {segments}: {why}"));
-            return Ok(Sound { gave_way, ..Sound::of(again, after) });
-        }
-    }
-    Ok(Sound::of(made, appraisal))
 }
 
 /// A map with what lies around it; `None` where nothing does, or it is not sound. Where there is something else to fall back on, it

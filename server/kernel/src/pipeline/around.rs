@@ -112,6 +112,26 @@ mod tests {
     }
 
     #[test]
+    fn a_piece_beside_the_one_that_is_laid_on_stays_as_it_is() {
+        let (one, mut scan) = (dome(48, [0.3, 0.7]), dome(48, [0.0, 1.0]));
+        let before = scan.positions.len() as u32;
+        scan.positions.extend(one.positions.iter().map(|x| x + Vec3::new(3.0, 0.0, 0.0)));
+        one.faces.iter().for_each(|face| scan.faces.push(&face.iter().map(|v| v + before).collect::<Vec<u32>>()));
+        let bytes = write(&scan, Format::Obj).expect("writable");
+        let cut = Cut { parts: Some(PartCount::AsNeeded), ..Cut::default() };
+        let scan = read(&bytes, None, &cut, &Limits::default()).expect("two discs");
+        let areas = |model: &Model| model.segmented.parts.iter().map(|p| p.mesh.total_area()).collect::<Vec<f64>>();
+        let [large, small] = areas(&scan)[..] else { panic!("{:?}", areas(&scan)) };
+        let map = Arc::new(dome(10, [0.35, 0.65]));
+        let (cut, own) = around(&scan, u32::from(large < small), &map, None).expect("a rest");
+        assert!(own.faces.len() == map.faces.len() && cut.segments().len() >= 3);
+        let found = areas(&cut);
+        let last = found.last().expect("parts");
+        assert!((last - small.min(large)).abs() < 1e-9, "{found:?}");
+        assert!((found.iter().sum::<f64>() - large - small).abs() < 1e-9, "{found:?}");
+    }
+
+    #[test]
     fn a_layout_on_a_figure_is_kept_down_to_its_ankles_and_the_base_is_a_segment_of_its_own() {
         // A slab of cells on four legs on another: what was laid on the upper one has soles where the lower one begins.
         let within = |x: i32, y: i32| (0..12).contains(&x) && (0..20).contains(&y);
