@@ -45,7 +45,7 @@ fn three_servers_with_a_third_each_answer_as_one_does_and_say_what_is_missing_wh
         client.run(["add".as_ref(), file.as_os_str()]).expect("it runs").ok().expect("added");
     };
     (0..12).for_each(add);
-    // Ids fall where they may: once in a hundred times a third would have none of a dozen.
+    // Ids fall where they may: once in some forty runs a third would have none of a dozen.
     let shares = ["1/3", "2/3", "3/3"].map(|share| share.parse::<Share>().expect("a share"));
     let ids = || listed(&client).into_iter().map(|id| id.parse().expect("an id")).collect::<Vec<ExampleId>>();
     let is_spread = || shares.iter().all(|share| ids().iter().any(|id| share.holds(*id)));
