@@ -1,6 +1,7 @@
 //! Maps of several segments side by side, where stitching them breaks the mesh or loses the examples.
 
-use super::{BARE_MIN, Sound};
+use super::BARE_MIN;
+use super::sound::{KEPT, Sound};
 use crate::work::engine::{Allowed, Engine, EngineError, Model, PolyMesh, Stitched};
 use crate::work::mapping::{LiveMap, MapState};
 use std::sync::Arc;
@@ -26,7 +27,8 @@ pub(super) fn standing(model: &Model, alone: &[bool], maps: &[Option<Arc<LiveMap
     mapped.into_iter().find(|one| is_most(std::slice::from_ref(one))).into_iter().collect()
 }
 
-/// The map that is most of what stands side by side in place of a stitched mesh; `None` where no map does, or it leaves little bare.
+/// The map that is most of what stands side by side in place of a stitched mesh; `None` where no map does, it leaves little bare, or
+/// other examples make up so much that what is laid out around the one would lose them.
 pub(super) fn most(model: &Model, found: &Sound, maps: &[Option<Arc<LiveMap>>]) -> Option<Arc<LiveMap>> {
     if found.unstitched.is_empty() || found.appraisal.covered > 1.0 - BARE_MIN {
         return None;
@@ -34,7 +36,9 @@ pub(super) fn most(model: &Model, found: &Sound, maps: &[Option<Arc<LiveMap>>]) 
     let faces = |segment: u32| model.segments.get(segment as usize).map_or(0, |segment| segment.faces);
     let is_map = |segment: &u32| found.made.is_example.get(*segment as usize) == Some(&true);
     let most = found.unstitched.iter().copied().filter(is_map).max_by_key(|segment| faces(*segment))?;
-    maps.get(most as usize)?.clone()
+    let examples = &found.appraisal.examples;
+    let is_kept = *examples.get(most as usize)? >= KEPT * examples.iter().sum::<f64>();
+    maps.get(most as usize).filter(|_| is_kept)?.clone()
 }
 
 /// The maps of some segments side by side, without those to blame for what is wrong with them, and beside them what was `stitched`

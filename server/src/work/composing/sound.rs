@@ -10,7 +10,7 @@ use std::sync::Arc;
 const LOST: f64 = 0.5;
 
 /// What covers more of a scan is better where its examples keep this share of it.
-const KEPT: f64 = 0.9;
+pub(super) const KEPT: f64 = 0.9;
 
 /// What a composition came to.
 pub(super) struct Sound {
