@@ -122,7 +122,7 @@ fn follow(
                     complete = Some(newest);
                 }
                 if has_all && complete == Some(newest) {
-                    inner.is_sure();
+                    inner.note_sure();
                     late = false;
                 } else if late {
                     return Ok(if has_all { Ended::Missing } else { Ended::Gap });
@@ -167,7 +167,7 @@ impl Inner {
     }
 
     /// Notes that everything there is is in.
-    fn is_sure(&self) {
+    fn note_sure(&self) {
         self.progress().sure = Some(Instant::now());
         self.moved.notify_all();
     }

@@ -198,7 +198,9 @@ async fn made(
     }
     let mut found = found?;
     // What could not be stitched may be laid out around the map that is most of it.
-    if let Some(map) = side_by_side::most(&live.model, &found, &laid_maps) {
+    if let Some(map) = side_by_side::most(&live.model, &found, &laid_maps)
+        && wanted.keep.is_empty()
+    {
         let around = laid_around(work, live, &map, &job, (how, allowed, true)).await?;
         if let Some(around) = around.filter(|around| around.is_better_than(&found)) {
             let centre = map.newest().summary.segment;
@@ -229,7 +231,7 @@ async fn made(
     tracing::debug!(query = %live.id, covered = appraisal.covered, away = appraisal.away, turned = appraisal.turned, "stitched");
     let mut headline = headline(&laid, &appraisal);
     if !unstitched.is_empty() {
-        headline.is_side_by_side(unstitched.len() < live.model.segments.len());
+        headline.tell_side_by_side(unstitched.len() < live.model.segments.len());
     }
     let summary = Composition {
         id,

@@ -41,7 +41,7 @@ pub(super) struct Headline {
 impl Headline {
     /// Says what is left bare where maps stand side by side in place of a stitched mesh. `has_bare_parts`: the scan's smaller parts
     /// are; what else is, the maps tell.
-    pub(super) fn is_side_by_side(&mut self, has_bare_parts: bool) {
+    pub(super) fn tell_side_by_side(&mut self, has_bare_parts: bool) {
         let percent = 100.0 * (1.0 - self.covers.input);
         let is_much = self.covers.input < COVERED_MIN;
         if is_much {
@@ -180,7 +180,7 @@ mod tests {
         let bare = |covered: f64| {
             let appraisal = Appraisal { covered, ..of(&[1.0]) };
             let mut told = headline(&[laid(Verdict::Fair)], &appraisal);
-            told.is_side_by_side(true);
+            told.tell_side_by_side(true);
             told
         };
         let (much, little) = (bare(0.7), bare(0.95));
@@ -188,7 +188,7 @@ mod tests {
         assert!(much.reasons[0].contains("are left bare, 30 % of it") && little.reasons[1].contains("5 %"), "{much:?}");
         let mut beside = headline(&[laid(Verdict::Fair)], &Appraisal { covered: 0.7, ..of(&[1.0]) });
         let reasons = beside.reasons.clone();
-        beside.is_side_by_side(false);
+        beside.tell_side_by_side(false);
         assert_eq!((beside.verdict, beside.reasons), (Verdict::Poor, reasons), "its map says what is bare");
     }
 
