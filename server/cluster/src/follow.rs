@@ -154,7 +154,7 @@ impl Inner {
         self.moved.notify_all();
     }
 
-    /// Whether all came up to the engine's newest entry, which stands at `newest`.
+    /// Tells whether all came up to the engine's newest entry, which stands at `newest`.
     fn has_come_to(&self, newest: u64) -> bool {
         let mut progress = self.progress.lock().unwrap_or_else(PoisonError::into_inner);
         if newest < progress.position {

@@ -13,8 +13,8 @@ use std::sync::Arc;
 const PARTS_MAX: usize = 24;
 
 /// An input cut along the rim of a map that lies on a part of it, and the map's own faces, save those at a cut of its segment.
-/// What the map covers is segment 0, the others are the rest; other segments of the input stay as they are, unless it was cut at
-/// its waist. `None` where the map has no rim, nothing lies beyond it, or the rest is a rag.
+/// Segment 0 is the surface under the map, the others are the rest; other segments of the input stay as they are, unless it was cut
+/// at its waist. `None` where the map has no rim, nothing lies beyond it, or the rest is a rag.
 ///
 /// `segment` is the one that the map lies on, `mesh` the map's, `own` its [`Reach::own`](super::Reach::own).
 pub fn around(

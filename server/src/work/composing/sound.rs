@@ -1,4 +1,4 @@
-//! What a composition came to, measured: whether it is sound, and which of two is better.
+//! The measured result of a composition: whether it is sound, and which of two is better.
 
 use super::headline::BroughtMap;
 use crate::pool::Stop;
@@ -9,10 +9,10 @@ use std::sync::Arc;
 /// Where examples have less than this share of the scan that their maps cover, they were lost.
 const LOST: f64 = 0.5;
 
-/// What covers more of a scan is better where its examples keep this share of it.
+/// A result that covers more of a scan is better where its examples keep this share of their area.
 pub(super) const KEPT: f64 = 0.9;
 
-/// What a composition came to.
+/// The result of a composition, with how it was measured.
 pub(super) struct Sound {
     pub(super) made: Stitched,
     pub(super) appraisal: Appraisal,
@@ -20,7 +20,7 @@ pub(super) struct Sound {
     pub(super) gave_way: Vec<u32>,
     /// The segments on which alone there is a mesh, where that is maps side by side; else empty.
     pub(super) unstitched: Vec<u32>,
-    /// What is told of the parts of a scan that was cut along the rim of its map.
+    /// The maps on the parts of a scan that was cut along the rim of its map, for the headline.
     pub(super) around: Option<Vec<Option<BroughtMap>>>,
 }
 
