@@ -8,12 +8,13 @@ import { laid } from "./looking.js";
 const rest = (page) => until("a rest", () => page.evaluate(() => !document.querySelector("#status button") && !/Laying|…/.test(document.querySelector("#status").textContent)));
 const viewer = (page, act, arg) => page.evaluate(`(${act})(document.querySelector("#canvas").viewer, ${JSON.stringify(arg ?? null)})`);
 
-// Counts what is pressed in a page from here on; `end()` answers with the number.
+// Counts what is pressed in a page from here on; `end()` answers with the number. The document listens, not the window: where a
+// button moves under the press, Playwright stops the press at the window and makes another, and only one of the two was a click.
 async function counting(page) {
   await page.evaluate(() => {
     if (globalThis.presses !== undefined) { globalThis.presses = 0; return; }
     globalThis.presses = 0;
-    addEventListener("pointerdown", () => { globalThis.presses++; }, true);
+    document.addEventListener("pointerdown", () => { globalThis.presses++; }, true);
   });
   return { end: (more = 0) => page.evaluate((n) => globalThis.presses + n, more) };
 }
@@ -89,6 +90,8 @@ export const clicks = {
     }
     const placed = await viewer(page, "(v) => v.pairs.length");
     check(placed >= 5, `${placed} landmarks`);
+    // The list of landmarks grows with each and moves the button below it.
+    await until("all of them in the list", () => page.evaluate((n) => document.querySelector("#lay-held")?.textContent.includes(` ${n} `), placed));
     const held = page.url();
     await page.click("#lay-held");
     await until("a map by landmarks", () => page.url() !== held);
