@@ -38,5 +38,13 @@ pub use tri::{NONE, TriMesh};
 pub use validate::{Violation, validate};
 pub use write::write;
 
+use std::borrow::Borrow;
+
 /// A point or vector of 3-space.
 pub type Vec3 = nalgebra::Vector3<f64>;
+
+/// The lowest and highest coordinates of some points; `None` without points.
+pub fn bounding_box<P: Borrow<Vec3>>(points: impl IntoIterator<Item = P>) -> Option<[Vec3; 2]> {
+    let widen = |[low, high]: [Vec3; 2], p: [Vec3; 2]| [low.inf(&p[0]), high.sup(&p[1])];
+    points.into_iter().map(|p| [*p.borrow(); 2]).reduce(widen)
+}

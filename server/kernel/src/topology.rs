@@ -120,6 +120,20 @@ pub struct Patch {
     pub left_out: usize,
 }
 
+impl Patch {
+    /// True if a boundary halfedge of the patch borders on another part of the parent mesh, rather than on nothing.
+    pub fn borders_on_another(&self, parent: &TriMesh, halfedge: u32) -> bool {
+        borders_on_another(parent, &self.triangle_of, halfedge)
+    }
+}
+
+/// The same for any part of a mesh; `triangle_of` gives the parent's triangle for each of the part's. Triangles that fill a hole
+/// have none.
+pub fn borders_on_another(parent: &TriMesh, triangle_of: &[u32], halfedge: u32) -> bool {
+    let in_parent = |t: &u32| parent.twin(3 * t + halfedge % 3) != NONE;
+    triangle_of.get(halfedge as usize / 3).is_some_and(in_parent)
+}
+
 /// The connected sets of triangles of one label each, in order of their lowest triangle; each in order. Triangles that
 /// share an edge are connected. `label_of` holds one label a triangle.
 pub fn connected<L: PartialEq>(mesh: &TriMesh, label_of: &[L]) -> Vec<Vec<u32>> {

@@ -5,7 +5,7 @@
 //! loops and Euler characteristic as asked. *Source:* paper §6 (quad-only, manifold).
 
 use crate::mesh::tri::TriMesh;
-use crate::mesh::{PolyMesh, Vec3};
+use crate::mesh::{PolyMesh, Vec3, bounding_box};
 use crate::topology;
 
 /// A face whose area is below this share of the squared diagonal of the mesh has none.
@@ -225,9 +225,7 @@ pub fn quad_area(p: [Vec3; 4]) -> f64 {
 
 /// Diagonal of the bounding box.
 pub fn diagonal(positions: &[Vec3]) -> f64 {
-    let Some(&first) = positions.first() else { return 0.0 };
-    let (low, high) = positions.iter().fold((first, first), |(low, high), p| (low.inf(p), high.sup(p)));
-    (high - low).norm()
+    bounding_box(positions).map_or(0.0, |[low, high]| (high - low).norm())
 }
 
 /// Inner vertices of a polygon mesh with another number of edges than four.

@@ -92,13 +92,13 @@ fn growth(before: &TriMesh, after: &TriMesh) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::encode::index::Location;
+    use crate::mesh::bounding_box;
     use crate::topology::tests::grid;
 
     /// A sheet with a cone of `height` in its middle, and where its tip is.
     fn spiked(height: f64) -> (TriMesh, Vec3) {
         let mut sheet = grid(40, 40, false, false);
-        let (low, high) =
-            sheet.positions.iter().fold((sheet.positions[0], sheet.positions[0]), |(a, b), p| (a.inf(p), b.sup(p)));
+        let [low, high] = bounding_box(&sheet.positions).expect("a sheet");
         let (middle, size) = (0.5 * (low + high), (high - low).norm());
         for p in &mut sheet.positions {
             let from = (*p - middle).xy().norm() / size;

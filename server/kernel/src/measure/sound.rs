@@ -12,7 +12,7 @@ use crate::compose::fit::Measured;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::facing::{Facing, Turned};
 use crate::mesh::tri::{NONE, TriMesh};
-use crate::mesh::{PolyMesh, Vec3};
+use crate::mesh::{PolyMesh, Vec3, bounding_box};
 use crate::topology::holes::is_filling;
 
 /// An edge that leaves the surface by less than this share of the diagonal runs along it.
@@ -114,12 +114,8 @@ impl ReferenceSurface {
 
     /// The same with the surface's tree.
     pub fn with_tree(surface: TriMesh, tree: Arc<Bvh>) -> Self {
-        let (low, high) = surface
-            .positions
-            .iter()
-            .filter(|p| p.iter().all(|x| x.is_finite()))
-            .fold((Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY)), |(a, b), p| (a.inf(p), b.sup(p)));
-        let diagonal = (high - low).norm().max(f64::MIN_POSITIVE);
+        let finite = surface.positions.iter().filter(|p| p.iter().all(|x| x.is_finite()));
+        let diagonal = bounding_box(finite).map_or(0.0, |[low, high]| (high - low).norm()).max(f64::MIN_POSITIVE);
         let measured = Measured::with_tree(&surface, Arc::clone(&tree));
         Self { tree, measured, diagonal, surface, ways: OnceLock::new() }
     }

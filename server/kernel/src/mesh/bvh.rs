@@ -8,8 +8,8 @@
 
 mod turned;
 
-use super::Vec3;
 use super::tri::{NONE, TriMesh};
+use super::{Vec3, bounding_box};
 use crate::numerics::{many_in_halves, stop};
 use std::ops::Range;
 use turned::Turned;
@@ -262,9 +262,8 @@ impl Node {
 }
 
 /// The middle of the box of some points; the origin where that is not finite.
-fn middle(points: impl Iterator<Item = Vec3> + Clone) -> Vec3 {
-    let low = points.clone().reduce(|a, b| a.inf(&b)).unwrap_or_default();
-    let high = points.reduce(|a, b| a.sup(&b)).unwrap_or_default();
+fn middle(points: impl Iterator<Item = Vec3>) -> Vec3 {
+    let [low, high] = bounding_box(points).unwrap_or_default();
     let middle = 0.5 * low + 0.5 * high;
     if middle.iter().all(|x| x.is_finite()) { middle } else { Vec3::zeros() }
 }

@@ -61,8 +61,7 @@ fn of_parts(query: &Model) -> Option<(TriMesh, Vec<u32>)> {
 fn at_cut(surface: &TriMesh, part: &Patch) -> Vec<bool> {
     let mut at_cut = vec![false; part.mesh.positions.len()];
     for h in (0..part.mesh.twins.len() as u32).filter(|&h| part.mesh.twin(h) == NONE) {
-        let Some(on_surface) = part.triangle_of.get(h as usize / 3).map(|t| 3 * t + h % 3) else { continue };
-        if surface.twin(on_surface) != NONE {
+        if part.borders_on_another(surface, h) {
             [part.mesh.tail(h), part.mesh.head(h)].iter().for_each(|&v| at_cut[v as usize] = true);
         }
     }

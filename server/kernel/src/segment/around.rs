@@ -5,9 +5,9 @@
 
 use super::parts::{Count, parts};
 use super::{Order, Segmented, cut_at_zero, merge};
-use crate::mesh::tri::{NONE, TriMesh};
+use crate::mesh::tri::TriMesh;
 use crate::topology::holes::filled;
-use crate::topology::{self, Patch, Topology, TopologyError, primitive};
+use crate::topology::{self, Patch, Topology, TopologyError, borders_on_another, primitive};
 
 /// A piece with a smaller share of the area goes to its neighbour.
 const SMALL_COMPONENT_SHARE: f64 = 0.002;
@@ -35,7 +35,7 @@ pub fn segment_around(surface: &TriMesh, field: &[f64], kept: &[Option<u32>]) ->
     relabel(mesh, &mut label_of, BEYOND, SMALL_COMPONENT_SHARE * mesh.total_area());
     let mut first = BEYOND;
     for piece in pieces(mesh, &label_of, BEYOND) {
-        let labels = cut_up(mesh, &label_of, &piece);
+        let labels = cut_up(mesh, &piece);
         piece.iter().zip(&labels).for_each(|(&t, label)| label_of[t as usize] = first + label);
         first += 1 + labels.iter().max().copied().unwrap_or(0);
     }
@@ -44,9 +44,9 @@ pub fn segment_around(surface: &TriMesh, field: &[f64], kept: &[Option<u32>]) ->
     label_of.iter_mut().filter(|label| **label >= KEPT).for_each(|label| *label = *label - KEPT + first);
     let mut made = Segmented::assemble(surface, refined, &label_of, Order::Labels);
     for (number, part) in made.parts.iter_mut().enumerate() {
-        let found = meant(&made.mesh, &made.part_of, &part.mesh, &part.triangle_of);
+        let found = meant(&made.mesh, part);
         // What was laid spans whatever gap it lies on.
-        let spanned = || (number == 0).then(|| spanned(&made.mesh, &made.part_of, part)).flatten();
+        let spanned = || (number == 0).then(|| spanned(&made.mesh, part)).flatten();
         if let Some((topology, holes)) = spanned().or(found.ok()) {
             *part = Patch { topology, holes, ..part.clone() };
         }
@@ -55,20 +55,11 @@ pub fn segment_around(surface: &TriMesh, field: &[f64], kept: &[Option<u32>]) ->
 }
 
 /// What a part is with all loops filled that are no border with another; `None` where none is one.
-fn spanned(mesh: &TriMesh, label_of: &[u32], part: &Patch) -> Option<(Topology, Vec<Vec<u32>>)> {
-    let (ends, gaps): (Vec<_>, Vec<_>) =
-        part.mesh.boundary_loops().into_iter().partition(|edges| is_border(mesh, label_of, &part.triangle_of, edges));
+fn spanned(mesh: &TriMesh, part: &Patch) -> Option<(Topology, Vec<Vec<u32>>)> {
+    let is_border = |edges: &Vec<u32>| edges.iter().any(|&h| part.borders_on_another(mesh, h));
+    let (ends, gaps): (Vec<_>, Vec<_>) = part.mesh.boundary_loops().into_iter().partition(is_border);
     let topology = primitive::with_ends(&part.mesh, ends.len()).ok()?;
     (!ends.is_empty()).then_some((topology, gaps))
-}
-
-/// Whether any of a part's halfedges borders on another part.
-fn is_border(mesh: &TriMesh, label_of: &[u32], triangle_of: &[u32], edges: &[u32]) -> bool {
-    edges.iter().any(|h| {
-        let on_surface = 3 * triangle_of[*h as usize / 3] + h % 3;
-        let twin = mesh.twin(on_surface);
-        twin != NONE && label_of[twin as usize / 3] != label_of[on_surface as usize / 3]
-    })
 }
 
 /// Gives the pieces of a label that have less than `least` of the area, its largest excepted, the other label.
@@ -87,28 +78,23 @@ fn pieces(mesh: &TriMesh, label_of: &[u32], label: u32) -> Vec<Vec<u32>> {
 }
 
 /// A label for each triangle of a piece: a part for each protrusion, and primitives of the rest, gaps filled.
-fn cut_up(mesh: &TriMesh, label_of: &[u32], piece: &[u32]) -> Vec<u32> {
+fn cut_up(mesh: &TriMesh, piece: &[u32]) -> Vec<u32> {
     let (own, _) = topology::submesh(mesh, piece);
-    let (gaps, _) = gaps(mesh, label_of, &own, piece);
+    let (gaps, _) = gaps(mesh, &own, piece);
     let mut labels = parts(&filled(&own, &gaps), Count::Natural);
     labels.truncate(piece.len());
     labels
 }
 
 /// The loops of a part that are gaps of the surface, and how many are ends: a border with another part is one, however short.
-fn gaps(mesh: &TriMesh, label_of: &[u32], part: &TriMesh, triangle_of: &[u32]) -> (Vec<Vec<u32>>, usize) {
-    primitive::gaps(part, &|edges| is_border(mesh, label_of, triangle_of, edges))
+fn gaps(mesh: &TriMesh, part: &TriMesh, triangle_of: &[u32]) -> (Vec<Vec<u32>>, usize) {
+    primitive::gaps(part, &|edges| edges.iter().any(|&h| borders_on_another(mesh, triangle_of, h)))
 }
 
 /// What a part is with its gaps filled.
-fn meant(
-    mesh: &TriMesh,
-    label_of: &[u32],
-    part: &TriMesh,
-    triangle_of: &[u32],
-) -> Result<(Topology, Vec<Vec<u32>>), TopologyError> {
-    let (gaps, ends) = gaps(mesh, label_of, part, triangle_of);
-    Ok((primitive::with_ends(part, ends)?, gaps))
+fn meant(mesh: &TriMesh, part: &Patch) -> Result<(Topology, Vec<Vec<u32>>), TopologyError> {
+    let (gaps, ends) = gaps(mesh, &part.mesh, &part.triangle_of);
+    Ok((primitive::with_ends(&part.mesh, ends)?, gaps))
 }
 
 #[cfg(test)]
@@ -133,7 +119,7 @@ mod tests {
     fn are_primitives(cut: &Segmented) {
         for (number, part) in cut.parts.iter().enumerate().skip(1) {
             assert!(matches!(part.topology, Topology::Disc | Topology::Annulus), "{number}: {:?}", told(cut));
-            let borders = |hole: &Vec<u32>| is_border(&cut.mesh, &cut.part_of, &part.triangle_of, hole);
+            let borders = |hole: &Vec<u32>| hole.iter().any(|&h| part.borders_on_another(&cut.mesh, h));
             assert!(!part.holes.iter().any(borders), "{number}: {:?}", told(cut));
         }
         let area: f64 = cut.parts.iter().map(|part| part.mesh.total_area()).sum();

@@ -8,7 +8,7 @@
 use crate::mesh::bvh::Bvh;
 use crate::mesh::disjoint::Sets;
 use crate::mesh::tri::NONE;
-use crate::mesh::{PolyMesh, Prepared, Repair, RepairKind, TriMesh, Vec3, prepare};
+use crate::mesh::{PolyMesh, Prepared, Repair, RepairKind, TriMesh, Vec3, bounding_box, prepare};
 use crate::numerics::stop;
 use crate::topology::{pieces, submesh};
 use std::collections::HashMap;
@@ -176,8 +176,8 @@ fn moved(at: Cell, by: Cell) -> Cell {
 impl Net {
     /// Samples the distances; `None` where that takes far more than it does for a range scan.
     fn new(views: &[View], cell: f64) -> Option<Self> {
-        let positions = || views.iter().flat_map(|view| &view.mesh.positions);
-        let low = positions().fold(Vec3::repeat(f64::INFINITY), |low, x| low.inf(x)) - Vec3::repeat(2.0 * REACH * cell);
+        let [low, _] = bounding_box(views.iter().flat_map(|view| &view.mesh.positions))?;
+        let low = low.add_scalar(-2.0 * REACH * cell);
         let triangles: usize = views.iter().map(|view| view.mesh.triangles.len()).sum();
         let most = SAMPLES_PER_TRIANGLE.saturating_mul(triangles);
         let mut places: Vec<Cell> = Vec::new();
@@ -185,10 +185,8 @@ impl Net {
         for view in views {
             for corners in &view.mesh.triangles {
                 let corners = corners.map(|v| (view.mesh.positions[v as usize] - low) / cell);
-                let [from, to] = [
-                    corners.iter().fold(Vec3::repeat(f64::INFINITY), |a, x| a.inf(x)) - Vec3::repeat(REACH),
-                    corners.iter().fold(Vec3::repeat(f64::NEG_INFINITY), |a, x| a.sup(x)) + Vec3::repeat(REACH),
-                ];
+                let [from, to] = bounding_box(&corners)?;
+                let (from, to) = (from.add_scalar(-REACH), to.add_scalar(REACH));
                 samples += (to - from).iter().map(|x| x + 1.0).product::<f64>();
                 if samples.is_nan() || samples > most as f64 {
                     return None;

@@ -55,10 +55,7 @@ pub(super) fn waist(surface: &TriMesh) -> Option<Segmented> {
 
 /// What a side is with its openings filled, unless a single one is its only end, and which loops these are.
 fn meant(mesh: &TriMesh, part: &Patch) -> Option<(Topology, Vec<Vec<u32>>)> {
-    // A boundary halfedge of a part whose triangle has a neighbour there in the whole borders on the other side.
-    let is_opening = |edges: &[u32]| {
-        edges.iter().any(|&h| mesh.twin(3 * part.triangle_of[h as usize / 3] + h % 3) != crate::mesh::NONE)
-    };
+    let is_opening = |edges: &[u32]| edges.iter().any(|&h| part.borders_on_another(mesh, h));
     let loops = part.mesh.boundary_loops();
     let openings = loops.iter().filter(|edges| is_opening(edges)).count();
     let (gaps, _) = primitive::gaps(&part.mesh, &is_opening);

@@ -6,7 +6,7 @@
 //! (ambient cubes). *Ours, not a paper's:* all else.
 
 use super::input_surface::Samples;
-use crate::mesh::Vec3;
+use crate::mesh::{Vec3, bounding_box};
 
 /// Distance at which nearness is 1/e, in √area of the smaller surface. *Untuned:* .15 and .2 find as many of 28 known poses.
 const SIGMA: f64 = 0.12;
@@ -35,12 +35,9 @@ type Row = Vec<(usize, f64, f32)>;
 
 impl Nearness {
     pub(super) fn new(samples: &Samples) -> Self {
-        let infinite = Vec3::repeat(f64::INFINITY);
-        let bounds = |(low, high): (Vec3, Vec3), p: &Vec3| (low.inf(p), high.sup(p));
-        let (low, high) = samples.points.iter().fold((infinite, -infinite), bounds);
-        if samples.points.is_empty() {
+        let Some([low, high]) = bounding_box(&samples.points) else {
             return Self { low: Vec3::zeros(), cell: CELL, size: [0; 3], lobes: Vec::new() };
-        }
+        };
         let (low, sides) = (low.add_scalar(-REACH), (high - low).add_scalar(2.0 * REACH));
         let mut cell = CELL;
         while (0..3).map(|d| sides[d] / cell + 1.0).product::<f64>() > CELLS_MAX {

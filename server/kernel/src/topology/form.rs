@@ -11,8 +11,8 @@
 //!
 //! So twice as many faces of the same form are worth the same work. *Ours, not the paper's.*
 
-use crate::mesh::Vec3;
 use crate::mesh::tri::{NONE, TriMesh, area_between};
+use crate::mesh::{Vec3, bounding_box};
 use crate::numerics::stop;
 
 use super::connected_across;
@@ -56,10 +56,8 @@ fn squares(mesh: &TriMesh) -> f64 {
     let place = |v: u32| mesh.positions[v as usize];
     let rim = |h: u32| (place(mesh.head(h)) - place(mesh.tail(h))).norm();
     let rims: f64 = (0..mesh.twins.len() as u32).filter(|&h| mesh.twin(h) == NONE).map(rim).sum();
-    let used = || mesh.triangles.iter().flatten().map(|&v| place(v));
-    let low = used().fold(Vec3::repeat(f64::INFINITY), |low, x| low.inf(&x));
-    let high = used().fold(Vec3::repeat(f64::NEG_INFINITY), |high, x| high.sup(&x));
-    let across = area / (high - low).norm();
+    let used = mesh.triangles.iter().flatten().map(|&v| &mesh.positions[v as usize]);
+    let across = area / bounding_box(used).map_or(0.0, |[low, high]| (high - low).norm());
     let share = |squares: f64, width: f64| squares * width * width / area;
     // Of no area there is no width. A sum of nothing is -0.
     let of_rims = if rims > 0.0 { share(SQUARES_BETWEEN_RIMS, 4.0 * area / rims) } else { 1.0 };

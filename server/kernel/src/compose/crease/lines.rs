@@ -10,9 +10,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::super::net::Net;
 use crate::map::snap::lines::bend;
-use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::{TriMesh, nearest_share};
+use crate::mesh::{Vec3, bounding_box};
 
 /// Least length of a chain with a loose end, of one between two corners, of one with two loose ends or none, in h.
 const LOOSE_MIN: f64 = 10.0;
@@ -88,7 +88,7 @@ impl Line {
         }
         let of_block = |first: usize| {
             let block = &points[first..points.len().min(first + BLOCK + 1)];
-            block.iter().fold([points[first]; 2], |[low, high], x| [low.inf(x), high.sup(x)])
+            bounding_box(block).unwrap_or([points[first]; 2])
         };
         let boxes = (0..points.len().saturating_sub(1)).step_by(BLOCK).map(of_block).collect();
         Self { points, starts, boxes, ends, edge }
