@@ -21,7 +21,7 @@ use crate::{
 use futures_util::StreamExt;
 use quadmuse_proto::{
     Composition, CompositionPart, ExampleId, Map, NewComposition, Product, Query, QuerySegment, Verdict,
-    composition::{AS_MAPPED, SMOOTHING_DEFAULT},
+    composition::{AS_MAPPED, INSPIRED_LEAST, SMOOTHING_DEFAULT},
     segment::Parts,
 };
 
@@ -208,11 +208,12 @@ const MOST: f64 = 0.5;
 impl Outcome {
     /// The share of the scan that has an example's quads; nothing that is broken is worth anything.
     fn share(&self) -> f64 {
-        let (verdict, inspired, covers) = match self {
-            Self::Map(map, _) => (map.verdict, map.inspired, map.covers),
-            Self::Composition(made, _) => (made.verdict, made.inspired, made.covers),
+        let (verdict, share) = match self {
+            // Rows that continue the example beyond its rim are not counted there.
+            Self::Map(map, _) => (map.verdict, map.covers.input),
+            Self::Composition(made, _) => (made.verdict, made.inspired * made.covers.input),
         };
-        if verdict == Verdict::Broken { 0.0 } else { inspired * covers.input }
+        if verdict == Verdict::Broken { 0.0 } else { share }
     }
 
     fn is_most(&self) -> bool {
@@ -279,7 +280,19 @@ async fn cut_and_composed(
         ui.note("no parts were found");
         return Ok(None);
     };
-    composed(&query, wish, api, ui).await.map(Some)
+    let maps = mapped(&query, wish, api, ui).await?;
+    if maps.iter().map(|map| map.covers.input * share_of(&query, map.segment)).sum::<f64>() < INSPIRED_LEAST {
+        ui.note("no example fits enough of its parts");
+        return Ok(None);
+    }
+    stitched_of(&query, maps, wish, api, ui).await.map(Some)
+}
+
+/// The share of a scan's faces that a segment has.
+fn share_of(query: &Query, segment: u32) -> f64 {
+    let all: u64 = query.segments.iter().map(|segment| segment.faces).sum();
+    let of: u64 = query.segments.iter().filter(|s| s.segment == segment).map(|segment| segment.faces).sum();
+    of as f64 / all.max(1) as f64
 }
 
 /// The result of one of several tries; nothing where the service refused it, since there are others to fall back on.
@@ -449,6 +462,28 @@ async fn stitch(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Resul
 
 /// Maps every segment, and stitches the maps.
 async fn composed(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Result<Outcome, ClientError> {
+    let maps = mapped(query, wish, api, ui).await?;
+    if let Some(density) = wish.lay.density {
+        ui.note(&table::expected_quads(&maps, query.segments.len(), density));
+    }
+    stitched_of(query, maps, wish, api, ui).await
+}
+
+/// Stitches maps, and leaves out those that gave way.
+async fn stitched_of(
+    query: &Query,
+    mut maps: Vec<Map>,
+    wish: &Wish<'_>,
+    api: &Api,
+    ui: &Ui,
+) -> Result<Outcome, ClientError> {
+    let composition = stitched(query, &new_composition(&maps, wish), api, ui).await?;
+    maps.retain(|map| composition.parts.iter().any(|part| part.segment == map.segment));
+    Ok(Outcome::Composition(Box::new(composition), maps))
+}
+
+/// The maps of all segments, but for those that nobody chose and that are poor.
+async fn mapped(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Result<Vec<Map>, ClientError> {
     for part in &wish.uses {
         check_segment(query, Some(part.segment))?;
     }
@@ -486,11 +521,5 @@ async fn composed(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Res
         bar.inc(1);
     }
     bar.finish_and_clear();
-    if let Some(density) = wish.lay.density {
-        ui.note(&table::expected_quads(&maps, query.segments.len(), density));
-    }
-    let composition = stitched(query, &new_composition(&maps, wish), api, ui).await?;
-    let used = |map: &Map| composition.parts.iter().any(|part| part.segment == map.segment);
-    maps.retain(used);
-    Ok(Outcome::Composition(Box::new(composition), maps))
+    Ok(maps)
 }

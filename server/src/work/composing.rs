@@ -1,6 +1,7 @@
 //! Compositions: the maps chosen for a query's segments, stitched into one mesh of quads.
 
 mod headline;
+mod regular;
 mod side_by_side;
 mod sound;
 mod surrounded;
@@ -15,13 +16,13 @@ use super::worth::tries;
 use super::{REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, Stop, StopReason};
 use futures_util::{StreamExt, stream};
-use headline::{BroughtMap, headline};
+use headline::{BroughtMap, Headline, headline};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
 use quadmuse_proto::ranking::promising;
 use quadmuse_proto::{
     Beyond, Composition, CompositionId, CompositionPart, ConstraintOrigin, ExampleId, MakingState, Map, NewComposition,
-    NewMap, Product, Verdict,
+    NewMap, Product,
 };
 use side_by_side::{as_mapped, standing, unstitched};
 use sound::{Sound, stitched_sound};
@@ -115,7 +116,7 @@ async fn made(
 ) -> Result<Arc<LiveComposition>, WorkError> {
     let start = Instant::now();
     let named = check(live, &wanted)?;
-    let Gathered { mut parts, mut summaries, mut templates, mut poor, mut maps, mut laid, mut instead } =
+    let Gathered { mut parts, mut summaries, mut templates, mut maps, mut laid, mut instead } =
         gathered(work, live, &wanted, named, tell).await?;
     tell("stitching", LAID_SHARE);
     let needed = memory(faces_at(&parts, wanted.density)?, &live.model);
@@ -146,7 +147,7 @@ async fn made(
     if model.is_waist && around.is_none() {
         (model, parts) = waist::in_primitives(work, live, &job).await?;
         (instead, maps, laid) = (Vec::new(), Vec::new(), Vec::new());
-        (summaries, poor) = (Vec::new(), Vec::new());
+        summaries = Vec::new();
         templates = (0..live.model.segments.len() as u32).collect();
     }
     if let (Some(map), None, false) = (&lone, &around, model.is_waist)
@@ -209,11 +210,21 @@ async fn made(
             found = around;
         }
     }
-    let Sound { made: stitched, appraisal, gave_way, unstitched, around } = found;
-    if stitched.is_poor_kept {
-        summaries.append(&mut poor);
+    if let Some(around) = found.around.take() {
+        laid = around;
+        laid.iter_mut().flatten().for_each(|laid| laid.reasons.retain(|reason| !reason.starts_with(BARE)));
     }
-    templates.extend(poor.iter().map(|part| part.segment));
+    let mut headline = told(&found, &laid, &live.model);
+    if let Some(reason) = regular::reason(&headline)
+        && may_give_way(&laid_maps, &wanted, found.gave_way.len())
+        && let Some(mut instead) = regular::regular(work, live, &job, (&found, how)).await?
+    {
+        instead.made.notes.push(format!("examples gave way to a regular layout of all of it: {reason}"));
+        headline = told(&instead, &laid, &live.model);
+        (summaries, templates) = (Vec::new(), (0..live.model.segments.len() as u32).collect());
+        found = instead;
+    }
+    let Sound { made: stitched, appraisal, gave_way, unstitched, .. } = found;
     templates.extend(&gave_way);
     summaries.retain(|part| !gave_way.contains(&part.segment));
     if !unstitched.is_empty() {
@@ -224,15 +235,7 @@ async fn made(
     templates.sort_unstable();
     let counts = super::ingest::counts_of(&stitched.mesh);
     let held = job.kept(counts.faces * MEMORY_PER_FACE_HELD);
-    if let Some(around) = around {
-        laid = around;
-        laid.iter_mut().flatten().for_each(|laid| laid.reasons.retain(|reason| !reason.starts_with(BARE)));
-    }
     tracing::debug!(query = %live.id, covered = appraisal.covered, away = appraisal.away, turned = appraisal.turned, "stitched");
-    let mut headline = headline(&laid, &appraisal);
-    if !unstitched.is_empty() {
-        headline.tell_side_by_side(unstitched.len() < live.model.segments.len());
-    }
     let summary = Composition {
         id,
         query: live.id,
@@ -257,6 +260,24 @@ async fn made(
     let composition = Arc::new(LiveComposition { _held: held, summary, mesh: stitched.mesh });
     live.compositions().insert(composition.summary.id, Arc::clone(&composition));
     Ok(composition)
+}
+
+/// What stands at the top of a composition with the maps that were brought for its segments.
+fn told(found: &Sound, brought: &[Option<BroughtMap>], model: &Model) -> Headline {
+    let mut headline = headline(brought, &found.appraisal);
+    if !found.unstitched.is_empty() {
+        headline.tell_side_by_side(found.unstitched.len() < model.segments.len());
+    }
+    headline
+}
+
+/// Whether there are more examples than the `gone` that gave way already, and nobody chose one of them by hand: whoever names a poor
+/// map wants it all the same.
+fn may_give_way(maps: &[Option<Arc<LiveMap>>], wanted: &NewComposition, gone: usize) -> bool {
+    let is_example = |map: &&Arc<LiveMap>| map.example_id() != ExampleId::TEMPLATE;
+    let mut there = maps.iter().flatten().filter(is_example);
+    let is_any_left = there.clone().count() > gone;
+    wanted.keep.is_empty() && is_any_left && there.all(|map| !map.newest().summary.verdict.is_poor())
 }
 
 /// A map with what lies around it; `None` where nothing does, or it is not sound. Where there is something else to fall back on, it
@@ -324,8 +345,6 @@ struct Gathered {
     summaries: Vec<CompositionPart>,
     /// Segments without an example.
     templates: Vec<u32>,
-    /// Maps that nobody chose and that are poor.
-    poor: Vec<CompositionPart>,
     /// The map of each segment that has one that is not poor, or was chosen.
     maps: Vec<Option<Arc<LiveMap>>>,
     /// What is told of the map of each segment that has one.
@@ -370,15 +389,10 @@ async fn gathered(
         all.laid.push((map.example_id() != ExampleId::TEMPLATE).then(|| laid(&newest.summary)));
         let (part, whole) = (Arc::clone(&newest.mapped.part), Arc::clone(&newest.mapped.mesh));
         if !is_named && newest.mapped.verdict.is_poor() {
-            all.poor.push(taken);
+            all.templates.push(segment);
             all.maps.push(None);
             all.instead.push(None);
-            let instead = live.encoded(segment).await?;
-            all.parts.push(match newest.mapped.verdict {
-                // Not even where it follows the input better.
-                Verdict::Broken => Part::Template(instead),
-                _ => Part::Poor { part, whole, instead },
-            });
+            all.parts.push(Part::Poor(live.encoded(segment).await?));
             continue;
         }
         all.summaries.push(taken);
@@ -399,10 +413,8 @@ async fn gathered(
 /// The faces that the mapped parts will have together, about; known before the work.
 fn faces_at(parts: &[Part], density: i32) -> Result<u64, WorkError> {
     let faces_of = |part: &Part| match part {
-        Part::Mapped { part, .. } | Part::Poor { part, .. } | Part::Kept(part) | Part::OfWhole(part) => {
-            part.faces.len() as u64
-        }
-        Part::Template(_) => 0,
+        Part::Mapped { part, .. } | Part::Kept(part) | Part::OfWhole(part) => part.faces.len() as u64,
+        Part::Poor(_) | Part::Template(_) => 0,
     };
     let faces =
         parts.iter().map(faces_of).sum::<u64>().saturating_mul(4u64.saturating_pow(density.max(0).unsigned_abs()));

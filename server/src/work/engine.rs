@@ -197,16 +197,8 @@ pub enum Part {
     /// The same of a map that [is of the whole](Mapped::is_of_whole): with neighbours of its kind it hangs together as in the
     /// example.
     OfWhole(Arc<PolyMesh>),
-    /// A mapped example that nobody chose and that is poor: a regular layout takes its place, unless it is the only part and
-    /// follows the input better.
-    Poor {
-        /// [`Mapped::part`].
-        part: Arc<PolyMesh>,
-        /// [`Mapped::mesh`].
-        whole: Arc<PolyMesh>,
-        /// The segment.
-        instead: Arc<Encoded>,
-    },
+    /// A regular layout in place of a map that nobody chose and that is poor.
+    Poor(Arc<Encoded>),
     /// A regular layout at the density of its neighbours, on this unfolded segment.
     Template(Arc<Encoded>),
 }

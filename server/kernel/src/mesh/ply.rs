@@ -5,6 +5,7 @@
 
 mod header;
 mod read;
+mod strips;
 mod write;
 
 pub(super) use read::read;

@@ -26,16 +26,14 @@ const QUADS_MAX: usize = 8_000;
 /// What is told where vertices were moved.
 const MOVED: &str = "the map's vertices were moved so that its faces lie on the input; its layout is the example's own";
 
-/// `None` for a map that does not follow the input. A poor one is not split: a regular layout is better.
+/// `None` for a map that does not follow the input.
 pub(crate) fn as_one(
     ground: &ComposedSurface<'_>,
     whole: &Arc<PolyMesh>,
-    is_poor: bool,
     how: Stitching,
     stop: Stop,
 ) -> Result<Option<Stitched>, PipelineError> {
-    let (splits_max, most_pct) = if is_poor { (0, MISS_TOLD_PCT) } else { (SPLITS_MAX, ASTRAY_PCT) };
-    let may_split = |mesh: &PolyMesh, splits: u32| splits < splits_max && mesh.faces.corners().len() <= QUADS_MAX;
+    let may_split = |mesh: &PolyMesh, splits: u32| splits < SPLITS_MAX && mesh.faces.corners().len() <= QUADS_MAX;
     let split = |mesh: &PolyMesh| Arc::new(compose::split(ground.input(), mesh));
     let (mut mesh, mut splits) = (Arc::clone(whole), 0);
     let others = whole.faces.iter().filter(|face| face.len() != 4).count();
@@ -46,7 +44,7 @@ pub(crate) fn as_one(
         }
         (mesh, splits) = (split(whole), 1);
     }
-    let Some(miss) = compose::miss(ground.input(), &mesh).filter(|miss| 100.0 * miss.mean <= most_pct) else {
+    let Some(miss) = compose::miss(ground.input(), &mesh).filter(|miss| 100.0 * miss.mean <= ASTRAY_PCT) else {
         return Ok(None);
     };
     if splits == 0 && 100.0 * miss.mean <= CLOSE_PCT {
@@ -139,27 +137,27 @@ mod tests {
     }
 
     /// What becomes of a map of n × n quads: the map, by how much it misses in percent, and what is made of it with the same.
-    fn tried(n: usize, height: fn(f64, f64) -> f64, is_poor: bool) -> (Arc<PolyMesh>, f64, Option<(Stitched, f64)>) {
+    fn tried(n: usize, height: fn(f64, f64) -> f64) -> (Arc<PolyMesh>, f64, Option<(Stitched, f64)>) {
         let surface = prepare(&sheet(80, height)).expect("a disc").mesh;
         let segmented = Segmented::primitive(&surface, Components::Crumbs).expect("a disc");
         let ground = ComposedSurface::of(&segmented);
         let map = Arc::new(sheet(n, height));
         let miss_pct = |mesh: &PolyMesh| 100.0 * compose::miss(ground.input(), mesh).expect("a disc of quads").mean;
         let how = Stitching { smoothing: 5, density: 0 };
-        let made = as_one(&ground, &map, is_poor, how, &|| false).expect("a layout");
+        let made = as_one(&ground, &map, how, &|| false).expect("a layout");
         let made = made.map(|made| (miss_pct(&made.mesh), made)).map(|(pct, made)| (made, pct));
         (Arc::clone(&map), miss_pct(&map), made)
     }
 
     #[test]
     fn a_map_of_few_faces_is_moved_until_they_lie_on_the_input_and_keeps_all_else() {
-        let (map, miss_pct, made) = tried(10, dome, false);
+        let (map, miss_pct, made) = tried(10, dome);
         assert!((CLOSE_PCT..MISS_TOLD_PCT).contains(&miss_pct), "{miss_pct}");
         let (moved, after_pct) = made.expect("it follows");
         assert_eq!(moved.notes, [MOVED]);
         assert!(moved.mesh.faces == map.faces && moved.mesh.attributes == map.attributes);
         assert!(after_pct < CLOSE_PCT, "{after_pct}");
-        let (map, _, kept) = tried(40, dome, false);
+        let (map, _, kept) = tried(40, dome);
         let (kept, _) = kept.expect("it follows");
         assert_eq!((&kept.mesh, &kept.notes[..]), (&map, &[AS_MAPPED.to_owned()][..]));
     }
@@ -167,7 +165,7 @@ mod tests {
     #[test]
     fn quads_too_large_for_what_they_pass_over_are_split_with_their_groups() {
         for (n, height, splits) in [(6, dome as fn(f64, f64) -> f64, 1), (14, thorn, 2)] {
-            let (map, miss_pct, made) = tried(n, height, false);
+            let (map, miss_pct, made) = tried(n, height);
             assert!((CLOSE_PCT..ASTRAY_PCT).contains(&miss_pct), "{miss_pct}");
             let (made, after_pct) = made.expect("it follows once it is split");
             let by = 4usize.pow(splits);
@@ -195,7 +193,7 @@ mod tests {
             ..PolyMesh::default()
         };
         let how = Stitching { smoothing: 5, density: 0 };
-        let made = as_one(&ComposedSurface::of(&segmented), &Arc::new(map), false, how, &|| false).expect("a layout");
+        let made = as_one(&ComposedSurface::of(&segmented), &Arc::new(map), how, &|| false).expect("a layout");
         let made = made.expect("it follows");
         assert_eq!((made.mesh.faces.len(), &made.notes[..]), (600, &[split_note(1, 600)][..]));
     }
@@ -214,10 +212,8 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_astray_does_not_follow_and_what_is_poor_is_not_split() {
-        let (_, miss_pct, made) = tried(2, dome, false);
+    fn what_lies_astray_does_not_follow() {
+        let (_, miss_pct, made) = tried(2, dome);
         assert!(miss_pct > ASTRAY_PCT && made.is_none(), "{miss_pct}");
-        let (_, miss_pct, made) = tried(6, dome, true);
-        assert!((MISS_TOLD_PCT..ASTRAY_PCT).contains(&miss_pct) && made.is_none(), "{miss_pct}");
     }
 }

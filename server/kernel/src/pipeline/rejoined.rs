@@ -68,7 +68,6 @@ pub fn rejoin(query: &Model, example: &Model, parts: &[OnePart]) -> Option<Stitc
 /// An example that came back whole, on so many segments.
 fn whole(mesh: PolyMesh, example: &Model, segments: usize) -> Stitched {
     Stitched {
-        is_poor_kept: false,
         bridging: Vec::new(),
         is_example: vec![true; segments],
         is_own: vec![false; segments],

@@ -148,7 +148,6 @@ mod tests {
             mesh: Arc::new(mesh),
             is_example: vec![is_example],
             is_own: vec![!is_example],
-            is_poor_kept: false,
             bridging: Vec::new(),
             extraordinary_vertices: 0,
             extraordinary_before: 0,

@@ -30,16 +30,8 @@ pub enum Part {
     /// The same of a map that [is of the whole](super::Mapped::is_of_whole): with neighbours of its kind it hangs together as
     /// in the example.
     OfWhole(Arc<PolyMesh>),
-    /// A mapped example that nobody chose and that is poor: a regular layout takes its place, unless it is the only part and
-    /// follows the input better.
-    Poor {
-        /// [`Mapped::part`](super::Mapped::part).
-        part: Arc<PolyMesh>,
-        /// [`Mapped::mesh`](super::Mapped::mesh).
-        whole: Arc<PolyMesh>,
-        /// The segment.
-        instead: Arc<Encoded>,
-    },
+    /// A regular layout in place of a map that nobody chose and that is poor.
+    Poor(Arc<Encoded>),
     /// A regular layout at the density of its neighbours, on this unfolded segment.
     Template(Arc<Encoded>),
 }
@@ -105,21 +97,13 @@ pub fn compose(query: &Model, parts: &[Part], how: Stitching, stop: Stop) -> Res
         }
     }
     let single = Pieces::single(parts.len());
-    if let [part @ (Part::Mapped { whole, .. } | Part::Poor { whole, .. })] = parts
+    if let [Part::Mapped { whole, .. }] = parts
         && how.density == 0
+        && let Some(made) = as_one(&ground, whole, how, stop)?
     {
-        let is_poor_kept = matches!(part, Part::Poor { .. });
-        if let Some(made) = as_one(&ground, whole, is_poor_kept, how, stop)? {
-            return Ok(Stitched { is_poor_kept, ..made });
-        }
+        return Ok(made);
     }
-    let made = stitched(&ground, parts, &single, how, stop)?;
-    let [Part::Poor { part, whole, .. }] = parts else { return Ok(made.told()) };
-    // Nobody chose the map, and it is poor: what follows the input better is taken.
-    let as_it_is = [Part::Mapped { part: Arc::clone(part), whole: Arc::clone(whole) }];
-    let kept = stitched(&ground, &as_it_is, &single, how, stop)?;
-    let is_poor_kept = kept.report.fit.worst() < made.report.fit.worst();
-    Ok(if is_poor_kept { Stitched { is_poor_kept, ..kept.told() } } else { made.told() })
+    Ok(stitched(&ground, parts, &single, how, stop)?.told())
 }
 
 /// A composition, and what is to be told of what was brought.
@@ -152,7 +136,6 @@ impl Made {
         let mut notes = notes::brought(&self.brought);
         notes.extend(notes::made(&self.report, self.mesh.faces.len()));
         Stitched {
-            is_poor_kept: false,
             bridging: Vec::new(),
             is_example,
             is_own,
@@ -180,7 +163,7 @@ pub(crate) fn stitched(
             Part::OfWhole(part) => Brought::Mesh(mesh(joined.unwrap_or(part))?, Choice::Chosen),
             Part::Mapped { part, .. } => Brought::Mesh(mesh(part)?, Choice::Open),
             Part::Kept(part) => Brought::Mesh(mesh(part)?, Choice::Chosen),
-            Part::Poor { instead, .. } => {
+            Part::Poor(instead) => {
                 told.poor.push(segment);
                 Brought::Unfolded(&instead.query)
             }

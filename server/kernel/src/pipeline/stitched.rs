@@ -16,8 +16,6 @@ pub struct Stitched {
     pub is_example: Vec<bool>,
     /// True for each segment, in order, whose own triangles were cut into quads.
     pub is_own: Vec<bool>,
-    /// True where a poor map was taken all the same.
-    pub is_poor_kept: bool,
     /// Inner vertices with another number of edges than four.
     pub extraordinary_vertices: u64,
     /// Those that the parts had inside before.
@@ -36,7 +34,6 @@ impl Stitched {
             mesh,
             is_own: vec![false; is_example.len()],
             is_example,
-            is_poor_kept: false,
             extraordinary_vertices: extraordinary,
             extraordinary_before: extraordinary,
             notes: vec![AS_MAPPED.into()],

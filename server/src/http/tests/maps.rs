@@ -336,6 +336,23 @@ async fn examples_on_which_a_composition_is_broken_give_way_unless_they_were_cho
 }
 
 #[tokio::test]
+async fn examples_that_make_a_poor_composition_give_way_to_a_regular_layout_unless_they_were_chosen() {
+    let bench = Bench::stocked().await;
+    let path = bench.query("", "segment disc 2\ncrumples").await;
+    bench.ended(&path).await;
+    let compositions = format!("{path}/compositions?wait=60");
+    let regular = bench.post_json(&compositions, json!({})).await.json();
+    let headline = |made: &Value| (made["verdict"].clone(), made["inspired"].clone(), made["templates"].clone());
+    assert_eq!(headline(&regular), (json!("poor"), json!(0.0), json!([0])), "{regular}");
+    assert_eq!(regular["parts"], json!([]), "{regular}");
+    let note = regular["notes"].as_array().and_then(|all| all.last()?.as_str()).expect("a note");
+    assert!(note.starts_with("examples gave way to a regular layout of all of it: 50 % of its area is"), "{regular}");
+    let chosen = bench.post_json(&compositions, json!({"keep": [0]})).await.json();
+    assert_eq!(headline(&chosen), (json!("poor"), json!(1.0), json!([])), "{chosen}");
+    assert_eq!(chosen["parts"].as_array().map(Vec::len), Some(1), "{chosen}");
+}
+
+#[tokio::test]
 async fn where_no_mesh_of_the_whole_is_sound_the_map_of_most_of_it_is_delivered_alone() {
     let bench = Bench::stocked().await;
     let path = bench.query("", "segment disc 2\nsegment disc 9\nrag").await;

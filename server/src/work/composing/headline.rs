@@ -111,7 +111,7 @@ fn without_example(brought: &[Option<BroughtMap>]) -> &'static str {
         (None, _) => "no example was used: none of the corpus could be laid on it, so it is a regular layout",
         (_, true) => "no example was used: those that rank best fit poorly, so it is a regular layout",
         (_, false) => {
-            "no example was used: what was laid could not be joined, or was broken, so it is a regular layout"
+            "no example was used: what was laid could not be joined, was broken, or made up too little, so it is a regular layout"
         }
     }
 }

@@ -12,6 +12,11 @@ const LOST: f64 = 0.5;
 /// A result that covers more of a scan is better where its examples keep this share of their area.
 pub(super) const KEPT: f64 = 0.9;
 
+/// A layout follows a scan as well as another if it leaves no more bare than this share beyond what that does, and lies no farther from
+/// it than so many times as far. *Untuned.*
+const COVERED_LESS: f64 = 0.02;
+const AWAY_MORE: f64 = 1.25;
+
 /// The result of a composition, with how it was measured.
 pub(super) struct Sound {
     pub(super) made: Stitched,
@@ -37,6 +42,16 @@ impl Sound {
         let share = |number: usize| model.segments.get(number).map_or(0.0, |s| s.faces as f64 / all.max(1) as f64);
         let beside: f64 = standing.iter().map(|(number, map)| share(*number) * map.newest().summary.covers.input).sum();
         !self.appraisal.flaws.is_empty() || inspired < LOST * beside
+    }
+
+    /// Tells whether it is sound, and follows the scan as well as another by a layout with no more extraordinary vertices a quad;
+    /// of one that is not sound nothing is asked.
+    pub(super) fn is_layout_no_worse_than(&self, other: &Self) -> bool {
+        let (own, others) = (&self.appraisal, &other.appraisal);
+        let extraordinary =
+            |sound: &Self| sound.made.extraordinary_vertices as f64 / sound.made.mesh.faces.len().max(1) as f64;
+        let follows = own.covered >= others.covered - COVERED_LESS && own.away <= AWAY_MORE * others.away;
+        own.flaws.is_empty() && (!others.flaws.is_empty() || (follows && extraordinary(self) <= extraordinary(other)))
     }
 
     /// Tells whether it covers more of the scan by layouts than another, and keeps its examples.

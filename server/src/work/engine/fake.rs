@@ -3,7 +3,8 @@
 //! An upload is text, one directive a line: `segment TOPOLOGY NUMBER` (a segment whose encoding is NUMBER), `part TOPOLOGY
 //! NUMBER` (the same of a part besides the one segment, where parts are wanted; one of NaN can't be encoded),
 //! `slow MS` (every registration takes so long), `encode-slow MS`, `panic WHERE` with `WHERE` one of `read`, `encode`,
-//! `refine`, `tears` (a composition on it is broken where an example stands), `rag` (one is broken but for a map as it is), and `refuse CODE`. Anything else is unreadable. The mesh is a unit square, one quad a segment.
+//! `refine`, `tears` (a composition on it is broken where an example stands), `crumples` (one is crumpled there), `rag` (one is broken
+//! but for a map as it is), and `refuse CODE`. Anything else is unreadable. The mesh is a unit square, one quad a segment.
 
 use super::*;
 use quadmuse_kernel::encode::Picture;
@@ -25,6 +26,7 @@ struct Script {
     encode_slow: Duration,
     panics: Vec<String>,
     tears: bool,
+    crumples: bool,
     rag: bool,
 }
 
@@ -116,6 +118,7 @@ impl Engine for FakeEngine {
                 ["slow", ms] => script.slow = Duration::from_secs_f64(number(ms)? / 1e3),
                 ["encode-slow", ms] => script.encode_slow = Duration::from_secs_f64(number(ms)? / 1e3),
                 ["tears"] => script.tears = true,
+                ["crumples"] => script.crumples = true,
                 ["rag"] => script.rag = true,
                 ["panic", "read"] => panic!("told to panic"),
                 ["panic", place] => script.panics.push((*place).into()),
@@ -291,9 +294,8 @@ impl Engine for FakeEngine {
         let mesh = Arc::new(square(parts.len()));
         Ok(Stitched {
             mesh,
-            is_example: parts.iter().map(|part| !matches!(part, Part::Template(_) | Part::Poor { .. })).collect(),
+            is_example: parts.iter().map(|part| !matches!(part, Part::Template(_) | Part::Poor(_))).collect(),
             is_own: vec![false; parts.len()],
-            is_poor_kept: false,
             bridging: Vec::new(),
             extraordinary_vertices: 0,
             extraordinary_before: 0,
@@ -309,7 +311,8 @@ impl Engine for FakeEngine {
         let is_torn = script.tears && made.is_example.contains(&true) || script.rag && is_stitched;
         let flaws = if is_torn { vec!["it is torn".into()] } else { Vec::new() };
         let flawed = if is_torn { (0..made.is_example.len() as u32).collect() } else { Vec::new() };
-        Ok(Appraisal { examples, covered: 1.0, flaws, flawed, ..Appraisal::default() })
+        let turned = if script.crumples && made.is_example.contains(&true) { 0.5 } else { 0.0 };
+        Ok(Appraisal { examples, covered: 1.0, turned, flaws, flawed, ..Appraisal::default() })
     }
 
     fn template(&self, query: &Side, _: &Stop) -> Result<Mapped, EngineError> {

@@ -1,6 +1,7 @@
 //! The body of a PLY file.
 
 use super::header::{self, Element, Encoding, Header, Scalar};
+use super::strips;
 use crate::mesh::error::{MeshError, Place, quoted};
 use crate::mesh::text::{At, Lines, Words, number, within};
 use crate::mesh::{Attributes, CornerLayer, Format, Limits, PolyMesh, Polygons, Vec3};
@@ -17,6 +18,7 @@ pub(in crate::mesh) fn read(bytes: &[u8], limits: &Limits) -> Result<PolyMesh, M
         match element.name.as_str() {
             "vertex" if mesh.positions.is_empty() => mesh.vertices(element, &mut body)?,
             "face" if mesh.faces.is_empty() => mesh.faces(element, &mut body, limits)?,
+            "tristrips" if mesh.faces.is_empty() => strips::read(element, &mut body, &mut mesh.faces, limits)?,
             _ => skip(element, &mut body)?,
         }
     }
@@ -24,7 +26,7 @@ pub(in crate::mesh) fn read(bytes: &[u8], limits: &Limits) -> Result<PolyMesh, M
 }
 
 /// Where the next number of the body comes from.
-enum Body<'a> {
+pub(super) enum Body<'a> {
     Ascii { lines: Lines<'a>, words: Words<'a> },
     Binary { rest: &'a [u8], big_endian: bool, row: (&'a str, u64) },
 }
@@ -42,7 +44,7 @@ impl<'a> Body<'a> {
     }
 
     /// Goes to row `row` of an element; blank lines of ascii bodies are passed over.
-    fn begin_row(&mut self, element: &'a Element, row: u64) -> Result<(), MeshError> {
+    pub(super) fn begin_row(&mut self, element: &'a Element, row: u64) -> Result<(), MeshError> {
         match self {
             Self::Ascii { lines, words } => loop {
                 let Some(line) = lines.next() else {
@@ -65,7 +67,7 @@ impl<'a> Body<'a> {
 
     /// The next number of the row.
     #[inline]
-    fn scalar(&mut self, scalar: Scalar) -> Result<f64, MeshError> {
+    pub(super) fn scalar(&mut self, scalar: Scalar) -> Result<f64, MeshError> {
         match self {
             Self::Ascii { lines, words } => {
                 let word = words.next().unwrap_or_default();
@@ -83,7 +85,7 @@ impl<'a> Body<'a> {
     }
 
     /// The count of a list; no more than the rest of the file can hold.
-    fn count(&mut self, count: Scalar, value: Scalar) -> Result<usize, MeshError> {
+    pub(super) fn count(&mut self, count: Scalar, value: Scalar) -> Result<usize, MeshError> {
         let found = self.scalar(count)?;
         let room = match self {
             Self::Ascii { words, .. } => words.bytes_left() / 2,
@@ -101,11 +103,21 @@ impl<'a> Body<'a> {
     }
 
     /// Passes over the values of a list.
-    fn skip_list(&mut self, count: usize, value: Scalar) -> Result<(), MeshError> {
+    pub(super) fn skip_list(&mut self, count: usize, value: Scalar) -> Result<(), MeshError> {
         for _ in 0..count {
             self.scalar(value)?;
         }
         Ok(())
+    }
+
+    /// A vertex's number, as it was read.
+    #[inline]
+    pub(super) fn index(&self, index: f64) -> Result<u32, MeshError> {
+        if (0.0..4e9).contains(&index) && index.fract() == 0.0 {
+            return Ok(index as u32);
+        }
+        let remedy = "the file is damaged: export it again";
+        Err(self.error("vertex indices (whole numbers from 0)", index.to_string(), remedy))
     }
 
     fn error(&self, expected: &'static str, found: String, remedy: &'static str) -> MeshError {
@@ -320,11 +332,7 @@ fn read_face(body: &mut Body<'_>, count: usize, value: Scalar, face: &mut Vec<u3
     face.clear();
     for _ in 0..count {
         let index = body.scalar(value)?;
-        if !(0.0..4e9).contains(&index) || index.fract() != 0.0 {
-            let remedy = "the file is damaged: export it again";
-            return Err(body.error("vertex indices (whole numbers from 0)", index.to_string(), remedy));
-        }
-        face.push(index as u32);
+        face.push(body.index(index)?);
     }
     if count < 3 {
         let found = format!("{count} corners");

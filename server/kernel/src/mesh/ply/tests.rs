@@ -126,3 +126,23 @@ fn a_file_written_reads_back_the_same() {
     mesh.attributes = Default::default();
     assert_eq!(parse(&write(&mesh)), Ok(mesh), "a list of 300");
 }
+
+#[test]
+fn strips_of_triangles_are_read_as_faces() {
+    let of = |rows: &str, count: u32| {
+        let text = format!(
+            "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n\
+             element tristrips {count}\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 2 0\n{rows}"
+        );
+        parse(text.as_bytes()).map(|mesh| mesh.faces.iter().map(<[u32]>::to_vec).collect::<Vec<_>>())
+    };
+    // All are wound the same way; a strip begins anew after -1, and a corner twice makes no triangle.
+    let wound = vec![vec![0, 1, 2], vec![2, 1, 3], vec![2, 3, 4], vec![1, 3, 2]];
+    assert_eq!(of("9 0 1 2 3 4 -1 1 3 2\n", 1).expect("strips"), wound);
+    assert_eq!(of("5 0 1 2 3 4\n3 1 3 2\n", 2).expect("strips"), wound);
+    assert_eq!(of("5 0 1 1 2 3\n", 1).expect("strips"), [vec![1, 2, 3]]);
+    let error = of("3 0 1 -2\n", 1).expect_err("no vertex").to_string();
+    assert!(error.contains("-2"), "{error}");
+    let error = of("3 0 1 9\n", 1).expect_err("no such vertex").to_string();
+    assert!(error.contains('9'), "{error}");
+}

@@ -282,11 +282,7 @@ pub(super) fn part(of: &super::super::Part) -> Result<pipeline::Part, EngineErro
         Part::Mapped { part, whole } => pipeline::Part::Mapped { part: Arc::clone(part), whole: Arc::clone(whole) },
         Part::Kept(part) => pipeline::Part::Kept(Arc::clone(part)),
         Part::OfWhole(part) => pipeline::Part::OfWhole(Arc::clone(part)),
-        Part::Poor { part, whole, instead } => pipeline::Part::Poor {
-            part: Arc::clone(part),
-            whole: Arc::clone(whole),
-            instead: Arc::clone(encoded_in(instead)?),
-        },
+        Part::Poor(instead) => pipeline::Part::Poor(Arc::clone(encoded_in(instead)?)),
         Part::Template(encoded) => pipeline::Part::Template(Arc::clone(encoded_in(encoded)?)),
     })
 }

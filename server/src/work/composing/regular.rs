@@ -1,0 +1,51 @@
+//! A regular layout of all of a scan, in place of a composition that examples make worse than that.
+
+use super::headline::Headline;
+use super::sound::{Sound, stitched_sound};
+use super::waist;
+use crate::pool::{Job, Lane, Stop, StopReason};
+use crate::work::engine::{Allowed, Part, Stitching};
+use crate::work::query::LiveQuery;
+use crate::work::{REQUEST_TIME_MAX, Work, WorkError};
+use quadmuse_proto::Verdict;
+use quadmuse_proto::composition::INSPIRED_LEAST;
+use std::sync::Arc;
+
+/// Why a composition is worse than a regular layout of all of the scan; `None` where it is not known to be.
+pub(super) fn reason(composed: &Headline) -> Option<String> {
+    if composed.inspired <= 0.0 {
+        return Some("none of what was laid could be joined".into());
+    }
+    if composed.verdict >= Verdict::Poor {
+        return Some(composed.reasons.first().cloned().unwrap_or_else(|| "it is poor".into()));
+    }
+    let percent = 100.0 * composed.inspired;
+    (composed.inspired < INSPIRED_LEAST).then(|| format!("they make up {percent:.0} % of it"))
+}
+
+/// The scan of a query in a regular layout, where that is sound and no worse than what examples made; `None` where it takes more than
+/// half of a composition's time, too.
+pub(super) async fn regular(
+    work: &Arc<Work>,
+    live: &LiveQuery,
+    job: &Job,
+    (composed, how): (&Sound, Stitching),
+) -> Result<Option<Sound>, WorkError> {
+    let job = job.renew(Some(REQUEST_TIME_MAX / 2));
+    let (model, parts) = match live.model.is_waist {
+        true => waist::in_primitives(work, live, &job).await?,
+        false => {
+            let mut parts = Vec::new();
+            for segment in 0..live.model.segments.len() as u32 {
+                parts.push(Part::Template(live.encoded(segment).await?));
+            }
+            (Arc::clone(&live.model), parts)
+        }
+    };
+    let engine = Arc::clone(&work.engine);
+    let stitch = move |stop: &Stop| stitched_sound(&*engine, &model, (parts, &[]), (how, Allowed::default()), stop);
+    match work.pool.run(&job, Lane::Lay, stitch).await.map_err(WorkError::from).and_then(|found| Ok(found?)) {
+        Err(error) if error.stop_reason().is_some_and(|reason| reason != StopReason::Cancelled) => Ok(None),
+        found => Ok(Some(found?).filter(|regular| regular.is_layout_no_worse_than(composed))),
+    }
+}
