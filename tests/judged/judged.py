@@ -80,6 +80,12 @@ def mean(values):
     return round(sum(values) / len(values), 3) if values else None
 
 
+def inspired_share(answer):
+    """The share of the scan that has an example's quads; rows that continue a map beyond its example are not counted."""
+    covered = (answer.get("covers") or {}).get("input") or 1
+    return covered if "faces" in answer and answer.get("inspired") else (answer.get("inspired") or 0) * covered
+
+
 def shared_corpus(meshes):
     rows = rows_of(meshes / "quads/manifest.csv")
     return [meshes / "quads" / row["file"] for row in rows if row["category"] not in ("cloth", "hair")]
@@ -103,7 +109,7 @@ def judge_scans(service, meshes, out, prefix):
         answer, problem = service.run("retopo", meshes / "scans" / name, "-o", mesh, "--force", "--picture", picture)
         took, used = time.time() - begun, service.seconds() - before
         (out / f"{stem}.json").write_text(json.dumps(answer, indent=1) + "\n" + problem)
-        share = (answer.get("inspired") or 0) * ((answer.get("covers") or {}).get("input") or 1)
+        share = inspired_share(answer)
         judged = {}
         if mesh.exists():
             import judge
@@ -133,7 +139,7 @@ def judge_flawed(service, meshes, out, prefix):
         before = service.seconds()
         answer, problem = service.run("retopo", path, "-o", out / path.name, "--force", "--picture", out / f"{path.stem}.png")
         (out / f"{path.stem}.json").write_text(json.dumps(answer, indent=1) + "\n" + problem)
-        share = (answer.get("inspired") or 0) * ((answer.get("covers") or {}).get("input") or 1)
+        share = inspired_share(answer)
         reasons = "; ".join(answer.get("reasons") or [problem])[:80]
         table.append([*path.stem.split("_"), answer.get("verdict", "refused"), round(share, 3), round(service.seconds() - before, 1), reasons])
         print("|", *table[-1], file=sys.stderr, flush=True)
@@ -161,7 +167,7 @@ def judge_made(service, meshes, out, prefix):
         before = service.seconds()
         answer, problem = service.run("retopo", path, "-o", out / path.name, "--force", "--picture", out / f"{path.stem}.png", "--tag", f"not_{name}")
         (out / f"{path.stem}.json").write_text(json.dumps(answer, indent=1) + "\n" + problem)
-        share = (answer.get("inspired") or 0) * ((answer.get("covers") or {}).get("input") or 1)
+        share = inspired_share(answer)
         reasons = "; ".join(answer.get("reasons") or [problem])[:80]
         table.append([path.stem, kind, answer.get("verdict", "refused"), round(share, 3), round(service.seconds() - before, 1), reasons])
         print("|", *table[-1], file=sys.stderr, flush=True)

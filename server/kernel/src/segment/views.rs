@@ -185,7 +185,7 @@ impl Net {
         for view in views {
             for corners in &view.mesh.triangles {
                 let corners = corners.map(|v| (view.mesh.positions[v as usize] - low) / cell);
-                let [from, to] = bounding_box(&corners)?;
+                let [from, to] = bounding_box(corners)?;
                 let (from, to) = (from.add_scalar(-REACH), to.add_scalar(REACH));
                 samples += (to - from).iter().map(|x| x + 1.0).product::<f64>();
                 if samples.is_nan() || samples > most as f64 {
