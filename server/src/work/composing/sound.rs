@@ -44,14 +44,16 @@ impl Sound {
         !self.appraisal.flaws.is_empty() || inspired < LOST * beside
     }
 
-    /// Tells whether it is sound, and follows the scan as well as another by a layout with no more extraordinary vertices a quad;
-    /// of one that is not sound nothing is asked.
+    /// Tells whether a regular layout is sound, follows the scan as well as another result, and, where that is regular, too, has no
+    /// more extraordinary vertices a quad. Of a result that is not sound nothing is asked.
     pub(super) fn is_layout_no_worse_than(&self, other: &Self) -> bool {
         let (own, others) = (&self.appraisal, &other.appraisal);
         let extraordinary =
             |sound: &Self| sound.made.extraordinary_vertices as f64 / sound.made.mesh.faces.len().max(1) as f64;
         let follows = own.covered >= others.covered - COVERED_LESS && own.away <= AWAY_MORE * others.away;
-        own.flaws.is_empty() && (!others.flaws.is_empty() || (follows && extraordinary(self) <= extraordinary(other)))
+        let has_examples = others.examples.iter().any(|share| *share > 0.0);
+        let is_as_regular = has_examples || extraordinary(self) <= extraordinary(other);
+        own.flaws.is_empty() && (!others.flaws.is_empty() || (follows && is_as_regular))
     }
 
     /// Tells whether it covers more of the scan by layouts than another, and keeps its examples.
