@@ -10,7 +10,7 @@ use std::sync::Arc;
 const MOST: f64 = 0.5;
 
 /// Maps that can stand side by side without being stitched, with their segments: those of segments that have their components of the
-/// scan to themselves (`alone`), where these are most of it, or else that of the one segment that is.
+/// scan to themselves (`alone`), where these are most of it, or all others do, too; or else that of the one segment that is most.
 pub(super) fn standing(model: &Model, alone: &[bool], maps: &[Option<Arc<LiveMap>>]) -> Vec<(usize, Arc<LiveMap>)> {
     let all: u64 = model.segments.iter().map(|segment| segment.faces).sum();
     let faces = |number: usize| model.segments.get(number).map_or(0, |segment| segment.faces);
@@ -21,7 +21,8 @@ pub(super) fn standing(model: &Model, alone: &[bool], maps: &[Option<Arc<LiveMap
         maps.iter().enumerate().filter_map(|(number, map)| Some((number, Arc::clone(map.as_ref()?)))).collect();
     let apart: Vec<(usize, Arc<LiveMap>)> =
         mapped.iter().filter(|(number, _)| alone.get(*number) == Some(&true)).cloned().collect();
-    if is_most(&apart) {
+    let are_all_alone = alone.len() == model.segments.len() && !alone.contains(&false);
+    if is_most(&apart) || (are_all_alone && !apart.is_empty()) {
         return apart;
     }
     mapped.into_iter().find(|one| is_most(std::slice::from_ref(one))).into_iter().collect()
