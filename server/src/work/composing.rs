@@ -262,7 +262,7 @@ async fn made(
     Ok(composition)
 }
 
-/// What stands at the top of a composition with the maps that were brought for its segments.
+/// Returns the headline of a composition, given the maps that were brought for its segments.
 fn told(found: &Sound, brought: &[Option<BroughtMap>], model: &Model) -> Headline {
     let mut headline = headline(brought, &found.appraisal);
     if !found.unstitched.is_empty() {
@@ -271,8 +271,8 @@ fn told(found: &Sound, brought: &[Option<BroughtMap>], model: &Model) -> Headlin
     headline
 }
 
-/// Whether there are more examples than the `gone` that gave way already, and nobody chose one of them by hand: whoever names a poor
-/// map wants it all the same.
+/// Tells whether there are more examples than the `gone` that gave way already, and nobody chose one of them by hand: whoever names a
+/// poor map wants it all the same.
 fn may_give_way(maps: &[Option<Arc<LiveMap>>], wanted: &NewComposition, gone: usize) -> bool {
     let is_example = |map: &&Arc<LiveMap>| map.example_id() != ExampleId::TEMPLATE;
     let mut there = maps.iter().flatten().filter(is_example);

@@ -6,7 +6,7 @@ use crate::mesh::error::{MeshError, quoted};
 use crate::mesh::text::{At, within};
 use crate::mesh::{Format, Limits, Polygons};
 
-/// What ends a strip where a list holds several.
+/// This value ends a strip where a list holds several.
 const END: f64 = -1.0;
 
 /// Reads strips: each vertex after the second makes a triangle with the two before it, wound in turn one way and the other.
