@@ -48,3 +48,8 @@ pub fn bounding_box<P: Borrow<Vec3>>(points: impl IntoIterator<Item = P>) -> Opt
     let widen = |[low, high]: [Vec3; 2], p: [Vec3; 2]| [low.inf(&p[0]), high.sup(&p[1])];
     points.into_iter().map(|p| [*p.borrow(); 2]).reduce(widen)
 }
+
+/// The diagonal of the bounding box of some points; 0 without points.
+pub fn diagonal<P: Borrow<Vec3>>(points: impl IntoIterator<Item = P>) -> f64 {
+    bounding_box(points).map_or(0.0, |[low, high]| (high - low).norm())
+}

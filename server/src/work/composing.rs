@@ -22,7 +22,7 @@ use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
 use quadmuse_proto::ranking::promising;
 use quadmuse_proto::{
     Beyond, Composition, CompositionId, CompositionPart, ConstraintOrigin, ExampleId, MakingState, Map, NewComposition,
-    NewMap, Product,
+    NewMap, Product, Verdict,
 };
 use side_by_side::{as_mapped, standing, unstitched};
 use sound::{Sound, stitched_sound};
@@ -392,7 +392,12 @@ async fn gathered(
             all.templates.push(segment);
             all.maps.push(None);
             all.instead.push(None);
-            all.parts.push(Part::Poor(live.encoded(segment).await?));
+            let instead = live.encoded(segment).await?;
+            all.parts.push(match newest.mapped.verdict {
+                // Nobody is told to name it all the same.
+                Verdict::Broken => Part::Template(instead),
+                _ => Part::Poor(instead),
+            });
             continue;
         }
         all.summaries.push(taken);

@@ -2,9 +2,9 @@
 //! *Ours, not the paper's:* its inputs are connected.
 
 use super::stitching::Scale;
-use super::{Composed, Input, Report, Way, check};
-use crate::mesh::PolyMesh;
+use super::{Composed, Input, Report, Way};
 use crate::mesh::tri::TriMesh;
+use crate::mesh::{PolyMesh, diagonal};
 use crate::numerics::stop;
 use crate::topology::{components, submesh};
 use std::borrow::Cow;
@@ -151,11 +151,12 @@ pub fn alone(input: Input<'_>) -> Vec<bool> {
 
 /// What distances and lengths of edges are measured by: the whole input, also for one of its components.
 pub fn scale(surface: &TriMesh) -> Scale {
-    Scale { area: surface.total_area(), diagonal: check::diagonal(&surface.positions).max(f64::MIN_POSITIVE) }
+    Scale { area: surface.total_area(), diagonal: diagonal(&surface.positions).max(f64::MIN_POSITIVE) }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::check;
     use super::*;
     use crate::compose::{Options, Piece, compose};
     use crate::mesh::Vec3;

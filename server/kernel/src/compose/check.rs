@@ -5,7 +5,7 @@
 //! loops and Euler characteristic as asked. *Source:* paper §6 (quad-only, manifold).
 
 use crate::mesh::tri::TriMesh;
-use crate::mesh::{PolyMesh, Vec3, bounding_box};
+use crate::mesh::{PolyMesh, Vec3, diagonal};
 use crate::topology;
 
 /// A face whose area is below this share of the squared diagonal of the mesh has none.
@@ -221,11 +221,6 @@ pub fn quad_area_vector(p: [Vec3; 4]) -> Vec3 {
 /// Length of the area vector of a quad.
 pub fn quad_area(p: [Vec3; 4]) -> f64 {
     quad_area_vector(p).norm()
-}
-
-/// Diagonal of the bounding box.
-pub fn diagonal(positions: &[Vec3]) -> f64 {
-    bounding_box(positions).map_or(0.0, |[low, high]| (high - low).norm())
 }
 
 /// Inner vertices of a polygon mesh with another number of edges than four.

@@ -8,12 +8,11 @@
 mod merge;
 mod split;
 
-use super::check::diagonal;
 use super::fit::Measured;
-use crate::mesh::PolyMesh;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::disjoint::Sets;
 use crate::mesh::tri::TriMesh;
+use crate::mesh::{PolyMesh, diagonal};
 use crate::numerics::stop;
 use std::collections::HashMap;
 

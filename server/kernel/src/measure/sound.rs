@@ -12,7 +12,7 @@ use crate::compose::fit::Measured;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::facing::{Facing, Turned};
 use crate::mesh::tri::{NONE, TriMesh};
-use crate::mesh::{PolyMesh, Vec3, bounding_box};
+use crate::mesh::{PolyMesh, Vec3, diagonal};
 use crate::topology::holes::is_filling;
 
 /// An edge that leaves the surface by less than this share of the diagonal runs along it.
@@ -115,7 +115,7 @@ impl ReferenceSurface {
     /// The same with the surface's tree.
     pub fn with_tree(surface: TriMesh, tree: Arc<Bvh>) -> Self {
         let finite = surface.positions.iter().filter(|p| p.iter().all(|x| x.is_finite()));
-        let diagonal = bounding_box(finite).map_or(0.0, |[low, high]| (high - low).norm()).max(f64::MIN_POSITIVE);
+        let diagonal = diagonal(finite).max(f64::MIN_POSITIVE);
         let measured = Measured::with_tree(&surface, Arc::clone(&tree));
         Self { tree, measured, diagonal, surface, ways: OnceLock::new() }
     }

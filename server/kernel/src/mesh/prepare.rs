@@ -26,7 +26,7 @@ mod tests;
 use super::error::MeshError;
 use super::repair::{Repair, RepairKind, Repairs};
 use super::tri::{NONE, TriMesh, pair_halfedges};
-use super::{PolyMesh, Vec3, bounding_box, read};
+use super::{PolyMesh, Vec3, diagonal, read};
 use crate::numerics::stop;
 use surface::Surface;
 
@@ -96,7 +96,7 @@ fn check(poly: &PolyMesh, repairs: &mut Repairs) -> Result<f64, MeshError> {
         repairs.note_many(RepairKind::IsolatedVertices, 1 + isolated.count() as u64, first as u32);
     }
     let corners = poly.positions.iter().zip(&used).filter(|(_, used)| **used).map(|(p, _)| p);
-    let diagonal = bounding_box(corners).map_or(0.0, |[low, high]| (high - low).norm());
+    let diagonal = diagonal(corners);
     if diagonal < DIAGONAL_MIN {
         let remedy = "all vertices lie at one point or too close to compute with: scale the mesh up or export it again";
         return Err(MeshError::NoExtent { diagonal, remedy });

@@ -227,7 +227,7 @@ const POSE_FIXED_BY: usize = 3;
 const GOOD_FROM: f64 = 0.4;
 /// Confidence from which on one is fair: of a closed example, whose limbs are matched with the scan's, and of an open one, which may lie
 /// anywhere on it. Right maps of open examples have .137 and more; thumbs and torsos on heads, rocks and mushrooms −.08 to .05; and of
-/// 46 maps of animals on others below .1 all but five are right (tests/records/floor-2026-11-27.md).
+/// 23 maps of closed animals below .1 all but four are right (tests/records/floor-2026-11-27.md).
 const FAIR_FROM: [f64; 2] = [-0.08, 0.1];
 /// Share of the area of faces that look inward up to which it is good, or fair: hidden faces of bodies do in the truth too.
 const FOLDED: [f64; 2] = [0.02, 0.06];

@@ -12,7 +12,7 @@
 //! So twice as many faces of the same form are worth the same work. *Ours, not the paper's.*
 
 use crate::mesh::tri::{NONE, TriMesh, area_between};
-use crate::mesh::{Vec3, bounding_box};
+use crate::mesh::{Vec3, diagonal};
 use crate::numerics::stop;
 
 use super::connected_across;
@@ -57,7 +57,7 @@ fn squares(mesh: &TriMesh) -> f64 {
     let rim = |h: u32| (place(mesh.head(h)) - place(mesh.tail(h))).norm();
     let rims: f64 = (0..mesh.twins.len() as u32).filter(|&h| mesh.twin(h) == NONE).map(rim).sum();
     let used = mesh.triangles.iter().flatten().map(|&v| &mesh.positions[v as usize]);
-    let across = area / bounding_box(used).map_or(0.0, |[low, high]| (high - low).norm());
+    let across = area / diagonal(used);
     let share = |squares: f64, width: f64| squares * width * width / area;
     // Of no area there is no width. A sum of nothing is -0.
     let of_rims = if rims > 0.0 { share(SQUARES_BETWEEN_RIMS, 4.0 * area / rims) } else { 1.0 };
