@@ -38,26 +38,11 @@ pub struct Ranking {
     pub incomplete: Vec<Share>,
 }
 
-/// A rough fit that agrees less is no map: of such only the first entry is laid. *Untuned:* maps that were worth keeping had more
-/// than −0.1.
-pub const AGREES_FROM: f64 = -0.15;
-
-/// The entries that are worth laying in turn until one fits: the first `count` that are no near-duplicates of one above. Where some
-/// were laid roughly, those that did not fit are left out, but for the first; else as many more follow, those that lie on the input
-/// best. A regular layout is one only where nothing is better.
-pub fn promising(entries: &[Entry], count: usize) -> Vec<&Entry> {
-    let mut own: Vec<&Entry> =
-        entries.iter().filter(|e| e.similar_to.is_none() && (e.template.is_none() || e.rank == 1)).collect();
-    if entries.iter().any(|e| e.agreement.is_some()) {
-        let first = own.iter().take(1).copied();
-        let others = own.iter().skip(1).filter(|e| e.agreement.is_some_and(|agreement| agreement >= AGREES_FROM));
-        return first.chain(others.copied()).take(count).collect();
-    }
-    let mut others = own.split_off(count.min(own.len()));
-    others.retain(|entry| entry.likeness.is_some());
-    others.sort_by(|a, b| b.likeness.unwrap_or(0.0).total_cmp(&a.likeness.unwrap_or(0.0)));
-    own.extend(others.into_iter().take(count));
-    own
+/// The entries that are laid where nobody chooses, in turn until one fits.
+pub fn in_turn(entries: &[Entry]) -> Vec<&Entry> {
+    let mut chosen: Vec<&Entry> = entries.iter().filter(|entry| entry.turn.is_some()).collect();
+    chosen.sort_by_key(|entry| entry.turn);
+    chosen
 }
 
 /// A corpus segment in a ranking.
@@ -103,6 +88,10 @@ pub struct Entry {
     /// The name of the built-in regular layout, if it is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub template: Option<String>,
+    /// In which turn it is laid where nobody chooses, from 1; absent where it is not: it nearly duplicates another, or lay badly
+    /// when it was laid roughly.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub turn: Option<u32>,
 }
 
 /// A flip of the parameter domain, per axis. Exactly one of both set means a mirror image.
@@ -140,12 +129,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_lies_on_the_input_best_is_promising_after_the_first() {
-        let entry = |rank: u32, likeness: Option<f64>| Entry {
+    fn those_with_a_turn_are_laid_in_turn() {
+        let entry = |rank: u32, turn: Option<u32>| Entry {
             rank,
             example: ExampleId::generate(),
             example_segment: 0,
-            name: rank.to_string(),
+            name: String::new(),
             score: f64::from(rank),
             energy: 0.0,
             k: 0.5,
@@ -154,22 +143,13 @@ mod tests {
             shift_u: 0.0,
             resolution: 128,
             state: EntryState::Done,
-            likeness,
+            likeness: None,
             agreement: None,
             similar_to: None,
             template: None,
+            turn,
         };
-        let regular = |rank: u32| Entry { template: Some("disc".into()), ..entry(rank, None) };
-        let near = Entry { similar_to: Some(1), ..entry(2, Some(0.9)) };
-        let all =
-            [entry(1, Some(0.2)), near, entry(3, Some(0.1)), entry(4, Some(0.3)), entry(5, Some(0.5)), regular(6)];
-        let ranks = |all: &[Entry], count| promising(all, count).iter().map(|e| e.rank).collect::<Vec<_>>();
-        assert_eq!(ranks(&all, 1), [1, 5]);
-        assert_eq!(ranks(&all, 2), [1, 3, 5, 4]);
-        assert_eq!(ranks(&[entry(1, None), entry(2, None), regular(3)], 2), [1, 2]);
-        assert_eq!(ranks(&[regular(1), entry(2, None)], 2), [1, 2]);
-        let fits = |rank: u32, agreement: f64| Entry { agreement: Some(agreement), ..entry(rank, Some(0.9)) };
-        let laid = [fits(1, -0.4), fits(2, 0.2), entry(3, Some(0.9)), fits(4, -0.3), fits(5, -0.1), fits(6, 0.1)];
-        assert_eq!(ranks(&laid, 3), [1, 2, 5]);
+        let all = [entry(1, Some(2)), entry(2, None), entry(3, Some(1))];
+        assert_eq!(in_turn(&all).iter().map(|e| e.rank).collect::<Vec<_>>(), [3, 1]);
     }
 }

@@ -7,7 +7,7 @@ import { attend, made as make } from "/web/making.js";
 import { faceCount } from "/web/mesh.js";
 import { showPanel } from "/web/panel.js";
 import { similarity } from "/web/pose.js";
-import { drawRanking, isTemplate, nameOf, promising } from "/web/ranking.js";
+import { drawRanking, inTurn, isTemplate, nameOf } from "/web/ranking.js";
 import { readPly } from "/web/read.js";
 import { go } from "/web/route.js";
 import { bench } from "/web/state.js";
@@ -72,8 +72,7 @@ export async function layBest(query) {
   if (query.segments.length > 1) { await (query.like ? layLike(query) : stitch(query, {})); return; }
   const { tries, topology } = query.segments[0];
   const entries = query.rankings.get(0)?.entries ?? [];
-  const candidates = promising(entries, Math.max(1, tries)).filter((e) => !isTemplate(e));
-  if (candidates.length === 0) {
+  if (entries.every(isTemplate)) {
     const ready = await json("/readyz").catch(() => null);
     const others = ready?.examples ? await surfaces() : [];
     query.mismatch = others.length > 0;
@@ -82,13 +81,15 @@ export async function layBest(query) {
     return;
   }
   if (tries === 0) { say("This scan has too little form to choose an example by. Choose one yourself, or lay a regular layout."); return; }
+  const candidates = inTurn(entries);
+  if (candidates.length === 0) { say("No example lies well on this scan. Choose one yourself, or lay a regular layout."); return; }
   let best = null;
-  for (const [k, entry] of candidates.slice(0, tries).entries()) {
+  for (const [k, entry] of candidates.entries()) {
     const map = await lay(query, entry, { beats: best });
     if (!map || bench.query !== query || query.touched) return;
     if (!best || worth(map) > worth(best)) best = map;
     if (worth(map) >= ENOUGH) return;
-    if (k + 1 < Math.min(tries, candidates.length)) say(`${nameOf(entry)} does not fit well enough; trying the next.`);
+    if (k + 1 < candidates.length) say(`${nameOf(entry)} does not fit well enough; trying the next.`);
   }
 }
 

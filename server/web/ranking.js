@@ -62,9 +62,5 @@ export function drawRanking(all, chosen, onlay) {
   }
 }
 
-// The entries that are worth laying in turn until one fits, as the service's own programs choose them.
-export function promising(entries, count) {
-  const own = entries.filter((e) => !e.similar_to && (!isTemplate(e) || e.rank === 1));
-  const likely = own.slice(count).filter((e) => e.likeness !== undefined && e.likeness !== null).sort((a, b) => b.likeness - a.likeness);
-  return [...own.slice(0, count), ...likely.slice(0, count)];
-}
+// The entries that are laid where nobody chooses, in turn until one fits.
+export const inTurn = (entries) => entries.filter((e) => e.turn).sort((a, b) => a.turn - b.turn);

@@ -68,22 +68,21 @@ pub(super) async fn choose(
     }
 }
 
-/// The entries of the ranking that are laid in turn until one fits.
-pub(super) async fn promising(
-    query: &Query,
-    segment: u32,
-    count: usize,
-    api: &Api,
-) -> Result<Vec<ExampleRef>, ClientError> {
+/// The entries of the ranking that the service would lay in turn until one fits.
+pub(super) async fn in_turn(query: &Query, segment: u32, api: &Api) -> Result<Vec<ExampleRef>, ClientError> {
     let ranking = api.ranking(query.id, RankingView { segment, after: None, wait_ms: 0 }).await?;
     let named = |e: &Entry| ExampleRef { example: e.example, segment: Some(e.example_segment) };
-    Ok(ranking::promising(&ranking.entries, count).into_iter().map(named).collect())
+    Ok(ranking::in_turn(&ranking.entries).into_iter().map(named).collect())
 }
 
 /// The score of the best entry of a segment's ranking: the lower, the better. Infinite where there is none.
 pub(super) async fn best_score(query: &Query, segment: u32, api: &Api) -> Result<f64, ClientError> {
-    let ranking = api.ranking(query.id, RankingView { segment, after: None, wait_ms: 0 }).await?;
-    Ok(ranking.entries.first().map_or(f64::INFINITY, |entry| entry.score))
+    Ok(score(&api.ranking(query.id, RankingView { segment, after: None, wait_ms: 0 }).await?))
+}
+
+/// The same of a ranking.
+pub(super) fn score(ranking: &Ranking) -> f64 {
+    ranking.entries.first().map_or(f64::INFINITY, |entry| entry.score)
 }
 
 /// The best entry of the ranking, or the best of the example that is told.

@@ -1,7 +1,7 @@
 //! `compose` and `retopo`: the maps of all segments in one mesh, and all of it in one go.
 
 use super::{
-    choose::{best_score, finished},
+    choose::{best_score, finished, in_turn, score},
     deliver::{Delivered, Target, write_composition, write_kept, write_map},
     making::{Awaited, awaited},
     map::{Held, is_late, lay, lay_best, lay_each, mapping},
@@ -12,7 +12,7 @@ use crate::{
     api::Api,
     args::{ComposeArgs, ComposeCommand, LayArgs, QueryArgs, RetopoArgs},
     error::ClientError,
-    names,
+    follow, names,
     spec::{ExampleRef, SegmentRef, UsePart},
     state::State,
     table,
@@ -147,35 +147,38 @@ async fn made(
     };
     // What is worth one try alone has too few faces to be cut.
     let is_free = is_uncut && only.tries > 1;
-    match lay_best(&query, only, wish.lay.beyond, api, ui).await {
-        Ok((map, name)) => {
-            let (is_poor, is_cut) = (map.verdict.is_poor(), is_free && may_be_cut(&query, ui));
-            if is_poor {
-                ui.note(&format!("the best example, {name}, fits poorly as a whole"));
-            }
-            // A regular layout of the whole is wanted only where its parts have nothing better.
-            let whole = match is_poor && is_cut {
-                true => None,
-                false => Some(settled(&query, map.clone(), &name, wish, api, ui).await?),
-            };
-            let is_enough = whole.as_ref().is_some_and(Outcome::is_most);
-            let parts = match is_cut && !is_enough {
-                true => tried(in_parts(&query, (args, wish), api, state, ui).await, ui)?,
-                false => None,
-            };
-            let best = match (whole, parts) {
-                (Some(whole), Some(parts)) => whole.or_better(parts),
-                (Some(one), None) | (None, Some(one)) => one,
-                (None, None) => settled(&query, map, &name, wish, api, ui).await?,
-            };
-            best.written(wish, api, ui).await
-        }
-        Err(error) if matches!(error, ClientError::NothingRanked { .. }) || is_late(&error) => {
+    let best = match lay_best(&query, only, wish.lay.beyond, api, ui).await {
+        Err(error) if is_late(&error) => {
             ui.note(&error.message());
-            stitch(&query, wish, api, ui).await
+            return stitch(&query, wish, api, ui).await;
         }
-        Err(error) => Err(error),
+        best => best?,
+    };
+    match &best {
+        None => ui.note("no example lies well on all of it"),
+        Some((map, name)) if map.verdict.is_poor() => {
+            ui.note(&format!("the best example, {name}, fits poorly as a whole"));
+        }
+        Some(_) => {}
     }
+    let best = best.filter(|(map, _)| !map.verdict.is_poor());
+    let is_cut = is_free && may_be_cut(&query, ui);
+    // A regular layout of the whole is wanted only where its parts have nothing better.
+    let whole = match best.is_none() && is_cut {
+        true => None,
+        false => Some(settled(&query, best, wish, api, ui).await?),
+    };
+    let is_enough = whole.as_ref().is_some_and(Outcome::is_most);
+    let parts = match is_cut && !is_enough {
+        true => tried(in_parts(&query, (args, wish), api, state, ui).await, ui)?,
+        false => None,
+    };
+    let result = match (whole, parts) {
+        (Some(whole), Some(parts)) => whole.or_better(parts),
+        (Some(one), None) | (None, Some(one)) => one,
+        (None, None) => settled(&query, None, wish, api, ui).await?,
+    };
+    result.written(wish, api, ui).await
 }
 
 /// Uploads, unless that was done, and follows the ranking to its end.
@@ -276,16 +279,30 @@ async fn cut_and_composed(
     state: &State,
     ui: &mut Ui,
 ) -> Result<Option<Outcome>, ClientError> {
-    let Some(query) = cut(args, (Parts::Auto, |query| query.segments.len() > 1), api, state, ui).await? else {
+    let is_cut = |query: &Query| query.segments.len() > 1;
+    let Some(query) = cut(args, (Parts::Auto, is_cut), f64::INFINITY, api, state, ui).await? else {
         ui.note("no parts were found");
         return Ok(None);
     };
-    let maps = mapped(&query, wish, api, ui).await?;
-    if maps.iter().map(|map| map.covers.input * share_of(&query, map.segment)).sum::<f64>() < INSPIRED_LEAST {
-        ui.note("no example fits enough of its parts");
-        return Ok(None);
+    if in_reach(&query, api).await? >= INSPIRED_LEAST {
+        let maps = mapped(&query, wish, api, ui).await?;
+        if maps.iter().map(|map| map.covers.input * share_of(&query, map.segment)).sum::<f64>() >= INSPIRED_LEAST {
+            return stitched_of(&query, maps, wish, api, ui).await.map(Some);
+        }
     }
-    stitched_of(&query, maps, wish, api, ui).await.map(Some)
+    ui.note("no example fits enough of its parts");
+    Ok(None)
+}
+
+/// The share of a scan's faces in segments that some example may be laid on.
+async fn in_reach(query: &Query, api: &Api) -> Result<f64, ClientError> {
+    let mut share = 0.0;
+    for segment in query.segments.iter().filter(|segment| segment.tries > 0) {
+        if !in_turn(query, segment.segment, api).await?.is_empty() {
+            share += share_of(query, segment.segment);
+        }
+    }
+    Ok(share)
 }
 
 /// The share of a scan's faces that a segment has.
@@ -313,10 +330,12 @@ struct Figure {
     is_enough: bool,
 }
 
-/// The same scan, cut otherwise and ranked again; `None` where it was not cut: it would only be ranked as before.
+/// The same scan, cut otherwise and ranked again; `None` where it was not cut: it would only be ranked as before. Nor is it ranked to
+/// the end where no segment has a score below one.
 async fn cut(
     args: &QueryArgs,
     (parts, is_cut): (Parts, fn(&Query) -> bool),
+    below: f64,
     api: &Api,
     state: &State,
     ui: &mut Ui,
@@ -324,12 +343,26 @@ async fn cut(
     let mut args = args.clone();
     args.rank.segments.parts = Some(parts);
     let query = start(&args, api, ui).await?;
-    if !is_cut(&query) {
+    if !is_cut(&query) || !has_score(&query, below, api).await? {
         api.remove_query(query.id).await?;
         return Ok(None);
     }
     remember(&query, api, state, ui);
     ranked(&args, Some(query), api, state, ui).await.map(Some)
+}
+
+/// Tells whether some segment that may take an example has a score below one.
+async fn has_score(query: &Query, below: f64, api: &Api) -> Result<bool, ClientError> {
+    if below == f64::INFINITY {
+        return Ok(true);
+    }
+    for segment in query.segments.iter().filter(|segment| segment.tries > 0) {
+        let ranking = follow::compared(api, query.id, segment.segment).await?;
+        if score(&ranking) < below {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 /// A scan parted at its waist, such as a figure from its base, with the example that fits one side of it best and what lies around
@@ -346,7 +379,8 @@ async fn at_waist(
         [only] => best_score(whole, only.segment, api).await?,
         _ => f64::INFINITY,
     };
-    let Some(query) = cut(args, (Parts::Waist, |query| query.waist), api, state, ui).await? else { return Ok(None) };
+    let is_cut = |query: &Query| query.waist;
+    let Some(query) = cut(args, (Parts::Waist, is_cut), as_whole, api, state, ui).await? else { return Ok(None) };
     // A figure is more like an example than with its base, and more than its base is.
     let mut sides = Vec::new();
     for side in query.segments.iter().filter(|side| side.tries > 0) {
@@ -388,36 +422,37 @@ async fn lay_well(
     ui: &mut Ui,
 ) -> Result<Option<(Map, String)>, ClientError> {
     match lay_best(query, segment, wish.lay.beyond, api, ui).await {
-        Ok(found) => Ok(Some(found).filter(|(map, _)| !map.verdict.is_poor())),
-        Err(error) if matches!(error, ClientError::NothingRanked { .. }) || is_late(&error) => Ok(None),
-        Err(error) => Err(error),
+        Err(error) if is_late(&error) => Ok(None),
+        found => found.map(|found| found.filter(|(map, _)| !map.verdict.is_poor())),
     }
 }
 
-/// The service's result for the best map of a single segment: the map itself, with the example's own vertex order, faces, UVs and
-/// groups, where it follows the input; else what is composed of it, or of a regular layout.
+/// The service's result for the best map of a single segment, which is not poor: the map itself, with the example's own vertex order,
+/// faces, UVs and groups, where it follows the input; else what is composed of it. Without a map, a regular layout.
 async fn settled(
     query: &Query,
-    map: Map,
-    name: &str,
+    best: Option<(Map, String)>,
     wish: &Wish<'_>,
     api: &Api,
     ui: &mut Ui,
 ) -> Result<Outcome, ClientError> {
-    let named = if map.verdict.is_poor() { &[][..] } else { std::slice::from_ref(&map) };
-    let composition = match stitched(query, &new_composition(named, wish), api, ui).await {
-        Err(error) if is_late(&error) && !map.verdict.is_poor() => {
+    let Some((map, name)) = best else {
+        let regular = stitched(query, &new_composition(&[], wish), api, ui).await?;
+        return Ok(Outcome::Composition(Box::new(regular), Vec::new()));
+    };
+    let composition = match stitched(query, &new_composition(std::slice::from_ref(&map), wish), api, ui).await {
+        Err(error) if is_late(&error) => {
             ui.note(&format!("it is as it was mapped: {}", error.message()));
-            return Ok(Outcome::Map(Box::new(map), name.into()));
+            return Ok(Outcome::Map(Box::new(map), name));
         }
         stitched => stitched?,
     };
     // What the composition says against the whole mesh, the map does not know.
     if composition.notes.iter().any(|note| note == AS_MAPPED) && composition.verdict <= map.verdict {
-        return Ok(Outcome::Map(Box::new(map), name.into()));
+        return Ok(Outcome::Map(Box::new(map), name));
     }
-    if let ([segment], false) = (&query.segments[..], map.verdict.is_poor()) {
-        ui.note(&chosen(segment, 1, 1, &fitting(&map, name)));
+    if let [segment] = &query.segments[..] {
+        ui.note(&chosen(segment, 1, 1, &fitting(&map, &name)));
     }
     let maps = if composition.parts.is_empty() { Vec::new() } else { vec![map] };
     Ok(Outcome::Composition(Box::new(composition), maps))
@@ -501,11 +536,12 @@ async fn mapped(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Resul
     for (done, (segment, told)) in asked.into_iter().enumerate() {
         let Some(laid) = awaited(mapping(query), each.next(), api, ui).await else { break };
         let said = match laid {
+            Ok(None) => "no example lies well on it".into(),
             // What nobody asked for and is poor is left to the service, which says what takes its place.
-            Ok((map, name)) if told.is_none() && map.verdict.is_poor() => {
+            Ok(Some((map, name))) if told.is_none() && map.verdict.is_poor() => {
                 format!("the best example, {name}, fits poorly")
             }
-            Ok((map, name)) => {
+            Ok(Some((map, name))) => {
                 let said = fitting(&map, &name);
                 maps.push(map);
                 said

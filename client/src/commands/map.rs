@@ -1,7 +1,7 @@
 //! `map` and `constrain`: lays an example on the input, and writes the mesh.
 
 use super::{
-    choose::{choose, finished, promising},
+    choose::{choose, finished, in_turn},
     deliver::{Target, write_map},
     making::{Awaited, awaited},
     rank::check_segment,
@@ -117,30 +117,36 @@ pub(super) fn mapping(query: &Query) -> Awaited {
     Awaited { query: query.id, product: Product::Map, what: "mapping" }
 }
 
-/// Lays the ranking's best examples on a segment until a map is good enough; the map that is worth most, or else the best
-/// example's, and its example's name. As many are tried as the service calls worth it, but one at least.
+/// Lays the ranking's examples on a segment in their turns until a map is good enough; the map that is worth most, of equals the
+/// first, and its example's name. `None` where the service would lay none.
 pub(super) async fn lay_best(
     query: &Query,
     segment: &QuerySegment,
     beyond: Beyond,
     api: &Api,
     ui: &mut Ui,
-) -> Result<(Map, String), ClientError> {
+) -> Result<Option<(Map, String)>, ClientError> {
     awaited(mapping(query), best(query, segment, beyond, api), api, ui).await
 }
 
 /// The same, and says nothing.
-async fn best(query: &Query, segment: &QuerySegment, beyond: Beyond, api: &Api) -> Result<(Map, String), ClientError> {
+async fn best(
+    query: &Query,
+    segment: &QuerySegment,
+    beyond: Beyond,
+    api: &Api,
+) -> Result<Option<(Map, String)>, ClientError> {
     let tries = segment.tries as usize;
     let free = Held::default();
-    let one = |told| laid(query, segment.segment, told, (beyond, &free), api);
-    let mut best = one(None).await?;
-    if tries <= 1 || best.0.is_enough(1, tries) {
-        return Ok(best);
-    }
+    let one = |told| laid(query, segment.segment, Some(told), (beyond, &free), api);
+    let mut turns = in_turn(query, segment.segment, api).await?.into_iter();
     // The first is mostly good enough. Where it is not, two at a time are laid, and looked at in order.
-    let others = promising(query, segment.segment, tries, api).await?;
-    let mut found = stream::iter(others.into_iter().skip(1).map(|told| one(Some(told)))).buffered(AT_A_TIME);
+    let Some(first) = turns.next() else { return Ok(None) };
+    let mut best = one(first).await?;
+    if tries <= 1 || best.0.is_enough(1, tries) {
+        return Ok(Some(best));
+    }
+    let mut found = stream::iter(turns.map(one)).buffered(AT_A_TIME);
     let mut tried = 1;
     while let Some(found) = found.next().await {
         tried += 1;
@@ -154,20 +160,21 @@ async fn best(query: &Query, segment: &QuerySegment, beyond: Beyond, api: &Api) 
             break;
         }
     }
-    Ok(best)
+    Ok(Some(best))
 }
 
-/// Lays on each of some segments the example that is told, or else the best; two segments at a time. The answers come in order.
+/// Lays on each of some segments the example that is told, or else the best, if any is worth it; two segments at a time. The
+/// answers come in order.
 pub(super) fn lay_each<'a>(
     query: &'a Query,
     segments: Vec<(&'a QuerySegment, Option<ExampleRef>)>,
     beyond: Beyond,
     api: &'a Api,
-) -> impl Stream<Item = Result<(Map, String), ClientError>> + Unpin {
+) -> impl Stream<Item = Result<Option<(Map, String)>, ClientError>> + Unpin {
     let one = move |(segment, told): (&'a QuerySegment, Option<ExampleRef>)| async move {
         match told {
             None => best(query, segment, beyond, api).await,
-            Some(_) => laid(query, segment.segment, told, (beyond, &Held::default()), api).await,
+            Some(_) => laid(query, segment.segment, told, (beyond, &Held::default()), api).await.map(Some),
         }
     };
     Box::pin(stream::iter(segments).map(one).buffered(AT_A_TIME))

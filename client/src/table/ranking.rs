@@ -238,6 +238,7 @@ pub(crate) mod tests {
             likeness: None,
             agreement: None,
             similar_to: (rank == 3).then_some(1),
+            turn: Some(rank),
             template: None,
         }
     }

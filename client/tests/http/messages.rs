@@ -107,6 +107,7 @@ pub(crate) fn ranking(segment: u32, revision: u64, level: u32, state: QueryState
         likeness: None,
         agreement: None,
         similar_to: None,
+        turn: Some(1),
         template: None,
     };
     let entries = (1..=3).map(entry).collect();

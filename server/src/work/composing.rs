@@ -11,7 +11,7 @@ use super::engine::{Allowed, BARE, Encoded, EngineError, Model, OnePart, Part, S
 use super::making::{self, Making, Tell};
 use super::mapping::{self, LiveMap, get};
 use super::query::{LiveQuery, ms_since};
-use super::ranking::entries;
+use super::ranking::turns;
 use super::worth::tries;
 use super::{REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, Stop, StopReason};
@@ -19,7 +19,6 @@ use futures_util::{StreamExt, stream};
 use headline::{BroughtMap, Headline, headline};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
-use quadmuse_proto::ranking::promising;
 use quadmuse_proto::{
     Beyond, Composition, CompositionId, CompositionPart, ConstraintOrigin, ExampleId, MakingState, Map, NewComposition,
     NewMap, Product, Verdict,
@@ -430,7 +429,7 @@ fn faces_at(parts: &[Part], density: i32) -> Result<u64, WorkError> {
     Ok(faces)
 }
 
-/// Lays the most [`promising`] entries of a segment's ranking until a map is good enough, and finds the map that is worth most, of
+/// Lays the entries of a segment's ranking in their [`turns`] until a map is good enough, and finds the map that is worth most, of
 /// equals the first. Maps that are there are not made again. `None` where there is no entry.
 async fn best_map(
     work: &Arc<Work>,
@@ -440,10 +439,8 @@ async fn best_map(
 ) -> Result<Option<Arc<LiveMap>>, WorkError> {
     // Only a ranking that will not change any more tells the best.
     live.wait_for(|_| false).await;
-    let entries: Vec<(ExampleId, u32)> = live.board().rankings.get(segment as usize).map_or(Vec::new(), |ranking| {
-        let entries = entries(&ranking.candidates, ranking.candidates.len());
-        promising(&entries, tries).into_iter().map(|entry| (entry.example, entry.example_segment)).collect()
-    });
+    let entries: Vec<(ExampleId, u32)> =
+        live.board().rankings.get(segment as usize).map_or(Vec::new(), |ranking| turns(&ranking.candidates, tries));
     let one = |(example, example_segment)| async move {
         let there = mapping::find(live, segment, (example, example_segment));
         let new = NewMap { beyond: Beyond::Extend, ..NewMap::new(segment, example, example_segment) };

@@ -154,6 +154,7 @@ async fn made(
     };
     let rough = candidate.as_ref().and_then(|candidate| candidate.rough.clone());
     let rough_agreement = rough.as_ref().map(|rough| rough.agreement);
+    let score = candidate.as_ref().map(|candidate| candidate.score);
     let wishes = Wishes { beyond: wanted.beyond, landmarks: landmarks.clone(), lead, rough };
     let example_side = example_side(work, &job, &example, segment).await?;
     let query_side = Side { model: Arc::clone(&live.model), segment: wanted.segment, encoded: query };
@@ -167,7 +168,7 @@ async fn made(
     let timings = MapTimings { register_ms, map_ms: ms_since(start) - register_ms, total_ms: ms_since(start) };
     let agreement = mapped.evidence.map(|evidence| evidence.agreement);
     let verdict = mapped.verdict.as_str();
-    tracing::debug!(query = %live.id, example = %example.name, segment, verdict, agreement, laid_roughly = rough_agreement, ms = timings.map_ms, "laid");
+    tracing::debug!(query = %live.id, example = %example.name, segment, verdict, agreement, score, laid_roughly = rough_agreement, ms = timings.map_ms, "laid");
     let summary = summary(live, id, wanted.segment, (wanted.example, segment), 1, &mapped, timings);
     let held = job.kept(work.engine.memory_of_map(example.bytes));
     Ok(keep(live, held, Some(fitted.example), fitted.query, MapState { mapped, summary }))

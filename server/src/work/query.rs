@@ -354,7 +354,7 @@ impl LiveQuery {
     pub fn ranking(&self, board: &Board, segment: u32, limit: usize) -> Result<Ranking, WorkError> {
         let (of, count) = ("the query", board.rankings.len());
         let ranking = board.rankings.get(segment as usize).ok_or(WorkError::NoSuchSegment { of, count, segment })?;
-        let mut shown = self.entries(board, &ranking.candidates, limit);
+        let mut shown = self.entries(board, &ranking.candidates, limit, tries(&self.model.segments, segment as usize));
         // Nobody goes away empty-handed: the regular layout stands last, once there is a ranking, where all are shown.
         if ranking.revision > 0 && shown.len() == ranking.candidates.len() && shown.len() < limit {
             let topology = self.model.segments.get(segment as usize).map(|s| s.topology);
@@ -375,8 +375,8 @@ impl LiveQuery {
     }
 
     /// Entries as they go over the wire: once the query has ended nothing goes on by itself any more.
-    fn entries(&self, board: &Board, candidates: &[Candidate], limit: usize) -> Vec<Entry> {
-        let mut entries = entries(candidates, limit);
+    fn entries(&self, board: &Board, candidates: &[Candidate], limit: usize, tries: usize) -> Vec<Entry> {
+        let mut entries = entries(candidates, limit, tries);
         if board.state.is_final() {
             let going = entries.iter_mut().filter(|entry| entry.state == EntryState::Refining);
             going.for_each(|entry| entry.state = EntryState::Locked);

@@ -221,8 +221,33 @@ pub fn resume(candidates: &mut Vec<Candidate>, resumed: Candidate, top: usize) {
     order(candidates, fresh, top);
 }
 
-/// The first `limit` candidates as they go over the wire.
-pub fn entries(candidates: &[Candidate], limit: usize) -> Vec<Entry> {
+/// A rough fit that explains less of the query is not worth a map that nobody asked for: of 80 such maps of the judged scans one was
+/// not poor, and that one was wrong.
+const WORTH_FROM: f64 = 0.05;
+
+/// The candidates that are laid where nobody chooses, in turn until one fits: the first `tries` that are no near-duplicates of one
+/// above. Where some were laid roughly, these are what the query is like, or nothing is: those that fitted, and those that another
+/// leads. Else as many more follow, those that lie on the input best.
+pub fn turns(candidates: &[Candidate], tries: usize) -> Vec<(ExampleId, u32)> {
+    let is_above = |key, place: usize| candidates[..place].iter().any(|c| c.key() == key);
+    let is_own = |(place, c): &(usize, &Candidate)| c.similar_to.is_none_or(|key| !is_above(key, *place));
+    let mut own: Vec<&Candidate> = candidates.iter().enumerate().filter(is_own).map(|(_, c)| c).collect();
+    if candidates.iter().any(|c| c.rough.is_some()) {
+        let fits =
+            |c: &&Candidate| c.rough.as_ref().is_some_and(|rough| c.lead.is_some() || rough.worth() >= WORTH_FROM);
+        return own.into_iter().filter(fits).take(tries).map(Candidate::key).collect();
+    }
+    let score = |c: &Candidate| c.likeness.map_or(0.0, |likeness| likeness.score);
+    let mut others = own.split_off(tries.min(own.len()));
+    others.retain(|c| c.likeness.is_some());
+    others.sort_by(|a, b| score(b).total_cmp(&score(a)));
+    own.into_iter().chain(others.into_iter().take(tries)).map(Candidate::key).collect()
+}
+
+/// The first `limit` candidates as they go over the wire, where `tries` may be laid in turn.
+pub fn entries(candidates: &[Candidate], limit: usize, tries: usize) -> Vec<Entry> {
+    let turns = turns(candidates, tries);
+    let turn = |key| turns.iter().zip(1u32..).find(|(turn, _)| **turn == key).map(|(_, turn)| turn);
     let ranks: HashMap<(ExampleId, u32), u32> =
         candidates.iter().take(limit).zip(1u32..).map(|(c, rank)| (c.key(), rank)).collect();
     let above = |key, place: usize| ranks.get(&key).copied().filter(|&rank| (rank as usize) <= place);
@@ -243,11 +268,12 @@ pub fn entries(candidates: &[Candidate], limit: usize) -> Vec<Entry> {
         agreement: c.rough.as_ref().map(|rough| rough.agreement),
         similar_to: c.similar_to.and_then(|key| above(key, place)),
         template: c.resident.example.template.clone(),
+        turn: turn(c.key()),
     };
     candidates.iter().take(limit).enumerate().map(describe).collect()
 }
 
-/// The last entry of every ranking: a regular layout, which fits any segment of its topology.
+/// The last entry of every ranking: a regular layout, which fits any segment of its topology, and is laid where there is no other.
 pub fn template_entry(entries: &[Entry], topology: Topology) -> Entry {
     Entry {
         rank: entries.len() as u32 + 1,
@@ -267,6 +293,7 @@ pub fn template_entry(entries: &[Entry], topology: Topology) -> Entry {
         agreement: None,
         similar_to: None,
         template: Some(topology.as_str().to_owned()),
+        turn: entries.is_empty().then_some(1),
     }
 }
 
@@ -358,10 +385,10 @@ mod tests {
         mark(&mut all, 32, Some(2), 4);
         use EntryState::{Locked, Refining};
         assert_eq!(all.iter().map(|c| c.state).collect::<Vec<_>>(), [Refining, Locked, Refining, Locked]);
-        let told = |limit| entries(&all, limit).iter().map(|e| e.similar_to).collect::<Vec<_>>();
+        let told = |limit| entries(&all, limit, 1).iter().map(|e| e.similar_to).collect::<Vec<_>>();
         assert_eq!(told(9), [None, Some(1), None, None]);
         all.swap(0, 1);
-        assert_eq!(entries(&all, 9)[0].similar_to, None);
+        assert_eq!(entries(&all, 9, 1)[0].similar_to, None);
     }
 
     #[test]
@@ -445,6 +472,32 @@ mod tests {
         all[0].lead = None;
         all.iter_mut().for_each(|c| c.rough = None);
         assert_eq!(hashes(&by_fit(all)), "abcd");
+    }
+
+    #[test]
+    fn what_lies_on_the_input_best_takes_its_turn_after_the_first_and_what_lay_badly_takes_none() {
+        let likeness = |score| Some(Likeness { score, weighed: score });
+        let mut all: Vec<Candidate> =
+            ["a", "b", "c", "d", "e"].iter().zip(1u32..).map(|(hash, s)| candidate(hash, f64::from(s))).collect();
+        for (c, score) in all.iter_mut().zip([0.2, 0.9, 0.1, 0.3, 0.5]) {
+            c.likeness = likeness(score);
+        }
+        all[1].similar_to = Some(all[0].key());
+        let names = |all: &[Candidate], tries| {
+            let name = |key| all.iter().find(|c| c.key() == key).map_or("", |c| c.resident.example.hash.as_str());
+            turns(all, tries).into_iter().map(name).collect::<String>()
+        };
+        assert_eq!([1, 2].map(|tries| names(&all, tries)), ["ae", "aced"]);
+        let rough = |agreement| Some(Rough { agreement, covered: 0.5, ..Rough::default() });
+        all[0].rough = rough(2.0 * WORTH_FROM - 0.01);
+        assert_eq!(names(&all, 3), "");
+        (all[2].rough, all[4].rough) = (rough(2.0 * WORTH_FROM), rough(0.4));
+        assert_eq!([1, 3].map(|tries| names(&all, tries)), ["c", "ce"]);
+        all[0].lead = Some(all[4].key());
+        assert_eq!(names(&all, 3), "ace");
+        let told: Vec<Option<u32>> = entries(&all, 9, 3).iter().map(|e| e.turn).collect();
+        assert_eq!(told, [Some(1), None, Some(2), None, Some(3)]);
+        assert_eq!(template_entry(&[], Topology::Disc).turn, Some(1));
     }
 
     #[test]

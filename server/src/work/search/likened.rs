@@ -40,7 +40,7 @@ const ROUGH_WANTED: usize = 2;
 const LEADS_BELOW: f64 = 0.5;
 const LEADS_FROM: f64 = 0.25;
 /// An example that is led there and agrees less does not follow: what it has beyond the part is too unlike the query.
-const FOLLOWS_FROM: f64 = quadmuse_proto::ranking::AGREES_FROM;
+const FOLLOWS_FROM: f64 = -0.15;
 /// Examples that follow one: their maps decide whether they are worth more than the part alone.
 const FOLLOWERS: usize = 2;
 /// Examples that one may lead: the most alike, then the first. Most are found to hold no such part at once.
