@@ -221,9 +221,11 @@ pub fn resume(candidates: &mut Vec<Candidate>, resumed: Candidate, top: usize) {
     order(candidates, fresh, top);
 }
 
-/// A rough fit that explains less of the query is not worth a map that nobody asked for: of 80 such maps of the judged scans one was
-/// not poor, and that one was wrong.
+/// A rough fit that explains less of the query, and is not sure, is not worth a map that nobody asked for: of 81 such maps
+/// of the judged scans one was not poor, and that one was wrong (tests/records/turns-2026-11-27.md).
 const WORTH_FROM: f64 = 0.05;
+/// From this agreement on a rough fit is sure, on however little of the query.
+pub const SURE_FROM: f64 = 0.25;
 
 /// The candidates that are laid where nobody chooses, in turn until one fits: the first `tries` that are no near-duplicates of one
 /// above. Where some were laid roughly, these are what the query is like, or nothing is: those that fitted, and those that another
@@ -233,8 +235,8 @@ pub fn turns(candidates: &[Candidate], tries: usize) -> Vec<(ExampleId, u32)> {
     let is_own = |(place, c): &(usize, &Candidate)| c.similar_to.is_none_or(|key| !is_above(key, *place));
     let mut own: Vec<&Candidate> = candidates.iter().enumerate().filter(is_own).map(|(_, c)| c).collect();
     if candidates.iter().any(|c| c.rough.is_some()) {
-        let fits =
-            |c: &&Candidate| c.rough.as_ref().is_some_and(|rough| c.lead.is_some() || rough.worth() >= WORTH_FROM);
+        let is_enough = |rough: &Rough| rough.worth() >= WORTH_FROM || rough.agreement >= SURE_FROM;
+        let fits = |c: &&Candidate| c.rough.as_ref().is_some_and(|rough| c.lead.is_some() || is_enough(rough));
         return own.into_iter().filter(fits).take(tries).map(Candidate::key).collect();
     }
     let score = |c: &Candidate| c.likeness.map_or(0.0, |likeness| likeness.score);
@@ -491,6 +493,9 @@ mod tests {
         let rough = |agreement| Some(Rough { agreement, covered: 0.5, ..Rough::default() });
         all[0].rough = rough(2.0 * WORTH_FROM - 0.01);
         assert_eq!(names(&all, 3), "");
+        all[0].rough = Some(Rough { agreement: SURE_FROM, covered: 0.1, ..Rough::default() });
+        assert_eq!(names(&all, 3), "a", "a hand on an arm");
+        all[0].rough = rough(0.0);
         (all[2].rough, all[4].rough) = (rough(2.0 * WORTH_FROM), rough(0.4));
         assert_eq!([1, 3].map(|tries| names(&all, tries)), ["c", "ce"]);
         all[0].lead = Some(all[4].key());

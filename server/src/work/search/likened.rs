@@ -10,7 +10,7 @@ use crate::work::WorkError;
 use crate::work::engine::{Model, Opaque, Rough, RoughLead, Stage};
 use crate::work::ingest;
 use crate::work::query::ms_since;
-use crate::work::ranking::{Candidate, by_fit, by_likeness};
+use crate::work::ranking::{Candidate, SURE_FROM, by_fit, by_likeness};
 use crate::work::worth::{FACES_CHOSEN_MIN, choices};
 use futures_util::{StreamExt, stream};
 use quadmuse_kernel::settle::Likeness;
@@ -36,9 +36,8 @@ const ROUGH_ALIKE: usize = 6;
 const ROUGH_AT_A_TIME: usize = 2;
 const ROUGH_ENOUGH: f64 = 0.15;
 const ROUGH_WANTED: usize = 2;
-/// An example that explains less of the query than this, and is at least so sure, may lead others. *Untuned.*
+/// An example that explains less of the query than this, and is sure, may lead others. *Untuned.*
 const LEADS_BELOW: f64 = 0.5;
-const LEADS_FROM: f64 = 0.25;
 /// An example that is led there and agrees less does not follow: what it has beyond the part is too unlike the query.
 const FOLLOWS_FROM: f64 = -0.15;
 /// Examples that follow one: their maps decide whether they are worth more than the part alone.
@@ -92,7 +91,7 @@ impl SegmentSearch<'_> {
         let best = chosen.iter().copied().max_by(|&a, &b| worth(&candidates[a]).total_cmp(&worth(&candidates[b])));
         let Some(best) = best.filter(|_| Stage::Leads.is_on()) else { return Ok(()) };
         let from = candidates[best].clone();
-        let Some(rough) = from.rough.clone().filter(|r| r.agreement >= LEADS_FROM && r.covered < LEADS_BELOW) else {
+        let Some(rough) = from.rough.clone().filter(|r| r.agreement >= SURE_FROM && r.covered < LEADS_BELOW) else {
             return Ok(());
         };
         let model = ingest::model(self.work, &self.live.job, Lane::Fine, &from.resident.example).await?;
