@@ -328,6 +328,12 @@ impl Segmented {
         mended::pieces(surface)
     }
 
+    /// The parts of the largest pieces, `most` at most; the other pieces are small components. As it was, where these would be much of it.
+    #[must_use]
+    pub fn of_largest_pieces(self, most: usize) -> Self {
+        mended::of_largest_pieces(self, most)
+    }
+
     /// One part, the largest component of a scan, cut along a loop around each of its few handles; `None` for any other surface.
     pub fn opened(surface: &TriMesh) -> Option<Self> {
         opened::opened(surface)

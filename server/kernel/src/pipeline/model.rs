@@ -17,7 +17,7 @@ use std::sync::{Arc, OnceLock};
 pub const FACES_CHOSEN_MIN: u64 = 256;
 /// Faces of a mesh, of the same kind, that may be a scan. One of fewer is laid on with less care, and one example is tried.
 pub const FACES_OF_SCAN_MIN: u64 = 1024;
-/// Most segments that labels may ask for: each costs memory and time, however few its faces are.
+/// Most segments: each costs memory and time, however few its faces are. Labels may ask for no more.
 pub const SEGMENTS_MAX: usize = 128;
 
 /// A segment of a model, as it is told.
@@ -345,6 +345,7 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, 
             }
             let free = segment(surface, count).map_err(cannot_cut)?;
             match cut.grain {
+                Grain::Free if is_scan(cut) => Ok(free.of_largest_pieces(SEGMENTS_MAX)),
                 Grain::Free => Ok(free),
                 Grain::Faces => free.between_polygons(surface).map_err(cannot_cut),
             }

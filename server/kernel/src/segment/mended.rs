@@ -4,7 +4,7 @@
 //! small component if it has less than 1 % of the area, and all small components together have at most 10 %. A closed component is an object,
 //! however small, and stays. *Ours, not the paper's.*
 
-use super::Segmented;
+use super::{Seam, Segmented};
 use crate::mesh::tri::TriMesh;
 use crate::topology::{self, Components, Patch};
 
@@ -51,6 +51,42 @@ pub(super) fn pieces(surface: &TriMesh) -> Option<Segmented> {
     Some(Segmented::uncut(surface, parts))
 }
 
+/// The parts of the largest pieces of a surface that was cut up, `most` at most; the pieces that would be too many are small components.
+/// As it was, where these would have more than [`SMALL_COMPONENTS_SHARE`] of the area.
+pub(super) fn of_largest_pieces(cut: Segmented, most: usize) -> Segmented {
+    if cut.parts.len() <= most {
+        return cut;
+    }
+    let sets = by_area(&cut.mesh);
+    let (mut kept, mut small, mut left_out) = (vec![false; cut.parts.len()], 0.0, 0);
+    let mut count = 0;
+    for (area, set) in &sets {
+        let mut own: Vec<usize> = set.iter().map(|&t| cut.part_of[t as usize] as usize).collect();
+        own.sort_unstable();
+        own.dedup();
+        if left_out == 0 && count + own.len() <= most {
+            count += own.len();
+            own.into_iter().for_each(|part| kept[part] = true);
+        } else {
+            small += area;
+            left_out += 1;
+        }
+    }
+    let total: f64 = sets.iter().map(|set| set.0).sum();
+    if count == 0 || small > SMALL_COMPONENTS_SHARE * total {
+        return cut;
+    }
+    let mut number_of = vec![0; kept.len()];
+    (0..kept.len()).filter(|&part| kept[part]).zip(0u32..).for_each(|(part, number)| number_of[part] = number);
+    let parts = cut.parts.into_iter().zip(&kept).filter(|(_, kept)| **kept).map(|(part, _)| part);
+    let mut parts: Vec<Patch> = parts.collect();
+    parts[0].left_out += left_out;
+    let seams = cut.seams.into_iter().filter(|seam| kept[seam.parts[0] as usize]);
+    let seams = seams.map(|seam| Seam { parts: seam.parts.map(|part| number_of[part as usize]), ..seam }).collect();
+    let part_of = cut.part_of.iter().map(|&part| number_of[part as usize]).collect();
+    Segmented { parts, seams, part_of, ..cut }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -83,6 +119,21 @@ mod tests {
                 assert_eq!(part.mesh.triangles[t].map(|v| part.vertex_of[v as usize]), of_whole);
             }
         }
+    }
+
+    #[test]
+    fn of_too_many_pieces_the_largest_are_kept_and_the_others_are_small_components() {
+        let of: Vec<(f64, &[u32])> = [0.05, 1.0, 0.06, 0.9, 0.07].map(|size| (size, &[][..])).into();
+        let surface = sheets(&of);
+        let cut = || crate::segment::segment(&surface, crate::segment::PartCount::AsNeeded).expect("cut");
+        let areas = |cut: &Segmented| cut.parts.iter().map(|p| p.mesh.total_area()).collect::<Vec<_>>();
+        assert_eq!((cut().parts.len(), of_largest_pieces(cut(), 5).parts.len()), (5, 5));
+        let found = of_largest_pieces(cut(), 3);
+        assert_eq!((areas(&found), found.parts[0].left_out), (areas(&cut())[..3].to_vec(), 2));
+        for (part, number) in found.parts.iter().zip(0u32..) {
+            assert!(part.triangle_of.iter().all(|&t| found.part_of[t as usize] == number));
+        }
+        assert_eq!(of_largest_pieces(cut(), 1).parts.len(), 5, "nearly half is no small component");
     }
 
     #[test]
