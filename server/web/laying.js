@@ -72,7 +72,7 @@ export async function layBest(query) {
   if (query.segments.length > 1) { await (query.like ? layLike(query) : stitch(query, {})); return; }
   const { tries, topology } = query.segments[0];
   const entries = query.rankings.get(0)?.entries ?? [];
-  if (entries.every(isTemplate)) {
+  if (entries.length === 0 || isTemplate(entries[0])) {
     const ready = await json("/readyz").catch(() => null);
     const others = ready?.examples ? await surfaces() : [];
     query.mismatch = others.length > 0;

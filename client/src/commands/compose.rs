@@ -175,8 +175,10 @@ async fn made(
     };
     let result = match (whole, parts) {
         (Some(whole), Some(parts)) => whole.or_better(parts),
-        (Some(one), None) | (None, Some(one)) => one,
-        (None, None) => settled(&query, None, wish, api, ui).await?,
+        (Some(whole), None) => whole,
+        (None, Some(parts)) if parts.share() > 0.0 => parts,
+        // What the parts came to is broken, or nobody's quads: those of the whole have no seams.
+        (None, _) => settled(&query, None, wish, api, ui).await?,
     };
     result.written(wish, api, ui).await
 }

@@ -502,14 +502,16 @@ async fn retopo_cuts_nothing_that_was_asked_for_whole_and_keeps_a_chosen_example
     let out = folder.path().join("out.obj");
     let chosen = format!("--use 0={}", example_id(3));
     for (flags, end) in [
-        ("--segments whole", "4 quads, parts: 1 poor"),
-        ("--parts 1", "4 quads, parts: 1 poor"),
+        ("--segments whole", "4 quads, parts: 1 regular"),
+        ("--parts 1", "4 quads, parts: 1 regular"),
         (&chosen, "poor, 4 faces"),
     ] {
         let poor = Map { verdict: Verdict::Poor, ..map() };
-        let server = Fake::start(move |asked| match asked.line.contains("/maps?") {
-            true => Reply::json(201, &poor),
-            false => service(asked, 1),
+        let regular = Composition { parts: vec![], templates: vec![0], ..composition() };
+        let server = Fake::start(move |asked| match asked.line.starts_with("POST") {
+            true if asked.line.contains("/maps?") => Reply::json(201, &poor),
+            true if asked.line.contains("/compositions?") => Reply::json(201, &regular),
+            _ => service(asked, 1),
         });
         let ran =
             run(&server.url, &format!("retopo {} --force -o {} {flags}", mesh.path().display(), out.display())).await;

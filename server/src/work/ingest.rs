@@ -150,8 +150,9 @@ pub async fn read(work: &Arc<Work>, job: &Job, lane: Lane, upload: &Upload) -> R
     let read = move |stop: &_| engine.read(&upload.bytes, upload.format, &upload.cut, stop);
     let model = work.pool.run(job, lane, read).await??;
     if model.segments.len() > SEGMENTS_MAX {
-        let (expected, found) = (format!("to give at most {SEGMENTS_MAX} segments"), model.segments.len());
-        return Err(WorkError::parameter("segments", expected, found));
+        let expected = format!("to fall into at most {SEGMENTS_MAX} segments");
+        let found = format!("{}; send its pieces by themselves, or without small parts", model.segments.len());
+        return Err(WorkError::parameter("mesh", expected, found));
     }
     Ok(Arc::new(model))
 }
