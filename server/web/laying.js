@@ -72,17 +72,18 @@ export async function layBest(query) {
   if (query.segments.length > 1) { await (query.like ? layLike(query) : stitch(query, {})); return; }
   const { tries, topology } = query.segments[0];
   const entries = query.rankings.get(0)?.entries ?? [];
-  if (entries.length === 0 || isTemplate(entries[0])) {
+  const candidates = inTurn(entries);
+  const isEmpty = entries.length === 0 || isTemplate(entries[0]);
+  if (tries === 0 && !isEmpty) { say("This scan has too little form to choose an example by. Choose one yourself, or lay a regular layout."); return; }
+  if (isEmpty || candidates.length === 0) {
     const ready = await json("/readyz").catch(() => null);
     const others = ready?.examples ? await surfaces() : [];
     query.mismatch = others.length > 0;
-    say(others.length ? mismatch(topology, others) : "The corpus is empty. Add examples, or lay a regular layout.", "bad");
+    const isAmongThem = others.includes(topology) && "No example lies well on this scan. Choose one yourself, cut the scan into parts, or lay a regular layout.";
+    say(isAmongThem || (others.length ? mismatch(topology, others) : "The corpus is empty. Add examples, or lay a regular layout."), "bad");
     showPanel(query);
     return;
   }
-  if (tries === 0) { say("This scan has too little form to choose an example by. Choose one yourself, or lay a regular layout."); return; }
-  const candidates = inTurn(entries);
-  if (candidates.length === 0) { say("No example lies well on this scan. Choose one yourself, or lay a regular layout."); return; }
   let best = null;
   for (const [k, entry] of candidates.entries()) {
     const map = await lay(query, entry, { beats: best });
