@@ -332,8 +332,8 @@ struct Figure {
     is_enough: bool,
 }
 
-/// The same scan, cut otherwise and ranked again; `None` where it was not cut: it would only be ranked as before. Nor is it ranked to
-/// the end where no segment has a score below one.
+/// The same scan, cut otherwise and ranked again; `None` where it was not cut: it would only be ranked as before. `None`,
+/// too, and ranked no further, where the pictures of no segment have a score less than `below`.
 async fn cut(
     args: &QueryArgs,
     (parts, is_cut): (Parts, fn(&Query) -> bool),
@@ -353,7 +353,7 @@ async fn cut(
     ranked(&args, Some(query), api, state, ui).await.map(Some)
 }
 
-/// Tells whether some segment that may take an example has a score below one.
+/// Tells whether the best picture for some segment that may take an example has a score less than `below`.
 async fn has_score(query: &Query, below: f64, api: &Api) -> Result<bool, ClientError> {
     if below == f64::INFINITY {
         return Ok(true);

@@ -108,7 +108,7 @@ pub(super) fn headline(brought: &[Option<BroughtMap>], appraisal: &Appraisal) ->
 fn without_example(brought: &[Option<BroughtMap>]) -> &'static str {
     let mut maps = brought.iter().flatten();
     match (maps.clone().next(), maps.all(|laid| laid.verdict.is_poor())) {
-        (None, _) => "no example was used: none of the corpus could be laid on it, so it is a regular layout",
+        (None, _) => "no example was used: none of the corpus lies well on it, so it is a regular layout",
         (_, true) => "no example was used: those that rank best fit poorly, so it is a regular layout",
         (_, false) => {
             "no example was used: what was laid could not be joined, was broken, or made up too little, so it is a regular layout"
