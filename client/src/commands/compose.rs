@@ -396,7 +396,6 @@ async fn at_waist(
         return Ok(None);
     }
     ui.note("parting it at its waist, as a figure from its base");
-    let all: u64 = query.segments.iter().map(|side| side.faces).sum();
     let mut best: Option<Figure> = None;
     for (_, side) in sides {
         let Some((map, name)) = lay_well(&query, side, wish, api, ui).await? else { continue };
@@ -404,7 +403,7 @@ async fn at_waist(
         let composition = stitched(&query, &new_composition(std::slice::from_ref(&map), wish), api, ui).await?;
         let maps = if composition.parts.is_empty() { Vec::new() } else { vec![map] };
         let made = Outcome::Composition(Box::new(composition), maps);
-        let (share, of) = (made.share(), side.faces as f64 / all.max(1) as f64);
+        let (share, of) = (made.share(), share_of(&query, side.segment));
         if share > best.as_ref().map_or(0.0, |best| best.made.share()) {
             best = Some(Figure { made, is_enough: share >= MOST * of });
         }
@@ -548,7 +547,6 @@ async fn mapped(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Resul
                 maps.push(map);
                 said
             }
-            Err(error @ ClientError::NothingRanked { .. }) => error.message(),
             Err(error) if told.is_none() && is_late(&error) => error.message(),
             Err(error) => {
                 bar.finish_and_clear();

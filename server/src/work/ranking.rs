@@ -231,7 +231,8 @@ pub const SURE_FROM: f64 = 0.25;
 /// above. Where some were laid roughly, these are what the query is like, or nothing is: those that fitted, and those that another
 /// leads. Else as many more follow, those that lie on the input best.
 pub fn turns(candidates: &[Candidate], tries: usize) -> Vec<(ExampleId, u32)> {
-    let is_above = |key, place: usize| candidates[..place].iter().any(|c| c.key() == key);
+    let places = places(candidates);
+    let is_above = |key, place: usize| places.get(&key).is_some_and(|&at| at < place);
     let is_own = |(place, c): &(usize, &Candidate)| c.similar_to.is_none_or(|key| !is_above(key, *place));
     let mut own: Vec<&Candidate> = candidates.iter().enumerate().filter(is_own).map(|(_, c)| c).collect();
     if candidates.iter().any(|c| c.rough.is_some()) {
@@ -246,13 +247,18 @@ pub fn turns(candidates: &[Candidate], tries: usize) -> Vec<(ExampleId, u32)> {
     own.into_iter().chain(others.into_iter().take(tries)).map(Candidate::key).collect()
 }
 
+/// The place of each candidate, from 0.
+fn places(candidates: &[Candidate]) -> HashMap<(ExampleId, u32), usize> {
+    candidates.iter().map(Candidate::key).zip(0..).collect()
+}
+
 /// The first `limit` candidates as they go over the wire, where `tries` may be laid in turn.
 pub fn entries(candidates: &[Candidate], limit: usize, tries: usize) -> Vec<Entry> {
     let turns = turns(candidates, tries);
     let turn = |key| turns.iter().zip(1u32..).find(|(turn, _)| **turn == key).map(|(_, turn)| turn);
-    let ranks: HashMap<(ExampleId, u32), u32> =
-        candidates.iter().take(limit).zip(1u32..).map(|(c, rank)| (c.key(), rank)).collect();
-    let above = |key, place: usize| ranks.get(&key).copied().filter(|&rank| (rank as usize) <= place);
+    let shown = &candidates[..limit.min(candidates.len())];
+    let places = places(shown);
+    let rank_above = |key, place: usize| places.get(&key).filter(|&&at| at < place).map(|&at| at as u32 + 1);
     let describe = |(place, c): (usize, &Candidate)| Entry {
         rank: place as u32 + 1,
         example: c.resident.example.id,
@@ -268,11 +274,11 @@ pub fn entries(candidates: &[Candidate], limit: usize, tries: usize) -> Vec<Entr
         state: c.state,
         likeness: c.likeness.map(|likeness| likeness.score),
         agreement: c.rough.as_ref().map(|rough| rough.agreement),
-        similar_to: c.similar_to.and_then(|key| above(key, place)),
+        similar_to: c.similar_to.and_then(|key| rank_above(key, place)),
         template: c.resident.example.template.clone(),
         turn: turn(c.key()),
     };
-    candidates.iter().take(limit).enumerate().map(describe).collect()
+    shown.iter().enumerate().map(describe).collect()
 }
 
 /// The last entry of every ranking: a regular layout, which fits any segment of its topology, and is laid where there is no other.
