@@ -36,6 +36,12 @@ impl Choice {
         let name = if name.is_empty() { new.example.to_string() } else { name.to_owned() };
         Self { new, name }
     }
+
+    /// Of an entry of a segment's ranking.
+    fn of(entry: &Entry, segment: u32) -> Self {
+        let new = NewMap { segment, example: entry.example, example_segment: entry.example_segment, ..unchosen() };
+        Self::new(new, &entry.name)
+    }
 }
 
 /// The options that a choice leaves as they are.
@@ -69,10 +75,9 @@ pub(super) async fn choose(
 }
 
 /// The entries of the ranking that the service would lay in turn until one fits.
-pub(super) async fn in_turn(query: &Query, segment: u32, api: &Api) -> Result<Vec<ExampleRef>, ClientError> {
+pub(super) async fn in_turn(query: &Query, segment: u32, api: &Api) -> Result<Vec<Choice>, ClientError> {
     let ranking = api.ranking(query.id, RankingView { segment, after: None, wait_ms: 0 }).await?;
-    let named = |e: &Entry| ExampleRef { example: e.example, segment: Some(e.example_segment) };
-    Ok(ranking::in_turn(&ranking.entries).into_iter().map(named).collect())
+    Ok(ranking::in_turn(&ranking.entries).into_iter().map(|entry| Choice::of(entry, segment)).collect())
 }
 
 /// The score of the best entry of a segment's ranking: the lower, the better. Infinite where there is none.
@@ -88,8 +93,7 @@ pub(super) fn score(ranking: &Ranking) -> f64 {
 /// The best entry of the ranking, or the best of the example that is told.
 fn best(ranking: &Ranking, segment: u32, told: Option<ExampleRef>) -> Option<Choice> {
     let entry = ranking.entries.iter().find(|entry| told.is_none_or(|told| told.example == entry.example))?;
-    let new = NewMap { segment, example: entry.example, example_segment: entry.example_segment, ..unchosen() };
-    Some(Choice::new(new, &entry.name))
+    Some(Choice::of(entry, segment))
 }
 
 /// The first segment of the example that has the topology, or that can be laid on a part of the input; a part of what is there

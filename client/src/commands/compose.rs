@@ -24,6 +24,7 @@ use quadmuse_proto::{
     composition::{AS_MAPPED, INSPIRED_LEAST, SMOOTHING_DEFAULT},
     segment::Parts,
 };
+use std::cmp::Reverse;
 
 /// A mesh with more small holes is a scan full of gaps, and is not cut where nobody asked for it.
 const HOLES_CUT_MAX: u32 = 8;
@@ -287,8 +288,8 @@ async fn cut_and_composed(
         return Ok(None);
     };
     if in_reach(&query, api).await? >= INSPIRED_LEAST {
-        let maps = mapped(&query, wish, api, ui).await?;
-        if maps.iter().map(|map| map.covers.input * share_of(&query, map.segment)).sum::<f64>() >= INSPIRED_LEAST {
+        let maps = mapped(&query, (wish, INSPIRED_LEAST), api, ui).await?;
+        if maps.iter().map(|map| inspired_by(map, &query)).sum::<f64>() >= INSPIRED_LEAST {
             return stitched_of(&query, maps, wish, api, ui).await.map(Some);
         }
     }
@@ -305,6 +306,11 @@ async fn in_reach(query: &Query, api: &Api) -> Result<f64, ClientError> {
         }
     }
     Ok(share)
+}
+
+/// The share of a scan that has a map's quads.
+fn inspired_by(map: &Map, query: &Query) -> f64 {
+    map.covers.input * share_of(query, map.segment)
 }
 
 /// The share of a scan's faces that a segment has.
@@ -498,7 +504,7 @@ async fn stitch(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Resul
 
 /// Maps every segment, and stitches the maps.
 async fn composed(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Result<Outcome, ClientError> {
-    let maps = mapped(query, wish, api, ui).await?;
+    let maps = mapped(query, (wish, 0.0), api, ui).await?;
     if let Some(density) = wish.lay.density {
         ui.note(&table::expected_quads(&maps, query.segments.len(), density));
     }
@@ -518,14 +524,21 @@ async fn stitched_of(
     Ok(Outcome::Composition(Box::new(composition), maps))
 }
 
-/// The maps of all segments, but for those that nobody chose and that are poor.
-async fn mapped(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Result<Vec<Map>, ClientError> {
+/// The maps of all segments, but for those that nobody chose and that are poor. Ends early where less than a share `least` of the
+/// scan can still come to have an example's quads.
+async fn mapped(
+    query: &Query,
+    (wish, least): (&Wish<'_>, f64),
+    api: &Api,
+    ui: &mut Ui,
+) -> Result<Vec<Map>, ClientError> {
     for part in &wish.uses {
         check_segment(query, Some(part.segment))?;
     }
     let mut maps = Vec::new();
-    let mapped: Vec<&QuerySegment> =
+    let mut mapped: Vec<&QuerySegment> =
         query.segments.iter().filter(|s| s.tries > 0 || told(s.segment, wish).is_some()).collect();
+    mapped.sort_by_key(|segment| Reverse(segment.faces));
     let count = mapped.len();
     if count < query.segments.len() {
         let (left, all) = (query.segments.len() - count, query.segments.len());
@@ -534,8 +547,13 @@ async fn mapped(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Resul
     let bar = ui.bar(count as u64, "mapping");
     let asked: Vec<_> = mapped.into_iter().map(|segment| (segment, told(segment.segment, wish))).collect();
     let mut each = lay_each(query, asked.clone(), wish.lay.beyond, api);
+    let mut in_reach: f64 = asked.iter().map(|(segment, _)| share_of(query, segment.segment)).sum();
     for (done, (segment, told)) in asked.into_iter().enumerate() {
+        if in_reach < least {
+            break;
+        }
         let Some(laid) = awaited(mapping(query), each.next(), api, ui).await else { break };
+        in_reach -= share_of(query, segment.segment);
         let said = match laid {
             Ok(None) => "no example lies well on it".into(),
             // What nobody asked for and is poor is left to the service, which says what takes its place.
@@ -544,6 +562,7 @@ async fn mapped(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Resul
             }
             Ok(Some((map, name))) => {
                 let said = fitting(&map, &name);
+                in_reach += inspired_by(&map, query);
                 maps.push(map);
                 said
             }
@@ -557,5 +576,6 @@ async fn mapped(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Resul
         bar.inc(1);
     }
     bar.finish_and_clear();
+    maps.sort_by_key(|map| map.segment);
     Ok(maps)
 }

@@ -1,7 +1,7 @@
 //! `map` and `constrain`: lays an example on the input, and writes the mesh.
 
 use super::{
-    choose::{choose, finished, in_turn},
+    choose::{Choice, choose, finished, in_turn},
     deliver::{Target, write_map},
     making::{Awaited, awaited},
     rank::check_segment,
@@ -106,7 +106,16 @@ async fn laid(
             segments: query.segments.len(),
         });
     };
-    let choice = choose(query, found, told, api).await?;
+    laid_as_chosen(query, choose(query, found, told, api).await?, (beyond, held), api).await
+}
+
+/// The map of what was chosen, and the example's name.
+async fn laid_as_chosen(
+    query: &Query,
+    choice: Choice,
+    (beyond, held): (Beyond, &Held),
+    api: &Api,
+) -> Result<(Map, String), ClientError> {
     let (landmarks, names) = (held.landmarks.clone(), held.names.clone());
     let map = api.start_map(query.id, &NewMap { beyond, landmarks, names, ..choice.new }).await?;
     Ok((map, choice.name))
@@ -138,7 +147,7 @@ async fn best(
 ) -> Result<Option<(Map, String)>, ClientError> {
     let tries = segment.tries as usize;
     let free = Held::default();
-    let one = |told| laid(query, segment.segment, Some(told), (beyond, &free), api);
+    let one = |choice| laid_as_chosen(query, choice, (beyond, &free), api);
     let mut turns = in_turn(query, segment.segment, api).await?.into_iter();
     // The first is mostly good enough. Where it is not, two at a time are laid, and looked at in order.
     let Some(first) = turns.next() else { return Ok(None) };
