@@ -54,6 +54,11 @@ impl Candidate {
     pub fn key(&self) -> (ExampleId, u32) {
         (self.resident.example.id, self.resident.segment)
     }
+
+    /// The topology of the corpus segment.
+    pub fn topology(&self) -> Topology {
+        self.resident.facts.topology
+    }
 }
 
 /// The levels to rank at, coarsest first, up to `resolution`.
@@ -67,6 +72,8 @@ pub const RANKED_MAX: usize = 512;
 /// Candidates whose features are moved at the coarsest level. *Ours, not the paper's*, which moves those of all: in a
 /// large corpus the best by translation hold the best by registration (tests/records).
 pub const REGISTERED_MAX: usize = 128;
+/// The same of a small part of a scan, which gets one map, if a rough fit speaks for it.
+pub const REGISTERED_OF_PART: usize = 24;
 
 /// How many of `count` candidates go on to `level`: half at each level, never fewer than `top`.
 pub fn survivors(count: usize, top: usize, level: u32) -> usize {
@@ -226,6 +233,9 @@ pub fn resume(candidates: &mut Vec<Candidate>, resumed: Candidate, top: usize) {
 const WORTH_FROM: f64 = 0.05;
 /// From this agreement on a rough fit is sure, on however little of the query.
 pub const SURE_FROM: f64 = 0.25;
+/// What gets one try, as a small part of a scan does, is laid where a rough fit agrees by so much: of 42 maps of those that agreed
+/// less two were not poor, and both were wrong (tests/records/parts-2026-11-27.md).
+const ONE_TRY_FROM: f64 = 0.2;
 
 /// The candidates that are laid where nobody chooses, in turn until one fits: the first `tries` that are no near-duplicates of one
 /// above. Where some were laid roughly, these are what the query is like, or nothing is: those that fitted, and those that another
@@ -236,7 +246,10 @@ pub fn turns(candidates: &[Candidate], tries: usize) -> Vec<(ExampleId, u32)> {
     let is_own = |(place, c): &(usize, &Candidate)| c.similar_to.is_none_or(|key| !is_above(key, *place));
     let mut own: Vec<&Candidate> = candidates.iter().enumerate().filter(is_own).map(|(_, c)| c).collect();
     if candidates.iter().any(|c| c.rough.is_some()) {
-        let is_enough = |rough: &Rough| rough.worth() >= WORTH_FROM || rough.agreement >= SURE_FROM;
+        let is_enough = |rough: &Rough| match tries {
+            0 | 1 => rough.agreement >= ONE_TRY_FROM,
+            _ => rough.worth() >= WORTH_FROM || rough.agreement >= SURE_FROM,
+        };
         let fits = |c: &&Candidate| c.rough.as_ref().is_some_and(|rough| c.lead.is_some() || is_enough(rough));
         return own.into_iter().filter(fits).take(tries).map(Candidate::key).collect();
     }
@@ -503,7 +516,11 @@ mod tests {
         assert_eq!(names(&all, 3), "a", "a hand on an arm");
         all[0].rough = rough(0.0);
         (all[2].rough, all[4].rough) = (rough(2.0 * WORTH_FROM), rough(0.4));
-        assert_eq!([1, 3].map(|tries| names(&all, tries)), ["c", "ce"]);
+        assert_eq!([2, 3].map(|tries| names(&all, tries)), ["ce", "ce"]);
+        assert_eq!(names(&all, 1), "e", "what gets one try has to be surer");
+        all[4].rough = rough(ONE_TRY_FROM - 0.01);
+        assert_eq!(names(&all, 1), "");
+        all[4].rough = rough(0.4);
         all[0].lead = Some(all[4].key());
         assert_eq!(names(&all, 3), "ace");
         let told: Vec<Option<u32>> = entries(&all, 9, 3).iter().map(|e| e.turn).collect();

@@ -25,6 +25,15 @@ const FACES_PER_FORM: u64 = 16;
 /// Faces of a segment on average below which many segments are a rag, of which only those with enough form are worth it.
 const FACES_OF_RAG: u64 = 96;
 
+/// A segment with less of the faces is a small part of its scan.
+const SHARE_MIN: f64 = 0.25;
+
+/// Tells whether a segment has less than a quarter of the faces that tell of a scan's form.
+pub fn is_small_part(segments: &[ModelSegment], segment: usize) -> bool {
+    let all = segments.iter().map(|s| s.form).sum::<u64>();
+    segments.get(segment).is_some_and(|own| (own.form as f64) < SHARE_MIN * all as f64)
+}
+
 /// Whether a segment, by its number, is worth it.
 pub fn is_worth_an_example(segments: &[ModelSegment], segment: usize) -> bool {
     let Some(&ModelSegment { faces: sent, form: own, .. }) = segments.get(segment) else { return false };
@@ -118,5 +127,7 @@ mod tests {
         let strip = [of(100_000, 200)];
         assert_eq!((tries(&strip, 0), is_much_of_scan(&strip, 0)), (1, false));
         assert!(!is_much_of_scan(&[of(100_000, 4), of(2_000, 300)], 1), "few of all that count");
+        let parts = [of(100_000, 249), of(751, 751)];
+        assert!(is_small_part(&parts, 0) && !is_small_part(&parts, 1) && !is_small_part(&[], 0));
     }
 }

@@ -11,7 +11,7 @@ use crate::work::engine::{Model, Opaque, Rough, RoughLead, Stage};
 use crate::work::ingest;
 use crate::work::query::ms_since;
 use crate::work::ranking::{Candidate, SURE_FROM, by_fit, by_likeness};
-use crate::work::worth::{FACES_CHOSEN_MIN, choices};
+use crate::work::worth::{FACES_CHOSEN_MIN, choices, is_small_part};
 use futures_util::{StreamExt, stream};
 use quadmuse_kernel::settle::Likeness;
 use quadmuse_proto::{EntryState, LevelTiming, Topology};
@@ -36,6 +36,10 @@ const ROUGH_ALIKE: usize = 6;
 const ROUGH_AT_A_TIME: usize = 2;
 const ROUGH_ENOUGH: f64 = 0.15;
 const ROUGH_WANTED: usize = 2;
+/// Up to this score the best picture of a small part of a scan is sure: those of the same part of another have up to .01. *Untuned.*
+const SURE_ON_PART: f64 = 0.04;
+/// Examples that are laid roughly on a small part of a scan, which gets one map: the first of those that are finished.
+const ROUGH_ON_PART: usize = 2;
 /// An example that explains less of the query than this, and is sure, may lead others. *Untuned.*
 const LEADS_BELOW: f64 = 0.5;
 /// An example that is led there and agrees less does not follow: what it has beyond the part is too unlike the query.
@@ -44,8 +48,6 @@ const FOLLOWS_FROM: f64 = -0.15;
 const FOLLOWERS: usize = 2;
 /// Examples that one may lead: the most alike, then the first. Most are found to hold no such part at once.
 const LED_MAX: usize = 24;
-/// A segment with less of the query's faces is not worth it; nor is one of few faces, which lies on anything.
-const SHARE_MIN: f64 = 0.25;
 
 impl SegmentSearch<'_> {
     /// Lets the shapes decide, where the pictures leave it open.
@@ -55,6 +57,9 @@ impl SegmentSearch<'_> {
             return Ok(());
         }
         let newest = self.live.board().rankings.get(self.segment).cloned().unwrap_or_default();
+        if is_small_part(&self.live.model.segments, self.segment) {
+            return self.lay_on_part(newest.candidates.clone(), start).await;
+        }
         if !self.is_open(&newest.candidates) {
             return Ok(());
         }
@@ -73,14 +78,39 @@ impl SegmentSearch<'_> {
         self.published(by_fit(ordered), start).await
     }
 
+    /// Lays the first few on a small part of a scan roughly, unless its picture is sure: most tell nearly nothing
+    /// (tests/records/parts-2026-11-27.md).
+    async fn lay_on_part(&self, mut candidates: Vec<Candidate>, start: Instant) -> Result<(), WorkError> {
+        let (own, first) = (self.live.model.segments.get(self.segment), candidates.first());
+        let is_worth_it = own.is_some_and(|own| own.form >= FACES_CHOSEN_MIN && has_caps(own.topology));
+        if !is_worth_it || first.is_none_or(|first| first.score <= SURE_ON_PART) {
+            return Ok(());
+        }
+        let is_finished = |&at: &usize| candidates[at].state == EntryState::Done && has_caps(candidates[at].topology());
+        let chosen: Vec<usize> = (0..candidates.len()).filter(is_finished).take(ROUGH_ON_PART).collect();
+        let Some(ready) = self.ready_for_rough().await? else { return Ok(()) };
+        let fits = self.all_rough(&candidates, (&chosen, &ready), None).await?;
+        // Of what has no relief, as an eye, none can be laid roughly.
+        if fits.first().is_none_or(Option::is_none) {
+            return Ok(());
+        }
+        chosen.iter().zip(fits).for_each(|(&at, fit)| candidates[at].rough = fit);
+        self.published(by_fit(candidates), start).await
+    }
+
+    /// The query, made ready for all that are laid on it roughly.
+    async fn ready_for_rough(&self) -> Result<Option<Opaque>, WorkError> {
+        let (engine, model, segment) =
+            (Arc::clone(&self.work.engine), Arc::clone(&self.live.model), self.segment as u32);
+        let ready = move |_: &Stop| engine.ready_for_rough(&model, segment);
+        Ok(self.work.pool.run(&self.live.job, Lane::Fine, ready).await??)
+    }
+
     /// Lays the best few roughly, and lets the best of these lead others.
     async fn fit_roughly(&self, candidates: &mut [Candidate]) -> Result<(), WorkError> {
         let worth = |c: &Candidate| c.rough.as_ref().map_or(f64::NEG_INFINITY, Rough::worth);
         let chosen = worth_laying(candidates);
-        let (engine, model, segment) =
-            (Arc::clone(&self.work.engine), Arc::clone(&self.live.model), self.segment as u32);
-        let ready = move |_: &Stop| engine.ready_for_rough(&model, segment);
-        let Some(ready) = self.work.pool.run(&self.live.job, Lane::Fine, ready).await?? else { return Ok(()) };
+        let Some(ready) = self.ready_for_rough().await? else { return Ok(()) };
         for some in chosen.chunks(ROUGH_AT_A_TIME) {
             let fits = self.all_rough(candidates, (some, &ready), None).await?;
             some.iter().zip(fits).for_each(|(&at, fit)| candidates[at].rough = fit);
@@ -201,13 +231,10 @@ impl SegmentSearch<'_> {
     fn is_open(&self, candidates: &[Candidate]) -> bool {
         let segments = &self.live.model.segments;
         let (Some(own), Some(first)) = (segments.get(self.segment), candidates.first()) else { return false };
-        let all: u64 = segments.iter().map(|s| s.form).sum();
-        let is_worth_it = own.form >= FACES_CHOSEN_MIN && own.form as f64 >= SHARE_MIN * all as f64;
         // A part of a picture tells little, and so does the picture of what was cut.
         let is_cut = first.resident.facts.topology != own.topology;
         let is_unsure = first.score > UNSURE || own.holes > HOLES_SURE || is_cut;
-        let has_caps = |c: &Candidate| matches!(c.resident.facts.topology, Topology::Disc | Topology::Sphere);
-        is_worth_it && is_unsure && candidates.iter().any(has_caps)
+        own.form >= FACES_CHOSEN_MIN && is_unsure && candidates.iter().any(|c| has_caps(c.topology()))
     }
 
     /// The first few candidates of either topology that are no near-duplicates, and all others, each in order.
@@ -232,7 +259,8 @@ impl SegmentSearch<'_> {
     async fn published(&self, mut candidates: Vec<Candidate>, start: Instant) -> Result<(), WorkError> {
         let (top, level) = (self.live.options.top as usize, self.live.options.resolution);
         let top = choices(&self.live.model.segments, self.segment, top);
-        let laid = candidates.iter().filter(|candidate| candidate.likeness.is_some()).count();
+        let is_laid = |c: &&Candidate| c.likeness.is_some() || c.rough.is_some() || c.state == EntryState::Done;
+        let laid = candidates.iter().filter(is_laid).count();
         for (place, candidate) in candidates.iter_mut().enumerate() {
             if place >= top.min(laid) {
                 candidate.state = EntryState::Locked;
@@ -246,6 +274,11 @@ impl SegmentSearch<'_> {
         self.live.publish(self.segment, level, candidates, timing);
         Ok(())
     }
+}
+
+/// Tells whether a surface has nothing to close but one rim: only such can be laid roughly.
+fn has_caps(topology: Topology) -> bool {
+    matches!(topology, Topology::Disc | Topology::Sphere)
 }
 
 fn alike(candidate: &Candidate) -> f64 {
