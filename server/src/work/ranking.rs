@@ -233,8 +233,8 @@ pub fn resume(candidates: &mut Vec<Candidate>, resumed: Candidate, top: usize) {
 const WORTH_FROM: f64 = 0.05;
 /// From this agreement on a rough fit is sure, on however little of the query.
 pub const SURE_FROM: f64 = 0.25;
-/// What gets one try, as a small part of a scan does, is laid where a rough fit agrees by so much: of 45 maps of those that agreed
-/// less two were not poor, and both were wrong (tests/records/parts-2026-11-27.md).
+/// A segment that gets one try, as a small part of a scan does, is laid with an example whose rough fit agrees by so much: of 45
+/// maps of those that agreed less two were not poor, and both were wrong (tests/records/parts-2026-11-27.md).
 const ONE_TRY_FROM: f64 = 0.2;
 
 /// The candidates that are laid where nobody chooses, in turn until one fits: the first `tries` that are no near-duplicates of one
