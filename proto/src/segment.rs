@@ -31,6 +31,11 @@ impl Topology {
             Self::Torus => "torus",
         }
     }
+
+    /// Tells whether a surface has at most one boundary loop and no handle: of two such one may be laid on a part of the other.
+    pub fn has_caps(self) -> bool {
+        matches!(self, Self::Disc | Self::Sphere)
+    }
 }
 
 /// How an uploaded mesh is cut into segments (`segments=`).

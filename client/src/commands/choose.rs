@@ -101,10 +101,9 @@ fn best(ranking: &Ranking, segment: u32, told: Option<ExampleRef>) -> Option<Cho
 fn fitting(example: &Example, segment: u32, (topology, is_alone): (Topology, bool)) -> Result<Choice, ClientError> {
     // Of a disc and a closed surface one may lie on a part of the other, and either on all of a scan that was cut at two places.
     let is_cut = is_alone && topology == Topology::Annulus;
-    let has_caps = |topology| matches!(topology, Topology::Disc | Topology::Sphere);
     let (parts, wholes): (Vec<_>, Vec<_>) = example.segments.iter().partition(|segment| segment.is_part);
     let same = wholes.iter().find(|candidate| candidate.topology == topology);
-    let found = same.or_else(|| wholes.iter().find(|c| has_caps(c.topology) && (is_cut || has_caps(topology))));
+    let found = same.or_else(|| wholes.iter().find(|c| c.topology.has_caps() && (is_cut || topology.has_caps())));
     let found = found.or_else(|| parts.iter().find(|candidate| candidate.topology == topology));
     let Some(found) = found else {
         let article = if topology == Topology::Annulus { "an" } else { "a" };

@@ -54,11 +54,6 @@ impl Candidate {
     pub fn key(&self) -> (ExampleId, u32) {
         (self.resident.example.id, self.resident.segment)
     }
-
-    /// The topology of the corpus segment.
-    pub fn topology(&self) -> Topology {
-        self.resident.facts.topology
-    }
 }
 
 /// The levels to rank at, coarsest first, up to `resolution`.
@@ -72,8 +67,13 @@ pub const RANKED_MAX: usize = 512;
 /// Candidates whose features are moved at the coarsest level. *Ours, not the paper's*, which moves those of all: in a
 /// large corpus the best by translation hold the best by registration (tests/records).
 pub const REGISTERED_MAX: usize = 128;
-/// The same of a small part of a scan, which gets one map, if a rough fit speaks for it.
-pub const REGISTERED_OF_PART: usize = 24;
+/// The same of a small part of a scan, which gets one map, if a rough fit speaks for it; more where more are to be shown.
+const REGISTERED_OF_PART: usize = 24;
+
+/// How many of `count` candidates of a small part of a scan count at all.
+pub fn counted_of_part(count: usize, top: usize) -> usize {
+    count.min(REGISTERED_OF_PART.max(top))
+}
 
 /// How many of `count` candidates go on to `level`: half at each level, never fewer than `top`.
 pub fn survivors(count: usize, top: usize, level: u32) -> usize {
@@ -379,6 +379,7 @@ mod tests {
             [30, 10, 4, 3]
         );
         assert_eq!(registered_at(100, 4, 32, 32), 100);
+        assert_eq!([(100, 4), (100, 64), (10, 4)].map(|(count, top)| counted_of_part(count, top)), [24, 64, 10]);
     }
 
     #[test]

@@ -18,7 +18,7 @@ use super::catalogue::{LEVEL_COARSEST, Resident, Stock};
 use super::engine::{Cut, Encoding, Engine, Model, ModelSegment, Registration};
 use super::ingest::{self, Upload, encode, normal_tags};
 use super::query::{LiveQuery, QueryOptions, ms_since};
-use super::ranking::{Candidate, Depth, REGISTERED_MAX, REGISTERED_OF_PART, levels_up_to, mark, order, registered_at};
+use super::ranking::{Candidate, Depth, counted_of_part, levels_up_to, mark, order, registered_at};
 use super::worth::{choices, is_much_of_scan, is_small_part, is_worth_an_example};
 use super::{Caller, REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, PoolError, Stop, StopReason};
@@ -341,11 +341,13 @@ impl SegmentSearch<'_> {
 
     /// Marks who goes on to `next`, and publishes.
     fn publish(&self, level: u32, next: Option<u32>, (mut candidates, fresh, ms): Level) {
-        let options = &self.live.options;
-        let is_part = is_small_part(&self.live.model.segments, self.segment);
-        let count = candidates.len().min(if is_part { REGISTERED_OF_PART } else { REGISTERED_MAX });
-        let on = next.map(|next| registered_at(count, options.top as usize, next, options.resolution).min(fresh));
-        mark(&mut candidates, level, on, options.top as usize);
+        let (options, top) = (&self.live.options, self.live.options.top as usize);
+        let count = match is_small_part(&self.live.model.segments, self.segment) {
+            true => counted_of_part(candidates.len(), top),
+            false => candidates.len(),
+        };
+        let on = next.map(|next| registered_at(count, top, next, options.resolution).min(fresh));
+        mark(&mut candidates, level, on, top);
         let timing = LevelTiming { segment: self.segment as u32, level, entries: fresh as u64, ms };
         self.live.publish(self.segment, level, candidates, timing);
     }

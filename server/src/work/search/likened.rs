@@ -82,11 +82,12 @@ impl SegmentSearch<'_> {
     /// (tests/records/parts-2026-11-27.md).
     async fn lay_on_part(&self, mut candidates: Vec<Candidate>, start: Instant) -> Result<(), WorkError> {
         let (own, first) = (self.live.model.segments.get(self.segment), candidates.first());
-        let is_worth_it = own.is_some_and(|own| own.form >= FACES_CHOSEN_MIN && has_caps(own.topology));
+        let is_worth_it = own.is_some_and(|own| own.form >= FACES_CHOSEN_MIN && own.topology.has_caps());
         if !is_worth_it || first.is_none_or(|first| first.score <= SURE_ON_PART) {
             return Ok(());
         }
-        let is_finished = |&at: &usize| candidates[at].state == EntryState::Done && has_caps(candidates[at].topology());
+        // A disc or a closed surface is ranked against such alone.
+        let is_finished = |&at: &usize| candidates[at].state == EntryState::Done;
         let chosen: Vec<usize> = (0..candidates.len()).filter(is_finished).take(ROUGH_ON_PART).collect();
         let Some(ready) = self.ready_for_rough().await? else { return Ok(()) };
         let fits = self.all_rough(&candidates, (&chosen, &ready), None).await?;
@@ -234,7 +235,7 @@ impl SegmentSearch<'_> {
         // A part of a picture tells little, and so does the picture of what was cut.
         let is_cut = first.resident.facts.topology != own.topology;
         let is_unsure = first.score > UNSURE || own.holes > HOLES_SURE || is_cut;
-        own.form >= FACES_CHOSEN_MIN && is_unsure && candidates.iter().any(|c| has_caps(c.topology()))
+        own.form >= FACES_CHOSEN_MIN && is_unsure && candidates.iter().any(|c| c.resident.facts.topology.has_caps())
     }
 
     /// The first few candidates of either topology that are no near-duplicates, and all others, each in order.
@@ -259,7 +260,7 @@ impl SegmentSearch<'_> {
     async fn published(&self, mut candidates: Vec<Candidate>, start: Instant) -> Result<(), WorkError> {
         let (top, level) = (self.live.options.top as usize, self.live.options.resolution);
         let top = choices(&self.live.model.segments, self.segment, top);
-        let is_laid = |c: &&Candidate| c.likeness.is_some() || c.rough.is_some() || c.state == EntryState::Done;
+        let is_laid = |c: &&Candidate| c.likeness.is_some() || c.state == EntryState::Done;
         let laid = candidates.iter().filter(is_laid).count();
         for (place, candidate) in candidates.iter_mut().enumerate() {
             if place >= top.min(laid) {
@@ -274,11 +275,6 @@ impl SegmentSearch<'_> {
         self.live.publish(self.segment, level, candidates, timing);
         Ok(())
     }
-}
-
-/// Tells whether a surface has nothing to close but one rim: only such can be laid roughly.
-fn has_caps(topology: Topology) -> bool {
-    matches!(topology, Topology::Disc | Topology::Sphere)
 }
 
 fn alike(candidate: &Candidate) -> f64 {
