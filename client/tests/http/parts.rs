@@ -30,7 +30,11 @@ async fn retopo_cuts_what_no_example_fits_as_a_whole() {
     });
     let ran = run(&server.url, &format!("retopo {} -o {}", mesh.path().display(), out.display())).await;
     assert_eq!(ran.code(), 0, "{}", ran.notes);
-    assert!(ran.notes.contains("the best example, example 1, fits poorly as a whole\ncutting the mesh"), "{}", ran.notes);
+    assert!(
+        ran.notes.contains("the best example, example 1, fits poorly as a whole\ncutting the mesh"),
+        "{}",
+        ran.notes
+    );
     let posted: Vec<Asked> = server.asked().into_iter().filter(|asked| asked.line.starts_with("POST")).collect();
     let cuts = posted.iter().filter(|asked| asked.line.starts_with("POST /v1/queries?"));
     assert!(cuts.map(|asked| asked.line.contains("parts=waist")).eq([true, false]), "first at its waist");
