@@ -197,8 +197,8 @@ impl Engine {
         self.committed(FIRST_COMMIT_DEADLINE)
     }
 
-    /// A commit may never end by itself: the database forgets what failed while it opened, and was seen to miss a write that failed
-    /// later; then it waits for what will not be written. So the disk is tried when it takes long.
+    /// A commit may never end by itself: the database does not wake who waits for a write that failed on a thread of its own, and
+    /// forgets what failed while it opened. So it is woken, and the disk is tried, when it takes long.
     fn committed(&self, deadline: Duration) -> Result<(), Failure> {
         let (db, file) = (self.db.clone(), self.file.try_clone().map_err(|error| Failure::from(&error))?);
         let (sender, receiver) = mpsc::sync_channel(1);
@@ -209,16 +209,32 @@ impl Engine {
         let thread = std::thread::Builder::new().name("store-flush".into()).spawn(flush);
         thread.map_err(|error| Failure::from(&error))?;
         let begun = Instant::now();
+        let mut wake_after = TRY_EVERY;
         loop {
             match receiver.recv_timeout(TRY_EVERY) {
                 Ok(result) => return result,
                 Err(mpsc::RecvTimeoutError::Disconnected) => return Err(Failure::Panic("its thread ended".into())),
-                Err(mpsc::RecvTimeoutError::Timeout) => self.try_disk().map_err(|error| Failure::from(&error))?,
+                Err(mpsc::RecvTimeoutError::Timeout) => {}
+            }
+            if begun.elapsed() >= wake_after {
+                self.wake()?;
+                wake_after *= 2;
+            }
+            if let Err(error) = self.try_disk() {
+                // Woken, it most often ends, and lets go of the database's lock.
+                return receiver.recv_timeout(TRY_EVERY).unwrap_or_else(|_| Err(Failure::from(&error)));
             }
             if begun.elapsed() > deadline {
                 return Err(Failure::Io("it was not written in time".into()));
             }
         }
+    }
+
+    /// Starts a second flush: where a write has failed, it wakes the first and ends; else it ends with it.
+    fn wake(&self) -> Result<(), Failure> {
+        let db = self.db.clone();
+        let thread = std::thread::Builder::new().name("store-wake".into()).spawn(move || drop(guarded(|| db.flush())));
+        thread.map(drop).map_err(|error| Failure::from(&error))
     }
 
     /// Writes a little beside the index, and removes it.

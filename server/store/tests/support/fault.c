@@ -1,7 +1,7 @@
 /* A disk that fails on command: preloaded, it stands between a program and the file system.
  *
  * What changes files below QUADMUSE_FAULT_DIR is counted as long as the file QUADMUSE_FAULT_ORDER exists. That file names
- * what happens: "eio N" fails the N-th change with EIO and is gone then, "eio 0" fails all of them, "kill N" ends the
+ * what happens: "eio N" fails the N-th change with EIO, after a moment, and is gone then, "eio 0" fails all of them, "kill N" ends the
  * process in place of it; "full N" fails with ENOSPC, from the N-th change on, whatever may need space. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -18,6 +18,8 @@
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static long changes;
+
+#define MOMENT_US 20000
 
 /* The next definition of a function, which ours stands before. */
 #define NEXT(name) ((__typeof__(&name))dlsym(RTLD_NEXT, #name))
@@ -46,6 +48,8 @@ static int fails(int grows) {
         }
     }
     pthread_mutex_unlock(&lock);
+    /* Whoever waits for a write on another thread is to wait by then, and must be told. */
+    if (fail && at && code == EIO) usleep(MOMENT_US);
     errno = fail ? code : saved;
     return fail;
 }
