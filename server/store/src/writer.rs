@@ -548,9 +548,11 @@ pub(crate) fn close(mut engine: Arc<Engine>) -> Result<(), Arc<Engine>> {
         }
         std::thread::sleep(Duration::from_millis(5));
     };
-    // A failed database may panic or hang when it is dropped: on a thread of its own, it hurts nobody.
+    // A failed database may panic or hang when it is dropped: on a thread of its own, it hurts nobody. It hangs most often in a write
+    // that fails there, so what is left is written before; what that finds, dropping it would have found.
     let (sender, receiver) = std::sync::mpsc::sync_channel(1);
     let drop_it = move || {
+        let _ = engine.commit();
         let dropped = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| drop(engine)));
         let _ = sender.send(dropped.is_ok());
     };
