@@ -32,8 +32,10 @@ const COLLECT_ROWS: usize = 512;
 /// chunks again.
 const GUARD_KEYS: u16 = 17;
 
-/// How often the disk is tried while a commit waits for it, and how long that may take: longer for the first.
-const TRY_EVERY: Duration = Duration::from_secs(1);
+/// When the disk is first tried while a commit waits for it, then after twice as long each time; how long a commit may take once
+/// that failed, and how long at all: longer for the first.
+const TRY_AFTER: Duration = Duration::from_millis(50);
+const LET_GO: Duration = Duration::from_secs(1);
 const COMMIT_DEADLINE: Duration = Duration::from_secs(60);
 const FIRST_COMMIT_DEADLINE: Duration = Duration::from_secs(300);
 
@@ -209,24 +211,21 @@ impl Engine {
         let thread = std::thread::Builder::new().name("store-flush".into()).spawn(flush);
         thread.map_err(|error| Failure::from(&error))?;
         let begun = Instant::now();
-        let mut wake_after = TRY_EVERY;
+        let mut wait = TRY_AFTER;
         loop {
-            match receiver.recv_timeout(TRY_EVERY) {
+            match receiver.recv_timeout(wait.min(deadline.saturating_sub(begun.elapsed()))) {
                 Ok(result) => return result,
                 Err(mpsc::RecvTimeoutError::Disconnected) => return Err(Failure::Panic("its thread ended".into())),
-                Err(mpsc::RecvTimeoutError::Timeout) => {}
-            }
-            if begun.elapsed() >= wake_after {
-                self.wake()?;
-                wake_after *= 2;
+                Err(mpsc::RecvTimeoutError::Timeout) => self.wake()?,
             }
             if let Err(error) = self.try_disk() {
                 // Woken, it most often ends, and lets go of the database's lock.
-                return receiver.recv_timeout(TRY_EVERY).unwrap_or_else(|_| Err(Failure::from(&error)));
+                return receiver.recv_timeout(LET_GO).unwrap_or_else(|_| Err(Failure::from(&error)));
             }
             if begun.elapsed() > deadline {
                 return Err(Failure::Io("it was not written in time".into()));
             }
+            wait *= 2;
         }
     }
 
