@@ -1,5 +1,5 @@
-//! A component of an input for which nothing was brought is laid out as a whole, along a field of crosses: its segments
-//! play no part.
+//! A component of an input on which nothing stands that was brought is laid out as a whole, along a field of crosses: its
+//! segments play no part.
 //!
 //! The layout of [`field`](super::field) is made a mesh of quads by the same surgery and the same local changes as what is
 //! stitched, and has to hold by the same theorems; else its edges are made shorter once, and at last the segments take
@@ -14,7 +14,7 @@ use super::placement::LayoutOrigin;
 use super::resolve::resolve;
 use super::simplify_valence::ValenceSimplifier;
 use super::stitching::{MISS_MAX, Stitching};
-use super::{Closeness, Piece, REGULAR_QUADS, Report};
+use super::{Closeness, REGULAR_QUADS, Report};
 use crate::mesh::PolyMesh;
 use crate::numerics::stage::Stage;
 
@@ -28,10 +28,9 @@ const EXPECTED: f64 = 0.9;
 const QUADS_MIN: usize = 24;
 
 impl Stitching<'_> {
-    /// The layout along a field, if nothing was brought; `None` where there is none that holds.
-    pub(super) fn along_field(&self, pieces: &[Piece<'_>], report: &mut Report) -> Option<PolyMesh> {
-        let is_bare = |piece: &Piece<'_>| matches!(piece, Piece::Regular(..) | Piece::Nothing);
-        if !Stage::Field.is_on() || self.is_late() || !pieces.iter().all(is_bare) {
+    /// The layout along a field; `None` where there is none that holds.
+    pub(super) fn along_field(&self, report: &mut Report) -> Option<PolyMesh> {
+        if !Stage::Field.is_on() || self.is_late() {
             return None;
         }
         let h = (self.scale.area / REGULAR_QUADS).sqrt() * self.options.edge_scale;

@@ -95,12 +95,22 @@ impl<'a> Stitching<'a> {
         if stop() {
             return None;
         }
-        if let Some(mesh) = self.along_field(pieces, report) {
+        let is_bare = pieces.iter().all(|piece| matches!(piece, Piece::Regular(..) | Piece::Nothing));
+        if is_bare && let Some(mesh) = self.along_field(report) {
             return Some(mesh);
         }
+        let in_place = |sites: &[Site<'_>]| if is_bare { None } else { self.in_place_of_all(pieces, sites) };
         let mut sites = self.sites(pieces);
         self.settle_density(&mut sites);
+        if let Some((mesh, told)) = in_place(&sites) {
+            *report = told;
+            return Some(mesh);
+        }
         let mesh = self.fitted(&mut sites, report, stop)?;
+        if let Some((mesh, told)) = in_place(&sites) {
+            *report = told;
+            return Some(mesh);
+        }
         self.tell(pieces, &sites, report);
         let mut made = self.stitched_near(mesh, &sites);
         for _ in 0..REFITTED_MAX {
@@ -125,6 +135,17 @@ impl<'a> Stitching<'a> {
             (made, *report) = (finer, again);
         }
         Some(self.followed(made, report))
+    }
+
+    /// The layout along a field where all that was brought gave way: templates on its segments would be worse.
+    fn in_place_of_all(&self, pieces: &[Piece<'_>], sites: &[Site<'_>]) -> Option<(PolyMesh, Report)> {
+        if sites.iter().any(|site| site.stands != Use::Regular) {
+            return None;
+        }
+        let mut report = Report::default();
+        let mesh = self.along_field(&mut report)?;
+        self.tell(pieces, sites, &mut report);
+        Some((mesh, report))
     }
 
     /// Stitches; what doesn't fit gives way.

@@ -253,6 +253,24 @@ fn nothing_but_regular_layouts_closes_and_follows_the_surface() {
 }
 
 #[test]
+fn where_all_parts_give_way_the_layout_is_that_of_an_input_for_which_nothing_was_brought() {
+    let mesh = sphere(4);
+    let owner = owners(&mesh, |p| u32::from(p.z > 0.0));
+    let found = layout::layout(&mesh, &owner, 2);
+    let far = |s: usize| {
+        let mut part = disc(&found.curves[s][0], 6, 0.0, &Target::new(&mesh));
+        part.positions.iter_mut().for_each(|p| *p *= 3.0);
+        part
+    };
+    let (low, high) = (far(0), far(1));
+    let input = Input { surface: &mesh, owner: &owner, count: 2 };
+    let with = |pieces: [Piece<'_>; 2]| compose(input, &pieces, Options::default(), &|| false).expect("valid parts");
+    let made = with([Piece::Mapped(&low), Piece::Mapped(&high)]);
+    assert_eq!((made.report.way, made.report.missing.len()), (Way::PartsReplaced, 2), "{:?}", made.report);
+    assert_eq!(made.mesh, with([Piece::Nothing; 2]).mesh);
+}
+
+#[test]
 fn what_misses_the_surface_is_made_finer_there_and_the_whole_is_not_subdivided() {
     let mut mesh = grid(80, 80, false, false);
     let wave = |p: &Vec3| if p.x > 0.5 { 0.03 * (60.0 * p.x).sin() * (60.0 * p.y).sin() } else { 0.0 };
