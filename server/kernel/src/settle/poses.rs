@@ -326,6 +326,17 @@ fn axes(z: Vec3) -> Matrix3<f64> {
     Matrix3::from_columns(&[x, z.cross(&x), z])
 }
 
+/// What a sample of the smaller surface meets on the larger.
+#[derive(Clone, Copy)]
+struct Met {
+    /// Where the sample lies.
+    at: Vec3,
+    /// The number of the sample of the larger that is nearest.
+    partner: usize,
+    /// How it counts: the cosine between their normals, or 0.
+    facing: f64,
+}
+
 /// One of equal turns about z.
 fn turned(turn: usize, of: usize) -> Matrix3<f64> {
     let (sin, cos) = (TAU * turn as f64 / of as f64).sin_cos();
@@ -416,9 +427,10 @@ impl Small {
                     return None;
                 }
                 // What only one of the two has may draw a pose off its place: then it stays.
-                let before = self.score(large, *samples, motion, &[]);
-                let (rested, met) = self.rest(large, *samples, *motion, *rounds);
-                *score = self.score(large, *samples, &rested, &met);
+                let first = self.met(large, *samples, motion, &[]);
+                let before = self.score(large, &first);
+                let (rested, met) = self.rest(large, *motion, first, *rounds);
+                *score = self.score(large, &met);
                 if *score >= before {
                     *motion = rested;
                 } else {
@@ -429,12 +441,16 @@ impl Small {
         Some(rough)
     }
 
-    /// What sample `k` meets: its place, the number of the partner, and how it counts. `last`: its partner of the round
-    /// before, if there was one.
-    fn meets(&self, large: &Large, k: usize, motion: &Motion, last: u32) -> (Vec3, usize, f64) {
-        let (x, n) = self.moved(k, motion);
-        let met = large.seen.tree.near(&sixfold(&x, &n), last, (SLACK, f64::INFINITY)).map_or(0, |f| f.0 as usize);
-        (x, met, n.dot(&large.seen.samples.normals[met]).max(0.0))
+    /// What the first samples meet. `last`: what they met in the round before, if there was one.
+    fn met(&self, large: &Large, samples: usize, motion: &Motion, last: &[Met]) -> Vec<Met> {
+        let meets = |k: usize| {
+            let (x, n) = self.moved(k, motion);
+            let near = last.get(k).map_or(u32::MAX, |last| last.partner as u32);
+            let found = large.seen.tree.near(&sixfold(&x, &n), near, (SLACK, f64::INFINITY));
+            let partner = found.map_or(0, |f| f.0 as usize);
+            Met { at: x, partner, facing: n.dot(&large.seen.samples.normals[partner]).max(0.0) }
+        };
+        (0..samples.min(self.points.len())).map(meets).collect()
     }
 
     /// How near its first samples lie, and how they face what they lie at, in the mean.
@@ -447,16 +463,14 @@ impl Small {
         (0..count).map(of).sum::<f64>() / count.max(1) as f64
     }
 
-    /// `last`: partners of the samples in the last round.
-    fn score(&self, large: &Large, samples: usize, motion: &Motion, last: &[u32]) -> f64 {
-        let count = samples.min(self.points.len());
-        let mut values = RELIEF_SCALES.map(|_| Vec::with_capacity(count));
+    /// How well a pose is, given what its samples meet.
+    fn score(&self, large: &Large, met: &[Met]) -> f64 {
+        let mut values = RELIEF_SCALES.map(|_| Vec::with_capacity(met.len()));
         let mut nearness = 0.0;
-        for k in 0..count {
-            let (x, met, facing) = self.meets(large, k, motion, last.get(k).copied().unwrap_or(u32::MAX));
-            let weight = facing * near(&x, &large.seen.samples.points[met]);
-            nearness += weight / count as f64;
-            let there = large.heights(met);
+        for (k, Met { at, partner, facing }) in met.iter().enumerate() {
+            let weight = facing * near(at, &large.seen.samples.points[*partner]);
+            nearness += weight / met.len() as f64;
+            let there = large.heights(*partner);
             for (s, values) in values.iter_mut().enumerate() {
                 values.push((self.relief[k][s], there[s], weight));
             }
@@ -465,31 +479,29 @@ impl Small {
         nearness * agreement.max(0.0)
     }
 
-    /// Iterated closest points; with the partners of the last round.
-    fn rest(&self, large: &Large, samples: usize, mut motion: Motion, rounds: usize) -> (Motion, Vec<u32>) {
-        let count = samples.min(self.points.len());
-        let mut last = vec![u32::MAX; count];
+    /// Iterated closest points, from what the samples meet first; with what they meet at last.
+    fn rest(&self, large: &Large, mut motion: Motion, mut met: Vec<Met>, rounds: usize) -> (Motion, Vec<Met>) {
         for _ in 0..rounds {
-            let met: Vec<_> = (0..count).map(|k| self.meets(large, k, &motion, last[k])).collect();
-            last.iter_mut().zip(&met).for_each(|(last, met)| *last = met.1 as u32);
-            let distances: Vec<f64> = met.iter().map(|m| (m.0 - large.seen.samples.points[m.1]).norm()).collect();
-            let facing: Vec<f64> = met.iter().map(|m| m.2).collect();
+            let distances: Vec<f64> =
+                met.iter().map(|m| (m.at - large.seen.samples.points[m.partner]).norm()).collect();
+            let facing: Vec<f64> = met.iter().map(|m| m.facing).collect();
             let sigma = sigma(&distances, &facing, NEAR);
             let pair = |k: usize| {
-                let (x, j, facing) = met[k];
-                let (c, n) = (large.seen.samples.points[j], large.seen.samples.normals[j]);
-                let way = c - x;
-                let target = x + n * n.dot(&way) * (1.0 - TANGENTIAL) + way * TANGENTIAL;
+                let Met { at, partner, facing } = met[k];
+                let (c, n) = (large.seen.samples.points[partner], large.seen.samples.normals[partner]);
+                let way = c - at;
+                let target = at + n * n.dot(&way) * (1.0 - TANGENTIAL) + way * TANGENTIAL;
                 (self.points[k], target, facing * facing * (-(distances[k] / sigma).powi(2)).exp())
             };
-            let pairs: Vec<_> = (0..count).map(pair).collect();
+            let pairs: Vec<_> = (0..met.len()).map(pair).collect();
             let Some(fit) = Similarity::fit(pairs.iter().copied()) else { break };
             let weight = pairs.iter().map(|p| p.2).sum::<f64>();
             let middle = pairs.iter().map(|p| p.0 * p.2).sum::<Vec3>() / weight;
             // The fit keeps the middle where it is at any size.
             motion = Motion { rotation: fit.rotation, shift: fit.shift + fit.rotation * middle * (fit.scale - 1.0) };
+            met = self.met(large, met.len(), &motion, &met);
         }
-        (motion, last)
+        (motion, met)
     }
 }
 
