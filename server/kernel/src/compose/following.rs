@@ -19,7 +19,7 @@ use crate::numerics::side_by_side;
 use crate::numerics::stage::Stage;
 
 /// Most quads that the whole is subdivided to, and times at most.
-const WHOLE_QUADS_MAX: usize = 48_000;
+pub(super) const WHOLE_QUADS_MAX: usize = 48_000;
 const REFINED_MAX: usize = 3;
 /// Share of the distance that may be left for it to be worth four times the quads.
 const REFINED_GAIN: f64 = 0.7;

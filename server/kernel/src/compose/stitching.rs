@@ -2,6 +2,7 @@
 
 use super::check::{self, Broken, Shape, check, extraordinary};
 use super::fit::Measured;
+use super::following::WHOLE_QUADS_MAX;
 use super::glue::{Glued, Misfit, glue, rims};
 use super::layout::{Layout, layout};
 use super::net::Net;
@@ -152,7 +153,7 @@ impl<'a> Stitching<'a> {
     fn fitted(&self, sites: &mut [Site<'_>], report: &mut Report, stop: &dyn Fn() -> bool) -> Option<PolyMesh> {
         let mut attempts = 0;
         loop {
-            if stop() {
+            if stop() || self.is_beyond_layout(sites) {
                 return None;
             }
             attempts += 1;
@@ -178,6 +179,12 @@ impl<'a> Stitching<'a> {
                 return None;
             }
         }
+    }
+
+    /// Whether nothing stands but the input's own triangles, and these make more quads than a layout may have: smoothing and
+    /// optimising them takes minutes, and makes no layout of them.
+    fn is_beyond_layout(&self, sites: &[Site<'_>]) -> bool {
+        sites.iter().all(|site| site.stands == Use::Own) && 3 * self.surface().triangles.len() > WHOLE_QUADS_MAX
     }
 
     fn sites<'p>(&self, pieces: &[Piece<'p>]) -> Vec<Site<'p>> {

@@ -314,6 +314,17 @@ fn a_coarse_part_is_subdivided_to_follow_the_surface_unless_its_layout_was_chose
 }
 
 #[test]
+fn a_mesh_of_slivers_that_has_no_layout_is_cut_into_quads_as_it_is() {
+    let mut mesh = grid(92, 92, false, false);
+    mesh.positions.iter_mut().for_each(|p| p.y *= 1e-8);
+    let owner = vec![0; mesh.triangles.len()];
+    let input = Input { surface: &mesh, owner: &owner, count: 1 };
+    let made = compose(input, &[Piece::Nothing], Options::default(), &|| false).expect("a mesh");
+    assert_eq!((made.report.way, made.mesh.faces.len()), (Way::InputSubdivided, 3 * mesh.triangles.len()));
+    assert_eq!(made.mesh.positions[..mesh.positions.len()], mesh.positions);
+}
+
+#[test]
 fn labels_and_parts_are_counted() {
     let mesh = sphere(1);
     let input = Input { surface: &mesh, owner: &[0; 3], count: 1 };
