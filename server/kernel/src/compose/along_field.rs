@@ -52,7 +52,7 @@ impl Stitching<'_> {
 
     /// The layout with edges of length `h`, optimised and near the input.
     fn field_near(&self, h: f64) -> Option<Near> {
-        let mut net = field_layout(self.surface(), self.sharp_edges(), h)?;
+        let mut net = field_layout((self.surface(), self.target.tree()), self.sharp_edges(), h)?;
         resolve(&mut net);
         check_structure(&net.clone().into_mesh().0, self.shape).ok()?;
         let free = vec![true; net.face_slots()];

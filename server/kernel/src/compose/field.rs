@@ -20,6 +20,7 @@ mod unfolded;
 
 use super::net::Net;
 use super::resolve::{Resolved, remove_doublets};
+use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::TriMesh;
 use plane::Planes;
 
@@ -32,14 +33,14 @@ const MENDING_ROUNDS: usize = 8;
 /// Most triangles that are solved on.
 const TRIANGLES_MAX: usize = 400_000;
 
-/// A net of quads with edges of length `h` on a connected surface with some sharp edges; a few triangles may stand at its
+/// A net of quads with edges of length `h` on a connected surface, given with its tree, with some sharp edges; a few triangles may stand at its
 /// boundary. `None` where there is none.
-pub(super) fn field_layout(surface: &TriMesh, sharp: &[u32], h: f64) -> Option<Net> {
+pub(super) fn field_layout((surface, tree): (&TriMesh, &Bvh), sharp: &[u32], h: f64) -> Option<Net> {
     if !(h > 0.0 && h.is_finite()) {
         return None;
     }
     let sharp = &lines::long(surface, sharp, LINE_LENGTH_MIN * h);
-    let remeshed = remesh::remesh(surface, sharp, h * TRIANGLE_EDGE, TRIANGLES_MAX)?;
+    let remeshed = remesh::remesh((surface, tree), sharp, h * TRIANGLE_EDGE, TRIANGLES_MAX)?;
     let (mesh, sharp) = (&remeshed.mesh, &remeshed.sharp);
     let planes = Planes::new(mesh);
     let field = cross::cross_field(mesh, &planes, sharp, h)?;
@@ -69,7 +70,7 @@ mod tests {
     use crate::topology::tests::grid;
 
     fn made(surface: &TriMesh, h: f64) -> crate::mesh::PolyMesh {
-        field_layout(surface, &[], h).expect("there is a layout").into_mesh().0
+        field_layout((surface, &Bvh::new(surface)), &[], h).expect("there is a layout").into_mesh().0
     }
 
     /// An egg with three different axes.
@@ -133,8 +134,9 @@ mod tests {
     fn what_is_smaller_than_a_quad_has_no_layout_or_one_that_is_no_panic() {
         let surface = grid(12, 6, true, true);
         for h in [3.0, 10.0, 1e6, f64::NAN] {
-            let _ = field_layout(&surface, &[], h);
+            let _ = field_layout((&surface, &Bvh::new(&surface)), &[], h);
         }
-        let _ = field_layout(&grid(1, 1, false, false), &[], 0.3);
+        let quad = grid(1, 1, false, false);
+        let _ = field_layout((&quad, &Bvh::new(&quad)), &[], 0.3);
     }
 }

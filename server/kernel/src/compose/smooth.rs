@@ -10,6 +10,7 @@ use crate::encode::index::Location;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::{NONE, TriMesh};
+use std::sync::Arc;
 
 /// Edges away from what was touched at which smoothing ends.
 const REACH: usize = 5;
@@ -21,7 +22,7 @@ pub const OPENING_ROUNDS: u32 = 24;
 /// The input as smoothing sees it.
 #[derive(Clone, Debug)]
 pub struct Target {
-    surface: Bvh,
+    surface: Arc<Bvh>,
     border: Bvh,
 }
 
@@ -32,11 +33,11 @@ impl Target {
         let border: Vec<u32> = (0..mesh.twins.len() as u32).filter(|&h| mesh.twin(h) == NONE).collect();
         let triangles: Vec<[u32; 3]> = border.iter().map(edge).collect();
         let border = TriMesh { positions: mesh.positions.clone(), triangles, ..TriMesh::default() };
-        Self { surface: Bvh::new(mesh), border: Bvh::new(&border) }
+        Self { surface: Arc::new(Bvh::new(mesh)), border: Bvh::new(&border) }
     }
 
     /// The search tree of the surface.
-    pub(super) fn tree(&self) -> &Bvh {
+    pub(super) fn tree(&self) -> &Arc<Bvh> {
         &self.surface
     }
 

@@ -19,7 +19,7 @@ use crate::map::snap::lines::sharp_edges;
 use crate::mesh::tri::TriMesh;
 use crate::mesh::{PolyMesh, Vec3};
 use crate::numerics::stop;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// Mean distance from which on a part or a result is subdivided, as a share of the diagonal of the input.
 pub(super) const MISS_MAX: f64 = 0.0019;
@@ -63,11 +63,12 @@ impl<'a> Stitching<'a> {
     /// For an input that is measured by a scale: its own, or that of what it is a component of. From `late_at` steps of
     /// this thread on it is late.
     pub(super) fn new(input: Input<'a>, options: Options, scale: Scale, late_at: u64) -> Self {
+        let target = Target::new(input.surface);
         Self {
             layout: layout(input.surface, input.owner, input.count),
             shape: Shape::of(input.surface),
-            target: Target::new(input.surface),
-            measured: Measured::new(input.surface),
+            measured: Measured::with_tree(input.surface, Arc::clone(target.tree())),
+            target,
             sharp: OnceLock::new(),
             late_at,
             scale,

@@ -10,7 +10,7 @@ mod turned;
 
 use super::tri::{NONE, TriMesh};
 use super::{Vec3, bounding_box};
-use crate::numerics::{many_in_halves, stop};
+use crate::numerics::{in_halves, many_in_halves, stop};
 use std::ops::Range;
 use turned::Turned;
 
@@ -20,6 +20,8 @@ const WIDTH: usize = 4;
 const STACK_SIZE: usize = 64;
 /// A child that is a triangle has this bit, one that is a node has not.
 const TRIANGLE: u32 = 1 << 31;
+/// Triangles from which on half of the tree is built on a second thread: some milliseconds.
+const MANY: usize = 1 << 14;
 /// Sums of single precision may be too large by this share of them, and where they are hardly above zero, by this value.
 const ROOM: f32 = 1e-6;
 const LEAST: f32 = f32::MIN_POSITIVE;
@@ -77,69 +79,14 @@ impl Bvh {
             Item { centre: [centre.x, centre.y, centre.z].map(|x| x as f32), triangle: t as u32 }
         };
         let mut items: Vec<Item> = mesh.triangles.iter().enumerate().map(item).collect();
-        let mut nodes: Vec<Node> = Vec::with_capacity(items.len() / 2 + 1);
-        let mut ranges = Vec::with_capacity(items.len() / 2 + 1);
-        // Ranges of `items` still to be made into nodes, each with the place among its parent's children.
-        let mut todo = vec![(0..items.len(), None)];
-        while let Some((range, parent)) = todo.pop() {
-            if range.is_empty() {
-                continue;
-            }
-            let number = nodes.len();
-            if let Some((parent, slot)) = parent {
-                let parent: &mut Node = &mut nodes[parent];
-                parent.children[slot] = number as u32;
-            }
-            stop::pass(range.len());
-            let mut node = Node {
-                low: [[f32::INFINITY; WIDTH]; 3],
-                high: [[f32::NEG_INFINITY; WIDTH]; 3],
-                children: [NONE; WIDTH],
-            };
-            for (slot, part) in parts(&mut items, range.clone()).into_iter().enumerate() {
-                match part.len() {
-                    0 => {}
-                    1 => node.children[slot] = part.start as u32 | TRIANGLE,
-                    _ => todo.push((part, Some((number, slot)))),
-                }
-            }
-            nodes.push(node);
-            ranges.push(range);
+        let corners_of = |item: &Item| corners(&mesh.triangles[item.triangle as usize]);
+        let (nodes, ranges) = tree_of(&mut items, &corners_of, middle);
+        let corners: Vec<[Vec3; 3]> = items.iter().map(corners_of).collect();
+        let mut turned = Vec::new();
+        if turned::has_needles(&corners) {
+            turned = ranges.into_iter().map(|range| Turned::of(corners[range].iter())).collect();
         }
-        let corners: Vec<[Vec3; 3]> =
-            items.iter().map(|item| corners(&mesh.triangles[item.triangle as usize])).collect();
-        let mut tree = Self {
-            turned: Vec::new(),
-            triangle_of: items.into_iter().map(|item| item.triangle).collect(),
-            corners,
-            nodes,
-            middle,
-        };
-        tree.put_boxes();
-        if turned::has_needles(&tree.corners) {
-            tree.turned = ranges.into_iter().map(|range| Turned::of(tree.corners[range].iter())).collect();
-        }
-        tree
-    }
-
-    /// Gives all children their boxes; a node comes before its children.
-    fn put_boxes(&mut self) {
-        for number in (0..self.nodes.len()).rev() {
-            for slot in 0..WIDTH {
-                let (low, high) = match self.nodes[number].children[slot] {
-                    NONE => continue,
-                    child if child & TRIANGLE == 0 => self.nodes[child as usize].whole(),
-                    child => {
-                        let [a, b, c] = &self.corners[(child & !TRIANGLE) as usize];
-                        (round_down(a.inf(b).inf(c), self.middle), round_up(a.sup(b).sup(c), self.middle))
-                    }
-                };
-                let node = &mut self.nodes[number];
-                for k in 0..3 {
-                    (node.low[k][slot], node.high[k][slot]) = (low[k], high[k]);
-                }
-            }
-        }
+        Self { nodes, turned, corners, triangle_of: items.into_iter().map(|item| item.triangle).collect(), middle }
     }
 
     /// The closest point of the mesh.
@@ -206,6 +153,79 @@ impl Bvh {
     }
 }
 
+/// The nodes over some triangles, the root first, and the range of triangles below each.
+type Subtree = (Vec<Node>, Vec<Range<usize>>);
+
+/// The nodes over some triangles, which are sorted into the order of the leaves; half of many on a second thread.
+fn tree_of(items: &mut [Item], corners: &(impl Fn(&Item) -> [Vec3; 3] + Sync), middle: Vec3) -> Subtree {
+    if items.len() < MANY {
+        return subtree(items, corners, middle);
+    }
+    stop::pass(items.len());
+    let ranges = parts(items, 0..items.len());
+    let built = in_halves(&ranges, |range| {
+        let mut own = items[range.clone()].to_vec();
+        let below = subtree(&mut own, corners, middle);
+        (own, below)
+    });
+    let (mut nodes, mut below) = (vec![Node::EMPTY], vec![0..items.len()]);
+    for (slot, (range, (own, (of_part, ranges)))) in ranges.into_iter().zip(built).enumerate() {
+        items[range.clone()].copy_from_slice(&own);
+        let first = nodes.len() as u32;
+        let Some(top) = of_part.first() else { continue };
+        let box_of = top.whole();
+        nodes[0].put(slot, first, box_of);
+        nodes.extend(of_part.into_iter().map(|node| node.behind(first, range.start as u32)));
+        below.extend(ranges.into_iter().map(|of| of.start + range.start..of.end + range.start));
+    }
+    (nodes, below)
+}
+
+/// The same on one thread.
+fn subtree(items: &mut [Item], corners: &impl Fn(&Item) -> [Vec3; 3], middle: Vec3) -> Subtree {
+    let mut nodes: Vec<Node> = Vec::with_capacity(items.len() / 2 + 1);
+    let mut ranges = Vec::with_capacity(items.len() / 2 + 1);
+    // Ranges of `items` still to be made into nodes, each with the place among its parent's children.
+    let mut todo = vec![(0..items.len(), None)];
+    while let Some((range, parent)) = todo.pop() {
+        if range.is_empty() {
+            continue;
+        }
+        let number = nodes.len();
+        if let Some((parent, slot)) = parent {
+            let parent: &mut Node = &mut nodes[parent];
+            parent.children[slot] = number as u32;
+        }
+        stop::pass(range.len());
+        let mut node = Node::EMPTY;
+        for (slot, part) in parts(items, range.clone()).into_iter().enumerate() {
+            match part.len() {
+                0 => {}
+                1 => node.children[slot] = part.start as u32 | TRIANGLE,
+                _ => todo.push((part, Some((number, slot)))),
+            }
+        }
+        nodes.push(node);
+        ranges.push(range);
+    }
+    // A node comes before its children.
+    for number in (0..nodes.len()).rev() {
+        for slot in 0..WIDTH {
+            let child = nodes[number].children[slot];
+            let box_of = match child {
+                NONE => continue,
+                _ if child & TRIANGLE == 0 => nodes[child as usize].whole(),
+                _ => {
+                    let [a, b, c] = corners(&items[(child & !TRIANGLE) as usize]);
+                    (round_down(a.inf(&b).inf(&c), middle), round_up(a.sup(&b).sup(&c), middle))
+                }
+            };
+            nodes[number].put(slot, child, box_of);
+        }
+    }
+    (nodes, ranges)
+}
+
 /// Divides a range of triangles into up to four, twice at the median along the longest axis. Those that are more than a
 /// node's, but for the last, are of a multiple of its width, so that most nodes are full.
 fn parts(items: &mut [Item], range: Range<usize>) -> [Range<usize>; WIDTH] {
@@ -238,6 +258,25 @@ fn halve(items: &mut [Item], range: Range<usize>) -> usize {
 }
 
 impl Node {
+    const EMPTY: Self =
+        Self { low: [[f32::INFINITY; WIDTH]; 3], high: [[f32::NEG_INFINITY; WIDTH]; 3], children: [NONE; WIDTH] };
+
+    /// Takes a child with its box.
+    fn put(&mut self, slot: usize, child: u32, (low, high): ([f32; 3], [f32; 3])) {
+        self.children[slot] = child;
+        for k in 0..3 {
+            (self.low[k][slot], self.high[k][slot]) = (low[k], high[k]);
+        }
+    }
+
+    /// The same behind so many other nodes and triangles.
+    fn behind(mut self, nodes: u32, triangles: u32) -> Self {
+        for child in self.children.iter_mut().filter(|child| **child != NONE) {
+            *child += if *child & TRIANGLE == 0 { nodes } else { triangles };
+        }
+        self
+    }
+
     /// Lower bounds of the squared distances from a point, of which the next single-precision numbers above and below are
     /// given, to what is in the boxes.
     #[inline]
@@ -390,6 +429,17 @@ mod tests {
             assert!((combine(&corners, found.barycentric) - found.point).norm() < 1e-12);
             assert!(found.barycentric.iter().all(|w| *w >= 0.0));
             assert!((found.barycentric.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_tree_built_in_two_halves_finds_what_a_search_finds() {
+        let mesh = sheet(96);
+        assert!(mesh.triangles.len() >= MANY);
+        let bvh = Bvh::new(&mesh);
+        for p in points(96, 100) {
+            let found = bvh.closest(p);
+            assert_eq!((found.distance, found.triangle), by_search(&mesh, p));
         }
     }
 

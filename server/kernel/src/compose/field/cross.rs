@@ -134,11 +134,13 @@ mod tests {
     use super::super::remesh::remesh;
     use super::*;
     use crate::mesh::Vec3;
+    use crate::mesh::bvh::Bvh;
     use crate::topology::tests::grid;
 
     #[test]
     fn on_a_torus_the_field_follows_the_curvature_and_has_no_singularity() {
-        let mesh = remesh(&grid(60, 30, true, true), &[], 0.15, 100_000).expect("not too large").mesh;
+        let torus = grid(60, 30, true, true);
+        let mesh = remesh((&torus, &Bvh::new(&torus)), &[], 0.15, 100_000).expect("not too large").mesh;
         let planes = Planes::new(&mesh);
         let field = cross_field(&mesh, &planes, &[], 0.3).expect("it is solved");
         assert!(indices(&mesh, &field.turn).iter().all(|&k| k == 0));

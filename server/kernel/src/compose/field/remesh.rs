@@ -29,12 +29,16 @@ pub(super) struct Remeshed {
     pub(super) sharp: Vec<u32>,
 }
 
-/// Remeshes a surface with some sharp edges to triangles with edges of about `length`; `None` where they would be more
+/// Remeshes a surface, given with its tree, with some sharp edges to triangles with edges of about `length`; `None` where they would be more
 /// than `triangles_max`.
-pub(super) fn remesh(surface: &TriMesh, sharp: &[u32], length: f64, triangles_max: usize) -> Option<Remeshed> {
+pub(super) fn remesh(
+    (surface, tree): (&TriMesh, &Bvh),
+    sharp: &[u32],
+    length: f64,
+    triangles_max: usize,
+) -> Option<Remeshed> {
     // A surface that is finer than that to begin with is made coarser.
     let triangles_max = triangles_max.max(2 * surface.triangles.len());
-    let bvh = Bvh::new(surface);
     let lines = lines_of(surface, sharp);
     let mut state = State {
         mesh: EditableMesh::new(surface, sharp),
@@ -50,7 +54,7 @@ pub(super) fn remesh(surface: &TriMesh, sharp: &[u32], length: f64, triangles_ma
         }
         state.collapse_short(length * SHORT, length * LONG);
         state.flip();
-        state.relax(&bvh, &lines);
+        state.relax(tree, &lines);
     }
     let (mesh, sharp) = state.mesh.finish();
     (!mesh.triangles.is_empty()).then_some(Remeshed { mesh, sharp })
@@ -265,7 +269,7 @@ mod tests {
     #[test]
     fn edges_come_out_even_on_the_surface_with_its_topology() {
         for (surface, length) in [(grid(12, 60, true, true), 0.15), (grid(200, 9, false, false), 0.04)] {
-            let made = remesh(&surface, &[], length, 1_000_000).expect("not too large");
+            let made = remesh((&surface, &Bvh::new(&surface)), &[], length, 1_000_000).expect("not too large");
             assert_eq!(pair_halfedges(&made.mesh.triangles).as_ref(), Ok(&made.mesh.twins));
             assert_eq!(invariants(&made.mesh), invariants(&surface));
             let lengths = (0..made.mesh.twins.len() as u32).map(|h| {
@@ -283,12 +287,13 @@ mod tests {
     #[test]
     fn a_border_stays_where_it_is_and_its_corners_stay_corners() {
         let surface = grid(30, 30, false, false);
-        let made = remesh(&surface, &[], 0.05, 1_000_000).expect("not too large").mesh;
+        let made = remesh((&surface, &Bvh::new(&surface)), &[], 0.05, 1_000_000).expect("not too large").mesh;
         assert!((made.total_area() - 1.0).abs() < 1e-9);
     }
 
     #[test]
     fn what_would_be_too_large_is_refused() {
-        assert!(remesh(&grid(4, 4, false, false), &[], 1e-4, 10_000).is_none());
+        let sheet = grid(4, 4, false, false);
+        assert!(remesh((&sheet, &Bvh::new(&sheet)), &[], 1e-4, 10_000).is_none());
     }
 }
