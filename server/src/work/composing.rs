@@ -375,6 +375,8 @@ async fn gathered(
                 tries => best_map(work, live, segment, tries).await?,
             },
         };
+        // Beside others, or of the whole, a regular layout is laid anew, along a field where it can be.
+        let map = map.filter(|map| wanted.keep.contains(&segment) || !is_plain_layout(map));
         let Some(map) = map else {
             all.maps.push(None);
             all.laid.push(None);
@@ -412,6 +414,12 @@ async fn gathered(
         all.maps.push(Some(map));
     }
     Ok(all)
+}
+
+/// Tells whether a map is a regular layout that nobody has edited.
+fn is_plain_layout(map: &LiveMap) -> bool {
+    let is_edited = map.newest().mapped.constraints.iter().any(|c| c.origin == ConstraintOrigin::User);
+    map.example_id() == ExampleId::TEMPLATE && !is_edited
 }
 
 /// The faces that the mapped parts will have together, about; known before the work.
