@@ -168,7 +168,8 @@ fn tree_of(items: &mut [Item], corners: &(impl Fn(&Item) -> [Vec3; 3] + Sync), m
         let below = subtree(&mut own, corners, middle);
         (own, below)
     });
-    let (mut nodes, mut below) = (vec![Node::EMPTY], vec![0..items.len()]);
+    let (mut nodes, mut below) = (vec![Node::EMPTY], Vec::new());
+    below.push(0..items.len());
     for (slot, (range, (own, (of_part, ranges)))) in ranges.into_iter().zip(built).enumerate() {
         items[range.clone()].copy_from_slice(&own);
         let first = nodes.len() as u32;
