@@ -35,7 +35,8 @@ fn smoothing_default() -> u32 {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct NewComposition {
     /// The map of each segment. A segment that is not named takes the best example of its ranking, or, where there is
-    /// none or its map is poor, a regular layout at the density of its neighbours.
+    /// none or its map is poor, a regular layout at the density of its neighbours. So does one that is named with a regular
+    /// layout, unless that was edited or is to be kept.
     #[serde(default)]
     pub parts: Vec<CompositionPart>,
     /// Rounds of smoothing, with projection back onto the input.

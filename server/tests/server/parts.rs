@@ -2,9 +2,12 @@
 //! after.
 
 use quadmuse_kernel::mesh::{Format, PolyMesh, write};
-use quadmuse_proto::{Example, MeshFormat, NewMap, Parts, QueryState, Ranking};
+use quadmuse_proto::{
+    CompositionPart, Example, ExampleId, MeshFormat, NewComposition, NewMap, Parts, QueryState, Ranking,
+};
 use quadmuse_server::demo;
 use quadmuse_server::pool::{Admission, Pool};
+use quadmuse_server::work::composing::{self, LiveComposition};
 use quadmuse_server::work::corpus::stored::StoredCorpus;
 use quadmuse_server::work::engine::kernel::KernelEngine;
 use quadmuse_server::work::engine::{Besides, Cut};
@@ -118,4 +121,30 @@ async fn a_scan_in_parts_takes_the_parts_of_an_example_that_stands_once_in_each_
     assert_eq!(told(&again), told(&rankings));
     let after = mapping::create(&work, &live, wanted).await.expect("a map").newest();
     assert_eq!(after.mapped.mesh.positions, map.mapped.mesh.positions);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn regular_layouts_that_are_named_are_laid_anew_as_one_unless_they_are_kept() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let work = opened(dir.path()).await;
+    added(&work, "fish").await;
+    let (live, rankings) = ranked(&work, Some(Parts::Auto)).await;
+    let all: Vec<u32> = (0..rankings.len() as u32).collect();
+    let mut parts = Vec::new();
+    for &segment in &all {
+        let wanted = NewMap::new(segment, ExampleId::TEMPLATE, 0);
+        let map = mapping::create(&work, &live, wanted).await.expect("a regular layout").id;
+        parts.push(CompositionPart { segment, map });
+    }
+    let composed = async |keep: &[u32]| {
+        let wanted = NewComposition { parts: parts.clone(), smoothing: 5, density: 0, keep: keep.to_vec() };
+        let (id, making) = composing::start(&work, &live, wanted).expect("started");
+        making.over().await;
+        composing::find(&live, id).expect("made")
+    };
+    let (anew, kept) = (composed(&[]).await, composed(&all).await);
+    assert_eq!((anew.summary.parts.len(), &anew.summary.templates), (0, &all));
+    assert_eq!(kept.summary.parts.len(), all.len());
+    let extraordinary = |made: &LiveComposition| made.summary.extraordinary_vertices;
+    assert!(2 * extraordinary(&anew) < extraordinary(&kept), "{} of {}", extraordinary(&anew), extraordinary(&kept));
 }
