@@ -1,6 +1,6 @@
 //! Maps to the unit disc that fold nothing: each inner vertex is a weighted mean of its neighbours, with positive weights.
 
-use crate::mesh::tri::TriMesh;
+use crate::mesh::tri::{NONE, TriMesh};
 use crate::numerics::Pattern;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -25,16 +25,21 @@ pub(super) fn harmonic(sheet: &TriMesh) -> Option<Vec<[f64; 2]>> {
         fixed.insert(v, [cos, sin]);
         along += step(k);
     }
-    let mut edges: BTreeMap<(u32, u32), f64> = BTreeMap::new();
-    for c in &sheet.triangles {
-        for k in 0..3 {
-            let [a, b, o] = [c[k], c[(k + 1) % 3], c[(k + 2) % 3]];
-            let (p, q) = (at(a) - at(o), at(b) - at(o));
-            let cotangent = p.dot(&q) / p.cross(&q).norm().max(f64::MIN_POSITIVE);
-            *edges.entry((a.min(b), a.max(b))).or_default() += 0.5 * cotangent;
-        }
-    }
-    let weighted = edges.into_iter().map(|((a, b), w)| (a, b, w.clamp(WEIGHT_MIN, WEIGHT_MAX))).collect::<Vec<_>>();
+    let cotangent = |h: u32| {
+        let (t, k) = (h as usize / 3, h as usize % 3);
+        let [a, b, o] = [0, 1, 2].map(|i| sheet.triangles[t][(k + i) % 3]);
+        let (p, q) = (at(a) - at(o), at(b) - at(o));
+        p.dot(&q) / p.cross(&q).norm().max(f64::MIN_POSITIVE)
+    };
+    let edge = |h: u32| {
+        let (a, b, twin) = (sheet.tail(h), sheet.head(h), sheet.twin(h));
+        let other = if twin == NONE { 0.0 } else { cotangent(twin) };
+        let is_first = twin == NONE || h < twin;
+        let weight = (0.5 * cotangent(h) + 0.5 * other).clamp(WEIGHT_MIN, WEIGHT_MAX);
+        is_first.then_some((a.min(b), a.max(b), weight))
+    };
+    let mut weighted: Vec<(u32, u32, f64)> = (0..sheet.twins.len() as u32).filter_map(edge).collect();
+    weighted.sort_unstable_by_key(|e| (e.0, e.1));
     means(sheet.positions.len(), &weighted, &fixed)
 }
 
@@ -84,7 +89,7 @@ fn means(count: usize, edges: &[(u32, u32, f64)], fixed: &BTreeMap<u32, [f64; 2]
 /// The border of a disc, counter-clockwise.
 fn border(sheet: &TriMesh) -> Option<Vec<u32>> {
     let next: BTreeMap<u32, u32> = (0..sheet.twins.len() as u32)
-        .filter(|&h| sheet.twin(h) == crate::mesh::tri::NONE)
+        .filter(|&h| sheet.twin(h) == NONE)
         .map(|h| (sheet.tail(h), sheet.head(h)))
         .collect();
     let &first = next.keys().next()?;
