@@ -182,7 +182,7 @@ impl<'a> Stitching<'a> {
         }
     }
 
-    /// Whether nothing stands but the input's own triangles, and these make more quads than a layout may have: smoothing and
+    /// Tells whether nothing stands but the input's own triangles, and these make more quads than a layout may have: smoothing and
     /// optimising them takes minutes, and makes no layout of them.
     fn is_beyond_layout(&self, sites: &[Site<'_>]) -> bool {
         sites.iter().all(|site| site.stands == Use::Own) && 3 * self.surface().triangles.len() > WHOLE_QUADS_MAX

@@ -326,7 +326,7 @@ fn axes(z: Vec3) -> Matrix3<f64> {
     Matrix3::from_columns(&[x, z.cross(&x), z])
 }
 
-/// What a sample of the smaller surface meets on the larger.
+/// A sample of the smaller surface that was laid on the larger, and its partner there.
 #[derive(Clone, Copy)]
 struct Met {
     /// Where the sample lies.
@@ -441,7 +441,7 @@ impl Small {
         Some(rough)
     }
 
-    /// What the first samples meet. `last`: what they met in the round before, if there was one.
+    /// Seeks the partners of the first samples. `last`: those of the round before, if there was one.
     fn met(&self, large: &Large, samples: usize, motion: &Motion, last: &[Met]) -> Vec<Met> {
         let meets = |k: usize| {
             let (x, n) = self.moved(k, motion);
@@ -463,7 +463,7 @@ impl Small {
         (0..count).map(of).sum::<f64>() / count.max(1) as f64
     }
 
-    /// How well a pose is, given what its samples meet.
+    /// Scores a pose by what its samples meet.
     fn score(&self, large: &Large, met: &[Met]) -> f64 {
         let mut values = RELIEF_SCALES.map(|_| Vec::with_capacity(met.len()));
         let mut nearness = 0.0;
@@ -479,7 +479,7 @@ impl Small {
         nearness * agreement.max(0.0)
     }
 
-    /// Iterated closest points, from what the samples meet first; with what they meet at last.
+    /// Runs iterated closest points from what the samples meet first; returns what they meet at last, too.
     fn rest(&self, large: &Large, mut motion: Motion, mut met: Vec<Met>, rounds: usize) -> (Motion, Vec<Met>) {
         for _ in 0..rounds {
             let distances: Vec<f64> =
