@@ -20,8 +20,8 @@ use headline::{BroughtMap, Headline, headline};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
 use quadmuse_proto::{
-    Beyond, Composition, CompositionId, CompositionPart, ConstraintOrigin, ExampleId, MakingState, Map, NewComposition,
-    NewMap, Product, Verdict,
+    Beyond, Composition, CompositionId, CompositionPart, ExampleId, MakingState, Map, NewComposition, NewMap, Product,
+    Verdict,
 };
 use side_by_side::{as_mapped, standing, unstitched};
 use sound::{Sound, stitched_sound};
@@ -418,8 +418,7 @@ async fn gathered(
 
 /// Tells whether a map is a regular layout that nobody has edited.
 fn is_plain_layout(map: &LiveMap) -> bool {
-    let is_edited = map.newest().mapped.constraints.iter().any(|c| c.origin == ConstraintOrigin::User);
-    map.example_id() == ExampleId::TEMPLATE && !is_edited
+    map.example_id() == ExampleId::TEMPLATE && !map.newest().is_edited()
 }
 
 /// The faces that the mapped parts will have together, about; known before the work.
@@ -510,7 +509,7 @@ fn one_example(maps: &[Option<Arc<LiveMap>>]) -> Option<(Arc<Model>, Vec<OnePart
     }
     let part = |map: &&Arc<LiveMap>| {
         let (example_segment, newest) = (map.example()?.segment, map.newest());
-        let is_edited = newest.mapped.constraints.iter().any(|c| c.origin == ConstraintOrigin::User);
+        let is_edited = newest.is_edited();
         Some(OnePart { segment: map.segment, example_segment, mesh: Arc::clone(&newest.mapped.mesh), is_edited })
     };
     Some((Arc::clone(&first.example()?.model), maps.iter().map(part).collect::<Option<_>>()?))

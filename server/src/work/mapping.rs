@@ -12,8 +12,8 @@ use super::{REQUEST_TIME_MAX, Work, WorkError, composing, landmarks};
 use crate::pool::{Job, Lane};
 use quadmuse_proto::constraint::CONSTRAINTS_MAX;
 use quadmuse_proto::{
-    Beyond, ConstraintEdit, Covers, EntryState, Example, ExampleId, MakingState, Map, MapId, MapTimings, NewMap,
-    Product,
+    Beyond, ConstraintEdit, ConstraintOrigin, Covers, EntryState, Example, ExampleId, MakingState, Map, MapId,
+    MapTimings, NewMap, Product,
 };
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -43,6 +43,13 @@ pub struct MapState {
     pub mapped: Mapped,
     /// The map as it goes over the wire.
     pub summary: Map,
+}
+
+impl MapState {
+    /// Tells whether the user has moved or added a constraint.
+    pub fn is_edited(&self) -> bool {
+        self.mapped.constraints.iter().any(|c| c.origin == ConstraintOrigin::User)
+    }
 }
 
 impl LiveMap {

@@ -33,8 +33,8 @@ const MENDING_ROUNDS: usize = 8;
 /// Most triangles that are solved on.
 const TRIANGLES_MAX: usize = 400_000;
 
-/// A net of quads with edges of length `h` on a connected surface, given with its tree, with some sharp edges; a few triangles may stand at its
-/// boundary. `None` where there is none.
+/// A net of quads with edges of length `h` on a connected surface, given with its tree, with some sharp edges; a few
+/// triangles may stand at its boundary. `None` where there is none.
 pub(super) fn field_layout((surface, tree): (&TriMesh, &Bvh), sharp: &[u32], h: f64) -> Option<Net> {
     if !(h > 0.0 && h.is_finite()) {
         return None;

@@ -15,6 +15,7 @@ use crate::mesh::tri::TriMesh;
 use crate::mesh::{PolyMesh, diagonal};
 use crate::numerics::stop;
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// What is wanted of a mesh's size.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,7 +53,8 @@ pub fn faces_within_max(own: usize) -> usize {
 
 /// Splits rows of a mesh that lies on a surface, or takes some out.
 pub fn resized(mesh: &PolyMesh, surface: &TriMesh, wanted: Wanted) -> Resized {
-    let (tree, measured) = (Bvh::new(surface), Measured::new(surface));
+    let tree = Arc::new(Bvh::new(surface));
+    let measured = Measured::with_tree(surface, Arc::clone(&tree));
     let diagonal = diagonal(&surface.positions).max(f64::MIN_POSITIVE);
     let within =
         |mesh: &PolyMesh| measured.distances(mesh).map(|found| p95(&found)).into_iter().fold(0.0, f64::max) / diagonal;

@@ -101,16 +101,18 @@ impl<'a> Stitching<'a> {
         if is_bare && let Some(mesh) = self.along_field(report) {
             return Some(mesh);
         }
-        let in_place = |sites: &[Site<'_>]| if is_bare { None } else { self.in_place_of_all(pieces, sites) };
+        let all_gave_way = |sites: &[Site<'_>]| !is_bare && sites.iter().all(|site| site.stands == Use::Regular);
         let mut sites = self.sites(pieces);
         self.settle_density(&mut sites);
-        if let Some((mesh, told)) = in_place(&sites) {
-            *report = told;
+        let is_tried = all_gave_way(&sites);
+        if is_tried && let Some(mesh) = self.in_place_of_all(pieces, &sites, report) {
             return Some(mesh);
         }
         let mesh = self.fitted(&mut sites, report, stop)?;
-        if let Some((mesh, told)) = in_place(&sites) {
-            *report = told;
+        if !is_tried
+            && all_gave_way(&sites)
+            && let Some(mesh) = self.in_place_of_all(pieces, &sites, report)
+        {
             return Some(mesh);
         }
         self.tell(pieces, &sites, report);
@@ -140,14 +142,12 @@ impl<'a> Stitching<'a> {
     }
 
     /// The layout along a field where all that was brought gave way: templates on its segments would be worse.
-    fn in_place_of_all(&self, pieces: &[Piece<'_>], sites: &[Site<'_>]) -> Option<(PolyMesh, Report)> {
-        if sites.iter().any(|site| site.stands != Use::Regular) {
-            return None;
-        }
-        let mut report = Report::default();
-        let mesh = self.along_field(&mut report)?;
-        self.tell(pieces, sites, &mut report);
-        Some((mesh, report))
+    fn in_place_of_all(&self, pieces: &[Piece<'_>], sites: &[Site<'_>], report: &mut Report) -> Option<PolyMesh> {
+        let mut anew = Report::default();
+        let mesh = self.along_field(&mut anew)?;
+        self.tell(pieces, sites, &mut anew);
+        *report = anew;
+        Some(mesh)
     }
 
     /// Stitches; what doesn't fit gives way.

@@ -1,8 +1,8 @@
 /* A disk that fails on command: preloaded, it stands between a program and the file system.
  *
  * What changes files below QUADMUSE_FAULT_DIR is counted as long as the file QUADMUSE_FAULT_ORDER exists. That file names
- * what happens: "eio N" fails the N-th change with EIO, after a moment, and is gone then, "eio 0" fails all of them, "kill N" ends the
- * process in place of it; "full N" fails with ENOSPC, from the N-th change on, whatever may need space. */
+ * what happens: "eio N" fails the N-th change with EIO, after a moment, and is gone then, "eio 0" fails all of them, "kill N"
+ * ends the process in place of it; "full N" fails with ENOSPC, from the N-th change on, whatever may need space. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
