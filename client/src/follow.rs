@@ -87,22 +87,6 @@ async fn newer(api: &Api, id: QueryId, segment: u32, after: u64) -> Result<(u64,
     }
 }
 
-/// A segment's ranking as soon as the pictures have been compared at the finest level. Where they leave it open who is best, the
-/// order may still change, but not the scores.
-///
-/// # Errors
-/// The service refuses or is out of reach.
-pub async fn compared(api: &Api, id: QueryId, segment: u32) -> Result<Ranking, ClientError> {
-    let mut after = 0;
-    loop {
-        let (_, ranking) = newer(api, id, segment, after).await?;
-        if ranking.level >= ranking.resolution || ranking.state.is_final() {
-            return Ok(ranking);
-        }
-        after = ranking.revision.max(after);
-    }
-}
-
 /// Follows a query by its stream, which is opened again where it left off when the connection breaks.
 ///
 /// # Errors

@@ -3,7 +3,7 @@
 use crate::{
     id::{CompositionId, MapId, QueryId},
     making::MakingState,
-    map::{Covers, Verdict},
+    map::{Beyond, Covers, Verdict},
 };
 use serde::{Deserialize, Serialize};
 
@@ -25,7 +25,11 @@ fn whole() -> f64 {
     1.0
 }
 
-fn smoothing_default() -> u32 {
+pub(crate) fn extend() -> Beyond {
+    Beyond::Extend
+}
+
+pub(crate) fn smoothing_default() -> u32 {
     SMOOTHING_DEFAULT
 }
 
@@ -52,6 +56,9 @@ pub struct NewComposition {
     /// miss the input are subdivided until the result follows it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub keep: Vec<u32>,
+    /// How the input is treated where it reaches beyond the examples of segments that are not named.
+    #[serde(default = "extend")]
+    pub beyond: Beyond,
 }
 
 /// The largest step of `density`, to either side.

@@ -193,6 +193,10 @@ id_type! {
     CompositionId
 }
 id_type! {
+    /// Quads for all of a scan, made in one go.
+    RetopoId
+}
+id_type! {
     /// A positional constraint of a map.
     ConstraintId
 }

@@ -1,12 +1,12 @@
-//! Maps and compositions while they are made: how far they are, and what became of those that failed.
+//! Maps, compositions and retopologies while they are made: how far they are, and what became of those that failed.
 
-use crate::{composition::Composition, id::QueryId, map::Map, problem::Problem};
+use crate::{composition::Composition, id::QueryId, map::Map, problem::Problem, retopo::Retopo};
 use serde::{Deserialize, Serialize};
 
 /// The longest `wait` of a request, in seconds.
 pub const WAIT_MAX: u64 = 240;
 
-/// Where a map or a composition stands.
+/// Where a map, a composition or a retopology stands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
@@ -51,6 +51,8 @@ pub enum Product {
     Map,
     /// A composition.
     Composition,
+    /// A retopology: maps and compositions of all of a scan, of which the best is kept.
+    Retopo,
 }
 
 impl Product {
@@ -59,11 +61,12 @@ impl Product {
         match self {
             Self::Map => "map",
             Self::Composition => "composition",
+            Self::Retopo => "retopo",
         }
     }
 }
 
-/// A map or a composition that is not there yet, or never will be.
+/// A map, a composition or a retopology that is not there yet, or never will be.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Making {
@@ -104,6 +107,17 @@ pub enum MapOrMaking {
 pub enum CompositionOrMaking {
     /// It is there.
     There(Box<Composition>),
+    /// It is made, or could not be.
+    Making(Making),
+}
+
+/// A retopology, or how far it is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum RetopoOrMaking {
+    /// It is there.
+    There(Box<Retopo>),
     /// It is made, or could not be.
     Making(Making),
 }

@@ -109,7 +109,7 @@ pub struct Query {
     /// Why it failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub problem: Option<Problem>,
-    /// Its maps and compositions that are being made, and those that failed or were cancelled, the oldest first.
+    /// Its maps, compositions and retopologies that are being made, and those that failed or were cancelled, the oldest first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub making: Vec<Making>,
 }

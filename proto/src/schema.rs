@@ -1,7 +1,7 @@
 //! Schemas of the ids: strings on the wire.
 
 use crate::Share;
-use crate::id::{CompositionId, ExampleId, MapId, QueryId, TokenId, UploadId};
+use crate::id::{CompositionId, ExampleId, MapId, QueryId, RetopoId, TokenId, UploadId};
 use std::borrow::Cow;
 use utoipa::openapi::{ObjectBuilder, RefOr, Schema, schema::Type};
 use utoipa::{PartialSchema, ToSchema};
@@ -27,6 +27,7 @@ id_schema!(
     QueryId: "A query's id: opaque, sorts by time of creation.",
     MapId: "A map's id: opaque, sorts by time of creation.",
     CompositionId: "A composition's id: opaque, sorts by time of creation.",
+    RetopoId: "A retopology's id: opaque, sorts by time of creation.",
     TokenId: "A token's public id: opaque, sorts by time of creation.",
     UploadId: "An upload's id: opaque, sorts by time of creation."
 );

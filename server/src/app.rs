@@ -58,7 +58,7 @@ pub struct Handles {
     /// Files that arrive piece by piece.
     pub uploads: Arc<Uploads>,
     /// What queries were started with.
-    pub kept: Kept,
+    pub kept: Arc<Kept>,
     /// The servers that share the corpus, if this is one of several.
     pub peers: Option<Arc<Peers>>,
     /// Which of them were there when they were asked last.
@@ -93,7 +93,7 @@ impl App {
             rates: Rates::new(settings.rate_limit),
             audit,
             uploads,
-            kept: together.kept,
+            kept: Arc::new(together.kept),
             peers: together.peers,
             signs: together.signs,
             idempotency: Idempotency::default(),

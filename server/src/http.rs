@@ -23,6 +23,7 @@ pub mod packed;
 pub mod params;
 pub mod queries;
 pub mod ranking;
+pub mod retopos;
 pub mod samples;
 pub mod stream;
 pub mod tokens;
@@ -105,6 +106,9 @@ fn documented() -> OpenApiRouter<App> {
         .routes(routes!(compositions::stream))
         .routes(routes!(compositions::mesh))
         .routes(routes!(compositions::preview))
+        .routes(routes!(retopos::create, retopos::list))
+        .routes(routes!(retopos::get, retopos::remove))
+        .routes(routes!(retopos::stream))
         .merge(uploaded())
         .routes(routes!(samples::list))
         .routes(routes!(samples::mesh))

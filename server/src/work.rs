@@ -1,7 +1,7 @@
 //! What the server does, free of HTTP.
 //!
 //! Each verb of the service is a module here: [`ingest`] adds examples, [`search`] ranks a query, [`mapping`] lays an
-//! example on it, [`composing`] stitches maps, [`reencode`] rebuilds derived state. They join the kernel (behind
+//! example on it, [`composing`] stitches maps, [`retopo`] does both for all of a scan, [`reencode`] rebuilds derived state. They join the kernel (behind
 //! [`engine::Engine`]) and the store (behind [`corpus::Corpus`]) on the pool.
 
 pub mod catalogue;
@@ -16,6 +16,7 @@ pub mod ingest;
 pub mod jobs;
 pub mod kept;
 pub mod landmarks;
+pub mod laying;
 pub mod making;
 pub mod mapping;
 pub mod naming;
@@ -26,6 +27,7 @@ pub mod query;
 pub mod ranking;
 pub mod reencode;
 pub mod resized;
+pub mod retopo;
 pub mod scrub;
 pub mod search;
 pub mod shares;

@@ -143,6 +143,16 @@ bench.cut = async (query, like = null) => {
   run();
 };
 
+// The same scan, which the server has cut; `wanted`: the map or composition to show.
+bench.goOn = async (query, id, wanted) => {
+  const name = query.name.replace(/(\.[^.]*)?$/, " in parts$1");
+  remember(id, name);
+  shown = { file: null, name, state: "there", started: await json(`/v1/queries/${id}`), progress: 1, trouble: "" };
+  scans.unshift(shown);
+  draw();
+  await openById(id, wanted, name);
+};
+
 // The same scan again, cut as its faces are labelled: a mesh as PLY, and a number a face, one a line.
 bench.cutAs = (query, mesh, labels, made) => {
   const name = `${query.name.replace(/\.[^.]*$/, "").replace(/ in parts$/, "")} in parts.ply`;

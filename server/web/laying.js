@@ -196,6 +196,19 @@ export async function stitch(query, { density = 0 }) {
   await showComposition(query, made);
 }
 
+// Quads for all of a scan in one piece: those that an example has on the whole of it, or, where that is little, on its parts. For these the
+// server cuts it anew, and the page goes on with what was cut.
+export async function layAll(query) {
+  query.touched = true;
+  const done = await busy("Laying examples on all of the scan…", (signal, tell) => make(`/v1/queries/${query.id}/retopos`, {}, signal, tell));
+  if (!done || bench.query !== query) { if (bench.query === query) showPanel(query); return; }
+  const { map, composition } = done.result;
+  if (done.result_query !== query.id) await bench.goOn(query, done.result_query, { map, composition });
+  else if (map) await showMap(query, await json(`/v1/queries/${query.id}/maps/${map}`));
+  else await showComposition(query, await json(`/v1/queries/${query.id}/compositions/${composition}`));
+  say(`Quads for all of it in ${(done.total_ms / 1000).toFixed(1)} s.`);
+}
+
 // The map of a scan in one piece, with denser or coarser quads; 0 shows the map itself.
 export async function refine(query, density) {
   const map = query.shown.map?.id ?? query.shown.made.parts[0]?.map;

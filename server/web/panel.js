@@ -2,7 +2,7 @@
 
 import { $, make, save, sentence } from "/web/call.js";
 import { histograms } from "/web/histograms.js";
-import { lay, refine, stitch } from "/web/laying.js";
+import { lay, layAll, refine, stitch } from "/web/laying.js";
 import { begin as paintParts, showPainting } from "/web/painting.js";
 import { partName } from "/web/partnames.js";
 import { showParts } from "/web/parts.js";
@@ -85,11 +85,14 @@ function wayOut(query) {
   if (map && map.covers.input < 0.97 && map.own_faces === map.faces) {
     row.append(button("Go on to where the scan ends", () => lay(query, { example: map.example, example_segment: map.example_segment, name: query.shown.name }, { beyond: "extend" }), { title: "Rows of quads continue the example's rim", id: "beyond" }));
   }
+  if (map && query.segments.length === 1 && (map.covers.input < 0.97 || isBad(map))) row.append(allButton(query));
   if (map && query.segments.length === 1) row.append(paintButton(query));
   if (map && query.segments.length === 1 && query.shown.inParts) row.append(button(`Cut it as ${query.shown.name} is cut`, () => bench.cut(query, { example: map.example, name: query.shown.name }), { id: "cut-like", title: "Each part of the scan then takes its part of the example" }));
   return row.childElementCount ? row : null;
 }
 
+const isBad = ({ verdict }) => verdict === "poor" || verdict === "broken";
+const allButton = (query) => button("Quads for all of it", () => layAll(query), { id: "lay-all", title: "The best examples on the whole scan or on its parts, and regular layouts between them" });
 const cutButton = (query) => button("Cut it into limbs, head and torso", () => bench.cut(query), { id: "cut" });
 const paintButton = (query) => button("Cut or paint parts", () => paintParts(query), { id: "repaint", title: "Parts of the scan take examples of their own" });
 
@@ -117,8 +120,7 @@ function verdict(query) {
   section.append(make("p", parts.join(" · "), { className: "soft" }));
   const way = wayOut(query);
   if (way) section.append(way);
-  const isBad = it.verdict === "poor" || it.verdict === "broken";
-  if (map && isBad && query.segments.length === 1) section.append(make("p", "Where no example fits as a whole, some may fit its parts:", { className: "soft" }), cutButton(query));
+  if (map && isBad(it) && query.segments.length === 1) section.append(make("p", "Where no example fits as a whole, some may fit its parts:", { className: "soft" }), cutButton(query));
   return section;
 }
 
@@ -172,7 +174,7 @@ export function showPanel(query) {
   else if (query.mismatch) {
     const section = make("section");
     section.append(make("h2", "No example used", { className: "verdict poor" }), make("p", $("status").textContent));
-    if (query.segments.length === 1) section.append(cutButton(query), paintButton(query));
+    if (query.segments.length === 1) section.append(allButton(query), cutButton(query), paintButton(query));
     sections.push(section);
   }
   if (query.segments.length > 1) sections.push(showParts(query, { stitch }));

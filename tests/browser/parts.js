@@ -1,6 +1,6 @@
 // Parts of a scan: cut along lines, painted, joined, named, given examples, and stitched.
 
-import { writeFileSync } from "node:fs";
+import { readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { addExample, check, drop, folder, holdBack, shoot, until } from "./bed.js";
 import { rest, viewer } from "./correcting.js";
@@ -482,6 +482,30 @@ export const parts = {
     await page.waitForTimeout(400);
     await shoot(page, "painted-parts");
     await noComplaints(page, "painted parts");
+  },
+
+  async "quads for all of a scan come at a click, and the page goes on with what the server has cut for them"({ open, scan, url }) {
+    const page = await open();
+    await opened(page, scan("arm"));
+    await rest(page);
+    // The map of an arm reaches all of it, so that there is no button: what it does is called here, and answered with another cut.
+    const whole = page.url().split("#")[1].split("/")[0];
+    const cut = await (await fetch(`${url}/v1/queries?parts=2`, { method: "POST", body: readFileSync(scan("arm")) })).json();
+    const made = await (await fetch(`${url}/v1/queries/${cut.id}/compositions?wait=240`, { method: "POST", headers: { "content-type": "application/json" }, body: "{}" })).json();
+    const asked = [];
+    await page.route("**/retopos**", (route) => {
+      asked.push(route.request().method());
+      const { verdict, inspired, reasons, covers } = made;
+      route.fulfill({ status: 201, contentType: "application/json", body: JSON.stringify({ id: made.id, query: whole, state: "done", progress: 1, result_query: cut.id, result: { composition: made.id }, verdict, inspired, reasons, covers, notes: [], total_ms: 1500 }) });
+    });
+    await page.evaluate(async () => { const { bench } = await import("/web/state.js"); (await import("/web/laying.js")).layAll(bench.query); });
+    await page.waitForFunction((id) => location.hash.startsWith(`#${id}/composition/`), cut.id);
+    await page.waitForSelector("#part-list li");
+    await page.waitForFunction(() => document.querySelector("#status").textContent.startsWith("Quads for all of it in 1.5 s"));
+    check(asked.join() === "POST", `asked: ${asked}`);
+    check((await page.locator("#scans .scan span").first().textContent()).includes("in parts"), "what was cut is not among the scans");
+    await rest(page);
+    await shoot(page, "all-of-it");
   },
 
   async "a scan in parts is coloured, picked in the view, given examples, and stitched"({ open, scan }) {

@@ -57,6 +57,9 @@ export const trouble = {
     await page.waitForTimeout(300);
     await shoot(page, "closed-among-open");
     await noComplaints(page, "closed among open");
+    await page.click("#lay-all");
+    await page.waitForFunction(() => location.hash.includes("/composition/"));
+    check((await page.textContent("#panel .verdict")).includes("No example used"), "a cube is called an example's");
     await gone(page, server);
   },
 

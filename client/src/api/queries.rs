@@ -1,4 +1,4 @@
-//! Calls on `/v1/queries`: queries, their rankings, maps and compositions.
+//! Calls on `/v1/queries`: queries, their rankings, maps, compositions and retopologies.
 
 use super::{Api, Sent, WORK_TIMEOUT};
 use crate::{
@@ -7,10 +7,11 @@ use crate::{
     stream::StreamFormat,
 };
 use quadmuse_proto::{
-    Composition, CompositionId, CompositionOrMaking, ConstraintEdit, ExampleId, Making, MakingState, Map, MapId,
-    MapOrMaking, MeshFormat, NewComposition, NewMap, Page, Query, QueryId, QueryPatch, Ranking,
+    Composition, CompositionId, ConstraintEdit, ExampleId, Making, MakingState, Map, MapId, MeshFormat, NewComposition,
+    NewMap, NewRetopo, Page, Query, QueryId, QueryPatch, Ranking, Retopo,
 };
 use reqwest::{Method, RequestBuilder, Response, header};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::time::Duration;
 
 /// Side of a picture of a result, in pixels: the most that the service draws.
@@ -21,6 +22,14 @@ const POLL_SLACK: Duration = Duration::from_secs(30);
 
 /// Asks the service to hold its answer until it is done, as long as it will: it then cancels the work when this program ends.
 const WAIT: [(&str, &str); 1] = [("wait", "240")];
+
+/// Something that is made of a query, or how far it is.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Made<T> {
+    There(Box<T>),
+    Making(Making),
+}
 
 /// The id of what is still being made, to ask for it again.
 ///
@@ -96,14 +105,6 @@ impl Api {
             .await
     }
 
-    /// Cancels a query, and frees it.
-    ///
-    /// # Errors
-    /// The service refuses (there is none) or is out of reach.
-    pub async fn remove_query(&self, id: QueryId) -> Result<(), ClientError> {
-        self.send(self.request(Method::DELETE, &["queries", &id.to_string()])).await.map(drop)
-    }
-
     /// A query as it stands.
     ///
     /// # Errors
@@ -142,6 +143,14 @@ impl Api {
         let request = self.request(Method::GET, &["queries", &id.to_string(), "maps"]);
         let page: Page<Map> = self.json(request, "a page of maps").await?;
         Ok(page.items)
+    }
+
+    /// A map that is there.
+    ///
+    /// # Errors
+    /// The service refuses (there is none) or is out of reach.
+    pub async fn map(&self, id: QueryId, map: MapId) -> Result<Map, ClientError> {
+        self.json(self.request(Method::GET, &["queries", &id.to_string(), "maps", &map.to_string()]), "a map").await
     }
 
     /// The ranking of one segment of a query, at once or when it is newer.
@@ -189,18 +198,7 @@ impl Api {
     /// # Errors
     /// The service refuses or is out of reach.
     pub async fn start_map(&self, id: QueryId, new: &NewMap) -> Result<Map, ClientError> {
-        let path = ["queries", &id.to_string(), "maps"];
-        let request = self.request(Method::POST, &path).query(&WAIT).json(new);
-        let mut found: MapOrMaking = self.json(request.timeout(WORK_TIMEOUT), "a map").await?;
-        loop {
-            let making = match found {
-                MapOrMaking::There(map) => return Ok(*map),
-                MapOrMaking::Making(making) => going_on(making)?,
-            };
-            let path = [path[0], path[1], path[2], &making];
-            let request = self.request(Method::GET, &path).query(&WAIT);
-            found = self.json(request.timeout(WORK_TIMEOUT), "a map").await?;
-        }
+        self.made((id, "maps"), new, "a map").await
     }
 
     /// Edits the constraints of a map.
@@ -218,18 +216,45 @@ impl Api {
     /// # Errors
     /// The service refuses or is out of reach.
     pub async fn start_composition(&self, id: QueryId, new: &NewComposition) -> Result<Composition, ClientError> {
-        let path = ["queries", &id.to_string(), "compositions"];
+        self.made((id, "compositions"), new, "a composition").await
+    }
+
+    /// Makes quads for all of a query's scan.
+    ///
+    /// # Errors
+    /// The service refuses or is out of reach.
+    pub async fn start_retopo(&self, id: QueryId, new: &NewRetopo) -> Result<Retopo, ClientError> {
+        self.made((id, "retopos"), new, "a retopology").await
+    }
+
+    /// Has the service make something of a query, and waits until it is there.
+    async fn made<T: DeserializeOwned>(
+        &self,
+        (query, kind): (QueryId, &str),
+        new: &impl Serialize,
+        what: &'static str,
+    ) -> Result<T, ClientError> {
+        let path = ["queries", &query.to_string(), kind];
         let request = self.request(Method::POST, &path).query(&WAIT).json(new);
-        let mut found: CompositionOrMaking = self.json(request.timeout(WORK_TIMEOUT), "a composition").await?;
+        let mut found: Made<T> = self.json(request.timeout(WORK_TIMEOUT), what).await?;
         loop {
             let making = match found {
-                CompositionOrMaking::There(composition) => return Ok(*composition),
-                CompositionOrMaking::Making(making) => going_on(making)?,
+                Made::There(there) => return Ok(*there),
+                Made::Making(making) => going_on(making)?,
             };
             let path = [path[0], path[1], path[2], &making];
             let request = self.request(Method::GET, &path).query(&WAIT);
-            found = self.json(request.timeout(WORK_TIMEOUT), "a composition").await?;
+            found = self.json(request.timeout(WORK_TIMEOUT), what).await?;
         }
+    }
+
+    /// A composition that is there.
+    ///
+    /// # Errors
+    /// The service refuses (there is none) or is out of reach.
+    pub async fn composition(&self, id: QueryId, composition: CompositionId) -> Result<Composition, ClientError> {
+        let path = ["queries", &id.to_string(), "compositions", &composition.to_string()];
+        self.json(self.request(Method::GET, &path), "a composition").await
     }
 
     /// Downloads a mesh, in the size that is wanted.

@@ -8,7 +8,7 @@ use crate::{
     spec::ExampleRef,
     ui::Ui,
 };
-use quadmuse_proto::ranking::{self, Entry};
+use quadmuse_proto::ranking::Entry;
 use quadmuse_proto::{Example, ExampleId, NewMap, Query, QueryId, QuerySegment, Ranking, Topology};
 
 /// The query, once its ranking is final.
@@ -72,22 +72,6 @@ pub(super) async fn choose(
         }
         None => Err(ClientError::NothingRanked { segment: number, topology: segment.topology.to_string() }),
     }
-}
-
-/// The entries of the ranking that the service would lay in turn until one fits.
-pub(super) async fn in_turn(query: &Query, segment: u32, api: &Api) -> Result<Vec<Choice>, ClientError> {
-    let ranking = api.ranking(query.id, RankingView { segment, after: None, wait_ms: 0 }).await?;
-    Ok(ranking::in_turn(&ranking.entries).into_iter().map(|entry| Choice::of(entry, segment)).collect())
-}
-
-/// The score of the best entry of a segment's ranking: the lower, the better. Infinite where there is none.
-pub(super) async fn best_score(query: &Query, segment: u32, api: &Api) -> Result<f64, ClientError> {
-    Ok(score(&api.ranking(query.id, RankingView { segment, after: None, wait_ms: 0 }).await?))
-}
-
-/// The same of a ranking.
-pub(super) fn score(ranking: &Ranking) -> f64 {
-    ranking.entries.first().map_or(f64::INFINITY, |entry| entry.score)
 }
 
 /// The best entry of the ranking, or the best of the example that is told.

@@ -1,4 +1,4 @@
-//! Telling how far the service is with a map or a composition while its answer is awaited.
+//! Telling how far the service is with a map, a composition or a retopology while its answer is awaited.
 
 use crate::{
     api::Api,
@@ -10,7 +10,7 @@ use std::{convert::Infallible, time::Duration};
 /// How often the service is asked how far it is.
 const ASK_PAUSE: Duration = Duration::from_millis(500);
 
-/// A map or composition that is awaited.
+/// What is awaited.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Awaited {
     /// The query.

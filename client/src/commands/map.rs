@@ -1,7 +1,7 @@
 //! `map` and `constrain`: lays an example on the input, and writes the mesh.
 
 use super::{
-    choose::{Choice, choose, finished, in_turn},
+    choose::{choose, finished},
     deliver::{Target, write_map},
     making::{Awaited, awaited},
     rank::check_segment,
@@ -18,11 +18,10 @@ use crate::{
 use futures_util::{Stream, StreamExt, stream};
 use quadmuse_proto::{
     Beyond, Code, ConstraintEdit, ExampleId, Landmark, Map, MapId, NewMap, Place, Problem, Product, Query, QueryId,
-    QuerySegment,
 };
 use std::collections::BTreeMap;
 
-/// Examples that are laid at a time on a segment, and segments that examples are laid on at a time.
+/// Segments that examples are laid on at a time.
 const AT_A_TIME: usize = 2;
 
 pub(super) async fn map(args: &MapArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
@@ -106,16 +105,7 @@ async fn laid(
             segments: query.segments.len(),
         });
     };
-    laid_as_chosen(query, choose(query, found, told, api).await?, (beyond, held), api).await
-}
-
-/// The map of what was chosen, and the example's name.
-async fn laid_as_chosen(
-    query: &Query,
-    choice: Choice,
-    (beyond, held): (Beyond, &Held),
-    api: &Api,
-) -> Result<(Map, String), ClientError> {
+    let choice = choose(query, found, told, api).await?;
     let (landmarks, names) = (held.landmarks.clone(), held.names.clone());
     let map = api.start_map(query.id, &NewMap { beyond, landmarks, names, ..choice.new }).await?;
     Ok((map, choice.name))
@@ -126,72 +116,17 @@ pub(super) fn mapping(query: &Query) -> Awaited {
     Awaited { query: query.id, product: Product::Map, what: "mapping" }
 }
 
-/// Lays the ranking's examples on a segment in their turns until a map is good enough; the map that is worth most, of equals the
-/// first, and its example's name. `None` where the service would lay none.
-pub(super) async fn lay_best(
-    query: &Query,
-    segment: &QuerySegment,
-    beyond: Beyond,
-    api: &Api,
-    ui: &mut Ui,
-) -> Result<Option<(Map, String)>, ClientError> {
-    awaited(mapping(query), best(query, segment, beyond, api), api, ui).await
-}
-
-/// The same, and says nothing.
-async fn best(
-    query: &Query,
-    segment: &QuerySegment,
-    beyond: Beyond,
-    api: &Api,
-) -> Result<Option<(Map, String)>, ClientError> {
-    let tries = segment.tries as usize;
-    let free = Held::default();
-    let one = |choice| laid_as_chosen(query, choice, (beyond, &free), api);
-    let mut turns = in_turn(query, segment.segment, api).await?.into_iter();
-    // The first is mostly good enough. Where it is not, two at a time are laid, and looked at in order.
-    let Some(first) = turns.next() else { return Ok(None) };
-    let mut best = one(first).await?;
-    if tries <= 1 || best.0.is_enough(1, tries) {
-        return Ok(Some(best));
-    }
-    let mut found = stream::iter(turns.map(one)).buffered(AT_A_TIME);
-    let mut tried = 1;
-    while let Some(found) = found.next().await {
-        tried += 1;
-        match found {
-            Ok(found) if found.0.worth() > best.0.worth() => best = found,
-            Ok(_) => {}
-            Err(error) if is_late(&error) => break,
-            Err(error) => return Err(error),
-        }
-        if best.0.is_enough(tried, tries) {
-            break;
-        }
-    }
-    Ok(Some(best))
-}
-
-/// Lays on each of some segments the example that is told, or else the best, if any is worth it; two segments at a time. The
-/// answers come in order.
+/// Lays on each of some segments the example that is told; two segments at a time. The answers come in order.
 pub(super) fn lay_each<'a>(
     query: &'a Query,
-    segments: Vec<(&'a QuerySegment, Option<ExampleRef>)>,
+    segments: &'a [(u32, ExampleRef)],
     beyond: Beyond,
     api: &'a Api,
-) -> impl Stream<Item = Result<Option<(Map, String)>, ClientError>> + Unpin {
-    let one = move |(segment, told): (&'a QuerySegment, Option<ExampleRef>)| async move {
-        match told {
-            None => best(query, segment, beyond, api).await,
-            Some(_) => laid(query, segment.segment, told, (beyond, &Held::default()), api).await.map(Some),
-        }
+) -> impl Stream<Item = Result<(Map, String), ClientError>> + Unpin {
+    let one = move |&(segment, told): &'a (u32, ExampleRef)| async move {
+        laid(query, segment, Some(told), (beyond, &Held::default()), api).await
     };
     Box::pin(stream::iter(segments).map(one).buffered(AT_A_TIME))
-}
-
-/// Tells whether the service gave up because the request took too long.
-pub(super) fn is_late(error: &ClientError) -> bool {
-    matches!(error, ClientError::Refused(problem) if problem.code == Code::Deadline)
 }
 
 pub(super) async fn constrain(args: ConstrainArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {

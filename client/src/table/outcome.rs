@@ -68,7 +68,8 @@ pub fn composition(composition: &Composition, paint: Paint) -> String {
     lines.join("\n")
 }
 
-/// The quads that a density will give, told before the work. Regular layouts, which the service makes, come on top.
+/// The quads that a density will give the maps that were chosen, told before the work. What the service lays on other segments comes on
+/// top.
 pub fn expected_quads(maps: &[Map], segments: usize, density: i32) -> String {
     let now: u64 = maps.iter().map(|map| map.faces).sum();
     let steps = density.unsigned_abs();
@@ -78,11 +79,10 @@ pub fn expected_quads(maps: &[Map], segments: usize, density: i32) -> String {
         1.. => (now.saturating_mul(factor), format!("{factor} for each of the examples' {now}")),
         _ => (now / factor, format!("one for {factor} of the examples' {now}, where their layouts allow")),
     };
-    let regular = segments.saturating_sub(maps.len());
-    let more = match regular {
+    let more = match segments.saturating_sub(maps.len()) {
         0 => String::new(),
-        1 => ", and those of a regular layout".to_owned(),
-        n => format!(", and those of {n} regular layouts"),
+        1 => ", and those of another segment".to_owned(),
+        n => format!(", and those of {n} other segments"),
     };
     format!("density {density}: about {then} quads ({how}){more}")
 }
@@ -162,9 +162,9 @@ pub(crate) mod tests {
     fn the_quads_of_a_density_are_told_before_the_work() {
         let maps = [a_map(), a_map()];
         assert_eq!(expected_quads(&maps, 2, 1), "density 1: about 3200 quads (4 for each of the examples' 800)");
-        let coarser = "density -2: about 50 quads (one for 16 of the examples' 800, where their layouts allow), and those of 2 regular layouts";
+        let coarser = "density -2: about 50 quads (one for 16 of the examples' 800, where their layouts allow), and those of 2 other segments";
         assert_eq!(expected_quads(&maps, 4, -2), coarser);
-        assert!(expected_quads(&[], 1, 1).ends_with("and those of a regular layout"));
+        assert!(expected_quads(&[], 1, 1).ends_with("and those of another segment"));
     }
 
     #[test]

@@ -3,10 +3,10 @@
 use crate::{
     fake::{Asked, Fake, Reply},
     messages::{example_id, map, query_id},
-    queries::{composition, service},
+    queries::{Makes, composition, service_making},
     run, run_answering,
 };
-use quadmuse_proto::{Code, Composition, Map, Verdict, composition::AS_MAPPED};
+use quadmuse_proto::{Code, Composition, Map, Verdict};
 use std::fs;
 use tempfile::TempDir;
 
@@ -24,13 +24,8 @@ fn refusing_one(asked: &Asked) -> Reply {
     if asked.line.starts_with("POST /v1/queries") && asked.body == b"bad.obj" {
         return Reply::problem(Code::MeshUnreadable, 422, "expected a vertex number, found \"x\"");
     }
-    if asked.line.contains("/maps?") {
-        return Reply::json(201, &Map { verdict: Verdict::Fair, inspired: 0.75, ..map() });
-    }
-    if asked.line.contains("/compositions?") {
-        return Reply::json(201, &Composition { notes: vec![AS_MAPPED.into()], ..composition() });
-    }
-    service(asked, 1)
+    let fair = Map { verdict: Verdict::Fair, inspired: 0.75, ..map() };
+    service_making(asked, 1, &Makes::of(fair, composition()).as_mapped())
 }
 
 #[tokio::test]
@@ -112,15 +107,13 @@ async fn a_batch_takes_the_wishes_of_retopo_for_every_scan() {
 
 #[tokio::test]
 async fn a_size_that_was_asked_for_counts_all_faces_of_a_composition() {
-    let server = Fake::start(|asked| match asked.line.contains("/compositions?") {
-        true => Reply::json(201, &Composition { quads: 40, triangles: 2, ..composition() }),
-        false => {
-            let mut reply = service(asked, 3);
-            if asked.line.contains("quads=") {
-                reply.headers.extend(["quadmuse-faces: 90".to_owned(), "quadmuse-within: 0.4".to_owned()]);
-            }
-            reply
+    let server = Fake::start(|asked| {
+        let makes = Makes::of(map(), Composition { quads: 40, triangles: 2, ..composition() });
+        let mut reply = service_making(asked, 3, &makes);
+        if asked.line.contains("/mesh") && asked.line.contains("quads=") {
+            reply.headers.extend(["quadmuse-faces: 90".to_owned(), "quadmuse-within: 0.4".to_owned()]);
         }
+        reply
     });
     let folder = scans();
     let line = format!("batch {0} -o {0}/out --force --json", folder.path().display());

@@ -7,7 +7,6 @@ mod gone;
 mod messages;
 mod names;
 mod output;
-mod parts;
 mod progress;
 mod queries;
 mod uploads;

@@ -153,7 +153,7 @@ async fn a_part_goes_by_its_name_where_a_segment_is_asked_for() {
     let chosen = server.asked().into_iter().filter(|asked| asked.line.contains("/maps?"));
     let chosen = chosen.filter_map(|asked| serde_json::from_slice::<serde_json::Value>(&asked.body).ok());
     assert!(chosen.into_iter().any(|new| new["example_segment"] == 4 && new["segment"] == 0));
-    assert!(ran.notes.contains("segment 0, arm (1 of 3, disc)"), "{}", ran.notes);
+    assert!(ran.notes.contains("segment 0, arm (1 of 1, disc)"), "{}", ran.notes);
     let ran = run(&format!("compose {} --use nose={} --force -o {}", query_id(), example_id(3), out.display())).await;
     assert!(ran.code() == 1 && ran.notes.contains("found `nose`, which none has"), "{}", ran.notes);
 }

@@ -67,16 +67,17 @@ fn slow(asked: &Asked, often: u32, polls: &AtomicU32, open: &AtomicU32) -> Reply
         query: query_id(),
         state: MakingState::Running,
         progress: 0.625,
-        stage: if product == Product::Map { "laying the example" } else { "sewing the seams" }.into(),
+        stage: if product == Product::Composition { "sewing the seams" } else { "laying the example" }.into(),
         created: String::new(),
         problem: None,
     };
     if asked.line == format!("GET /v1/queries/{}", query_id()) && open.load(Ordering::SeqCst) > 0 {
         polls.fetch_add(1, Ordering::SeqCst);
-        let making = vec![making(Product::Map), making(Product::Composition)];
+        let making = [Product::Map, Product::Composition, Product::Retopo].map(making).to_vec();
         return Reply::json(200, &Query { making, ..query(QueryState::Done, 1) });
     }
-    if asked.line.starts_with("POST") && (asked.line.contains("/maps") || asked.line.contains("/compositions")) {
+    if asked.line.starts_with("POST") && ["/maps", "/compositions", "/retopos"].iter().any(|of| asked.line.contains(of))
+    {
         open.fetch_add(1, Ordering::SeqCst);
         let begun = Instant::now();
         while polls.load(Ordering::SeqCst) < often && begun.elapsed() < Duration::from_secs(20) {
@@ -111,7 +112,7 @@ async fn a_terminal_shows_the_percent_of_maps_and_compositions() {
     let (mesh, out) = (mesh.path().display(), out.display());
     for (line, what) in [
         (format!("retopo {mesh} --force -o {out}"), "laying the example"),
-        (format!("retopo {mesh} --force -o {out} --density 1"), "sewing the seams"),
+        (format!("compose {} --force -o {out}", query_id()), "sewing the seams"),
     ] {
         let (drawn, code, _) = seen(&line, true).await;
         assert_eq!(code, 0, "{line}: {drawn}");

@@ -2,17 +2,61 @@
 
 use crate::{
     fake::{Asked, Fake, Reply},
-    messages::{example_id, map, map_id, query, query_id, ranking},
+    messages::{example, example_id, map, map_id, query, query_id, ranking},
     run,
 };
 use quadmuse_proto::{
-    Begin, Code, Composition, CompositionId, CompositionPart, Covers, End, EndState, Event, Making, MakingState, Map,
-    MapId, Problem, Product, Query, QueryState, Verdict, composition::AS_MAPPED,
+    Begin, Code, Composition, CompositionId, CompositionPart, End, EndState, Event, Making, MakingState, Map, Page,
+    Problem, Product, Query, QueryId, QueryState, Retopo, RetopoId, RetopoResult, Verdict,
 };
 use std::sync::atomic::{AtomicU32, Ordering};
 
+/// What a service makes of its query.
+#[derive(Clone)]
+pub(crate) struct Makes {
+    pub(crate) map: Map,
+    pub(crate) composition: Composition,
+    pub(crate) retopo: Retopo,
+}
+
+impl Makes {
+    /// A good map, and a composition of it, to which a retopology comes.
+    pub(crate) fn new() -> Self {
+        Self::of(map(), composition())
+    }
+
+    pub(crate) fn of(map: Map, composition: Composition) -> Self {
+        let retopo = Retopo {
+            id: RetopoId::from_bytes([70; 16]),
+            query: query_id(),
+            state: MakingState::Done,
+            progress: 1.0,
+            result_query: query_id(),
+            result: RetopoResult::Composition(composition.id),
+            verdict: composition.verdict,
+            inspired: composition.inspired,
+            reasons: composition.reasons.clone(),
+            covers: composition.covers,
+            notes: Vec::new(),
+            total_ms: 1.0,
+        };
+        Self { map, composition, retopo }
+    }
+
+    /// The same, where a retopology comes to the map as it is.
+    pub(crate) fn as_mapped(self) -> Self {
+        let result = RetopoResult::Map(self.map.id);
+        Self { retopo: Retopo { result, ..self.retopo }, ..self }
+    }
+}
+
 /// A service whose ranking is refined with every poll, until it is done at revision 3.
 pub(crate) fn service(asked: &Asked, segments: u32) -> Reply {
+    service_making(asked, segments, &Makes::new())
+}
+
+/// The same, and what it makes.
+pub(crate) fn service_making(asked: &Asked, segments: u32, makes: &Makes) -> Reply {
     let path = asked.line.split(['?', ' ']).nth(1).unwrap_or_default();
     let parameter = |name: &str| {
         let (_, rest) = asked.line.split_once(&format!("{name}="))?;
@@ -29,11 +73,18 @@ pub(crate) fn service(asked: &Asked, segments: u32) -> Reply {
             Reply::json(200, &ranking(segment, revision.into(), 16 << revision, state))
         }
         ("DELETE", "/Q") => Reply { status: 204, headers: Vec::new(), body: Vec::new() },
-        ("POST", "/Q/maps") => Reply::json(201, &map()),
+        ("POST", "/Q/maps") => Reply::json(201, &makes.map),
+        ("GET", "/Q/maps") => Reply::json(200, &Page { items: vec![makes.map.clone()], next: None }),
         ("PATCH", rest) if rest.ends_with("/constraints") => Reply::json(200, &map()),
-        ("POST", "/Q/compositions") => Reply::json(201, &composition()),
+        ("POST", "/Q/compositions") => Reply::json(201, &makes.composition),
+        ("POST", "/Q/retopos") => Reply::json(201, &makes.retopo),
         ("GET", rest) if rest.ends_with("/mesh") => Reply::bytes("model/obj", "v 0 0 0\n"),
         ("GET", rest) if rest.ends_with("/preview.png") => Reply::bytes("image/png", rest),
+        ("GET", rest) if rest == format!("/Q/maps/{}", makes.map.id) => Reply::json(200, &makes.map),
+        ("GET", rest) if rest == format!("/Q/compositions/{}", makes.composition.id) => {
+            Reply::json(200, &makes.composition)
+        }
+        ("GET", rest) if rest == format!("/v1/examples/{}", makes.map.example) => Reply::json(200, &example(1)),
         _ => Reply::problem(Code::NotFound, 404, &asked.line),
     }
 }
@@ -258,16 +309,12 @@ async fn less_than_is_required_is_written_and_exits_with_1() {
             "a broken one",
         ),
     ] {
-        let server =
-            Fake::start(move |asked| match asked.line.rsplit('/').next().and_then(|last| last.split('?').next()) {
-                Some("maps") => Reply::json(201, &Map { verdict: map_is, ..map() }),
-                Some("compositions") => {
-                    let inspired = if composition_is == Verdict::Poor { 0.2 } else { 0.8 };
-                    let reasons = vec!["edges cross".to_owned()];
-                    Reply::json(201, &Composition { verdict: composition_is, inspired, reasons, ..composition() })
-                }
-                _ => service(asked, 1),
-            });
+        let server = Fake::start(move |asked| {
+            let inspired = if composition_is == Verdict::Poor { 0.2 } else { 0.8 };
+            let reasons = vec!["edges cross".to_owned()];
+            let composition = Composition { verdict: composition_is, inspired, reasons, ..composition() };
+            service_making(asked, 1, &Makes::of(Map { verdict: map_is, ..map() }, composition))
+        });
         let _ = std::fs::remove_file(&out);
         let ran = run(&server.url, &format!("--json {line}")).await;
         assert_eq!(ran.code(), code, "{line}: {}", ran.notes);
@@ -347,20 +394,19 @@ async fn retopo_maps_one_segment_and_stitches_several() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out.obj");
     // A single map that was chosen by hand is written as it is.
-    for (segments, maps, compositions) in [(1, 1, 0), (3, 3, 1)] {
+    for (segments, compositions) in [(1, 0), (3, 1)] {
         let server = Fake::start(move |asked| service(asked, segments));
         let line = format!("retopo {} --force -o {} --use 0={}", mesh.path().display(), out.display(), example_id(3));
         let ran = run(&server.url, &line).await;
         assert_eq!(ran.code(), 0, "{}", ran.notes);
         let last = ran.out.lines().last().expect("a line");
         assert!(last.starts_with("written") && last.contains(&out.display().to_string()), "{last}");
-        assert!(last.ends_with(if segments == 1 { "good, 4 faces" } else { "4 quads, parts: 3 good" }), "{last}");
+        assert!(last.ends_with(if segments == 1 { "good, 4 faces" } else { "4 quads, parts: 1 good" }), "{last}");
         assert!(!ran.out.contains("level"), "nothing of the ranking: {}", ran.out);
-        let told = (1..=3).filter(|k| ran.notes.contains(&format!("({k} of 3, "))).count();
-        assert_eq!(told, if segments == 1 { 0 } else { 3 }, "{}", ran.notes);
+        assert_eq!(ran.notes.contains("(1 of 1, disc): example 1"), segments > 1, "{}", ran.notes);
         let lines = server.lines();
         let count = |end: &str| lines.iter().filter(|line| line.starts_with("POST") && line.contains(end)).count();
-        assert_eq!((count("/maps?"), count("/compositions?")), (maps, compositions));
+        assert_eq!((count("/maps?"), count("/compositions?"), count("/retopos")), (1, compositions, 0));
     }
 }
 
@@ -404,127 +450,68 @@ async fn a_map_that_takes_longer_than_an_answer_may_is_waited_for() {
 }
 
 #[tokio::test]
-async fn retopo_leaves_it_to_the_service_whether_a_single_map_is_composed() {
+async fn retopo_writes_what_the_service_came_to_and_tells_what_it_tried() {
     let mesh = mesh_file();
     let folder = tempfile::tempdir().expect("a folder");
-    let out = folder.path().join("out.obj");
-    let as_mapped = || vec![AS_MAPPED.to_owned()];
-    // A map that its composition calls worse is told as that tells it.
-    for (notes, verdict, ending) in [
-        (vec![], Verdict::Good, "16 quads, parts: 1 good"),
-        (as_mapped(), Verdict::Good, "good, 4 faces"),
-        (as_mapped(), Verdict::Poor, "16 quads, parts: 1 good"),
-    ] {
-        let server = Fake::start(move |asked| match asked.line.as_str() {
-            line if line.starts_with("POST") && line.contains("/compositions?") => {
-                Reply::json(201, &Composition { quads: 16, verdict, notes: notes.clone(), ..composition() })
-            }
-            _ => service(asked, 1),
-        });
-        let ran = run(&server.url, &format!("retopo {} --force -o {}", mesh.path().display(), out.display())).await;
+    let (out, kept) = (folder.path().join("out.obj"), folder.path().join("kept.txt"));
+    let notes = vec!["cutting the mesh into parts".to_owned()];
+    for (is_map, ending) in [(false, "4 quads, parts: 1 good"), (true, "good, 4 faces")] {
+        let makes = if is_map { Makes::new().as_mapped() } else { Makes::new() };
+        let makes = Makes { retopo: Retopo { notes: notes.clone(), ..makes.retopo }, ..makes };
+        let server = Fake::start(move |asked| service_making(asked, 1, &makes));
+        let flags = format!("--beyond leave --smoothing 7 --kept {}", kept.display());
+        let line = format!("retopo {} --force -o {} {flags}", mesh.path().display(), out.display());
+        let ran = run(&server.url, &line).await;
         assert_eq!(ran.code(), 0, "{}", ran.notes);
         let last = ran.out.lines().last().expect("a line");
         assert!(last.ends_with(ending), "{last}");
-    }
-}
-
-/// The service, if of each segment so many entries are worth laying.
-fn service_with_tries(asked: &Asked, segments: u32, tries: u32) -> Reply {
-    let reply = service(asked, segments);
-    let Ok(mut query) = serde_json::from_slice::<Query>(&reply.body) else { return reply };
-    query.segments.iter_mut().for_each(|segment| segment.tries = tries);
-    Reply::json(reply.status, &query)
-}
-
-#[tokio::test]
-async fn retopo_lays_as_many_examples_as_the_service_calls_worth_it() {
-    let mesh = mesh_file();
-    let folder = tempfile::tempdir().expect("a folder");
-    let out = folder.path().join("out.obj");
-    // Segments, tries, and maps asked for where all are poor.
-    for (segments, tries, maps) in [(1, 0, 0), (3, 0, 0), (1, 1, 1), (3, 1, 3)] {
-        let poor = Map { verdict: Verdict::Poor, ..map() };
-        let server = Fake::start(move |asked| match asked.line.contains("/maps?") {
-            true => Reply::json(201, &poor),
-            false => service_with_tries(asked, segments, tries),
-        });
-        let ran = run(&server.url, &format!("retopo {} --force -o {}", mesh.path().display(), out.display())).await;
-        assert_eq!(ran.code(), 0, "{}", ran.notes);
-        let lines = server.lines();
-        let count = |end: &str| lines.iter().filter(|line| line.starts_with("POST") && line.contains(end)).count();
-        assert_eq!((count("/maps?"), count("/compositions?")), (maps, 1), "{segments} segments, {tries} tries");
-        let cuts = lines.iter().filter(|line| line.contains("parts=auto")).count();
-        assert_eq!(cuts, 0, "what is worth one try is not cut");
-        assert_eq!(ran.notes.contains("too few faces for an example"), tries == 0, "{}", ran.notes);
+        assert!(ran.notes.contains("cutting the mesh into parts"), "{}", ran.notes);
+        assert_eq!(std::fs::read_to_string(&kept).expect("a file").lines().count(), 9);
+        let posted: Vec<Asked> = server.asked().into_iter().filter(|asked| asked.line.starts_with("POST")).collect();
+        assert_eq!(posted.len(), 2, "the scan, and the wish");
+        let wanted: serde_json::Value = serde_json::from_slice(&posted[1].body).expect("JSON");
+        assert_eq!(wanted, serde_json::json!({"beyond": "leave", "smoothing": 7, "density": null}));
     }
 }
 
 #[tokio::test]
-async fn retopo_takes_the_map_that_is_worth_most_and_stops_at_one_that_is_good_enough() {
+async fn the_query_of_a_result_whose_scan_was_cut_anew_is_remembered() {
     let mesh = mesh_file();
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out.obj");
-    // The share of the scan that the map of each example covers, which of them is taken, and how many are asked for: after the
-    // first two at a time, so that one more may be under way when one is good enough.
-    let tried = [
-        ([0.1, 0.3, 0.2], 1, 3..=3),
-        ([0.1, 0.9, 1.0], 1, 2..=3),
-        ([0.2, 0.1, 0.1], 0, 3..=3),
-        ([0.9, 1.0, 1.0], 0, 1..=1),
-    ];
-    for (covered, taken, count) in tried {
-        let server = Fake::start(move |asked| {
-            if !asked.line.starts_with("POST") || !asked.line.contains("/maps?") {
-                return service_with_tries(asked, 1, 3);
-            }
-            let body = String::from_utf8_lossy(&asked.body).into_owned();
-            let number =
-                (0..3).find(|&number| body.contains(&example_id(number as u8 + 1).to_string())).expect("an example");
-            let covers = Covers { input: covered[number], ..Covers::default() };
-            let id = MapId::from_bytes([number as u8; 16]);
-            Reply::json(201, &Map { id, covers, verdict: Verdict::Fair, ..map() })
-        });
-        let ran = run(&server.url, &format!("retopo {} --force -o {}", mesh.path().display(), out.display())).await;
-        assert_eq!(ran.code(), 0, "{}", ran.notes);
-        let asked = server.asked();
-        let maps = asked.iter().filter(|asked| asked.line.starts_with("POST") && asked.line.contains("/maps?")).count();
-        assert!(count.contains(&maps), "{covered:?}: {maps}");
-        let composed = asked.iter().find(|asked| asked.line.contains("/compositions?")).expect("a composition");
-        let body = String::from_utf8_lossy(&composed.body).into_owned();
-        assert!(body.contains(&MapId::from_bytes([taken; 16]).to_string()), "{covered:?}: {body}");
-    }
+    let of = QueryId::from_bytes([101; 16]);
+    let server = Fake::start(move |asked| {
+        let makes = Makes::new();
+        let composition = Composition { query: of, ..composition() };
+        let makes = Makes { composition, retopo: Retopo { result_query: of, ..makes.retopo }, ..makes };
+        let is_of = asked.line.contains(&of.to_string());
+        let asked = Asked { line: asked.line.replace(&of.to_string(), &query_id().to_string()), ..asked.clone() };
+        match asked.line == format!("GET /v1/queries/{}", query_id()) && is_of {
+            true => Reply::json(200, &Query { id: of, ..query(QueryState::Done, 2) }),
+            false => service_making(&asked, 1, &makes),
+        }
+    });
+    let ran = run(&server.url, &format!("--json retopo {} -o {}", mesh.path().display(), out.display())).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    assert_eq!(ran.json_lines().last().expect("a result")["query"], of.to_string());
+    let asked = server.lines();
+    let mesh = asked.iter().rfind(|line| line.contains("/mesh")).expect("a mesh is asked for");
+    assert!(mesh.contains(&of.to_string()), "{mesh}");
 }
 
 #[tokio::test]
-async fn retopo_cuts_nothing_that_was_asked_for_whole_and_keeps_a_chosen_example() {
+async fn retopo_writes_a_chosen_example_as_it_lies_however_poorly() {
     let mesh = mesh_file();
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out.obj");
-    let chosen = format!("--use 0={}", example_id(3));
-    for (flags, end) in [
-        ("--segments whole", "4 quads, parts: 1 regular"),
-        ("--parts 1", "4 quads, parts: 1 regular"),
-        (&chosen, "poor, 4 faces"),
-    ] {
-        let poor = Map { verdict: Verdict::Poor, ..map() };
-        let regular = Composition { parts: vec![], templates: vec![0], ..composition() };
-        let server = Fake::start(move |asked| match asked.line.starts_with("POST") {
-            true if asked.line.contains("/maps?") => Reply::json(201, &poor),
-            true if asked.line.contains("/compositions?") => Reply::json(201, &regular),
-            _ => service(asked, 1),
-        });
-        let ran =
-            run(&server.url, &format!("retopo {} --force -o {} {flags}", mesh.path().display(), out.display())).await;
-        assert_eq!(ran.code(), 0, "{}", ran.notes);
-        let last = ran.out.lines().last().expect("a line");
-        assert!(last.ends_with(end), "{flags}: {last}");
-        let uploads = server
-            .lines()
-            .iter()
-            .filter(|line| line.starts_with("POST /v1/queries?") || line.ends_with("/v1/queries"))
-            .count();
-        assert_eq!(uploads, 1, "{flags}");
-    }
+    let server = Fake::start(move |asked| {
+        service_making(asked, 1, &Makes::of(Map { verdict: Verdict::Poor, ..map() }, composition()))
+    });
+    let line = format!("retopo {} --force -o {} --use 0={}", mesh.path().display(), out.display(), example_id(3));
+    let ran = run(&server.url, &line).await;
+    assert_eq!(ran.code(), 0, "{}", ran.notes);
+    let last = ran.out.lines().last().expect("a line");
+    assert!(last.ends_with("poor, 4 faces"), "{last}");
 }
 
 #[tokio::test]

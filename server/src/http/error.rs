@@ -276,7 +276,8 @@ fn judge_work(error: &WorkError) -> (StatusCode, Code) {
         WorkError::NoSuchSegment { .. }
         | WorkError::NoSuchQuery(_)
         | WorkError::NoSuchMap(_)
-        | WorkError::NoSuchComposition(_) => (StatusCode::NOT_FOUND, Code::NotFound),
+        | WorkError::NoSuchComposition(_)
+        | WorkError::NoSuchRetopo(_) => (StatusCode::NOT_FOUND, Code::NotFound),
         WorkError::QueryExpired(_) => (StatusCode::GONE, Code::QueryExpired),
         WorkError::NotEncodedYet { .. } => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),
         WorkError::QueryEnded { .. } | WorkError::TooMany { .. } | WorkError::NotMade { .. } => {

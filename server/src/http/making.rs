@@ -1,4 +1,4 @@
-//! Maps and compositions while they are made: how an answer is waited for, and what is told until it is there.
+//! Maps, compositions and retopologies while they are made: how an answer is waited for, and what is told until it is there.
 //!
 //! Who asks for one is answered at once, with 202 and how far it is; `?wait=` holds the answer until it is there, which then is
 //! 201 with all of it.

@@ -11,8 +11,8 @@ use axum::response::Response;
 use bytes::Bytes;
 use quadmuse_proto::upload::OFFSET_OCTET_STREAM;
 use quadmuse_proto::{
-    Code, Components, CompositionId, ExampleId, MapId, MeshFormat, Problem, QueryId, Segmentation, Topology, UploadId,
-    problem,
+    Code, Components, CompositionId, ExampleId, MapId, MeshFormat, Problem, QueryId, RetopoId, Segmentation, Topology,
+    UploadId, problem,
 };
 use serde_json::{Value, json};
 use utoipa::openapi::{ComponentsBuilder, InfoBuilder, OpenApi, OpenApiBuilder};
@@ -35,7 +35,8 @@ pub fn head() -> OpenApi {
         .schema_from::<MeshFormat>()
         .schema_from::<Topology>();
     let components = components.schema_from::<ExampleId>().schema_from::<QueryId>().schema_from::<MapId>();
-    let components = components.schema_from::<CompositionId>().schema_from::<UploadId>().build();
+    let components =
+        components.schema_from::<CompositionId>().schema_from::<RetopoId>().schema_from::<UploadId>().build();
     OpenApiBuilder::new().info(info).components(Some(components)).build()
 }
 

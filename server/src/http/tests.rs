@@ -9,6 +9,7 @@ mod forward;
 mod maps;
 mod naming;
 mod queries;
+mod retopos;
 mod shares;
 mod sockets;
 mod streams;

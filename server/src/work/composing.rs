@@ -8,20 +8,18 @@ mod surrounded;
 mod waist;
 
 use super::engine::{Allowed, BARE, Encoded, EngineError, Model, OnePart, Part, Stitching};
+use super::laying;
 use super::making::{self, Making, Tell};
-use super::mapping::{self, LiveMap, get};
+use super::mapping::{LiveMap, get};
 use super::query::{LiveQuery, ms_since};
-use super::ranking::turns;
-use super::worth::tries;
 use super::{REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, Stop, StopReason};
-use futures_util::{StreamExt, stream};
+use futures_util::StreamExt;
 use headline::{BroughtMap, Headline, headline};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
 use quadmuse_proto::{
-    Beyond, Composition, CompositionId, CompositionPart, ExampleId, MakingState, Map, NewComposition, NewMap, Product,
-    Verdict,
+    Composition, CompositionId, CompositionPart, ExampleId, MakingState, Map, NewComposition, Product, Verdict,
 };
 use side_by_side::{as_mapped, standing, unstitched};
 use sound::{Sound, stitched_sound};
@@ -52,9 +50,6 @@ const MEMORY_TIMES: u64 = 8;
 
 /// Memory that the stitched mesh takes for each face, as long as it is held.
 const MEMORY_PER_FACE_HELD: u64 = 200;
-
-/// Examples that are laid on a segment at a time.
-const AT_A_TIME: usize = 2;
 
 /// A composition and its mesh.
 pub struct LiveComposition {
@@ -105,6 +100,19 @@ fn check(live: &LiveQuery, wanted: &NewComposition) -> Result<Vec<Option<Arc<Liv
 /// Memory that a composition of so many faces takes on an input.
 pub(super) fn memory(faces: u64, input: &Model) -> u64 {
     faces.max(FACES_LEAST) * MEMORY_PER_FACE + input.mesh.faces.len() as u64 * MEMORY_PER_INPUT_FACE
+}
+
+/// Stitches maps of a query, as [`start`] does, while the caller waits.
+///
+/// # Errors
+/// What is wrong with the request; refusals of the pool and of the engine.
+pub async fn create(
+    work: &Arc<Work>,
+    live: &Arc<LiveQuery>,
+    wanted: NewComposition,
+    tell: Tell<'_>,
+) -> Result<Arc<LiveComposition>, WorkError> {
+    made(work, live, (CompositionId::generate_on(work.server), wanted), tell).await
 }
 
 async fn made(
@@ -362,17 +370,20 @@ async fn gathered(
 ) -> Result<Gathered, WorkError> {
     let mut all = Gathered::default();
     let count = named.len().max(1) as f64;
+    // What lies around a side of a waist is laid out around it.
     let is_around = live.model.is_waist && named.iter().any(Option::is_some);
+    let unnamed = (0u32..).zip(&named).filter(|(_, named)| named.is_none() && !is_around);
+    let unnamed: Vec<u32> = unnamed.map(|(segment, _)| segment).collect();
+    let mut best = laying::best_maps(work, live, &unnamed, wanted.beyond);
     for (segment, named) in (0u32..).zip(named) {
         tell("laying examples on the parts", LAID_SHARE * f64::from(segment) / count);
         let is_named = named.is_some();
         let map = match named {
             Some(map) => Some(map),
-            // What lies around a side of a waist is laid out around it.
             None if is_around => None,
-            None => match tries(&live.model.segments, segment as usize) {
-                0 => None,
-                tries => best_map(work, live, segment, tries).await?,
+            None => match best.next().await {
+                Some(Err(error)) if !laying::is_late(&error) => return Err(error),
+                found => found.and_then(Result::ok).flatten(),
             },
         };
         // Beside others, or of the whole, a regular layout is laid anew, along a field where it can be.
@@ -436,52 +447,6 @@ fn faces_at(parts: &[Part], density: i32) -> Result<u64, WorkError> {
     Ok(faces)
 }
 
-/// Lays the entries of a segment's ranking in their [`turns`] until a map is good enough, and finds the map that is worth most, of
-/// equals the first. Maps that are there are not made again. `None` where there is no entry.
-async fn best_map(
-    work: &Arc<Work>,
-    live: &Arc<LiveQuery>,
-    segment: u32,
-    tries: usize,
-) -> Result<Option<Arc<LiveMap>>, WorkError> {
-    // Only a ranking that will not change any more tells the best.
-    live.wait_for(|_| false).await;
-    let entries: Vec<(ExampleId, u32)> =
-        live.board().rankings.get(segment as usize).map_or(Vec::new(), |ranking| turns(&ranking.candidates, tries));
-    let one = |(example, example_segment)| async move {
-        let there = mapping::find(live, segment, (example, example_segment));
-        let new = NewMap { beyond: Beyond::Extend, ..NewMap::new(segment, example, example_segment) };
-        match there {
-            Some(map) => Ok(map),
-            None => mapping::create(work, live, new).await,
-        }
-    };
-    // The first is mostly good enough. Where it is not, two at a time are laid, and looked at in order.
-    let (first, others) = entries.split_at(entries.len().min(1));
-    let first = stream::iter(first.iter().copied()).then(one);
-    let others = stream::iter(others.iter().copied()).map(one).buffered(AT_A_TIME);
-    let mut found = std::pin::pin!(first.chain(others).enumerate());
-    let mut best: Option<(f64, Arc<LiveMap>)> = None;
-    while let Some((tried, found)) = found.next().await {
-        let map = match found {
-            Ok(map) => map,
-            // Another would take as long; a regular layout is there at once.
-            Err(error) if error.stop_reason() == Some(StopReason::Deadline) => break,
-            Err(error) => return Err(error),
-        };
-        let worth = map.newest().summary.worth();
-        let is_better = best.as_ref().is_none_or(|best| worth > best.0);
-        let is_enough = map.newest().summary.is_enough(tried + 1, tries);
-        if is_better {
-            best = Some((worth, map));
-        }
-        if is_better && is_enough {
-            break;
-        }
-    }
-    Ok(best.map(|best| best.1))
-}
-
 /// A composition of a query.
 ///
 /// # Errors
@@ -515,14 +480,23 @@ fn one_example(maps: &[Option<Arc<LiveMap>>]) -> Option<(Arc<Model>, Vec<OnePart
     Some((Arc::clone(&first.example()?.model), maps.iter().map(part).collect::<Option<_>>()?))
 }
 
+/// Checks rounds of smoothing and steps of density.
+///
+/// # Errors
+/// [`WorkError::Parameter`].
+pub(super) fn check_options(smoothing: u32, density: i32) -> Result<(), WorkError> {
+    if smoothing > SMOOTHING_MAX {
+        return Err(WorkError::parameter("smoothing", format!("from 0 to {SMOOTHING_MAX}"), smoothing));
+    }
+    if density.unsigned_abs() > DENSITY_MAX.unsigned_abs() {
+        return Err(WorkError::parameter("density", format!("from -{DENSITY_MAX} to {DENSITY_MAX}"), density));
+    }
+    Ok(())
+}
+
 /// The maps named, one slot a segment: each segment at most once, each with a map of its own.
 fn maps_of(live: &LiveQuery, wanted: &NewComposition) -> Result<Vec<Option<Arc<LiveMap>>>, WorkError> {
-    if wanted.smoothing > SMOOTHING_MAX {
-        return Err(WorkError::parameter("smoothing", format!("from 0 to {SMOOTHING_MAX}"), wanted.smoothing));
-    }
-    if wanted.density.unsigned_abs() > DENSITY_MAX.unsigned_abs() {
-        return Err(WorkError::parameter("density", format!("from -{DENSITY_MAX} to {DENSITY_MAX}"), wanted.density));
-    }
+    check_options(wanted.smoothing, wanted.density)?;
     let mut maps: Vec<Option<Arc<LiveMap>>> = vec![None; live.model.segments.len()];
     if let Some(&segment) = wanted.keep.iter().find(|&&segment| segment as usize >= maps.len()) {
         return Err(WorkError::NoSuchSegment { of: "the query", count: maps.len(), segment });

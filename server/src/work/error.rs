@@ -4,7 +4,7 @@ use super::corpus::CorpusError;
 use super::engine::EngineError;
 use super::uploads::UploadError;
 use crate::pool::{PoolError, StopReason};
-use quadmuse_proto::{CompositionId, ExampleId, MapId, QueryId, Topology};
+use quadmuse_proto::{CompositionId, ExampleId, MapId, QueryId, RetopoId, Topology};
 use std::sync::Arc;
 
 /// Why something was not done.
@@ -56,6 +56,9 @@ pub enum WorkError {
     /// No such composition.
     #[error("expected a composition of the query, found none with the id {0}")]
     NoSuchComposition(CompositionId),
+    /// No such retopology.
+    #[error("expected a retopology of the query, found none with the id {0}")]
+    NoSuchRetopo(RetopoId),
     /// The example has no encoding yet.
     #[error("expected segment {segment} of the example {example} to be encoded, found it waiting; try again shortly")]
     NotEncodedYet {
@@ -102,8 +105,10 @@ pub enum WorkError {
         /// Its state.
         state: &'static str,
     },
-    /// Too many maps and compositions of one query under way.
-    #[error("expected fewer than {limit} maps and compositions of a query under way, found {limit}; try again shortly")]
+    /// Too many maps, compositions and retopologies of one query under way.
+    #[error(
+        "expected fewer than {limit} maps, compositions and retopologies of a query under way, found {limit}; try again shortly"
+    )]
     MakingsFull {
         /// How many there may be.
         limit: usize,

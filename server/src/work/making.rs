@@ -1,4 +1,4 @@
-//! Maps and compositions while they are made: each on a task of its own, which goes on when its request is gone.
+//! Maps, compositions and retopologies while they are made: each on a task of its own, which goes on when its request is gone.
 
 use super::query::{LiveQuery, rfc3339};
 use super::{Work, WorkError};
@@ -12,7 +12,7 @@ use tokio::sync::watch;
 use tokio::task::AbortHandle;
 use tracing::Instrument;
 
-/// Most maps and compositions of a query that are made at a time.
+/// Most of them that are made of a query at a time.
 pub const UNDER_WAY_MAX: usize = 16;
 /// Most that failed or were cancelled and are remembered, of a query.
 const ENDED_MAX: usize = 64;
@@ -23,7 +23,7 @@ pub type Tell<'a> = &'a (dyn Fn(&'static str, f64) + Send + Sync);
 /// For those who tell nobody.
 pub fn untold(_: &'static str, _: f64) {}
 
-/// A map or a composition that is made.
+/// One that is made.
 pub struct Making {
     /// The id it has, too, once it is there.
     pub id: String,

@@ -31,6 +31,8 @@ pub struct LiveMap {
     example: Option<Side>,
     query: Side,
     example_id: ExampleId,
+    /// How the input is treated where it reaches beyond the example.
+    pub beyond: Beyond,
     edits: tokio::sync::Mutex<()>,
     newest: Mutex<Arc<MapState>>,
     /// Its share of the memory.
@@ -178,7 +180,8 @@ async fn made(
     tracing::debug!(query = %live.id, example = %example.name, segment, verdict, agreement, score, laid_roughly = rough_agreement, ms = timings.map_ms, "laid");
     let summary = summary(live, id, wanted.segment, (wanted.example, segment), 1, &mapped, timings);
     let held = job.kept(work.engine.memory_of_map(example.bytes));
-    Ok(keep(live, held, Some(fitted.example), fitted.query, MapState { mapped, summary }))
+    let (sides, beyond) = ((Some(fitted.example), fitted.query), wanted.beyond);
+    Ok(keep(live, held, sides, beyond, MapState { mapped, summary }))
 }
 
 /// The map of an example that leads another, made where it is not there yet.
@@ -226,11 +229,17 @@ async fn made_of_template(
     let timings = MapTimings { register_ms: 0.0, map_ms: ms_since(start), total_ms: ms_since(start) };
     let summary = summary(live, id, wanted.segment, (wanted.example, 0), 1, &mapped, timings);
     let held = job.kept(work.engine.memory_of_map(0));
-    Ok(keep(live, held, None, side, MapState { mapped, summary }))
+    Ok(keep(live, held, (None, side), wanted.beyond, MapState { mapped, summary }))
 }
 
 /// Keeps a new map with its query.
-fn keep(live: &LiveQuery, held: Job, example: Option<Side>, query: Side, state: MapState) -> Arc<LiveMap> {
+fn keep(
+    live: &LiveQuery,
+    held: Job,
+    (example, query): (Option<Side>, Side),
+    beyond: Beyond,
+    state: MapState,
+) -> Arc<LiveMap> {
     let id = state.summary.id;
     let map = Arc::new(LiveMap {
         id,
@@ -238,6 +247,7 @@ fn keep(live: &LiveQuery, held: Job, example: Option<Side>, query: Side, state: 
         example,
         query,
         example_id: state.summary.example,
+        beyond,
         edits: tokio::sync::Mutex::default(),
         newest: Mutex::new(Arc::new(state)),
         _held: held,

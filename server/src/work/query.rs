@@ -16,7 +16,7 @@ use crate::pool::{Job, Stop};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::{
     Begin, CompositionId, End, EndState, Entry, EntryState, ExampleId, LevelTiming, MapId, MeshCounts, Progress, Query,
-    QueryId, QuerySegment, QueryState, QueryTimings, Ranking, Share,
+    QueryId, QuerySegment, QueryState, QueryTimings, Ranking, Retopo, RetopoId, Share,
 };
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -62,6 +62,8 @@ pub struct LiveQuery {
     pub makings: Makings,
     /// Its compositions.
     pub compositions: Mutex<BTreeMap<CompositionId, Arc<LiveComposition>>>,
+    /// Its retopologies.
+    pub retopos: Mutex<BTreeMap<RetopoId, Arc<Retopo>>>,
     /// Its computation: dropped with it, which stops what is under way.
     pub job: Job,
     counts: MeshCounts,
@@ -132,6 +134,7 @@ impl LiveQuery {
             names: Names::default(),
             makings: Makings::default(),
             compositions: Mutex::default(),
+            retopos: Mutex::default(),
             job,
             counts,
             started,
@@ -406,6 +409,11 @@ impl LiveQuery {
     /// Its maps, locked.
     pub fn maps(&self) -> MutexGuard<'_, BTreeMap<MapId, Arc<LiveMap>>> {
         self.maps.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Its retopologies, locked.
+    pub fn retopos(&self) -> MutexGuard<'_, BTreeMap<RetopoId, Arc<Retopo>>> {
+        self.retopos.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Its compositions, locked.

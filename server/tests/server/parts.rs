@@ -3,7 +3,7 @@
 
 use quadmuse_kernel::mesh::{Format, PolyMesh, write};
 use quadmuse_proto::{
-    CompositionPart, Example, ExampleId, MeshFormat, NewComposition, NewMap, Parts, QueryState, Ranking,
+    Beyond, CompositionPart, Example, ExampleId, MeshFormat, NewComposition, NewMap, Parts, QueryState, Ranking,
 };
 use quadmuse_server::demo;
 use quadmuse_server::pool::{Admission, Pool};
@@ -137,7 +137,13 @@ async fn regular_layouts_that_are_named_are_laid_anew_as_one_unless_they_are_kep
         parts.push(CompositionPart { segment, map });
     }
     let composed = async |keep: &[u32]| {
-        let wanted = NewComposition { parts: parts.clone(), smoothing: 5, density: 0, keep: keep.to_vec() };
+        let wanted = NewComposition {
+            parts: parts.clone(),
+            smoothing: 5,
+            density: 0,
+            keep: keep.to_vec(),
+            beyond: Beyond::Extend,
+        };
         let (id, making) = composing::start(&work, &live, wanted).expect("started");
         making.over().await;
         composing::find(&live, id).expect("made")

@@ -3,7 +3,8 @@
 use crate::{damage::damaged, dice::Dice};
 use quadmuse_proto::constraint::Place;
 use quadmuse_proto::{
-    Beyond, CompositionPart, ConstraintEdit, ExampleId, Landmark, MapId, NewComposition, NewConstraint, NewMap, OnFold,
+    Beyond, CompositionPart, ConstraintEdit, ExampleId, Landmark, MapId, NewComposition, NewConstraint, NewMap,
+    NewRetopo, OnFold,
 };
 use serde::{Serialize, de::DeserializeOwned};
 use std::fmt::Debug;
@@ -29,7 +30,17 @@ fn map() -> NewMap {
 
 fn composition() -> NewComposition {
     let part = |segment| CompositionPart { segment, map: MapId::from_bytes([segment as u8; 16]) };
-    NewComposition { parts: (0..4).map(part).collect(), smoothing: 5, density: -1, keep: vec![0, 2] }
+    NewComposition {
+        parts: (0..4).map(part).collect(),
+        smoothing: 5,
+        density: -1,
+        keep: vec![0, 2],
+        beyond: Beyond::Leave,
+    }
+}
+
+fn retopo() -> NewRetopo {
+    NewRetopo { beyond: Beyond::Leave, smoothing: 7, density: Some(-2) }
 }
 
 /// Spoils a message of one kind in JSON; whether it was read.
@@ -54,9 +65,10 @@ fn messagepack_of<T: Serialize + DeserializeOwned>(message: &T, dice: &mut Dice)
 /// JSON.
 pub fn json(seed: u64) -> bool {
     let mut dice = Dice::new(seed);
-    match dice.below(3) {
+    match dice.below(4) {
         0 => json_of(&edit(), &mut dice),
         1 => json_of(&map(), &mut dice),
+        2 => json_of(&retopo(), &mut dice),
         _ => json_of(&composition(), &mut dice),
     }
 }
@@ -64,9 +76,10 @@ pub fn json(seed: u64) -> bool {
 /// MessagePack.
 pub fn messagepack(seed: u64) -> bool {
     let mut dice = Dice::new(seed);
-    match dice.below(3) {
+    match dice.below(4) {
         0 => messagepack_of(&edit(), &mut dice),
         1 => messagepack_of(&map(), &mut dice),
+        2 => messagepack_of(&retopo(), &mut dice),
         _ => messagepack_of(&composition(), &mut dice),
     }
 }

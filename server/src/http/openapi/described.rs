@@ -6,8 +6,19 @@ use quadmuse_proto::upload::TUS_VERSION;
 use serde_json::{Map, Value, json};
 
 /// Collections and other nouns by which operations are named; the last in a path counts.
-const NOUNS: [&str; 10] =
-    ["examples", "queries", "uploads", "ranking", "stream", "maps", "compositions", "samples", "tokens", "admin"];
+const NOUNS: [&str; 11] = [
+    "examples",
+    "queries",
+    "uploads",
+    "ranking",
+    "stream",
+    "maps",
+    "compositions",
+    "retopos",
+    "samples",
+    "tokens",
+    "admin",
+];
 /// An id as it looks.
 const ID: &str = "01KAR5Z3J8QW0V6T4N2M9D7C1B";
 /// The pattern of ids.
@@ -17,7 +28,7 @@ const OBJ: &str = "v 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 1 0\nv 1 1 .2\nv 2 1 0\nv 0 2 
 
 /// The ids of the components: what they look like. [`quadmuse_proto::ExampleId::TEMPLATE`] is accepted where an example is named.
 pub(super) fn ids(schemas: &mut Value) {
-    for name in ["ExampleId", "QueryId", "MapId", "CompositionId", "UploadId"] {
+    for name in ["ExampleId", "QueryId", "MapId", "CompositionId", "RetopoId", "UploadId"] {
         schemas[name]["pattern"] = ID_PATTERN.into();
         schemas[name]["examples"] = json!([ID]);
     }
@@ -89,6 +100,7 @@ fn described(parameter: &mut Value) {
         "id" => "The id that was answered when it was made",
         "map" => "The map's id",
         "composition" => "The composition's id",
+        "retopo" => "The retopology's id",
         "segment" => "The segment's number, from 0",
         "Tus-Resumable" => {
             // As a constant it would be no header to generators of clients.
@@ -159,6 +171,7 @@ fn example(name: &str, media: &str) -> Option<Value> {
         "maps_create" => json!({ "segment": 0, "example": ID, "example_segment": 0 }),
         "maps_constrain" => json!({ "undo": [], "on_fold": "resolve" }),
         "compositions_create" => json!({ "density": 0 }),
+        "retopos_create" => json!({ "beyond": "extend" }),
         "tokens_create" => json!({ "name": "ada", "role": "reader" }),
         "tokens_annotate" => json!({ "name": "ada" }),
         _ => return None,
@@ -185,6 +198,7 @@ fn links(name: &str) -> (&'static [&'static str], Value) {
                 "maps_list",
                 "maps_create",
                 "compositions_create",
+                "retopos_create",
                 "queries_cancel",
             ],
         ),
@@ -204,6 +218,7 @@ fn links(name: &str) -> (&'static [&'static str], Value) {
                 "compositions_remove",
             ],
         ),
+        "retopos_create" => (&["201", "202"], "retopo", &["retopos_get", "retopos_stream", "retopos_remove"]),
         _ => return (&[], Value::Null),
     };
     let link = |to: &&str| {

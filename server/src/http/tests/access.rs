@@ -69,6 +69,8 @@ async fn a_reader_sees_and_deletes_only_their_own_and_the_foreign_answers_as_the
         "/maps/01ARZ3NDEKTSV4RRFFQ69G5FAV/stream",
         "/compositions",
         "/compositions/01ARZ3NDEKTSV4RRFFQ69G5FAV/stream",
+        "/retopos",
+        "/retopos/01ARZ3NDEKTSV4RRFFQ69G5FAV/stream",
     ];
     // An escaped letter is the same address.
     let escaped = format!("%{:02X}{}", id.as_bytes()[0], &id[1..]);
@@ -85,6 +87,7 @@ async fn a_reader_sees_and_deletes_only_their_own_and_the_foreign_answers_as_the
             (Method::DELETE, "/maps/01ARZ3NDEKTSV4RRFFQ69G5FAV", ""),
             (Method::POST, "/maps", r#"{"segment": 0, "example": "01ARZ3NDEKTSV4RRFFQ69G5FAV", "example_segment": 0}"#),
             (Method::POST, "/compositions", r#"{"parts": []}"#),
+            (Method::POST, "/retopos", "{}"),
         ] {
             let foreign = closed.ask(&closed.bob, method, &format!("/v1/queries/{spelt}{path}"), body).await;
             foreign.problem(404, "not_found");

@@ -68,9 +68,11 @@ async fn long_work_is_answered_at_once_and_told_of_until_it_is_there() {
     let path = bench.query("top=1&resolution=32", "segment disc 2\nslow 150").await;
     bench.ended(&path).await;
     let example = bench.get(&format!("{path}/ranking")).await.json()["entries"][0]["example"].clone();
-    for (product, of, body) in
-        [("map", "maps", json!({"example": example})), ("composition", "compositions", json!({}))]
-    {
+    for (product, of, body) in [
+        ("map", "maps", json!({"example": example})),
+        ("composition", "compositions", json!({})),
+        ("retopo", "retopos", json!({})),
+    ] {
         let asked = bench.post_json(&format!("{path}/{of}"), body).await;
         assert_eq!(asked.status, StatusCode::ACCEPTED, "{}", asked.text());
         let (making, address) = (asked.json(), asked.header("location").to_owned());

@@ -4,15 +4,16 @@
 //! fit, and regular layouts elsewhere.
 
 use super::headline::BroughtMap;
-use super::{Sound, best_map, laid, stitched_sound};
+use super::{Sound, laid, stitched_sound};
 use crate::pool::{Job, Lane, Stop, StopReason};
 use crate::work::engine::{Allowed, Encoded, Engine, EngineError, Model, Part, Stitching};
+use crate::work::laying::best_map;
 use crate::work::mapping::LiveMap;
 use crate::work::query::LiveQuery;
 use crate::work::worth::tries;
 use crate::work::{Work, WorkError, search};
 use futures_util::future::join_all;
-use quadmuse_proto::ExampleId;
+use quadmuse_proto::{Beyond, ExampleId};
 use std::sync::Arc;
 
 /// A scan cut along the rim of a map, and what each of its segments takes: the first is the map.
@@ -60,7 +61,7 @@ impl Surrounded {
         };
         let one = async |segment: usize| match tries(&cut.segments, segment) {
             0 => Ok(None),
-            _ => best_map(work, &rest, segment as u32, 1).await,
+            _ => best_map(work, &rest, (segment as u32, 1), Beyond::Extend).await,
         };
         let maps = join_all((1..cut.segments.len()).map(one)).await;
         for (segment, map) in (1..).zip(maps) {

@@ -4,7 +4,9 @@
 //! NUMBER` (the same of a part besides the one segment, where parts are wanted; one of NaN can't be encoded),
 //! `slow MS` (every registration takes so long), `encode-slow MS`, `panic WHERE` with `WHERE` one of `read`, `encode`,
 //! `refine`, `tears` (a composition on it is broken where an example stands), `crumples` (one is crumpled there), `rag` (one is broken
-//! but for a map as it is), and `refuse CODE`. Anything else is unreadable. The mesh is a unit square, one quad a segment.
+//! but for a map as it is), `lies VERDICT SHARE` (as an example it lies so on that share of an input), `large` (its segments have so
+//! many faces that several examples are tried), `side TOPOLOGY NUMBER` and `protrusion TOPOLOGY NUMBER` (its segments where it is cut
+//! at its waist, and into protrusions), and `refuse CODE`. Anything else is unreadable. The mesh is a unit square, one quad a segment.
 
 use super::*;
 use quadmuse_kernel::encode::Picture;
@@ -12,7 +14,7 @@ use quadmuse_kernel::mesh::{Polygons, Vec3};
 use quadmuse_kernel::register::image::Image;
 use quadmuse_kernel::register::spectra::Spectrum;
 use quadmuse_proto::constraint::Place;
-use quadmuse_proto::{Constraint, ConstraintOrigin, Distortion, Histogram, Location, MeshFormat, Verdict};
+use quadmuse_proto::{Constraint, ConstraintOrigin, Distortion, Histogram, Location, MeshFormat, Parts, Verdict};
 use std::time::{Duration, Instant};
 
 /// The fake.
@@ -28,7 +30,12 @@ struct Script {
     tears: bool,
     crumples: bool,
     rag: bool,
+    lies: Option<(Verdict, f64)>,
 }
+
+/// Faces of a segment: enough to be worth an example; and of one that several are tried on.
+const FACES: u64 = 100;
+const FACES_LARGE: u64 = 10_000;
 
 #[derive(Clone, Debug)]
 struct FakeEncoding {
@@ -95,6 +102,13 @@ impl Engine for FakeEngine {
     fn read(&self, bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, _: &Stop) -> Result<Model, EngineError> {
         let text = str::from_utf8(bytes).map_err(|_| EngineError::refused(Refusal::FormatUnknown, "not text"))?;
         let (mut script, mut segments, mut parts) = (Script::default(), Vec::new(), 0);
+        let faces = if text.lines().any(|line| line == "large") { FACES_LARGE } else { FACES };
+        // The segments of a mesh that is cut as it is asked to be: its own where it can't be.
+        let own = match cut.parts {
+            Some(Parts::Waist) if text.contains("side ") => "side",
+            Some(Parts::Auto) if text.contains("protrusion ") => "protrusion",
+            _ => "segment",
+        };
         let unreadable = |line: usize, what: &str| {
             EngineError::refused(Refusal::Unreadable, format!("expected a directive in line {line}, found `{what}`"))
         };
@@ -102,11 +116,19 @@ impl Engine for FakeEngine {
             let words: Vec<&str> = line.split_whitespace().collect();
             let number = |word: &str| word.parse::<f64>().map_err(|_| unreadable(at + 1, line));
             match words.as_slice() {
-                ["segment", topology, value] => {
+                [kind, topology, value] if *kind == own => {
                     script.numbers.push(number(value)?);
                     let topology = topology.parse().map_err(|_| unreadable(at + 1, line))?;
-                    // As many as make it worth an example.
-                    segments.push(ModelSegment { topology, faces: 100, form: 100, holes: 0 });
+                    segments.push(ModelSegment { topology, faces, form: faces, holes: 0 });
+                }
+                ["segment" | "side" | "protrusion", _, _] | ["large"] => {}
+                ["lies", verdict, share] => {
+                    let verdict = match *verdict {
+                        "good" => Verdict::Good,
+                        "fair" => Verdict::Fair,
+                        _ => Verdict::Poor,
+                    };
+                    script.lies = Some((verdict, number(share)?));
                 }
                 ["part", topology, value] if cut.besides != Besides::Nothing => {
                     script.numbers.push(number(value)?);
@@ -142,7 +164,7 @@ impl Engine for FakeEngine {
             segments,
             labels: None,
             besides: (parts > 0).then(|| (0..=parts).collect()),
-            is_waist: false,
+            is_waist: own == "side",
             inner: Opaque::new(script),
         })
     }
@@ -227,6 +249,7 @@ impl Engine for FakeEngine {
             Ok(constraints) => constraints.clone(),
             Err(_) => Vec::new(),
         };
+        let (verdict, share) = example.model.inner.open::<Script>()?.lies.unwrap_or((Verdict::Good, 1.0));
         Ok(Mapped {
             mesh: Arc::clone(&example.model.mesh),
             part: Arc::clone(&example.model.mesh),
@@ -235,9 +258,12 @@ impl Engine for FakeEngine {
             constraints,
             folds: 0,
             distortion: Distortion { angle: Histogram::default(), area: Histogram::default() },
-            verdict: Verdict::Good,
+            verdict,
             reasons: Vec::new(),
-            reach: Reach::default(),
+            reach: Reach {
+                covers: quadmuse_kernel::pipeline::Covers { example: 1.0, input: share },
+                ..Reach::default()
+            },
             evidence: None,
         })
     }
@@ -313,6 +339,11 @@ impl Engine for FakeEngine {
         let flawed = if is_torn { (0..made.is_example.len() as u32).collect() } else { Vec::new() };
         let turned = if script.crumples && made.is_example.contains(&true) { 0.5 } else { 0.0 };
         Ok(Appraisal { examples, covered: 1.0, turned, flaws, flawed, ..Appraisal::default() })
+    }
+
+    /// One segment more than the map's own, where the query was cut at its waist.
+    fn around(&self, query: &Model, _: u32, mapped: &Mapped) -> Result<Option<(Model, Arc<PolyMesh>)>, EngineError> {
+        Ok(query.is_waist.then(|| (Model { is_waist: false, ..query.clone() }, Arc::clone(&mapped.part))))
     }
 
     fn template(&self, query: &Side, _: &Stop) -> Result<Mapped, EngineError> {

@@ -1,0 +1,100 @@
+//! A query's scan, cut otherwise and ranked anew.
+
+use crate::work::ingest::Upload;
+use crate::work::kept::Kept;
+use crate::work::query::{Board, LiveQuery, QueryOptions};
+use crate::work::{Work, WorkError, search};
+use quadmuse_proto::Parts;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::OnceCell;
+
+/// What was sent is put away behind the answer's back: it is looked for so often, after so long.
+const LOOKS: u32 = 20;
+const LOOK_AGAIN: Duration = Duration::from_millis(100);
+
+/// What a query was started with, fetched when it is first needed.
+pub(super) struct Again {
+    pub(super) work: Arc<Work>,
+    pub(super) kept: Arc<Kept>,
+    /// Largest mesh, in bytes.
+    pub(super) largest: u64,
+    pub(super) upload: OnceCell<Option<(Upload, QueryOptions)>>,
+}
+
+impl Again {
+    /// Tells whether nobody said how the scan is to be cut; `None` if what was sent is not kept any more.
+    pub(super) async fn is_uncut(&self, live: &LiveQuery) -> Result<Option<bool>, WorkError> {
+        let is_uncut =
+            |(upload, options): &(Upload, QueryOptions)| !upload.cut.is_asked_for() && options.like.is_none();
+        Ok(self.sent(live).await?.map(is_uncut))
+    }
+
+    /// What the query was started with; `None` if it is not kept any more.
+    async fn sent(&self, live: &LiveQuery) -> Result<Option<&(Upload, QueryOptions)>, WorkError> {
+        let sent = self.upload.get_or_try_init(|| self.found(live)).await?;
+        Ok(sent.as_ref())
+    }
+
+    async fn found(&self, live: &LiveQuery) -> Result<Option<(Upload, QueryOptions)>, WorkError> {
+        for _ in 0..LOOKS {
+            match self.kept.find(&self.work, live.caller, live.id, self.largest).await {
+                Err(WorkError::NoSuchQuery(_)) => tokio::time::sleep(LOOK_AGAIN).await,
+                found => return found.map(Some),
+            }
+        }
+        Ok(None)
+    }
+
+    /// The same scan, cut otherwise; its ranking goes on. `None` if what was sent is not kept any more.
+    pub(super) async fn cut(&self, live: &LiveQuery, parts: Parts) -> Result<Option<Recut>, WorkError> {
+        let Some((upload, options)) = self.sent(live).await? else { return Ok(None) };
+        let mut upload = upload.clone();
+        upload.cut.parts = Some(parts);
+        let live = search::start(&self.work, live.caller, upload.clone(), options.clone()).await?;
+        let (work, kept) = (Arc::clone(&self.work), Arc::clone(&self.kept));
+        Ok(Some(Recut { live, upload, work, kept, is_kept: false }))
+    }
+}
+
+/// A query that was started for a retopology. It is cancelled and freed when it is dropped, unless it is kept.
+pub(super) struct Recut {
+    pub(super) live: Arc<LiveQuery>,
+    upload: Upload,
+    work: Arc<Work>,
+    kept: Arc<Kept>,
+    is_kept: bool,
+}
+
+impl Recut {
+    /// Leaves it to its owner: it may be started again, as any other.
+    pub(super) fn keep(mut self) {
+        self.is_kept = true;
+        self.kept.keep(&self.work, &self.live, self.upload.clone());
+    }
+}
+
+impl Drop for Recut {
+    fn drop(&mut self) {
+        if !self.is_kept {
+            // Its owner may have removed it.
+            let _ = search::cancel(&self.work, self.live.id);
+        }
+    }
+}
+
+/// The score of the best entry of a segment's ranking: the lower, the better. Infinite where there is none.
+pub(super) fn score(board: &Board, segment: u32) -> f64 {
+    let best = board.rankings.get(segment as usize).and_then(|ranking| ranking.candidates.first());
+    best.map_or(f64::INFINITY, |best| best.score)
+}
+
+/// The best score of some segments as soon as their pictures have been compared at the finest level. Where they leave it open who is
+/// best, the order may still change, but not the scores.
+pub(super) async fn score_when_compared(live: &LiveQuery, segments: &[u32]) -> f64 {
+    let is_compared = |board: &Board, segment: u32| {
+        board.rankings.get(segment as usize).is_some_and(|ranking| ranking.level >= live.options.resolution)
+    };
+    let board = live.wait_for(|board| segments.iter().all(|&segment| is_compared(board, segment))).await;
+    segments.iter().map(|&segment| score(&board, segment)).fold(f64::INFINITY, f64::min)
+}
