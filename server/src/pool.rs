@@ -124,6 +124,18 @@ pub enum PoolError {
     },
 }
 
+impl PoolError {
+    /// When to come back, where there may be room then.
+    pub fn retry_after(&self) -> Option<Duration> {
+        match self {
+            Self::OverShare { retry_after, .. }
+            | Self::Overloaded { retry_after, .. }
+            | Self::MemoryFull { retry_after, .. } => Some(*retry_after),
+            _ => None,
+        }
+    }
+}
+
 /// A job that was admitted. Dropping it stops what is under way.
 #[derive(Debug)]
 pub struct Job {

@@ -25,7 +25,7 @@ fn refusing_one(asked: &Asked) -> Reply {
         return Reply::problem(Code::MeshUnreadable, 422, "expected a vertex number, found \"x\"");
     }
     let fair = Map { verdict: Verdict::Fair, inspired: 0.75, ..map() };
-    service_making(asked, 1, &Makes::of(fair, composition()).as_mapped())
+    service_making(asked, 1, &Makes::of(fair, composition()).mapped())
 }
 
 #[tokio::test]

@@ -44,7 +44,7 @@ impl Makes {
     }
 
     /// The same, where a retopology comes to the map as it is.
-    pub(crate) fn as_mapped(self) -> Self {
+    pub(crate) fn mapped(self) -> Self {
         let result = RetopoResult::Map(self.map.id);
         Self { retopo: Retopo { result, ..self.retopo }, ..self }
     }
@@ -456,7 +456,7 @@ async fn retopo_writes_what_the_service_came_to_and_tells_what_it_tried() {
     let (out, kept) = (folder.path().join("out.obj"), folder.path().join("kept.txt"));
     let notes = vec!["cutting the mesh into parts".to_owned()];
     for (is_map, ending) in [(false, "4 quads, parts: 1 good"), (true, "good, 4 faces")] {
-        let makes = if is_map { Makes::new().as_mapped() } else { Makes::new() };
+        let makes = if is_map { Makes::new().mapped() } else { Makes::new() };
         let makes = Makes { retopo: Retopo { notes: notes.clone(), ..makes.retopo }, ..makes };
         let server = Fake::start(move |asked| service_making(asked, 1, &makes));
         let flags = format!("--beyond leave --smoothing 7 --kept {}", kept.display());

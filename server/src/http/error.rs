@@ -370,12 +370,12 @@ fn judge_stop(reason: StopReason) -> (StatusCode, Code) {
 
 /// Seconds after which to come back, for errors that pass.
 fn retry_after(error: &HttpError, status: StatusCode) -> Option<u64> {
+    if let HttpError::Work(WorkError::Pool(refusal)) = error
+        && let Some(after) = refusal.retry_after()
+    {
+        return Some(after.as_secs().max(1));
+    }
     match error {
-        HttpError::Work(WorkError::Pool(
-            PoolError::OverShare { retry_after, .. }
-            | PoolError::Overloaded { retry_after, .. }
-            | PoolError::MemoryFull { retry_after, .. },
-        )) => Some(retry_after.as_secs().max(1)),
         HttpError::TooOften { retry_after } => Some(retry_after.as_secs().max(1)),
         _ if status == StatusCode::SERVICE_UNAVAILABLE || status == StatusCode::TOO_MANY_REQUESTS => {
             Some(RETRY_AFTER_S)

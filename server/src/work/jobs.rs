@@ -11,7 +11,7 @@ use super::corpus::{CorpusError, Put};
 use super::engine::{Besides, Cut};
 use super::ingest::{self, Annotation, Upload};
 use super::{Caller, REQUEST_TIME_MAX, Scope, Work, WorkError, reencode};
-use crate::pool::{PoolError, User};
+use crate::pool::User;
 use bytes::Bytes;
 use quadmuse_cluster::{Job, LEASE};
 use quadmuse_proto::id::RequestId;
@@ -378,11 +378,11 @@ impl Effect {
     }
 
     fn of(error: &WorkError, times_taken: u64) -> Self {
-        let is_for_later = matches!(
-            error,
-            WorkError::Pool(PoolError::OverShare { .. } | PoolError::Overloaded { .. } | PoolError::MemoryFull { .. })
-                | WorkError::Corpus(CorpusError::Unreachable(_) | CorpusError::Busy | CorpusError::Full(_))
-        );
+        let is_for_later = match error {
+            WorkError::Pool(refusal) => refusal.retry_after().is_some(),
+            WorkError::Corpus(CorpusError::Unreachable(_) | CorpusError::Busy | CorpusError::Full(_)) => true,
+            _ => false,
+        };
         match is_for_later {
             // There was no room, or nobody answered: that says nothing against the job.
             true => Self::PutOff(PUT_OFF),

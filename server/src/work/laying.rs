@@ -11,7 +11,7 @@ use quadmuse_proto::{Beyond, ExampleId, NewMap};
 use std::sync::Arc;
 
 /// Examples that are laid on a segment, and segments that are laid on, at a time.
-const AT_A_TIME: usize = 2;
+pub(super) const AT_A_TIME: usize = 2;
 
 /// The entries of a segment's ranking that are laid in turn, of as many `tries`. Waits until the ranking will not change any more:
 /// only then it tells the best.

@@ -7,22 +7,23 @@
 mod outcome;
 mod recut;
 
-use super::composing::{self, LiveComposition};
+use super::composing;
 use super::kept::Kept;
+use super::laying::AT_A_TIME;
 use super::making::{self, Making};
 use super::mapping::LiveMap;
 use super::query::{LiveQuery, ms_since};
 use super::worth::tries;
-use super::{Work, WorkError, laying};
+use super::{REQUEST_TIME_MAX, Work, WorkError, laying};
 use crate::pool::StopReason;
-use futures_util::StreamExt;
+use futures_util::{Stream, StreamExt, stream};
 use outcome::{Made, Outcome};
 use quadmuse_proto::composition::{AS_MAPPED, INSPIRED_LEAST};
 use quadmuse_proto::{CompositionPart, NewComposition, NewRetopo, Parts, Product, QueryState, Retopo, RetopoId};
 use recut::{Again, Recut, score, score_when_compared};
 use std::cmp::Reverse;
-use std::sync::Arc;
-use std::time::Instant;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 use tokio::sync::OnceCell;
 
 /// Most retopologies a query.
@@ -30,6 +31,9 @@ pub const RETOPOS_MAX: usize = 64;
 
 /// A mesh with more small holes is a scan full of gaps, and is not cut where nobody asked for it.
 const HOLES_CUT_MAX: u32 = 8;
+
+/// After so long a query is tried again for which there was no place.
+const QUERIES_FULL_RETRY: Duration = Duration::from_secs(2);
 
 /// Shares of the progress at which the whole has its map, at which it is laid out, and at which the sides of its waist are.
 const MAPPED: f64 = 0.3;
@@ -57,10 +61,11 @@ pub fn start(
     let make = move |tell: Teller| async move {
         let begun = Instant::now();
         let again = Again { work: Arc::clone(&work_of), kept, largest, upload: OnceCell::new() };
-        let mut retopology = Retopology { work: work_of, live: live_of, wanted, again, tell, notes: Vec::new() };
+        let notes = Mutex::default();
+        let retopology = Retopology { work: work_of, live: live_of, wanted, again, tell, notes };
         let outcome = retopology.made().await?;
         let live = Arc::clone(&retopology.live);
-        let Retopology { notes, .. } = retopology;
+        let notes = retopology.notes.into_inner().unwrap_or_else(PoisonError::into_inner);
         let summary = Retopo { total_ms: ms_since(begun), ..outcome.told(id, live.id, notes) };
         outcome.keep();
         live.retopos().insert(id, Arc::new(summary));
@@ -94,7 +99,7 @@ struct Retopology {
     wanted: NewRetopo,
     again: Again,
     tell: Teller,
-    notes: Vec<String>,
+    notes: Mutex<Vec<String>>,
 }
 
 /// A scan parted at its waist.
@@ -105,11 +110,11 @@ struct Figure {
 }
 
 impl Retopology {
-    fn note(&mut self, note: impl Into<String>) {
-        self.notes.push(note.into());
+    fn note(&self, note: impl Into<String>) {
+        self.notes.lock().unwrap_or_else(PoisonError::into_inner).push(note.into());
     }
 
-    async fn made(&mut self) -> Result<Outcome, WorkError> {
+    async fn made(&self) -> Result<Outcome, WorkError> {
         (self.tell)("waiting for the ranking", 0.0);
         let live = Arc::clone(&self.live);
         let board = live.wait_for(|_| false).await;
@@ -133,9 +138,9 @@ impl Retopology {
     }
 
     /// The result for a scan that is ranked in one piece.
-    async fn of_one(&mut self, live: &Arc<LiveQuery>, tries: usize) -> Result<Outcome, WorkError> {
+    async fn of_one(&self, live: &Arc<LiveQuery>, tries: usize) -> Result<Outcome, WorkError> {
         (self.tell)("laying examples on the scan", 0.05);
-        let best = match laying::best_map(&self.work, live, (0, tries), self.wanted.beyond).await {
+        let best = match self.best(live, 0).await {
             Err(error) if laying::is_late(&error) => {
                 self.note(error.to_string());
                 return self.composed(live, &[], [MAPPED, 1.0]).await;
@@ -170,7 +175,7 @@ impl Retopology {
     }
 
     /// The result for a scan that is ranked in several pieces, or that is to be denser.
-    async fn of_several(&mut self, live: &Arc<LiveQuery>) -> Result<Outcome, WorkError> {
+    async fn of_several(&self, live: &Arc<LiveQuery>) -> Result<Outcome, WorkError> {
         let made = self.composed(live, &[], [0.0, LAID_OUT]).await?;
         if made.is_most() || !self.may_be_cut(live).await? {
             return Ok(made);
@@ -184,7 +189,7 @@ impl Retopology {
 
     /// The result for the best map of a single segment, which is not poor: the map itself, with the example's own vertex order, faces,
     /// UVs and groups, where it follows the input; else what is composed of it.
-    async fn settled(&mut self, live: &Arc<LiveQuery>, map: Arc<LiveMap>) -> Result<Outcome, WorkError> {
+    async fn settled(&self, live: &Arc<LiveQuery>, map: Arc<LiveMap>) -> Result<Outcome, WorkError> {
         let composed = self.composed(live, std::slice::from_ref(&map), [MAPPED, LAID_OUT]).await;
         let made = match composed {
             Err(error) if laying::is_late(&error) => {
@@ -214,13 +219,13 @@ impl Retopology {
             beyond: self.wanted.beyond,
         };
         let tell = |stage, share| (self.tell)(stage, from + (to - from) * share);
-        let made: Arc<LiveComposition> = composing::create(&self.work, live, wanted, &tell).await?;
+        let made = when_there_is_room(|| composing::create(&self.work, live, wanted.clone(), &tell)).await?;
         Ok(Outcome::of(live, Made::Composition(made)))
     }
 
     /// Tells whether a scan may be cut where nobody asked for it: one full of holes is not, since cuts would run from hole to hole,
     /// nor one that was cut as somebody asked.
-    async fn may_be_cut(&mut self, live: &LiveQuery) -> Result<bool, WorkError> {
+    async fn may_be_cut(&self, live: &LiveQuery) -> Result<bool, WorkError> {
         let holes = live.model.segments.iter().map(|segment| segment.holes).max().unwrap_or(0);
         if holes > HOLES_CUT_MAX {
             self.note(format!("with {holes} holes the mesh is not cut into parts"));
@@ -235,7 +240,7 @@ impl Retopology {
 
     /// The result of laying examples on the parts of a scan: the sides of its waist, or its protrusions. `None` where it has no
     /// parts.
-    async fn in_parts(&mut self, whole: &Arc<LiveQuery>) -> Result<Option<Outcome>, WorkError> {
+    async fn in_parts(&self, whole: &Arc<LiveQuery>) -> Result<Option<Outcome>, WorkError> {
         let figure = self.at_waist(whole).await;
         let figure = match self.tried(figure)? {
             Some(Figure { made, is_enough: true }) => return Ok(Some(made)),
@@ -252,7 +257,7 @@ impl Retopology {
 
     /// A scan parted at its waist, such as a figure from its base, with the example that fits one side of it best and what lies around
     /// that; `None` where it has no waist, or no example fits a side, or is more like it than like the `whole`.
-    async fn at_waist(&mut self, whole: &Arc<LiveQuery>) -> Result<Option<Figure>, WorkError> {
+    async fn at_waist(&self, whole: &Arc<LiveQuery>) -> Result<Option<Figure>, WorkError> {
         // Parts of a scan are liker to parts of examples than a side is to a whole: those scores don't compare.
         let as_whole = if whole.model.segments.len() == 1 { score(&whole.board(), 0) } else { f64::INFINITY };
         (self.tell)("parting the mesh at its waist", LAID_OUT);
@@ -276,8 +281,7 @@ impl Retopology {
         self.note("parting it at its waist, as a figure from its base");
         let mut best: Option<(f64, Made, bool)> = None;
         for (_, side) in sides {
-            let found = laying::best_map(&self.work, &live, (side, tries_of(&live, side)), self.wanted.beyond).await;
-            let map = match found {
+            let map = match self.best(&live, side).await {
                 Err(error) if laying::is_late(&error) => continue,
                 found => found?.filter(|map| !is_poor(map)),
             };
@@ -297,7 +301,7 @@ impl Retopology {
 
     /// A scan cut into its protrusions, with what examples make of them; `None` where it has none, or examples may make up too
     /// little.
-    async fn in_protrusions(&mut self, whole: &Arc<LiveQuery>) -> Result<Option<Outcome>, WorkError> {
+    async fn in_protrusions(&self, whole: &Arc<LiveQuery>) -> Result<Option<Outcome>, WorkError> {
         let cut: Option<Recut> = self.again.cut(whole, Parts::Auto).await?;
         let Some(recut) = cut.filter(|cut| cut.live.model.segments.len() > 1) else {
             self.note("no parts were found");
@@ -322,11 +326,10 @@ impl Retopology {
 
     /// The best maps of all segments, but for those that are poor, in their order. Ends early where less than a share `least` of the
     /// scan can still come to have an example's quads.
-    async fn maps_of(&mut self, live: &Arc<LiveQuery>, least: f64) -> Result<Vec<Arc<LiveMap>>, WorkError> {
+    async fn maps_of(&self, live: &Arc<LiveQuery>, least: f64) -> Result<Vec<Arc<LiveMap>>, WorkError> {
         let mut segments = segments_worth_it(live);
         segments.sort_by_key(|&segment| Reverse(live.model.segments.get(segment as usize).map(|s| s.faces)));
-        let (work, beyond) = (Arc::clone(&self.work), self.wanted.beyond);
-        let mut each = laying::best_maps(&work, live, &segments, beyond);
+        let mut each = self.each_best(live, &segments);
         let mut in_reach: f64 = segments.iter().map(|&segment| share_of(live, segment)).sum();
         let mut maps: Vec<Arc<LiveMap>> = Vec::new();
         for &segment in &segments {
@@ -350,14 +353,53 @@ impl Retopology {
         Ok(maps)
     }
 
+    /// The best map of a segment, if there is one.
+    async fn best(&self, live: &Arc<LiveQuery>, segment: u32) -> Result<Option<Arc<LiveMap>>, WorkError> {
+        let wanted = ((segment, tries_of(live, segment)), self.wanted.beyond);
+        when_there_is_room(|| laying::best_map(&self.work, live, wanted.0, wanted.1)).await
+    }
+
+    /// The same of several, two at a time, in their order.
+    fn each_best<'a>(
+        &'a self,
+        live: &'a Arc<LiveQuery>,
+        segments: &'a [u32],
+    ) -> impl Stream<Item = Result<Option<Arc<LiveMap>>, WorkError>> + Send + 'a {
+        let one = move |&segment: &'a u32| self.best(live, segment);
+        stream::iter(segments).map(one).buffered(AT_A_TIME)
+    }
+
     /// The result of one of several tries; nothing where it was refused, since there are others to fall back on.
-    fn tried<T>(&mut self, found: Result<Option<T>, WorkError>) -> Result<Option<T>, WorkError> {
+    fn tried<T>(&self, found: Result<Option<T>, WorkError>) -> Result<Option<T>, WorkError> {
         match found {
             Err(error) if error.stop_reason() != Some(StopReason::Cancelled) => {
                 self.note(error.to_string());
                 Ok(None)
             }
             found => found,
+        }
+    }
+}
+
+/// Does a step, and waits where there is no room for it: what was done before is not to be done again.
+async fn when_there_is_room<T, F>(step: impl Fn() -> F) -> Result<T, WorkError>
+where
+    F: Future<Output = Result<T, WorkError>>,
+{
+    let begun = Instant::now();
+    loop {
+        let refused = match step().await {
+            Err(error) => error,
+            done => return done,
+        };
+        let after = match &refused {
+            WorkError::Pool(refusal) => refusal.retry_after(),
+            WorkError::QueriesFull { .. } => Some(QUERIES_FULL_RETRY),
+            _ => None,
+        };
+        match after.filter(|after| begun.elapsed() + *after < REQUEST_TIME_MAX) {
+            Some(after) => tokio::time::sleep(after).await,
+            None => return Err(refused),
         }
     }
 }
@@ -394,4 +436,28 @@ fn name(work: &Work, map: &LiveMap) -> String {
     let id = map.example_id();
     let name = work.catalogue.example(id).map(|example| example.name.clone()).unwrap_or_default();
     if name.is_empty() { id.to_string() } else { name }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pool::PoolError;
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    #[tokio::test]
+    async fn a_step_waits_for_room_and_for_nothing_else() {
+        let tried = AtomicU32::new(0);
+        let refused = |retry_after| WorkError::Pool(PoolError::Overloaded { waiting: 1, retry_after });
+        let step = async || match tried.fetch_add(1, Ordering::Relaxed) {
+            0 | 1 => Err(refused(Duration::from_millis(1))),
+            _ => Ok(()),
+        };
+        assert!(when_there_is_room(step).await.is_ok());
+        assert_eq!(tried.load(Ordering::Relaxed), 3);
+        // Whoever is to come back after all of its time is told so, and a mistake stays one.
+        let late = when_there_is_room(async || Err::<(), _>(refused(REQUEST_TIME_MAX))).await;
+        assert!(matches!(late, Err(WorkError::Pool(PoolError::Overloaded { .. }))));
+        let wrong = when_there_is_room(async || Err::<(), _>(WorkError::QueryEnded { state: "cancelled" })).await;
+        assert!(matches!(wrong, Err(WorkError::QueryEnded { .. })));
+    }
 }

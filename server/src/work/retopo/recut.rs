@@ -1,5 +1,6 @@
 //! A query's scan, cut otherwise and ranked anew.
 
+use super::when_there_is_room;
 use crate::work::ingest::Upload;
 use crate::work::kept::Kept;
 use crate::work::query::{Board, LiveQuery, QueryOptions};
@@ -38,7 +39,8 @@ impl Again {
 
     async fn found(&self, live: &LiveQuery) -> Result<Option<(Upload, QueryOptions)>, WorkError> {
         for _ in 0..LOOKS {
-            match self.kept.find(&self.work, live.caller, live.id, self.largest).await {
+            let found = || self.kept.find(&self.work, live.caller, live.id, self.largest);
+            match when_there_is_room(found).await {
                 Err(WorkError::NoSuchQuery(_)) => tokio::time::sleep(LOOK_AGAIN).await,
                 found => return found.map(Some),
             }
@@ -51,7 +53,8 @@ impl Again {
         let Some((upload, options)) = self.sent(live).await? else { return Ok(None) };
         let mut upload = upload.clone();
         upload.cut.parts = Some(parts);
-        let live = search::start(&self.work, live.caller, upload.clone(), options.clone()).await?;
+        let started = || search::start(&self.work, live.caller, upload.clone(), options.clone());
+        let live = when_there_is_room(started).await?;
         let (work, kept) = (Arc::clone(&self.work), Arc::clone(&self.kept));
         Ok(Some(Recut { live, upload, work, kept, is_kept: false }))
     }
