@@ -54,7 +54,7 @@ pub use roughly::{Rough, RoughLead, lay as rough, ready as ready_for_rough};
 pub use side::{Encoded, Facts, Side, encode};
 pub use sound::{Allowed, Appraisal, appraise};
 pub use stitch::{Part, Regular, Stitching, compose, template};
-pub use stitched::{AS_MAPPED, Stitched};
+pub use stitched::{AS_MAPPED, Standing, Stitched};
 pub use transfer::alike;
 
 /// How each reason begins why a map leaves some of the scan bare.

@@ -235,7 +235,7 @@ async fn made(
     templates.extend(&gave_way);
     summaries.retain(|part| !gave_way.contains(&part.segment));
     if !unstitched.is_empty() {
-        let is_example = |segment: u32| stitched.is_example.get(segment as usize) == Some(&true);
+        let is_example = |segment: u32| stitched.is_example(segment as usize);
         summaries.retain(|part| unstitched.contains(&part.segment) && is_example(part.segment));
         templates.retain(|segment| unstitched.contains(segment) && !is_example(*segment));
     }

@@ -27,7 +27,9 @@ pub use mapped::{Fitted, Lead, Mapped, Wishes};
 pub use packed::{Packed, PackedFeature};
 pub use quadmuse_kernel::compose::rows::{Resized, Wanted, faces_within_max};
 pub use quadmuse_kernel::numerics::stage::{Stage, leave_out};
-pub use quadmuse_kernel::pipeline::{Allowed, Appraisal, BARE, OnePart, Reach, Refusal, Rough, Stitched, Stitching};
+pub use quadmuse_kernel::pipeline::{
+    Allowed, Appraisal, BARE, OnePart, Reach, Refusal, Rough, Standing, Stitched, Stitching,
+};
 pub use rough::RoughLead;
 
 /// Why the engine refused or gave up.

@@ -72,7 +72,7 @@ fn at_cut(surface: &TriMesh, part: &Patch) -> Vec<bool> {
 mod tests {
     use super::*;
     use crate::mesh::{Format, Limits, Polygons, Vec3, write};
-    use crate::pipeline::{Allowed, Cut, Part, Stitching, appraise, compose, encode, in_primitives, read};
+    use crate::pipeline::{Allowed, Cut, Part, Standing, Stitching, appraise, compose, encode, in_primitives, read};
     use crate::segment::PartCount;
     use crate::topology::tests::voxels;
 
@@ -102,7 +102,8 @@ mod tests {
         let parts: Vec<Part> = [Part::Kept(own)].into_iter().chain(rest).collect();
         let how = Stitching { smoothing: 5, density: 0 };
         let made = compose(&cut, &parts, how, &|| false).expect("stitched");
-        assert!(made.is_example[0] && !made.is_example[1..].contains(&true), "{:?}", made.is_example);
+        let [first, others @ ..] = &made.standing[..] else { panic!("no segments") };
+        assert!(*first == Standing::Example && !others.contains(first), "{:?}", made.standing);
         assert!(made.mesh.faces.iter().all(|face| face.len() == 4) && made.mesh.faces.len() > 150);
         let found = appraise(&cut, &made, Allowed::default());
         assert!(found.flaws.is_empty() && found.covered > 0.99, "{found:?}");

@@ -6,7 +6,7 @@ use super::error::{PipelineError, Stop};
 use super::grouped::Pieces;
 use super::notes::MISS_TOLD_PCT;
 use super::stitch::{Made, Part, Stitching, stitched};
-use super::stitched::Stitched;
+use super::stitched::{Standing, Stitched};
 use crate::compose::{self, Miss, surface::ComposedSurface};
 use crate::mesh::PolyMesh;
 use std::sync::Arc;
@@ -48,10 +48,11 @@ pub(crate) fn as_one(
         return Ok(None);
     };
     if splits == 0 && 100.0 * miss.mean <= CLOSE_PCT {
-        return Ok(Some(Stitched::as_it_is(Arc::clone(whole), vec![true])));
+        return Ok(Some(Stitched::as_it_is(Arc::clone(whole), vec![Standing::Example])));
     }
     let follows = |miss: Miss| 100.0 * miss.mean <= MISS_TOLD_PCT;
-    let as_it_is = (splits == 0 && follows(miss)).then(|| Stitched::as_it_is(Arc::clone(whole), vec![true]));
+    let as_it_is =
+        (splits == 0 && follows(miss)).then(|| Stitched::as_it_is(Arc::clone(whole), vec![Standing::Example]));
     let mut best: Option<(Miss, Stitched)> = None;
     loop {
         // What misses by more needs smaller quads at once.

@@ -3,7 +3,7 @@
 use super::mapped::{Mapped, Verdict};
 use super::model::Model;
 use super::side::Side;
-use super::stitched::Stitched;
+use super::stitched::{Standing, Stitched};
 use crate::compose::apart::{owned, scale};
 use crate::measure::sound::ReferenceSurface;
 use crate::mesh::bvh::Bvh;
@@ -74,7 +74,7 @@ pub fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Appraisal {
         let owner = ground.input().owner.get(near.triangle as usize).copied().unwrap_or(NONE);
         ((owner != NONE).then_some(owner), near.distance)
     };
-    let mut examples = vec![0.0; made.is_example.len()];
+    let mut examples = vec![0.0; made.standing.len()];
     let (mut all, mut own, mut away, mut lying) = (0.0, 0.0, 0.0, 0.0);
     for (f, face) in (0u32..).zip(made.mesh.faces.iter()) {
         let area = area(&made.mesh, face);
@@ -84,11 +84,10 @@ pub fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Appraisal {
             (away, lying) = (away + area * distance, lying + area);
         }
         let segment = segment.map(|segment| segment as usize);
-        if let Some(segment) = segment.filter(|&segment| made.is_example.get(segment) == Some(&true)) {
-            examples[segment] += area;
-        }
-        if segment.is_some_and(|segment| made.is_own.get(segment) == Some(&true)) {
-            own += area;
+        match segment.and_then(|segment| Some((segment, made.standing.get(segment)?))) {
+            Some((segment, Standing::Example)) => examples[segment] += area,
+            Some((_, Standing::Own)) => own += area,
+            _ => {}
         }
     }
     let all = f64::max(all, f64::MIN_POSITIVE);
@@ -146,8 +145,7 @@ mod tests {
     fn stitched(mesh: PolyMesh, is_example: bool) -> Stitched {
         Stitched {
             mesh: Arc::new(mesh),
-            is_example: vec![is_example],
-            is_own: vec![!is_example],
+            standing: vec![if is_example { Standing::Example } else { Standing::Own }],
             bridging: Vec::new(),
             extraordinary_vertices: 0,
             extraordinary_before: 0,

@@ -7,7 +7,7 @@ use super::model::Model;
 use super::notes;
 use super::side::{Encoded, Side};
 use super::sound::{Allowed, appraise};
-use super::stitched::Stitched;
+use super::stitched::{Standing, Stitched};
 use crate::compose::{
     self, Closeness, Options, Piece, layers, net::Net, subdivide, surface::ComposedSurface, template,
 };
@@ -114,31 +114,30 @@ pub(crate) struct Made {
 }
 
 impl Made {
-    /// Whether what was brought for each segment stands there, and is an example's.
-    fn is_example(&self) -> Vec<bool> {
+    /// What stands on each segment: what was brought, if it did not give way.
+    fn standing(&self) -> Vec<Standing> {
         let report = &self.report;
-        let without = [&self.brought.poor, &self.brought.regular];
-        let gone = [&report.replaced, &report.too_dense, &report.missing, &report.own];
-        let is_in = |lists: &[&Vec<usize>], segment: usize| lists.iter().any(|list| list.contains(&segment));
-        let stands = |segment: usize| !is_in(&without, segment) && !is_in(&gone, segment);
         let is_input = report.way == compose::Way::InputSubdivided;
-        (0..report.subdivided.len()).map(|segment| !is_input && stands(segment)).collect()
-    }
-
-    /// Tells of each segment whether its own triangles were cut into quads.
-    fn is_own(&self) -> Vec<bool> {
-        let is_input = self.report.way == compose::Way::InputSubdivided;
-        (0..self.report.subdivided.len()).map(|segment| is_input || self.report.own.contains(&segment)).collect()
+        let regular = [&self.brought.poor, &self.brought.regular, &report.replaced, &report.too_dense, &report.missing];
+        let on = |segment: usize| {
+            if is_input || report.own.contains(&segment) {
+                Standing::Own
+            } else if regular.iter().any(|list| list.contains(&segment)) {
+                Standing::Regular
+            } else {
+                Standing::Example
+            }
+        };
+        (0..report.subdivided.len()).map(on).collect()
     }
 
     pub(crate) fn told(self) -> Stitched {
-        let (is_example, is_own) = (self.is_example(), self.is_own());
+        let standing = self.standing();
         let mut notes = notes::brought(&self.brought);
         notes.extend(notes::made(&self.report, self.mesh.faces.len()));
         Stitched {
             bridging: Vec::new(),
-            is_example,
-            is_own,
+            standing,
             extraordinary_vertices: self.report.extraordinary_after as u64,
             extraordinary_before: self.report.extraordinary_before as u64,
             mesh: Arc::new(self.mesh),

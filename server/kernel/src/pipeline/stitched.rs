@@ -7,15 +7,24 @@ use std::sync::Arc;
 /// The note of a composition that is the one map itself, with all that the example brings.
 pub const AS_MAPPED: &str = "the map follows the input as it is";
 
+/// Whose layout stands on a segment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Standing {
+    /// An example's.
+    Example,
+    /// A regular layout.
+    Regular,
+    /// The scan's own triangles, cut into quads.
+    Own,
+}
+
 /// A stitched mesh.
 #[derive(Clone, Debug)]
 pub struct Stitched {
     /// The mesh.
     pub mesh: Arc<PolyMesh>,
-    /// True for each segment, in order, on which an example's layout stands.
-    pub is_example: Vec<bool>,
-    /// True for each segment, in order, whose own triangles were cut into quads.
-    pub is_own: Vec<bool>,
+    /// What stands on each segment, in order.
+    pub standing: Vec<Standing>,
     /// Inner vertices with another number of edges than four.
     pub extraordinary_vertices: u64,
     /// Those that the parts had inside before.
@@ -27,13 +36,17 @@ pub struct Stitched {
 }
 
 impl Stitched {
+    /// Tells whether an example's layout stands on a segment.
+    pub fn is_example(&self, segment: usize) -> bool {
+        self.standing.get(segment) == Some(&Standing::Example)
+    }
+
     /// A mesh that needed no stitching.
-    pub fn as_it_is(mesh: Arc<PolyMesh>, is_example: Vec<bool>) -> Self {
+    pub fn as_it_is(mesh: Arc<PolyMesh>, standing: Vec<Standing>) -> Self {
         let extraordinary = extraordinary(&mesh) as u64;
         Self {
             mesh,
-            is_own: vec![false; is_example.len()],
-            is_example,
+            standing,
             extraordinary_vertices: extraordinary,
             extraordinary_before: extraordinary,
             notes: vec![AS_MAPPED.into()],
@@ -42,12 +55,12 @@ impl Stitched {
     }
 
     /// The meshes of some maps, side by side as they are, each with the faces that bridge a gap.
-    pub fn as_mapped(maps: &[(&Arc<PolyMesh>, &[u32])], is_example: Vec<bool>) -> Self {
+    pub fn as_mapped(maps: &[(&Arc<PolyMesh>, &[u32])], standing: Vec<Standing>) -> Self {
         let mesh = match maps {
             [(mesh, _)] => Arc::clone(mesh),
             _ => Arc::new(side_by_side(maps.iter().map(|(mesh, _)| &***mesh))),
         };
-        let mut made = Self::as_it_is(mesh, is_example);
+        let mut made = Self::as_it_is(mesh, standing);
         let mut first = 0;
         for (mesh, bridging) in maps {
             made.bridging.extend(bridging.iter().map(|face| first + face));

@@ -159,7 +159,7 @@ fn an_input_that_is_cut_as_an_example_is_takes_it_whole() {
     let empty = Arc::clone(&example.mesh);
     let part = |segment| OnePart { segment, example_segment: segment, mesh: Arc::clone(&empty), is_edited: false };
     let whole = rejoin(&cut, &example, &[part(0), part(1)]).expect("whole");
-    assert!(whole.mesh.faces == example.mesh.faces && whole.is_example == [true, true]);
+    assert!(whole.mesh.faces == example.mesh.faces && whole.standing == [Standing::Example; 2]);
     assert!(rejoin(&cut, &example, &[part(0)]).is_none(), "one part of two is no whole");
     is_refused(alike(&input, &input, GO_ON), Refusal::Unlike);
 }

@@ -2,7 +2,7 @@
 
 use super::BARE_MIN;
 use super::sound::{KEPT, Sound};
-use crate::work::engine::{Allowed, Engine, EngineError, Model, PolyMesh, Stitched};
+use crate::work::engine::{Allowed, Engine, EngineError, Model, PolyMesh, Standing, Stitched};
 use crate::work::mapping::{LiveMap, MapState};
 use std::sync::Arc;
 
@@ -35,7 +35,7 @@ pub(super) fn most(model: &Model, found: &Sound, maps: &[Option<Arc<LiveMap>>]) 
         return None;
     }
     let faces = |segment: u32| model.segments.get(segment as usize).map_or(0, |segment| segment.faces);
-    let is_map = |segment: &u32| found.made.is_example.get(*segment as usize) == Some(&true);
+    let is_map = |segment: &u32| found.made.is_example(*segment as usize);
     let most = found.unstitched.iter().copied().filter(is_map).max_by_key(|segment| faces(*segment))?;
     let examples = &found.appraisal.examples;
     let is_kept = *examples.get(most as usize)? >= KEPT * examples.iter().sum::<f64>();
@@ -58,10 +58,7 @@ pub(super) fn unstitched(
         let rest = engine.of_segments(model, stitched, &beside)?;
         let rest = Some(rest).filter(|(mesh, _)| !mesh.faces.is_empty());
         let mut made = as_mapped(&standing, rest.as_ref(), model.segments.len());
-        beside
-            .iter()
-            .map(|segment| *segment as usize)
-            .for_each(|k| (made.is_example[k], made.is_own[k]) = (stitched.is_example[k], stitched.is_own[k]));
+        beside.iter().map(|segment| *segment as usize).for_each(|k| made.standing[k] = stitched.standing[k]);
         let appraisal = engine.appraise(model, &made, Allowed { bare: 1.0, ..allowed })?;
         if appraisal.flaws.is_empty() {
             let mut unstitched: Vec<u32> = standing.iter().map(|(number, _)| *number as u32).collect();
@@ -96,5 +93,7 @@ pub(super) fn as_mapped(
     let mapped = newest.iter().map(|state| (&state.mapped.mesh, &state.mapped.reach.bridging[..]));
     let beside = beside.map(|(mesh, bridging)| (mesh, &bridging[..]));
     let all: Vec<(&Arc<PolyMesh>, &[u32])> = mapped.chain(beside).collect();
-    Stitched::as_mapped(&all, (0..count).map(|k| maps.iter().any(|(number, _)| *number == k)).collect())
+    let is_map = |segment: usize| maps.iter().any(|(number, _)| *number == segment);
+    let standing = |segment| if is_map(segment) { Standing::Example } else { Standing::Regular };
+    Stitched::as_mapped(&all, (0..count).map(standing).collect())
 }

@@ -75,7 +75,7 @@ pub(super) fn stitched_sound(
 ) -> Result<Sound, EngineError> {
     let made = engine.compose(model, &parts, how, stop)?;
     let appraisal = engine.appraise(model, &made, allowed)?;
-    let is_example = |segment: &u32| made.is_example.get(*segment as usize) == Some(&true);
+    let is_example = |segment: &u32| made.is_example(*segment as usize);
     if appraisal.flaws.is_empty() {
         return Ok(Sound::of(made, appraisal));
     }

@@ -102,12 +102,12 @@ impl Surrounded {
         let allowed = Allowed { bare: 0.0, ..allowed };
         let Sound { mut made, appraisal, .. } =
             stitched_sound(engine, &self.cut, (self.parts, &self.instead), (how, allowed), stop)?;
-        tracing::debug!(flaws = ?appraisal.flaws, is_example = ?made.is_example, notes = ?made.notes, "what lies around a map");
-        let stands = made.is_example.first() == Some(&true) && appraisal.flaws.is_empty();
+        tracing::debug!(flaws = ?appraisal.flaws, standing = ?made.standing, notes = ?made.notes, "what lies around a map");
+        let stands = made.is_example(0) && appraisal.flaws.is_empty();
         // Segments of the cut are none of the query's, which notes could name.
         made.notes.retain(|note| !note.contains("segment"));
-        let used = self.names.into_iter().zip(&made.is_example).filter(|(_, is_example)| **is_example);
-        let mut names: Vec<String> = used.filter_map(|(name, _)| name).collect();
+        let used = self.names.into_iter().enumerate().filter(|(segment, _)| made.is_example(*segment));
+        let mut names: Vec<String> = used.filter_map(|(_, name)| name).collect();
         names.sort_unstable();
         names.dedup();
         if !names.is_empty() {

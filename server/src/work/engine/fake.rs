@@ -318,10 +318,13 @@ impl Engine for FakeEngine {
 
     fn compose(&self, _: &Model, parts: &[Part], _: Stitching, _: &Stop) -> Result<Stitched, EngineError> {
         let mesh = Arc::new(square(parts.len()));
+        let standing = |part: &Part| match part {
+            Part::Template(_) | Part::Poor(_) => Standing::Regular,
+            _ => Standing::Example,
+        };
         Ok(Stitched {
             mesh,
-            is_example: parts.iter().map(|part| !matches!(part, Part::Template(_) | Part::Poor(_))).collect(),
-            is_own: vec![false; parts.len()],
+            standing: parts.iter().map(standing).collect(),
             bridging: Vec::new(),
             extraordinary_vertices: 0,
             extraordinary_before: 0,
@@ -330,14 +333,16 @@ impl Engine for FakeEngine {
     }
 
     fn appraise(&self, query: &Model, made: &Stitched, _: Allowed) -> Result<Appraisal, EngineError> {
-        let share = 1.0 / made.is_example.len().max(1) as f64;
-        let examples = made.is_example.iter().map(|is| if *is { share } else { 0.0 }).collect();
+        let count = made.standing.len();
+        let share = |k| if made.is_example(k) { 1.0 / count.max(1) as f64 } else { 0.0 };
+        let examples: Vec<f64> = (0..count).map(share).collect();
+        let is_any = made.standing.contains(&Standing::Example);
         let script = query.inner.open::<Script>()?;
         let is_stitched = !made.notes.iter().any(|note| note == quadmuse_proto::composition::AS_MAPPED);
-        let is_torn = script.tears && made.is_example.contains(&true) || script.rag && is_stitched;
+        let is_torn = script.tears && is_any || script.rag && is_stitched;
         let flaws = if is_torn { vec!["it is torn".into()] } else { Vec::new() };
-        let flawed = if is_torn { (0..made.is_example.len() as u32).collect() } else { Vec::new() };
-        let turned = if script.crumples && made.is_example.contains(&true) { 0.5 } else { 0.0 };
+        let flawed = if is_torn { (0..count as u32).collect() } else { Vec::new() };
+        let turned = if script.crumples && is_any { 0.5 } else { 0.0 };
         Ok(Appraisal { examples, covered: 1.0, turned, flaws, flawed, ..Appraisal::default() })
     }
 
