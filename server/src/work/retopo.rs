@@ -231,7 +231,8 @@ impl Retopology {
             self.note(format!("with {holes} holes the mesh is not cut into parts"));
             return Ok(false);
         }
-        let is_uncut = self.again.is_uncut(live).await?;
+        let is_uncut = self.again.is_uncut(live).await;
+        let is_uncut = self.tried(is_uncut)?;
         if is_uncut.is_none() {
             self.note("the mesh that was sent is no longer kept, so that it is not cut into parts");
         }

@@ -89,6 +89,23 @@ async fn where_no_example_fits_there_is_a_regular_layout_of_the_whole_and_nothin
 }
 
 #[tokio::test]
+async fn what_is_no_longer_kept_is_not_cut_and_that_is_told() {
+    let bench = bench().await;
+    let path = bench.query("", "segment disc 2\nlarge\nprotrusion annulus 2\nprotrusion annulus 3").await;
+    bench.ended(&path).await;
+    let id = path.rsplit('/').next().expect("an id");
+    let file = bench.dir.path().join("queries").join(id);
+    let begun = Instant::now();
+    while std::fs::remove_file(&file).is_err() {
+        assert!(begun.elapsed() < Duration::from_secs(20), "expected the upload to be kept");
+        tokio::time::sleep(Duration::from_millis(5)).await;
+    }
+    let made = bench.post_json(&format!("{path}/retopos?wait=60"), json!({})).await.json();
+    assert!(notes(&made).contains("is no longer kept"), "{made}");
+    assert_eq!((result_query(&made), &made["inspired"]), (path, &json!(0.0)));
+}
+
+#[tokio::test]
 async fn segments_with_too_few_faces_are_told_and_get_no_map() {
     let bench = bench().await;
     let few = vec!["segment annulus 2"; 40].join("\n");
