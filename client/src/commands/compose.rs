@@ -154,9 +154,7 @@ async fn retopologised(
     match made.result {
         RetopoResult::Map(id) => {
             let map = api.map(of.id, id).await?;
-            let name = api.example(map.example).await?.name;
-            write_map(&map, Some(&name).filter(|name| !name.is_empty()).map(String::as_str), &wish.target, api, ui)
-                .await
+            write_map(&map, Some(&name_of(&map, api).await), &wish.target, api, ui).await
         }
         RetopoResult::Composition(id) => {
             let made = api.composition(of.id, id).await?;
@@ -221,11 +219,7 @@ async fn composed(
     maps.sort_by_key(|map| map.segment);
     for (k, map) in maps.iter().enumerate() {
         let Some(segment) = query.segments.iter().find(|segment| segment.segment == map.segment) else { continue };
-        let name = if map.example == ExampleId::TEMPLATE {
-            "a regular layout".to_owned()
-        } else {
-            api.example(map.example).await?.name
-        };
+        let name = name_of(map, api).await;
         ui.note(&chosen(segment, k + 1, maps.len(), &fitting(map, &name)));
     }
     // Where there is but one example, its kept vertices can be told.
@@ -233,6 +227,15 @@ async fn composed(
         write_kept(only, &wish.target)?;
     }
     write_composition(made, &maps, &wish.target, api, ui).await
+}
+
+/// The name of a map's example, or its id where it has none, or was removed meanwhile.
+async fn name_of(map: &Map, api: &Api) -> String {
+    if map.example == ExampleId::TEMPLATE {
+        return "a regular layout".into();
+    }
+    let name = api.example(map.example).await.map(|example| example.name).unwrap_or_default();
+    if name.is_empty() { map.example.to_string() } else { name }
 }
 
 /// What a segment takes, in a line.

@@ -1,6 +1,6 @@
-//! How long the service computes on after queries, maps and compositions of scans are cancelled at random moments.
+//! How long the service computes on after queries, maps, compositions and retopologies of scans are cancelled at random moments.
 //!
-//! `cancels [--times 25] [--what query,map,composition] FILE…`. Processor time, so that a busy machine changes little. Whatever
+//! `cancels [--times 25] [--what query,map,composition,retopo] FILE…`. Processor time, so that a busy machine changes little. Whatever
 //! waited for more than 50 ms is told with what was under way; a server with `RUST_LOG=debug` logs where it was.
 
 use quadmuse_tests::{
@@ -23,7 +23,7 @@ fn main() -> ExitCode {
 
 fn run() -> Result<bool, Box<dyn Error>> {
     let times: usize = tool::number("--times", 25);
-    let what = tool::word("--what").unwrap_or("query,map,composition".into());
+    let what = tool::word("--what").unwrap_or("query,map,composition,retopo".into());
     let files: Vec<PathBuf> = std::env::args().skip(1).map(PathBuf::from).filter(|path| path.is_file()).collect();
     let folder = tempfile::tempdir()?;
     let data = folder.path().join("data");

@@ -32,11 +32,13 @@ pub enum Kind {
     Map,
     /// A composition.
     Composition,
+    /// A retopology.
+    Retopo,
 }
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Query, Self::Map, Self::Composition];
+    pub const ALL: [Self; 4] = [Self::Query, Self::Map, Self::Composition, Self::Retopo];
 
     /// Its name.
     pub fn name(self) -> &'static str {
@@ -44,6 +46,7 @@ impl Kind {
             Self::Query => "query",
             Self::Map => "map",
             Self::Composition => "composition",
+            Self::Retopo => "retopo",
         }
     }
 }
@@ -91,7 +94,7 @@ pub fn measure(
     free(caller)?;
     let (whole_ms, made) = match kind {
         Kind::Query => (computing_ms(caller) - before, None),
-        Kind::Map | Kind::Composition => {
+        Kind::Map | Kind::Composition | Kind::Retopo => {
             let Some(body) = wanted(caller, kind, &query)? else { return Ok(None) };
             // Maps that a composition has made are there for the next: the second is what all others take.
             let mut before = computing_ms(caller);
@@ -175,9 +178,9 @@ fn sent(caller: &Caller<'_>, content_type: &str, mesh: &[u8]) -> Result<String, 
     }
 }
 
-/// What is asked of a query that ended: a map of its best example, or its composition.
+/// What is asked of a query that ended: a map of its best example, its composition, or quads for all of it.
 fn wanted(caller: &Caller<'_>, kind: Kind, query: &str) -> Result<Option<Value>, ScaleError> {
-    if kind == Kind::Composition {
+    if kind != Kind::Map {
         return Ok(Some(serde_json::json!({})));
     }
     let ranking = caller.value(&format!("GET /v1/queries/{query}/ranking"), None)?;

@@ -46,7 +46,7 @@ pub enum Way {
     Labels,
     /// Scans of some hundred thousand triangles.
     Scans,
-    /// Maps with very many quads of a small input, and compositions of it.
+    /// Maps with very many quads of a small input, and compositions and retopologies of it.
     Maps,
     /// Uploads that end only when all is over.
     Held,
@@ -165,7 +165,7 @@ fn labelled(mesh: &str) -> Vec<u8> {
     format!("{}{mesh}\r\n{}{labels}x\r\n--XX--\r\n", part("mesh"), part("segments")).into_bytes()
 }
 
-/// A query, and maps and compositions of it until it is gone.
+/// A query, and maps, compositions and retopologies of it until it is gone.
 fn maps(caller: &Caller<'_>, mesh: &[u8], is_over: &dyn Fn() -> bool, note: &dyn Fn(u16)) {
     let query = match caller.send(mesh) {
         Ok(Sent::Taken(query)) => query,
@@ -181,7 +181,8 @@ fn maps(caller: &Caller<'_>, mesh: &[u8], is_over: &dyn Fn() -> bool, note: &dyn
     }
     let map = json!({ "segment": 0, "example": best }).to_string();
     let composition = json!({ "density": 4 }).to_string();
-    for (what, body) in [("maps?wait=60", map), ("compositions?wait=60", composition)].into_iter().cycle().take(8) {
+    let all = [("maps?wait=60", map), ("compositions?wait=60", composition), ("retopos?wait=60", "{}".to_owned())];
+    for (what, body) in all.into_iter().cycle().take(9) {
         let answer =
             caller.ask(&format!("POST /v1/queries/{query}/{what}"), Some(("application/json", body.as_bytes())));
         note(answer.map_or(0, |answer| answer.status));
