@@ -38,13 +38,6 @@ pub struct Ranking {
     pub incomplete: Vec<Share>,
 }
 
-/// The entries that are laid where nobody chooses, in turn until one fits.
-pub fn in_turn(entries: &[Entry]) -> Vec<&Entry> {
-    let mut chosen: Vec<&Entry> = entries.iter().filter(|entry| entry.turn.is_some()).collect();
-    chosen.sort_by_key(|entry| entry.turn);
-    chosen
-}
-
 /// A corpus segment in a ranking.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
@@ -122,34 +115,4 @@ pub enum EntryState {
     Locked,
     /// It was registered at the finest level asked for.
     Done,
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn those_with_a_turn_are_laid_in_turn() {
-        let entry = |rank: u32, turn: Option<u32>| Entry {
-            rank,
-            example: ExampleId::generate(),
-            example_segment: 0,
-            name: String::new(),
-            score: f64::from(rank),
-            energy: 0.0,
-            k: 0.5,
-            relevance: 3.0,
-            flip: Flip::default(),
-            shift_u: 0.0,
-            resolution: 128,
-            state: EntryState::Done,
-            likeness: None,
-            agreement: None,
-            similar_to: None,
-            template: None,
-            turn,
-        };
-        let all = [entry(1, Some(2)), entry(2, None), entry(3, Some(1))];
-        assert_eq!(in_turn(&all).iter().map(|e| e.rank).collect::<Vec<_>>(), [3, 1]);
-    }
 }
