@@ -19,6 +19,7 @@ const percent = (share) => `${(100 * share).toFixed(share < 0.1 ? 1 : 0)} %`;
 // What a reason says here; the last column says what helps. Numbers stay with the details.
 const REASONS = [
   [/^bumps and hollows/, () => "Features may be misplaced: the example's nose beside the scan's, say.", "Place landmarks."],
+  [/^the (scan|example) is flat/, () => "One of the two is flat, and the other is not: nothing tells where it belongs.", "Try another example, or a regular layout."],
   [/^the surfaces' pictures differ/, () => "The scan and this example are not alike.", "Try another example."],
   [/^the surfaces' proportions differ/, () => "One of the two is longer or thinner than the other.", "Try another example, or cut off what only one of them has."],
   [/^the share (\S+) of the faces look inward/, (x) => `Some quads (${percent(x)}) are turned over, in folds or thin places.`, "Drag the point beside them."],

@@ -213,6 +213,8 @@ pub struct Evidence {
     pub laid_angle_p95_deg: f64,
     /// What of the input the map leaves out.
     pub coverage: Coverage,
+    /// Whether the example is flat, and whether the input is.
+    pub is_flat: [bool; 2],
     /// True for rings and tori. Their pictures are mostly flat, so that neither these nor their features tell much, and a layout may
     /// be drawn out along them.
     pub is_ring: bool,
@@ -250,6 +252,11 @@ pub fn verdict(evidence: &Evidence) -> (Verdict, Vec<String>) {
         (limits[1].1, limits[1].2) = RING_LIMITS;
     }
     let (mut word, mut reasons) = (Verdict::Good, Vec::new());
+    let (flat, other) = if evidence.is_flat[0] { ("example", "scan") } else { ("scan", "example") };
+    if evidence.is_flat[0] != evidence.is_flat[1] {
+        word = Verdict::Poor;
+        reasons.push(format!("the {flat} is flat, and the {other} is not"));
+    }
     for ((text, good, fair), value) in limits.into_iter().zip(values) {
         if value <= good {
             continue;
@@ -301,6 +308,7 @@ mod tests {
             angle_p95_deg: 20.0,
             laid_angle_p95_deg: 22.0,
             coverage,
+            is_flat: [false; 2],
             is_ring: true,
         };
         assert_eq!(verdict(&longer).0, Verdict::Fair);
@@ -317,6 +325,7 @@ mod tests {
             angle_p95_deg: 20.0,
             laid_angle_p95_deg: 22.0,
             coverage: Coverage { uncovered_share: 0.0, features: 4, missing: 0 },
+            is_flat: [false; 2],
             is_ring: false,
         };
         assert_eq!(verdict(&good), (Verdict::Good, Vec::new()));
@@ -324,6 +333,9 @@ mod tests {
         assert_eq!((word, reasons.len()), (Verdict::Poor, 1));
         assert!(reasons[0].contains("0.900"), "{}", reasons[0]);
         assert_eq!(verdict(&Evidence { laid_angle_p95_deg: 30.0, ..good }).0, Verdict::Fair);
+        let flat = |is_flat| verdict(&Evidence { is_flat, ..good });
+        assert_eq!((flat([true; 2]).0, flat([true, false]).0), (Verdict::Good, Verdict::Poor));
+        assert_eq!(flat([false, true]).1, ["the scan is flat, and the example is not"]);
         let bare = Coverage { uncovered_share: 0.3, ..good.coverage };
         assert_eq!(verdict(&Evidence { coverage: bare, ..good }).0, Verdict::Poor);
     }

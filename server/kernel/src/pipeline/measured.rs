@@ -57,6 +57,7 @@ pub(crate) fn measured(
         angle_p95_deg: measure::layout_distortion(&patch.mesh, &laid.cross, chart).p95,
         laid_angle_p95_deg,
         coverage,
+        is_flat: [patch.mesh.is_flat(), laid.input.mesh.is_flat()],
         is_ring: measure::is_ring(chart),
     };
     let (word, reasons) = measure::verdict(&evidence);

@@ -138,6 +138,12 @@ impl Judged<'_> {
             rim: Vec::new(),
             shares: probes.areas.clone(),
         };
+        match (own.is_flat(), samples.is_flat()) {
+            // Nothing stands out from either, so that they are alike; what stands out from one alone has no like on the other.
+            (true, true) => return 1.0,
+            (true, false) | (false, true) => return 0.0,
+            (false, false) => {}
+        }
         let (around, beyond) = (Around::new(&own), Around::new(samples));
         let kept: Vec<usize> = (0..own.points.len()).filter(|k| !self.lost[probes.vertices[*k] as usize]).collect();
         let mut values = RELIEF_SCALES.map(|_| Vec::with_capacity(kept.len()));
@@ -251,7 +257,7 @@ impl<const N: usize> Wide for Heights<'_, N> {
     }
 }
 
-/// Of (a, b, weight); 0 where either is constant.
+/// Of (a, b, weight); 0 where either is constant. Of what is [flat](Samples::is_flat) it would be that of rounding errors.
 pub(super) fn correlation(values: &[(f64, f64, f64)]) -> f64 {
     let sum = values.iter().map(|v| v.2).sum::<f64>().max(f64::MIN_POSITIVE);
     let mean = values.iter().fold((0.0, 0.0), |m, v| (m.0 + v.2 * v.0 / sum, m.1 + v.2 * v.1 / sum));

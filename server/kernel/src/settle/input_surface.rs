@@ -7,7 +7,7 @@ use super::rest::vertex_normals;
 use super::similarity::Similarity;
 use super::tree::KdTree;
 use crate::mesh::Vec3;
-use crate::mesh::tri::{NONE, TriMesh};
+use crate::mesh::tri::{NONE, TriMesh, is_flat};
 use std::ops::Deref;
 use std::sync::Arc;
 
@@ -31,6 +31,13 @@ pub(super) struct Samples {
     pub(super) rim: Vec<bool>,
     /// The share of the input's area that each stands for.
     pub(super) shares: Vec<f64>,
+}
+
+impl Samples {
+    /// Whether what they are samples of is flat.
+    pub(super) fn is_flat(&self) -> bool {
+        is_flat(self.normals.iter().zip(&self.shares).map(|(n, share)| n * *share))
+    }
 }
 
 /// Samples in the example's frame, with their tree.

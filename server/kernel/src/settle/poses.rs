@@ -200,6 +200,7 @@ struct Small {
     anchors: Vec<Anchor>,
     /// From its own coordinates to these.
     frame: Similarity,
+    is_flat: bool,
 }
 
 /// A piece of the smaller surface is laid on places of the larger, and carries the rest with it.
@@ -220,6 +221,7 @@ struct Large {
     /// The heights of each sample, made when it is first met: most never are.
     relief: Vec<OnceLock<[f64; 3]>>,
     frame: Similarity,
+    is_flat: bool,
 }
 
 fn frame_of(samples: &Samples, size: f64) -> Similarity {
@@ -242,8 +244,8 @@ impl Small {
         let points: Vec<Vec3> = few.iter().map(|k| all.points[*k]).collect();
         let normals: Vec<Vec3> = few.iter().map(|k| all.normals[*k]).collect();
         let relief = few.iter().map(|k| relief(&around, &all, *k)).collect();
-        let more = if Stage::Anchors.is_on() { effort.anchors } else { 0 };
-        Self { anchors: anchors(&points, &normals, more), points, normals, relief, frame }
+        let (more, is_flat) = (if Stage::Anchors.is_on() { effort.anchors } else { 0 }, all.is_flat());
+        Self { is_flat, anchors: anchors(&points, &normals, more), points, normals, relief, frame }
     }
 }
 
@@ -282,7 +284,8 @@ impl Large {
         let frame = frame_of(samples, (share * area).sqrt());
         let all = samples.seen_from(&frame);
         let (around, relief) = (Around::new(&all), vec![OnceLock::new(); all.points.len()]);
-        Self { nearness: Nearness::new(&all), seen: Seen::new(all), around, relief, frame }
+        let is_flat = all.is_flat();
+        Self { nearness: Nearness::new(&all), seen: Seen::new(all), around, relief, frame, is_flat }
     }
 
     /// The heights of a sample.
@@ -356,6 +359,9 @@ impl Small {
     fn tried(&self, whole: &Posed, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
         let effort = whole.effort;
         let on = |anchors: &[Anchor], times: usize, large: &Large| -> Option<Vec<(f64, Similarity)>> {
+            if self.is_flat != large.is_flat {
+                return Some(Vec::new());
+            }
             let mut rough = Vec::new();
             for k in spread(&large.seen.samples.points, effort.places) {
                 if stop() {
@@ -475,7 +481,11 @@ impl Small {
                 values.push((self.relief[k][s], there[s], weight));
             }
         }
-        let agreement = values.iter().map(|v| correlation(v)).sum::<f64>() / values.len() as f64;
+        // What is flat lies alike on what is flat wherever it lies near.
+        let agreement = match self.is_flat && large.is_flat {
+            true => 1.0,
+            false => values.iter().map(|v| correlation(v)).sum::<f64>() / values.len() as f64,
+        };
         nearness * agreement.max(0.0)
     }
 

@@ -58,3 +58,19 @@ fn a_surface_is_nearest_to_itself_where_it_lies() {
     assert!([(0, 0.13), (0, 0.3), (1, 0.0), (3, 0.0)].iter().all(|(turn, shift)| nearness(*turn, *shift) < there));
     assert!(nearness(0, 0.13) > 0.4 && nearness(0, 1.5) < 0.05, "{} {}", nearness(0, 0.13), nearness(0, 1.5));
 }
+
+#[test]
+fn what_is_flat_is_like_what_is_flat_and_like_nothing_else() {
+    let sheet = |n: u32, bump: f64| {
+        let mut mesh = grid(n, n, false, false);
+        mesh.positions.iter_mut().for_each(|p| p.z = bump * (5.0 * p.x + 0.4).sin() * (3.9 * p.y).cos());
+        mesh
+    };
+    assert_eq!([0.0, 0.001, 0.2].map(|bump| sheet(24, bump).is_flat()), [true, true, false]);
+    let like = |one: f64, two: f64| {
+        let [one, two] = [sheet(24, one), sheet(40, two)].map(|mesh| Posed::quick(&mesh, true));
+        one.likeness(&two, &|| false).score
+    };
+    assert!(like(0.0, 0.0) > 0.6, "{}", like(0.0, 0.0));
+    assert_eq!([like(0.0, 0.2), like(0.2, 0.0)], [0.0; 2]);
+}
