@@ -103,6 +103,7 @@ pub fn lay(case: &Case, method: Method) -> Result<Outcome, String> {
             &input.patch.mesh,
             &feature_points(&two.encoding().features, &two.chart, two.index()),
         ),
+        is_flat: [example.patch.mesh.is_flat(), input.patch.mesh.is_flat()],
         is_ring: measure::is_ring(&one.chart),
     };
     let (verdict, _) = measure::verdict(&evidence);
