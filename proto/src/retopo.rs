@@ -57,7 +57,7 @@ pub struct Retopo {
     pub result_query: QueryId,
     /// The result.
     pub result: RetopoResult,
-    /// Whether it is worth keeping.
+    /// Tells whether it is worth keeping.
     pub verdict: Verdict,
     /// Share of its area whose quads are an example's, 0–1.
     pub inspired: f64,
@@ -65,7 +65,7 @@ pub struct Retopo {
     pub reasons: Vec<String>,
     /// How much of the examples and of the scan it reaches.
     pub covers: Covers,
-    /// What was tried on the way, a sentence each.
+    /// Tells what was tried on the way, a sentence each.
     pub notes: Vec<String>,
     /// Milliseconds it took.
     pub total_ms: f64,

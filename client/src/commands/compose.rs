@@ -131,7 +131,7 @@ async fn made(
     }
 }
 
-/// What the service makes of a scan for which nothing was chosen.
+/// Has the service make quads for a scan for which nothing was chosen, and writes them.
 async fn retopologised(
     query: &Query,
     wish: &Wish<'_>,

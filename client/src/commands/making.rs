@@ -10,7 +10,7 @@ use std::{convert::Infallible, time::Duration};
 /// How often the service is asked how far it is.
 const ASK_PAUSE: Duration = Duration::from_millis(500);
 
-/// What is awaited.
+/// Names what is awaited.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Awaited {
     /// The query.

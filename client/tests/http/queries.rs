@@ -11,7 +11,7 @@ use quadmuse_proto::{
 };
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// What a service makes of its query.
+/// Says what a service makes of its query.
 #[derive(Clone)]
 pub(crate) struct Makes {
     pub(crate) map: Map,

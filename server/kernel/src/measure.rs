@@ -213,7 +213,7 @@ pub struct Evidence {
     pub laid_angle_p95_deg: f64,
     /// What of the input the map leaves out.
     pub coverage: Coverage,
-    /// Whether the example is flat, and whether the input is.
+    /// True for the example, and for the input, where they are flat.
     pub is_flat: [bool; 2],
     /// True for rings and tori. Their pictures are mostly flat, so that neither these nor their features tell much, and a layout may
     /// be drawn out along them.

@@ -3,7 +3,7 @@
 use super::body::Message;
 use super::error::HttpError;
 use super::files::{picture_answer, result_answer};
-use super::idempotency::{Key, Turn};
+use super::idempotency::Key;
 use super::making;
 use super::negotiate::{Wants, if_none_match};
 use super::params::{Params, PathIds};
@@ -43,27 +43,15 @@ pub async fn create(
 ) -> Result<Response, HttpError> {
     let live = app.work.queries.get(id)?;
     let wait = making::wait(&params)?;
-    let composition = match app.idempotency.turn(key, wanted.fingerprint).await? {
-        Turn::Made(made) => {
-            let made = made.parse().map_err(|_| HttpError::Internal("a remembered id".into()))?;
-            making::waited(&live, Product::Composition, &made, wait).await;
-            made
-        }
-        Turn::Make(claim) => {
-            let (composition, making) = composing::start(&app.work, &live, wanted.value)?;
-            making::awaited(&live, &making, wait).await?;
-            claim.made(&composition);
-            composition
-        }
-    };
-    let location = Some(format!("/v1/queries/{id}/compositions/{composition}"));
-    match composing::find(&live, composition) {
-        Ok(found) => wants.answer(StatusCode::CREATED, location, &found.summary),
-        Err(missing) => {
-            let making = making::found(&live, Product::Composition, &composition).ok_or(missing)?;
-            wants.answer(StatusCode::ACCEPTED, location, &making)
-        }
-    }
+    let start = || composing::start(&app.work, &live, wanted.value);
+    let composition =
+        making::begun(&app, &live, (key, wanted.fingerprint), (Product::Composition, wait), start).await?;
+    making::created(
+        &wants,
+        &live,
+        (Product::Composition, composition),
+        composing::find(&live, composition).map(|found| found.summary.clone()),
+    )
 }
 
 /// Lists a query's compositions that are there, newest last; the query itself lists those that are being made.
@@ -99,10 +87,12 @@ pub async fn get(
 ) -> Result<Response, HttpError> {
     let live = app.work.queries.get(id)?;
     making::waited(&live, Product::Composition, &composition, making::wait(&params)?).await;
-    match composing::find(&live, composition) {
-        Ok(found) => wants.show(&found.summary),
-        Err(missing) => wants.show(&making::found(&live, Product::Composition, &composition).ok_or(missing)?),
-    }
+    making::shown(
+        &wants,
+        &live,
+        (Product::Composition, composition),
+        composing::find(&live, composition).map(|found| found.summary.clone()),
+    )
 }
 
 /// Cancels a composition that is being made, and frees one that is there.
@@ -133,13 +123,7 @@ pub async fn stream(
     headers: HeaderMap,
 ) -> Result<Response, HttpError> {
     let live = app.work.queries.get(id)?;
-    match live.makings.get(Product::Composition, &composition.to_string()) {
-        Some(making) => making::stream(&app, &headers, id, &making),
-        None => {
-            let found = composing::find(&live, composition)?;
-            making::ended(&headers, id, Product::Composition, found.summary.id.to_string())
-        }
-    }
+    making::streamed(&app, &headers, &live, (Product::Composition, composition), composing::find(&live, composition))
 }
 
 /// A composition, once it is there: whoever asks for what belongs to it needn't have waited.

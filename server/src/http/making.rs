@@ -4,20 +4,24 @@
 //! 201 with all of it.
 
 use super::error::{HttpError, problem_of};
-use super::negotiate::choose;
+use super::idempotency::{Key, Turn};
+use super::negotiate::{Wants, choose};
 use super::params::Params;
 use super::stream::{Frames, HEARTBEAT, OFFERED, answer};
 use crate::app::App;
 use crate::work::WorkError;
 use crate::work::making::{Awaited, Making, Stand};
 use crate::work::query::LiveQuery;
-use axum::http::HeaderMap;
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use bytes::Bytes;
 use futures_util::stream::{Stream, unfold};
 use quadmuse_proto::QueryId;
 use quadmuse_proto::making::{self as proto, MakingEvent, MakingState, Product, WAIT_MAX};
+use serde::Serialize;
 use std::convert::Infallible;
+use std::fmt::Display;
+use std::str::FromStr;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::watch;
@@ -45,11 +49,68 @@ pub fn wait(params: &Params) -> Result<Duration, HttpError> {
     }
 }
 
-/// Waits for what was just begun. Who hangs up meanwhile was told nothing of it, so it is cancelled.
+/// Begins what is asked for, or finds what was begun under the same key, and waits for it; its id.
 ///
 /// # Errors
-/// Why it failed, or that somebody cancelled it, if that is known by then.
-pub async fn awaited(live: &LiveQuery, making: &Arc<Making>, wait: Duration) -> Result<(), HttpError> {
+/// Why it was refused, or failed within `wait`.
+pub async fn begun<I: FromStr + Display>(
+    app: &App,
+    live: &LiveQuery,
+    (key, fingerprint): (Key, blake3::Hash),
+    (product, wait): (Product, Duration),
+    start: impl FnOnce() -> Result<(I, Arc<Making>), WorkError>,
+) -> Result<I, HttpError> {
+    match app.idempotency.turn(key, fingerprint).await? {
+        Turn::Made(made) => {
+            let made = made.parse().map_err(|_| HttpError::Internal("a remembered id".into()))?;
+            waited(live, product, &made, wait).await;
+            Ok(made)
+        }
+        Turn::Make(claim) => {
+            let (id, making) = start()?;
+            awaited(live, &making, wait).await?;
+            claim.made(&id);
+            Ok(id)
+        }
+    }
+}
+
+/// Answers who had something made: 201 with what is there, or 202 with how far it is.
+///
+/// # Errors
+/// That it is neither there nor made.
+pub fn created<T: Serialize>(
+    wants: &Wants,
+    live: &LiveQuery,
+    (product, id): (Product, impl Display),
+    there: Result<T, WorkError>,
+) -> Result<Response, HttpError> {
+    let location = Some(format!("/v1/queries/{}/{}s/{id}", live.id, product.as_str()));
+    match there {
+        Ok(there) => wants.answer(StatusCode::CREATED, location, &there),
+        Err(missing) => wants.answer(StatusCode::ACCEPTED, location, &found(live, product, &id).ok_or(missing)?),
+    }
+}
+
+/// Shows what is there, or how far it is.
+///
+/// # Errors
+/// That it is neither there nor made.
+pub fn shown<T: Serialize>(
+    wants: &Wants,
+    live: &LiveQuery,
+    (product, id): (Product, impl Display),
+    there: Result<T, WorkError>,
+) -> Result<Response, HttpError> {
+    match there {
+        Ok(there) => wants.show(&there),
+        Err(missing) => wants.show(&found(live, product, &id).ok_or(missing)?),
+    }
+}
+
+/// Waits for what was just begun. Who hangs up meanwhile was told nothing of it, so it is cancelled.
+/// Fails with why it failed, or that somebody cancelled it, if that is known by then.
+async fn awaited(live: &LiveQuery, making: &Arc<Making>, wait: Duration) -> Result<(), HttpError> {
     let untold = Awaited::new(making);
     let stand = making.within(wait).await;
     untold.told();
@@ -100,11 +161,26 @@ fn told(query: QueryId, making: &Making, stand: Stand) -> proto::Making {
     }
 }
 
-/// The stream of what is made: `progress` as it gets further, and `end` once.
+/// The stream of what is made under an id, or of what is `there` already.
 ///
 /// # Errors
-/// [`HttpError::NotAcceptable`].
-pub fn stream(app: &App, headers: &HeaderMap, query: QueryId, making: &Arc<Making>) -> Result<Response, HttpError> {
+/// [`HttpError::NotAcceptable`], or that it is neither there nor made.
+pub fn streamed<T>(
+    app: &App,
+    headers: &HeaderMap,
+    live: &LiveQuery,
+    (product, id): (Product, impl Display),
+    there: Result<T, WorkError>,
+) -> Result<Response, HttpError> {
+    let id = id.to_string();
+    match live.makings.get(product, &id) {
+        Some(making) => stream(app, headers, live.id, &making),
+        None => there.map_err(HttpError::from).and_then(|_| ended(headers, live.id, product, id)),
+    }
+}
+
+/// The stream of what is made: `progress` as it gets further, and `end` once.
+fn stream(app: &App, headers: &HeaderMap, query: QueryId, making: &Arc<Making>) -> Result<Response, HttpError> {
     let frames = choose(headers, &OFFERED)?;
     let (making, watch) = (Arc::clone(making), making.watch());
     let reader = Reader { query, making, watch, stopping: app.stopping.clone(), begun: false, ended: false };
@@ -112,10 +188,7 @@ pub fn stream(app: &App, headers: &HeaderMap, query: QueryId, making: &Arc<Makin
 }
 
 /// The stream of what is there already: its end.
-///
-/// # Errors
-/// [`HttpError::NotAcceptable`].
-pub fn ended(headers: &HeaderMap, query: QueryId, product: Product, id: String) -> Result<Response, HttpError> {
+fn ended(headers: &HeaderMap, query: QueryId, product: Product, id: String) -> Result<Response, HttpError> {
     let frames = choose(headers, &OFFERED)?;
     let created = String::new();
     let (state, stage) = (MakingState::Done, "done".into());

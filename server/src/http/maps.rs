@@ -3,7 +3,7 @@
 use super::body::Message;
 use super::error::HttpError;
 use super::files::{picture_answer, result_answer};
-use super::idempotency::{Key, Turn};
+use super::idempotency::Key;
 use super::making;
 use super::negotiate::{Wants, if_none_match};
 use super::params::{Params, PathIds};
@@ -42,26 +42,14 @@ pub async fn create(
 ) -> Result<Response, HttpError> {
     let live = app.work.queries.get(id)?;
     let wait = making::wait(&params)?;
-    let map = match app.idempotency.turn(key, wanted.fingerprint).await? {
-        Turn::Made(made) => {
-            let made = made.parse().map_err(|_| HttpError::Internal("a remembered id".into()))?;
-            making::waited(&live, Product::Map, &made, wait).await;
-            made
-        }
-        Turn::Make(claim) => {
-            let (map, making) = mapping::start(&app.work, &live, wanted.value)?;
-            making::awaited(&live, &making, wait).await?;
-            claim.made(&map);
-            map
-        }
-    };
-    let location = Some(format!("/v1/queries/{id}/maps/{map}"));
-    match mapping::get(&live, map) {
-        Ok(map) => wants.answer(StatusCode::CREATED, location, &map.newest().summary),
-        Err(missing) => {
-            wants.answer(StatusCode::ACCEPTED, location, &making::found(&live, Product::Map, &map).ok_or(missing)?)
-        }
-    }
+    let start = || mapping::start(&app.work, &live, wanted.value);
+    let map = making::begun(&app, &live, (key, wanted.fingerprint), (Product::Map, wait), start).await?;
+    making::created(
+        &wants,
+        &live,
+        (Product::Map, map),
+        mapping::get(&live, map).map(|map| map.newest().summary.clone()),
+    )
 }
 
 /// Lists a query's maps that are there, newest last; the query itself lists those that are being made.
@@ -97,10 +85,7 @@ pub async fn get(
 ) -> Result<Response, HttpError> {
     let live = app.work.queries.get(id)?;
     making::waited(&live, Product::Map, &map, making::wait(&params)?).await;
-    match mapping::get(&live, map) {
-        Ok(map) => wants.show(&map.newest().summary),
-        Err(missing) => wants.show(&making::found(&live, Product::Map, &map).ok_or(missing)?),
-    }
+    making::shown(&wants, &live, (Product::Map, map), mapping::get(&live, map).map(|map| map.newest().summary.clone()))
 }
 
 /// Cancels a map that is being made, and frees one that is there.
@@ -131,10 +116,7 @@ pub async fn stream(
     headers: HeaderMap,
 ) -> Result<Response, HttpError> {
     let live = app.work.queries.get(id)?;
-    match live.makings.get(Product::Map, &map.to_string()) {
-        Some(making) => making::stream(&app, &headers, id, &making),
-        None => making::ended(&headers, id, Product::Map, mapping::get(&live, map)?.id.to_string()),
-    }
+    making::streamed(&app, &headers, &live, (Product::Map, map), mapping::get(&live, map))
 }
 
 /// A map, once it is there: whoever asks for what belongs to it needn't have waited.

@@ -2,7 +2,7 @@
 
 use super::body::Message;
 use super::error::HttpError;
-use super::idempotency::{Key, Turn};
+use super::idempotency::Key;
 use super::making;
 use super::negotiate::Wants;
 use super::params::{Params, PathIds};
@@ -37,28 +37,10 @@ pub async fn create(
 ) -> Result<Response, HttpError> {
     let live = app.work.queries.get(id)?;
     let wait = making::wait(&params)?;
-    let made = match app.idempotency.turn(key, wanted.fingerprint).await? {
-        Turn::Made(made) => {
-            let made = made.parse().map_err(|_| HttpError::Internal("a remembered id".into()))?;
-            making::waited(&live, Product::Retopo, &made, wait).await;
-            made
-        }
-        Turn::Make(claim) => {
-            let kept = (&app.kept, app.settings.upload_limit);
-            let (made, making) = retopo::start(&app.work, kept, &live, wanted.value)?;
-            making::awaited(&live, &making, wait).await?;
-            claim.made(&made);
-            made
-        }
-    };
-    let location = Some(format!("/v1/queries/{id}/retopos/{made}"));
-    match retopo::find(&live, made) {
-        Ok(found) => wants.answer(StatusCode::CREATED, location, &*found),
-        Err(missing) => {
-            let making = making::found(&live, Product::Retopo, &made).ok_or(missing)?;
-            wants.answer(StatusCode::ACCEPTED, location, &making)
-        }
-    }
+    let kept = (&app.kept, app.settings.upload_limit);
+    let start = || retopo::start(&app.work, kept, &live, wanted.value);
+    let made = making::begun(&app, &live, (key, wanted.fingerprint), (Product::Retopo, wait), start).await?;
+    making::created(&wants, &live, (Product::Retopo, made), retopo::find(&live, made).map(|made| Retopo::clone(&made)))
 }
 
 /// Lists a query's retopologies that are there, newest last; the query itself lists those that are being made.
@@ -94,10 +76,12 @@ pub async fn get(
 ) -> Result<Response, HttpError> {
     let live = app.work.queries.get(id)?;
     making::waited(&live, Product::Retopo, &retopo, making::wait(&params)?).await;
-    match retopo::find(&live, retopo) {
-        Ok(found) => wants.show(&*found),
-        Err(missing) => wants.show(&making::found(&live, Product::Retopo, &retopo).ok_or(missing)?),
-    }
+    making::shown(
+        &wants,
+        &live,
+        (Product::Retopo, retopo),
+        retopo::find(&live, retopo).map(|made| Retopo::clone(&made)),
+    )
 }
 
 /// Cancels a retopology that is being made, and forgets one that is there; its map or composition stays.
@@ -128,11 +112,5 @@ pub async fn stream(
     headers: HeaderMap,
 ) -> Result<Response, HttpError> {
     let live = app.work.queries.get(id)?;
-    match live.makings.get(Product::Retopo, &retopo.to_string()) {
-        Some(making) => making::stream(&app, &headers, id, &making),
-        None => {
-            let found = retopo::find(&live, retopo)?;
-            making::ended(&headers, id, Product::Retopo, found.id.to_string())
-        }
-    }
+    making::streamed(&app, &headers, &live, (Product::Retopo, retopo), retopo::find(&live, retopo))
 }

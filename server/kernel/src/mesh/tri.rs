@@ -59,7 +59,7 @@ pub fn area_between([a, b, c]: [Vec3; 3]) -> f64 {
 /// have 1.0000, all others less than .7.
 const FLAT_FROM: f64 = 0.999;
 
-/// Whether a surface whose normals are as long as the areas that they stand for is flat; one without area is not.
+/// Tells whether a surface is flat by normals that are as long as the areas that they stand for; one without area is not.
 pub fn is_flat(normals: impl Iterator<Item = Vec3>) -> bool {
     let (sum, area) = normals.fold((Vec3::zeros(), 0.0), |(sum, area), n| (sum + n, area + n.norm()));
     area > 0.0 && sum.norm() >= FLAT_FROM * area
@@ -174,7 +174,7 @@ impl TriMesh {
         (0..self.triangles.len()).map(|t| self.area(t)).sum()
     }
 
-    /// Whether it lies in a plane but for a few degrees: then nothing stands out from it.
+    /// Tells whether it lies in a plane but for a few degrees: then nothing stands out from it.
     pub fn is_flat(&self) -> bool {
         is_flat((0..self.triangles.len()).map(|t| self.area_vector(t)))
     }

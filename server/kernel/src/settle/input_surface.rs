@@ -34,7 +34,7 @@ pub(super) struct Samples {
 }
 
 impl Samples {
-    /// Whether what they are samples of is flat.
+    /// Tells whether what they are samples of is flat.
     pub(super) fn is_flat(&self) -> bool {
         is_flat(self.normals.iter().zip(&self.shares).map(|(n, share)| n * *share))
     }
