@@ -225,13 +225,10 @@ fn share(mesh: &TriMesh, positions: &[Vec3], polygons: &[u32]) -> f64 {
 const POSE_FIXED_BY: usize = 3;
 /// Confidence from which on a settled map is good.
 const GOOD_FROM: f64 = 0.4;
-/// Confidence from which on one is fair: of a closed example, whose limbs are matched with the scan's, and of a part, which may lie
+/// Confidence from which on one is fair: of a closed example, whose limbs are matched with the scan's, and of an open one, which may lie
 /// anywhere on it. Right maps of open examples have .137 and more; thumbs and torsos on heads, rocks and mushrooms −.08 to .05; and of
 /// 23 maps of closed animals below .1 all but four are right (tests/records/floor-2026-11-27.md).
 const FAIR_FROM: [f64; 2] = [-0.08, 0.1];
-/// A closed example of which so much has no place on the scan is a part, too: a fifth of a tongue lies on any flat sheet. *Untuned:* of 151
-/// maps with a known truth those that lose more all have an agreement of .5 or more (tests/records/one-way-2026-11-27.md).
-const PART_FROM_LOST: f64 = 0.5;
 /// Share of the area of faces that look inward up to which it is good, or fair: hidden faces of bodies do in the truth too.
 const FOLDED: [f64; 2] = [0.02, 0.06];
 
@@ -266,8 +263,7 @@ fn judged(
         }
     };
     let is_posed = held >= POSE_FIXED_BY;
-    let is_part = is_open || evidence.lost > PART_FROM_LOST;
-    let fair = if is_posed { f64::NEG_INFINITY } else { FAIR_FROM[usize::from(is_part)] };
+    let fair = if is_posed { f64::NEG_INFINITY } else { FAIR_FROM[usize::from(is_open)] };
     let why = "bumps and hollows of the example lie on others of the scan";
     let alike = measure(confidence >= GOOD_FROM, confidence >= fair, why);
     let [good, fair] = FOLDED;
@@ -319,10 +315,6 @@ mod tests {
             .find(|relief| (FAIR_FROM[0]..FAIR_FROM[1]).contains(&verdict(*relief, true).1));
         let relief = between.expect("a relief between the limits");
         assert_eq!([false, true].map(|is_open| verdict(relief, is_open).0), [Verdict::Fair, Verdict::Poor]);
-        // So does a closed one of which the scan has but a part.
-        let of_part =
-            |lost| judged(&Evidence { relief, bend: 0.0, lost, ..Evidence::default() }, (0.0, 0.0, 0.0), (false, 0)).0;
-        assert_eq!([0.3, 0.7].map(of_part), [Verdict::Fair, Verdict::Poor]);
     }
 
     #[test]
