@@ -13,14 +13,6 @@ pub const SMOOTHING_MAX: u32 = 100;
 /// The `smoothing` when the caller names none.
 pub const SMOOTHING_DEFAULT: u32 = 5;
 
-/// The note of a composition that is the one map itself, with all that the example brings: it follows the input as it is.
-pub const AS_MAPPED: &str = "the map follows the input as it is";
-
-/// Examples that make up less of a composition give way to a regular layout of all of it, unless they were chosen: they are not
-/// worth the seams about them. *Untuned:* on seven scans with less, regular layouts had .38 of the change of angles and .55 of the
-/// extraordinary vertices, and none of the examples showed (tests/records/floor-2026-11-27.md).
-pub const INSPIRED_LEAST: f64 = 0.1;
-
 fn whole() -> f64 {
     1.0
 }

@@ -125,36 +125,6 @@ fn whole() -> f64 {
     1.0
 }
 
-/// From this worth on no other example has to be tried.
-const ENOUGH: f64 = 0.1;
-/// Below this worth even the best does not explain the input.
-const LITTLE: f64 = 0.05;
-/// Worth of a map of which nothing speaks but its verdict, good or fair, for the share that it covers.
-const WORTH: [f64; 2] = [0.5, 0.2];
-/// The least that a map which is not poor is worth for the share that it covers.
-const WORTH_LEAST: f64 = 0.01;
-
-impl Map {
-    /// Rates the map against others on the same segment: its agreement times the share of the input that the example covers.
-    /// A poor map gets less than 0.
-    pub fn worth(&self) -> f64 {
-        let [good, fair] = WORTH;
-        let sure = match (self.verdict, &self.evidence) {
-            (Verdict::Poor | Verdict::Broken, _) => return -1.0,
-            (_, Some(evidence)) => evidence.agreement.max(WORTH_LEAST),
-            (Verdict::Good, None) => good,
-            (Verdict::Fair, None) => fair,
-        };
-        sure * self.covers.input
-    }
-
-    /// Tells whether no more examples have to be laid once `tried` were. Up to `tries` the map has to be good, on however small a
-    /// part, or to explain much of the input; after them it is enough that it explains a little.
-    pub fn is_enough(&self, tried: usize, tries: usize) -> bool {
-        self.verdict == Verdict::Good || self.worth() >= if tried < tries { ENOUGH } else { LITTLE }
-    }
-}
-
 /// Measures that speak for or against a map. Lengths are in √area of the example as it is laid.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]

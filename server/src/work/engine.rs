@@ -28,7 +28,7 @@ pub use packed::{Packed, PackedFeature};
 pub use quadmuse_kernel::compose::rows::{Resized, Wanted, faces_within_max};
 pub use quadmuse_kernel::numerics::stage::{Stage, leave_out};
 pub use quadmuse_kernel::pipeline::{
-    Allowed, Appraisal, BARE, OnePart, Reach, Refusal, Rough, Standing, Stitched, Stitching,
+    AS_MAPPED, Allowed, Appraisal, BARE, OnePart, Reach, Refusal, Rough, Standing, Stitched, Stitching,
 };
 pub use rough::RoughLead;
 

@@ -7,11 +7,40 @@ use super::worth::tries;
 use super::{Work, WorkError};
 use crate::pool::StopReason;
 use futures_util::{Stream, StreamExt, stream};
-use quadmuse_proto::{Beyond, ExampleId, NewMap};
+use quadmuse_proto::{Beyond, ExampleId, NewMap, Verdict};
 use std::sync::Arc;
 
 /// Examples that are laid on a segment, and segments that are laid on, at a time.
 pub(super) const AT_A_TIME: usize = 2;
+
+/// From this worth on no other example has to be tried.
+const ENOUGH: f64 = 0.1;
+/// Below this worth even the best does not explain the input.
+const LITTLE: f64 = 0.05;
+/// Worth of a map of which nothing speaks but its verdict, good or fair, for the share that it covers.
+const WORTH: [f64; 2] = [0.5, 0.2];
+/// The least that a map which is not poor is worth for the share that it covers.
+const WORTH_LEAST: f64 = 0.01;
+
+/// Rates a map against others on the same segment: its agreement times the share of the input that the example covers. A poor map
+/// gets less than 0.
+pub fn worth(map: &LiveMap) -> f64 {
+    let summary = &map.newest().summary;
+    let [good, fair] = WORTH;
+    let sure = match (summary.verdict, &summary.evidence) {
+        (Verdict::Poor | Verdict::Broken, _) => return -1.0,
+        (_, Some(evidence)) => evidence.agreement.max(WORTH_LEAST),
+        (Verdict::Good, None) => good,
+        (Verdict::Fair, None) => fair,
+    };
+    sure * summary.covers.input
+}
+
+/// Tells whether no more examples have to be laid once `tried` were. Up to `tries` the map has to be good, on however small a part, or
+/// to explain much of the input; after them it is enough that it explains a little.
+fn is_enough(map: &LiveMap, tried: usize, tries: usize) -> bool {
+    map.newest().summary.verdict == Verdict::Good || worth(map) >= if tried < tries { ENOUGH } else { LITTLE }
+}
 
 /// The entries of a segment's ranking that are laid in turn, of as many `tries`. Waits until the ranking will not change any more:
 /// only then it tells the best.
@@ -56,12 +85,11 @@ pub async fn best_map(
             Err(error) if best.is_some() && is_late(&error) => break,
             Err(error) => return Err(error),
         };
-        let worth = |map: &LiveMap| map.newest().summary.worth();
         let best = match &mut best {
             Some(best) if worth(&map) <= worth(best) => best,
             best => best.insert(map),
         };
-        if tries <= 1 || best.newest().summary.is_enough(tried + 1, tries) {
+        if tries <= 1 || is_enough(best, tried + 1, tries) {
             break;
         }
     }

@@ -7,7 +7,8 @@
 mod outcome;
 mod recut;
 
-use super::composing;
+use super::composing::{self, INSPIRED_LEAST};
+use super::engine::AS_MAPPED;
 use super::kept::Kept;
 use super::laying::AT_A_TIME;
 use super::making::{self, Making};
@@ -18,7 +19,6 @@ use super::{REQUEST_TIME_MAX, Work, WorkError, laying};
 use crate::pool::StopReason;
 use futures_util::{Stream, StreamExt, stream};
 use outcome::{Made, Outcome};
-use quadmuse_proto::composition::{AS_MAPPED, INSPIRED_LEAST};
 use quadmuse_proto::{CompositionPart, NewComposition, NewRetopo, Parts, Product, QueryState, Retopo, RetopoId};
 use recut::{Again, Recut, score, score_when_compared};
 use std::cmp::Reverse;
@@ -105,7 +105,7 @@ struct Retopology {
 /// A scan parted at its waist.
 struct Figure {
     made: Outcome,
-    /// Whether examples make up most of the side that they are on: there is no need to look further.
+    /// True where examples make up most of the side that they are on: there is no need to look further.
     is_enough: bool,
 }
 
@@ -204,7 +204,7 @@ impl Retopology {
         Ok(if is_map { Outcome::of(live, Made::Map(map)) } else { made })
     }
 
-    /// What is stitched of some maps and of the best for the other segments, between two shares of the progress.
+    /// Stitches some maps, and the best for the other segments, between two shares of the progress.
     async fn composed(
         &self,
         live: &Arc<LiveQuery>,
@@ -356,8 +356,8 @@ impl Retopology {
 
     /// The best map of a segment, if there is one.
     async fn best(&self, live: &Arc<LiveQuery>, segment: u32) -> Result<Option<Arc<LiveMap>>, WorkError> {
-        let wanted = ((segment, tries_of(live, segment)), self.wanted.beyond);
-        when_there_is_room(|| laying::best_map(&self.work, live, wanted.0, wanted.1)).await
+        let segment = (segment, tries_of(live, segment));
+        when_there_is_room(|| laying::best_map(&self.work, live, segment, self.wanted.beyond)).await
     }
 
     /// The same of several, two at a time, in their order.

@@ -114,7 +114,7 @@ pub(crate) struct Made {
 }
 
 impl Made {
-    /// What stands on each segment: what was brought, if it did not give way.
+    /// Tells what stands on each segment: what was brought, if it did not give way.
     fn standing(&self) -> Vec<Standing> {
         let report = &self.report;
         let is_input = report.way == compose::Way::InputSubdivided;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 /// The note of a composition that is the one map itself, with all that the example brings.
 pub const AS_MAPPED: &str = "the map follows the input as it is";
 
-/// Whose layout stands on a segment.
+/// Tells whose layout stands on a segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Standing {
     /// An example's.
@@ -23,7 +23,7 @@ pub enum Standing {
 pub struct Stitched {
     /// The mesh.
     pub mesh: Arc<PolyMesh>,
-    /// What stands on each segment, in order.
+    /// Tells what stands on each segment, in order.
     pub standing: Vec<Standing>,
     /// Inner vertices with another number of edges than four.
     pub extraordinary_vertices: u64,

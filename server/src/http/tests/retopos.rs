@@ -11,7 +11,7 @@ async fn bench() -> Bench {
     bench
 }
 
-/// What a scan comes to, and the path of its query.
+/// Makes quads for a scan; the retopology, and the path of its query.
 async fn made(bench: &Bench, options: &str, scan: &str) -> (Value, String) {
     let path = bench.query(options, scan).await;
     let made = bench.post_json(&format!("{path}/retopos?wait=60"), json!({})).await;

@@ -1,5 +1,6 @@
 //! A regular layout of all of a scan, in place of a composition that examples make worse than that.
 
+use super::INSPIRED_LEAST;
 use super::headline::Headline;
 use super::sound::{Sound, stitched_sound};
 use super::waist;
@@ -8,7 +9,6 @@ use crate::work::engine::{Allowed, Part, Stitching};
 use crate::work::query::LiveQuery;
 use crate::work::{REQUEST_TIME_MAX, Work, WorkError};
 use quadmuse_proto::Verdict;
-use quadmuse_proto::composition::INSPIRED_LEAST;
 use std::sync::Arc;
 
 /// Why a composition is worse than a regular layout of all of the scan; `None` where it is not known to be.

@@ -6,6 +6,7 @@
 use crate::pool::{Job, Lane};
 use crate::work::engine::{Encoded, Model, Part};
 use crate::work::ingest::encode;
+use crate::work::laying;
 use crate::work::mapping::LiveMap;
 use crate::work::query::LiveQuery;
 use crate::work::{Work, WorkError};
@@ -14,8 +15,7 @@ use std::sync::Arc;
 /// The maps of both sides, first that which is worth most for the share of the scan that its side is.
 pub(super) fn by_worth(model: &Model, maps: &[Option<Arc<LiveMap>>]) -> Vec<Arc<LiveMap>> {
     let worth = |map: &LiveMap| {
-        let summary = &map.newest().summary;
-        model.segments.get(summary.segment as usize).map_or(0.0, |side| side.faces as f64) * summary.worth()
+        model.segments.get(map.segment as usize).map_or(0.0, |side| side.faces as f64) * laying::worth(map)
     };
     let mut there: Vec<Arc<LiveMap>> = maps.iter().flatten().cloned().collect();
     there.sort_by(|a, b| worth(b).total_cmp(&worth(a)));

@@ -338,7 +338,7 @@ impl Engine for FakeEngine {
         let examples: Vec<f64> = (0..count).map(share).collect();
         let is_any = made.standing.contains(&Standing::Example);
         let script = query.inner.open::<Script>()?;
-        let is_stitched = !made.notes.iter().any(|note| note == quadmuse_proto::composition::AS_MAPPED);
+        let is_stitched = !made.notes.iter().any(|note| note == AS_MAPPED);
         let is_torn = script.tears && is_any || script.rag && is_stitched;
         let flaws = if is_torn { vec!["it is torn".into()] } else { Vec::new() };
         let flawed = if is_torn { (0..count as u32).collect() } else { Vec::new() };

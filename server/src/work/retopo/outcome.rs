@@ -1,4 +1,4 @@
-//! What a retopology came to, and which of two is better.
+//! Results of a retopology: a map or a composition, and which of two is better.
 
 use super::recut::Recut;
 use crate::work::composing::LiveComposition;

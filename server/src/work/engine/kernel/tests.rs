@@ -5,8 +5,7 @@ use crate::demo;
 use crate::pool::Stop;
 use crate::work::engine::{Besides, Cut, Engine, EngineError, Grain, Model, Refusal};
 use quadmuse_kernel::mesh::{Format, write};
-use quadmuse_kernel::pipeline::AS_MAPPED;
-use quadmuse_proto::{MeshFormat, Topology, composition};
+use quadmuse_proto::{MeshFormat, Topology};
 
 fn sample(name: &str, besides: Besides) -> Model {
     let sample = demo::corpus().into_iter().find(|sample| sample.name == name).expect("a sample");
@@ -58,9 +57,4 @@ fn labels_that_are_none_of_the_mesh_are_refused() {
         let read = KernelEngine::default().read(&bytes, Some(MeshFormat::Obj), &cut, &Stop::new(None));
         assert!(matches!(read, Err(EngineError::Refused { refusal: Refusal::LabelsInvalid, .. })));
     }
-}
-
-#[test]
-fn the_note_of_a_map_as_it_is_is_the_same_on_the_wire() {
-    assert_eq!(AS_MAPPED, composition::AS_MAPPED);
 }
