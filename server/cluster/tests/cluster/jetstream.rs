@@ -63,8 +63,15 @@ fn what_was_kept_once_is_kept_three_times_from_then_on(nodes: &mut Nodes, dir: &
         fresh.snapshot().examples.len() == kept.len() && fresh.check(&mut |_| {}).is_ok_and(|r| r.problems.is_empty())
     };
     eventually("it is there", || is_whole(nodes));
-    // For the copies to be made: how far they are is not told.
-    std::thread::sleep(Duration::from_secs(3));
+    eventually("every node holds all of it", || {
+        let held = [0, 1, 2].map(|at| {
+            let mut held = nodes.held(at);
+            held.retain(|stream, _| stream.starts_with("raised_"));
+            held
+        });
+        held[0].get("raised_entries").is_some_and(|&entries| entries >= kept.len() as u64)
+            && held.iter().all(|of| *of == held[0])
+    });
     let leader = leader(&asking);
     nodes.kill(leader);
     eventually("it is there without the node that had it", || is_whole(nodes));

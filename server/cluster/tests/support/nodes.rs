@@ -1,7 +1,9 @@
 //! Three nodes of a real engine on loopback, each a process that can be killed and started again.
 #![allow(dead_code, reason = "each suite uses a part of it")]
 
-use std::net::TcpListener;
+use std::collections::BTreeMap;
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -18,12 +20,16 @@ pub(crate) fn program() -> Option<PathBuf> {
 struct Place {
     clients: String,
     nodes: String,
+    /// Where it tells of itself over HTTP, if it does.
+    monitor: Option<String>,
     space: Option<PathBuf>,
 }
 
 struct Node {
     /// The address for clients.
     address: String,
+    /// Where it tells of itself over HTTP, if it does.
+    monitor: Option<String>,
     /// The network namespace that it is in, if it has one of its own.
     space: Option<PathBuf>,
     config: PathBuf,
@@ -103,10 +109,15 @@ impl Nodes {
             eprintln!("left out: there is no nats-server (Debian: apt-get install nats-server)");
             return None;
         };
-        let ports = free_ports(2 * count);
-        let local = |port: &u16| format!("127.0.0.1:{port}");
+        let ports = free_ports(3 * count);
+        let local = |at: usize| format!("127.0.0.1:{}", ports[at]);
         let places: Vec<Place> = (0..count)
-            .map(|at| Place { clients: local(&ports[at]), nodes: local(&ports[count + at]), space: None })
+            .map(|at| Place {
+                clients: local(at),
+                nodes: local(count + at),
+                monitor: Some(local(2 * count + at)),
+                space: None,
+            })
             .collect();
         Some(Self::start_at(program, &places, room, settings))
     }
@@ -133,7 +144,7 @@ impl Nodes {
                 format!("{host}:{port}")
             };
             let (clients, nodes) = (address(Link::Clients, 4222), address(Link::Nodes, 6222));
-            Place { clients, nodes, space: Some(PathBuf::from("/run/netns").join(space)) }
+            Place { clients, nodes, monitor: None, space: Some(PathBuf::from("/run/netns").join(space)) }
         };
         Some(Self::start_at(program, &(0..count).map(place).collect::<Vec<_>>(), "4GB", ""))
     }
@@ -143,20 +154,21 @@ impl Nodes {
         let count = places.len();
         let routes: Vec<String> = places.iter().map(|place| format!("nats-route://{}", place.nodes)).collect();
         let node = |at: usize| {
-            let Place { clients, nodes: cluster, space } = &places[at];
+            let Place { clients, nodes: cluster, monitor, space } = &places[at];
             let data = dir.path().join(format!("node{at}"));
             let clustered = format!(
                 "cluster {{ name: test, listen: \"{cluster}\", routes: [{}] }}\n",
                 routes.iter().map(|route| format!("\"{route}\"")).collect::<Vec<_>>().join(", ")
             );
+            let monitored = monitor.as_ref().map(|address| format!("http: \"{address}\"\n")).unwrap_or_default();
             let text = format!(
-                "server_name: node{at}\nlisten: \"{clients}\"\njetstream {{ store_dir: \"{}\", max_file: {room}, max_mem: 256MB }}\n{settings}{}",
+                "server_name: node{at}\nlisten: \"{clients}\"\n{monitored}jetstream {{ store_dir: \"{}\", max_file: {room}, max_mem: 256MB }}\n{settings}{}",
                 data.display(),
                 if count > 1 { &clustered } else { "" }
             );
             let config = dir.path().join(format!("node{at}.conf"));
             std::fs::write(&config, text).expect("written");
-            Node { address: clients.clone(), space: space.clone(), config, process: None }
+            Node { address: clients.clone(), monitor: monitor.clone(), space: space.clone(), config, process: None }
         };
         let nodes = (0..count).map(node).collect();
         let mut started = Self { program, nodes, _dir: dir };
@@ -182,6 +194,25 @@ impl Nodes {
     /// The address of one.
     pub(crate) fn address(&self, at: usize) -> String {
         format!("nats://{}", self.nodes[at].address)
+    }
+
+    /// Counts the messages that a node itself holds, by the name of their stream. The engine tells its clients what the
+    /// stream's leader holds, never how far a copy is. Empty where the node does not answer.
+    pub(crate) fn held(&self, at: usize) -> BTreeMap<String, u64> {
+        let told = || -> Option<serde_json::Value> {
+            let mut stream = TcpStream::connect(self.nodes[at].monitor.as_ref()?).ok()?;
+            stream.write_all(b"GET /jsz?streams=true HTTP/1.0\r\n\r\n").ok()?;
+            let mut answer = String::new();
+            stream.read_to_string(&mut answer).ok()?;
+            serde_json::from_str(answer.split_once("\r\n\r\n")?.1).ok()
+        };
+        let told = told().unwrap_or_default();
+        let list = |value: &serde_json::Value| value.as_array().cloned().unwrap_or_default();
+        let streams = list(&told["account_details"]).into_iter().flat_map(|account| list(&account["stream_detail"]));
+        let held = |stream: serde_json::Value| {
+            Some((stream["name"].as_str()?.to_owned(), stream["state"]["messages"].as_u64()?))
+        };
+        streams.filter_map(held).collect()
     }
 
     /// Ends a node without a word.
@@ -216,7 +247,7 @@ impl Nodes {
         command.stderr(log.map_or_else(|_| Stdio::null(), Stdio::from));
         node.process = Some(command.spawn().expect("started"));
         let begun = Instant::now();
-        while std::net::TcpStream::connect(&node.address).is_err() {
+        while TcpStream::connect(&node.address).is_err() {
             assert!(begun.elapsed() < Duration::from_secs(20), "a node does not start");
             std::thread::sleep(Duration::from_millis(20));
         }
