@@ -21,6 +21,7 @@ mod poses;
 mod rest;
 mod similarity;
 mod span;
+mod stretch;
 mod tree;
 
 pub use effort::Sought;
@@ -29,6 +30,7 @@ pub use held::Landmark;
 pub use poses::{Likeness, Posed, poses, poses_on};
 pub use similarity::Similarity;
 pub use span::spanned;
+pub use stretch::{Bare, BareTip};
 
 use crate::mesh::Vec3;
 use crate::mesh::bvh::{Bvh, Closest};
@@ -197,7 +199,7 @@ impl PreparedInput {
 }
 
 /// One start: weights of its vertices, and everything in the example's frame.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Setting {
     frame: Similarity,
     weights: Vec<f64>,
@@ -305,9 +307,9 @@ impl<'a> Settler<'a> {
     }
 
     /// Settles what was laid roughly.
-    pub fn fine_from(&self, rough: &LaidRoughly, stop: Stop<'_>) -> Option<Settled> {
+    pub fn fine_from(&self, rough: &LaidRoughly, stop: Stop<'_>) -> Option<(Settled, LaidRoughly)> {
         let from = (rough.pose.clone(), rough.level);
-        self.bend(Arc::clone(&rough.setting), from, [0.0, rough.from], rough.manner, stop).map(|found| found.0)
+        self.bend(Arc::clone(&rough.setting), from, [0.0, rough.from], rough.manner, stop)
     }
 
     /// [`Evidence::relief`] of the start as it is.

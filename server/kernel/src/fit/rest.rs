@@ -6,10 +6,12 @@
 use crate::mesh::Vec3;
 use crate::mesh::bvh::{Bvh, Closest};
 use crate::mesh::tri::TriMesh;
+use crate::numerics::stage::Stage;
 use crate::numerics::stop::Stop;
 use crate::numerics::{in_halves, side_by_side};
 use crate::settle::{
-    Aligned, Evidence, Halfway, LaidRoughly, Landmark, Manner, Options, PreparedInput, Settled, Settler, Similarity,
+    Aligned, Bare, Evidence, Halfway, LaidRoughly, Landmark, Manner, Options, PreparedInput, Settled, Settler,
+    Similarity,
 };
 use std::sync::Arc;
 
@@ -31,6 +33,10 @@ const MIRROR_MARGIN: f64 = 0.1;
 /// Places that are less sure than the best by no more than this settle too, so many at most.
 const NEAR: f64 = 0.15;
 const FINALISTS: usize = 3;
+/// What is stretched to tips that were bare leaves at most this share of what was bare, and is less sure by no more than this.
+/// *Untuned.*
+const REACHED: f64 = 0.9;
+const REACHING_MARGIN: f64 = 0.06;
 /// A pose that is less sure than the best by more than this when it has bent halfway is not surer in the end (tests/records).
 const NEAR_HALFWAY: f64 = 0.06;
 /// Places whose vertices are less apart in the mean, in √area of the input, are one.
@@ -67,6 +73,12 @@ pub struct Rested {
     pub mirrored: bool,
     /// What speaks for it.
     pub evidence: Evidence,
+}
+
+impl Rested {
+    fn of(Settled { places, lost, off, evidence, .. }: Settled, mirrored: bool) -> Self {
+        Self { places, lost, off, mirrored, evidence }
+    }
 }
 
 impl Start {
@@ -156,19 +168,42 @@ impl<'a> Rests<'a> {
 
     /// The best of all, settled; `None` when stopped. The best few settle where they are near: roughly laid, what is nearly its own
     /// mirror image, or faces backwards, can't be told from it.
-    pub fn into_best(self, stop: Stop<'_>) -> Option<Rested> {
+    pub fn into_best(mut self, stop: Stop<'_>) -> Option<Rested> {
         let near = worth(self.best()?) - NEAR;
-        let mut finalists: Vec<RoughFit> = self.laid.into_iter().filter(|laid| worth(&laid.rested) >= near).collect();
+        let mut finalists: Vec<RoughFit> = std::mem::take(&mut self.laid);
+        finalists.retain(|laid| worth(&laid.rested) >= near);
         finalists.sort_by(|a, b| worth(&b.rested).total_cmp(&worth(&a.rested)));
         finalists.truncate(FINALISTS);
         let settled = |RoughFit { rested: Rested { mirrored, .. }, laid, .. }: &RoughFit| {
             let settler = if *mirrored { &self.mirrored } else { &self.plain };
-            let Settled { places, lost, off, evidence, .. } = settler.fine_from(laid, stop)?;
-            Some(Rested { places, lost, off, mirrored: *mirrored, evidence })
+            let (settled, laid) = settler.fine_from(laid, stop)?;
+            Some((Rested::of(settled, *mirrored), laid))
         };
-        let all = in_halves(&finalists, settled).into_iter().collect::<Option<Vec<Rested>>>();
-        let better = |best: Rested, made: Rested| if worth(&made) > worth(&best) { made } else { best };
-        all?.into_iter().reduce(better)
+        let all = in_halves(&finalists, settled).into_iter().collect::<Option<Vec<(Rested, LaidRoughly)>>>();
+        type Fine = (Rested, LaidRoughly);
+        let better = |best: Fine, made: Fine| if worth(&made.0) > worth(&best.0) { made } else { best };
+        let (best, laid) = all?.into_iter().reduce(better)?;
+        if Stage::Stretch.is_on() { self.reaching(best, laid, stop) } else { Some(best) }
+    }
+
+    /// Stretches what has settled to tips of the input that it leaves bare, where it then leaves less bare and is about as sure: to all
+    /// at once, or else to one after another. `None` when stopped.
+    fn reaching(&self, mut best: Rested, mut laid: LaidRoughly, stop: Stop<'_>) -> Option<Rested> {
+        let settler = if best.mirrored { &self.mirrored } else { &self.plain };
+        let Bare { mut share, tips } = settler.bare(&laid);
+        let least = worth(&best) - REACHING_MARGIN;
+        let all = (tips.len() > 1).then_some(tips.as_slice());
+        for tips in all.into_iter().chain(tips.chunks(1)) {
+            let (settled, made) = settler.stretched(&laid, tips, stop)?;
+            let (rested, left) = (Rested::of(settled, best.mirrored), settler.bare(&made).share);
+            if left < REACHED * share && worth(&rested) >= least {
+                (best, laid, share) = (rested, made, left);
+                if tips.len() > 1 {
+                    break;
+                }
+            }
+        }
+        Some(best)
     }
 
     /// Whether the best so far needs no other.

@@ -22,6 +22,8 @@ pub enum Stage {
     Poses,
     /// A bulky example is posed about some of its points.
     Anchors,
+    /// It is stretched to tips of the input that it leaves bare.
+    Stretch,
     /// Faces that the input has nothing for are spanned between their neighbours.
     Span,
     /// Faces that leap between sheets of the input are left out.
@@ -47,7 +49,7 @@ pub enum Stage {
 }
 
 /// All stages and their names, in the order in which they are passed.
-const NAMES: [(Stage, &str); 18] = [
+const NAMES: [(Stage, &str); 19] = [
     (Stage::Topologies, "topologies"),
     (Stage::Rough, "rough"),
     (Stage::Leads, "leads"),
@@ -55,6 +57,7 @@ const NAMES: [(Stage, &str); 18] = [
     (Stage::Tips, "tips"),
     (Stage::Poses, "poses"),
     (Stage::Anchors, "anchors"),
+    (Stage::Stretch, "stretch"),
     (Stage::Span, "span"),
     (Stage::Fray, "fray"),
     (Stage::Mend, "mend"),

@@ -1,0 +1,184 @@
+//! Stretches the example to tips of the input that it leaves bare: a dog's legs to a camel's feet.
+//!
+//! Where limbs differ in length, the shorter comes to rest with its end on the middle of the longer, and nothing pulls it on: all that
+//! is near meets something. What is bare is gathered into pieces; the example's end that is nearest to the tip of each goes there,
+//! with the limb free to follow, and the rest where it lies. Pieces that border on the example's rim lie beyond it, and stay bare.
+//! *Ours, not a paper's.*
+
+use super::elastic::Body;
+use super::held::Held;
+use super::rest::Rest;
+use super::tree::KdTree;
+use super::{LaidRoughly, Manner, Setting, Settled, Settler};
+use crate::mesh::Vec3;
+use crate::numerics::stop::Stop;
+use std::sync::Arc;
+
+/// A point of the input that is farther from the example's vertices, in √area of the example, is bare.
+const BARE: f64 = 0.05;
+/// The tip of a piece that is bare is at least so far from them. *Untuned.*
+const TIP: f64 = 0.08;
+/// Tips that are reached at a time, the farthest.
+const TIPS: usize = 6;
+/// Bare points so near to each other, in mean distances of samples, are of one piece.
+const LINKED: f64 = 2.5;
+/// So many times as far as a tip is from an end, the limb about the end is free. *Untuned.*
+const FREE: f64 = 2.0;
+/// Scales at which it follows, rounds at each, and the scale from which it bends thereafter.
+const FOLLOWING: [(f64, usize); 4] = [(0.2, 0), (0.14, 0), (0.1, 0), (0.07, 1)];
+const ROUNDS: usize = 3;
+const FROM: f64 = 0.051;
+
+/// What an example leaves bare of an input.
+#[derive(Clone, Debug, Default)]
+pub struct Bare {
+    /// The share of the input's area.
+    pub share: f64,
+    /// The tips of its pieces, the farthest from the example first.
+    pub tips: Vec<BareTip>,
+}
+
+/// The tip of a piece of the input that is bare.
+#[derive(Clone, Copy, Debug)]
+pub struct BareTip {
+    /// Where it is, in the example's frame.
+    at: Vec3,
+    /// The vertex of the example that is nearest.
+    end: u32,
+    /// How far that is.
+    away: f64,
+}
+
+impl Settler<'_> {
+    /// Finds what an example leaves bare where it came to rest, but for what lies beyond its rim.
+    pub fn bare(&self, laid: &LaidRoughly) -> Bare {
+        bare(&self.rest, &laid.setting, &laid.pose.deformed(&self.rest, &self.nodes[laid.level]))
+    }
+
+    /// Settles it again with its ends on some of these tips; `None` when stopped.
+    pub fn stretched(&self, laid: &LaidRoughly, tips: &[BareTip], stop: Stop<'_>) -> Option<(Settled, LaidRoughly)> {
+        let setting = &laid.setting;
+        let places = laid.pose.deformed(&self.rest, &self.nodes[laid.level]);
+        let hold = |tip: &BareTip| Held { corners: [(tip.end, 1.0), (tip.end, 0.0), (tip.end, 0.0)], to: tip.at };
+        let held: Vec<Held> = setting.held.iter().copied().chain(tips.iter().map(hold)).collect();
+        let mut weights = vec![1.0; places.len()];
+        for tip in tips {
+            let from = places[tip.end as usize];
+            let mut seed = vec![false; places.len()];
+            seed[tip.end as usize] = true;
+            let limb = self.rest.grown(seed, |v| (places[v] - from).norm() < FREE * tip.away);
+            weights.iter_mut().zip(limb).filter(|(_, is_free)| *is_free).for_each(|(weight, _)| *weight = 0.0);
+        }
+        let (mut pose, mut level) = (laid.pose.clone(), laid.level);
+        let mut body: Body<'_> = self.body(level)?;
+        for (r, wanted) in FOLLOWING {
+            self.change(&mut pose, &mut body, &mut level, wanted)?;
+            body.follow(&mut pose, (&places, &weights), &held, (r, ROUNDS), stop)?;
+        }
+        let setting = Arc::new(Setting { held, ..(**setting).clone() });
+        self.bend(setting, (pose, level), [0.0, FROM], Manner::Following, stop)
+    }
+}
+
+/// Finds what an example leaves bare whose vertices lie at `places`, in its frame.
+fn bare(rest: &Rest, setting: &Setting, places: &[Vec3]) -> Bare {
+    let samples = &setting.coarse.samples;
+    let coordinates = |x: &Vec3| [x.x, x.y, x.z];
+    let vertices = KdTree::new(places.iter().map(coordinates));
+    let points: Vec<(BareTip, f64)> = (samples.points.iter().zip(&samples.shares))
+        .filter_map(|(x, share)| {
+            let (end, squared) = vertices.nearest(&coordinates(x))?;
+            (squared > BARE * BARE).then_some((BareTip { at: *x, end, away: squared.sqrt() }, *share))
+        })
+        .collect();
+    let link = LINKED * (setting.area / samples.points.len().max(1) as f64).sqrt();
+    let mut is_seen = vec![false; points.len()];
+    let mut found = Bare::default();
+    for first in 0..points.len() {
+        if is_seen[first] {
+            continue;
+        }
+        is_seen[first] = true;
+        let mut piece = vec![first];
+        let mut next = 0;
+        while let Some(at) = piece.get(next).copied() {
+            next += 1;
+            let is_near = |k: &usize| !is_seen[*k] && (points[*k].0.at - points[at].0.at).norm() < link;
+            let near: Vec<usize> = (0..points.len()).filter(is_near).collect();
+            near.iter().for_each(|k| is_seen[*k] = true);
+            piece.extend(near);
+        }
+        let by_distance = |a: &&usize, b: &&usize| points[**a].0.away.total_cmp(&points[**b].0.away);
+        let (Some(root), Some(tip)) = (piece.iter().min_by(by_distance), piece.iter().max_by(by_distance)) else {
+            continue;
+        };
+        let (root, tip) = (points[*root].0, points[*tip].0);
+        if tip.away >= TIP && !rest.rim[root.end as usize] {
+            found.share += piece.iter().map(|k| points[*k].1).sum::<f64>();
+            found.tips.push(tip);
+        }
+    }
+    found.tips.sort_by(|a, b| b.away.total_cmp(&a.away));
+    found.tips.truncate(TIPS);
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Options;
+    use super::*;
+    use crate::mesh::bvh::Bvh;
+    use crate::mesh::tri::TriMesh;
+    use crate::topology::tests::grid;
+
+    /// A bumpy sheet of side 2 with a limb of some height at a place.
+    fn sheet(n: u32, height: f64, [x, y]: [f64; 2]) -> TriMesh {
+        let flat = grid(n, n, false, false);
+        let bump = |p: &Vec3| 0.2 * (3.0 * p.x + 0.4).sin() * (2.9 * p.y).cos();
+        let limb = |p: &Vec3| height * (1.0 - ((p.x - x).hypot(p.y - y) / 0.3).powi(2)).max(0.0).powi(2);
+        let place = |p: &Vec3| Vec3::new(2.0 * p.x, 2.0 * p.y, 0.0);
+        let positions = flat.positions.iter().map(place).map(|p| Vec3::new(p.x, p.y, bump(&p) + limb(&p))).collect();
+        TriMesh::from_triangles(positions, flat.triangles.clone()).expect("a sheet")
+    }
+
+    fn settled<'a>(example: &TriMesh, input: &'a TriMesh) -> (Settler<'a>, Settled, LaidRoughly) {
+        let settler = Settler::new(example, input, 1.0, &Options::default()).expect("areas");
+        let (_, rough) = settler.rough(&example.positions, Manner::Whole, &|| false).expect("laid");
+        let (settled, laid) = settler.fine_from(&rough, &|| false).expect("settled");
+        (settler, settled, laid)
+    }
+
+    #[test]
+    fn a_limb_that_is_too_short_is_stretched_to_the_tip() {
+        let (example, input) = (sheet(40, 0.3, [1.0, 1.0]), sheet(90, 2.0, [1.0, 1.0]));
+        let (settler, before, laid) = settled(&example, &input);
+        let bare = settler.bare(&laid);
+        let top = |s: &Settled| s.positions.iter().map(|p| p.z).fold(0.0, f64::max);
+        assert!(bare.tips.len() == 1 && bare.share > 0.01 && top(&before) < 1.5, "{bare:?} {}", top(&before));
+        let (after, stretched) = settler.stretched(&laid, &bare.tips, &|| false).expect("settled");
+        let left = settler.bare(&stretched);
+        assert!(left.tips.is_empty() && top(&after) > 1.9, "{left:?} {}", top(&after));
+        assert!(settler.stretched(&laid, &bare.tips, &|| true).is_none());
+    }
+
+    #[test]
+    fn what_lies_beyond_the_rim_is_no_limb() {
+        let (whole, input) = (sheet(40, 0.3, [1.0, 1.0]), sheet(90, 0.3, [1.0, 1.0]));
+        let is_in = |t: &[u32; 3]| t.iter().all(|&v| whole.positions[v as usize].x < 1.4);
+        let triangles: Vec<[u32; 3]> = whole.triangles.iter().copied().filter(is_in).collect();
+        let mut number = vec![u32::MAX; whole.positions.len()];
+        let mut positions = Vec::new();
+        for &v in triangles.iter().flatten() {
+            if number[v as usize] == u32::MAX {
+                number[v as usize] = positions.len() as u32;
+                positions.push(whole.positions[v as usize]);
+            }
+        }
+        let triangles = triangles.iter().map(|t| t.map(|v| number[v as usize])).collect();
+        let part = TriMesh::from_triangles(positions, triangles).expect("a part");
+        let (settler, before, laid) = settled(&part, &input);
+        let far = Bvh::new(&TriMesh { positions: before.positions, ..part.clone() });
+        assert!(input.positions.iter().any(|p| far.closest(*p).distance > 0.4), "much lies beyond it");
+        assert!(settler.bare(&laid).tips.is_empty());
+    }
+}
