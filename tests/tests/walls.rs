@@ -67,6 +67,21 @@ fn guides_are_in_their_index_and_links_lead_somewhere() {
     assert_none(&guides::unlinked(&pages));
     let exists = |path: &str| root().join(path).exists();
     assert_none(&pages.iter().flat_map(|page| guides::dead(page, &pages, &exists)).collect::<Vec<_>>());
+    let notation = pages.iter().find(|page| page.path == "server/kernel/NOTATION.md").expect("the notation");
+    assert_none(&guides::stale(notation, &sources()));
+}
+
+#[test]
+fn the_wall_of_the_notation_bites() {
+    let file = |path: &str, text: &str| SourceFile { path: path.into(), text: text.into() };
+    let sources = [file("k/src/a.rs", "pub struct Arc;"), file("k/src/b/c.rs", "fn lines() {}")];
+    let row = |types: &str, files: &str| file("k/NOTATION.md", &format!("| x\\|y | what | {types} | {files} |\n"));
+    let found = |types: &str, files: &str| guides::stale(&row(types, files), &sources);
+    assert_none(&found("`a::Arc`, `f64`", "`a.rs`"));
+    assert_none(&found("`b::c`, `b::lines`", "`b/`"));
+    let (gone, unknown) = (found("`d::Arc`", "`d.rs`"), found("`a::Ark`", "`a.rs`"));
+    assert!(gone.len() == 1 && gone[0].contains("names d.rs, which is not there"), "{gone:?}");
+    assert!(unknown.len() == 1 && unknown[0].contains("names a::Ark, which none of its files has"), "{unknown:?}");
 }
 
 #[test]

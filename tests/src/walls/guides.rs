@@ -48,6 +48,40 @@ pub fn dead(page: &SourceFile, pages: &[SourceFile], exists: &dyn Fn(&str) -> bo
     found
 }
 
+/// Rows of the kernel's notation that name a file which is not there, or an item that none of their files has; `sources` are all
+/// sources of the project.
+pub fn stale(notation: &SourceFile, sources: &[SourceFile]) -> Vec<String> {
+    let folder = notation.path.rsplit_once('/').map_or("", |(folder, _)| folder);
+    let named = |cell: &str| cell.split('`').skip(1).step_by(2).map(str::to_owned).collect::<Vec<_>>();
+    let mut found = Vec::new();
+    for line in notation.text.lines().filter(|line| line.starts_with('|')) {
+        let line = line.replace("\\|", " ");
+        let cells: Vec<&str> = line.trim_matches('|').split('|').collect();
+        let [.., types, files] = cells[..] else { continue };
+        let mut texts = Vec::new();
+        for file in named(files) {
+            let path = format!("{folder}/src/{file}");
+            let own = sources
+                .iter()
+                .filter(|source| source.path == path || source.path.starts_with(&path) && path.ends_with('/'));
+            let count = texts.len();
+            texts.extend(own);
+            if texts.len() == count {
+                found.push(format!("{} names {file}, which is not there; name the file it became", notation.path));
+            }
+        }
+        for item in named(types).iter().filter(|item| item.contains("::") && !texts.is_empty()) {
+            let last = item.rsplit("::").next().unwrap_or_default();
+            let is_word = |text: &str| text.split(|c: char| !c.is_alphanumeric() && c != '_').any(|word| word == last);
+            let is_file = |path: &str| path.ends_with(&format!("/{last}.rs"));
+            if !texts.iter().any(|source| is_word(&source.text) || is_file(&source.path)) {
+                found.push(format!("{} names {item}, which none of its files has; name what it became", notation.path));
+            }
+        }
+    }
+    found
+}
+
 /// The targets of the links and pictures of a page that lead to files of the project.
 fn links(text: &str) -> Vec<String> {
     let mut found = Vec::new();

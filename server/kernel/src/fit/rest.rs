@@ -36,7 +36,7 @@ const FINALISTS: usize = 3;
 /// What is stretched to tips that were bare leaves at most this share of what was bare, and is less sure by no more than this.
 /// *Untuned.*
 const REACHED: f64 = 0.9;
-const REACHING_MARGIN: f64 = 0.06;
+const REACHING_MARGIN: f64 = 0.1;
 /// A pose that is less sure than the best by more than this when it has bent halfway is not surer in the end (tests/records).
 const NEAR_HALFWAY: f64 = 0.06;
 /// Places whose vertices are less apart in the mean, in √area of the input, are one.
