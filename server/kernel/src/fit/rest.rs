@@ -187,10 +187,12 @@ impl<'a> Rests<'a> {
     }
 
     /// Stretches what has settled to tips of the input that it leaves bare, where it then leaves less bare and is about as sure: to all
-    /// at once, or else to one after another. `None` when stopped.
+    /// at once, or else to one after another. What speaks for its place is what spoke for it before: limbs that are longer bend more,
+    /// and are no less right. `None` when stopped.
     fn reaching(&self, mut best: Rested, mut laid: LaidRoughly, stop: Stop<'_>) -> Option<Rested> {
         let settler = if best.mirrored { &self.mirrored } else { &self.plain };
         let Bare { mut share, tips } = settler.bare(&laid);
+        let Evidence { relief, bend, normal_disagreement, .. } = best.evidence;
         let least = worth(&best) - REACHING_MARGIN;
         let all = (tips.len() > 1).then_some(tips.as_slice());
         for tips in all.into_iter().chain(tips.chunks(1)) {
@@ -203,6 +205,7 @@ impl<'a> Rests<'a> {
                 }
             }
         }
+        best.evidence = Evidence { relief, bend, normal_disagreement, ..best.evidence };
         Some(best)
     }
 
