@@ -4,6 +4,8 @@
 //! accumulated from the triangle's edges as signed areas and integrated along each row once for all triangles, so a
 //! triangle costs what its outline costs; the picture's mean is 1 up to rounding. *Source:* METHOD §3.
 
+use std::cell::Cell;
+
 use super::Picture;
 use crate::numerics::stop;
 use crate::topology::Topology;
@@ -64,6 +66,11 @@ pub fn picture(topology: Topology, side: usize, shapes: impl Iterator<Item = (Sh
     canvas.finish()
 }
 
+thread_local! {
+    /// What a thread's last canvas was made of. A fresh one of megabytes costs more in page faults than what is drawn on it.
+    static SPARE: Cell<[Vec<f64>; 2]> = const { Cell::new([Vec::new(), Vec::new()]) };
+}
+
 /// Signed coverage differences, one row a pixel row.
 struct Canvas {
     side: usize,
@@ -80,7 +87,12 @@ impl Canvas {
         let width = PERIODS * side + 2;
         let periods = if topology.is_periodic_v() { PERIODS } else { 1 };
         let (v_max, height) = (periods as f64, periods * side);
-        Self { side, width, v_max, height, differences: vec![0.0; side * width], points: vec![0.0; side * side] }
+        let [mut differences, mut points] = SPARE.take();
+        for (values, count) in [(&mut differences, side * width), (&mut points, side * side)] {
+            values.clear();
+            values.resize(count, 0.0);
+        }
+        Self { side, width, v_max, height, differences, points }
     }
 
     /// Spreads `share` (in pixels) over a convex polygon of the domain. What lies in one pixel is all that pixel's.
@@ -150,7 +162,9 @@ impl Canvas {
                 values[row * side + x % side] += sum;
             }
         }
-        Picture { side, values: values.into_iter().map(|x| x.max(0.0) as f32).collect() }
+        let picture = Picture { side, values: values.iter().map(|x| x.max(0.0) as f32).collect() };
+        SPARE.set([self.differences, values]);
+        picture
     }
 }
 

@@ -37,9 +37,9 @@ const ROUGH_AT_A_TIME: usize = 2;
 const ROUGH_ENOUGH: f64 = 0.15;
 const ROUGH_WANTED: usize = 2;
 /// Up to this score the best picture of a small part of a scan is sure: those of the same part of another have up to .01. *Untuned.*
-const SURE_ON_PART: f64 = 0.04;
+const SURE: f64 = 0.04;
 /// Examples that are laid roughly on a small part of a scan, which gets one map: the first of those that are finished.
-const ROUGH_ON_PART: usize = 2;
+const ROUGH_OF_FIRST: usize = 2;
 /// An example that explains less of the query than this, and is sure, may lead others. *Untuned.*
 const LEADS_BELOW: f64 = 0.5;
 /// An example that is led there and agrees less does not follow: what it has beyond the part is too unlike the query.
@@ -57,11 +57,8 @@ impl SegmentSearch<'_> {
             return Ok(());
         }
         let newest = self.live.board().rankings.get(self.segment).cloned().unwrap_or_default();
-        if is_small_part(&self.live.model.segments, self.segment) {
-            return self.lay_on_part(newest.candidates.clone(), start).await;
-        }
-        if !self.is_open(&newest.candidates) {
-            return Ok(());
+        if is_small_part(&self.live.model.segments, self.segment) || !self.is_open(&newest.candidates) {
+            return self.lay_first(newest.candidates.clone(), start).await;
         }
         let (engine, model, segment) =
             (Arc::clone(&self.work.engine), Arc::clone(&self.live.model), self.segment as u32);
@@ -78,17 +75,17 @@ impl SegmentSearch<'_> {
         self.published(by_fit(ordered), start).await
     }
 
-    /// Lays the first few on a small part of a scan roughly, unless its picture is sure: most tell nearly nothing
-    /// (tests/records/parts-2026-11-27.md).
-    async fn lay_on_part(&self, mut candidates: Vec<Candidate>, start: Instant) -> Result<(), WorkError> {
+    /// Lays the first few roughly, unless the first picture is sure: of a small part of a scan it tells nearly nothing
+    /// (tests/records/parts-2026-11-27.md), and of a larger one less than a rough fit, which costs a tenth of a map.
+    async fn lay_first(&self, mut candidates: Vec<Candidate>, start: Instant) -> Result<(), WorkError> {
         let (own, first) = (self.live.model.segments.get(self.segment), candidates.first());
         let is_worth_it = own.is_some_and(|own| own.form >= FACES_CHOSEN_MIN && own.topology.has_caps());
-        if !is_worth_it || first.is_none_or(|first| first.score <= SURE_ON_PART) {
+        if !is_worth_it || first.is_none_or(|first| first.score <= SURE) {
             return Ok(());
         }
         // A disc or a closed surface is ranked against such alone.
         let is_finished = |&at: &usize| candidates[at].state == EntryState::Done;
-        let chosen: Vec<usize> = (0..candidates.len()).filter(is_finished).take(ROUGH_ON_PART).collect();
+        let chosen: Vec<usize> = (0..candidates.len()).filter(is_finished).take(ROUGH_OF_FIRST).collect();
         let Some(ready) = self.ready_for_rough().await? else { return Ok(()) };
         let fits = self.all_rough(&candidates, (&chosen, &ready), None).await?;
         // Of what has no relief, as an eye, none can be laid roughly.
