@@ -9,7 +9,7 @@ use super::constraint::{ConstraintEdit, Landmark, NewConstraint, OnFold};
 use super::error::{PipelineError, Refusal, Stop, internal, stopped};
 use super::mapped::{Fitted, Lead, Verdict, Wishes};
 use super::registered::{self, Registered};
-use super::rested::rest;
+use super::rested::{Asked, rest};
 use super::side::{Encoded, Facts, Side};
 use crate::encode::index::Location;
 use crate::fit::rest::{Rested, Rests, Start};
@@ -107,7 +107,9 @@ pub(crate) fn fit(
     let posed = sure.map(|rough| rough.start.as_deref().map_or(&[][..], std::slice::from_ref));
     let known = Known { held: &held, led: &led, rough: lies.as_ref(), posed };
     let settled = settled(whole.as_ref(), (example, &one), (query, &two), (&input, known), &relief, stop)?;
-    let finished = |rested| rest(rested, (example, &one), (query, &two), (*beyond, &held), stop);
+    let are_wholes = [&one, &two].iter().all(|side| side.patch.topology == Topology::Sphere) && is_most(query, &two);
+    let asked = Asked { beyond: *beyond, held: &held, are_wholes };
+    let finished = |rested| rest(rested, (example, &one), (query, &two), asked, stop);
     match (settled, &from) {
         (Some(Best { rested, is_better: false }), Some(from)) => {
             // What settled may serve where the map of the charts does not.

@@ -14,8 +14,23 @@ pub(super) struct Effort {
     pub(super) large: usize,
     /// Samples of the smaller one by which a pose is sifted.
     pub(super) sifted_by: usize,
-    /// Poses of one size that are brought to rest, by how many samples of the smaller surface, in how many rounds.
-    pub(super) rests: &'static [(usize, usize, usize)],
+    /// Poses of one size that are brought to rest first.
+    pub(super) rest: Rest,
+    /// Poses of one size that are brought to rest anew, of those that score most.
+    pub(super) last: Rest,
+    /// The same, of all sizes together.
+    pub(super) last_of_all: usize,
+}
+
+/// How poses are brought to rest.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rest {
+    /// How many poses.
+    pub(super) kept: usize,
+    /// Samples of the smaller surface.
+    pub(super) samples: usize,
+    /// Rounds of iterated closest points.
+    pub(super) rounds: usize,
 }
 
 /// To lay an example.
@@ -26,7 +41,9 @@ pub(super) const FULL: Effort = Effort {
     shares: &[0.14, 0.2, 0.28, 0.4, 0.56, 0.78, 1.1],
     large: 3000,
     sifted_by: 32,
-    rests: &[(72, 64, 4), (10, 256, 12)],
+    rest: Rest { kept: 72, samples: 64, rounds: 4 },
+    last: Rest { kept: 10, samples: 256, rounds: 12 },
+    last_of_all: 30,
 };
 /// To lay one on a part of a scan.
 pub(super) const ON_A_PART: Effort = Effort { anchors: 0, ..FULL };
@@ -38,7 +55,9 @@ pub(super) const MIDDLE: Effort = Effort {
     shares: &[0.12, 0.18, 0.27, 0.4, 0.6, 0.9],
     large: 1500,
     sifted_by: 24,
-    rests: &[(48, 64, 4), (7, 128, 8)],
+    rest: Rest { kept: 48, samples: 64, rounds: 4 },
+    last: Rest { kept: 7, samples: 128, rounds: 8 },
+    last_of_all: 18,
 };
 /// To tell which of many examples are worth it.
 pub(super) const QUICK: Effort = Effort {
@@ -48,7 +67,9 @@ pub(super) const QUICK: Effort = Effort {
     shares: &[0.12, 0.22, 0.42, 0.8],
     large: 1500,
     sifted_by: 24,
-    rests: &[(28, 64, 4), (5, 128, 6)],
+    rest: Rest { kept: 28, samples: 64, rounds: 4 },
+    last: Rest { kept: 5, samples: 128, rounds: 6 },
+    last_of_all: 9,
 };
 /// How many poses are looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

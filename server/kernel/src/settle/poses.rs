@@ -10,7 +10,7 @@
 //! ([`super::Evidence`]) agrees with what it lies on: nearness alone lays a face on the back of a head. Samples that
 //! lie off the larger say nothing of relief: an example has no crown. *Ours, not a paper's.*
 
-use super::effort::{Effort, FULL, MIDDLE, ON_A_PART, QUICK, Sought};
+use super::effort::{Effort, FULL, MIDDLE, ON_A_PART, QUICK, Rest, Sought};
 use super::evidence::{Around, correlation};
 use super::input_surface::{InputSurface, Samples, Seen, sixfold};
 use super::matches::sigma;
@@ -357,8 +357,25 @@ fn direction(k: usize, of: usize) -> Vec3 {
 impl Small {
     /// The best poses on a larger surface, with their scores. Empty when stopped.
     fn tried(&self, whole: &Posed, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
+        let by = |anchors: &[Anchor], times: usize| self.tried_by(anchors, times, whole, stop).unwrap_or_default();
+        let (middle, others) = self.anchors.split_at(1);
+        let mut found = by(middle, 1);
+        if !others.is_empty() && found.iter().all(|(score, _)| *score < SURE) {
+            found.extend(by(others, BULKY_RESTS));
+        }
+        found
+    }
+
+    /// The best poses of some anchors, `times` as many as usual; `None` when stopped.
+    fn tried_by(
+        &self,
+        anchors: &[Anchor],
+        times: usize,
+        whole: &Posed,
+        stop: Stop<'_>,
+    ) -> Option<Vec<(f64, Similarity)>> {
         let effort = whole.effort;
-        let on = |anchors: &[Anchor], times: usize, large: &Large| -> Option<Vec<(f64, Similarity)>> {
+        let first = |large: &Large| -> Option<Vec<(f64, Motion)>> {
             if self.is_flat != large.is_flat {
                 return Some(Vec::new());
             }
@@ -378,21 +395,21 @@ impl Small {
                     }
                 }
             }
-            let rough = self.rested(large, (rough, times), effort, stop)?;
-            let pose = |m: &Motion| Similarity { scale: 1.0, rotation: m.rotation, shift: m.shift };
-            let undo = inverse(&self.frame);
-            Some(rough.iter().map(|(score, m)| (*score, large.frame.after(&pose(m)).after(&undo))).collect())
+            self.likelier(large, rough, (effort, times), stop)
         };
-        let by = |anchors: &[Anchor], times: usize| {
-            let found = in_halves(&whole.large, |large| on(anchors, times, large));
-            found.into_iter().collect::<Option<Vec<_>>>().unwrap_or_default().concat()
-        };
-        let (middle, others) = self.anchors.split_at(1);
-        let mut found = by(middle, 1);
-        if !others.is_empty() && found.iter().all(|(score, _)| *score < SURE) {
-            found.extend(by(others, BULKY_RESTS));
-        }
-        found
+        let firsts = in_halves(&whole.large, first).into_iter().collect::<Option<Vec<_>>>()?;
+        let of_size = |(large, found): (usize, Vec<(f64, Motion)>)| found.into_iter().map(move |pose| (large, pose));
+        let mut all: Vec<(usize, (f64, Motion))> = firsts.into_iter().enumerate().flat_map(of_size).collect();
+        all.sort_by(|a, b| b.1.0.total_cmp(&a.1.0));
+        all.truncate(times * effort.last_of_all);
+        let undo = inverse(&self.frame);
+        let last = in_halves(&all, |(large, (_, motion))| {
+            let large = &whole.large[*large];
+            let (score, m) = self.rested(large, motion, effort.last, stop)?;
+            let pose = Similarity { scale: 1.0, rotation: m.rotation, shift: m.shift };
+            Some((score, large.frame.after(&pose).after(&undo)))
+        });
+        last.into_iter().collect()
     }
 
     /// Where sample `k` is, and its normal.
@@ -414,37 +431,39 @@ impl Small {
                 rough.push((self.nearness(large, &motion, effort.sifted_by), motion));
             }
         }
-        self.rested(large, (rough, 1), effort, stop)
+        let likelier = self.likelier(large, rough, (effort, 1), stop)?;
+        likelier.iter().map(|(_, motion)| self.rested(large, motion, effort.last, stop)).collect()
     }
 
-    /// The likelier poses brought to rest, `times` as many as usual, each with its score; `None` when stopped.
-    fn rested(
+    /// The likelier of poses on a surface of one size, brought to rest by few samples, `times` as many as usual, best first; `None` when
+    /// stopped.
+    fn likelier(
         &self,
         large: &Large,
-        (mut rough, times): (Vec<(f64, Motion)>, usize),
-        effort: &Effort,
+        mut rough: Vec<(f64, Motion)>,
+        (effort, times): (&Effort, usize),
         stop: Stop<'_>,
     ) -> Option<Vec<(f64, Motion)>> {
-        for (kept, samples, rounds) in effort.rests {
-            rough.sort_by(|a, b| b.0.total_cmp(&a.0));
-            rough.truncate(times * kept);
-            for (score, motion) in &mut rough {
-                if stop() {
-                    return None;
-                }
-                // What only one of the two has may draw a pose off its place: then it stays.
-                let first = self.met(large, *samples, motion, &[]);
-                let before = self.score(large, &first);
-                let (rested, met) = self.rest(large, *motion, first, *rounds);
-                *score = self.score(large, &met);
-                if *score >= before {
-                    *motion = rested;
-                } else {
-                    *score = before;
-                }
-            }
+        rough.sort_by(|a, b| b.0.total_cmp(&a.0));
+        rough.truncate(times * effort.rest.kept);
+        let rested = rough.iter().map(|(_, motion)| self.rested(large, motion, effort.rest, stop));
+        let mut rested = rested.collect::<Option<Vec<_>>>()?;
+        rested.sort_by(|a, b| b.0.total_cmp(&a.0));
+        rested.truncate(times * effort.last.kept);
+        Some(rested)
+    }
+
+    /// A pose brought to rest, with its score; `None` when stopped.
+    fn rested(&self, large: &Large, motion: &Motion, how: Rest, stop: Stop<'_>) -> Option<(f64, Motion)> {
+        if stop() {
+            return None;
         }
-        Some(rough)
+        // What only one of the two has may draw a pose off its place: then it stays.
+        let first = self.met(large, how.samples, motion, &[]);
+        let before = self.score(large, &first);
+        let (rested, met) = self.rest(large, *motion, first, how.rounds);
+        let score = self.score(large, &met);
+        Some(if score >= before { (score, rested) } else { (before, *motion) })
     }
 
     /// Seeks the partners of the first samples. `last`: those of the round before, if there was one.
