@@ -14,19 +14,15 @@ pub(super) struct Effort {
     pub(super) large: usize,
     /// Samples of the smaller one by which a pose is sifted.
     pub(super) sifted_by: usize,
-    /// Poses of one size that are brought to rest first.
-    pub(super) rest: Rest,
-    /// Poses of one size that are brought to rest anew, of those that score most.
-    pub(super) last: Rest,
-    /// The same, of all sizes together.
-    pub(super) last_of_all: usize,
+    /// How poses are brought to rest first, and those that score most anew.
+    pub(super) rests: [Rest; 2],
 }
 
 /// How poses are brought to rest.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rest {
-    /// How many poses.
-    pub(super) kept: usize,
+    /// How many poses: of one size, and of all sizes together.
+    pub(super) kept: [usize; 2],
     /// Samples of the smaller surface.
     pub(super) samples: usize,
     /// Rounds of iterated closest points.
@@ -41,9 +37,7 @@ pub(super) const FULL: Effort = Effort {
     shares: &[0.14, 0.2, 0.28, 0.4, 0.56, 0.78, 1.1],
     large: 3000,
     sifted_by: 32,
-    rest: Rest { kept: 72, samples: 64, rounds: 4 },
-    last: Rest { kept: 10, samples: 256, rounds: 12 },
-    last_of_all: 30,
+    rests: [Rest { kept: [72, 250], samples: 64, rounds: 4 }, Rest { kept: [10, 16], samples: 256, rounds: 12 }],
 };
 /// To lay one on a part of a scan.
 pub(super) const ON_A_PART: Effort = Effort { anchors: 0, ..FULL };
@@ -55,9 +49,7 @@ pub(super) const MIDDLE: Effort = Effort {
     shares: &[0.12, 0.18, 0.27, 0.4, 0.6, 0.9],
     large: 1500,
     sifted_by: 24,
-    rest: Rest { kept: 48, samples: 64, rounds: 4 },
-    last: Rest { kept: 7, samples: 128, rounds: 8 },
-    last_of_all: 18,
+    rests: [Rest { kept: [48, 140], samples: 64, rounds: 4 }, Rest { kept: [7, 10], samples: 128, rounds: 8 }],
 };
 /// To tell which of many examples are worth it.
 pub(super) const QUICK: Effort = Effort {
@@ -67,9 +59,7 @@ pub(super) const QUICK: Effort = Effort {
     shares: &[0.12, 0.22, 0.42, 0.8],
     large: 1500,
     sifted_by: 24,
-    rest: Rest { kept: 28, samples: 64, rounds: 4 },
-    last: Rest { kept: 5, samples: 128, rounds: 6 },
-    last_of_all: 9,
+    rests: [Rest { kept: [28, 60], samples: 64, rounds: 4 }, Rest { kept: [5, 6], samples: 128, rounds: 6 }],
 };
 /// How many poses are looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -315,6 +315,13 @@ fn spread(points: &[Vec3], count: usize) -> Vec<usize> {
     chosen
 }
 
+/// The best of some poses with their scores, in order.
+fn best(mut poses: Vec<(f64, Motion)>, most: usize) -> Vec<(f64, Motion)> {
+    poses.sort_by(|a, b| b.0.total_cmp(&a.0));
+    poses.truncate(most);
+    poses
+}
+
 /// A rigid motion.
 #[derive(Clone, Copy)]
 struct Motion {
@@ -375,7 +382,7 @@ impl Small {
         stop: Stop<'_>,
     ) -> Option<Vec<(f64, Similarity)>> {
         let effort = whole.effort;
-        let first = |large: &Large| -> Option<Vec<(f64, Motion)>> {
+        let sifted = |large: &Large| -> Option<Vec<(f64, Motion)>> {
             if self.is_flat != large.is_flat {
                 return Some(Vec::new());
             }
@@ -395,21 +402,15 @@ impl Small {
                     }
                 }
             }
-            self.likelier(large, rough, (effort, times), stop)
+            Some(best(rough, times * effort.rests[0].kept[0]))
         };
-        let firsts = in_halves(&whole.large, first).into_iter().collect::<Option<Vec<_>>>()?;
-        let of_size = |(large, found): (usize, Vec<(f64, Motion)>)| found.into_iter().map(move |pose| (large, pose));
-        let mut all: Vec<(usize, (f64, Motion))> = firsts.into_iter().enumerate().flat_map(of_size).collect();
-        all.sort_by(|a, b| b.1.0.total_cmp(&a.1.0));
-        all.truncate(times * effort.last_of_all);
+        let sifted = in_halves(&whole.large, sifted).into_iter().collect::<Option<Vec<_>>>()?;
         let undo = inverse(&self.frame);
-        let last = in_halves(&all, |(large, (_, motion))| {
-            let large = &whole.large[*large];
-            let (score, m) = self.rested(large, motion, effort.last, stop)?;
+        let found = self.rested(&whole.large, sifted, (effort, times), stop)?.into_iter().map(|(size, (score, m))| {
             let pose = Similarity { scale: 1.0, rotation: m.rotation, shift: m.shift };
-            Some((score, large.frame.after(&pose).after(&undo)))
+            (score, whole.large[size].frame.after(&pose).after(&undo))
         });
-        last.into_iter().collect()
+        Some(found.collect())
     }
 
     /// Where sample `k` is, and its normal.
@@ -431,30 +432,38 @@ impl Small {
                 rough.push((self.nearness(large, &motion, effort.sifted_by), motion));
             }
         }
-        let likelier = self.likelier(large, rough, (effort, 1), stop)?;
-        likelier.iter().map(|(_, motion)| self.rested(large, motion, effort.last, stop)).collect()
+        let rested = self.rested(std::slice::from_ref(large), vec![rough], (effort, 1), stop)?;
+        Some(rested.into_iter().map(|(_, pose)| pose).collect())
     }
 
-    /// The likelier of poses on a surface of one size, brought to rest by few samples, `times` as many as usual, best first; `None` when
-    /// stopped.
-    fn likelier(
+    /// The likelier poses on surfaces of some sizes, a list for each, brought to rest, `times` as many as usual; with each the number of
+    /// its size. `None` when stopped.
+    fn rested(
         &self,
-        large: &Large,
-        mut rough: Vec<(f64, Motion)>,
+        large: &[Large],
+        mut poses: Vec<Vec<(f64, Motion)>>,
         (effort, times): (&Effort, usize),
         stop: Stop<'_>,
-    ) -> Option<Vec<(f64, Motion)>> {
-        rough.sort_by(|a, b| b.0.total_cmp(&a.0));
-        rough.truncate(times * effort.rest.kept);
-        let rested = rough.iter().map(|(_, motion)| self.rested(large, motion, effort.rest, stop));
-        let mut rested = rested.collect::<Option<Vec<_>>>()?;
-        rested.sort_by(|a, b| b.0.total_cmp(&a.0));
-        rested.truncate(times * effort.last.kept);
-        Some(rested)
+    ) -> Option<Vec<(usize, (f64, Motion))>> {
+        let mut all: Vec<(usize, (f64, Motion))> = Vec::new();
+        for how in effort.rests {
+            let [of_one, of_all] = how.kept;
+            let numbered = |(size, of_size)| best(of_size, times * of_one).into_iter().map(move |pose| (size, pose));
+            all = poses.into_iter().enumerate().flat_map(numbered).collect();
+            all.sort_by(|a, b| b.1.0.total_cmp(&a.1.0));
+            all.truncate(times * of_all);
+            let rest = |(size, (_, motion)): &(usize, (f64, Motion))| {
+                Some((*size, self.comes_to_rest(&large[*size], motion, how, stop)?))
+            };
+            all = in_halves(&all, rest).into_iter().collect::<Option<Vec<_>>>()?;
+            poses =
+                (0..large.len()).map(|k| all.iter().filter(|pose| pose.0 == k).map(|pose| pose.1).collect()).collect();
+        }
+        Some(all)
     }
 
     /// A pose brought to rest, with its score; `None` when stopped.
-    fn rested(&self, large: &Large, motion: &Motion, how: Rest, stop: Stop<'_>) -> Option<(f64, Motion)> {
+    fn comes_to_rest(&self, large: &Large, motion: &Motion, how: Rest, stop: Stop<'_>) -> Option<(f64, Motion)> {
         if stop() {
             return None;
         }

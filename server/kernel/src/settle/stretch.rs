@@ -12,6 +12,7 @@ use super::tree::KdTree;
 use super::{LaidRoughly, Manner, Setting, Settled, Settler};
 use crate::mesh::Vec3;
 use crate::numerics::stop::Stop;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A point of the input that is farther from the example's vertices, in √area of the example, is bare.
@@ -92,22 +93,8 @@ fn bare(rest: &Rest, setting: &Setting, places: &[Vec3]) -> Bare {
         })
         .collect();
     let link = LINKED * (setting.area / samples.points.len().max(1) as f64).sqrt();
-    let mut is_seen = vec![false; points.len()];
     let mut found = Bare::default();
-    for first in 0..points.len() {
-        if is_seen[first] {
-            continue;
-        }
-        is_seen[first] = true;
-        let mut piece = vec![first];
-        let mut next = 0;
-        while let Some(at) = piece.get(next).copied() {
-            next += 1;
-            let is_near = |k: &usize| !is_seen[*k] && (points[*k].0.at - points[at].0.at).norm() < link;
-            let near: Vec<usize> = (0..points.len()).filter(is_near).collect();
-            near.iter().for_each(|k| is_seen[*k] = true);
-            piece.extend(near);
-        }
+    for piece in pieces(&points.iter().map(|(tip, _)| tip.at).collect::<Vec<_>>(), link) {
         let by_distance = |a: &&usize, b: &&usize| points[**a].0.away.total_cmp(&points[**b].0.away);
         let (Some(root), Some(tip)) = (piece.iter().min_by(by_distance), piece.iter().max_by(by_distance)) else {
             continue;
@@ -120,6 +107,34 @@ fn bare(rest: &Rest, setting: &Setting, places: &[Vec3]) -> Bare {
     }
     found.tips.sort_by(|a, b| b.away.total_cmp(&a.away));
     found.tips.truncate(TIPS);
+    found
+}
+
+/// Gathers points into pieces: each is nearer than `link` to another of its piece. Their numbers, in order.
+fn pieces(points: &[Vec3], link: f64) -> Vec<Vec<usize>> {
+    let cell_of = |x: &Vec3| [x.x, x.y, x.z].map(|c| (c / link).floor() as i64);
+    let mut cells: BTreeMap<[i64; 3], Vec<usize>> = BTreeMap::new();
+    points.iter().enumerate().for_each(|(k, x)| cells.entry(cell_of(x)).or_default().push(k));
+    let mut found = Vec::new();
+    for first in 0..points.len() {
+        // A point that was taken is in no cell any more.
+        let Some(cell) = cells.get_mut(&cell_of(&points[first])).filter(|cell| cell.contains(&first)) else { continue };
+        cell.retain(|k| *k != first);
+        let (mut piece, mut todo) = (Vec::new(), vec![first]);
+        while let Some(k) = todo.pop() {
+            piece.push(k);
+            let [x, y, z] = cell_of(&points[k]);
+            for d in 0..27 {
+                let beside = [(x, d / 9), (y, d / 3 % 3), (z, d % 3)].map(|(at, step)| at.saturating_add(step - 1));
+                let Some(cell) = cells.get_mut(&beside) else { continue };
+                let is_near = |other: &usize| (points[*other] - points[k]).norm() < link;
+                todo.extend(cell.iter().copied().filter(is_near));
+                cell.retain(|other| !is_near(other));
+            }
+        }
+        piece.sort_unstable();
+        found.push(piece);
+    }
     found
 }
 
@@ -159,6 +174,14 @@ mod tests {
         let left = settler.bare(&stretched);
         assert!(left.tips.is_empty() && top(&after) > 1.9, "{left:?} {}", top(&after));
         assert!(settler.stretched(&laid, &bare.tips, &|| true).is_none());
+    }
+
+    #[test]
+    fn points_that_are_linked_are_of_one_piece() {
+        let at = |x: f64, y: f64| Vec3::new(x, y, -x);
+        let points = [at(0.0, 0.0), at(5.0, 0.0), at(0.0, 0.9), at(5.0, 0.5), at(0.0, 1.8), at(0.0, 3.0)];
+        assert_eq!(pieces(&points, 1.0), [vec![0, 2, 4], vec![1, 3], vec![5]]);
+        assert!(pieces(&[], 1.0).is_empty());
     }
 
     #[test]
