@@ -14,19 +14,8 @@ pub(super) struct Effort {
     pub(super) large: usize,
     /// Samples of the smaller one by which a pose is sifted.
     pub(super) sifted_by: usize,
-    /// How poses are brought to rest first, and those that score most anew.
-    pub(super) rests: [Rest; 2],
-}
-
-/// How poses are brought to rest.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Rest {
-    /// How many poses: of one size, and of all sizes together.
-    pub(super) kept: [usize; 2],
-    /// Samples of the smaller surface.
-    pub(super) samples: usize,
-    /// Rounds of iterated closest points.
-    pub(super) rounds: usize,
+    /// Poses of one size that are brought to rest, by how many samples of the smaller surface, in how many rounds.
+    pub(super) rests: &'static [(usize, usize, usize)],
 }
 
 /// To lay an example.
@@ -37,7 +26,7 @@ pub(super) const FULL: Effort = Effort {
     shares: &[0.14, 0.2, 0.28, 0.4, 0.56, 0.78, 1.1],
     large: 3000,
     sifted_by: 32,
-    rests: [Rest { kept: [72, 250], samples: 64, rounds: 4 }, Rest { kept: [10, 16], samples: 256, rounds: 12 }],
+    rests: &[(72, 64, 4), (10, 256, 12)],
 };
 /// To lay one on a part of a scan.
 pub(super) const ON_A_PART: Effort = Effort { anchors: 0, ..FULL };
@@ -49,7 +38,7 @@ pub(super) const MIDDLE: Effort = Effort {
     shares: &[0.12, 0.18, 0.27, 0.4, 0.6, 0.9],
     large: 1500,
     sifted_by: 24,
-    rests: [Rest { kept: [48, 140], samples: 64, rounds: 4 }, Rest { kept: [7, 10], samples: 128, rounds: 8 }],
+    rests: &[(48, 64, 4), (7, 128, 8)],
 };
 /// To tell which of many examples are worth it.
 pub(super) const QUICK: Effort = Effort {
@@ -59,7 +48,7 @@ pub(super) const QUICK: Effort = Effort {
     shares: &[0.12, 0.22, 0.42, 0.8],
     large: 1500,
     sifted_by: 24,
-    rests: [Rest { kept: [28, 60], samples: 64, rounds: 4 }, Rest { kept: [5, 6], samples: 128, rounds: 6 }],
+    rests: &[(28, 64, 4), (5, 128, 6)],
 };
 /// How many poses are looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,7 +10,7 @@
 //! ([`super::Evidence`]) agrees with what it lies on: nearness alone lays a face on the back of a head. Samples that
 //! lie off the larger say nothing of relief: an example has no crown. *Ours, not a paper's.*
 
-use super::effort::{Effort, FULL, MIDDLE, ON_A_PART, QUICK, Rest, Sought};
+use super::effort::{Effort, FULL, MIDDLE, ON_A_PART, QUICK, Sought};
 use super::evidence::{Around, correlation};
 use super::input_surface::{InputSurface, Samples, Seen, sixfold};
 use super::matches::sigma;
@@ -315,13 +315,6 @@ fn spread(points: &[Vec3], count: usize) -> Vec<usize> {
     chosen
 }
 
-/// The best of some poses with their scores, in order.
-fn best(mut poses: Vec<(f64, Motion)>, most: usize) -> Vec<(f64, Motion)> {
-    poses.sort_by(|a, b| b.0.total_cmp(&a.0));
-    poses.truncate(most);
-    poses
-}
-
 /// A rigid motion.
 #[derive(Clone, Copy)]
 struct Motion {
@@ -364,25 +357,8 @@ fn direction(k: usize, of: usize) -> Vec3 {
 impl Small {
     /// The best poses on a larger surface, with their scores. Empty when stopped.
     fn tried(&self, whole: &Posed, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
-        let by = |anchors: &[Anchor], times: usize| self.tried_by(anchors, times, whole, stop).unwrap_or_default();
-        let (middle, others) = self.anchors.split_at(1);
-        let mut found = by(middle, 1);
-        if !others.is_empty() && found.iter().all(|(score, _)| *score < SURE) {
-            found.extend(by(others, BULKY_RESTS));
-        }
-        found
-    }
-
-    /// The best poses of some anchors, `times` as many as usual; `None` when stopped.
-    fn tried_by(
-        &self,
-        anchors: &[Anchor],
-        times: usize,
-        whole: &Posed,
-        stop: Stop<'_>,
-    ) -> Option<Vec<(f64, Similarity)>> {
         let effort = whole.effort;
-        let sifted = |large: &Large| -> Option<Vec<(f64, Motion)>> {
+        let on = |anchors: &[Anchor], times: usize, large: &Large| -> Option<Vec<(f64, Similarity)>> {
             if self.is_flat != large.is_flat {
                 return Some(Vec::new());
             }
@@ -402,15 +378,21 @@ impl Small {
                     }
                 }
             }
-            Some(best(rough, times * effort.rests[0].kept[0]))
+            let rough = self.rested(large, (rough, times), effort, stop)?;
+            let pose = |m: &Motion| Similarity { scale: 1.0, rotation: m.rotation, shift: m.shift };
+            let undo = inverse(&self.frame);
+            Some(rough.iter().map(|(score, m)| (*score, large.frame.after(&pose(m)).after(&undo))).collect())
         };
-        let sifted = in_halves(&whole.large, sifted).into_iter().collect::<Option<Vec<_>>>()?;
-        let undo = inverse(&self.frame);
-        let found = self.rested(&whole.large, sifted, (effort, times), stop)?.into_iter().map(|(size, (score, m))| {
-            let pose = Similarity { scale: 1.0, rotation: m.rotation, shift: m.shift };
-            (score, whole.large[size].frame.after(&pose).after(&undo))
-        });
-        Some(found.collect())
+        let by = |anchors: &[Anchor], times: usize| {
+            let found = in_halves(&whole.large, |large| on(anchors, times, large));
+            found.into_iter().collect::<Option<Vec<_>>>().unwrap_or_default().concat()
+        };
+        let (middle, others) = self.anchors.split_at(1);
+        let mut found = by(middle, 1);
+        if !others.is_empty() && found.iter().all(|(score, _)| *score < SURE) {
+            found.extend(by(others, BULKY_RESTS));
+        }
+        found
     }
 
     /// Where sample `k` is, and its normal.
@@ -432,47 +414,37 @@ impl Small {
                 rough.push((self.nearness(large, &motion, effort.sifted_by), motion));
             }
         }
-        let rested = self.rested(std::slice::from_ref(large), vec![rough], (effort, 1), stop)?;
-        Some(rested.into_iter().map(|(_, pose)| pose).collect())
+        self.rested(large, (rough, 1), effort, stop)
     }
 
-    /// The likelier poses on surfaces of some sizes, a list for each, brought to rest, `times` as many as usual; with each the number of
-    /// its size. `None` when stopped.
+    /// The likelier poses brought to rest, `times` as many as usual, each with its score; `None` when stopped.
     fn rested(
         &self,
-        large: &[Large],
-        mut poses: Vec<Vec<(f64, Motion)>>,
-        (effort, times): (&Effort, usize),
+        large: &Large,
+        (mut rough, times): (Vec<(f64, Motion)>, usize),
+        effort: &Effort,
         stop: Stop<'_>,
-    ) -> Option<Vec<(usize, (f64, Motion))>> {
-        let mut all: Vec<(usize, (f64, Motion))> = Vec::new();
-        for how in effort.rests {
-            let [of_one, of_all] = how.kept;
-            let numbered = |(size, of_size)| best(of_size, times * of_one).into_iter().map(move |pose| (size, pose));
-            all = poses.into_iter().enumerate().flat_map(numbered).collect();
-            all.sort_by(|a, b| b.1.0.total_cmp(&a.1.0));
-            all.truncate(times * of_all);
-            let rest = |(size, (_, motion)): &(usize, (f64, Motion))| {
-                Some((*size, self.comes_to_rest(&large[*size], motion, how, stop)?))
-            };
-            all = in_halves(&all, rest).into_iter().collect::<Option<Vec<_>>>()?;
-            poses =
-                (0..large.len()).map(|k| all.iter().filter(|pose| pose.0 == k).map(|pose| pose.1).collect()).collect();
+    ) -> Option<Vec<(f64, Motion)>> {
+        for (kept, samples, rounds) in effort.rests {
+            rough.sort_by(|a, b| b.0.total_cmp(&a.0));
+            rough.truncate(times * kept);
+            for (score, motion) in &mut rough {
+                if stop() {
+                    return None;
+                }
+                // What only one of the two has may draw a pose off its place: then it stays.
+                let first = self.met(large, *samples, motion, &[]);
+                let before = self.score(large, &first);
+                let (rested, met) = self.rest(large, *motion, first, *rounds);
+                *score = self.score(large, &met);
+                if *score >= before {
+                    *motion = rested;
+                } else {
+                    *score = before;
+                }
+            }
         }
-        Some(all)
-    }
-
-    /// A pose brought to rest, with its score; `None` when stopped.
-    fn comes_to_rest(&self, large: &Large, motion: &Motion, how: Rest, stop: Stop<'_>) -> Option<(f64, Motion)> {
-        if stop() {
-            return None;
-        }
-        // What only one of the two has may draw a pose off its place: then it stays.
-        let first = self.met(large, how.samples, motion, &[]);
-        let before = self.score(large, &first);
-        let (rested, met) = self.rest(large, *motion, first, how.rounds);
-        let score = self.score(large, &met);
-        Some(if score >= before { (score, rested) } else { (before, *motion) })
+        Some(rough)
     }
 
     /// Seeks the partners of the first samples. `last`: those of the round before, if there was one.
