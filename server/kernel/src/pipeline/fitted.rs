@@ -31,8 +31,6 @@ const SIDE: usize = 128;
 const LED: usize = 2;
 /// Below this relief rough poses are tried.
 const DOUBTFUL: f64 = 0.65;
-/// A larger share of a scan's area is most of it. *Untuned.*
-const MOST: f64 = 0.5;
 /// An example that agrees so much when it is laid roughly lies there, and no other pose is sought. *Untuned:* heads on a statue's pedestal or
 /// hair agree less than .05.
 const SURE_ROUGHLY: f64 = 0.1;
@@ -107,7 +105,8 @@ pub(crate) fn fit(
     let posed = sure.map(|rough| rough.start.as_deref().map_or(&[][..], std::slice::from_ref));
     let known = Known { held: &held, led: &led, rough: lies.as_ref(), posed };
     let settled = settled(whole.as_ref(), (example, &one), (query, &two), (&input, known), &relief, stop)?;
-    let are_wholes = [&one, &two].iter().all(|side| side.patch.topology == Topology::Sphere) && is_most(query, &two);
+    let are_wholes =
+        [&one, &two].iter().all(|side| side.patch.topology == Topology::Sphere) && on.is_most(query.segment);
     let asked = Asked { beyond: *beyond, held: &held, are_wholes };
     let finished = |rested| rest(rested, (example, &one), (query, &two), asked, stop);
     match (settled, &from) {
@@ -240,7 +239,7 @@ fn settled(
     let may_be_part = !(closed(example) && closed(query));
     if may_be_part && Stage::Poses.is_on() && rests.best().is_none_or(|best| best.evidence.relief < DOUBTFUL) {
         let (sought, most) = match on.is_scan() {
-            true if is_most(query, two) => (Sought::Thoroughly, POSED),
+            true if on.is_most(query.segment) => (Sought::Thoroughly, POSED),
             true => (Sought::ByMiddle, POSED),
             false => (Sought::Quickly, POSED_FEW),
         };
@@ -256,11 +255,6 @@ fn settled(
     let best = rests.into_best(stop);
     stopped(stop)?;
     Ok(best.map(|rested| Best { is_better: rested.evidence.relief > least, rested }))
-}
-
-/// Tells whether a segment makes up most of its scan.
-fn is_most(query: &Side, surface: &Surface) -> bool {
-    surface.patch.mesh.total_area() > MOST * query.model.segmented.mesh.total_area()
 }
 
 /// The likeliest ways to match the tips of two surfaces, at most `most` of either orientation, as landmarks of an example's mesh

@@ -15,6 +15,8 @@ use std::sync::{Arc, OnceLock};
 /// Faces of a segment, of those that tell of its form, that are enough to choose an example by: several are tried, and laid on
 /// it in rough poses before.
 pub const FACES_CHOSEN_MIN: u64 = 256;
+/// A larger share of a scan's area is most of it. *Untuned.*
+const MOST: f64 = 0.5;
 /// Faces of a mesh, of the same kind, that may be a scan. One of fewer is laid on with less care, and one example is tried.
 pub const FACES_OF_SCAN_MIN: u64 = 1024;
 /// Most segments: each costs memory and time, however few its faces are. Labels may ask for no more.
@@ -100,6 +102,12 @@ impl Model {
     /// The surfaces of all segments, in order.
     fn patches(&self) -> impl Iterator<Item = &Patch> {
         self.segmented.parts.iter().chain(&self.parts)
+    }
+
+    /// Tells whether a segment makes up most of it, by area.
+    pub(crate) fn is_most(&self, segment: u32) -> bool {
+        let area = |patch: &Patch| patch.mesh.total_area();
+        self.patch(segment).is_ok_and(|patch| area(patch) > MOST * self.segmented.mesh.total_area())
     }
 
     /// Tells whether it was cut at its waist: its two segments are no parts of a composition, but what one is laid out around.

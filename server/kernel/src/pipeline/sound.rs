@@ -48,10 +48,14 @@ pub(crate) fn check(mapped: &mut Mapped, query: &Side) {
         ReferenceSurface::new(owned(inner.ground().input()).into_owned()).flaws(&mapped.mesh, &[]).reasons(1.0, 0.0)
     } else {
         let surface: &TriMesh = &query.encoded.query.chart.mesh;
-        ReferenceSurface::with_tree(surface.clone(), Arc::clone(query.encoded.query.tree()))
+        let mut flaws = ReferenceSurface::with_tree(surface.clone(), Arc::clone(query.encoded.query.tree()))
             .with_gaps(inner.patch(query.segment).ok().and_then(with_gaps_filled).into_iter())
-            .flaws(&mapped.mesh, &mapped.reach.bridging)
-            .reasons(1.0 - mapped.reach.covers.input, mapped.reach.spanned)
+            .flaws(&mapped.mesh, &mapped.reach.bridging);
+        if !inner.is_most(query.segment) {
+            // On a part stitching moves vertices to what is missed.
+            flaws.missed = 0.0;
+        }
+        flaws.reasons(1.0 - mapped.reach.covers.input, mapped.reach.spanned)
     };
     if !flaws.is_empty() {
         mapped.verdict = Verdict::Broken;
