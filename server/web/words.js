@@ -29,6 +29,7 @@ const REASONS = [
   [/^the share (\S+) of the input's features/, () => "The scan has forms that the example lacks, ears perhaps.", "Try another example."],
   [/^(\S+) edges cut through the scan/, (x) => `${x} edges run through the scan or leap over a gap.`, "Try another example, or cut apart what touches on the scan."],
   [/^a spike/, () => "A vertex sticks out far from its neighbours.", "Place landmarks, or try another example."],
+  [/^the quads end before the scan does: (\S+) % of it/, (x) => `Limbs of the scan, or their ends, have no quads: ${x} % of it.`, "Choose an example with such limbs, or mark their ends with landmarks."],
   [/of the quads' area hangs off the scan/, () => "Some quads hang off the scan.", "Try another example."],
   [/of the scan that should be covered/, () => "Some of the scan that should be covered is bare.", "Try another example."],
   [/of the quads' area is inside out/, () => "Some quads are inside out.", "Try another example."],

@@ -36,9 +36,9 @@ const ROUGH_ALIKE: usize = 6;
 const ROUGH_AT_A_TIME: usize = 2;
 const ROUGH_ENOUGH: f64 = 0.15;
 const ROUGH_WANTED: usize = 2;
-/// Up to this score the best picture of a small part of a scan is sure: those of the same part of another have up to .01. *Untuned.*
+/// Up to this score the best picture is sure: those of the same part of another scan have up to .01. *Untuned.*
 const SURE: f64 = 0.04;
-/// Examples that are laid roughly on a small part of a scan, which gets one map: the first of those that are finished.
+/// Examples that are laid roughly on a small part of a scan, or where the pictures leave less open: the first that are finished.
 const ROUGH_OF_FIRST: usize = 2;
 /// An example that explains less of the query than this, and is sure, may lead others. *Untuned.*
 const LEADS_BELOW: f64 = 0.5;
