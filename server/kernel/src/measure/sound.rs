@@ -78,9 +78,11 @@ const SPIKE_MAX: f64 = 0.08;
 const ASTRAY_MAX: f64 = 0.04;
 const OFF_MAX: f64 = 0.02;
 const BARE_MAX: f64 = 0.1;
-/// Of 66 retopologies one missed more than nothing: 1.1 %, half of a cow's tail. A right map of a pug on a horse misses 1.8 %, its tail
+/// Two shins of a camel are 6.5 % of it, the ears of a dog 1.6 %, a horn and the root of a cow's tail 1.1 %
 /// (tests/records/stretch-2026-11-27.md).
-const MISSED_MAX: f64 = 0.0075;
+const MISSED_MAX: f64 = 0.025;
+/// From here on it is told: all else that was looked at misses nothing.
+const MISSED_TOLD: f64 = 0.0075;
 const INWARD_MAX: f64 = 0.1;
 const COLLAPSED_MAX: f64 = 0.1;
 
@@ -103,15 +105,27 @@ impl Flaws {
         is_wrong(self.off, OFF_MAX, format!("{} of the quads' area hangs off the scan", percent(self.off)));
         let bare = self.bare - left_out.clamp(0.0, 1.0);
         is_wrong(bare, BARE_MAX, format!("{} of the scan that should be covered has no quads near it", percent(bare)));
-        let missed = if bare > BARE_MAX { 0.0 } else { self.missed - left_out.clamp(0.0, 1.0) };
-        let limb =
-            format!("the quads end before the scan does: {} of it, limbs or their ends, are missed", percent(missed));
-        is_wrong(missed, MISSED_MAX, limb);
+        let missed = if bare > BARE_MAX { 0.0 } else { self.missed(left_out) };
+        is_wrong(missed, MISSED_MAX, why_missed(missed));
         is_wrong(self.inward, INWARD_MAX, format!("{} of the quads' area is inside out", percent(self.inward)));
         let collapsed = format!("{} of the quads have collapsed to lines or points", percent(self.collapsed));
         is_wrong(self.collapsed - spanned, COLLAPSED_MAX, collapsed);
         reasons
     }
+
+    /// Says that limbs are missed, where that is too little to make a mesh broken.
+    pub fn note(&self, left_out: f64) -> Option<String> {
+        let missed = self.missed(left_out);
+        (missed > MISSED_TOLD && missed <= MISSED_MAX).then(|| why_missed(missed))
+    }
+
+    fn missed(&self, left_out: f64) -> f64 {
+        self.missed - left_out.clamp(0.0, 1.0)
+    }
+}
+
+fn why_missed(share: f64) -> String {
+    format!("the quads end before the scan does: {:.1} % of it, limbs or their ends, are missed", 100.0 * share)
 }
 
 impl ReferenceSurface {
@@ -428,14 +442,20 @@ mod tests {
     }
 
     #[test]
-    fn the_end_of_a_limb_that_is_missed_is_found_however_little_it_is() {
-        let cut = |mesh: &mut PolyMesh| {
-            let left: Vec<Vec<u32>> = mesh.faces.iter().skip(30).map(<[u32]>::to_vec).collect();
-            mesh.faces = left.iter().map(Vec::as_slice).collect();
+    fn the_end_of_a_limb_that_is_missed_is_told_and_more_of_it_is_broken() {
+        let without = |rows: usize| {
+            found(|mesh| {
+                let left: Vec<Vec<u32>> = mesh.faces.iter().skip(10 * rows).map(<[u32]>::to_vec).collect();
+                mesh.faces = left.iter().map(Vec::as_slice).collect();
+            })
         };
-        let (flaws, reasons) = found(cut);
-        assert!(flaws.bare < BARE_MAX && flaws.missed > MISSED_MAX, "{flaws:?}");
-        assert!(reasons.len() == 1 && reasons[0].contains("the quads end before the scan does"), "{reasons:?}");
+        let says = |why: &String| why.contains("the quads end before the scan does");
+        let (flaws, reasons) = without(3);
+        assert!(flaws.bare < BARE_MAX && reasons.len() == 1 && reasons.iter().all(says), "{flaws:?} {reasons:?}");
+        assert_eq!(flaws.note(0.0), None, "it is a reason");
+        let (flaws, reasons) = without(2);
+        assert!(reasons.is_empty() && flaws.note(0.0).is_some_and(|why| says(&why)), "{flaws:?} {reasons:?}");
+        assert_eq!((flaws.note(0.1), without(0).0.note(0.0)), (None, None));
     }
 
     #[test]

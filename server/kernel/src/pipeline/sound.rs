@@ -55,7 +55,12 @@ pub(crate) fn check(mapped: &mut Mapped, query: &Side) {
             // On a part stitching moves vertices to what is missed.
             flaws.missed = 0.0;
         }
-        flaws.reasons(1.0 - mapped.reach.covers.input, mapped.reach.spanned)
+        let left_out = 1.0 - mapped.reach.covers.input;
+        if let Some(note) = flaws.note(left_out) {
+            mapped.verdict = mapped.verdict.max(Verdict::Fair);
+            mapped.reasons.insert(0, note);
+        }
+        flaws.reasons(left_out, mapped.reach.spanned)
     };
     if !flaws.is_empty() {
         mapped.verdict = Verdict::Broken;
