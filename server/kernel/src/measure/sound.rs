@@ -124,8 +124,16 @@ impl Flaws {
     }
 }
 
+/// How a sentence begins that says that limbs are missed.
+const ENDS_BEFORE: &str = "the quads end before the scan does";
+
 fn why_missed(share: f64) -> String {
-    format!("the quads end before the scan does: {:.1} % of it, limbs or their ends, are missed", 100.0 * share)
+    format!("{ENDS_BEFORE}: {:.1} % of it, limbs or their ends, are missed", 100.0 * share)
+}
+
+/// Tells whether a reason says that limbs are missed: it holds of a map, and not of what is stitched of it, which reaches them.
+pub fn says_missed(reason: &str) -> bool {
+    reason.starts_with(ENDS_BEFORE)
 }
 
 impl ReferenceSurface {
@@ -455,6 +463,7 @@ mod tests {
         assert_eq!(flaws.note(0.0), None, "it is a reason");
         let (flaws, reasons) = without(2);
         assert!(reasons.is_empty() && flaws.note(0.0).is_some_and(|why| says(&why)), "{flaws:?} {reasons:?}");
+        assert!(flaws.note(0.0).is_some_and(|why| says_missed(&why)) && !says_missed("a spike: an edge"));
         assert_eq!((flaws.note(0.1), without(0).0.note(0.0)), (None, None));
     }
 
