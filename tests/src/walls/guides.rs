@@ -61,14 +61,12 @@ pub fn stale(notation: &SourceFile, sources: &[SourceFile]) -> Vec<String> {
         let mut texts = Vec::new();
         for file in named(files) {
             let path = format!("{folder}/src/{file}");
-            let own = sources
-                .iter()
-                .filter(|source| source.path == path || source.path.starts_with(&path) && path.ends_with('/'));
-            let count = texts.len();
-            texts.extend(own);
-            if texts.len() == count {
+            let is_own = |at: &str| at == path || path.ends_with('/') && at.starts_with(&path);
+            let own: Vec<&SourceFile> = sources.iter().filter(|source| is_own(&source.path)).collect();
+            if own.is_empty() {
                 found.push(format!("{} names {file}, which is not there; name the file it became", notation.path));
             }
+            texts.extend(own);
         }
         for item in named(types).iter().filter(|item| item.contains("::") && !texts.is_empty()) {
             let last = item.rsplit("::").next().unwrap_or_default();

@@ -67,7 +67,7 @@ pub fn picture(topology: Topology, side: usize, shapes: impl Iterator<Item = (Sh
 }
 
 thread_local! {
-    /// What a thread's last canvas was made of. A fresh one of megabytes costs more in page faults than what is drawn on it.
+    /// Keeps the memory of a thread's last canvas: megabytes of fresh memory cost more in page faults than what is drawn there.
     static SPARE: Cell<[Vec<f64>; 2]> = const { Cell::new([Vec::new(), Vec::new()]) };
 }
 

@@ -33,8 +33,8 @@ const MIRROR_MARGIN: f64 = 0.1;
 /// Places that are less sure than the best by no more than this settle too, so many at most.
 const NEAR: f64 = 0.15;
 const FINALISTS: usize = 3;
-/// What is stretched to tips leaves at most this share of what was bare (*untuned*), and is less sure by no more than this: with .06 a
-/// frog's toes, and three animals of other species, stay short (tests/records/stretch-2026-11-27.md).
+/// A map that is stretched to tips leaves at most this share of what was bare (*untuned*), and is less sure by no more than this: with
+/// .06 a frog's toes, and three animals of other species, stay short (tests/records/stretch-2026-11-27.md).
 const REACHED: f64 = 0.9;
 const REACHING_MARGIN: f64 = 0.1;
 /// A pose that is less sure than the best by more than this when it has bent halfway is not surer in the end (tests/records).
@@ -180,9 +180,8 @@ impl<'a> Rests<'a> {
             Some((Rested::of(settled, *mirrored), laid))
         };
         let all = in_halves(&finalists, settled).into_iter().collect::<Option<Vec<(Rested, LaidRoughly)>>>();
-        type Fine = (Rested, LaidRoughly);
-        let better = |best: Fine, made: Fine| if worth(&made.0) > worth(&best.0) { made } else { best };
-        let (best, laid) = all?.into_iter().reduce(better)?;
+        let (best, laid) =
+            all?.into_iter().reduce(|best, made| if worth(&made.0) > worth(&best.0) { made } else { best })?;
         if Stage::Stretch.is_on() { self.reaching(best, laid, stop) } else { Some(best) }
     }
 

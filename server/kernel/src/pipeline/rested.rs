@@ -37,14 +37,14 @@ const LOST_MIN: f64 = 0.01;
 /// A constraint of the caller's: its name and ends.
 type Pinned = (String, (Location, Location));
 
-/// What a map is made of, and judged by, beside its surfaces.
+/// Parameters of a map, beside its surfaces.
 #[derive(Clone, Copy)]
 pub(crate) struct Asked<'a> {
-    /// What becomes of the input beyond the example.
+    /// How the input is treated beyond the example.
     pub(crate) beyond: Beyond,
     /// Landmarks.
     pub(crate) held: &'a [Held],
-    /// Whether both are closed, and the input is most of its scan.
+    /// True where both are closed, and the input is most of its scan.
     pub(crate) are_wholes: bool,
 }
 

@@ -11,6 +11,7 @@ use super::rest::Rest;
 use super::tree::KdTree;
 use super::{LaidRoughly, Manner, Setting, Settled, Settler};
 use crate::mesh::Vec3;
+use crate::mesh::disjoint::Sets;
 use crate::numerics::stop::Stop;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -30,7 +31,7 @@ const FOLLOWING: [(f64, usize); 4] = [(0.2, 0), (0.14, 0), (0.1, 0), (0.07, 1)];
 const ROUNDS: usize = 3;
 const FROM: f64 = 0.051;
 
-/// What an example leaves bare of an input.
+/// The part of an input that an example leaves bare.
 #[derive(Clone, Debug, Default)]
 pub struct Bare {
     /// The share of the input's area.
@@ -114,28 +115,19 @@ fn bare(rest: &Rest, setting: &Setting, places: &[Vec3]) -> Bare {
 fn pieces(points: &[Vec3], link: f64) -> Vec<Vec<usize>> {
     let cell_of = |x: &Vec3| [x.x, x.y, x.z].map(|c| (c / link).floor() as i64);
     let mut cells: BTreeMap<[i64; 3], Vec<usize>> = BTreeMap::new();
-    points.iter().enumerate().for_each(|(k, x)| cells.entry(cell_of(x)).or_default().push(k));
-    let mut found = Vec::new();
-    for first in 0..points.len() {
-        // A point that was taken is in no cell any more.
-        let Some(cell) = cells.get_mut(&cell_of(&points[first])).filter(|cell| cell.contains(&first)) else { continue };
-        cell.retain(|k| *k != first);
-        let (mut piece, mut todo) = (Vec::new(), vec![first]);
-        while let Some(k) = todo.pop() {
-            piece.push(k);
-            let [x, y, z] = cell_of(&points[k]);
-            for d in 0..27 {
-                let beside = [(x, d / 9), (y, d / 3 % 3), (z, d % 3)].map(|(at, step)| at.saturating_add(step - 1));
-                let Some(cell) = cells.get_mut(&beside) else { continue };
-                let is_near = |other: &usize| (points[*other] - points[k]).norm() < link;
-                todo.extend(cell.iter().copied().filter(is_near));
-                cell.retain(|other| !is_near(other));
-            }
+    let mut sets = Sets::new(points.len());
+    for (k, x) in points.iter().enumerate() {
+        let [i, j, l] = cell_of(x);
+        for d in 0..27 {
+            let beside = [(i, d / 9), (j, d / 3 % 3), (l, d % 3)].map(|(at, step)| at.saturating_add(step - 1));
+            let near = cells.get(&beside).into_iter().flatten().filter(|other| (points[**other] - x).norm() < link);
+            near.for_each(|other| sets.join(*other as u32, k as u32));
         }
-        piece.sort_unstable();
-        found.push(piece);
+        cells.entry([i, j, l]).or_default().push(k);
     }
-    found
+    let mut found: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+    (0..points.len()).for_each(|k| found.entry(sets.root(k as u32)).or_default().push(k));
+    found.into_values().collect()
 }
 
 #[cfg(test)]
