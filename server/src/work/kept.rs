@@ -14,14 +14,14 @@ use bytes::Bytes;
 use quadmuse_cluster::{UPLOADS_BYTES_MAX, UPLOADS_KEPT_FOR};
 use quadmuse_proto::{Components, ExampleId, MeshFormat, Parts, QueryId, Segmentation};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, OpenOptions};
 use std::io::{ErrorKind, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
-use tokio::sync::Semaphore;
+use tokio::sync::{Semaphore, watch};
 
 /// Uploads that are put away, and that are fetched, at a time; the others wait.
 const AT_ONCE: usize = 2;
@@ -125,13 +125,35 @@ pub struct Kept {
     readers: Semaphore,
     /// Names are put away one after the other.
     naming: Arc<Semaphore>,
+    /// Queries whose uploads are being put away.
+    pending: watch::Sender<BTreeSet<QueryId>>,
+}
+
+/// A query whose upload is being put away, until this is dropped.
+struct Pending {
+    id: QueryId,
+    of: watch::Sender<BTreeSet<QueryId>>,
+}
+
+impl Pending {
+    fn new(of: &watch::Sender<BTreeSet<QueryId>>, id: QueryId) -> Self {
+        of.send_if_modified(|ids| ids.insert(id));
+        Self { id, of: of.clone() }
+    }
+}
+
+impl Drop for Pending {
+    fn drop(&mut self) {
+        self.of.send_if_modified(|ids| ids.remove(&self.id));
+    }
 }
 
 impl Kept {
     /// On a store of uploads.
     pub fn on(uploads: Arc<dyn UploadStore>) -> Self {
         let (turns, readers, naming) = (Semaphore::new(AT_ONCE), Semaphore::new(AT_ONCE), Semaphore::new(1));
-        Self { uploads, turns: Arc::new(turns), readers, naming: Arc::new(naming) }
+        let (turns, naming) = (Arc::new(turns), Arc::new(naming));
+        Self { uploads, turns, readers, naming, pending: watch::Sender::default() }
     }
 
     /// Keeps what a query was started with, in the background.
@@ -139,7 +161,9 @@ impl Kept {
         let (uploads, turns, work) = (Arc::clone(&self.uploads), Arc::clone(&self.turns), Arc::clone(work));
         let (id, owner, options) = (live.id, live.caller.user, live.options.clone());
         let tracked = Arc::clone(&work);
+        let pending = Pending::new(&self.pending, id);
         tracked.background.spawn(async move {
+            let _pending = pending;
             let Ok(_turn) = turns.acquire_owned().await else { return };
             let kept = work.blocking(move |work| {
                 // Removed while it waited: nobody wants it.
@@ -198,7 +222,7 @@ impl Kept {
         kept.and_then(|kept| rmp_serde::from_slice(&kept).ok()).unwrap_or_default()
     }
 
-    /// What a query of the caller was started with.
+    /// What a query of the caller was started with. One that is being put away is waited for.
     ///
     /// # Errors
     /// [`WorkError::NoSuchQuery`] if nothing is kept of it, or if it was another's; refusals of the memory, and
@@ -211,6 +235,8 @@ impl Kept {
         largest: u64,
     ) -> Result<(Upload, QueryOptions), WorkError> {
         work.look(caller.user)?;
+        let put_away = self.pending.subscribe().wait_for(|ids| !ids.contains(&id)).await.map(|_| ());
+        put_away.map_err(|_| WorkError::Lost)?;
         // What comes from there is paid for only once its length is known.
         let _reader = self.readers.acquire().await.map_err(|_| WorkError::Lost)?;
         let uploads = Arc::clone(&self.uploads);

@@ -7,12 +7,7 @@ use crate::work::query::{Board, LiveQuery, QueryOptions};
 use crate::work::{Work, WorkError, search};
 use quadmuse_proto::Parts;
 use std::sync::Arc;
-use std::time::Duration;
 use tokio::sync::OnceCell;
-
-/// What was sent is put away behind the answer's back: it is looked for so often, after so long.
-const LOOKS: u32 = 20;
-const LOOK_AGAIN: Duration = Duration::from_millis(100);
 
 /// What a query was started with, fetched when it is first needed.
 pub(super) struct Again {
@@ -38,14 +33,11 @@ impl Again {
     }
 
     async fn found(&self, live: &LiveQuery) -> Result<Option<(Upload, QueryOptions)>, WorkError> {
-        for _ in 0..LOOKS {
-            let found = || self.kept.find(&self.work, live.caller, live.id, self.largest);
-            match when_there_is_room(found).await {
-                Err(WorkError::NoSuchQuery(_)) => tokio::time::sleep(LOOK_AGAIN).await,
-                found => return found.map(Some),
-            }
+        let found = || self.kept.find(&self.work, live.caller, live.id, self.largest);
+        match when_there_is_room(found).await {
+            Err(WorkError::NoSuchQuery(_)) => Ok(None),
+            found => found.map(Some),
         }
-        Ok(None)
     }
 
     /// The same scan, cut otherwise; its ranking goes on. `None` if what was sent is not kept any more.
