@@ -5,7 +5,7 @@
 
 use super::error::{MeshError, Place, quoted};
 use super::format::is_off_header;
-use super::text::{At, Lines, Words, check_encoding, number, push_integer, push_number, within};
+use super::text::{At, Lines, Words, decoded, number, push_integer, push_number, within};
 use super::{Attributes, CornerLayer, Format, Limits, PolyMesh, Polygons, Vec3};
 
 /// Reads an OFF file.
@@ -13,7 +13,7 @@ use super::{Attributes, CornerLayer, Format, Limits, PolyMesh, Polygons, Vec3};
 /// # Errors
 /// The line that breaks the rules, or the limit that is exceeded.
 pub(super) fn read(bytes: &[u8], limits: &Limits) -> Result<PolyMesh, MeshError> {
-    check_encoding(Format::Off, bytes)?;
+    let bytes = decoded(Format::Off, bytes)?;
     let mut rows = Rows { lines: Lines::new(bytes) };
     let (at, mut words) = rows.next("a header")?;
     let mut layout = Layout::default();

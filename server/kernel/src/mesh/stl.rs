@@ -79,7 +79,7 @@ fn binary(bytes: &[u8], count: usize, limits: &Limits) -> Result<Soup, MeshError
 }
 
 fn ascii(bytes: &[u8], limits: &Limits) -> Result<Soup, MeshError> {
-    super::text::check_encoding(Format::Stl, bytes)?;
+    let bytes = super::text::decoded(Format::Stl, bytes)?;
     const REMEDY: &str = "correct the line or export the file again";
     let mut soup = Soup::default();
     let mut name = NONE;

@@ -106,15 +106,17 @@ pub(super) fn number(word: &[u8]) -> Option<f64> {
     fast_float2::parse(word.strip_prefix(b"+").unwrap_or(word)).ok()
 }
 
-/// Text that a text reader must not be given: UTF-16, or bytes with NUL.
+/// The text of a file, without the NUL bytes that some programs pad its end with.
 ///
 /// # Errors
-/// Names the encoding, or the place of the first NUL byte.
-pub(super) fn check_encoding(format: Format, text: &[u8]) -> Result<(), MeshError> {
+/// Of UTF-16 and of text with NUL bytes: names the encoding, or the place of the first such byte.
+pub(super) fn decoded(format: Format, bytes: &[u8]) -> Result<&[u8], MeshError> {
+    let end = bytes.iter().rposition(|b| *b != 0).map_or(0, |last| last + 1);
+    let text = &bytes[..end];
     if text.starts_with(b"\xff\xfe") || text.starts_with(b"\xfe\xff") {
         return Err(MeshError::Encoding { found: "UTF-16" });
     }
-    let Some(nul) = memchr::memchr(0, text) else { return Ok(()) };
+    let Some(nul) = memchr::memchr(0, text) else { return Ok(text) };
     let head = &text[..text.len().min(512)];
     let nuls = |parity: usize| head.iter().skip(parity).step_by(2).filter(|b| **b == 0).count();
     let (even, odd) = (nuls(0), nuls(1));

@@ -1,7 +1,7 @@
 //! The OBJ reader.
 
 use crate::mesh::error::{MeshError, Place, quoted};
-use crate::mesh::text::{At, Lines, Words, check_encoding, number, within};
+use crate::mesh::text::{At, Lines, Words, decoded, number, within};
 use crate::mesh::{Attributes, CornerLayer, Crease, FaceLabels, Format, Limits, NONE, PolyMesh, Polygons, Vec3};
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -11,7 +11,7 @@ use std::collections::HashMap;
 /// # Errors
 /// The line that breaks the rules, or the limit that is exceeded.
 pub(in crate::mesh) fn read(bytes: &[u8], limits: &Limits) -> Result<PolyMesh, MeshError> {
-    check_encoding(Format::Obj, bytes)?;
+    let bytes = decoded(Format::Obj, bytes)?;
     let mut reader = Reader::new(limits);
     let mut lines = Lines::new(bytes);
     while let Some(line) = lines.next() {
@@ -212,7 +212,9 @@ impl<'l> Reader<'l> {
         let available = [self.positions.len(), self.uvs.len(), self.normals.len()];
         for pool in 0..3 {
             let Reach { index, line } = self.reach[pool];
-            if index > available[pool] as i64 {
+            // Some programs leave out all UVs or normals, but not what faces say of them.
+            let is_left_out = pool > 0 && available[pool] == 0;
+            if !is_left_out && index > available[pool] as i64 {
                 return Err(out_of_range(pool, line, index.to_string(), available[pool]));
             }
         }

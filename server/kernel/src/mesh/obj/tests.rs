@@ -75,7 +75,7 @@ fn mistakes_are_named_with_their_line_and_the_way_out() {
         ("v 0 0 0\nf 1 1\n", 2, "2 corners"),
         ("v 0 0 0\nf 1 1 a\n", 2, "whole numbers"),
         ("v 0 0 0\nf 1 1 1/1/1/1\n", 2, "v/t/n"),
-        ("v 0 0 0\nf 1/1 1 1\n", 2, "a texture coordinate"),
+        ("v 0 0 0\nvt 0 0\nf 1/2 1 1\n", 3, "a texture coordinate"),
     ] {
         let error = parse(text).unwrap_err().to_string();
         assert!(error.contains(&format!("line {line}:")) && error.contains(said), "{text:?} → {error}");
@@ -89,8 +89,14 @@ fn other_encodings_are_named() {
         read(&utf16, &Limits::default()).unwrap_err(),
         MeshError::Encoding { found: "UTF-16 without a byte order mark" }
     );
-    let binary = read(b"v 0 0 0\n\0", &Limits::default()).unwrap_err();
+    let binary = read(b"v 0 0 0\n\0\n", &Limits::default()).unwrap_err();
     assert!(matches!(binary, MeshError::Malformed { place: Place::Byte(8), .. }));
+}
+
+#[test]
+fn what_a_program_left_out_or_padded_is_no_mistake() {
+    let mesh = parse(&format!("{SQUARE}f 1/7/9 2/8/9 3/9/9\n\0\0")).unwrap();
+    assert_eq!((mesh.faces.len(), mesh.attributes.uvs, mesh.attributes.normals), (1, None, None));
 }
 
 #[test]
