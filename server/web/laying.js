@@ -89,7 +89,7 @@ export async function layBest(query) {
     const map = await lay(query, entry, { beats: best });
     if (!map || bench.query !== query || query.touched) return;
     if (!best || worth(map) > worth(best)) best = map;
-    if (worth(map) >= ENOUGH) return;
+    if (map.verdict === "good" || worth(map) >= ENOUGH) return;
     if (k + 1 < candidates.length) say(`${nameOf(entry)} does not fit well enough; trying the next.`);
   }
 }

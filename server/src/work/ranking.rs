@@ -239,7 +239,7 @@ const ONE_TRY_FROM: f64 = 0.2;
 
 /// The candidates that are laid where nobody chooses, in turn until one fits: the first `tries` that are no near-duplicates of one
 /// above. Where some were laid roughly, these are what the query is like, or nothing is: those that fitted, and those that another
-/// leads. Else as many more follow, those that lie on the input best.
+/// leads; if none of them lies all over the query, the last turn is left to one that does. Else as many more follow, those that lie on the input best.
 pub fn turns(candidates: &[Candidate], tries: usize) -> Vec<(ExampleId, u32)> {
     let places = places(candidates);
     let is_above = |key, place: usize| places.get(&key).is_some_and(|&at| at < place);
@@ -251,7 +251,15 @@ pub fn turns(candidates: &[Candidate], tries: usize) -> Vec<(ExampleId, u32)> {
             _ => rough.worth() >= WORTH_FROM || rough.agreement >= SURE_FROM,
         };
         let fits = |c: &&Candidate| c.rough.as_ref().is_some_and(|rough| c.lead.is_some() || is_enough(rough));
-        return own.into_iter().filter(fits).take(tries).map(Candidate::key).collect();
+        let mut chosen: Vec<&Candidate> = own.iter().copied().filter(fits).take(tries).collect();
+        let all_over = |c: &Candidate| c.rough.as_ref().and_then(Rough::all_over);
+        if tries > 1 && chosen.iter().all(|c| all_over(c).is_none()) {
+            let likely = own.into_iter().filter_map(|c| Some((all_over(c)?, c)));
+            let likeliest = likely.max_by(|a, b| a.0.total_cmp(&b.0));
+            chosen.truncate(tries - usize::from(likeliest.is_some()));
+            chosen.extend(likeliest.map(|(_, c)| c));
+        }
+        return chosen.into_iter().map(Candidate::key).collect();
     }
     let score = |c: &Candidate| c.likeness.map_or(0.0, |likeness| likeness.score);
     let mut others = own.split_off(tries.min(own.len()));
@@ -524,6 +532,15 @@ mod tests {
         all[4].rough = rough(0.4);
         all[0].lead = Some(all[4].key());
         assert_eq!(names(&all, 3), "ace");
+        // A man in armour: hands lie on half of him, and a body all over.
+        let body = Rough { agreement: -0.1, covered: 0.9, are_wholes: true, ..Rough::default() };
+        all[3].rough = Some(body.clone());
+        assert_eq!([1, 2, 3, 4].map(|tries| names(&all, tries)), ["a", "ad", "acd", "aced"]);
+        for other in [Rough { agreement: -0.2, ..body.clone() }, Rough { covered: 0.5, ..body.clone() }] {
+            all[3].rough = Some(other);
+            assert_eq!(names(&all, 3), "ace");
+        }
+        all[3].rough = Some(Rough { are_wholes: false, ..body });
         let told: Vec<Option<u32>> = entries(&all, 9, 3).iter().map(|e| e.turn).collect();
         assert_eq!(told, [Some(1), None, Some(2), None, Some(3)]);
         assert_eq!(template_entry(&[], Topology::Disc).turn, Some(1));

@@ -241,7 +241,7 @@ const POSE_FIXED_BY: usize = 3;
 const GOOD_FROM: f64 = 0.4;
 /// Confidence from which on one is fair: of a closed example on a closed scan. Of animals on animals right ones have −.144 and more,
 /// wrong ones −.203 and less (tests/records/stretch-2026-11-27.md).
-const WHOLES_FAIR_FROM: f64 = -0.15;
+pub(crate) const WHOLES_FAIR_FROM: f64 = -0.15;
 /// The same of a closed example on a part of a scan, or on an open one: its limbs are matched with the scan's.
 const CLOSED_FAIR_FROM: f64 = -0.08;
 /// The same of an open example, which may lie anywhere: right ones have .137 and more; thumbs and torsos on heads, rocks and mushrooms

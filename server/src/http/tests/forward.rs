@@ -313,7 +313,7 @@ async fn a_server_that_stops_lets_go_of_what_others_answer() {
     let (polled, streamed, ()) = tokio::join!(b.get(&poll), b.broken(&stream), stop);
     polled.problem(503, "unavailable");
     assert!(streamed.contains("event: begin"), "{streamed}");
-    assert!(begun.elapsed() < Duration::from_secs(7), "{:?}", begun.elapsed());
+    assert!(begun.elapsed() < Duration::from_secs(20), "{:?}", begun.elapsed());
     a.ask(Method::DELETE, &query, &[], "").await;
 }
 

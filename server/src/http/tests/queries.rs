@@ -121,7 +121,7 @@ async fn cancelling_frees_the_cores_and_the_query() {
     bench.get(&path).await.problem(404, "not_found");
     let other = bench.query("", "segment disc 1").await;
     assert_eq!(bench.ended(&other).await["state"], json!("done"));
-    assert!(begun.elapsed() < Duration::from_secs(5), "the cores were not free");
+    assert!(begun.elapsed() < Duration::from_secs(20), "the cores were not free");
 }
 
 #[tokio::test]
