@@ -22,7 +22,9 @@ use std::time::{Duration, Instant, SystemTime};
 
 use async_nats::jetstream::Context;
 use async_nats::jetstream::context::{PublishAckFuture, PublishError, PublishErrorKind};
-use async_nats::jetstream::stream::{DirectGetErrorKind, LastRawMessageErrorKind, RetentionPolicy, Stream};
+use async_nats::jetstream::stream::{
+    DeleteMessageErrorKind, DirectGetErrorKind, LastRawMessageErrorKind, RetentionPolicy, Stream,
+};
 use async_nats::jetstream::{Error as Refusal, ErrorCode};
 use async_nats::{ConnectOptions, HeaderMap, ServerAddr};
 use bytes::Bytes;
@@ -368,6 +370,24 @@ async fn newest(stream: &Stream, subject: &str, doing: &'static str) -> Result<O
     }
 }
 
+/// Deletes a message by its position; tells whether its subject has none now.
+async fn deleted(stream: &Stream, (position, subject): (u64, &str), doing: &'static str) -> Result<bool, EngineError> {
+    let error = match stream.delete_message(position).await {
+        Ok(is_deleted) => return Ok(is_deleted),
+        Err(error) => error,
+    };
+    // Another server deleted it, or it was put again meanwhile, or it was the answer to the deletion that was lost.
+    let is_gone = |told: &Refusal| {
+        told.error_code() == ErrorCode::STREAM_MESSAGE_DELETE_FAILED && told.to_string().contains("no message found")
+    };
+    match error.kind() {
+        DeleteMessageErrorKind::JetStream(told) if is_gone(&told) => {
+            Ok(newest(stream, subject, doing).await?.is_none())
+        }
+        _ => Err(silent(doing, error)),
+    }
+}
+
 impl Engine for JetStream {
     fn put_object(&self, name: &str, bytes: &[u8]) -> Result<(), EngineError> {
         // The same bytes again: an object that was kept although its answer was lost is only kept anew.
@@ -489,7 +509,7 @@ impl Engine for JetStream {
         let handle = self.runtime.as_ref().map(|runtime| runtime.handle().clone());
         let handle = handle.ok_or_else(|| silent(DOING, "it was left"))?;
         let newest = self.wait(DOING, self.end_of(&self.objects.stream, DOING))?;
-        let begin = Following::begin(&self.objects.stream, 0, following::Wanted::Heads, prefix, handle);
+        let begin = Following::begin(&self.objects.stream, 0, following::Wanted::Heads, prefix.clone(), handle);
         let mut following = self.wait(DOING, begin)?;
         let mut gone = std::collections::HashSet::new();
         let mut position = 0;
@@ -499,10 +519,8 @@ impl Engine for JetStream {
             let name = delivery.key.split('.').next().unwrap_or_default().to_owned();
             if put < before && !is_used(&name) {
                 // By its sequence: one that was put again meanwhile has another.
-                let removed = self.wait(DOING, async {
-                    self.objects.stream.delete_message(position).await.map_err(|error| silent(DOING, error))
-                });
-                if removed? {
+                let subject = format!("{prefix}{}", delivery.key);
+                if self.wait(DOING, deleted(&self.objects.stream, (position, &subject), DOING))? {
                     gone.insert(name);
                 }
             }

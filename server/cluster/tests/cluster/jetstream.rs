@@ -43,6 +43,7 @@ fn on_a_real_engine() {
     jobs_are_done_once_with_effect(&nodes);
     a_follower_that_does_not_read_for_a_while_misses_nothing(&nodes);
     large_objects_come_back(&nodes, dir.path());
+    two_may_collect_at_once(&nodes, dir.path());
     what_is_kept_for_a_while_comes_back_and_is_no_object(&nodes, dir.path());
     kept_uploads_are_bounded(&nodes);
     what_was_kept_once_is_kept_three_times_from_then_on(&mut nodes, dir.path());
@@ -176,6 +177,20 @@ fn large_objects_come_back(nodes: &Nodes, dir: &Path) {
     eventually("all is whole", || {
         try_join(nodes, "large", dir).is_some_and(|fresh| fresh.check(&mut |_| {}).is_ok_and(|r| r.problems.is_empty()))
     });
+}
+
+fn two_may_collect_at_once(nodes: &Nodes, dir: &Path) {
+    let servers = [(); 2].map(|()| join(nodes, "collected", dir));
+    for seed in 0..12 {
+        let id = servers[0].add(&small(seed).example(), &[]).expect("added").record().id;
+        servers[0].remove(id).expect("removed");
+    }
+    std::thread::scope(|scope| {
+        let both = servers.each_ref().map(|server| scope.spawn(|| server.collect(Duration::ZERO).expect("collected")));
+        let counts = both.map(|one| one.join().expect("no panic"));
+        assert!(counts.iter().sum::<u64>() > 0, "{counts:?}");
+    });
+    assert_eq!(servers[1].collect(Duration::ZERO).expect("collected"), 0);
 }
 
 fn what_is_kept_for_a_while_comes_back_and_is_no_object(nodes: &Nodes, dir: &Path) {
