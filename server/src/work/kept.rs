@@ -222,7 +222,7 @@ impl Kept {
         kept.and_then(|kept| rmp_serde::from_slice(&kept).ok()).unwrap_or_default()
     }
 
-    /// What a query of the caller was started with. One that is being put away is waited for.
+    /// Gives what a query of the caller was started with. It waits for one that is being put away.
     ///
     /// # Errors
     /// [`WorkError::NoSuchQuery`] if nothing is kept of it, or if it was another's; refusals of the memory, and
