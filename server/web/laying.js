@@ -67,7 +67,7 @@ export function draw(query = bench.query) {
   });
 }
 
-// The best is laid by itself: the first that is worth enough, of as many as are worth a try; else the one that is worth most.
+// The best is laid by itself: the first that is good or worth enough, of as many as are worth a try; else the one that is worth most.
 export async function layBest(query) {
   if (query.segments.length > 1) { await (query.like ? layLike(query) : stitch(query, {})); return; }
   const { tries, topology } = query.segments[0];

@@ -235,8 +235,7 @@ impl Kept {
         largest: u64,
     ) -> Result<(Upload, QueryOptions), WorkError> {
         work.look(caller.user)?;
-        let put_away = self.pending.subscribe().wait_for(|ids| !ids.contains(&id)).await.map(|_| ());
-        put_away.map_err(|_| WorkError::Lost)?;
+        self.pending.subscribe().wait_for(|ids| !ids.contains(&id)).await.map(drop).map_err(|_| WorkError::Lost)?;
         // What comes from there is paid for only once its length is known.
         let _reader = self.readers.acquire().await.map_err(|_| WorkError::Lost)?;
         let uploads = Arc::clone(&self.uploads);

@@ -239,7 +239,8 @@ const ONE_TRY_FROM: f64 = 0.2;
 
 /// The candidates that are laid where nobody chooses, in turn until one fits: the first `tries` that are no near-duplicates of one
 /// above. Where some were laid roughly, these are what the query is like, or nothing is: those that fitted, and those that another
-/// leads; if none of them lies all over the query, the last turn is left to one that does. Else as many more follow, those that lie on the input best.
+/// leads; if none of them lies all over the query, the last turn is left to one that does. Else as many more follow, those that lie on
+/// the input best.
 pub fn turns(candidates: &[Candidate], tries: usize) -> Vec<(ExampleId, u32)> {
     let places = places(candidates);
     let is_above = |key, place: usize| places.get(&key).is_some_and(|&at| at < place);
@@ -255,9 +256,10 @@ pub fn turns(candidates: &[Candidate], tries: usize) -> Vec<(ExampleId, u32)> {
         let all_over = |c: &Candidate| c.rough.as_ref().and_then(Rough::all_over);
         if tries > 1 && chosen.iter().all(|c| all_over(c).is_none()) {
             let likely = own.into_iter().filter_map(|c| Some((all_over(c)?, c)));
-            let likeliest = likely.max_by(|a, b| a.0.total_cmp(&b.0));
-            chosen.truncate(tries - usize::from(likeliest.is_some()));
-            chosen.extend(likeliest.map(|(_, c)| c));
+            if let Some((_, likeliest)) = likely.max_by(|a, b| a.0.total_cmp(&b.0)) {
+                chosen.truncate(tries - 1);
+                chosen.push(likeliest);
+            }
         }
         return chosen.into_iter().map(Candidate::key).collect();
     }

@@ -105,8 +105,7 @@ pub(crate) fn fit(
     let posed = sure.map(|rough| rough.start.as_deref().map_or(&[][..], std::slice::from_ref));
     let known = Known { held: &held, led: &led, rough: lies.as_ref(), posed };
     let settled = settled(whole.as_ref(), (example, &one), (query, &two), (&input, known), &relief, stop)?;
-    let are_wholes =
-        [&one, &two].iter().all(|side| side.patch.topology == Topology::Sphere) && on.is_most(query.segment);
+    let are_wholes = on.are_wholes(query.segment, [one.patch.topology, two.patch.topology]);
     let asked = Asked { beyond: *beyond, held: &held, are_wholes };
     let finished = |rested| rest(rested, (example, &one), (query, &two), asked, stop);
     match (settled, &from) {

@@ -110,6 +110,12 @@ impl Model {
         self.patch(segment).is_ok_and(|patch| area(patch) > MOST * self.segmented.mesh.total_area())
     }
 
+    /// Tells whether an example and a segment are two wholes, of which neither ends anywhere: both are closed, by their topologies, and
+    /// the segment makes up most of the scan.
+    pub(crate) fn are_wholes(&self, segment: u32, topologies: [Topology; 2]) -> bool {
+        topologies == [Topology::Sphere; 2] && self.is_most(segment)
+    }
+
     /// Tells whether it was cut at its waist: its two segments are no parts of a composition, but what one is laid out around.
     pub fn is_at_waist(&self) -> bool {
         self.segmented.is_waist

@@ -88,7 +88,7 @@ pub fn lay(
         Some(lead) => Some(Lead { mesh: &lead.model.patch(lead.segment)?.mesh, places: lead.rough.places.as_slice() }),
         None => None,
     };
-    let are_wholes = example.is_closed && input.is_closed && query.is_most(of_query);
+    let are_wholes = query.are_wholes(of_query, [one.topology, two.topology]);
     let found = rough(example, (input.mesh, ready), &tips, part, stop);
     stopped(stop)?;
     Ok(found.map(|fit| Rough {
