@@ -4,6 +4,7 @@
 //! ([`mend`]); what the input has beyond the example is continued ([`beyond`]).
 
 pub mod beyond;
+pub mod limbs;
 pub mod mend;
 pub mod openings;
 pub mod rest;

@@ -22,15 +22,17 @@ mod rest;
 mod similarity;
 mod span;
 mod stretch;
+mod symmetry;
 mod tree;
 
 pub use effort::Sought;
 pub use evidence::Evidence;
-pub use held::Landmark;
+pub use held::{AxisPoint, Landmark};
 pub use poses::{Likeness, Posed, poses, poses_on};
 pub use similarity::Similarity;
 pub use span::spanned;
 pub use stretch::{Bare, BareTip};
+pub use symmetry::Symmetry;
 
 use crate::mesh::Vec3;
 use crate::mesh::bvh::{Bvh, Closest};
@@ -153,9 +155,11 @@ const COUNTED_MIN: f64 = 0.05;
 const LANDMARKS_CARRY: usize = 3;
 /// Scale and rounds in which the example bends after its landmarks alone.
 const LEADING: (f64, usize) = (0.3, 6);
-/// Scales at which tips lead the example, and the scale from which it bends thereafter.
-const LED: [f64; 3] = [0.3, 0.2, 0.14];
-const LED_FROM: f64 = 0.21;
+/// Scales at which tips lead the example; the finest at which they do, and the scale from which it bends thereafter: where axes lead its
+/// limbs, too, and where tips are alone. Bent from a coarser scale, an arm that was led around its elbow is straight again.
+const LED: [f64; 5] = [0.3, 0.2, 0.14, 0.1, 0.07];
+const LED_ALONG: (f64, f64) = (0.07, 0.075);
+const LED_BY_TIPS: (f64, f64) = (0.14, 0.21);
 /// Rounds and σ (in medians) of the robust similarity.
 const ROBUST_ROUNDS: usize = 10;
 const ROBUST_SIGMA: f64 = 1.5;
@@ -389,19 +393,26 @@ impl<'a> Settler<'a> {
         self.rigid.align(seen, (sent, share), &held, self.options.rounds, stop)
     }
 
-    /// Lays the example on the input, roughly, after the landmarks, which lead it there and then let go of it: for tips that may have
-    /// been matched wrongly.
-    pub fn led_roughly(&self, landmarks: &[Landmark], stop: Stop<'_>) -> Option<(Settled, LaidRoughly)> {
+    /// Lays the example on the input, roughly, after the landmarks and the axes of its limbs, which lead it there and then let go of it:
+    /// for tips that may have been matched wrongly.
+    pub fn led_roughly(
+        &self,
+        landmarks: &[Landmark],
+        axes: &[AxisPoint],
+        stop: Stop<'_>,
+    ) -> Option<(Settled, LaidRoughly)> {
         let (found, _) = held::carried(&self.rest, &self.ground, landmarks)?;
         let start: Vec<Vec3> = self.rest.positions.iter().map(|x| found.apply(x)).collect();
         let setting = Arc::new(self.setting(&start)?);
-        let held: Vec<Held> = landmarks.iter().map(|l| l.seen_from(&setting.frame)).collect();
+        let (finest, from) = if axes.is_empty() { LED_BY_TIPS } else { LED_ALONG };
+        let axes = axes.iter().map(|point| point.seen_from(&setting.frame));
+        let held: Vec<Held> = landmarks.iter().map(|l| l.seen_from(&setting.frame)).chain(axes).collect();
         let mut pose = Pose::of(&self.rest, &self.nodes[0]);
         let body = self.body(0)?;
-        for r in LED {
+        for r in LED.into_iter().filter(|r| *r >= finest) {
             body.lead(&mut pose, &held, (r, FOLLOWING_ROUNDS), stop)?;
         }
-        self.bend(setting, (pose, 0), [ROUGH, LED_FROM], Manner::Following, stop)
+        self.bend(setting, (pose, 0), [ROUGH, from], Manner::Following, stop)
     }
 
     /// Lays the example roughly after a start that is nearly right, its tips held on those that they match.

@@ -3,6 +3,7 @@
 //! How well the relief of the example agrees with that of the input where it lies, less what the map bends and how far normals
 //! disagree, is the arbiter ([`Evidence::confidence`]): of right maps it is high, of wrong ones low, whatever the shapes.
 
+use super::limbs::{Tipped, axis_points};
 use crate::mesh::Vec3;
 use crate::mesh::bvh::{Bvh, Closest};
 use crate::mesh::tri::TriMesh;
@@ -10,10 +11,11 @@ use crate::numerics::stage::Stage;
 use crate::numerics::stop::Stop;
 use crate::numerics::{in_halves, side_by_side};
 use crate::settle::{
-    Aligned, Bare, Evidence, Halfway, LaidRoughly, Landmark, Manner, Options, PreparedInput, Settled, Settler,
-    Similarity,
+    Aligned, AxisPoint, Bare, Evidence, Halfway, LaidRoughly, Landmark, Manner, Options, PreparedInput, Settled,
+    Settler, Similarity, Symmetry,
 };
-use std::sync::Arc;
+use std::borrow::Cow;
+use std::sync::{Arc, OnceLock};
 
 /// From this relief on a map is convincing, and no other place is tried. *Untuned:* right maps have .72 to .98 and wrong ones
 /// up to .5 (tests/records).
@@ -30,6 +32,11 @@ const FOLLOWED: f64 = 0.1;
 const AGREES: f64 = 0.1;
 /// A mirrored place must be so much surer than one that is not: bodies and heads are nearly their own mirror image.
 const MIRROR_MARGIN: f64 = 0.1;
+/// A place that tips led to is less sure by so many times as far as they end from their matches in the mean, in √area of the input: if
+/// they match, it is wrong, and if they don't, it is there by luck. *Untuned.*
+const APART_COUNTS: f64 = 2.0;
+/// From this worth on a place that is laid roughly is likely right, and limbs need no axes to lead them. *Untuned.*
+const LIES_WELL: f64 = 0.35;
 /// Places that are less sure than the best by no more than this settle too, so many at most.
 const NEAR: f64 = 0.15;
 const FINALISTS: usize = 3;
@@ -58,6 +65,17 @@ pub struct Start {
     pub positions: Vec<Vec3>,
     /// Whether it lies mirrored.
     pub mirrored: bool,
+    /// How far tips that led it there are from their matches in the mean, in √area of the input.
+    pub apart: f64,
+}
+
+/// Tips of an example that are matched with an input's.
+#[derive(Clone, Debug)]
+pub struct MatchedTips {
+    /// Points of the example with theirs on the input.
+    pub landmarks: Vec<Landmark>,
+    /// Whether the match mirrors, as the pictures have it.
+    pub mirrored: bool,
 }
 
 /// An example on an input.
@@ -71,20 +89,22 @@ pub struct Rested {
     pub off: Vec<bool>,
     /// Whether it lies mirrored.
     pub mirrored: bool,
+    /// How far the tips that led it there end from their matches in the mean, in √area of the input.
+    pub apart: f64,
     /// What speaks for it.
     pub evidence: Evidence,
 }
 
 impl Rested {
-    fn of(Settled { places, lost, off, evidence, .. }: Settled, mirrored: bool) -> Self {
-        Self { places, lost, off, mirrored, evidence }
+    fn of(Settled { places, lost, off, evidence, .. }: Settled, (mirrored, apart): (bool, f64)) -> Self {
+        Self { places, lost, off, mirrored, apart, evidence }
     }
 }
 
 impl Start {
     /// An example in a pose.
     pub fn posed(example: &TriMesh, pose: &Similarity) -> Self {
-        Self { positions: example.positions.iter().map(|x| pose.apply(x)).collect(), mirrored: false }
+        Self { positions: example.positions.iter().map(|x| pose.apply(x)).collect(), mirrored: false, apart: 0.0 }
     }
 }
 
@@ -100,8 +120,12 @@ struct RoughFit {
 
 /// An example and an input, prepared for many starts.
 pub struct Rests<'a> {
+    /// The example's mirror image in itself, found when it is asked for.
+    symmetry: OnceLock<Option<Symmetry>>,
     plain: Settler<'a>,
     mirrored: Settler<'a>,
+    /// Example and input with distances from their tips.
+    tipped: [Tipped<'a>; 2],
     /// What has been laid roughly.
     laid: Vec<RoughFit>,
     /// The input's area.
@@ -110,13 +134,13 @@ pub struct Rests<'a> {
 
 impl<'a> Rests<'a> {
     /// Prepares; `None` where either has no area.
-    pub fn new(example: &TriMesh, input: &'a TriMesh) -> Option<Self> {
+    pub fn new(example: &'a TriMesh, input: &'a TriMesh) -> Option<Self> {
         Self::with_tree(example, input, Arc::new(Bvh::new(input)))
     }
 
     /// Prepares for places that are only compared: [`Rests::into_best`] would settle what few samples show. The input is
     /// [ready](Self::ready_roughly).
-    pub fn roughly(example: &TriMesh, input: (&'a TriMesh, Arc<PreparedInput>)) -> Option<Self> {
+    pub fn roughly(example: &'a TriMesh, input: (&'a TriMesh, Arc<PreparedInput>)) -> Option<Self> {
         Self::on(example, input, &rough_options())
     }
 
@@ -126,15 +150,17 @@ impl<'a> Rests<'a> {
     }
 
     /// Prepares, with the tree of the input; `None` where either has no area.
-    pub fn with_tree(example: &TriMesh, input: &'a TriMesh, tree: Arc<Bvh>) -> Option<Self> {
+    pub fn with_tree(example: &'a TriMesh, input: &'a TriMesh, tree: Arc<Bvh>) -> Option<Self> {
         let options = Options::default();
         Self::on(example, (input, Arc::new(PreparedInput::with_tree(input, tree, &options)?)), &options)
     }
 
-    fn on(example: &TriMesh, (input, ready): (&'a TriMesh, Arc<PreparedInput>), options: &Options) -> Option<Self> {
+    fn on(example: &'a TriMesh, (input, ready): (&'a TriMesh, Arc<PreparedInput>), options: &Options) -> Option<Self> {
         let settler = |mirror| Settler::on(example, (input, Arc::clone(&ready)), mirror, options);
         let (plain, mirrored) = side_by_side(|| settler(1.0), || settler(-1.0));
-        Some(Self { plain: plain?, mirrored: mirrored?, laid: Vec::new(), area: input.total_area() })
+        let (symmetry, area) = (OnceLock::new(), input.total_area());
+        let tipped = [example, input].map(Tipped::new);
+        Some(Self { symmetry, plain: plain?, mirrored: mirrored?, tipped, laid: Vec::new(), area })
     }
 
     /// The same, with landmarks held on their places.
@@ -148,7 +174,7 @@ impl<'a> Rests<'a> {
         let (plain, missed) = self.plain.carried()?;
         let (mirrored, missed_mirrored) = self.mirrored.carried()?;
         let is_mirrored = missed_mirrored < missed;
-        Some(Start { positions: if is_mirrored { mirrored } else { plain }, mirrored: is_mirrored })
+        Some(Start { positions: if is_mirrored { mirrored } else { plain }, mirrored: is_mirrored, apart: 0.0 })
     }
 
     /// The best so far.
@@ -159,7 +185,7 @@ impl<'a> Rests<'a> {
     /// Where the best so far began, if it was laid as a whole.
     pub fn best_start(&self) -> Option<Start> {
         let best = self.surest()?;
-        Some(Start { positions: best.start.clone()?, mirrored: best.rested.mirrored })
+        Some(Start { positions: best.start.clone()?, mirrored: best.rested.mirrored, apart: 0.0 })
     }
 
     fn surest(&self) -> Option<&RoughFit> {
@@ -174,10 +200,10 @@ impl<'a> Rests<'a> {
         finalists.retain(|laid| worth(&laid.rested) >= near);
         finalists.sort_by(|a, b| worth(&b.rested).total_cmp(&worth(&a.rested)));
         finalists.truncate(FINALISTS);
-        let settled = |RoughFit { rested: Rested { mirrored, .. }, laid, .. }: &RoughFit| {
+        let settled = |RoughFit { rested: Rested { mirrored, apart, .. }, laid, .. }: &RoughFit| {
             let settler = if *mirrored { &self.mirrored } else { &self.plain };
             let (settled, laid) = settler.fine_from(laid, stop)?;
-            Some((Rested::of(settled, *mirrored), laid))
+            Some((Rested::of(settled, (*mirrored, *apart)), laid))
         };
         let all = in_halves(&finalists, settled).into_iter().collect::<Option<Vec<(Rested, LaidRoughly)>>>();
         let (best, laid) =
@@ -196,7 +222,7 @@ impl<'a> Rests<'a> {
         let all = (tips.len() > 1).then_some(tips.as_slice());
         for tips in all.into_iter().chain(tips.chunks(1)) {
             let (settled, made) = settler.stretched(&laid, tips, stop)?;
-            let (rested, left) = (Rested::of(settled, best.mirrored), settler.bare(&made).share);
+            let (rested, left) = (Rested::of(settled, (best.mirrored, best.apart)), settler.bare(&made).share);
             if left < REACHED * share && worth(&rested) >= least {
                 (best, laid, share) = (rested, made, left);
                 if tips.len() > 1 {
@@ -217,20 +243,39 @@ impl<'a> Rests<'a> {
         })
     }
 
+    /// The example's mirror image in itself; `None` where it is not symmetric.
+    fn symmetry(&self) -> Option<&Symmetry> {
+        if !Stage::Symmetry.is_on() {
+            return None;
+        }
+        self.symmetry.get_or_init(|| Symmetry::of(self.tipped[0].mesh)).as_ref()
+    }
+
+    /// A start, unmirrored where the example is symmetric: it lies there as well, with all its vertices on the right side.
+    fn unmirrored<'s>(&self, start: &'s Start) -> Cow<'s, Start> {
+        match self.symmetry().filter(|_| start.mirrored) {
+            Some(symmetry) => {
+                Cow::Owned(Start { positions: symmetry.swapped(&start.positions), mirrored: false, apart: start.apart })
+            }
+            None => Cow::Borrowed(start),
+        }
+    }
+
     /// Settles a start as a whole, and bending after it where it is nearly right. A mirrored one is tried unmirrored too.
     pub fn tries(&mut self, start: &Start, stop: Stop<'_>) {
+        let start = &*self.unmirrored(start);
         let is_followed = self.relief(start).is_some_and(|relief| relief > FOLLOWED);
         let whole = || self.found(start, start.mirrored, Manner::Whole, stop);
         let following = || self.found(start, start.mirrored, Manner::Following, stop);
         let (whole, following) = if is_followed { side_by_side(whole, following) } else { (whole(), None) };
         for (found, is_whole) in [(whole, true), (following, false)] {
             let positions = is_whole.then_some(&start.positions);
-            found.into_iter().for_each(|found| self.keep(found, start.mirrored, positions));
+            found.into_iter().for_each(|found| self.keep(found, (start.mirrored, start.apart), positions));
         }
         if start.mirrored {
             // What is nearly its own mirror image lies about there unmirrored, too.
             if let Some(positions) = self.settle(start, false, Manner::Whole, stop) {
-                self.settle(&Start { positions, mirrored: false }, false, Manner::Following, stop);
+                self.settle(&Start { positions, mirrored: false, apart: 0.0 }, false, Manner::Following, stop);
             }
         }
     }
@@ -257,7 +302,7 @@ impl<'a> Rests<'a> {
             Some((&pose.positions, settler.rough_from((aligned, halfway), stop)?))
         });
         let found: Vec<(&Vec<Vec3>, (Settled, LaidRoughly))> = found.into_iter().flatten().collect();
-        found.into_iter().for_each(|(start, found)| self.keep(found, false, Some(start)));
+        found.into_iter().for_each(|(start, found)| self.keep(found, (false, 0.0), Some(start)));
     }
 
     /// The same; but what only one of the two has (a crown, shoulders) may draw a pose off its place: where one agrees better than
@@ -276,41 +321,78 @@ impl<'a> Rests<'a> {
     }
 
     /// Lays the example after tips that are matched; where that is not convincing, after a start, too.
-    pub fn tries_tips(&mut self, tips: &[Landmark], start: Option<&Start>, stop: Stop<'_>) {
-        self.tries_led(tips, stop);
+    pub fn tries_tips(&mut self, tips: &MatchedTips, start: Option<&Start>, stop: Stop<'_>) {
+        let Some((landmarks, mirrored)) = self.oriented(tips) else { return };
+        self.tries_led(&landmarks, &[], mirrored, stop);
         if let Some(start) = start.filter(|_| !self.is_convincing()) {
-            self.tries_held(tips, start, stop);
+            let start = self.unmirrored(start).into_owned();
+            self.tries_held(&landmarks, &start, stop);
         }
+    }
+
+    /// Where nothing lies well, lays the example after the axes of its limbs, too, as tips that are matched tell of them.
+    pub fn tries_axes(&mut self, tips: &MatchedTips, stop: Stop<'_>) {
+        if !Stage::Limbs.is_on() || self.best().is_some_and(|best| worth(best) >= LIES_WELL) {
+            return;
+        }
+        let Some((landmarks, mirrored)) = self.oriented(tips) else { return };
+        let [example, input] = &self.tipped;
+        let axes = axis_points(example, input, &landmarks);
+        // Of few limbs with axes too little is told of the rest.
+        if axes.len() >= landmarks.len() {
+            self.tries_led(&landmarks, &axes, mirrored, stop);
+        }
+    }
+
+    /// Tips that are matched, as landmarks, and whether they lay the example mirrored: what is symmetric need never be, and other
+    /// surfaces whose pictures match mirrored may be each other's mirror image, or lie on their backs.
+    fn oriented<'t>(&self, tips: &'t MatchedTips) -> Option<(Cow<'t, [Landmark]>, bool)> {
+        let landmarks = tips.landmarks.as_slice();
+        let Some(symmetry) = self.symmetry() else {
+            let [plain, mirrored] = self.missed(landmarks)?;
+            return Some((Cow::Borrowed(landmarks), mirrored < plain));
+        };
+        let swapped = || landmarks.iter().map(|tip| symmetry.swapped_landmark(tip)).collect();
+        Some((if tips.mirrored { Cow::Owned(swapped()) } else { Cow::Borrowed(landmarks) }, false))
+    }
+
+    /// By how much landmarks are missed by the similarity that carries them best, unmirrored and mirrored.
+    fn missed(&self, landmarks: &[Landmark]) -> Option<[f64; 2]> {
+        Some([self.plain.missed(landmarks)?, self.mirrored.missed(landmarks)?])
     }
 
     /// Lays the example after a start that lays tips near their matches, with the tips held there: a limb that is near another slides
     /// along it otherwise.
     fn tries_held(&mut self, tips: &[Landmark], start: &Start, stop: Stop<'_>) {
-        let apart = tips.iter().map(|tip| tip.distance(&start.positions)).sum::<f64>();
-        if apart > AGREES * self.area.sqrt() * tips.len() as f64 {
+        if self.apart(tips, &start.positions) > AGREES {
             return;
         }
         let settler = if start.mirrored { &self.mirrored } else { &self.plain };
         if let Some(found) = settler.held_roughly(&start.positions, tips, stop) {
-            self.keep(found, start.mirrored, None);
+            self.keep(found, (start.mirrored, 0.0), None);
         }
     }
 
-    /// Lays the example after tips that are matched, in the orientation in which these are carried better.
-    fn tries_led(&mut self, tips: &[Landmark], stop: Stop<'_>) {
-        let (Some(plain), Some(mirrored)) = (self.plain.missed(tips), self.mirrored.missed(tips)) else { return };
-        let is_mirrored = mirrored < plain;
-        let settler = if is_mirrored { &self.mirrored } else { &self.plain };
-        if let Some(found) = settler.led_roughly(tips, stop) {
-            self.keep(found, is_mirrored, None);
+    /// Lays the example after tips that are matched, and after axes of its limbs, if there are any.
+    fn tries_led(&mut self, tips: &[Landmark], axes: &[AxisPoint], mirrored: bool, stop: Stop<'_>) {
+        let settler = if mirrored { &self.mirrored } else { &self.plain };
+        if let Some(found) = settler.led_roughly(tips, axes, stop) {
+            let apart = self.apart(tips, &found.0.positions);
+            self.keep(found, (mirrored, apart), None);
         }
+    }
+
+    /// How far an example whose vertices have these positions has its tips from their matches in the mean, in √area of the input.
+    fn apart(&self, tips: &[Landmark], positions: &[Vec3]) -> f64 {
+        let apart = tips.iter().map(|tip| tip.distance(positions)).sum::<f64>();
+        apart / (self.area.sqrt() * tips.len() as f64)
     }
 
     /// Lays a start roughly; returns where its vertices lie.
     fn settle(&mut self, start: &Start, mirrored: bool, manner: Manner, stop: Stop<'_>) -> Option<Vec<Vec3>> {
         let found = self.found(start, mirrored, manner, stop)?;
         let positions = found.0.positions.clone();
-        self.keep(found, mirrored, (manner == Manner::Whole).then_some(&start.positions));
+        self.keep(found, (mirrored, 0.0), (manner == Manner::Whole).then_some(&start.positions));
         Some(positions)
     }
 
@@ -320,15 +402,20 @@ impl<'a> Rests<'a> {
     }
 
     /// Keeps what was laid, and the start of what was laid as a whole; of places that are one, the surer.
-    fn keep(&mut self, (found, laid): (Settled, LaidRoughly), mirrored: bool, start: Option<&Vec<Vec3>>) {
-        let Settled { places, lost, off, evidence, positions, .. } = found;
+    fn keep(
+        &mut self,
+        (found, laid): (Settled, LaidRoughly),
+        (mirrored, apart): (bool, f64),
+        start: Option<&Vec<Vec3>>,
+    ) {
+        let positions = found.positions.clone();
         let reach = SAME * self.area.sqrt() * positions.len() as f64;
         let same = |laid: &RoughFit| {
             let apart = laid.positions.iter().zip(&positions).map(|(a, b)| (a - b).norm()).sum::<f64>();
             laid.rested.mirrored == mirrored && apart <= reach
         };
         let known = self.laid.iter().position(same);
-        let rested = Rested { places, lost, off, mirrored, evidence };
+        let rested = Rested::of(found, (mirrored, apart));
         let laid = RoughFit { rested, positions, laid, start: start.cloned() };
         match known {
             Some(k) if worth(&laid.rested) <= worth(&self.laid[k].rested) => {}
@@ -346,7 +433,7 @@ impl<'a> Rests<'a> {
 fn worth(of: &Rested) -> f64 {
     let sure = of.evidence.confidence();
     let sure = if sure.is_nan() { -1.0 } else { sure };
-    sure - if of.mirrored { MIRROR_MARGIN } else { 0.0 }
+    sure - APART_COUNTS * of.apart - if of.mirrored { MIRROR_MARGIN } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -376,6 +463,7 @@ mod tests {
         let moved = |by: f64| Start {
             positions: example.positions.iter().map(|p| p + Vec3::new(by, 0.0, 0.0)).collect(),
             mirrored: false,
+            apart: 0.0,
         };
         for (by, is_held) in [(0.02, true), (0.3, false)] {
             let mut rests = Rests::new(&example, &input).expect("areas");
@@ -395,7 +483,7 @@ mod tests {
         let (example, input) = (sheet(24, 1.0), sheet(60, 1.0));
         let moved = |by: f64, sign: f64| {
             let place = |p: &Vec3| Vec3::new(p.x + by, sign * p.y, sign * p.z);
-            Start { positions: example.positions.iter().map(place).collect(), mirrored: false }
+            Start { positions: example.positions.iter().map(place).collect(), mirrored: false, apart: 0.0 }
         };
         let mut rests = Rests::new(&example, &input).expect("areas");
         rests.tries_poses(&[moved(0.0, -1.0), moved(0.02, 1.0), moved(-0.02, 1.0)], &|| false);
@@ -419,7 +507,7 @@ mod tests {
             let n = example.positions.len();
             let tips: Vec<Landmark> = [30, n / 2 + 7, n - 40, n - 27].iter().map(tip).collect();
             let mut rests = Rests::new(&example, &input).expect("areas");
-            rests.tries_led(&tips, &|| false);
+            rests.tries_tips(&MatchedTips { landmarks: tips.clone(), mirrored: false }, None, &|| false);
             assert!(rests.is_convincing());
             let best = rests.into_best(&|| false).expect("settled");
             assert_eq!(best.mirrored, sign < 0.0);

@@ -3,7 +3,7 @@
 //! Each start (the likeliest rigid [`poses`], ways to match tips, or another example that leads) comes to rest as a whole and
 //! bends down to a twentieth of √area. The evidence of the best is that of a finished map, roughly. *Ours, not a paper's.*
 
-use super::rest::{Rested, Rests, Start};
+use super::rest::{MatchedTips, Rested, Rests, Start};
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::TriMesh;
@@ -67,6 +67,8 @@ pub struct RoughFit {
     pub places: Vec<Vec3>,
     /// Whether it lies mirrored.
     pub mirrored: bool,
+    /// How far tips that led it there end from their matches in the mean, in √area of the input.
+    pub apart: f64,
     /// From where it was laid, if that was as a whole.
     pub start: Option<Start>,
 }
@@ -76,7 +78,7 @@ pub struct RoughFit {
 pub fn rough(
     example: Shape<'_>,
     (input, ready): (&TriMesh, &RoughInput),
-    tips: &[Vec<Landmark>],
+    tips: &[MatchedTips],
     lead: Option<Lead<'_>>,
     stop: Stop<'_>,
 ) -> Option<RoughFit> {
@@ -92,6 +94,7 @@ pub fn rough(
             let posed: Vec<Start> =
                 found.iter().take(POSED).map(|(_, pose)| Start::posed(example.mesh, pose)).collect();
             rests.tries_poses(&posed, stop);
+            tips.iter().for_each(|tips| rests.tries_axes(tips, stop));
         }
     }
     let best = rests.best().filter(|_| !stop())?;
@@ -112,6 +115,7 @@ impl RoughFit {
             off,
             places,
             mirrored: rested.mirrored,
+            apart: rested.apart,
             start,
         }
     }

@@ -81,15 +81,23 @@ pub struct Atlas {
     pub cost: f64,
 }
 
-/// Ways to match the tips of two surfaces, at most `most` unmirrored and as many mirrored, best first: each a list of (vertex of
-/// the example's mesh, vertex of the query's). Empty where either has fewer than three, or they are no discs or spheres.
+/// Tips of two surfaces that match.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TipMatch {
+    /// (Vertex of the example's mesh, vertex of the query's).
+    pub pairs: Vec<(u32, u32)>,
+    /// Whether the match mirrors.
+    pub mirrored: bool,
+}
+
+/// Ways to match the tips of two surfaces, at most `most` unmirrored and as many mirrored, best first. Empty where either has fewer than three, or they are no discs or spheres.
 pub fn likely_matches(
     example: &Query,
     query: &Query,
     solver: &dyn Solver,
     most: usize,
     stop: &(dyn Fn() -> bool + Sync),
-) -> Vec<Vec<(u32, u32)>> {
+) -> Vec<TipMatch> {
     let sides = [example, query];
     let topology = example.encoding().topology;
     if !matches!(topology, Topology::Disc | Topology::Sphere) || topology != query.encoding().topology {
@@ -106,12 +114,12 @@ pub fn likely_matches(
         found.extend(many.map(|m| (m.cost, m.flip.is_mirror(), matcher.vertices(&m.assignment.pairs))));
     }
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut matches: Vec<Vec<(u32, u32)>> = Vec::new();
+    let mut matches: Vec<TipMatch> = Vec::new();
     let mut left = [most; 2];
-    for (_, is_mirrored, pairs) in found {
-        let left = &mut left[usize::from(is_mirrored)];
-        if *left > 0 && !matches.contains(&pairs) {
-            matches.push(pairs);
+    for (_, mirrored, pairs) in found {
+        let left = &mut left[usize::from(mirrored)];
+        if *left > 0 && !matches.iter().any(|known| known.pairs == pairs) {
+            matches.push(TipMatch { pairs, mirrored });
             *left -= 1;
         }
     }

@@ -18,6 +18,10 @@ pub enum Stage {
     Settle,
     /// It is tried where tips match.
     Tips,
+    /// The axes of limbs lead it, beside their tips.
+    Limbs,
+    /// What is symmetric lies unmirrored.
+    Symmetry,
     /// It is tried in rigid poses.
     Poses,
     /// A bulky example is posed about some of its points.
@@ -49,12 +53,14 @@ pub enum Stage {
 }
 
 /// All stages and their names, in the order in which they are passed.
-const NAMES: [(Stage, &str); 19] = [
+const NAMES: [(Stage, &str); 21] = [
     (Stage::Topologies, "topologies"),
     (Stage::Rough, "rough"),
     (Stage::Leads, "leads"),
     (Stage::Settle, "settle"),
     (Stage::Tips, "tips"),
+    (Stage::Limbs, "limbs"),
+    (Stage::Symmetry, "symmetry"),
     (Stage::Poses, "poses"),
     (Stage::Anchors, "anchors"),
     (Stage::Stretch, "stretch"),

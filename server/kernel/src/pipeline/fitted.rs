@@ -12,10 +12,10 @@ use super::registered::{self, Registered};
 use super::rested::{Asked, rest};
 use super::side::{Encoded, Facts, Side};
 use crate::encode::index::Location;
-use crate::fit::rest::{Rested, Rests, Start};
+use crate::fit::rest::{MatchedTips, Rested, Rests, Start};
 use crate::fit::rough::{between, between_by, spread};
 use crate::fit::{Cropped, Surface};
-use crate::map::atlas::likely_matches;
+use crate::map::atlas::{TipMatch, likely_matches};
 use crate::mesh::bvh::Bvh;
 use crate::mesh::{TriMesh, Vec3};
 use crate::numerics::stage::Stage;
@@ -93,14 +93,18 @@ pub(crate) fn fit(
     }
     let (one, two) = (surface(example)?, surface(query)?);
     let whole = from.as_ref().map(|from| registered::whole(from, example, query, stop)).transpose()?;
-    let whole = whole.map(|whole| Start { positions: whole.positions, mirrored: whole.mirrored });
+    let whole = whole.map(|whole| Start { positions: whole.positions, mirrored: whole.mirrored, apart: 0.0 });
     let input = Arc::clone(&two.query.chart.mesh);
     let relief = |rests: &Rests| whole.as_ref().and_then(|whole| rests.relief(whole)).unwrap_or(-1.0);
     let led = match lead.as_ref().filter(|_| held.is_empty()) {
         Some(lead) => led(lead, (example, &one), &input, stop)?,
         None => Vec::new(),
     };
-    let lies = rough.as_ref().map(|rough| Start { positions: rough.places.to_vec(), mirrored: rough.mirrored });
+    let lies = rough.as_ref().map(|rough| Start {
+        positions: rough.places.to_vec(),
+        mirrored: rough.mirrored,
+        apart: rough.apart,
+    });
     let sure = rough.as_ref().filter(|rough| rough.agreement >= SURE_ROUGHLY);
     let posed = sure.map(|rough| rough.start.as_deref().map_or(&[][..], std::slice::from_ref));
     let known = Known { held: &held, led: &led, rough: lies.as_ref(), posed };
@@ -226,12 +230,14 @@ fn settled(
     }
     let on = &*query.model;
     if on.has_tips(query.segment, input) && Stage::Tips.is_on() && !rests.is_convincing() {
-        for tips in &matched_tips([&one.query, &two.query], (mesh, input), LED, stop) {
+        let matches = matched_tips([&one.query, &two.query], (mesh, input), LED, stop);
+        for tips in &matches {
             rests.tries_tips(tips, whole, stop);
             if rests.is_convincing() {
                 break;
             }
         }
+        matches.iter().for_each(|tips| rests.tries_axes(tips, stop));
     }
     // Of two closed surfaces neither ends anywhere.
     let closed = |side: &Side| side.encoded.facts.topology == Topology::Sphere;
@@ -256,14 +262,13 @@ fn settled(
     Ok(best.map(|rested| Best { is_better: rested.evidence.relief > least, rested }))
 }
 
-/// The likeliest ways to match the tips of two surfaces, at most `most` of either orientation, as landmarks of an example's mesh
-/// on an input.
+/// The likeliest ways to match the tips of two surfaces, at most `most` of either orientation.
 pub(crate) fn matched_tips(
     [one, two]: [&Query; 2],
     (mesh, input): (&TriMesh, &TriMesh),
     most: usize,
     stop: Stop,
-) -> Vec<Vec<KernelLandmark>> {
+) -> Vec<MatchedTips> {
     let (own, there) = (&one.chart.mesh, &two.chart.mesh);
     let pair = |(a, b): &(u32, u32)| Some((*own.positions.get(*a as usize)?, *there.positions.get(*b as usize)?));
     let matches = likely_matches(one, two, &LevenbergMarquardt::default(), most, stop);
@@ -271,8 +276,11 @@ pub(crate) fn matched_tips(
         return Vec::new();
     }
     let (on_example, on_input) = (Bvh::new(mesh), Bvh::new(input));
-    let pairs = |tips: &Vec<(u32, u32)>| tips.iter().filter_map(pair).collect::<Vec<_>>();
-    matches.iter().map(|tips| between_by((mesh, &on_example), &on_input, &pairs(tips))).collect()
+    let landmarks = |TipMatch { pairs, mirrored }: &TipMatch| {
+        let pairs: Vec<(Vec3, Vec3)> = pairs.iter().filter_map(pair).collect();
+        MatchedTips { landmarks: between_by((mesh, &on_example), &on_input, &pairs), mirrored: *mirrored }
+    };
+    matches.iter().map(landmarks).collect()
 }
 
 /// The registration of all of both: the one given, unless that is of a part; `None` where the topologies differ.

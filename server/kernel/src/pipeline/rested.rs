@@ -56,7 +56,7 @@ pub(crate) fn rest(
     Asked { beyond, held, are_wholes }: Asked<'_>,
     stop: Stop,
 ) -> Result<Fitted, PipelineError> {
-    let Rested { places, lost, off, mirrored, evidence } = rested;
+    let Rested { places, lost, off, mirrored, evidence, .. } = rested;
     let (chart, sign) = (&two.query.chart, registered::sign(mirrored));
     let (locations, positions) = places.into_iter().map(|p| (Location::from(p), p.point)).unzip();
     let mut cross = CrossMap { locations, positions };

@@ -29,6 +29,8 @@ pub struct Rough {
     pub places: Arc<Vec<Vec3>>,
     /// Whether it lies mirrored.
     pub mirrored: bool,
+    /// How far tips that led it there end from their matches in the mean, in √area of the query.
+    pub apart: f64,
     /// True where both are closed, and the query is most of its scan: neither ends anywhere.
     pub are_wholes: bool,
     /// From where it was laid, if that was as a whole.
@@ -97,6 +99,7 @@ pub fn lay(
         off: fit.off,
         places: Arc::new(fit.places),
         mirrored: fit.mirrored,
+        apart: fit.apart,
         are_wholes,
         start: fit.start.map(Arc::new),
     }))

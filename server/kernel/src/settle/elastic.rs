@@ -131,12 +131,15 @@ impl<'a> Body<'a> {
         })
     }
 
-    /// Landmarks pull at the nodes that they belong to; `all` is where the vertices are.
+    /// Landmarks pull at the nodes that their corners belong to; `all` is where the vertices are.
     fn hold(&self, pose: &Pose, all: &[Vec3], held: &[Held], pull: &mut Pull) {
         for landmark in held {
-            let k = self.nodes.owner[landmark.vertex()] as usize;
-            pull.stiff[k] += Matrix3::from_diagonal_element(HELD);
-            pull.to[k] += (landmark.to - landmark.at(all) + pose.places[k]) * HELD;
+            let missing = landmark.to - landmark.at(all);
+            for (v, weight) in landmark.corners {
+                let (k, w) = (self.nodes.owner[v as usize] as usize, HELD * weight);
+                pull.stiff[k] += Matrix3::from_diagonal_element(w);
+                pull.to[k] += (missing + pose.places[k]) * w;
+            }
         }
     }
 

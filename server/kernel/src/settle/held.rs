@@ -28,6 +28,15 @@ pub struct Landmark {
     pub to: Closest,
 }
 
+/// A point of the axis of one of the example's limbs, which goes to the axis of one of the input's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxisPoint {
+    /// Vertices about it with their weights, whose sum is 1.
+    pub corners: [(u32, f64); 3],
+    /// The point within the input.
+    pub to: Vec3,
+}
+
 /// A landmark in the frame of a start.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Held {
@@ -56,16 +65,16 @@ impl Landmark {
     }
 }
 
+impl AxisPoint {
+    pub(super) fn seen_from(&self, frame: &Similarity) -> Held {
+        Held { corners: self.corners, to: frame.undo(&self.to) }
+    }
+}
+
 impl Held {
     /// Where it is.
     pub(super) fn at(&self, positions: &[Vec3]) -> Vec3 {
         weighted(&self.corners, positions)
-    }
-
-    /// The vertex with the greatest weight.
-    pub(super) fn vertex(&self) -> usize {
-        let first = self.corners[0];
-        self.corners.iter().fold(first, |a, b| if b.1 > a.1 { *b } else { a }).0 as usize
     }
 }
 

@@ -106,7 +106,7 @@ pub(super) fn singular_values(m: &Matrix3<f64>) -> [f64; 3] {
 
 /// Eigenvalues and eigenvectors (columns) of a symmetric matrix of which the upper triangle is read. *Source:* Jacobi's
 /// cyclic rotations.
-fn eigen<const N: usize>(mut a: [[f64; N]; N]) -> ([f64; N], [[f64; N]; N]) {
+pub(super) fn eigen<const N: usize>(mut a: [[f64; N]; N]) -> ([f64; N], [[f64; N]; N]) {
     let mut v = [[0.0; N]; N];
     for i in 0..N {
         v[i][i] = 1.0;

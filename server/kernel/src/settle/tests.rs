@@ -216,7 +216,7 @@ fn tips_lead_the_example_and_let_go_of_it() {
     let tree = Bvh::new(&large);
     tips[0].to = tree.closest(tips[0].to.point + Vec3::new(0.1, 0.0, 0.0));
     let settler = Settler::new(&half, &large, 1.0, &Options::default()).expect("areas");
-    let (_, rough) = settler.led_roughly(&tips, &go).expect("to be laid");
+    let (_, rough) = settler.led_roughly(&tips, &[], &go).expect("to be laid");
     let settled = settler.fine_from(&rough, &go).expect("to be settled").0;
     let (mean, most) = off(&half, &settled);
     assert!(mean < 0.02 && most < 0.1, "{mean} {most}");
