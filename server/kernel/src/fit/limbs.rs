@@ -172,7 +172,7 @@ fn spanning(mesh: &TriMesh, ring: &Ring) -> Option<[(u32, f64); 3]> {
     let (a, b, to) = (at(two) - at(one), at(three) - at(one), ring.middle - at(one));
     let normal = a.cross(&b);
     let area = normal.norm_squared();
-    if !(area > 0.0) {
+    if area.is_nan() || area <= 0.0 {
         return None;
     }
     let (second, third) = (to.cross(&b).dot(&normal) / area, a.cross(&to).dot(&normal) / area);

@@ -50,7 +50,7 @@ impl Symmetry {
         let planes = (0..3).map(|k| Plane { normal: along(k), d: along(k).dot(&centre) });
         let (away, plane) =
             planes.filter_map(|plane| fitted(plane, &samples, &tree)).min_by(|a, b| a.0.total_cmp(&b.0))?;
-        if !(away <= SYMMETRIC * area.sqrt()) {
+        if away.is_nan() || away > SYMMETRIC * area.sqrt() {
             return None;
         }
         let image = |x: &Vec3| {
