@@ -25,7 +25,7 @@ fn settled(example: &TriMesh, input: &TriMesh, stopped: Stop<'_>) -> Option<f64>
     let mut rests = Rests::new(example, input)?;
     for (_, pose) in poses(example, input, [true, true], Sought::Thoroughly, stopped).iter().take(POSED) {
         let positions = example.positions.iter().map(|x| pose.apply(x)).collect();
-        rests.tries(&Start { positions, mirrored: false }, stopped);
+        rests.tries(&Start { positions, mirrored: false, apart: 0.0 }, stopped);
     }
     Some(rests.into_best(stopped)?.evidence.relief)
 }
