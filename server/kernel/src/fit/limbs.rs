@@ -48,7 +48,7 @@ impl<'a> Tipped<'a> {
     }
 }
 
-/// What is as far from a tip, if that is one ring.
+/// A ring about a limb: all its points are as far from the limb's tip.
 struct Ring {
     middle: Vec3,
     length: f64,
@@ -95,11 +95,9 @@ pub fn axis_points(example: &Tipped<'_>, input: &Tipped<'_>, tips: &[Landmark]) 
 
 /// The vertices of example and input at which a tip is.
 fn ends(tip: &Landmark, input: &TriMesh) -> Option<(u32, u32)> {
-    let first = tip.corners[0];
-    let own = tip.corners.iter().fold(first, |a, b| if b.1 > a.1 { *b } else { a }).0;
     let corners = input.triangles.get(tip.to.triangle as usize)?;
     let most = (0..3).max_by(|&a, &b| tip.to.barycentric[a].total_cmp(&tip.to.barycentric[b]))?;
-    Some((own, corners[most]))
+    Some((tip.vertex(), corners[most]))
 }
 
 /// The rings at some distances from a tip; `None` where what is as far is more than one, or nothing.

@@ -74,7 +74,7 @@ pub struct Start {
 pub struct MatchedTips {
     /// Points of the example with theirs on the input.
     pub landmarks: Vec<Landmark>,
-    /// Whether the match mirrors, as the pictures have it.
+    /// True where the pictures match mirrored.
     pub mirrored: bool,
 }
 

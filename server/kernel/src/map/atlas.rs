@@ -86,11 +86,12 @@ pub struct Atlas {
 pub struct TipMatch {
     /// (Vertex of the example's mesh, vertex of the query's).
     pub pairs: Vec<(u32, u32)>,
-    /// Whether the match mirrors.
+    /// True where the match mirrors.
     pub mirrored: bool,
 }
 
-/// Ways to match the tips of two surfaces, at most `most` unmirrored and as many mirrored, best first. Empty where either has fewer than three, or they are no discs or spheres.
+/// Ways to match the tips of two surfaces, at most `most` unmirrored and as many mirrored, best first. Empty where either has
+/// fewer than three, or they are no discs or spheres.
 pub fn likely_matches(
     example: &Query,
     query: &Query,

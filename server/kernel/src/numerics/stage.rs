@@ -20,7 +20,7 @@ pub enum Stage {
     Tips,
     /// The axes of limbs lead it, beside their tips.
     Limbs,
-    /// What is symmetric lies unmirrored.
+    /// A symmetric example is laid unmirrored.
     Symmetry,
     /// It is tried in rigid poses.
     Poses,

@@ -1,6 +1,6 @@
 //! Landmarks: points of the example that a caller holds on points of the input.
 //!
-//! The similarity that carries them there best is a start. Each pulls, all along, at the node to which its vertex belongs. Three
+//! The similarity that carries them there best is a start. Each pulls, all along, at the nodes to which its corners belong. Three
 //! points leave open which side of their plane is out, so the normals count as well. *Ours, not a paper's.*
 
 use super::input_surface::InputSurface;
@@ -54,6 +54,12 @@ impl Landmark {
     /// How far it is from its point where the example's vertices have these positions.
     pub fn distance(&self, positions: &[Vec3]) -> f64 {
         (self.of(positions) - self.to.point).norm()
+    }
+
+    /// The vertex of the example that it is nearest to: the one with the greatest weight.
+    pub fn vertex(&self) -> u32 {
+        let first = self.corners[0];
+        self.corners.iter().fold(first, |a, b| if b.1 > a.1 { *b } else { a }).0
     }
 
     pub(super) fn seen_from(&self, frame: &Similarity) -> Held {

@@ -69,9 +69,7 @@ impl Symmetry {
 
     /// The same of a landmark: the mirror image of its point goes where the point went.
     pub fn swapped_landmark(&self, landmark: &Landmark) -> Landmark {
-        let first = landmark.corners[0];
-        let (v, _) = landmark.corners.iter().fold(first, |a, b| if b.1 > a.1 { *b } else { a });
-        Landmark { corners: self.images[v as usize], to: landmark.to }
+        Landmark { corners: self.images[landmark.vertex() as usize], to: landmark.to }
     }
 }
 
