@@ -37,6 +37,7 @@ pub use symmetry::Symmetry;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::{Bvh, Closest};
 use crate::mesh::tri::TriMesh;
+use crate::numerics::Pattern;
 use crate::numerics::stop::Stop;
 use align::Rigid;
 use elastic::{Body, View};
@@ -45,7 +46,8 @@ use held::{HELD_AS_WHOLE, Held};
 use input_surface::{InputSurface, Known, Samples, Seen};
 use matches::Partners;
 use rest::{Nodes, Pose, Rest};
-use std::sync::Arc;
+use std::cell::OnceCell;
+use std::sync::{Arc, OnceLock};
 
 /// How the example comes from the start to the input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -170,6 +172,8 @@ pub struct Settler<'a> {
     options: Options,
     rest: Rest,
     nodes: [Nodes; 3],
+    /// Of the systems of each set of nodes, analysed when it first bends.
+    patterns: [OnceLock<Option<Pattern>>; 3],
     rigid: Rigid,
     ground: InputSurface<'a>,
     input: Arc<PreparedInput>,
@@ -253,7 +257,8 @@ impl<'a> Settler<'a> {
         let nodes = options.nodes.map(|count| rest.nodes(count));
         let rigid = Rigid::new(&rest, &nodes[1]);
         let ground = InputSurface::of(mesh, &input.known);
-        Some(Self { options: *options, rest, nodes, rigid, ground, input, landmarks: Vec::new() })
+        let patterns = Default::default();
+        Some(Self { options: *options, rest, nodes, patterns, rigid, ground, input, landmarks: Vec::new() })
     }
 
     /// The example's vertex at rest, from which [`Aligned::similarity`] leads to the input: centred, of unit area.
@@ -444,7 +449,9 @@ impl<'a> Settler<'a> {
     }
 
     fn body(&self, level: usize) -> Option<Body<'_>> {
-        Body::new(&self.rest, &self.nodes[level], &self.nodes[(level + 1).min(2)])
+        let nodes = &self.nodes[level];
+        let pattern = self.patterns[level].get_or_init(|| elastic::pattern(nodes)).clone()?;
+        Some(Body::new(&self.rest, (nodes, pattern), &self.nodes[(level + 1).min(2)]))
     }
 
     /// Hands the pose over to other nodes.
@@ -479,12 +486,13 @@ impl<'a> Settler<'a> {
         [finest, from]: [f64; 2],
         stop: Stop<'_>,
     ) -> Option<()> {
-        let fine = Seen::new(self.input.fine.seen_from(&setting.frame));
+        let fine = OnceCell::new();
+        let see_finely = || Seen::new(self.input.fine.seen_from(&setting.frame));
         let mut body: Body<'s> = self.body(*level)?;
         let mut partners = Partners::default();
         for (r, rounds, wanted) in SCALES.into_iter().filter(|s| (finest..=from).contains(&s.0)) {
             self.change(pose, &mut body, level, wanted)?;
-            let seen = if r < FINE_BELOW { &fine } else { &setting.coarse };
+            let seen = if r < FINE_BELOW { fine.get_or_init(see_finely) } else { &setting.coarse };
             let view = View { seen, sent: &setting.sent, share: self.share(setting), held: &setting.held };
             body.bend(pose, (view, &mut partners), (r, rounds), stop)?;
         }

@@ -6,8 +6,9 @@
 
 use super::stop;
 
-/// Items of a microsecond each from which on a second thread, which costs some 50 µs, is worth while.
-const MANY: usize = 256;
+/// Items of a microsecond each from which on a second thread is worth while: it starts some 100 µs late, and on a virtual machine
+/// two halves of 200 µs each take as long as both on one thread (tests/records/threads-2026-11-28.md).
+const MANY: usize = 1024;
 
 /// Runs both, the second on a thread of its own where one can be had, and returns both results; each is the same
 /// whatever thread it ran on. The second is interrupted as the caller is, and its steps are counted as the caller's. A panic of

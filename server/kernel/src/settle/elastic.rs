@@ -76,15 +76,21 @@ struct Stiffness {
     keep: f64,
 }
 
+/// The pattern of the system whose unknowns are the nodes' places and maps, in one coordinate: four a node, (x, L's row); `None` where
+/// it does not fit in memory.
+pub(super) fn pattern(nodes: &Nodes) -> Option<Pattern> {
+    let between = nodes.edges.iter().flat_map(|e| (0..16u32).map(move |k| (4 * e.0 + k / 4, 4 * e.1 + k % 4)));
+    let within = (0..nodes.vertices.len() as u32)
+        .flat_map(|i| [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)].map(|(p, q)| (4 * i + p, 4 * i + q)));
+    Pattern::new(4 * nodes.vertices.len(), between.chain(within)).ok()
+}
+
 impl<'a> Body<'a> {
-    pub(super) fn new(rest: &'a Rest, nodes: &'a Nodes, data: &'a Nodes) -> Option<Self> {
+    /// Of nodes, with the [pattern] of their system.
+    pub(super) fn new(rest: &'a Rest, (nodes, pattern): (&'a Nodes, Pattern), data: &'a Nodes) -> Self {
         let at = |k: u32| rest.positions[nodes.vertices[k as usize] as usize];
         let ways = nodes.edges.iter().map(|(i, j, _)| at(*j) - at(*i)).collect();
-        let between = nodes.edges.iter().flat_map(|e| (0..16u32).map(move |k| (4 * e.0 + k / 4, 4 * e.1 + k % 4)));
-        let within = (0..nodes.vertices.len() as u32)
-            .flat_map(|i| [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)].map(|(p, q)| (4 * i + p, 4 * i + q)));
-        let pattern = Pattern::new(4 * nodes.vertices.len(), between.chain(within)).ok()?;
-        Some(Self { rest, nodes, data, ways, pattern })
+        Self { rest, nodes, data, ways, pattern }
     }
 
     /// Rounds at scale r towards the input; `None` when stopped or where there is nothing to solve.

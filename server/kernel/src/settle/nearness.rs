@@ -54,7 +54,8 @@ impl Nearness {
 
     fn add(&mut self, point: &Vec3, normal: &Vec3) {
         let [xs, ys, zs] = [0, 1, 2].map(|d| self.row(point, d));
-        let facing = [normal.x, -normal.x, normal.y, -normal.y, normal.z, -normal.z].map(|n| 255.0 * n.max(0.0) as f32);
+        // Along each axis it faces one way alone.
+        let facing = [0, 1, 2].map(|d| (2 * d + usize::from(normal[d] < 0.0), 255.0 * normal[d].abs() as f32));
         for (z, away_z, near_z) in &zs {
             for (y, away_y, near_y) in &ys {
                 let first = self.size[0] * (y + self.size[1] * z);
@@ -63,8 +64,9 @@ impl Nearness {
                         continue;
                     }
                     let near = near_x * near_y * near_z;
-                    for (lobe, facing) in self.lobes[first + x].iter_mut().zip(facing) {
-                        *lobe = (*lobe).max((near * facing + 0.5) as u8);
+                    let lobes = &mut self.lobes[first + x];
+                    for (lobe, facing) in facing {
+                        lobes[lobe] = lobes[lobe].max((near * facing + 0.5) as u8);
                     }
                 }
             }
