@@ -235,6 +235,13 @@ const LIMITS: [(&str, f64, f64); 7] = [
     ("the share {} of the input's features is missing in the example", 0.1, 0.5),
 ];
 
+/// Whether a map may be good by what is known of it before it settles: its cost, and how it changes angles, in degrees, for one face in
+/// twenty.
+pub fn may_be_good(cost: f64, laid_angle_p95_deg: f64, is_ring: bool) -> bool {
+    let [(_, cost_good, _), .., (_, angle_good, _), _, _] = LIMITS;
+    (is_ring || cost <= cost_good) && laid_angle_p95_deg <= angle_good
+}
+
 /// The verdict with a sentence for each measure that is not good.
 pub fn verdict(evidence: &Evidence) -> (Verdict, Vec<String>) {
     let of_pictures = |value: f64| if evidence.is_ring { 0.0 } else { value };
@@ -338,6 +345,30 @@ mod tests {
         assert_eq!(flat([false, true]).1, ["the scan is flat, and the example is not"]);
         let bare = Coverage { uncovered_share: 0.3, ..good.coverage };
         assert_eq!(verdict(&Evidence { coverage: bare, ..good }).0, Verdict::Poor);
+    }
+
+    #[test]
+    fn what_is_known_before_a_map_settles_may_rule_out_that_it_is_good() {
+        let judged = |cost, laid_angle_p95_deg, is_ring| {
+            let coverage = Coverage { uncovered_share: 0.0, features: 4, missing: 0 };
+            let (modulus_log, turned_share, angle_p95_deg, is_flat) = (0.0, 0.0, 20.0, [false; 2]);
+            let all = Evidence {
+                cost,
+                modulus_log,
+                turned_share,
+                angle_p95_deg,
+                laid_angle_p95_deg,
+                coverage,
+                is_flat,
+                is_ring,
+            };
+            verdict(&all).0 == Verdict::Good
+        };
+        for (cost, angle) in [(0.1, 24.0), (0.13, 24.0), (0.1, 26.0), (0.9, 90.0)] {
+            for is_ring in [false, true] {
+                assert_eq!(may_be_good(cost, angle, is_ring), judged(cost, angle, is_ring), "{cost} {angle}");
+            }
+        }
     }
 
     #[test]

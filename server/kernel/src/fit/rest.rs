@@ -118,6 +118,24 @@ struct RoughFit {
     start: Option<Vec<Vec3>>,
 }
 
+/// A place at which an example was tried, laid roughly.
+#[derive(Debug)]
+pub struct Candidate {
+    settled: Settled,
+    laid: LaidRoughly,
+    mirrored: bool,
+    /// How far the tips that led it there end from their matches in the mean, in √area of the input.
+    apart: f64,
+    /// The start, where it was laid as a whole.
+    start: Option<Vec<Vec3>>,
+}
+
+impl Candidate {
+    fn of((settled, laid): (Settled, LaidRoughly), mirrored: bool) -> Self {
+        Self { settled, laid, mirrored, apart: 0.0, start: None }
+    }
+}
+
 /// An example and an input, prepared for many starts.
 pub struct Rests<'a> {
     /// The example's mirror image in itself, found when it is asked for.
@@ -201,8 +219,7 @@ impl<'a> Rests<'a> {
         finalists.sort_by(|a, b| worth(&b.rested).total_cmp(&worth(&a.rested)));
         finalists.truncate(FINALISTS);
         let settled = |RoughFit { rested: Rested { mirrored, apart, .. }, laid, .. }: &RoughFit| {
-            let settler = if *mirrored { &self.mirrored } else { &self.plain };
-            let (settled, laid) = settler.fine_from(laid, stop)?;
+            let (settled, laid) = self.settler(*mirrored).fine_from(laid, stop)?;
             Some((Rested::of(settled, (*mirrored, *apart)), laid))
         };
         let all = in_halves(&finalists, settled).into_iter().collect::<Option<Vec<(Rested, LaidRoughly)>>>();
@@ -215,7 +232,7 @@ impl<'a> Rests<'a> {
     /// at once, or else to one after another. What speaks for its place is what spoke for it before: limbs that are longer bend more,
     /// and are no less right. `None` when stopped.
     fn reaching(&self, mut best: Rested, mut laid: LaidRoughly, stop: Stop<'_>) -> Option<Rested> {
-        let settler = if best.mirrored { &self.mirrored } else { &self.plain };
+        let settler = self.settler(best.mirrored);
         let Bare { mut share, tips } = settler.bare(&laid);
         let Evidence { relief, bend, normal_disagreement, .. } = best.evidence;
         let least = worth(&best) - REACHING_MARGIN;
@@ -263,21 +280,33 @@ impl<'a> Rests<'a> {
 
     /// Settles a start as a whole, and bending after it where it is nearly right. A mirrored one is tried unmirrored too.
     pub fn tries(&mut self, start: &Start, stop: Stop<'_>) {
+        let tried = self.tried(start, stop);
+        self.take(tried);
+    }
+
+    /// What [`Self::tries`] finds; nothing of it is [taken](Self::take) yet.
+    pub fn tried(&self, start: &Start, stop: Stop<'_>) -> Vec<Candidate> {
         let start = &*self.unmirrored(start);
         let is_followed = self.relief(start).is_some_and(|relief| relief > FOLLOWED);
-        let whole = || self.found(start, start.mirrored, Manner::Whole, stop);
-        let following = || self.found(start, start.mirrored, Manner::Following, stop);
+        let whole = || self.settled(start, start.mirrored, Manner::Whole, stop);
+        let following = || self.settled(start, start.mirrored, Manner::Following, stop);
         let (whole, following) = if is_followed { side_by_side(whole, following) } else { (whole(), None) };
-        for (found, is_whole) in [(whole, true), (following, false)] {
-            let positions = is_whole.then_some(&start.positions);
-            found.into_iter().for_each(|found| self.keep(found, (start.mirrored, start.apart), positions));
-        }
+        let of_start = |candidate| Candidate { apart: start.apart, ..candidate };
+        let mut found: Vec<Candidate> = whole.into_iter().chain(following).map(of_start).collect();
         if start.mirrored {
             // What is nearly its own mirror image lies about there unmirrored, too.
-            if let Some(positions) = self.settle(start, false, Manner::Whole, stop) {
-                self.settle(&Start { positions, mirrored: false, apart: 0.0 }, false, Manner::Following, stop);
+            if let Some(plain) = self.settled(start, false, Manner::Whole, stop) {
+                let next = Start { positions: plain.settled.positions.clone(), mirrored: false, apart: 0.0 };
+                let following = self.settled(&next, false, Manner::Following, stop);
+                found.extend([plain].into_iter().chain(following));
             }
         }
+        found
+    }
+
+    /// Keeps what was tried.
+    pub fn take(&mut self, tried: Vec<Candidate>) {
+        tried.into_iter().for_each(|candidate| self.keep(candidate));
     }
 
     /// Settles the likeliest of some unmirrored poses as wholes: all where they rest, those that rest at one place once; of these the
@@ -299,10 +328,10 @@ impl<'a> Rests<'a> {
             .filter(|(_, halfway)| sure(halfway) >= best - NEAR_HALFWAY)
             .collect();
         let found = in_halves(&near, |((pose, aligned), halfway)| {
-            Some((&pose.positions, settler.rough_from((aligned, halfway), stop)?))
+            let start = Some(pose.positions.clone());
+            Some(Candidate { start, ..Candidate::of(settler.rough_from((aligned, halfway), stop)?, false) })
         });
-        let found: Vec<(&Vec<Vec3>, (Settled, LaidRoughly))> = found.into_iter().flatten().collect();
-        found.into_iter().for_each(|(start, found)| self.keep(found, (false, 0.0), Some(start)));
+        self.take(found.into_iter().flatten().collect());
     }
 
     /// The same; but what only one of the two has (a crown, shoulders) may draw a pose off its place: where one agrees better than
@@ -315,33 +344,54 @@ impl<'a> Rests<'a> {
             }
             let best = self.best().map_or(FOLLOWED, |best| best.evidence.relief.max(FOLLOWED));
             if self.relief(pose).is_some_and(|relief| relief > best) {
-                self.settle(pose, false, Manner::Following, stop);
+                let following = self.settled(pose, false, Manner::Following, stop);
+                self.take(following.into_iter().collect());
             }
         }
     }
 
-    /// Lays the example after tips that are matched; where that is not convincing, after a start, too.
-    pub fn tries_tips(&mut self, tips: &MatchedTips, start: Option<&Start>, stop: Stop<'_>) {
-        let Some((landmarks, mirrored)) = self.oriented(tips) else { return };
-        self.tries_led(&landmarks, &[], mirrored, stop);
-        if let Some(start) = start.filter(|_| !self.is_convincing()) {
-            let start = self.unmirrored(start).into_owned();
-            self.tries_held(&landmarks, &start, stop);
+    /// Lays the example after tips that are matched, by one way after the other until one is convincing; where one is not, after a
+    /// start, too. All are laid side by side.
+    pub fn tries_tips(&mut self, matches: &[MatchedTips], start: Option<&Start>, stop: Stop<'_>) {
+        let start = start.map(|start| self.unmirrored(start));
+        let tried = in_halves(matches, |tips| {
+            let (landmarks, mirrored) = self.oriented(tips)?;
+            let held = start.as_ref().and_then(|start| self.held(&landmarks, start, stop));
+            Some([self.led(&landmarks, &[], mirrored, stop), held])
+        });
+        for [led, held] in tried.into_iter().flatten() {
+            self.take(led.into_iter().collect());
+            if !self.is_convincing() {
+                self.take(held.into_iter().collect());
+            }
+            if self.is_convincing() {
+                return;
+            }
         }
     }
 
     /// Where nothing lies well, lays the example after the axes of its limbs, too, as tips that are matched tell of them.
-    pub fn tries_axes(&mut self, tips: &MatchedTips, stop: Stop<'_>) {
-        if !Stage::Limbs.is_on() || self.best().is_some_and(|best| worth(best) >= LIES_WELL) {
+    pub fn tries_axes(&mut self, matches: &[MatchedTips], stop: Stop<'_>) {
+        if !Stage::Limbs.is_on() || self.lies_well() {
             return;
         }
-        let Some((landmarks, mirrored)) = self.oriented(tips) else { return };
-        let [example, input] = &self.tipped;
-        let axes = axis_points(example, input, &landmarks);
-        // Of few limbs with axes too little is told of the rest.
-        if axes.len() >= landmarks.len() {
-            self.tries_led(&landmarks, &axes, mirrored, stop);
+        let tried = in_halves(matches, |tips| {
+            let (landmarks, mirrored) = self.oriented(tips)?;
+            let [example, input] = &self.tipped;
+            let axes = axis_points(example, input, &landmarks);
+            // Of few limbs with axes too little is told of the rest.
+            (axes.len() >= landmarks.len()).then(|| self.led(&landmarks, &axes, mirrored, stop))?
+        });
+        for candidate in tried.into_iter().flatten() {
+            self.keep(candidate);
+            if self.lies_well() {
+                return;
+            }
         }
+    }
+
+    fn lies_well(&self) -> bool {
+        self.best().is_some_and(|best| worth(best) >= LIES_WELL)
     }
 
     /// Tips that are matched, as landmarks, and whether they lay the example mirrored: what is symmetric need never be, and other
@@ -363,23 +413,18 @@ impl<'a> Rests<'a> {
 
     /// Lays the example after a start that lays tips near their matches, with the tips held there: a limb that is near another slides
     /// along it otherwise.
-    fn tries_held(&mut self, tips: &[Landmark], start: &Start, stop: Stop<'_>) {
+    fn held(&self, tips: &[Landmark], start: &Start, stop: Stop<'_>) -> Option<Candidate> {
         if self.apart(tips, &start.positions) > AGREES {
-            return;
+            return None;
         }
-        let settler = if start.mirrored { &self.mirrored } else { &self.plain };
-        if let Some(found) = settler.held_roughly(&start.positions, tips, stop) {
-            self.keep(found, (start.mirrored, 0.0), None);
-        }
+        let found = self.settler(start.mirrored).held_roughly(&start.positions, tips, stop)?;
+        Some(Candidate::of(found, start.mirrored))
     }
 
     /// Lays the example after tips that are matched, and after axes of its limbs, if there are any.
-    fn tries_led(&mut self, tips: &[Landmark], axes: &[AxisPoint], mirrored: bool, stop: Stop<'_>) {
-        let settler = if mirrored { &self.mirrored } else { &self.plain };
-        if let Some(found) = settler.led_roughly(tips, axes, stop) {
-            let apart = self.apart(tips, &found.0.positions);
-            self.keep(found, (mirrored, apart), None);
-        }
+    fn led(&self, tips: &[Landmark], axes: &[AxisPoint], mirrored: bool, stop: Stop<'_>) -> Option<Candidate> {
+        let found = Candidate::of(self.settler(mirrored).led_roughly(tips, axes, stop)?, mirrored);
+        Some(Candidate { apart: self.apart(tips, &found.settled.positions), ..found })
     }
 
     /// How far an example whose vertices have these positions has its tips from their matches in the mean, in √area of the input.
@@ -388,35 +433,27 @@ impl<'a> Rests<'a> {
         apart / (self.area.sqrt() * tips.len() as f64)
     }
 
-    /// Lays a start roughly; returns where its vertices lie.
-    fn settle(&mut self, start: &Start, mirrored: bool, manner: Manner, stop: Stop<'_>) -> Option<Vec<Vec3>> {
-        let found = self.found(start, mirrored, manner, stop)?;
-        let positions = found.0.positions.clone();
-        self.keep(found, (mirrored, 0.0), (manner == Manner::Whole).then_some(&start.positions));
-        Some(positions)
+    /// Lays a start roughly.
+    fn settled(&self, start: &Start, mirrored: bool, manner: Manner, stop: Stop<'_>) -> Option<Candidate> {
+        let found = Candidate::of(self.settler(mirrored).rough(&start.positions, manner, stop)?, mirrored);
+        Some(Candidate { start: (manner == Manner::Whole).then(|| start.positions.clone()), ..found })
     }
 
-    fn found(&self, start: &Start, mirrored: bool, manner: Manner, stop: Stop<'_>) -> Option<(Settled, LaidRoughly)> {
-        let settler = if mirrored { &self.mirrored } else { &self.plain };
-        settler.rough(&start.positions, manner, stop)
+    fn settler(&self, mirrored: bool) -> &Settler<'a> {
+        if mirrored { &self.mirrored } else { &self.plain }
     }
 
-    /// Keeps what was laid, and the start of what was laid as a whole; of places that are one, the surer.
-    fn keep(
-        &mut self,
-        (found, laid): (Settled, LaidRoughly),
-        (mirrored, apart): (bool, f64),
-        start: Option<&Vec<Vec3>>,
-    ) {
-        let positions = found.positions.clone();
+    /// Keeps a place; of places that are one, the surer.
+    fn keep(&mut self, Candidate { settled, laid, mirrored, apart, start }: Candidate) {
+        let positions = settled.positions.clone();
         let reach = SAME * self.area.sqrt() * positions.len() as f64;
         let same = |laid: &RoughFit| {
             let apart = laid.positions.iter().zip(&positions).map(|(a, b)| (a - b).norm()).sum::<f64>();
             laid.rested.mirrored == mirrored && apart <= reach
         };
         let known = self.laid.iter().position(same);
-        let rested = Rested::of(found, (mirrored, apart));
-        let laid = RoughFit { rested, positions, laid, start: start.cloned() };
+        let rested = Rested::of(settled, (mirrored, apart));
+        let laid = RoughFit { rested, positions, laid, start };
         match known {
             Some(k) if worth(&laid.rested) <= worth(&self.laid[k].rested) => {}
             Some(k) => self.laid[k] = laid,
@@ -426,7 +463,7 @@ impl<'a> Rests<'a> {
 
     /// How well an unsettled start agrees.
     pub fn relief(&self, start: &Start) -> Option<f64> {
-        if start.mirrored { self.mirrored.relief(&start.positions) } else { self.plain.relief(&start.positions) }
+        self.settler(start.mirrored).relief(&start.positions)
     }
 }
 
@@ -467,7 +504,8 @@ mod tests {
         };
         for (by, is_held) in [(0.02, true), (0.3, false)] {
             let mut rests = Rests::new(&example, &input).expect("areas");
-            rests.tries_held(&tips, &moved(by), &|| false);
+            let held = rests.held(&tips, &moved(by), &|| false);
+            rests.take(held.into_iter().collect());
             assert_eq!(rests.best().is_some(), is_held, "{by}");
             let Some(best) = rests.into_best(&|| false) else { continue };
             let off = tips.iter().map(|tip| {
@@ -507,7 +545,7 @@ mod tests {
             let n = example.positions.len();
             let tips: Vec<Landmark> = [30, n / 2 + 7, n - 40, n - 27].iter().map(tip).collect();
             let mut rests = Rests::new(&example, &input).expect("areas");
-            rests.tries_tips(&MatchedTips { landmarks: tips.clone(), mirrored: false }, None, &|| false);
+            rests.tries_tips(&[MatchedTips { landmarks: tips.clone(), mirrored: false }], None, &|| false);
             assert!(rests.is_convincing());
             let best = rests.into_best(&|| false).expect("settled");
             assert_eq!(best.mirrored, sign < 0.0);

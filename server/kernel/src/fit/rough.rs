@@ -89,12 +89,12 @@ pub fn rough(
             rests.tries(&rests.carried()?, stop);
         }
         None => {
-            tips.iter().for_each(|tips| rests.tries_tips(tips, None, stop));
+            rests.tries_tips(tips, None, stop);
             let found = poses_on(example.mesh, !example.is_closed, &ready.posed, stop);
             let posed: Vec<Start> =
                 found.iter().take(POSED).map(|(_, pose)| Start::posed(example.mesh, pose)).collect();
             rests.tries_poses(&posed, stop);
-            tips.iter().for_each(|tips| rests.tries_axes(tips, stop));
+            rests.tries_axes(tips, stop);
         }
     }
     let best = rests.best().filter(|_| !stop())?;

@@ -18,6 +18,7 @@ use crate::fit::{Cropped, Surface};
 use crate::map::atlas::{TipMatch, likely_matches};
 use crate::mesh::bvh::Bvh;
 use crate::mesh::{TriMesh, Vec3};
+use crate::numerics::side_by_side;
 use crate::numerics::stage::Stage;
 use crate::register::{Entry, LevenbergMarquardt, Query};
 use crate::segment::Segmented;
@@ -92,10 +93,11 @@ pub(crate) fn fit(
         return by_charts(from);
     }
     let (one, two) = (surface(example)?, surface(query)?);
-    let whole = from.as_ref().map(|from| registered::whole(from, example, query, stop)).transpose()?;
-    let whole = whole.map(|whole| Start { positions: whole.positions, mirrored: whole.mirrored, apart: 0.0 });
+    let whole = || -> Result<Option<Start>, PipelineError> {
+        let whole = from.as_ref().map(|from| registered::whole(from, example, query, stop)).transpose()?;
+        Ok(whole.map(|whole| Start { positions: whole.positions, mirrored: whole.mirrored, apart: 0.0 }))
+    };
     let input = Arc::clone(&two.query.chart.mesh);
-    let relief = |rests: &Rests| whole.as_ref().and_then(|whole| rests.relief(whole)).unwrap_or(-1.0);
     let led = match lead.as_ref().filter(|_| held.is_empty()) {
         Some(lead) => led(lead, (example, &one), &input, stop)?,
         None => Vec::new(),
@@ -108,7 +110,7 @@ pub(crate) fn fit(
     let sure = rough.as_ref().filter(|rough| rough.agreement >= SURE_ROUGHLY);
     let posed = sure.map(|rough| rough.start.as_deref().map_or(&[][..], std::slice::from_ref));
     let known = Known { held: &held, led: &led, rough: lies.as_ref(), posed };
-    let settled = settled(whole.as_ref(), (example, &one), (query, &two), (&input, known), &relief, stop)?;
+    let settled = settled(&whole, (example, &one), (query, &two), (&input, known), stop)?;
     let are_wholes = on.are_wholes(query.segment, [one.patch.topology, two.patch.topology]);
     let asked = Asked { beyond: *beyond, held: &held, are_wholes };
     let finished = |rested| rest(rested, (example, &one), (query, &two), asked, stop);
@@ -131,11 +133,11 @@ pub(crate) fn fit(
             }
             let ends_elsewhere = covers.example < 1.0 || covers.input < COVERED;
             let folds = fitted.mapped.folds;
-            let alike = from.as_ref().filter(|_| ends_elsewhere || folds > 0).map(by_charts).transpose()?;
-            let is_better = |alike: &Fitted| {
-                alike.mapped.verdict == Verdict::Good && (ends_elsewhere || alike.mapped.folds < folds)
-            };
-            Ok(alike.filter(is_better).unwrap_or(fitted))
+            let Some(from) = from.as_ref().filter(|_| ends_elsewhere || folds > 0) else { return Ok(fitted) };
+            let alike = registered::good_map(from, example, query, stop)?;
+            let alike = alike.filter(|alike| ends_elsewhere || alike.folds < folds);
+            let as_wholes = |mapped| Fitted { mapped, example: example.clone(), query: query.clone() };
+            Ok(alike.map_or(fitted, as_wholes))
         }
         (None, Some(from)) => by_charts(from),
         (_, None) => {
@@ -170,8 +172,7 @@ fn led(
 ) -> Result<Vec<KernelLandmark>, PipelineError> {
     let part = surface(&lead.example)?;
     let own = Arc::clone(&one.query.chart.mesh);
-    let anywhere = |_: &Rests| -1.0;
-    let found = settled(None, (&lead.example, &part), (example, one), (&own, Known::default()), &anywhere, stop)?;
+    let found = settled(&|| Ok(None), (&lead.example, &part), (example, one), (&own, Known::default()), stop)?;
     let found = found.map(|best| best.rested).filter(|found| found.evidence.relief >= DOUBTFUL);
     let Some(found) = found else { return Ok(Vec::new()) };
     let on_part = Bvh::new(&part.patch.mesh);
@@ -195,13 +196,13 @@ struct Best {
     is_better: bool,
 }
 
-/// Settles the example from all starts until one is convincing; `None` where it settles nowhere.
+/// Settles the example from all starts until one is convincing; `None` where it settles nowhere. `whole` makes the start at which the
+/// charts lay it, if there is one.
 fn settled(
-    whole: Option<&Start>,
+    whole: &dyn Fn() -> Result<Option<Start>, PipelineError>,
     (example, one): (&Side, &Surface),
     (query, two): (&Side, &Surface),
     (input, known): (&TriMesh, Known<'_>),
-    relief: &dyn Fn(&Rests) -> f64,
     stop: Stop,
 ) -> Result<Option<Best>, PipelineError> {
     if !Stage::Settle.is_on() {
@@ -225,19 +226,18 @@ fn settled(
         stopped(stop)?;
         return Ok(rests.into_best(stop).map(|rested| Best { rested, is_better: true }));
     }
-    for start in whole.into_iter().chain(known.rough) {
-        rests.tries(start, stop);
+    let of_rough = || known.rough.map(|rough| rests.tried(rough, stop));
+    let (whole, of_rough) = side_by_side(whole, of_rough);
+    let whole = whole?;
+    if let Some(whole) = &whole {
+        rests.tries(whole, stop);
     }
+    rests.take(of_rough.unwrap_or_default());
     let on = &*query.model;
     if on.has_tips(query.segment, input) && Stage::Tips.is_on() && !rests.is_convincing() {
         let matches = matched_tips([&one.query, &two.query], (mesh, input), LED, stop);
-        for tips in &matches {
-            rests.tries_tips(tips, whole, stop);
-            if rests.is_convincing() {
-                break;
-            }
-        }
-        matches.iter().for_each(|tips| rests.tries_axes(tips, stop));
+        rests.tries_tips(&matches, whole.as_ref(), stop);
+        rests.tries_axes(&matches, stop);
     }
     // Of two closed surfaces neither ends anywhere.
     let closed = |side: &Side| side.encoded.facts.topology == Topology::Sphere;
@@ -256,7 +256,7 @@ fn settled(
         rests.tries_poses_as_they_stand(&posed, stop);
     }
     stopped(stop)?;
-    let least = relief(&rests) + SETTLED_MARGIN;
+    let least = whole.and_then(|whole| rests.relief(&whole)).unwrap_or(-1.0) + SETTLED_MARGIN;
     let best = rests.into_best(stop);
     stopped(stop)?;
     Ok(best.map(|rested| Best { is_better: rested.evidence.relief > least, rested }))

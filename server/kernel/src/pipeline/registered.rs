@@ -3,7 +3,7 @@
 use super::constraint::{Constraint, ConstraintOrigin, Location};
 use super::error::{PipelineError, Refusal, Stop, internal, stopped};
 use super::from_whole::{OfWhole, from_whole};
-use super::mapped::Mapped;
+use super::mapped::{Mapped, Verdict};
 use super::measured::{distortion, measured};
 use super::settled::{Laying, Settled, settle};
 use super::side::Side;
@@ -237,10 +237,34 @@ pub(crate) fn lay<'a>(
     stop: Stop,
 ) -> Result<(UnmeasuredMap<'a>, f64), PipelineError> {
     stopped(stop)?;
-    let mut laid = match atlas {
+    let (mut laid, angle_p95_deg) = unsettled(atlas, registered, example, query)?;
+    settle_laid(&mut laid, atlas, registered, (example, query))?;
+    Ok((laid, angle_p95_deg))
+}
+
+/// Lays the example by the atlas, if there is one, as [`lay`] does, but doesn't let it settle.
+fn unsettled<'a>(
+    atlas: Option<&'a Atlas>,
+    registered: &'a Registered,
+    example: &Side,
+    query: &Side,
+) -> Result<(UnmeasuredMap<'a>, f64), PipelineError> {
+    let laid = match atlas {
         Some(atlas) => by_atlas(atlas, registered, example, query)?,
         None => by_chart(registered, example, query)?,
     };
+    let patch = example.model.patch(example.segment)?;
+    let angles = measure::layout_distortion(&patch.mesh, &laid.cross, &example.encoded.query.chart);
+    Ok((laid, angles.p95))
+}
+
+/// Lets what was laid settle.
+fn settle_laid(
+    laid: &mut UnmeasuredMap<'_>,
+    atlas: Option<&Atlas>,
+    registered: &Registered,
+    (example, query): (&Side, &Side),
+) -> Result<(), PipelineError> {
     let model = &*example.model;
     let patch = model.patch(example.segment)?;
     let creases = creases_on(&example.model.mesh.attributes.creases, &model.prepared.vertex_of, patch);
@@ -248,16 +272,12 @@ pub(crate) fn lay<'a>(
     let other = &*query.model;
     let is_whole = model.is_whole(example.segment) && other.is_whole(query.segment);
     let laying = Laying { mesh: &patch.mesh, creases, snap: if is_whole { Snap::All } else { Snap::Creases } };
-    let angle_p95_deg = {
-        let chart = &&example.encoded.query.chart;
-        measure::layout_distortion(&patch.mesh, &laid.cross, chart).p95
-    };
     let grounds = match atlas {
         Some(atlas) => atlas.grounds(),
         None => vec![registered.surface(query)?.ground()],
     };
     settle(&registered.settled, &laying, &mut laid.cross, &grounds, sign(laid.mirrored), &laid.constraints);
-    Ok((laid, angle_p95_deg))
+    Ok(())
 }
 
 /// −1 for mirrored maps.
@@ -273,14 +293,42 @@ fn modulus_log(example: &Side, query: &Side) -> Result<f64, PipelineError> {
 
 /// Maps every vertex of the example's segment.
 pub(crate) fn map(from: &Registered, example: &Side, query: &Side, stop: Stop) -> Result<Mapped, PipelineError> {
+    let made = mapped(from, example, query, false, stop)?;
+    made.ok_or_else(|| PipelineError::Internal("expected a map, good or not".into()))
+}
+
+/// The same if the map is [good](Verdict::Good): most that are not are known before they settle, which costs most.
+pub(crate) fn good_map(
+    from: &Registered,
+    example: &Side,
+    query: &Side,
+    stop: Stop,
+) -> Result<Option<Mapped>, PipelineError> {
+    Ok(mapped(from, example, query, true, stop)?.filter(|mapped| mapped.verdict == Verdict::Good))
+}
+
+/// Maps; `None` where only a good map is wanted, and it can't be one.
+fn mapped(
+    from: &Registered,
+    example: &Side,
+    query: &Side,
+    is_to_be_good: bool,
+    stop: Stop,
+) -> Result<Option<Mapped>, PipelineError> {
     if let Some((laid, angle_p95_deg)) = from_whole(from, example, query)? {
-        return measured(laid, angle_p95_deg, from, example, query);
+        return measured(laid, angle_p95_deg, from, example, query).map(Some);
     }
     let unburdened = from.unburdened(example, query, stop)?;
     let registered = unburdened.as_ref().unwrap_or(from);
     let atlas = registered.atlas(example, query, stop)?;
-    let (laid, angle_p95_deg) = lay(atlas, registered, example, query, stop)?;
-    measured(laid, angle_p95_deg, from, example, query)
+    stopped(stop)?;
+    let (mut laid, angle_p95_deg) = unsettled(atlas, registered, example, query)?;
+    let is_ring = measure::is_ring(&example.encoded.query.chart);
+    if is_to_be_good && !measure::may_be_good(laid.cost, angle_p95_deg, is_ring) {
+        return Ok(None);
+    }
+    settle_laid(&mut laid, atlas, registered, (example, query))?;
+    measured(laid, angle_p95_deg, from, example, query).map(Some)
 }
 
 /// One chart with its registration.
