@@ -2,18 +2,22 @@
 //!
 //! A factorisation gains nothing from a second thread (measured), two of them at once do. The second thread lives only as
 //! long as the call, and does not take up other work while it waits, as a pool's would: a caller may hold what that
-//! work needs.
+//! work needs. Where other jobs, or other halves, keep all cores busy, there is none: it would only wait.
 
 use super::stop;
+use std::sync::OnceLock;
 
 /// Items of a microsecond each from which on a second thread is worth while: it starts some 100 µs late, and on a virtual machine
 /// two halves of 200 µs each take as long as both on one thread (tests/records/threads-2026-11-28.md).
 const MANY: usize = 1024;
 
-/// Runs both, the second on a thread of its own where one can be had, and returns both results; each is the same
+/// Runs both, the second on a thread of its own where one can be had and a core is free, and returns both results; each is the same
 /// whatever thread it ran on. The second is interrupted as the caller is, and its steps are counted as the caller's. A panic of
 /// either goes on in the caller.
 pub fn side_by_side<A, B: Send>(first: impl FnOnce() -> A, second: impl Fn() -> B + Sync) -> (A, B) {
+    if stop::computing() >= cores() {
+        return (first(), second());
+    }
     let ask = stop::asked();
     let apart = || {
         let before = stop::steps();
@@ -33,6 +37,12 @@ pub fn side_by_side<A, B: Send>(first: impl FnOnce() -> A, second: impl Fn() -> 
         };
         (a, b)
     })
+}
+
+/// Cores that the process may use.
+fn cores() -> usize {
+    static CORES: OnceLock<usize> = OnceLock::new();
+    *CORES.get_or_init(|| std::thread::available_parallelism().map_or(1, usize::from))
 }
 
 /// Computes a value of each item, of the second half of them on another thread, and returns the values in the items' order.
@@ -81,6 +91,21 @@ mod tests {
         let both = std::panic::AssertUnwindSafe(|| stop::within(ask, || side_by_side(|| 1, stop::ask)));
         let caught = std::panic::catch_unwind(both);
         assert_eq!(caught.err().and_then(|p| p.downcast_ref::<&str>().copied()), Some("enough"));
+    }
+
+    #[test]
+    fn where_all_cores_compute_both_run_on_one_thread() {
+        let ids = || {
+            let id = || std::thread::current().id();
+            let (one, two) = side_by_side(id, id);
+            one == two
+        };
+        let nobody: stop::Ask = std::sync::Arc::new(|| ());
+        let nested = (0..cores()).fold(Box::new(ids) as Box<dyn FnOnce() -> bool>, |inner, _| {
+            let ask = std::sync::Arc::clone(&nobody);
+            Box::new(move || stop::within(ask, inner))
+        });
+        assert!(nested());
     }
 
     #[test]

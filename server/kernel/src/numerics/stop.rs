@@ -9,6 +9,7 @@
 
 use std::cell::{Cell, RefCell};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Asked now and then, on any thread, by what takes long: true once it is to stop. Once true it stays so.
 pub type Stop<'a> = &'a (dyn Fn() -> bool + Sync);
@@ -28,11 +29,15 @@ thread_local! {
     static PASSED: Cell<u64> = const { Cell::new(0) };
 }
 
+/// Threads that run a computation now.
+static COMPUTING: AtomicUsize = AtomicUsize::new(0);
+
 /// Puts back what was asked before, also when the computation unwinds.
 struct Before(Option<Ask>);
 
 impl Drop for Before {
     fn drop(&mut self) {
+        COMPUTING.fetch_sub(1, Ordering::Relaxed);
         ASK.with(|now| *now.borrow_mut() = self.0.take());
     }
 }
@@ -44,8 +49,14 @@ pub fn within<T>(ask: Ask, work: impl FnOnce() -> T) -> T {
 
 /// Runs a computation whose polls, on this thread, ask what those of another thread ask, as [`asked`] there.
 pub(super) fn asking<T>(ask: Option<Ask>, work: impl FnOnce() -> T) -> T {
+    COMPUTING.fetch_add(1, Ordering::Relaxed);
     let _before = Before(ASK.with(|now| std::mem::replace(&mut *now.borrow_mut(), ask)));
     work()
+}
+
+/// How many threads run a computation now, here and in all other jobs.
+pub(super) fn computing() -> usize {
+    COMPUTING.load(Ordering::Relaxed)
 }
 
 /// Returns what the polls of this thread ask.
