@@ -196,7 +196,8 @@ async fn made(
         }
         let beside = unstitched(&*engine, &model, standing, (&sound.made, &by_itself), allowed)?;
         let is_result = |beside: &Sound| beside.appraisal.covered >= ALONE_MIN && beside.appraisal.away <= AWAY_MAX;
-        Ok(beside.filter(is_result).unwrap_or(sound))
+        let is_smoother = |beside: &Sound| !sound.appraisal.flaws.is_empty() || !beside.is_crumpled();
+        Ok(beside.filter(|beside| is_result(beside) && is_smoother(beside)).unwrap_or(sound))
     };
     let mut job = job;
     let mut found: Result<Sound, WorkError> =

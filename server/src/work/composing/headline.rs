@@ -10,7 +10,7 @@ const SHARE_TOLD: f64 = 0.03;
 const INSPIRED_GOOD: f64 = 0.5;
 /// Where more of a composition's area looks away from the scan it is crumpled to the eye. Of the results of 40 scans those that look
 /// smooth have up to 6.5 %, those with crumpled ears, wings or limbs 8.9 to 15.8 % (tests/records).
-const CRUMPLED_MIN: f64 = 0.08;
+pub(super) const CRUMPLED_MIN: f64 = 0.08;
 /// Where parts of the scan are left bare because they could not be joined, a composition that covers less of it than this is poor:
 /// a head without its horns is no layout of the head. *Untuned.*
 const COVERED_MIN: f64 = 0.8;
