@@ -120,7 +120,7 @@ struct RoughFit {
 
 /// A place at which an example was tried, laid roughly.
 #[derive(Debug)]
-pub struct Candidate {
+pub struct TriedPlace {
     settled: Settled,
     laid: LaidRoughly,
     mirrored: bool,
@@ -130,7 +130,7 @@ pub struct Candidate {
     start: Option<Vec<Vec3>>,
 }
 
-impl Candidate {
+impl TriedPlace {
     fn of((settled, laid): (Settled, LaidRoughly), mirrored: bool) -> Self {
         Self { settled, laid, mirrored, apart: 0.0, start: None }
     }
@@ -285,14 +285,14 @@ impl<'a> Rests<'a> {
     }
 
     /// What [`Self::tries`] finds; nothing of it is [taken](Self::take) yet.
-    pub fn tried(&self, start: &Start, stop: Stop<'_>) -> Vec<Candidate> {
+    pub fn tried(&self, start: &Start, stop: Stop<'_>) -> Vec<TriedPlace> {
         let start = &*self.unmirrored(start);
         let is_followed = self.relief(start).is_some_and(|relief| relief > FOLLOWED);
         let whole = || self.settled(start, start.mirrored, Manner::Whole, stop);
         let following = || self.settled(start, start.mirrored, Manner::Following, stop);
         let (whole, following) = if is_followed { side_by_side(whole, following) } else { (whole(), None) };
-        let of_start = |candidate| Candidate { apart: start.apart, ..candidate };
-        let mut found: Vec<Candidate> = whole.into_iter().chain(following).map(of_start).collect();
+        let of_start = |place| TriedPlace { apart: start.apart, ..place };
+        let mut found: Vec<TriedPlace> = whole.into_iter().chain(following).map(of_start).collect();
         if start.mirrored {
             // What is nearly its own mirror image lies about there unmirrored, too.
             if let Some(plain) = self.settled(start, false, Manner::Whole, stop) {
@@ -305,8 +305,8 @@ impl<'a> Rests<'a> {
     }
 
     /// Keeps what was tried.
-    pub fn take(&mut self, tried: Vec<Candidate>) {
-        tried.into_iter().for_each(|candidate| self.keep(candidate));
+    pub fn take(&mut self, tried: Vec<TriedPlace>) {
+        tried.into_iter().for_each(|place| self.keep(place));
     }
 
     /// Settles the likeliest of some unmirrored poses as wholes: all where they rest, those that rest at one place once; of these the
@@ -329,7 +329,7 @@ impl<'a> Rests<'a> {
             .collect();
         let found = in_halves(&near, |((pose, aligned), halfway)| {
             let start = Some(pose.positions.clone());
-            Some(Candidate { start, ..Candidate::of(settler.rough_from((aligned, halfway), stop)?, false) })
+            Some(TriedPlace { start, ..TriedPlace::of(settler.rough_from((aligned, halfway), stop)?, false) })
         });
         self.take(found.into_iter().flatten().collect());
     }
@@ -382,8 +382,8 @@ impl<'a> Rests<'a> {
             // Of few limbs with axes too little is told of the rest.
             (axes.len() >= landmarks.len()).then(|| self.led(&landmarks, &axes, mirrored, stop))?
         });
-        for candidate in tried.into_iter().flatten() {
-            self.keep(candidate);
+        for place in tried.into_iter().flatten() {
+            self.keep(place);
             if self.lies_well() {
                 return;
             }
@@ -413,18 +413,18 @@ impl<'a> Rests<'a> {
 
     /// Lays the example after a start that lays tips near their matches, with the tips held there: a limb that is near another slides
     /// along it otherwise.
-    fn held(&self, tips: &[Landmark], start: &Start, stop: Stop<'_>) -> Option<Candidate> {
+    fn held(&self, tips: &[Landmark], start: &Start, stop: Stop<'_>) -> Option<TriedPlace> {
         if self.apart(tips, &start.positions) > AGREES {
             return None;
         }
         let found = self.settler(start.mirrored).held_roughly(&start.positions, tips, stop)?;
-        Some(Candidate::of(found, start.mirrored))
+        Some(TriedPlace::of(found, start.mirrored))
     }
 
     /// Lays the example after tips that are matched, and after axes of its limbs, if there are any.
-    fn led(&self, tips: &[Landmark], axes: &[AxisPoint], mirrored: bool, stop: Stop<'_>) -> Option<Candidate> {
-        let found = Candidate::of(self.settler(mirrored).led_roughly(tips, axes, stop)?, mirrored);
-        Some(Candidate { apart: self.apart(tips, &found.settled.positions), ..found })
+    fn led(&self, tips: &[Landmark], axes: &[AxisPoint], mirrored: bool, stop: Stop<'_>) -> Option<TriedPlace> {
+        let found = TriedPlace::of(self.settler(mirrored).led_roughly(tips, axes, stop)?, mirrored);
+        Some(TriedPlace { apart: self.apart(tips, &found.settled.positions), ..found })
     }
 
     /// How far an example whose vertices have these positions has its tips from their matches in the mean, in √area of the input.
@@ -434,9 +434,9 @@ impl<'a> Rests<'a> {
     }
 
     /// Lays a start roughly.
-    fn settled(&self, start: &Start, mirrored: bool, manner: Manner, stop: Stop<'_>) -> Option<Candidate> {
-        let found = Candidate::of(self.settler(mirrored).rough(&start.positions, manner, stop)?, mirrored);
-        Some(Candidate { start: (manner == Manner::Whole).then(|| start.positions.clone()), ..found })
+    fn settled(&self, start: &Start, mirrored: bool, manner: Manner, stop: Stop<'_>) -> Option<TriedPlace> {
+        let found = TriedPlace::of(self.settler(mirrored).rough(&start.positions, manner, stop)?, mirrored);
+        Some(TriedPlace { start: (manner == Manner::Whole).then(|| start.positions.clone()), ..found })
     }
 
     fn settler(&self, mirrored: bool) -> &Settler<'a> {
@@ -444,7 +444,7 @@ impl<'a> Rests<'a> {
     }
 
     /// Keeps a place; of places that are one, the surer.
-    fn keep(&mut self, Candidate { settled, laid, mirrored, apart, start }: Candidate) {
+    fn keep(&mut self, TriedPlace { settled, laid, mirrored, apart, start }: TriedPlace) {
         let positions = settled.positions.clone();
         let reach = SAME * self.area.sqrt() * positions.len() as f64;
         let same = |laid: &RoughFit| {

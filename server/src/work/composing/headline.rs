@@ -53,7 +53,8 @@ impl Headline {
         }
         self.verdict = self.verdict.max(Verdict::Fair);
         let reason = format!(
-            "the smaller parts of the scan are left bare, {percent:.0} % of it: with them the mesh was broken, or lost the example"
+            "the smaller parts of the scan are left bare, {percent:.0} % of it: with them the mesh was broken or crumpled, or \
+             lost the example"
         );
         self.reasons.insert(if is_much { 0 } else { self.reasons.len() }, reason);
     }

@@ -4,7 +4,7 @@
 //! NUMBER` (the same of a part besides the one segment, where parts are wanted; one of NaN can't be encoded),
 //! `slow MS` (every registration takes so long), `encode-slow MS`, `panic WHERE` with `WHERE` one of `read`, `encode`,
 //! `refine`, `tears` (a composition on it is broken where an example stands), `crumples` (one is crumpled there), `rag` (one is broken
-//! but for a map as it is), `lies VERDICT SHARE` (as an example it lies so on that share of an input), `large` (its segments have so
+//! but for a map as it is), `wrinkles` (one is crumpled but for a map as it is), `lies VERDICT SHARE` (as an example it lies so on that share of an input), `large` (its segments have so
 //! many faces that several examples are tried), `side TOPOLOGY NUMBER` and `protrusion TOPOLOGY NUMBER` (its segments where it is cut
 //! at its waist, and into protrusions), and `refuse CODE`. Anything else is unreadable. The mesh is a unit square, one quad a segment.
 
@@ -30,6 +30,7 @@ struct Script {
     tears: bool,
     crumples: bool,
     rag: bool,
+    wrinkles: bool,
     lies: Option<(Verdict, f64)>,
 }
 
@@ -142,6 +143,7 @@ impl Engine for FakeEngine {
                 ["tears"] => script.tears = true,
                 ["crumples"] => script.crumples = true,
                 ["rag"] => script.rag = true,
+                ["wrinkles"] => script.wrinkles = true,
                 ["panic", "read"] => panic!("told to panic"),
                 ["panic", place] => script.panics.push((*place).into()),
                 ["refuse", code] => {
@@ -342,7 +344,8 @@ impl Engine for FakeEngine {
         let is_torn = script.tears && is_any || script.rag && is_stitched;
         let flaws = if is_torn { vec!["it is torn".into()] } else { Vec::new() };
         let flawed = if is_torn { (0..count as u32).collect() } else { Vec::new() };
-        let turned = if script.crumples && is_any { 0.5 } else { 0.0 };
+        let is_crumpled = (script.crumples || script.wrinkles && is_stitched) && is_any;
+        let turned = if is_crumpled { 0.5 } else { 0.0 };
         Ok(Appraisal { examples, covered: 1.0, turned, flaws, flawed, ..Appraisal::default() })
     }
 
