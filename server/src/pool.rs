@@ -19,7 +19,7 @@ pub use stop::{Stop, StopReason};
 
 use crate::telemetry::traces::TARGET;
 use lanes::Lanes;
-use quadmuse_kernel::numerics::stop as interrupt;
+use quadmuse_kernel::numerics::{go_first, stop as interrupt};
 use std::backtrace::Backtrace;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -213,7 +213,7 @@ impl Pool {
         };
         // On Linux this is the thread's own: those that answer requests go first. If refused, they share.
         let threads = some(threads, "compute").start_handler(|_| _ = rustix::process::nice(NICENESS)).build()?;
-        let edits = some(1, "edit").build()?;
+        let edits = some(1, "edit").start_handler(|_| go_first()).build()?;
         Ok(Self { lanes: Arc::default(), threads, edits, admission, admitted: AtomicU64::new(0) })
     }
 

@@ -8,5 +8,5 @@ pub mod stage;
 pub mod stop;
 pub mod wide;
 
-pub use pair::{in_halves, many_in_halves, side_by_side};
+pub use pair::{go_first, in_halves, many_in_halves, side_by_side};
 pub use sparse::{Factored, Pattern, SolveError};

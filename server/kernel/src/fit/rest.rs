@@ -108,9 +108,9 @@ impl Start {
     }
 }
 
-/// An example that has been laid roughly: how it lies, where its vertices are, and from where it goes on.
+/// A place at which an example was tried, laid roughly: how it lies, where its vertices are, and from where it goes on.
 #[derive(Debug)]
-struct RoughFit {
+pub struct TriedPlace {
     rested: Rested,
     positions: Vec<Vec3>,
     laid: LaidRoughly,
@@ -118,21 +118,16 @@ struct RoughFit {
     start: Option<Vec<Vec3>>,
 }
 
-/// A place at which an example was tried, laid roughly.
-#[derive(Debug)]
-pub struct TriedPlace {
-    settled: Settled,
-    laid: LaidRoughly,
-    mirrored: bool,
-    /// How far the tips that led it there end from their matches in the mean, in √area of the input.
-    apart: f64,
-    /// The start, where it was laid as a whole.
-    start: Option<Vec<Vec3>>,
-}
-
 impl TriedPlace {
     fn of((settled, laid): (Settled, LaidRoughly), mirrored: bool) -> Self {
-        Self { settled, laid, mirrored, apart: 0.0, start: None }
+        let positions = settled.positions.clone();
+        Self { rested: Rested::of(settled, (mirrored, 0.0)), positions, laid, start: None }
+    }
+
+    /// The same, led by tips that end so far from their matches in the mean, in √area of the input.
+    fn with_tips(mut self, apart: f64) -> Self {
+        self.rested.apart = apart;
+        self
     }
 }
 
@@ -145,7 +140,7 @@ pub struct Rests<'a> {
     /// Example and input with distances from their tips.
     tipped: [Tipped<'a>; 2],
     /// What has been laid roughly.
-    laid: Vec<RoughFit>,
+    laid: Vec<TriedPlace>,
     /// The input's area.
     area: f64,
 }
@@ -206,19 +201,19 @@ impl<'a> Rests<'a> {
         Some(Start { positions: best.start.clone()?, mirrored: best.rested.mirrored, apart: 0.0 })
     }
 
-    fn surest(&self) -> Option<&RoughFit> {
+    fn surest(&self) -> Option<&TriedPlace> {
         self.laid.iter().max_by(|a, b| worth(&a.rested).total_cmp(&worth(&b.rested)))
     }
 
     /// The best of all, settled; `None` when stopped. The best few settle where they are near: roughly laid, what is nearly its own
-    /// mirror image, or faces backwards, can't be told from it.
+    /// mirror image, or faces backwards, can't be told from it. Nothing is kept of what was laid roughly.
     pub fn settle_best(&mut self, stop: Stop<'_>) -> Option<Rested> {
         let near = worth(self.best()?) - NEAR;
-        let mut finalists: Vec<RoughFit> = std::mem::take(&mut self.laid);
+        let mut finalists: Vec<TriedPlace> = std::mem::take(&mut self.laid);
         finalists.retain(|laid| worth(&laid.rested) >= near);
         finalists.sort_by(|a, b| worth(&b.rested).total_cmp(&worth(&a.rested)));
         finalists.truncate(FINALISTS);
-        let settled = |RoughFit { rested: Rested { mirrored, apart, .. }, laid, .. }: &RoughFit| {
+        let settled = |TriedPlace { rested: Rested { mirrored, apart, .. }, laid, .. }: &TriedPlace| {
             let (settled, laid) = self.settler(*mirrored).fine_from(laid, stop)?;
             Some((Rested::of(settled, (*mirrored, *apart)), laid))
         };
@@ -291,12 +286,12 @@ impl<'a> Rests<'a> {
         let whole = || self.settled(start, start.mirrored, Manner::Whole, stop);
         let following = || self.settled(start, start.mirrored, Manner::Following, stop);
         let (whole, following) = if is_followed { side_by_side(whole, following) } else { (whole(), None) };
-        let of_start = |place| TriedPlace { apart: start.apart, ..place };
+        let of_start = |place: TriedPlace| place.with_tips(start.apart);
         let mut found: Vec<TriedPlace> = whole.into_iter().chain(following).map(of_start).collect();
         if start.mirrored {
             // What is nearly its own mirror image lies about there unmirrored, too.
             if let Some(plain) = self.settled(start, false, Manner::Whole, stop) {
-                let next = Start { positions: plain.settled.positions.clone(), mirrored: false, apart: 0.0 };
+                let next = Start { positions: plain.positions.clone(), mirrored: false, apart: 0.0 };
                 let following = self.settled(&next, false, Manner::Following, stop);
                 found.extend([plain].into_iter().chain(following));
             }
@@ -424,7 +419,8 @@ impl<'a> Rests<'a> {
     /// Lays the example after tips that are matched, and after axes of its limbs, if there are any.
     fn led(&self, tips: &[Landmark], axes: &[AxisPoint], mirrored: bool, stop: Stop<'_>) -> Option<TriedPlace> {
         let found = TriedPlace::of(self.settler(mirrored).led_roughly(tips, axes, stop)?, mirrored);
-        Some(TriedPlace { apart: self.apart(tips, &found.settled.positions), ..found })
+        let apart = self.apart(tips, &found.positions);
+        Some(found.with_tips(apart))
     }
 
     /// How far an example whose vertices have these positions has its tips from their matches in the mean, in √area of the input.
@@ -444,20 +440,16 @@ impl<'a> Rests<'a> {
     }
 
     /// Keeps a place; of places that are one, the surer.
-    fn keep(&mut self, TriedPlace { settled, laid, mirrored, apart, start }: TriedPlace) {
-        let positions = settled.positions.clone();
-        let reach = SAME * self.area.sqrt() * positions.len() as f64;
-        let same = |laid: &RoughFit| {
-            let apart = laid.positions.iter().zip(&positions).map(|(a, b)| (a - b).norm()).sum::<f64>();
-            laid.rested.mirrored == mirrored && apart <= reach
+    fn keep(&mut self, tried: TriedPlace) {
+        let reach = SAME * self.area.sqrt() * tried.positions.len() as f64;
+        let same = |known: &TriedPlace| {
+            let apart = known.positions.iter().zip(&tried.positions).map(|(a, b)| (a - b).norm()).sum::<f64>();
+            known.rested.mirrored == tried.rested.mirrored && apart <= reach
         };
-        let known = self.laid.iter().position(same);
-        let rested = Rested::of(settled, (mirrored, apart));
-        let laid = RoughFit { rested, positions, laid, start };
-        match known {
-            Some(k) if worth(&laid.rested) <= worth(&self.laid[k].rested) => {}
-            Some(k) => self.laid[k] = laid,
-            None => self.laid.push(laid),
+        match self.laid.iter().position(same) {
+            Some(k) if worth(&tried.rested) <= worth(&self.laid[k].rested) => {}
+            Some(k) => self.laid[k] = tried,
+            None => self.laid.push(tried),
         }
     }
 

@@ -5,7 +5,18 @@
 //! work needs. Where other jobs, or other halves, keep all cores busy, there is none: it would only wait.
 
 use super::stop;
+use std::cell::Cell;
 use std::sync::OnceLock;
+
+thread_local! {
+    static GOES_FIRST: Cell<bool> = const { Cell::new(false) };
+}
+
+/// From now on second halves of what this thread computes get threads of their own though all cores compute: for a thread that goes before
+/// the others, whose second threads do, too.
+pub fn go_first() {
+    GOES_FIRST.set(true);
+}
 
 /// Items of a microsecond each from which on a second thread is worth while: it starts some 100 µs late, and on a virtual machine
 /// two halves of 200 µs each take as long as both on one thread (tests/records/threads-2026-11-28.md).
@@ -15,7 +26,7 @@ const MANY: usize = 1024;
 /// whatever thread it ran on. The second is interrupted as the caller is, and its steps are counted as the caller's. A panic of
 /// either goes on in the caller.
 pub fn side_by_side<A, B: Send>(first: impl FnOnce() -> A, second: impl Fn() -> B + Sync) -> (A, B) {
-    if stop::computing() >= cores() {
+    if stop::computing() >= cores() && !GOES_FIRST.get() {
         return (first(), second());
     }
     let ask = stop::asked();
@@ -93,19 +104,27 @@ mod tests {
         assert_eq!(caught.err().and_then(|p| p.downcast_ref::<&str>().copied()), Some("enough"));
     }
 
+    /// What `work` tells while so many threads compute, or more.
+    fn among(computing: usize, work: fn() -> bool) -> bool {
+        if computing == 0 {
+            return work();
+        }
+        stop::within(std::sync::Arc::new(|| ()), || among(computing - 1, work))
+    }
+
     #[test]
-    fn where_all_cores_compute_both_run_on_one_thread() {
-        let ids = || {
+    fn where_all_cores_compute_both_run_on_one_thread_unless_it_goes_first() {
+        let is_one_thread = || {
             let id = || std::thread::current().id();
             let (one, two) = side_by_side(id, id);
             one == two
         };
-        let nobody: stop::Ask = std::sync::Arc::new(|| ());
-        let nested = (0..cores()).fold(Box::new(ids) as Box<dyn FnOnce() -> bool>, |inner, _| {
-            let ask = std::sync::Arc::clone(&nobody);
-            Box::new(move || stop::within(ask, inner))
+        assert!(among(cores(), is_one_thread));
+        let first = std::thread::spawn(move || {
+            go_first();
+            among(cores(), is_one_thread)
         });
-        assert!(nested());
+        assert!(!first.join().expect("it ends"));
     }
 
     #[test]
