@@ -235,8 +235,8 @@ const LIMITS: [(&str, f64, f64); 7] = [
     ("the share {} of the input's features is missing in the example", 0.1, 0.5),
 ];
 
-/// Whether a map may be good by what is known of it before it settles: its cost, and how it changes angles, in degrees, for one face in
-/// twenty.
+/// Tells whether a map may be good by what is known of it before it settles: its cost, and how it changes angles, in degrees, for one
+/// face in twenty.
 pub fn may_be_good(cost: f64, laid_angle_p95_deg: f64, is_ring: bool) -> bool {
     let [(_, cost_good, _), .., (_, angle_good, _), _, _] = LIMITS;
     (is_ring || cost <= cost_good) && laid_angle_p95_deg <= angle_good

@@ -15,7 +15,7 @@ use super::query::{LiveQuery, ms_since};
 use super::{REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, Stop, StopReason};
 use futures_util::StreamExt;
-use headline::{BroughtMap, Headline, headline};
+use headline::{BroughtMap, Headline, headline, is_crumpled};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
 use quadmuse_proto::{
@@ -196,7 +196,7 @@ async fn made(
         }
         let beside = unstitched(&*engine, &model, standing, (&sound.made, &by_itself), allowed)?;
         let is_result = |beside: &Sound| beside.appraisal.covered >= ALONE_MIN && beside.appraisal.away <= AWAY_MAX;
-        let is_smoother = |beside: &Sound| !sound.appraisal.flaws.is_empty() || !beside.is_crumpled();
+        let is_smoother = |beside: &Sound| !sound.appraisal.flaws.is_empty() || !is_crumpled(&beside.appraisal);
         Ok(beside.filter(|beside| is_result(beside) && is_smoother(beside)).unwrap_or(sound))
     };
     let mut job = job;

@@ -37,8 +37,8 @@ const HALF: f64 = 0.5;
 const AWAY: f64 = 0.3;
 /// Largest share of the net's faces that one region may have: a wider one is more than its rim can tell. *Untuned.*
 const REGION_MAX: f64 = 0.25;
-/// What was laid anew with so many times the flaw is not evened out: 16 of 536 such regions were better thereafter, and it took three
-/// fifths of the time (tests/records/threads-2026-11-28.md).
+/// A region that is laid anew with so many times the flaw it had is not evened out: of 536 such regions 16 were better thereafter, and
+/// evening them out took three fifths of the time (tests/records/threads-2026-11-28.md).
 const HOPELESS: f64 = 2.0;
 /// Rounds of optimisation of what was laid anew. *Untuned.*
 const ROUNDS: u32 = 40;

@@ -95,9 +95,7 @@ pub fn axis_points(example: &Tipped<'_>, input: &Tipped<'_>, tips: &[Landmark]) 
 
 /// The vertices of example and input at which a tip is.
 fn ends(tip: &Landmark, input: &TriMesh) -> Option<(u32, u32)> {
-    let corners = input.triangles.get(tip.to.triangle as usize)?;
-    let most = (0..3).max_by(|&a, &b| tip.to.barycentric[a].total_cmp(&tip.to.barycentric[b]))?;
-    Some((tip.vertex(), corners[most]))
+    Some((tip.vertex(), tip.to.vertex(input)?))
 }
 
 /// The rings at some distances from a tip; `None` where what is as far is more than one, or nothing.

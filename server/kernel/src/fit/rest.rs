@@ -279,7 +279,7 @@ impl<'a> Rests<'a> {
         self.take(tried);
     }
 
-    /// What [`Self::tries`] finds; nothing of it is [taken](Self::take) yet.
+    /// Finds what [`Self::tries`] would keep; [`Self::take`] keeps it.
     pub fn tried(&self, start: &Start, stop: Stop<'_>) -> Vec<TriedPlace> {
         let start = &*self.unmirrored(start);
         let is_followed = self.relief(start).is_some_and(|relief| relief > FOLLOWED);
@@ -300,7 +300,7 @@ impl<'a> Rests<'a> {
     }
 
     /// Keeps what was tried.
-    pub fn take(&mut self, tried: Vec<TriedPlace>) {
+    pub fn take(&mut self, tried: impl IntoIterator<Item = TriedPlace>) {
         tried.into_iter().for_each(|place| self.keep(place));
     }
 
@@ -326,7 +326,7 @@ impl<'a> Rests<'a> {
             let start = Some(pose.positions.clone());
             Some(TriedPlace { start, ..TriedPlace::of(settler.rough_from((aligned, halfway), stop)?, false) })
         });
-        self.take(found.into_iter().flatten().collect());
+        self.take(found.into_iter().flatten());
     }
 
     /// The same; but what only one of the two has (a crown, shoulders) may draw a pose off its place: where one agrees better than
@@ -340,7 +340,7 @@ impl<'a> Rests<'a> {
             let best = self.best().map_or(FOLLOWED, |best| best.evidence.relief.max(FOLLOWED));
             if self.relief(pose).is_some_and(|relief| relief > best) {
                 let following = self.settled(pose, false, Manner::Following, stop);
-                self.take(following.into_iter().collect());
+                self.take(following);
             }
         }
     }
@@ -355,9 +355,9 @@ impl<'a> Rests<'a> {
             Some([self.led(&landmarks, &[], mirrored, stop), held])
         });
         for [led, held] in tried.into_iter().flatten() {
-            self.take(led.into_iter().collect());
+            self.take(led);
             if !self.is_convincing() {
-                self.take(held.into_iter().collect());
+                self.take(held);
             }
             if self.is_convincing() {
                 return;
@@ -375,7 +375,10 @@ impl<'a> Rests<'a> {
             let [example, input] = &self.tipped;
             let axes = axis_points(example, input, &landmarks);
             // Of few limbs with axes too little is told of the rest.
-            (axes.len() >= landmarks.len()).then(|| self.led(&landmarks, &axes, mirrored, stop))?
+            if axes.len() < landmarks.len() {
+                return None;
+            }
+            self.led(&landmarks, &axes, mirrored, stop)
         });
         for place in tried.into_iter().flatten() {
             self.keep(place);
@@ -497,7 +500,7 @@ mod tests {
         for (by, is_held) in [(0.02, true), (0.3, false)] {
             let mut rests = Rests::new(&example, &input).expect("areas");
             let held = rests.held(&tips, &moved(by), &|| false);
-            rests.take(held.into_iter().collect());
+            rests.take(held);
             assert_eq!(rests.best().is_some(), is_held, "{by}");
             let Some(best) = rests.into_best(&|| false) else { continue };
             let off = tips.iter().map(|tip| {

@@ -53,6 +53,14 @@ pub struct Closest {
     pub distance: f64,
 }
 
+impl Closest {
+    /// The vertex of the triangle with the greatest weight; `None` where there is no triangle.
+    pub fn vertex(&self, mesh: &TriMesh) -> Option<u32> {
+        let corners = mesh.triangles.get(self.triangle as usize)?;
+        (0..3).max_by(|&a, &b| self.barycentric[a].total_cmp(&self.barycentric[b])).map(|most| corners[most])
+    }
+}
+
 /// The boxes of a node's children, by axis, and which these are: [`NONE`], or a node, or, with the bit [`TRIANGLE`], a
 /// triangle in the order of the leaves.
 #[derive(Clone, Copy, Debug)]

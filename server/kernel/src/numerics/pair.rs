@@ -8,19 +8,19 @@ use super::stop;
 use std::cell::Cell;
 use std::sync::OnceLock;
 
+/// Items of a microsecond each from which on a second thread is worth while: it starts some 100 µs late, and on a virtual machine
+/// two halves of 200 µs each take as long as both on one thread (tests/records/threads-2026-11-28.md).
+const MANY: usize = 1024;
+
 thread_local! {
     static GOES_FIRST: Cell<bool> = const { Cell::new(false) };
 }
 
-/// From now on second halves of what this thread computes get threads of their own though all cores compute: for a thread that goes before
-/// the others, whose second threads do, too.
+/// Gives second halves of what this thread computes threads of their own from now on, though all cores compute: for a thread that the
+/// system lets go before the others, and its second threads with it.
 pub fn go_first() {
     GOES_FIRST.set(true);
 }
-
-/// Items of a microsecond each from which on a second thread is worth while: it starts some 100 µs late, and on a virtual machine
-/// two halves of 200 µs each take as long as both on one thread (tests/records/threads-2026-11-28.md).
-const MANY: usize = 1024;
 
 /// Runs both, the second on a thread of its own where one can be had and a core is free, and returns both results; each is the same
 /// whatever thread it ran on. The second is interrupted as the caller is, and its steps are counted as the caller's. A panic of
@@ -104,7 +104,7 @@ mod tests {
         assert_eq!(caught.err().and_then(|p| p.downcast_ref::<&str>().copied()), Some("enough"));
     }
 
-    /// What `work` tells while so many threads compute, or more.
+    /// Runs `work` while so many threads compute, or more.
     fn among(computing: usize, work: fn() -> bool) -> bool {
         if computing == 0 {
             return work();

@@ -232,7 +232,7 @@ fn settled(
     if let Some(whole) = &whole {
         rests.tries(whole, stop);
     }
-    rests.take(of_rough.unwrap_or_default());
+    rests.take(of_rough.into_iter().flatten());
     let on = &*query.model;
     if on.has_tips(query.segment, input) && Stage::Tips.is_on() && !rests.is_convincing() {
         let matches = matched_tips([&one.query, &two.query], (mesh, input), LED, stop);

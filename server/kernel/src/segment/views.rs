@@ -299,9 +299,7 @@ fn carried(scan: &Prepared, mesh: &TriMesh) -> Vec<u32> {
     let tree = Bvh::new(mesh);
     let nearest = |v: u32| {
         stop::poll();
-        let near = tree.closest(scan.mesh.positions[v as usize]);
-        let most = (0..3).max_by(|&a, &b| near.barycentric[a].total_cmp(&near.barycentric[b])).unwrap_or(0);
-        mesh.triangles.get(near.triangle as usize).map_or(NONE, |corners| corners[most])
+        tree.closest(scan.mesh.positions[v as usize]).vertex(mesh).unwrap_or(NONE)
     };
     let of_vertex: Vec<u32> = (0..scan.mesh.positions.len() as u32).map(nearest).collect();
     scan.vertex_of.iter().map(|&v| if v == NONE { NONE } else { of_vertex[v as usize] }).collect()

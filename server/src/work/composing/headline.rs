@@ -10,7 +10,7 @@ const SHARE_TOLD: f64 = 0.03;
 const INSPIRED_GOOD: f64 = 0.5;
 /// Where more of a composition's area looks away from the scan it is crumpled to the eye. Of the results of 40 scans those that look
 /// smooth have up to 6.5 %, those with crumpled ears, wings or limbs 8.9 to 15.8 % (tests/records).
-pub(super) const CRUMPLED_MIN: f64 = 0.08;
+const CRUMPLED_MIN: f64 = 0.08;
 /// Where parts of the scan are left bare because they could not be joined, a composition that covers less of it than this is poor:
 /// a head without its horns is no layout of the head. *Untuned.*
 const COVERED_MIN: f64 = 0.8;
@@ -85,7 +85,7 @@ pub(super) fn headline(brought: &[Option<BroughtMap>], appraisal: &Appraisal) ->
         let of_stitched = laid.reasons.iter().filter(|reason| !says_missed(reason));
         reasons.extend(of_stitched.take(REASONS_EACH).map(|reason| format!("{of}{reason}")));
     }
-    if appraisal.turned > CRUMPLED_MIN && verdict < Verdict::Broken {
+    if is_crumpled(appraisal) && verdict < Verdict::Broken {
         verdict = Verdict::Poor;
         let percent = 100.0 * appraisal.turned;
         reasons.insert(0, format!("{percent:.0} % of its area is crumpled: quads stand off the scan's surface"));
@@ -105,6 +105,11 @@ pub(super) fn headline(brought: &[Option<BroughtMap>], appraisal: &Appraisal) ->
         reasons.push(format!("examples make up {:.0} % of it; the rest is regular layouts", 100.0 * inspired));
     }
     Headline { verdict, inspired, reasons, covers }
+}
+
+/// Tells whether so much of a composition looks away from the scan that it is crumpled to the eye.
+pub(super) fn is_crumpled(appraisal: &Appraisal) -> bool {
+    appraisal.turned > CRUMPLED_MIN
 }
 
 /// Why no example was used.

@@ -1,6 +1,6 @@
 //! The measured result of a composition: whether it is sound, and which of two is better.
 
-use super::headline::{BroughtMap, CRUMPLED_MIN};
+use super::headline::{BroughtMap, is_crumpled};
 use crate::pool::Stop;
 use crate::work::engine::{Allowed, Appraisal, Encoded, Engine, EngineError, Model, Part, Stitched, Stitching};
 use crate::work::mapping::LiveMap;
@@ -41,12 +41,7 @@ impl Sound {
         let all: u64 = model.segments.iter().map(|segment| segment.faces).sum();
         let share = |number: usize| model.segments.get(number).map_or(0.0, |s| s.faces as f64 / all.max(1) as f64);
         let beside: f64 = standing.iter().map(|(number, map)| share(*number) * map.newest().summary.covers.input).sum();
-        !self.appraisal.flaws.is_empty() || self.is_crumpled() || inspired < LOST * beside
-    }
-
-    /// Tells whether so much of it looks away from the scan that it is crumpled to the eye.
-    pub(super) fn is_crumpled(&self) -> bool {
-        self.appraisal.turned > CRUMPLED_MIN
+        !self.appraisal.flaws.is_empty() || is_crumpled(&self.appraisal) || inspired < LOST * beside
     }
 
     /// Tells whether a regular layout is sound, follows the scan as well as another result, and, where that is regular, too, has no
