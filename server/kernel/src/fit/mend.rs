@@ -104,7 +104,8 @@ pub fn mend(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64) {
             mesh.triangles.iter().zip(&inside).filter(|(_, inside)| **inside).map(|(t, _)| *t).collect();
         let rest = triangles.iter().map(|t| flat(t.map(|v| mesh.positions[v as usize]), mirror)).collect();
         // The area for which the input has room is that which the example takes.
-        let faces = Faces { triangles: &triangles, rest, fixed, area: input.mesh.total_area() / growth };
+        let faces =
+            Faces { triangles: &triangles, rest, heights: Vec::new(), fixed, area: input.mesh.total_area() / growth };
         let before = cross.clone();
         settle(faces, cross, input, &PolishOptions { size_freedom: 1.0, ..PolishOptions::default() });
         let after = inward(mesh, cross, input, mirror);

@@ -46,22 +46,24 @@ pub fn polish(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64, 
     let faces = Faces {
         triangles: &mesh.triangles,
         rest: mesh.triangles.iter().map(|t| flat(corners(mesh, t), mirror)).collect(),
+        heights: Vec::new(),
         fixed: mesh.boundary_vertices(),
         area: mesh.total_area(),
     };
     settle(faces, cross, input, options);
 }
 
-/// The same, but for the vertices that are `fixed`. Only faces with a corner that moves are looked at: a point that is dragged moves
-/// some hundred of them.
+/// Moves the vertices that are not `fixed` until faces have the shapes again that they have where `before` lays them. Only faces with a
+/// corner that moves are looked at: a point that is dragged moves some hundred of them.
 pub fn polish_within(
     mesh: &TriMesh,
+    before: &CrossMap,
     cross: &mut CrossMap,
     input: &Chart,
-    mirror: f64,
     fixed: &[bool],
     options: &PolishOptions,
 ) {
+    let normals = vertex_normals(&input.mesh);
     let moves = |t: &&[u32; 3]| t.iter().any(|&v| !fixed[v as usize]);
     let moving: Vec<&[u32; 3]> = mesh.triangles.iter().filter(moves).collect();
     let mut vertices: Vec<u32> = moving.iter().flat_map(|t| t.iter().copied()).collect();
@@ -70,11 +72,21 @@ pub fn polish_within(
     let mut number = vec![NONE; fixed.len()];
     vertices.iter().zip(0..).for_each(|(&v, k)| number[v as usize] = k);
     let triangles: Vec<[u32; 3]> = moving.iter().map(|t| t.map(|v| number[v as usize])).collect();
+    let laid = moving.iter().map(|t| {
+        let corners = t.map(|v| before.positions[v as usize]);
+        let normal: Vec3 = t.iter().map(|&v| normal_of(input, &normals, before.locations[v as usize])).sum();
+        let normal = normal.try_normalize(0.0).unwrap_or_else(Vec3::z);
+        let plane = axes(normal);
+        let d = corners.map(|p| p - corners[0]);
+        (d.map(|d| [d.dot(&plane[0]), d.dot(&plane[1])]), d.map(|d| d.dot(&normal)))
+    });
+    let (rest, heights) = laid.unzip();
     let faces = Faces {
         triangles: &triangles,
-        rest: moving.iter().map(|t| flat(corners(mesh, t), mirror)).collect(),
+        rest,
+        heights,
         fixed: vertices.iter().map(|&v| fixed[v as usize]).collect(),
-        area: mesh.total_area(),
+        area: input.mesh.total_area(),
     };
     let mut part = CrossMap {
         locations: vertices.iter().map(|&v| cross.locations[v as usize]).collect(),
@@ -97,6 +109,8 @@ pub struct Faces<'a> {
     pub triangles: &'a [[u32; 3]],
     /// The corners of each in the plane, turned as they are to lie on the input.
     pub rest: Vec<[[f64; 2]; 3]>,
+    /// How far above that plane the corners of each keep; empty where all lie in it.
+    pub heights: Vec<[f64; 3]>,
     /// Whether a vertex stays.
     pub fixed: Vec<bool>,
     /// The area in the plane for which the input has room: each point counted once.
@@ -118,6 +132,7 @@ struct State<'a> {
     options: &'a PolishOptions,
     /// As in [`Faces::rest`], and the cotangents of the angles.
     rest: Vec<[[f64; 2]; 3]>,
+    heights: Vec<[f64; 3]>,
     cotangents: Vec<[f64; 3]>,
     /// √(area₂/area₁).
     size: f64,
@@ -152,6 +167,7 @@ impl<'a> State<'a> {
             triangles,
             options,
             rest,
+            heights: faces.heights,
             cotangents,
             size,
             fixed,
@@ -221,7 +237,9 @@ impl<'a> State<'a> {
     /// Where each edge of a triangle (opposite to corner k) should point.
     fn targets(&self, t: usize, corners: &[u32; 3], cross: &CrossMap, normals: &[Vec3]) -> [Vec3; 3] {
         let normal = corners.iter().map(|&v| normals[v as usize]).sum::<Vec3>();
-        let plane = axes(normal.try_normalize(0.0).unwrap_or(normals[corners[0] as usize]));
+        let normal = normal.try_normalize(0.0).unwrap_or(normals[corners[0] as usize]);
+        let plane = axes(normal);
+        let heights = self.heights.get(t).copied().unwrap_or_default();
         let at = corners.map(|v| cross.positions[v as usize]);
         let mapped = at.map(|p| [(p - at[0]).dot(&plane[0]), (p - at[0]).dot(&plane[1])]);
         let (rotation, fit) = best_rotation(&self.rest[t], &mapped, &self.cotangents[t]);
@@ -230,15 +248,21 @@ impl<'a> State<'a> {
         [0, 1, 2].map(|k| {
             let (a, b) = (self.rest[t][(k + 1) % 3], self.rest[t][(k + 2) % 3]);
             let e = [b[0] - a[0], b[1] - a[1]];
-            plane[0] * (c * e[0] - s * e[1]) + plane[1] * (s * e[0] + c * e[1])
+            let rise = heights[(k + 2) % 3] - heights[(k + 1) % 3];
+            plane[0] * (c * e[0] - s * e[1]) + plane[1] * (s * e[0] + c * e[1]) + normal * rise
         })
     }
 
     fn normal(&self, input: &Chart, at: Location) -> Vec3 {
-        let corners = input.mesh.triangles[at.triangle as usize];
-        let sum: Vec3 = (0..3).map(|k| self.vertex_normals[corners[k] as usize] * at.barycentric[k]).sum();
-        sum.try_normalize(0.0).unwrap_or(self.vertex_normals[corners[0] as usize])
+        normal_of(input, &self.vertex_normals, at)
     }
+}
+
+/// The input's normal at a place, from those of its vertices.
+fn normal_of(input: &Chart, vertex_normals: &[Vec3], at: Location) -> Vec3 {
+    let corners = input.mesh.triangles[at.triangle as usize];
+    let sum: Vec3 = (0..3).map(|k| vertex_normals[corners[k] as usize] * at.barycentric[k]).sum();
+    sum.try_normalize(0.0).unwrap_or(vertex_normals[corners[0] as usize])
 }
 
 /// Unknowns of two vertices that meet in an edge.
@@ -341,9 +365,12 @@ mod tests {
     fn within_the_boundary_all_comes_to_rest_as_it_does_alone_and_what_is_fixed_stays() {
         let (mesh, chart, cross) = shaken();
         let options = PolishOptions { step_max: 100.0, ..PolishOptions::default() };
+        let bvh = Bvh::new(&chart.mesh);
+        let locations: Vec<Location> = mesh.positions.iter().map(|p| bvh.closest(*p).into()).collect();
+        let whole = CrossMap { positions: mesh.positions.clone(), locations };
         let polished = |fixed: &[bool]| {
             let mut within = cross.clone();
-            polish_within(&mesh, &mut within, &chart, 1.0, fixed, &options);
+            polish_within(&mesh, &whole, &mut within, &chart, fixed, &options);
             within
         };
         let mut all = cross.clone();

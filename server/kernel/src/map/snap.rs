@@ -108,7 +108,7 @@ fn moved(
     }
     let before = inward(mesh, cross, input, mirror);
     for rings in 1..=TRIALS_MAX {
-        let trial = spread::spread(mesh, cross, input, &targets, spread::RINGS);
+        let trial = spread::spread(mesh, cross, input, &targets);
         let after = inward(mesh, &trial, input, mirror);
         let mut turned: Vec<u32> = after.into_iter().filter(|f| before.binary_search(f).is_err()).collect();
         turned.extend(spread::collapsed(mesh, cross, &trial));

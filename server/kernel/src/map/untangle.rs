@@ -21,16 +21,39 @@ const ROUNDS_ALONE: usize = 15;
 /// turn every face. Boundary vertices stay. `tree` is that of the input's mesh, made where it is needed and is not there yet.
 /// Returns how many polygons still look inward.
 pub fn untangle(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64, tree: &OnceLock<Bvh>) -> usize {
-    let mut facing = Facing::new(mesh, cross, input, mirror);
+    let facing = Facing::new(mesh, cross, input, mirror);
     if facing.inward().next().is_none() {
         return 0;
     }
-    let fixed = mesh.boundary_vertices();
     let bvh = tree.get_or_init(|| Bvh::new(&input.mesh));
+    turn_out(facing, (mesh, cross), input, &mesh.boundary_vertices(), bvh)
+}
+
+/// The same for polygons that have a vertex which is not `fixed`; `bvh` is the tree of the input's mesh.
+pub fn untangle_within(
+    mesh: &TriMesh,
+    cross: &mut CrossMap,
+    input: &Chart,
+    mirror: f64,
+    (fixed, bvh): (&[bool], &Bvh),
+) -> usize {
+    turn_out(Facing::new(mesh, cross, input, mirror), (mesh, cross), input, fixed, bvh)
+}
+
+fn turn_out(
+    mut facing: Facing,
+    (mesh, cross): (&TriMesh, &mut CrossMap),
+    input: &Chart,
+    fixed: &[bool],
+    bvh: &Bvh,
+) -> usize {
     let neighbours = neighbours(mesh);
+    let may_turn = |facing: &Facing| -> Vec<u32> {
+        facing.inward().filter(|&f| facing.corners(mesh, f).any(|v| !fixed[v as usize])).collect()
+    };
     let mut best: Option<(usize, CrossMap)> = None;
     for round in 0..ROUNDS_MAX {
-        let folded: Vec<u32> = facing.inward().collect();
+        let folded = may_turn(&facing);
         if folded.is_empty() {
             return 0;
         }
@@ -59,7 +82,7 @@ pub fn untangle(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64
         }
         facing.moved(mesh, cross, input, &moving);
     }
-    let last = facing.inward().count();
+    let last = may_turn(&facing).len();
     match best {
         Some((count, state)) if count < last => {
             *cross = state;
@@ -143,6 +166,25 @@ pub fn inward(mesh: &TriMesh, cross: &CrossMap, input: &Chart, mirror: f64) -> V
 /// Normal of the input's triangle at a place.
 pub fn normal_at(input: &Chart, place: Location) -> Vec3 {
     input.mesh.area_vector(place.triangle as usize).try_normalize(0.0).unwrap_or_else(Vec3::zeros)
+}
+
+/// Polygons that a map turns over in the input's chart, in order; those wider than a quarter of a period, which are at a pole, are left
+/// out. `mirror` is −1 for mirrored maps.
+pub fn turned_in_domain(mesh: &TriMesh, cross: &CrossMap, input: &Chart, mirror: f64) -> Vec<u32> {
+    const WIDTH_MAX: f64 = 0.25;
+    let uv: Vec<[f64; 2]> = cross.locations.iter().map(|l| l.uv(input)).collect();
+    let is_turned = |corners: &[u32; 3]| {
+        let [a, b, c] = corners.map(|v| uv[v as usize]);
+        let beside = |x: [f64; 2]| [x[0] - a[0] - (x[0] - a[0]).round(), x[1] - a[1]];
+        let (b, c) = (beside(b), beside(c));
+        let is_wide = [b[0], c[0], b[0] - c[0]].iter().any(|du| du.abs() > WIDTH_MAX);
+        !is_wide && mirror * (b[0] * c[1] - b[1] * c[0]) < 0.0
+    };
+    let turned = (0..mesh.triangles.len()).filter(|&t| is_turned(&mesh.triangles[t]));
+    let mut polygons: Vec<u32> = turned.map(|t| mesh.polygon_of[t]).collect();
+    polygons.sort_unstable();
+    polygons.dedup();
+    polygons
 }
 
 /// Neighbours along edges of polygons (phantom edges left out).

@@ -25,8 +25,18 @@ impl<'a> Marcher<'a> {
         Self { mesh, outgoing: mesh.outgoing() }
     }
 
+    /// The surface.
+    pub fn mesh(&self) -> &TriMesh {
+        self.mesh
+    }
+
     /// Distance of each vertex to the nearest source, in the mesh's units; infinite where none can be reached.
     pub fn distances(&self, sources: &[u32]) -> Vec<f64> {
+        self.distances_within(sources, f64::INFINITY)
+    }
+
+    /// The same; infinite also where it is more than `most`. Costs what is within.
+    pub fn distances_within(&self, sources: &[u32], most: f64) -> Vec<f64> {
         let mut distance = vec![f64::INFINITY; self.mesh.positions.len()];
         // Positive finite floats order like their bits, so the heap needs no float wrapper.
         let mut heap = BinaryHeap::new();
@@ -46,7 +56,7 @@ impl<'a> Marcher<'a> {
                         continue;
                     }
                     let d = self.across(&distance, v, from, to);
-                    if d < distance[to as usize] {
+                    if d < distance[to as usize] && d <= most {
                         distance[to as usize] = d;
                         heap.push(Reverse((d.to_bits(), to)));
                     }

@@ -1,7 +1,7 @@
 //! Maps as the pipeline makes them, and what is wished of them.
 
 use super::constraint::{Constraint, Landmark};
-use super::registered::Registered;
+use super::registered::{Judgement, Registered};
 use super::roughly::Rough;
 use super::side::Side;
 use crate::measure::Distortion;
@@ -111,9 +111,13 @@ pub struct Before {
 }
 
 impl Mapped {
-    /// This map as an edit of another: what was kept of the example and how well the shapes agree stays; new folds make it worse.
+    /// This map as an edit of another: what was kept of the example and how well the shapes agree stays; folds that the map before the
+    /// first edit did not have make it worse.
     #[must_use]
     pub(super) fn after(mut self, before: &Before) -> Self {
+        let told = || Judgement { folds: before.folds, verdict: before.verdict, reasons: before.reasons.clone() };
+        let unedited = self.registration.unedited.take().unwrap_or_else(|| Arc::new(told()));
+        self.folds = self.folds.saturating_sub(self.registration.turned_there);
         self.reach = Reach {
             covers: before.reach.covers,
             kept: before.reach.kept.clone(),
@@ -122,17 +126,17 @@ impl Mapped {
         };
         if before.evidence.is_some() {
             self.evidence = before.evidence;
-            let folds = self.folds > before.folds;
-            (self.verdict, self.reasons) = (before.verdict, before.reasons.clone());
+            (self.verdict, self.reasons) = (unedited.verdict, unedited.reasons.clone());
             if self.verdict == Verdict::Broken {
                 // The edited map is checked anew.
                 self.verdict = Verdict::Poor;
             }
-            if folds && self.verdict < Verdict::Poor {
+            if self.folds > unedited.folds && self.verdict < Verdict::Poor {
                 self.verdict = Verdict::Fair;
                 self.reasons.push("the edit turns some faces over".into());
             }
         }
+        self.registration.unedited = Some(unedited);
         self
     }
 }

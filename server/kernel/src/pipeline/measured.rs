@@ -4,6 +4,7 @@ use super::error::PipelineError;
 use super::mapped::{Mapped, Reach, Verdict};
 use super::registered::{Registered, UnmeasuredMap, Way, assembled, sign, winding};
 use super::side::Side;
+use crate::map::untangle::turned_in_domain;
 use crate::map::{CrossMap, folded_faces, leave_fillings};
 use crate::measure::coverage::{Coverage, coverage, feature_points};
 use crate::measure::{self, Evidence};
@@ -37,7 +38,7 @@ pub(crate) fn measured(
         let in_domain = match laid.way {
             Way::Atlas(atlas) => Some(atlas.folded_faces(&patch.mesh)),
             Way::Chart => Some(folded_faces(laid.registered.registration(), chart, &patch.mesh)),
-            Way::Whole => Some(turned_in_domain(&patch.mesh, &laid)),
+            Way::Whole => Some(turned_in_domain(&patch.mesh, &laid.cross, laid.input, sign(laid.mirrored))),
         };
         (mesh, part, in_domain, distortion(&laid, example))
     };
@@ -85,25 +86,6 @@ pub(crate) fn measured(
         reach: Reach::default(),
         evidence: None,
     })
-}
-
-/// Polygons that a map given by places turns over in the input's chart; those wider than a quarter of a period, which are at
-/// a pole, are left out.
-fn turned_in_domain(mesh: &TriMesh, laid: &UnmeasuredMap<'_>) -> Vec<u32> {
-    const WIDTH_MAX: f64 = 0.25;
-    let uv: Vec<[f64; 2]> = laid.cross.locations.iter().map(|l| l.uv(laid.input)).collect();
-    let is_turned = |corners: &[u32; 3]| {
-        let [a, b, c] = corners.map(|v| uv[v as usize]);
-        let beside = |x: [f64; 2]| [x[0] - a[0] - (x[0] - a[0]).round(), x[1] - a[1]];
-        let (b, c) = (beside(b), beside(c));
-        let is_wide = [b[0], c[0], b[0] - c[0]].iter().any(|du| du.abs() > WIDTH_MAX);
-        !is_wide && sign(laid.mirrored) * (b[0] * c[1] - b[1] * c[0]) < 0.0
-    };
-    let turned = (0..mesh.triangles.len()).filter(|&t| is_turned(&mesh.triangles[t]));
-    let mut polygons: Vec<u32> = turned.map(|t| mesh.polygon_of[t]).collect();
-    polygons.sort_unstable();
-    polygons.dedup();
-    polygons
 }
 
 /// The part of the query's surface that a map leaves out.

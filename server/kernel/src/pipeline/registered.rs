@@ -44,6 +44,21 @@ pub struct Registered {
     pub(crate) pinned: Vec<(String, (Place, Place))>,
     /// Where the polish took the vertices of the first map.
     pub(crate) settled: Arc<OnceLock<Settled>>,
+    /// Faces of the first map that look into the input where it spans gaps: they are no folds.
+    pub(crate) turned_there: u64,
+    /// After an edit: the judgement of the map before the first one.
+    pub(crate) unedited: Option<Arc<Judgement>>,
+}
+
+/// A map's folds, verdict and reasons.
+#[derive(Clone, Debug)]
+pub(crate) struct Judgement {
+    /// Its folds.
+    pub(crate) folds: u64,
+    /// Its verdict.
+    pub(crate) verdict: Verdict,
+    /// Its reasons.
+    pub(crate) reasons: Vec<String>,
 }
 
 /// A chart that points can be located on.
@@ -82,6 +97,8 @@ impl Registered {
             of_whole: Arc::default(),
             pinned: Vec::new(),
             settled: Arc::default(),
+            turned_there: 0,
+            unedited: None,
         }
     }
 

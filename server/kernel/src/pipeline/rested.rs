@@ -13,7 +13,7 @@ use crate::fit::mend::{fray, islands, leaps, mend};
 use crate::fit::rest::Rested;
 use crate::fit::{Surface, within, without};
 use crate::map::CrossMap;
-use crate::map::bend::{Pin, bend};
+use crate::map::bend::{Pin, bend, is_inside};
 use crate::map::reembed::{InputChart, turn_back};
 use crate::map::untangle::inward;
 use crate::measure::sound::ReferenceSurface;
@@ -97,7 +97,8 @@ pub(crate) fn rest(
     turned.retain(|f| spanned.binary_search(f).is_err());
     let turned_there = before - turned.len();
     let (pinned, missed) = pinned(held, (&surface, &cross), two, mirrored);
-    let registration = described(&surface, two, (cross.clone(), pinned), mirrored)?;
+    let mut registration = described(&surface, two, (cross.clone(), pinned), mirrored)?;
+    registration.turned_there = turned_there as u64;
     let mut mapped = registered::map(&registration, &example, query, stop)?;
     let field = within(&surface.patch.mesh, &cross.positions, &two.patch.mesh);
     let rest = field.and_then(|field| rest_of(&two.patch.mesh, &field));
@@ -110,7 +111,7 @@ pub(crate) fn rest(
         ..Reach::default()
     };
     mapped.evidence = Some(evidence);
-    mapped.folds = mapped.folds.saturating_sub(turned_there as u64);
+    mapped.folds = mapped.folds.saturating_sub(mapped.registration.turned_there);
     let folded = share(&surface.patch.mesh, &cross.positions, &turned);
     let sheared = mapped.distortion.angle_deg.mean;
     let least = match one.patch.topology {
@@ -185,8 +186,13 @@ fn described(
     let flip = Flip { u: mirrored, v: false };
     let (chart, tree) = (&two.query.chart, two.query.tree());
     let (own, own_tree) = (&one.query, Bvh::new(&one.patch.mesh));
+    let border = one.patch.mesh.boundary_vertices();
     let taken = |uv: Uv| -> Option<Uv> {
         let near = own_tree.closest(own.index().locate(&own.chart, uv).point(&own.chart));
+        if !is_inside(&one.patch.mesh, &border, &near.into()) {
+            // It could not be dragged.
+            return None;
+        }
         let corners = one.patch.mesh.triangles.get(near.triangle as usize)?;
         let to: Vec3 = (0..3).map(|k| cross.positions[corners[k] as usize] * near.barycentric[k]).sum();
         Some(Location::from(tree.closest(to)).uv(chart))

@@ -134,6 +134,13 @@ fn what_an_edit_keeps_of_a_map_that_settled_is_the_evidence_and_new_folds_make_i
     let after = folded.after(&before(Verdict::Good, 0));
     assert_eq!((after.verdict, after.reasons.len()), (Verdict::Fair, 2), "{:?}", after.reasons);
     assert_eq!((after.reach.covers.input, after.reach.own), (0.25, None), "rows are laid anew");
+    let undone = Mapped { folds: 0, registration: after.registration.clone(), ..mapped.clone() };
+    let undone = undone.after(&Before { reasons: after.reasons, ..before(Verdict::Fair, 2) });
+    assert_eq!(
+        (undone.verdict, undone.reasons),
+        (Verdict::Good, vec!["as it was".to_owned()]),
+        "as before the first edit"
+    );
     let mended = mapped.clone().after(&before(Verdict::Broken, 0));
     assert_eq!(mended.verdict, Verdict::Poor, "whether it is broken is seen anew");
     let plain = mapped.after(&Before { evidence: None, ..before(Verdict::Poor, 0) });

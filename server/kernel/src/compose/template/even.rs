@@ -36,7 +36,8 @@ pub fn even_out(net: &mut Net, chart: &Chart, target: &Target) {
     let positions = locations.iter().map(|l| l.point(chart)).collect();
     let mut cross = CrossMap { locations, positions };
     let options = PolishOptions { rounds: ROUNDS, anchor: 0.0, size_freedom: SIZE_FREEDOM, ..PolishOptions::default() };
-    let faces = Faces { triangles: &triangles, rest, fixed: fixed.clone(), area: quads.len() as f64 };
+    let faces =
+        Faces { triangles: &triangles, rest, heights: Vec::new(), fixed: fixed.clone(), area: quads.len() as f64 };
     settle(faces, &mut cross, chart, &options);
     for (v, p) in cross.positions.into_iter().enumerate().filter(|(v, _)| !fixed[*v]) {
         net.positions[v] = p;

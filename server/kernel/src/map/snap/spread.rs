@@ -11,15 +11,15 @@ use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
 use crate::unfold::Chart;
 
-/// Rings that move along where lines are snapped.
-pub const RINGS: usize = 4;
+/// Rings that move along.
+const RINGS: usize = 4;
 /// Sweeps of the continuation.
 const SWEEPS: usize = 12;
 /// A triangle may not become smaller than this share of its area.
 const COLLAPSE: f64 = 0.03;
 
 /// The map with its vertices at their targets, and those within some rings moved along.
-pub fn spread(mesh: &TriMesh, cross: &CrossMap, input: &Chart, targets: &Targets, rings: usize) -> CrossMap {
+pub fn spread(mesh: &TriMesh, cross: &CrossMap, input: &Chart, targets: &Targets) -> CrossMap {
     let mut out = cross.clone();
     let mut moves = vec![Vec3::zeros(); mesh.positions.len()];
     for (&v, place) in targets {
@@ -28,7 +28,7 @@ pub fn spread(mesh: &TriMesh, cross: &CrossMap, input: &Chart, targets: &Targets
         out.positions[v as usize] = place.point(input);
     }
     let mut reached: Vec<bool> = (0..mesh.positions.len() as u32).map(|v| targets.contains_key(&v)).collect();
-    grow(mesh, &mut reached, rings);
+    grow(mesh, &mut reached, RINGS);
     let fixed = mesh.boundary_vertices();
     let free = |v: &u32| reached[*v as usize] && !fixed[*v as usize] && !targets.contains_key(v);
     let free: Vec<u32> = (0..mesh.positions.len() as u32).filter(free).collect();
@@ -76,7 +76,7 @@ fn grow(mesh: &TriMesh, marked: &mut [bool], rings: usize) {
 }
 
 /// Neighbours of some vertices (sorted) along edges.
-fn neighbours(mesh: &TriMesh, vertices: &[u32]) -> Vec<Vec<u32>> {
+pub(crate) fn neighbours(mesh: &TriMesh, vertices: &[u32]) -> Vec<Vec<u32>> {
     let mut around = vec![Vec::new(); vertices.len()];
     for t in &mesh.triangles {
         for k in 0..3 {
@@ -93,7 +93,7 @@ fn neighbours(mesh: &TriMesh, vertices: &[u32]) -> Vec<Vec<u32>> {
 }
 
 /// `d` turned by the least rotation that takes unit vector `from` to `to`.
-fn turned(d: Vec3, from: Vec3, to: Vec3) -> Vec3 {
+pub(crate) fn turned(d: Vec3, from: Vec3, to: Vec3) -> Vec3 {
     let (axis, cos) = (from.cross(&to), from.dot(&to));
     if cos <= -0.999 {
         return d;
