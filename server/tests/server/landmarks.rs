@@ -88,7 +88,8 @@ async fn landmarks_are_met_and_become_constraints() {
 
     // A feature can be dragged and put back; what would fold is led elsewhere, not refused.
     let plain = map(&work, &live, id, Vec::new()).await.expect("a map");
-    let features = plain.newest().mapped.constraints.clone();
+    let first = plain.newest();
+    let features = first.mapped.constraints.clone();
     let feature = features.iter().find(|c| c.origin == ConstraintOrigin::Feature).expect("features");
     let near = |share: f64| {
         let from = Vec3::from(feature.on_input.point);
@@ -111,6 +112,23 @@ async fn landmarks_are_met_and_become_constraints() {
     let undone = mapping::constrain(&work, &live, plain.id, undo).await.expect("undone");
     let back = undone.mapped.constraints.iter().find(|c| c.id == feature.id).expect("the same id");
     assert_eq!(back.origin, ConstraintOrigin::Feature);
+
+    // Each goes a little way without a refusal, and put back they leave the map as it was.
+    for feature in features.iter().filter(|c| c.origin == ConstraintOrigin::Feature) {
+        let from = Vec3::from(feature.on_input.point);
+        let apart = |p: &Vec3| ((p - from).norm() / size - 0.01).abs();
+        let to = *input.positions.iter().min_by(|a, b| apart(a).total_cmp(&apart(b))).expect("vertices");
+        let set = vec![NewConstraint { id: Some(feature.id.clone()), on_example: None, on_input: Some(place(&to)) }];
+        let edit = ConstraintEdit { set, ..ConstraintEdit::default() };
+        mapping::constrain(&work, &live, plain.id, edit)
+            .await
+            .unwrap_or_else(|error| panic!("{}: {error}", feature.id));
+        let undo = ConstraintEdit { undo: vec![feature.id.clone()], ..ConstraintEdit::default() };
+        mapping::constrain(&work, &live, plain.id, undo).await.expect("undone");
+    }
+    let (was, now) = (&first.mapped, plain.newest());
+    let is = &now.mapped;
+    assert_eq!((is.verdict, &is.reasons, is.folds), (was.verdict, &was.reasons, was.folds));
 
     let far = Landmark { on_example: Place::Point([f64::NAN; 3]), ..landmarks[0].clone() };
     let refused = map(&work, &live, id, vec![landmarks[0].clone(), far]).await.map(|_| ()).expect_err("no point");

@@ -151,7 +151,7 @@ impl<'a> Rests<'a> {
         Self::with_tree(example, input, Arc::new(Bvh::new(input)))
     }
 
-    /// Prepares for places that are only compared: [`Rests::into_best`] would settle what few samples show. The input is
+    /// Prepares for places that are only compared: [`Rests::settle_best`] would settle what few samples show. The input is
     /// [ready](Self::ready_roughly).
     pub fn roughly(example: &'a TriMesh, input: (&'a TriMesh, Arc<PreparedInput>)) -> Option<Self> {
         Self::on(example, input, &rough_options())
@@ -206,8 +206,8 @@ impl<'a> Rests<'a> {
     }
 
     /// The best of all, settled; `None` when stopped. The best few settle where they are near: roughly laid, what is nearly its own
-    /// mirror image, or faces backwards, can't be told from it.
-    pub fn into_best(mut self, stop: Stop<'_>) -> Option<Rested> {
+    /// mirror image, or faces backwards, can't be told from it. Nothing is kept of what was laid roughly.
+    pub fn settle_best(&mut self, stop: Stop<'_>) -> Option<Rested> {
         let near = worth(self.best()?) - NEAR;
         let mut finalists: Vec<TriedPlace> = std::mem::take(&mut self.laid);
         finalists.retain(|laid| worth(&laid.rested) >= near);
@@ -502,7 +502,7 @@ mod tests {
             let held = rests.held(&tips, &moved(by), &|| false);
             rests.take(held);
             assert_eq!(rests.best().is_some(), is_held, "{by}");
-            let Some(best) = rests.into_best(&|| false) else { continue };
+            let Some(best) = rests.settle_best(&|| false) else { continue };
             let off = tips.iter().map(|tip| {
                 let v = tip.corners[0].0 as usize;
                 (best.places[v].point - example.positions[v]).norm()
@@ -542,7 +542,7 @@ mod tests {
             let mut rests = Rests::new(&example, &input).expect("areas");
             rests.tries_tips(&[MatchedTips { landmarks: tips.clone(), mirrored: false }], None, &|| false);
             assert!(rests.is_convincing());
-            let best = rests.into_best(&|| false).expect("settled");
+            let best = rests.settle_best(&|| false).expect("settled");
             assert_eq!(best.mirrored, sign < 0.0);
             let off = best.places.iter().zip(&example.positions).map(|(at, p)| (at.point - place(p)).norm());
             assert!(off.sum::<f64>() / (n as f64) < 0.01);

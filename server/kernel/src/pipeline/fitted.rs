@@ -41,6 +41,8 @@ const POSED: usize = 5;
 const POSED_FEW: usize = 2;
 /// A map that settled must have so much more relief than the one of the charts, which keeps boundaries and sharp edges.
 const SETTLED_MARGIN: f64 = 0.01;
+/// Where it has so much more than the charts lay it with before their map settles, that need not settle. *Untuned.*
+const FAR_AHEAD: f64 = 0.1;
 /// More of the input within the example is all of it.
 pub(crate) const COVERED: f64 = 0.97;
 
@@ -93,10 +95,6 @@ pub(crate) fn fit(
         return by_charts(from);
     }
     let (one, two) = (surface(example)?, surface(query)?);
-    let whole = || -> Result<Option<Start>, PipelineError> {
-        let whole = from.as_ref().map(|from| registered::whole(from, example, query, stop)).transpose()?;
-        Ok(whole.map(|whole| Start { positions: whole.positions, mirrored: whole.mirrored, apart: 0.0 }))
-    };
     let input = Arc::clone(&two.query.chart.mesh);
     let led = match lead.as_ref().filter(|_| held.is_empty()) {
         Some(lead) => led(lead, (example, &one), &input, stop)?,
@@ -110,7 +108,7 @@ pub(crate) fn fit(
     let sure = rough.as_ref().filter(|rough| rough.agreement >= SURE_ROUGHLY);
     let posed = sure.map(|rough| rough.start.as_deref().map_or(&[][..], std::slice::from_ref));
     let known = Known { held: &held, led: &led, rough: lies.as_ref(), posed };
-    let settled = settled(&whole, (example, &one), (query, &two), (&input, known), stop)?;
+    let settled = settled(from.as_ref(), (example, &one), (query, &two), (&input, known), stop)?;
     let are_wholes = on.are_wholes(query.segment, [one.patch.topology, two.patch.topology]);
     let asked = Asked { beyond: *beyond, held: &held, are_wholes };
     let finished = |rested| rest(rested, (example, &one), (query, &two), asked, stop);
@@ -172,7 +170,7 @@ fn led(
 ) -> Result<Vec<KernelLandmark>, PipelineError> {
     let part = surface(&lead.example)?;
     let own = Arc::clone(&one.query.chart.mesh);
-    let found = settled(&|| Ok(None), (&lead.example, &part), (example, one), (&own, Known::default()), stop)?;
+    let found = settled(None, (&lead.example, &part), (example, one), (&own, Known::default()), stop)?;
     let found = found.map(|best| best.rested).filter(|found| found.evidence.relief >= DOUBTFUL);
     let Some(found) = found else { return Ok(Vec::new()) };
     let on_part = Bvh::new(&part.patch.mesh);
@@ -196,10 +194,10 @@ struct Best {
     is_better: bool,
 }
 
-/// Settles the example from all starts until one is convincing; `None` where it settles nowhere. `whole` makes the start at which the
-/// charts lay it, if there is one.
+/// Settles the example from all starts until one is convincing; `None` where it settles nowhere. `from`: how the charts lay it, if they
+/// do.
 fn settled(
-    whole: &dyn Fn() -> Result<Option<Start>, PipelineError>,
+    from: Option<&Registered>,
     (example, one): (&Side, &Surface),
     (query, two): (&Side, &Surface),
     (input, known): (&TriMesh, Known<'_>),
@@ -224,11 +222,13 @@ fn settled(
     if let Some(carried) = rests.carried() {
         rests.tries(&carried, stop);
         stopped(stop)?;
-        return Ok(rests.into_best(stop).map(|rested| Best { rested, is_better: true }));
+        return Ok(rests.settle_best(stop).map(|rested| Best { rested, is_better: true }));
     }
+    let by_charts = || from.map(|from| registered::start(from, example, query, stop)).transpose();
     let of_rough = || known.rough.map(|rough| rests.tried(rough, stop));
-    let (whole, of_rough) = side_by_side(whole, of_rough);
-    let whole = whole?;
+    let (whole, of_rough) = side_by_side(by_charts, of_rough);
+    let start = |(positions, mirrored)| Start { positions, mirrored, apart: 0.0 };
+    let whole = whole?.map(start);
     if let Some(whole) = &whole {
         rests.tries(whole, stop);
     }
@@ -256,10 +256,19 @@ fn settled(
         rests.tries_poses_as_they_stand(&posed, stop);
     }
     stopped(stop)?;
-    let least = whole.and_then(|whole| rests.relief(&whole)).unwrap_or(-1.0) + SETTLED_MARGIN;
-    let best = rests.into_best(stop);
+    let best = rests.settle_best(stop);
     stopped(stop)?;
-    Ok(best.map(|rested| Best { is_better: rested.evidence.relief > least, rested }))
+    let Some(rested) = best else { return Ok(None) };
+    let ahead = |of: &Start| rests.relief(of).map_or(f64::INFINITY, |relief| rested.evidence.relief - relief);
+    let is_better = match (from, whole) {
+        // The charts' map gains a little when it settles, too.
+        (Some(from), Some(whole)) if ahead(&whole) < FAR_AHEAD => {
+            let whole = registered::whole(from, example, query, stop)?;
+            ahead(&start((whole.positions, whole.mirrored))) > SETTLED_MARGIN
+        }
+        _ => true,
+    };
+    Ok(Some(Best { rested, is_better }))
 }
 
 /// The likeliest ways to match the tips of two surfaces, at most `most` of either orientation.

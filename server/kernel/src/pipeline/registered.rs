@@ -232,6 +232,17 @@ pub(crate) fn whole(from: &Registered, example: &Side, query: &Side, stop: Stop)
     Ok(Whole { positions, mesh, mirrored: laid.mirrored, cost: laid.cost, modulus_log: laid.modulus_log })
 }
 
+/// Where the vertices of the example's segment go before they settle, and whether they lie mirrored.
+pub(crate) fn start(
+    from: &Registered,
+    example: &Side,
+    query: &Side,
+    stop: Stop,
+) -> Result<(Vec<Vec3>, bool), PipelineError> {
+    let (laid, _) = unsettled(from.atlas(example, query, stop)?, from, example, query)?;
+    Ok((laid.cross.positions, laid.mirrored))
+}
+
 /// The faces of the example's segment where it is laid, as its file has them.
 pub(crate) fn assembled(laid: &UnmeasuredMap<'_>, example: &Side) -> Result<PolyMesh, PipelineError> {
     let model = &*example.model;
