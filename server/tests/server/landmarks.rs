@@ -113,6 +113,15 @@ async fn landmarks_are_met_and_become_constraints() {
     let back = undone.mapped.constraints.iter().find(|c| c.id == feature.id).expect("the same id");
     assert_eq!(back.origin, ConstraintOrigin::Feature);
 
+    // One that is removed is not listed any more until that is undone.
+    let remove = ConstraintEdit { remove: vec![feature.id.clone()], ..ConstraintEdit::default() };
+    let less = mapping::constrain(&work, &live, plain.id, remove).await.expect("removed");
+    assert_eq!(less.mapped.constraints.len(), features.len() - 1);
+    assert!(less.mapped.constraints.iter().all(|c| c.id != feature.id));
+    let undo = ConstraintEdit { undo: vec![feature.id.clone()], ..ConstraintEdit::default() };
+    let back = mapping::constrain(&work, &live, plain.id, undo).await.expect("undone").mapped.constraints.len();
+    assert_eq!(back, features.len());
+
     // Each goes a little way without a refusal, and put back they leave the map as it was.
     for feature in features.iter().filter(|c| c.origin == ConstraintOrigin::Feature) {
         let from = Vec3::from(feature.on_input.point);

@@ -113,8 +113,8 @@ fn undo(
     Ok(())
 }
 
-/// Edits the constraints of a map that is given by places: a feature that is moved becomes one of the caller's. `told` are the
-/// map's. Returns which were set, too.
+/// Edits the constraints of a map that is given by places: a feature that is moved becomes one of the caller's, and one that is removed
+/// is no longer listed. `told` are the map's. Returns which were set, too.
 fn edit_pinned(
     registered: &Registered,
     wanted: &ConstraintEdit,
@@ -122,32 +122,35 @@ fn edit_pinned(
     (example, one): (&Side, &Chart),
     (query, two): (&Side, &Chart),
 ) -> Result<(Registered, Vec<usize>), PipelineError> {
-    let mut pinned = registered.pinned.clone();
+    let (mut pinned, mut removed) = (registered.pinned.clone(), registered.removed.clone());
     let feature = |id: &str| told.iter().find(|c| c.id == id && c.origin == ConstraintOrigin::Feature);
     let bvhs = (OnceLock::new(), OnceLock::new());
     let find = |pinned: &[(String, (Location, Location))], id: &str| -> Result<usize, PipelineError> {
-        if let Some(k) = pinned.iter().position(|(name, _)| name == id) {
-            return Ok(k);
-        }
-        let (refusal, why) = match feature(id) {
-            Some(_) => (Refusal::ConstraintInvalid, "which is a matched feature and holds nothing: move it instead"),
-            None => (Refusal::ConstraintUnknown, "which is none"),
-        };
-        Err(PipelineError::refused(
-            refusal,
-            format!("expected a constraint that was set, found `{}`, {why}", id.escape_default()),
-        ))
+        pinned.iter().position(|(name, _)| name == id).ok_or_else(|| {
+            let detail = format!("expected a constraint of this map, found `{}`, which is none", id.escape_default());
+            PipelineError::refused(Refusal::ConstraintUnknown, detail)
+        })
     };
     // To undo what was set is to remove it; a feature that nobody moved is as it was.
     for id in &wanted.undo {
+        if let Some(k) = removed.iter().position(|name| name == id) {
+            removed.remove(k);
+            continue;
+        }
         match find(&pinned, id) {
             Ok(k) => drop(pinned.remove(k)),
             Err(error) => feature(id).map(|_| ()).ok_or(error)?,
         }
     }
+    let names = registered.named();
     for id in &wanted.remove {
-        let k = find(&pinned, id)?;
-        pinned.remove(k);
+        match find(&pinned, id) {
+            Ok(k) => drop(pinned.remove(k)),
+            Err(error) => feature(id).map(|_| ()).ok_or(error)?,
+        }
+        if names.iter().any(|(name, _)| name == id) {
+            removed.push(id.clone());
+        }
     }
     let mut touched = Vec::new();
     for new in &wanted.set {
@@ -177,7 +180,7 @@ fn edit_pinned(
         }
         touched.push(index.unwrap_or(pinned.len() - 1));
     }
-    Ok((Registered { pinned, ..registered.clone() }, touched))
+    Ok((Registered { pinned, removed, ..registered.clone() }, touched))
 }
 
 /// Of the constraints that were set, the one nearest to the fold is named; else the nearest of all.

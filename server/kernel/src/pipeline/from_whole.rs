@@ -66,7 +66,7 @@ pub(crate) fn from_whole<'a>(
     let own = Own { part: &patch.mesh, of_whole, input: surface };
     let mut constraints = registered::constraints(registered.registration(), &registered.named(), source, surface);
     // A feature that the caller moved is one of the caller's.
-    constraints.retain(|c| registered.pinned.iter().all(|p| p.0 != c.id));
+    constraints.retain(|c| registered.pinned.iter().all(|p| p.0 != c.id) && !registered.removed.contains(&c.id));
     for c in &mut constraints {
         if let Some(there) = own.taken_to(Vec3::from(c.on_example.point)) {
             let [u, v] = there.uv(&surface.chart);
@@ -125,15 +125,20 @@ pub(crate) fn fitted(
     let own = Own { part: &patch.mesh, of_whole, input: surface };
     let sign = registered::sign(of_whole.mirrored);
     let wanted: Vec<(Vec3, Place)> = registered.pinned.iter().map(|(_, (a, b))| (a.point(&source.chart), *b)).collect();
+    let fits = |made: &OfWhole| Own { part: &patch.mesh, of_whole: made, input: surface }.bent(&wanted, sign).is_ok();
+    // What made room goes back once there is no need for it.
+    if let Some(first) = registered.before_room.clone().filter(|first| first.get().is_some_and(&fits)) {
+        return Ok(Registered { of_whole: first, before_room: None, ..registered });
+    }
     let Err(error) = own.bent(&wanted, sign) else { return Ok(registered) };
     // Boundaries of segments belong to their neighbours, too.
     let is_alone = on.laid.is_none() && on.segmented.parts.len() == 1;
     let made = (on_fold == OnFold::Resolve && is_alone).then(|| own.settled_anew(&wanted, sign, stop)).flatten();
-    let fits = |made: &OfWhole| Own { part: &patch.mesh, of_whole: made, input: surface }.bent(&wanted, sign).is_ok();
     if let Some(made) = made.filter(fits) {
+        let first = registered.before_room.clone().unwrap_or_else(|| Arc::clone(&registered.of_whole));
         let of_whole = OnceLock::new();
         let _ = of_whole.set(made);
-        return Ok(Registered { of_whole: Arc::new(of_whole), ..registered });
+        return Ok(Registered { of_whole: Arc::new(of_whole), before_room: Some(first), ..registered });
     }
     let share = own.reached(&wanted, touched, sign);
     if on_fold == OnFold::Refuse {

@@ -42,6 +42,10 @@ pub struct Registered {
     pub(crate) of_whole: Arc<OnceLock<OfWhole>>,
     /// With an atlas, or where the whole was laid: the caller's constraints, each with its name.
     pub(crate) pinned: Vec<(String, (Place, Place))>,
+    /// Features that the caller removed from such a map. They hold nothing, and are not listed.
+    pub(crate) removed: Vec<String>,
+    /// Where the example settled anew to make room for constraints: the map before that.
+    pub(crate) before_room: Option<Arc<OnceLock<OfWhole>>>,
     /// Where the polish took the vertices of the first map.
     pub(crate) settled: Arc<OnceLock<Settled>>,
     /// Faces of the first map that look into the input where it spans gaps: they are no folds.
@@ -96,6 +100,8 @@ impl Registered {
             atlas: Arc::default(),
             of_whole: Arc::default(),
             pinned: Vec::new(),
+            removed: Vec::new(),
+            before_room: None,
             settled: Arc::default(),
             turned_there: 0,
             unedited: None,
