@@ -26,6 +26,7 @@ const REACH_EDGES: f64 = 4.0;
 const INSIDE_MIN: f64 = 0.2;
 /// A corner that holds less of a point than this is not moved for it.
 const HOLDS_MIN: f64 = 1e-3;
+/// Rounds in which faces take their shapes again.
 const ROUNDS: usize = 8;
 /// Share of the area that moves which may be turned over: a face in two hundred, which is told and can be put right. *Untuned.*
 const FOLDED: f64 = 0.005;

@@ -19,7 +19,7 @@ const ROUNDS_ALONE: usize = 15;
 
 /// Untangles a map of `mesh` (the example's patch) onto the mesh of `input`. `mirror` is −1 for mirrored maps, which
 /// turn every face. Boundary vertices stay. `tree` is that of the input's mesh, made where it is needed and is not there yet.
-/// Returns how many polygons still look inward.
+/// Returns how many polygons still look inward, beside those whose vertices all lie on the boundary.
 pub fn untangle(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64, tree: &OnceLock<Bvh>) -> usize {
     let facing = Facing::new(mesh, cross, input, mirror);
     if facing.inward().next().is_none() {
@@ -40,6 +40,7 @@ pub fn untangle_within(
     turn_out(Facing::new(mesh, cross, input, mirror), (mesh, cross), input, fixed, bvh)
 }
 
+/// Moves the vertices that are not `fixed` until no polygon that has one looks inward, or the rounds are spent; keeps the best.
 fn turn_out(
     mut facing: Facing,
     (mesh, cross): (&TriMesh, &mut CrossMap),
