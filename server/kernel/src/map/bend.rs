@@ -58,7 +58,7 @@ pub enum BendError {
     OnBoundary,
 }
 
-/// Whether a point of `mesh` can be moved: corners inside hold enough of it. `border` are the mesh's boundary vertices.
+/// Tells whether a point of `mesh` can be moved: corners inside hold enough of it. `border` are the mesh's boundary vertices.
 pub fn is_inside(mesh: &TriMesh, border: &[bool], at: &Location) -> bool {
     let Some(corners) = mesh.triangles.get(at.triangle as usize) else { return false };
     let held = at.barycentric;

@@ -13,7 +13,7 @@ use crate::unfold::Chart;
 
 /// Steps of a way along the surface at most.
 const STEPS: usize = 16;
-/// What is left of the way, as a share of it, where a point has arrived.
+/// A point has arrived where no more than this share of its way is left.
 const ARRIVED: f64 = 0.05;
 /// A way along the surface is at most so many times as long as the straight one; else there is none.
 const DETOUR: f64 = 4.0;
@@ -27,7 +27,7 @@ pub(super) struct Held {
     pub(super) vertex: u32,
     /// Its barycentric weight.
     pub(super) share: f64,
-    /// Whether it moves with the point.
+    /// It moves with the point.
     pub(super) moves: bool,
 }
 
