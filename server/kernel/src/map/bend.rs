@@ -6,7 +6,7 @@
 
 mod follow;
 
-use self::follow::{Follow, Held, Moved, shares};
+use self::follow::{Follow, HoldingCorner, Moved, shares};
 use super::CrossMap;
 use super::polish::{PolishOptions, polish_within};
 use super::untangle::{inward, turned_in_domain, untangle_within};
@@ -60,13 +60,16 @@ pub enum BendError {
 
 /// Tells whether a point of `mesh` can be moved: corners inside hold enough of it. `border` are the mesh's boundary vertices.
 pub fn is_inside(mesh: &TriMesh, border: &[bool], at: &Location) -> bool {
-    let Some(corners) = mesh.triangles.get(at.triangle as usize) else { return false };
-    let held = at.barycentric;
-    (0..3).filter(|k| can_move(border, corners, held, *k)).map(|k| held[k]).sum::<f64>() >= INSIDE_MIN
+    corners(mesh, border, at).is_some_and(|held| shares(&held) >= INSIDE_MIN)
 }
 
-fn can_move(border: &[bool], corners: &[u32; 3], held: [f64; 3], k: usize) -> bool {
-    !border[corners[k] as usize] && held[k] > HOLDS_MIN
+/// The corners that hold a point of `mesh`; `None` where there is no such triangle.
+fn corners(mesh: &TriMesh, border: &[bool], at: &Location) -> Option<[HoldingCorner; 3]> {
+    let corners = mesh.triangles.get(at.triangle as usize)?;
+    Some([0, 1, 2].map(|k| {
+        let (vertex, share) = (corners[k], at.barycentric[k]);
+        HoldingCorner { vertex, share, moves: !border[vertex as usize] && share > HOLDS_MIN }
+    }))
 }
 
 /// The map of `mesh` (the example's patch) with its points at the pins. `mirror` is −1 for mirrored maps, `bvh` the tree of
@@ -88,14 +91,11 @@ pub fn bend(
     let mut moved: Vec<Moved> = Vec::new();
     let mut reach = 0.0f64;
     for pin in pins {
-        let Some(corners) = mesh.triangles.get(pin.on_example.triangle as usize) else { continue };
-        let held = pin.on_example.barycentric;
-        let held =
-            [0, 1, 2].map(|k| Held { vertex: corners[k], share: held[k], moves: can_move(&border, corners, held, k) });
+        let Some(held) = corners(mesh, &border, &pin.on_example) else { continue };
         if shares(&held) < INSIDE_MIN {
             return Err(BendError::OnBoundary);
         }
-        let at = corners.map(|v| cross.positions[v as usize]);
+        let at = held.map(|corner| cross.positions[corner.vertex as usize]);
         let edge = (0..3).map(|k| (at[(k + 1) % 3] - at[k]).norm()).sum::<f64>() / 3.0;
         let one = follow.moved(&held, pin.to);
         reach = reach.max(REACH * one.way.norm()).max(REACH_EDGES * edge);
@@ -109,24 +109,25 @@ pub fn bend(
     let fixed: Vec<bool> = (0..border.len()).map(|v| border[v] || stays(v)).collect();
     let options = PolishOptions { rounds: ROUNDS, ..PolishOptions::default() };
     polish_within(mesh, cross, &mut bent, input, &fixed, &options);
+    let after = folded(mesh, &bent, input, mirror);
+    if after.is_empty() {
+        return Ok(bent);
+    }
     let before = folded(mesh, cross, input, mirror);
-    let fresh = |bent: &CrossMap| -> Vec<u32> {
-        let mut after = folded(mesh, bent, input, mirror);
-        after.retain(|f| before.binary_search(f).is_err());
-        after
-    };
-    if fresh(&bent).is_empty() {
+    let is_fresh = |f: &u32| before.binary_search(f).is_err();
+    if !after.iter().any(is_fresh) {
         return Ok(bent);
     }
     untangle_within(mesh, &mut bent, input, mirror, (&fixed, bvh));
-    let turned = fresh(&bent);
-    let (mut moved, mut over) = (0.0, 0.0);
+    let mut turned = folded(mesh, &bent, input, mirror);
+    turned.retain(is_fresh);
+    let (mut all, mut over) = (0.0, 0.0);
     for (t, corners) in mesh.triangles.iter().enumerate().filter(|(_, t)| t.iter().any(|&v| !fixed[v as usize])) {
         let area = area_between(corners.map(|v| cross.positions[v as usize]));
-        moved += area;
+        all += area;
         over += if turned.binary_search(&mesh.polygon_of[t]).is_ok() { area } else { 0.0 };
     }
-    if turned.len() > FOLDED_ANYWAY && over > FOLDED * moved {
+    if turned.len() > FOLDED_ANYWAY && over > FOLDED * all {
         Err(BendError::Folds { faces: turned.len() })
     } else {
         Ok(bent)

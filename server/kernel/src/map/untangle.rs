@@ -36,8 +36,8 @@ pub fn untangle_within(
     input: &Chart,
     mirror: f64,
     (fixed, bvh): (&[bool], &Bvh),
-) -> usize {
-    turn_out(Facing::new(mesh, cross, input, mirror), (mesh, cross), input, fixed, bvh)
+) {
+    turn_out(Facing::new(mesh, cross, input, mirror), (mesh, cross), input, fixed, bvh);
 }
 
 /// Moves the vertices that are not `fixed` until no polygon that has one looks inward, or the rounds are spent; keeps the best.

@@ -131,24 +131,26 @@ fn edit_pinned(
             PipelineError::refused(Refusal::ConstraintUnknown, detail)
         })
     };
-    // To undo what was set is to remove it; a feature that nobody moved is as it was.
+    // A feature that nobody moved is as it was.
+    let unpin = |pinned: &mut Vec<(String, (Location, Location))>, id: &str| match find(pinned, id) {
+        Ok(k) => {
+            pinned.remove(k);
+            Ok(())
+        }
+        Err(error) => feature(id).map(|_| ()).ok_or(error),
+    };
+    // To undo what was set is to remove it.
     for id in &wanted.undo {
         if let Some(k) = removed.iter().position(|name| name == id) {
             removed.remove(k);
             continue;
         }
-        match find(&pinned, id) {
-            Ok(k) => drop(pinned.remove(k)),
-            Err(error) => feature(id).map(|_| ()).ok_or(error)?,
-        }
+        unpin(&mut pinned, id)?;
     }
     let names = registered.named();
     for id in &wanted.remove {
-        match find(&pinned, id) {
-            Ok(k) => drop(pinned.remove(k)),
-            Err(error) => feature(id).map(|_| ()).ok_or(error)?,
-        }
-        if names.iter().any(|(name, _)| name == id) {
+        unpin(&mut pinned, id)?;
+        if names.iter().any(|(name, _)| name == id) && !removed.contains(id) {
             removed.push(id.clone());
         }
     }

@@ -1,7 +1,7 @@
 //! Maps as the pipeline makes them, and what is wished of them.
 
 use super::constraint::{Constraint, Landmark};
-use super::registered::{Judgement, Registered};
+use super::registered::Registered;
 use super::roughly::Rough;
 use super::side::Side;
 use crate::measure::Distortion;
@@ -115,9 +115,7 @@ impl Mapped {
     /// first edit did not have make it worse.
     #[must_use]
     pub(super) fn after(mut self, before: &Before) -> Self {
-        let told = || Judgement { folds: before.folds, verdict: before.verdict, reasons: before.reasons.clone() };
-        let unedited = self.registration.unedited.take().unwrap_or_else(|| Arc::new(told()));
-        self.folds = self.folds.saturating_sub(self.registration.turned_there);
+        let unedited = self.registration.unedited.get_or_insert_with(|| Arc::new(before.clone()));
         self.reach = Reach {
             covers: before.reach.covers,
             kept: before.reach.kept.clone(),
@@ -136,7 +134,6 @@ impl Mapped {
                 self.reasons.push("the edit turns some faces over".into());
             }
         }
-        self.registration.unedited = Some(unedited);
         self
     }
 }

@@ -75,7 +75,7 @@ pub(crate) fn measured(
         registration: laid.registered,
         flip,
         is_of_whole,
-        folds: folds as u64,
+        folds: (folds as u64).saturating_sub(from.turned_there),
         distortion,
         verdict: match word {
             measure::Verdict::Good => Verdict::Good,

@@ -3,7 +3,7 @@
 use super::constraint::{Constraint, ConstraintOrigin, Location};
 use super::error::{PipelineError, Refusal, Stop, internal, stopped};
 use super::from_whole::{OfWhole, from_whole};
-use super::mapped::{Mapped, Verdict};
+use super::mapped::{Before, Mapped, Verdict};
 use super::measured::{distortion, measured};
 use super::settled::{Laying, Settled, settle};
 use super::side::Side;
@@ -50,19 +50,8 @@ pub struct Registered {
     pub(crate) settled: Arc<OnceLock<Settled>>,
     /// Faces of the first map that look into the input where it spans gaps: they are no folds.
     pub(crate) turned_there: u64,
-    /// After an edit: the judgement of the map before the first one.
-    pub(crate) unedited: Option<Arc<Judgement>>,
-}
-
-/// A map's folds, verdict and reasons.
-#[derive(Clone, Debug)]
-pub(crate) struct Judgement {
-    /// Its folds.
-    pub(crate) folds: u64,
-    /// Its verdict.
-    pub(crate) verdict: Verdict,
-    /// Its reasons.
-    pub(crate) reasons: Vec<String>,
+    /// After an edit: the map before the first one.
+    pub(crate) unedited: Option<Arc<Before>>,
 }
 
 /// A chart that points can be located on.

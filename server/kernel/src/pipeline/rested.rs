@@ -92,13 +92,12 @@ pub(crate) fn rest(
         mend(&surface.patch.mesh, &mut cross, chart, sign);
     }
     let mut turned = inward(&surface.patch.mesh, &cross, chart, sign);
-    let before = turned.len();
+    let before = turned.len() as u64;
     // What is spanned is flat, and which way it looks says nothing.
     turned.retain(|f| spanned.binary_search(f).is_err());
-    let turned_there = before - turned.len();
     let (pinned, missed) = pinned(held, (&surface, &cross), two, mirrored);
     let mut registration = described(&surface, two, (cross.clone(), pinned), mirrored)?;
-    registration.turned_there = turned_there as u64;
+    registration.turned_there = before - turned.len() as u64;
     let mut mapped = registered::map(&registration, &example, query, stop)?;
     let field = within(&surface.patch.mesh, &cross.positions, &two.patch.mesh);
     let rest = field.and_then(|field| rest_of(&two.patch.mesh, &field));
@@ -111,7 +110,6 @@ pub(crate) fn rest(
         ..Reach::default()
     };
     mapped.evidence = Some(evidence);
-    mapped.folds = mapped.folds.saturating_sub(mapped.registration.turned_there);
     let folded = share(&surface.patch.mesh, &cross.positions, &turned);
     let sheared = mapped.distortion.angle_deg.mean;
     let least = match one.patch.topology {

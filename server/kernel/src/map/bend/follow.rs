@@ -22,7 +22,7 @@ const WALKS: usize = 6;
 
 /// A corner of the face that holds a point.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Held {
+pub(super) struct HoldingCorner {
     /// The vertex.
     pub(super) vertex: u32,
     /// Its barycentric weight.
@@ -32,7 +32,7 @@ pub(super) struct Held {
 }
 
 /// How much of a point the corners hold that move.
-pub(super) fn shares(held: &[Held; 3]) -> f64 {
+pub(super) fn shares(held: &[HoldingCorner; 3]) -> f64 {
     held.iter().filter(|corner| corner.moves).map(|corner| corner.share).sum()
 }
 
@@ -70,7 +70,7 @@ struct Following {
 impl Follow<'_> {
     /// Moves a point with the corners that hold it. They walk along the surface, so that none jumps to a sheet that is near in space only;
     /// where there is no way, they jump.
-    pub(super) fn moved(&self, held: &[Held; 3], to: Vec3) -> Moved {
+    pub(super) fn moved(&self, held: &[HoldingCorner; 3], to: Vec3) -> Moved {
         let start = held.map(|corner| self.cross.locations[corner.vertex as usize]);
         let share = shares(held);
         let left = |at: &[Location; 3]| to - (0..3).map(|k| at[k].point(self.input) * held[k].share).sum::<Vec3>();
@@ -128,7 +128,7 @@ impl Follow<'_> {
     }
 
     /// The way from one point to another where it goes around an edge: down the slope of the distance from its end.
-    fn around(&self, held: &[Held; 3], (point, to): (Vec3, Vec3)) -> Option<Vec3> {
+    fn around(&self, held: &[HoldingCorner; 3], (point, to): (Vec3, Vec3)) -> Option<Vec3> {
         let mesh = self.marcher.mesh();
         let nearest = |v: &u32| (mesh.positions[*v as usize] - to).norm_squared();
         let end = (0..mesh.positions.len() as u32).min_by(|a, b| nearest(a).total_cmp(&nearest(b)))?;
