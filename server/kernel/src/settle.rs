@@ -9,6 +9,7 @@
 //! that chooses between them.
 
 mod align;
+mod between;
 mod effort;
 mod elastic;
 mod evidence;
@@ -40,6 +41,7 @@ use crate::mesh::tri::TriMesh;
 use crate::numerics::Pattern;
 use crate::numerics::stop::Stop;
 use align::Rigid;
+use between::Between;
 use elastic::{Body, View};
 use evidence::Judged;
 use held::{HELD_AS_WHOLE, Held};
@@ -170,6 +172,7 @@ const ROBUST_SIGMA: f64 = 1.5;
 #[derive(Clone, Debug)]
 pub struct Settler<'a> {
     options: Options,
+    between: Between,
     rest: Rest,
     nodes: [Nodes; 3],
     /// Of the systems of each set of nodes, analysed when it first bends.
@@ -253,12 +256,13 @@ impl<'a> Settler<'a> {
         mirror: f64,
         options: &Options,
     ) -> Option<Self> {
-        let rest = Rest::new(example, mirror)?;
+        let (refined, between) = Between::of(example);
+        let rest = Rest::new(&refined, mirror)?;
         let nodes = options.nodes.map(|count| rest.nodes(count));
         let rigid = Rigid::new(&rest, &nodes[1]);
         let ground = InputSurface::of(mesh, &input.known);
         let patterns = Default::default();
-        Some(Self { options: *options, rest, nodes, patterns, rigid, ground, input, landmarks: Vec::new() })
+        Some(Self { options: *options, between, rest, nodes, patterns, rigid, ground, input, landmarks: Vec::new() })
     }
 
     /// The example's vertex at rest, from which [`Aligned::similarity`] leads to the input: centred, of unit area.
@@ -282,12 +286,12 @@ impl<'a> Settler<'a> {
     pub fn carried(&self) -> Option<(Vec<Vec3>, f64)> {
         let landmarks = (self.landmarks.len() >= LANDMARKS_CARRY).then_some(&self.landmarks)?;
         let (found, missed) = held::carried(&self.rest, &self.ground, landmarks)?;
-        Some((self.rest.positions.iter().map(|x| found.apply(x)).collect(), missed))
+        Some((self.rest.positions[..self.between.own].iter().map(|x| found.apply(x)).collect(), missed))
     }
 
     /// The similarity stage alone.
     pub fn align(&self, start: &[Vec3], stop: Stop<'_>) -> Option<Aligned> {
-        let setting = Arc::new(self.setting(start)?);
+        let setting = Arc::new(self.setting(&self.between.all(start))?);
         let found = self.aligned(&setting, stop)?;
         Some(Aligned { setting, found })
     }
@@ -323,6 +327,7 @@ impl<'a> Settler<'a> {
 
     /// [`Evidence::relief`] of the start as it is.
     pub fn relief(&self, start: &[Vec3]) -> Option<f64> {
+        let start = &*self.between.all(start);
         let setting = self.setting(start)?;
         let positions: Vec<Vec3> = start.iter().map(|x| setting.frame.undo(x)).collect();
         let places = self.input.tree.closest_to_all(start);
@@ -356,6 +361,7 @@ impl<'a> Settler<'a> {
         (manner, finest): (Manner, f64),
         stop: Stop<'_>,
     ) -> Option<(Settled, LaidRoughly)> {
+        let start = &*self.between.all(start);
         let setting = Arc::new(self.setting(start)?);
         let whole = || self.whole(Arc::clone(&setting), finest, stop);
         let following = || self.following(Arc::clone(&setting), start, finest, stop);
@@ -422,6 +428,7 @@ impl<'a> Settler<'a> {
 
     /// Lays the example roughly after a start that is nearly right, its tips held on those that they match.
     pub fn held_roughly(&self, start: &[Vec3], tips: &[Landmark], stop: Stop<'_>) -> Option<(Settled, LaidRoughly)> {
+        let start = &*self.between.all(start);
         let mut setting = self.setting(start)?;
         setting.held = tips.iter().map(|tip| tip.seen_from(&setting.frame)).collect();
         self.following(Arc::new(setting), start, ROUGH, stop)
@@ -504,9 +511,10 @@ impl<'a> Settler<'a> {
         let nodes = &self.nodes[level];
         let settled = pose.deformed(&self.rest, nodes);
         let beyond: Vec<Vec3> = settled.iter().map(|x| setting.frame.apply(x)).collect();
-        let (places, lost) = place::places(&self.ground, &self.input.tree, &beyond, &self.rest.edge_lengths(&beyond));
-        let lost = place::with_hidden(&self.rest, (&self.ground, setting.frame.scale), &beyond, &places, lost);
-        let off = place::off(&self.rest, setting.frame.scale, &places);
+        let (mut places, lost) =
+            place::places(&self.ground, &self.input.tree, &beyond, &self.rest.edge_lengths(&beyond));
+        let mut lost = place::with_hidden(&self.rest, (&self.ground, setting.frame.scale), &beyond, &places, lost);
+        let mut off = place::off(&self.rest, setting.frame.scale, &places);
         let judged = Judged {
             rest: &self.rest,
             ground: &self.ground,
@@ -518,6 +526,10 @@ impl<'a> Settler<'a> {
             lost: &lost,
         };
         let evidence = judged.evidence(&self.nodes[1], &setting.coarse.samples);
+        let own = self.between.own;
+        places.truncate(own);
+        lost.truncate(own);
+        off.truncate(own);
         let positions = places.iter().map(|p| p.point).collect();
         Settled { places, positions, lost, off, evidence, manner }
     }

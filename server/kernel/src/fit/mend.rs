@@ -6,7 +6,7 @@
 
 use crate::map::CrossMap;
 use crate::map::polish::{Faces, PolishOptions, flat, settle};
-use crate::map::untangle::inward;
+use crate::map::untangle::{KEPT_AREA, inward, outward_area};
 use crate::measure::sound::ReferenceSurface;
 use crate::mesh::Vec3;
 use crate::mesh::disjoint::Sets;
@@ -83,7 +83,7 @@ pub fn leaps(mesh: &TriMesh, positions: &[Vec3], grounds: &ReferenceSurface) -> 
     leaps
 }
 
-/// Lets the vertices about faces that look inward come to rest on the input, where fewer do after it. `mirror` is −1 for mirrored
+/// Lets the vertices about faces that look inward come to rest on the input, where fewer do after it and they still cover what they did. `mirror` is −1 for mirrored
 /// maps. The boundary stays.
 pub fn mend(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64) {
     let laid: f64 = mesh.triangles.iter().map(|t| area_between(t.map(|v| cross.positions[v as usize]))).sum();
@@ -113,7 +113,8 @@ pub fn mend(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64) {
         for region in connected(mesh, &inside).into_iter().filter(|set| inside[set[0] as usize]) {
             let count =
                 |of: &[u32]| region.iter().filter(|t| of.binary_search(&mesh.polygon_of[**t as usize]).is_ok()).count();
-            if count(&after) >= count(&turned) {
+            let area = |cross: &CrossMap, turned: &[u32]| outward_area(mesh, cross, &region, turned);
+            if count(&after) >= count(&turned) || area(cross, &after) < KEPT_AREA * area(&before, &turned) {
                 for v in region.iter().flat_map(|t| mesh.triangles[*t as usize]) {
                     cross.locations[v as usize] = before.locations[v as usize];
                     cross.positions[v as usize] = before.positions[v as usize];

@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 
 use super::CrossMap;
 use super::polish::{PolishOptions, polish};
-use super::untangle::{inward, untangle};
+use super::untangle::{KEPT_AREA, inward, outward_area, untangle};
 use crate::encode::index::PlanarIndex;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::TriMesh;
@@ -87,7 +87,12 @@ fn lay_anew(mesh: &TriMesh, cross: &mut CrossMap, grounds: &[InputChart], mirror
             region.lay(mesh, cross, grounds);
         }
         let after = inward(mesh, cross, first.chart, mirror);
-        regions.retain(|region| region.count(mesh, &after) >= region.count(mesh, &turned));
+        let is_better = |region: &Region| {
+            let area = |cross: &CrossMap, turned: &[u32]| outward_area(mesh, cross, &region.triangles, turned);
+            region.count(mesh, &after) < region.count(mesh, &turned)
+                && area(cross, &after) >= KEPT_AREA * area(&before, &turned)
+        };
+        regions.retain(|region| !is_better(region));
         for &v in regions.iter().flat_map(|no_better| &no_better.inner) {
             cross.locations[v as usize] = before.locations[v as usize];
             cross.positions[v as usize] = before.positions[v as usize];

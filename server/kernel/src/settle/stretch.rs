@@ -17,14 +17,15 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A point of the input that is farther from the example's vertices, in √area of the example, is bare.
-const BARE: f64 = 0.05;
+pub(super) const BARE: f64 = 0.05;
 /// The tip of a piece that is bare is at least so far from them. *Untuned.*
 const TIP: f64 = 0.08;
 /// Tips that are reached at a time, the farthest.
 const TIPS: usize = 6;
 /// Bare points so near to each other, in mean distances of samples, are of one piece.
 const LINKED: f64 = 2.5;
-/// So many times as far as a tip is from an end, the limb about the end is free. *Untuned.*
+/// So many times as far as a tip is from an end, the example stays where it lies; nearer, by the square of the distance: a limb that
+/// is wholly free takes along what is beside it. *Untuned.*
 const FREE: f64 = 2.0;
 /// Scales at which it follows, rounds at each, and the scale from which it bends thereafter.
 const FOLLOWING: [(f64, usize); 4] = [(0.2, 0), (0.14, 0), (0.1, 0), (0.07, 1)];
@@ -45,16 +46,17 @@ pub struct Bare {
 pub struct BareTip {
     /// Where it is, in the example's frame.
     at: Vec3,
-    /// The vertex of the example that is nearest.
+    /// The example's own vertex that is nearest.
     end: u32,
-    /// How far that is.
+    /// How far the example is.
     away: f64,
 }
 
 impl Settler<'_> {
     /// Finds what an example leaves bare where it came to rest, but for what lies beyond its rim.
     pub fn bare(&self, laid: &LaidRoughly) -> Bare {
-        bare(&self.rest, &laid.setting, &laid.pose.deformed(&self.rest, &self.nodes[laid.level]))
+        let places = laid.pose.deformed(&self.rest, &self.nodes[laid.level]);
+        bare(&self.rest, self.between.own, &laid.setting, &places)
     }
 
     /// Settles it again with its ends on some of these tips; `None` when stopped.
@@ -63,13 +65,16 @@ impl Settler<'_> {
         let places = laid.pose.deformed(&self.rest, &self.nodes[laid.level]);
         let hold = |tip: &BareTip| Held { corners: [(tip.end, 1.0), (tip.end, 0.0), (tip.end, 0.0)], to: tip.at };
         let held: Vec<Held> = setting.held.iter().copied().chain(tips.iter().map(hold)).collect();
-        let mut weights = vec![1.0; places.len()];
+        let mut weights = vec![1.0_f64; places.len()];
         for tip in tips {
             let from = places[tip.end as usize];
             let mut seed = vec![false; places.len()];
             seed[tip.end as usize] = true;
-            let limb = self.rest.grown(seed, |v| (places[v] - from).norm() < FREE * tip.away);
-            weights.iter_mut().zip(limb).filter(|(_, is_free)| *is_free).for_each(|(weight, _)| *weight = 0.0);
+            let reach = FREE * (tip.at - from).norm();
+            let limb = self.rest.grown(seed, |v| (places[v] - from).norm() < reach);
+            for (v, weight) in weights.iter_mut().enumerate().filter(|(v, _)| limb[*v]) {
+                *weight = f64::min(*weight, ((places[v] - from).norm() / reach).powi(2));
+            }
         }
         let (mut pose, mut level) = (laid.pose.clone(), laid.level);
         let mut body: Body<'_> = self.body(level)?;
@@ -82,15 +87,18 @@ impl Settler<'_> {
     }
 }
 
-/// Finds what an example leaves bare whose vertices lie at `places`, in its frame.
-fn bare(rest: &Rest, setting: &Setting, places: &[Vec3]) -> Bare {
+/// Finds what an example leaves bare whose vertices lie at `places`, in its frame. The first `own` are its own, and one of these is
+/// stretched to a tip: what is between them is not kept.
+fn bare(rest: &Rest, own: usize, setting: &Setting, places: &[Vec3]) -> Bare {
     let samples = &setting.coarse.samples;
     let coordinates = |x: &Vec3| [x.x, x.y, x.z];
     let vertices = KdTree::new(places.iter().map(coordinates));
+    let ends = KdTree::new(places[..own].iter().map(coordinates));
     let points: Vec<(BareTip, f64)> = (samples.points.iter().zip(&samples.shares))
         .filter_map(|(x, share)| {
-            let (end, squared) = vertices.nearest(&coordinates(x))?;
-            (squared > BARE * BARE).then_some((BareTip { at: *x, end, away: squared.sqrt() }, *share))
+            let (_, squared) = vertices.nearest(&coordinates(x))?;
+            let (end, _) = ends.nearest(&coordinates(x)).filter(|_| squared > BARE * BARE)?;
+            Some((BareTip { at: *x, end, away: squared.sqrt() }, *share))
         })
         .collect();
     let link = LINKED * (setting.area / samples.points.len().max(1) as f64).sqrt();
@@ -138,11 +146,16 @@ mod tests {
     use crate::mesh::tri::TriMesh;
     use crate::topology::tests::grid;
 
-    /// A bumpy sheet of side 2 with a limb of some height at a place.
-    fn sheet(n: u32, height: f64, [x, y]: [f64; 2]) -> TriMesh {
+    /// A bumpy sheet of side 2 with limbs of some height at some places.
+    fn sheet(n: u32, limbs: &[(f64, [f64; 2])]) -> TriMesh {
         let flat = grid(n, n, false, false);
         let bump = |p: &Vec3| 0.2 * (3.0 * p.x + 0.4).sin() * (2.9 * p.y).cos();
-        let limb = |p: &Vec3| height * (1.0 - ((p.x - x).hypot(p.y - y) / 0.3).powi(2)).max(0.0).powi(2);
+        let limb = |p: &Vec3| -> f64 {
+            let at = |(height, [x, y]): &(f64, [f64; 2])| {
+                height * (1.0 - ((p.x - x).hypot(p.y - y) / 0.3).powi(2)).max(0.0).powi(2)
+            };
+            limbs.iter().map(at).sum()
+        };
         let place = |p: &Vec3| Vec3::new(2.0 * p.x, 2.0 * p.y, 0.0);
         let positions = flat.positions.iter().map(place).map(|p| Vec3::new(p.x, p.y, bump(&p) + limb(&p))).collect();
         TriMesh::from_triangles(positions, flat.triangles.clone()).expect("a sheet")
@@ -157,7 +170,7 @@ mod tests {
 
     #[test]
     fn a_limb_that_is_too_short_is_stretched_to_the_tip() {
-        let (example, input) = (sheet(40, 0.3, [1.0, 1.0]), sheet(90, 2.0, [1.0, 1.0]));
+        let (example, input) = (sheet(40, &[(0.3, [1.0, 1.0])]), sheet(90, &[(2.0, [1.0, 1.0])]));
         let (settler, before, laid) = settled(&example, &input);
         let bare = settler.bare(&laid);
         let top = |s: &Settled| s.positions.iter().map(|p| p.z).fold(0.0, f64::max);
@@ -166,6 +179,34 @@ mod tests {
         let left = settler.bare(&stretched);
         assert!(left.tips.is_empty() && top(&after) > 1.9, "{left:?} {}", top(&after));
         assert!(settler.stretched(&laid, &bare.tips, &|| true).is_none());
+    }
+
+    #[test]
+    fn a_limb_beside_one_that_is_stretched_stays_where_it_lies() {
+        let limbs = |height: f64| [(height, [0.7, 1.0]), (1.0, [1.35, 1.0])];
+        let (example, input) = (sheet(40, &limbs(0.3)), sheet(90, &limbs(1.4)));
+        let (settler, before, laid) = settled(&example, &input);
+        let bare = settler.bare(&laid);
+        let (after, stretched) = settler.stretched(&laid, &bare.tips, &|| false).expect("settled");
+        let top = |of: &Settled, x: f64| {
+            let near = of.positions.iter().filter(|p| (p.x - x).abs() < 0.2);
+            near.map(|p| p.z).fold(0.0, f64::max)
+        };
+        let tops = [top(&before, 1.35), top(&after, 1.35), top(&after, 0.7)];
+        let left = settler.bare(&stretched);
+        assert!(bare.tips.len() == 1 && left.share < bare.share, "{bare:?} {left:?}");
+        assert!((tops[1] - tops[0]).abs() < 0.1 && tops[2] > 1.2, "{tops:?}");
+    }
+
+    #[test]
+    fn a_coarse_example_is_stretched_by_a_vertex_of_its_own() {
+        let (example, input) = (sheet(10, &[(0.3, [1.0, 1.0])]), sheet(90, &[(2.0, [1.0, 1.0])]));
+        let (settler, _, laid) = settled(&example, &input);
+        let tips = settler.bare(&laid).tips;
+        assert!(!tips.is_empty() && tips.iter().all(|tip| (tip.end as usize) < example.positions.len()), "{tips:?}");
+        let (after, _) = settler.stretched(&laid, &tips, &|| false).expect("settled");
+        let top = after.positions.iter().map(|p| p.z).fold(0.0, f64::max);
+        assert!(after.places.len() == example.positions.len() && top > 1.8, "{top}");
     }
 
     #[test]
@@ -178,7 +219,7 @@ mod tests {
 
     #[test]
     fn what_lies_beyond_the_rim_is_no_limb() {
-        let (whole, input) = (sheet(40, 0.3, [1.0, 1.0]), sheet(90, 0.3, [1.0, 1.0]));
+        let (whole, input) = (sheet(40, &[(0.3, [1.0, 1.0])]), sheet(90, &[(0.3, [1.0, 1.0])]));
         let is_in = |t: &[u32; 3]| t.iter().all(|&v| whole.positions[v as usize].x < 1.4);
         let triangles: Vec<[u32; 3]> = whole.triangles.iter().copied().filter(is_in).collect();
         let mut number = vec![u32::MAX; whole.positions.len()];

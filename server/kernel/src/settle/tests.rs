@@ -55,6 +55,17 @@ fn a_surface_settled_on_itself_from_a_disturbed_start_comes_back() {
 }
 
 #[test]
+fn a_coarse_example_is_settled_by_what_lies_between_its_vertices_too() {
+    let (example, input) = (sheet(11, 9, [-1.2, 1.2]), sheet(91, 75, [-1.2, 1.2]));
+    let settled = settle(&example, &input, &disturbed(&example), 1.0, &Options::default(), &go).expect("to be settled");
+    let (mean, most) = off(&example, &settled);
+    assert!(
+        [settled.places.len(), settled.lost.len(), settled.off.len()] == [99; 3] && mean < 0.05 && most < 0.15,
+        "{mean} {most}"
+    );
+}
+
+#[test]
 fn an_example_that_is_half_of_the_input_ends_at_its_own_place() {
     let (example, input) = (sheet(21, 25, [-0.8, 0.6]), sheet(121, 75, [-2.0, 2.0]));
     let settled = settle(&example, &input, &disturbed(&example), 1.0, &Options::default(), &go).expect("to be settled");

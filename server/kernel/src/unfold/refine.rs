@@ -6,6 +6,12 @@ use crate::mesh::tri::{NONE, TriMesh, pair_halfedges};
 
 /// Splits the marked edges (by halfedge; either side's mark counts) at their midpoints.
 pub fn split_edges(mesh: &TriMesh, marked: &[bool]) -> TriMesh {
+    split_edges_telling(mesh, marked).0
+}
+
+/// The same, with the two ends of the edge of each new vertex, in their order.
+pub fn split_edges_telling(mesh: &TriMesh, marked: &[bool]) -> (TriMesh, Vec<[u32; 2]>) {
+    let mut ends = Vec::new();
     let mut out = TriMesh { positions: mesh.positions.clone(), ..TriMesh::default() };
     let mut midpoint = vec![NONE; mesh.twins.len()];
     for h in 0..mesh.twins.len() as u32 {
@@ -18,6 +24,7 @@ pub fn split_edges(mesh: &TriMesh, marked: &[bool]) -> TriMesh {
                 midpoint[g as usize] = midpoint[h as usize];
             }
             out.positions.push(middle);
+            ends.push([mesh.tail(h), mesh.head(h)]);
         }
     }
     for t in 0..mesh.triangles.len() as u32 {
@@ -26,7 +33,7 @@ pub fn split_edges(mesh: &TriMesh, marked: &[bool]) -> TriMesh {
             out.polygon_of.push(mesh.polygon_of[t as usize]);
         }
     }
-    finish(out)
+    (finish(out), ends)
 }
 
 /// The triangles that replace triangle `t`.
