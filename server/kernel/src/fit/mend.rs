@@ -6,7 +6,7 @@
 
 use crate::map::CrossMap;
 use crate::map::polish::{Faces, PolishOptions, flat, settle};
-use crate::map::untangle::{KEPT_AREA, inward, outward_area};
+use crate::map::untangle::{inward, spoiled};
 use crate::measure::sound::ReferenceSurface;
 use crate::mesh::Vec3;
 use crate::mesh::disjoint::Sets;
@@ -83,8 +83,8 @@ pub fn leaps(mesh: &TriMesh, positions: &[Vec3], grounds: &ReferenceSurface) -> 
     leaps
 }
 
-/// Lets the vertices about faces that look inward come to rest on the input, where fewer do after it and they still cover what they did. `mirror` is −1 for mirrored
-/// maps. The boundary stays.
+/// Lets the vertices about faces that look inward come to rest on the input, where fewer faces look inward or are crumpled after it.
+/// `mirror` is −1 for mirrored maps. The boundary stays.
 pub fn mend(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64) {
     let laid: f64 = mesh.triangles.iter().map(|t| area_between(t.map(|v| cross.positions[v as usize]))).sum();
     let growth = laid / mesh.total_area().max(f64::MIN_POSITIVE);
@@ -109,12 +109,12 @@ pub fn mend(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64) {
         let before = cross.clone();
         settle(faces, cross, input, &PolishOptions { size_freedom: 1.0, ..PolishOptions::default() });
         let after = inward(mesh, cross, input, mirror);
+        let [is, was] = [(&*cross, &after), (&before, &turned)].map(|(cross, turned)| spoiled(mesh, cross, turned));
         // A region that did not get better by it stays as it was.
         for region in connected(mesh, &inside).into_iter().filter(|set| inside[set[0] as usize]) {
             let count =
                 |of: &[u32]| region.iter().filter(|t| of.binary_search(&mesh.polygon_of[**t as usize]).is_ok()).count();
-            let area = |cross: &CrossMap, turned: &[u32]| outward_area(mesh, cross, &region, turned);
-            if count(&after) >= count(&turned) || area(cross, &after) < KEPT_AREA * area(&before, &turned) {
+            if count(&is) >= count(&was) {
                 for v in region.iter().flat_map(|t| mesh.triangles[*t as usize]) {
                     cross.locations[v as usize] = before.locations[v as usize];
                     cross.positions[v as usize] = before.positions[v as usize];

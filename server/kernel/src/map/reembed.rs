@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 
 use super::CrossMap;
 use super::polish::{PolishOptions, polish};
-use super::untangle::{KEPT_AREA, inward, outward_area, untangle};
+use super::untangle::{inward, spoiled, untangle};
 use crate::encode::index::PlanarIndex;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::TriMesh;
@@ -87,12 +87,8 @@ fn lay_anew(mesh: &TriMesh, cross: &mut CrossMap, grounds: &[InputChart], mirror
             region.lay(mesh, cross, grounds);
         }
         let after = inward(mesh, cross, first.chart, mirror);
-        let is_better = |region: &Region| {
-            let area = |cross: &CrossMap, turned: &[u32]| outward_area(mesh, cross, &region.triangles, turned);
-            region.count(mesh, &after) < region.count(mesh, &turned)
-                && area(cross, &after) >= KEPT_AREA * area(&before, &turned)
-        };
-        regions.retain(|region| !is_better(region));
+        let [is, was] = [(&*cross, &after), (&before, &turned)].map(|(cross, turned)| spoiled(mesh, cross, turned));
+        regions.retain(|region| region.count(mesh, &is) >= region.count(mesh, &was));
         for &v in regions.iter().flat_map(|no_better| &no_better.inner) {
             cross.locations[v as usize] = before.locations[v as usize];
             cross.positions[v as usize] = before.positions[v as usize];
