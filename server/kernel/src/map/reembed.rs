@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 
 use super::CrossMap;
 use super::polish::{PolishOptions, polish};
-use super::untangle::{inward, spoiled, untangle};
+use super::untangle::{INWARD_COUNTS, crumpled, inward, untangle};
 use crate::encode::index::PlanarIndex;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::TriMesh;
@@ -87,8 +87,11 @@ fn lay_anew(mesh: &TriMesh, cross: &mut CrossMap, grounds: &[InputChart], mirror
             region.lay(mesh, cross, grounds);
         }
         let after = inward(mesh, cross, first.chart, mirror);
-        let [is, was] = [(&*cross, &after), (&before, &turned)].map(|(cross, turned)| spoiled(mesh, cross, turned));
-        regions.retain(|region| region.count(mesh, &is) >= region.count(mesh, &was));
+        let [is, was] = [(&after, crumpled(mesh, cross)), (&turned, crumpled(mesh, &before))];
+        let spoiled = |region: &Region, (turned, crumpled): &(&Vec<u32>, Vec<u32>)| {
+            INWARD_COUNTS * region.count(mesh, turned) + region.count(mesh, crumpled)
+        };
+        regions.retain(|region| spoiled(region, &is) >= spoiled(region, &was));
         for &v in regions.iter().flat_map(|no_better| &no_better.inner) {
             cross.locations[v as usize] = before.locations[v as usize];
             cross.positions[v as usize] = before.positions[v as usize];
