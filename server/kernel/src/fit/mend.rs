@@ -6,7 +6,7 @@
 
 use crate::map::CrossMap;
 use crate::map::polish::{Faces, PolishOptions, flat, settle};
-use crate::map::untangle::{INWARD_COUNTS, crumpled, inward};
+use crate::map::untangle::{Spoiled, inward};
 use crate::measure::sound::ReferenceSurface;
 use crate::mesh::Vec3;
 use crate::mesh::disjoint::Sets;
@@ -109,13 +109,11 @@ pub fn mend(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64) {
         let before = cross.clone();
         settle(faces, cross, input, &PolishOptions { size_freedom: 1.0, ..PolishOptions::default() });
         let after = inward(mesh, cross, input, mirror);
-        let [is, was] = [(&after, crumpled(mesh, cross)), (&turned, crumpled(mesh, &before))];
+        let [is, was] = [Spoiled::of(mesh, cross, &after), Spoiled::of(mesh, &before, &turned)];
         // A region that did not get better by it stays as it was.
         for region in connected(mesh, &inside).into_iter().filter(|set| inside[set[0] as usize]) {
-            let count =
-                |of: &[u32]| region.iter().filter(|t| of.binary_search(&mesh.polygon_of[**t as usize]).is_ok()).count();
-            let spoiled = |(turned, crumpled): &(&Vec<u32>, Vec<u32>)| INWARD_COUNTS * count(turned) + count(crumpled);
-            if spoiled(&is) >= spoiled(&was) {
+            let polygons = || region.iter().map(|t| mesh.polygon_of[*t as usize]);
+            if is.among(polygons()) >= was.among(polygons()) {
                 for v in region.iter().flat_map(|t| mesh.triangles[*t as usize]) {
                     cross.locations[v as usize] = before.locations[v as usize];
                     cross.positions[v as usize] = before.positions[v as usize];

@@ -232,21 +232,21 @@ impl<'a> Rests<'a> {
         let settler = self.settler(best.mirrored);
         let Evidence { relief, bend, normal_disagreement, .. } = best.evidence;
         let least = worth(&best) - REACHING_MARGIN;
+        let mut bare = settler.bare(&laid);
         for _ in 0..STRETCHES {
-            let Bare { mut share, tips } = settler.bare(&laid);
-            let before = share;
+            let Bare { share: before, tips } = bare.clone();
             let all = (tips.len() > 1).then_some(tips.as_slice());
             for tips in all.into_iter().chain(tips.chunks(1)) {
                 let (settled, made) = settler.stretched(&laid, tips, stop)?;
-                let (rested, left) = (Rested::of(settled, (best.mirrored, best.apart)), settler.bare(&made).share);
-                if left < REACHED * share && worth(&rested) >= least {
-                    (best, laid, share) = (rested, made, left);
+                let (rested, left) = (Rested::of(settled, (best.mirrored, best.apart)), settler.bare(&made));
+                if left.share < REACHED * bare.share && worth(&rested) >= least {
+                    (best, laid, bare) = (rested, made, left);
                     if tips.len() > 1 {
                         break;
                     }
                 }
             }
-            if share >= before {
+            if bare.share >= before {
                 break;
             }
         }

@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 
 use super::CrossMap;
 use super::polish::{PolishOptions, polish};
-use super::untangle::{INWARD_COUNTS, crumpled, inward, untangle};
+use super::untangle::{Spoiled, inward, untangle};
 use crate::encode::index::PlanarIndex;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::TriMesh;
@@ -87,11 +87,11 @@ fn lay_anew(mesh: &TriMesh, cross: &mut CrossMap, grounds: &[InputChart], mirror
             region.lay(mesh, cross, grounds);
         }
         let after = inward(mesh, cross, first.chart, mirror);
-        let [is, was] = [(&after, crumpled(mesh, cross)), (&turned, crumpled(mesh, &before))];
-        let spoiled = |region: &Region, (turned, crumpled): &(&Vec<u32>, Vec<u32>)| {
-            INWARD_COUNTS * region.count(mesh, turned) + region.count(mesh, crumpled)
-        };
-        regions.retain(|region| spoiled(region, &is) >= spoiled(region, &was));
+        let [is, was] = [Spoiled::of(mesh, cross, &after), Spoiled::of(mesh, &before, &turned)];
+        regions.retain(|region| {
+            let polygons = region.polygons(mesh);
+            is.among(polygons.iter().copied()) >= was.among(polygons.iter().copied())
+        });
         for &v in regions.iter().flat_map(|no_better| &no_better.inner) {
             cross.locations[v as usize] = before.locations[v as usize];
             cross.positions[v as usize] = before.positions[v as usize];
@@ -126,12 +126,12 @@ fn regions(mesh: &TriMesh, turned: &[u32], rings: usize) -> Vec<Region> {
 }
 
 impl Region {
-    /// How many of some polygons lie in the region.
-    fn count(&self, mesh: &TriMesh, polygons: &[u32]) -> usize {
+    /// Its polygons, in order.
+    fn polygons(&self, mesh: &TriMesh) -> Vec<u32> {
         let mut own: Vec<u32> = self.triangles.iter().map(|&t| mesh.polygon_of[t as usize]).collect();
         own.sort_unstable();
         own.dedup();
-        own.iter().filter(|f| polygons.binary_search(f).is_ok()).count()
+        own
     }
 
     fn lay(&self, mesh: &TriMesh, cross: &mut CrossMap, grounds: &[InputChart]) {

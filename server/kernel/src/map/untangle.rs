@@ -98,10 +98,29 @@ const CRUMPLED: f64 = 0.05;
 
 /// A polygon that looks inward counts as so many that are crumpled: linings of eyes and mouths may be small where the input has
 /// none, a limb may not be drawn into its root. *Untuned.*
-pub const INWARD_COUNTS: usize = 8;
+const INWARD_COUNTS: usize = 8;
+
+/// What is wrong with the polygons of a map.
+pub struct Spoiled<'a> {
+    inward: &'a [u32],
+    crumpled: Vec<u32>,
+}
+
+impl<'a> Spoiled<'a> {
+    /// Finds the polygons that are crumpled, beside those that look `inward`, in order.
+    pub fn of(mesh: &TriMesh, cross: &CrossMap, inward: &'a [u32]) -> Self {
+        Self { inward, crumpled: crumpled(mesh, cross) }
+    }
+
+    /// How much is wrong with some polygons: the less, the better they lie.
+    pub fn among(&self, polygons: impl Iterator<Item = u32>) -> usize {
+        let of = |f: u32, set: &[u32]| usize::from(set.binary_search(&f).is_ok());
+        polygons.map(|f| INWARD_COUNTS * of(f, self.inward) + of(f, &self.crumpled)).sum()
+    }
+}
 
 /// The polygons of `mesh` that are crumpled, in order.
-pub fn crumpled(mesh: &TriMesh, cross: &CrossMap) -> Vec<u32> {
+fn crumpled(mesh: &TriMesh, cross: &CrossMap) -> Vec<u32> {
     let count = mesh.polygon_of.iter().max().map_or(0, |&f| f as usize + 1);
     let (mut own, mut laid) = (vec![0.0; count], vec![0.0; count]);
     for (t, (corners, &f)) in mesh.triangles.iter().zip(&mesh.polygon_of).enumerate() {
