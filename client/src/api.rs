@@ -5,6 +5,7 @@
 mod examples;
 mod multipart;
 mod queries;
+mod unfinished;
 mod uploads;
 
 pub use examples::{Added, ExampleFilter, ExampleUpload, Gain};
@@ -20,6 +21,7 @@ use quadmuse_proto::{Code, MeshFormat, Page, Problem, QueryId, id::RequestId, pa
 use reqwest::{Method, RequestBuilder, Response, StatusCode, Url, header};
 use serde::de::DeserializeOwned;
 use std::{path::Path, time::Duration};
+use unfinished::Unfinished;
 
 /// How long a connection may take to come about.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
@@ -43,6 +45,7 @@ pub struct Api {
     http: reqwest::Client,
     base: Url,
     token: Option<String>,
+    unfinished: Unfinished,
 }
 
 impl Api {
@@ -59,7 +62,7 @@ impl Api {
             .no_proxy()
             .build()
             .map_err(|source| ClientError::Unreachable { server: base.to_string(), source })?;
-        Ok(Self { http, base, token: token.map(str::to_owned) })
+        Ok(Self { http, base, token: token.map(str::to_owned), unfinished: Unfinished::default() })
     }
 
     /// The server's address.

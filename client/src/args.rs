@@ -87,7 +87,7 @@ fn edits_last(words: Vec<OsString>) -> Vec<OsString> {
 
 const AFTER_HELP: &str = "Wherever an id is asked for, its beginning will do where it is the only one; for an example also its \
      name, or the beginning of that; for a query also @last, the last one that was started.\n\n\
-     Exit codes: 0 done, 1 refused or failed, 2 wrong usage, 3 server out of reach.";
+     Exit codes: 0 done, 1 refused or failed, 2 wrong usage, 3 server out of reach, 130 interrupted by Ctrl-C.";
 
 /// The verbs.
 #[derive(Debug, Subcommand)]

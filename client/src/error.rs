@@ -11,6 +11,8 @@ pub const EXIT_FAILED: u8 = 1;
 pub const EXIT_USAGE: u8 = 2;
 /// No server could be reached.
 pub const EXIT_UNREACHABLE: u8 = 3;
+/// Ctrl-C ended the program (128 + SIGINT, as shells have it).
+pub const EXIT_INTERRUPTED: u8 = 130;
 
 /// Why a command could not be carried out.
 #[derive(Debug, thiserror::Error)]

@@ -20,7 +20,7 @@ pub(super) const PICTURE_SIDE: u32 = 1024;
 /// What a long poll may take beyond its waiting time.
 const POLL_SLACK: Duration = Duration::from_secs(30);
 
-/// Asks the service to hold its answer until it is done, as long as it will: it then cancels the work when this program ends.
+/// Asks the service to hold its answer until it is done, as long as it will: until then it cancels the work when this program ends.
 const WAIT: [(&str, &str); 1] = [("wait", "240")];
 
 /// Something that is made of a query, or how far it is.
@@ -243,6 +243,7 @@ impl Api {
                 Made::Making(making) => going_on(making)?,
             };
             let path = [path[0], path[1], path[2], &making];
+            let _unfinished = self.unfinished.hold(&path);
             let request = self.request(Method::GET, &path).query(&WAIT);
             found = self.json(request.timeout(WORK_TIMEOUT), what).await?;
         }

@@ -4,6 +4,7 @@ mod batch;
 mod corpus;
 mod fake;
 mod gone;
+mod interrupt;
 mod messages;
 mod names;
 mod output;
