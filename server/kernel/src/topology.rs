@@ -371,6 +371,29 @@ pub(crate) mod tests {
     use crate::mesh::{PolyMesh, Vec3};
     use std::collections::BTreeMap;
 
+    /// A sphere of n meridians and n rows, row by row from the north pole.
+    pub(crate) fn ball(n: u32) -> TriMesh {
+        let angle = |k: u32| std::f64::consts::TAU * f64::from(k) / f64::from(n);
+        let point = |row: u32, k: u32| {
+            let (t, u) = (0.5 * angle(row), angle(k));
+            Vec3::new(t.sin() * u.cos(), t.sin() * u.sin(), t.cos())
+        };
+        let mut positions = vec![point(0, 0), point(n, 0)];
+        positions.extend((1..n).flat_map(|row| (0..n).map(move |k| point(row, k))));
+        let at = |row: u32, k: u32| match row {
+            0 => 0,
+            row if row == n => 1,
+            row => 2 + (row - 1) * n + k % n,
+        };
+        let quads = (0..n).flat_map(|row| (0..n).map(move |k| (row, k)));
+        let triangles = quads.flat_map(|(row, k)| {
+            let [a, b, c, d] = [at(row, k), at(row + 1, k), at(row + 1, k + 1), at(row, k + 1)];
+            [[a, b, c], [a, c, d]]
+        });
+        let proper = triangles.filter(|[a, b, c]| a != b && b != c && c != a).collect();
+        TriMesh::from_triangles(positions, proper).expect("a sphere")
+    }
+
     /// A grid of `n × m` quads wrapped as asked, cut into triangles; wrapping both ways gives a torus.
     pub(crate) fn grid(n: u32, m: u32, wrap_u: bool, wrap_v: bool) -> TriMesh {
         let (columns, rows) = (if wrap_u { n } else { n + 1 }, if wrap_v { m } else { m + 1 });

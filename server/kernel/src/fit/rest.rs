@@ -396,7 +396,8 @@ impl<'a> Rests<'a> {
         }
     }
 
-    fn lies_well(&self) -> bool {
+    /// Whether the best so far is likely right.
+    pub fn lies_well(&self) -> bool {
         self.best().is_some_and(|best| worth(best) >= LIES_WELL)
     }
 

@@ -90,10 +90,13 @@ pub fn rough(
         }
         None => {
             rests.tries_tips(tips, None, stop);
-            let found = poses_on(example.mesh, !example.is_closed, &ready.posed, stop);
-            let posed: Vec<Start> =
-                found.iter().take(POSED).map(|(_, pose)| Start::posed(example.mesh, pose)).collect();
-            rests.tries_poses(&posed, stop);
+            // Limbs tell more of two wholes than a rigid pose, if they have any.
+            if !(example.is_closed && ready.posed.is_whole() && rests.lies_well()) {
+                let found = poses_on(example.mesh, !example.is_closed, &ready.posed, stop);
+                let posed: Vec<Start> =
+                    found.iter().take(POSED).map(|(_, pose)| Start::posed(example.mesh, pose)).collect();
+                rests.tries_poses(&posed, stop);
+            }
             rests.tries_axes(tips, stop);
         }
     }
@@ -162,7 +165,7 @@ pub fn spread(pairs: &[(Vec3, Vec3)]) -> Vec<(Vec3, Vec3)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::topology::tests::grid;
+    use crate::topology::tests::{ball, grid};
 
     /// A sheet with bumps that nothing else has, from x = `from` to `to` of 0 to 1.
     fn sheet(n: u32, from: f64, to: f64) -> TriMesh {
@@ -181,6 +184,10 @@ mod tests {
 
     fn open(mesh: &TriMesh) -> Shape<'_> {
         Shape { mesh, is_closed: false }
+    }
+
+    fn closed(mesh: &TriMesh) -> Shape<'_> {
+        Shape { mesh, is_closed: true }
     }
 
     fn on(example: Shape<'_>, input: &TriMesh, lead: Option<Lead<'_>>) -> Option<RoughFit> {
@@ -209,6 +216,26 @@ mod tests {
         other.positions.iter_mut().for_each(|p| p.z = 0.4 * (9.0 * p.x).cos() * (8.0 * p.y + 1.0).sin());
         let lead = Lead { mesh: &other, places: &other.positions };
         assert!(on(open(&whole), &input, Some(lead)).is_none());
+    }
+
+    #[test]
+    fn a_closed_example_without_limbs_is_laid_on_a_closed_input_as_a_whole() {
+        let egg = |n: u32, long: f64| {
+            let mut mesh = ball(n);
+            mesh.positions.iter_mut().for_each(|p| *p = Vec3::new(p.x * (1.0 + 0.4 * p.z), p.y, long * p.z));
+            mesh
+        };
+        let input = egg(40, 2.0);
+        let ready = RoughInput::new(closed(&input)).expect("an area");
+        let laid = |example: &TriMesh| rough(closed(example), (&input, &ready), &[], None, &|| false).expect("a fit");
+        let like = laid(&egg(24, 2.0));
+        assert!(
+            like.agreement > 0.5 && like.covered > 0.9 && like.start.is_some(),
+            "{} {}",
+            like.agreement,
+            like.covered
+        );
+        assert!(laid(&egg(24, 0.4)).agreement < like.agreement - 0.2);
     }
 
     #[test]

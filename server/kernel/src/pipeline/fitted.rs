@@ -37,6 +37,8 @@ const DOUBTFUL: f64 = 0.65;
 const SURE_ROUGHLY: f64 = 0.1;
 /// Poses that are settled.
 const POSED: usize = 5;
+/// The same of one closed surface on another, as a whole.
+const POSED_WHOLE: usize = 3;
 /// The same on what is no scan.
 const POSED_FEW: usize = 2;
 /// A map that settled must have so much more relief than the one of the charts, which keeps boundaries and sharp edges.
@@ -239,11 +241,16 @@ fn settled(
         rests.tries_tips(&matches, whole.as_ref(), stop);
         rests.tries_axes(&matches, stop);
     }
-    // Of two closed surfaces neither ends anywhere.
     let closed = |side: &Side| side.encoded.facts.topology == Topology::Sphere;
-    let may_be_part = !(closed(example) && closed(query));
-    if may_be_part && Stage::Poses.is_on() && rests.best().is_none_or(|best| best.evidence.relief < DOUBTFUL) {
+    let are_closed = closed(example) && closed(query);
+    // Of two closed surfaces neither ends anywhere, and limbs tell more than a rigid pose, if they have any.
+    let is_open = match are_closed {
+        true => !rests.lies_well(),
+        false => rests.best().is_none_or(|best| best.evidence.relief < DOUBTFUL),
+    };
+    if is_open && Stage::Poses.is_on() {
         let (sought, most) = match on.is_scan() {
+            _ if are_closed => (Sought::Roughly, POSED_WHOLE),
             true if on.is_most(query.segment) => (Sought::Thoroughly, POSED),
             true => (Sought::ByMiddle, POSED),
             false => (Sought::Quickly, POSED_FEW),
@@ -253,7 +260,10 @@ fn settled(
             found.iter().take(most).map(|(_, pose)| Start::posed(mesh, pose)).collect()
         };
         let posed = known.posed.map_or_else(find, <[Start]>::to_vec);
-        rests.tries_poses_as_they_stand(&posed, stop);
+        match are_closed {
+            true => rests.tries_poses(&posed, stop),
+            false => rests.tries_poses_as_they_stand(&posed, stop),
+        }
     }
     stopped(stop)?;
     let best = rests.settle_best(stop);

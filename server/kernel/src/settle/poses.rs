@@ -52,8 +52,8 @@ const TURNED: f64 = TAU / 18.0;
 const MOVED: f64 = 0.1;
 
 /// Poses of `example` on `input`, best first, of which either is a part of the other; never mirrored. With each its score,
-/// at most 1. `may_be_small`: whether the example, and whether the input, may be the part: what is closed is not. Empty when
-/// stopped.
+/// at most 1. `may_be_small`: whether the example, and whether the input, may be the part: what is closed is not, and where
+/// neither may be, one is laid on the other as a whole. Empty when stopped.
 pub fn poses(
     example: &TriMesh,
     input: &TriMesh,
@@ -66,12 +66,18 @@ pub fn poses(
 
 /// The same on an input that is ready.
 pub fn poses_on(example: &TriMesh, may_be_small: bool, input: &Posed, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
-    // Nothing is laid on it where the input is no part.
-    let shares = if input.small.is_some() { input.effort.shares } else { &[] };
-    let one = Posed::new(&InputSurface::new(example), may_be_small, (input.effort, shares));
+    let ground = InputSurface::new(example);
+    let found = match input.whole.as_ref().filter(|_| !may_be_small) {
+        Some(whole) => as_wholes(&Whole::new(&ground, input.effort), whole, input.effort, stop),
+        None => {
+            // Nothing is laid on it where the input is no part.
+            let shares = if input.small.is_some() { input.effort.shares } else { &[] };
+            found(&Posed::new(&ground, may_be_small, (input.effort, shares)), input, stop)
+        }
+    };
     let mut kept: Vec<(f64, Similarity)> = Vec::new();
     let unit = (middle(example), example.total_area().sqrt());
-    for (score, pose) in found(&one, input, stop) {
+    for (score, pose) in found {
         if kept.len() < TOLD && !stop() && kept.iter().all(|(_, k)| is_other(k, &pose, &unit)) {
             kept.push((score, pose));
         }
@@ -101,8 +107,8 @@ impl Likeness {
 pub struct Posed {
     small: Option<Small>,
     large: Vec<Large>,
-    /// Of a closed surface: how it is laid on others as a whole, and others on it.
-    whole: Option<(Small, Large)>,
+    /// Of a closed surface: as it is laid on others as a whole, and others on it.
+    whole: Option<Whole>,
     area: f64,
     effort: &'static Effort,
 }
@@ -110,9 +116,7 @@ pub struct Posed {
 impl Posed {
     /// Of a surface that may be a part of another, or, being closed, may not.
     pub fn quick(mesh: &TriMesh, may_be_small: bool) -> Self {
-        let ground = InputSurface::new(mesh);
-        let whole = || (Small::new(&ground, &QUICK), Large::new(&ground, 1.0, QUICK.large));
-        Self { whole: (!may_be_small).then(whole), ..Self::new(&ground, may_be_small, (&QUICK, QUICK.shares)) }
+        Self::of(mesh, may_be_small, &QUICK)
     }
 
     /// An input that others are laid on, and, where it `may_be_small`, that is laid on them.
@@ -124,7 +128,13 @@ impl Posed {
             Sought::Thoroughly => &FULL,
             Sought::ByMiddle => &ON_A_PART,
         };
-        Self::new(&InputSurface::new(input), may_be_small, (effort, effort.shares))
+        Self::of(input, may_be_small, effort)
+    }
+
+    fn of(mesh: &TriMesh, may_be_small: bool, effort: &'static Effort) -> Self {
+        let ground = InputSurface::new(mesh);
+        let whole = (!may_be_small).then(|| Whole::new(&ground, effort));
+        Self { whole, ..Self::new(&ground, may_be_small, (effort, effort.shares)) }
     }
 
     /// `shares`: those of the effort at which others are laid on it.
@@ -135,15 +145,20 @@ impl Posed {
         Self { small, large, whole: None, area: ground.area, effort }
     }
 
+    /// Whether it is closed, and others are laid on it as wholes.
+    pub fn is_whole(&self) -> bool {
+        self.whole.is_some()
+    }
+
     /// How like another it is; not at all where there is no pose, or when stopped.
     pub fn likeness(&self, other: &Self, stop: Stop<'_>) -> Likeness {
         match (&self.whole, &other.whole) {
             (Some(one), Some(two)) => {
                 let best = |small: &Small, large: &Large| {
-                    let found = small.tried_whole(large, self.effort, stop).unwrap_or_default();
+                    let found = small.tried_whole(large, self.effort, stop);
                     found.iter().map(|(score, _)| *score).fold(0.0, f64::max)
                 };
-                Likeness::of(best(&one.0, &two.1).min(best(&two.0, &one.1)))
+                Likeness::of(best(&one.small, &two.large).min(best(&two.small, &one.large)))
             }
             (None, Some(_)) => self.most_of(other, stop),
             (Some(_), None) => other.most_of(self, stop),
@@ -169,6 +184,15 @@ fn found(one: &Posed, two: &Posed, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
     let tried = |of: &Posed, on: &Posed| of.small.as_ref().map_or(Vec::new(), |small| small.tried(on, stop));
     let mut found = tried(one, two);
     found.extend(tried(two, one).into_iter().map(|(score, onto)| (score, inverse(&onto))));
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    found
+}
+
+/// All poses of a closed surface on another, best first.
+fn as_wholes(one: &Whole, two: &Whole, effort: &Effort, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
+    let mut found = one.small.tried_whole(&two.large, effort, stop);
+    let onto = two.small.tried_whole(&one.large, effort, stop);
+    found.extend(onto.into_iter().map(|(score, onto)| (score, inverse(&onto))));
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
     found
 }
@@ -201,6 +225,19 @@ struct Small {
     /// From its own coordinates to these.
     frame: Similarity,
     is_flat: bool,
+}
+
+/// A closed surface, as it is laid on others as a whole, and others on it.
+#[derive(Debug)]
+struct Whole {
+    small: Small,
+    large: Large,
+}
+
+impl Whole {
+    fn new(ground: &InputSurface<'_>, effort: &Effort) -> Self {
+        Self { small: Small::new(ground, effort), large: Large::new(ground, 1.0, effort.large) }
+    }
 }
 
 /// A piece of the smaller surface is laid on places of the larger, and carries the rest with it.
@@ -379,9 +416,7 @@ impl Small {
                 }
             }
             let rough = self.rested(large, (rough, times), effort, stop)?;
-            let pose = |m: &Motion| Similarity { scale: 1.0, rotation: m.rotation, shift: m.shift };
-            let undo = inverse(&self.frame);
-            Some(rough.iter().map(|(score, m)| (*score, large.frame.after(&pose(m)).after(&undo))).collect())
+            Some(rough.iter().map(|(score, motion)| (*score, self.onto(large, motion))).collect())
         };
         let by = |anchors: &[Anchor], times: usize| {
             let found = in_halves(&whole.large, |large| on(anchors, times, large));
@@ -400,12 +435,18 @@ impl Small {
         (motion.rotation * self.points[k] + motion.shift, motion.rotation * self.normals[k])
     }
 
-    /// The best poses on another closed surface, middle on middle, with their scores; `None` when stopped.
-    fn tried_whole(&self, large: &Large, effort: &Effort, stop: Stop<'_>) -> Option<Vec<(f64, Motion)>> {
+    /// A motion onto a larger surface, between the coordinates that both came in.
+    fn onto(&self, large: &Large, motion: &Motion) -> Similarity {
+        let pose = Similarity { scale: 1.0, rotation: motion.rotation, shift: motion.shift };
+        large.frame.after(&pose).after(&inverse(&self.frame))
+    }
+
+    /// The best poses on another closed surface, middle on middle, with their scores. Empty when stopped.
+    fn tried_whole(&self, large: &Large, effort: &Effort, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
         let mut rough = Vec::new();
         for k in 0..effort.places {
             if stop() {
-                return None;
+                return Vec::new();
             }
             let there = axes(direction(k, effort.places));
             for turn in 0..effort.turns {
@@ -414,7 +455,8 @@ impl Small {
                 rough.push((self.nearness(large, &motion, effort.sifted_by), motion));
             }
         }
-        self.rested(large, (rough, 1), effort, stop)
+        let rested = self.rested(large, (rough, 1), effort, stop).unwrap_or_default();
+        rested.iter().map(|(score, motion)| (*score, self.onto(large, motion))).collect()
     }
 
     /// The likelier poses brought to rest, `times` as many as usual, each with its score; `None` when stopped.

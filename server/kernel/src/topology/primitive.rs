@@ -167,35 +167,12 @@ pub(crate) fn gaps(mesh: &TriMesh, is_end: &dyn Fn(&[u32]) -> bool) -> (Vec<Vec<
 mod tests {
     use super::*;
     use crate::mesh::Vec3;
-    use crate::topology::tests::grid;
+    use crate::topology::tests::{ball, grid};
 
     /// A mesh without some of its triangles.
     fn without(mesh: &TriMesh, gone: &[u32]) -> TriMesh {
         let kept: Vec<u32> = (0..mesh.triangles.len() as u32).filter(|t| !gone.contains(t)).collect();
         submesh(mesh, &kept).0
-    }
-
-    /// A sphere of n meridians and n rows, row by row from the north pole.
-    fn ball(n: u32) -> TriMesh {
-        let angle = |k: u32| std::f64::consts::TAU * f64::from(k) / f64::from(n);
-        let point = |row: u32, k: u32| {
-            let (t, u) = (0.5 * angle(row), angle(k));
-            Vec3::new(t.sin() * u.cos(), t.sin() * u.sin(), t.cos())
-        };
-        let mut positions = vec![point(0, 0), point(n, 0)];
-        positions.extend((1..n).flat_map(|row| (0..n).map(move |k| point(row, k))));
-        let at = |row: u32, k: u32| match row {
-            0 => 0,
-            row if row == n => 1,
-            row => 2 + (row - 1) * n + k % n,
-        };
-        let quads = (0..n).flat_map(|row| (0..n).map(move |k| (row, k)));
-        let triangles = quads.flat_map(|(row, k)| {
-            let [a, b, c, d] = [at(row, k), at(row + 1, k), at(row + 1, k + 1), at(row, k + 1)];
-            [[a, b, c], [a, c, d]]
-        });
-        let proper = triangles.filter(|[a, b, c]| a != b && b != c && c != a).collect();
-        TriMesh::from_triangles(positions, proper).expect("a sphere")
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Tests of rough poses.
 
 use super::*;
-use crate::topology::tests::grid;
+use crate::topology::tests::{ball, grid};
 
 /// A ball with two bumps, open below `z`.
 fn bust(n: u32, z: f64) -> TriMesh {
@@ -73,4 +73,31 @@ fn what_is_flat_is_like_what_is_flat_and_like_nothing_else() {
     };
     assert!(like(0.0, 0.0) > 0.6, "{}", like(0.0, 0.0));
     assert_eq!([like(0.0, 0.2), like(0.2, 0.0)], [0.0; 2]);
+}
+
+/// A closed ball with three bumps, like nothing turned.
+fn bumpy(n: u32) -> TriMesh {
+    let mut mesh = ball(n);
+    let bumps = [(Vec3::x(), 0.6), (Vec3::new(0.2, 1.0, 0.1), 0.4), (Vec3::new(-0.3, -0.4, 0.8), 0.5)];
+    for p in &mut mesh.positions {
+        let high = |(to, high): &(Vec3, f64)| high * (-(*p - to.normalize()).norm_squared() / 0.1).exp();
+        let high: f64 = bumps.iter().map(high).sum();
+        *p *= 1.0 + high;
+    }
+    mesh
+}
+
+#[test]
+fn of_two_closed_surfaces_one_is_laid_on_the_other_as_a_whole() {
+    let (example, mut input) = (bumpy(24), bumpy(32));
+    let turn = axes(Vec3::new(0.3, -0.8, 0.5).normalize()) * turned(5, 12);
+    let there = |x: &Vec3| turn * x * 2.0 + Vec3::new(3.0, 1.0, -2.0);
+    input.positions.iter_mut().for_each(|x| *x = there(x));
+    for sought in [Sought::Thoroughly, Sought::Roughly] {
+        let found = poses(&example, &input, [false, false], sought, &|| false);
+        let (score, best) = &found[0];
+        let off = example.positions.iter().map(|x| (best.apply(x) - there(x)).norm()).fold(0.0, f64::max);
+        assert!(off < 0.2, "{sought:?} {score} {off}");
+    }
+    assert!(poses(&example, &input, [false, false], Sought::Roughly, &|| true).is_empty());
 }
