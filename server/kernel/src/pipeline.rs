@@ -45,7 +45,7 @@ pub use constraint::{Constraint, ConstraintEdit, ConstraintOrigin, Landmark, Loc
 pub use cut::{Besides, Cut, Grain, Way};
 pub use error::{PipelineError, Refusal, Stop};
 pub use fitted::{ranked_against, reaches};
-pub use mapped::{Before, Beyond, Covers, Fitted, Lead, Mapped, Reach, Verdict, Wishes};
+pub use mapped::{Before, Beyond, Covers, Fitted, Judgement, Lead, Mapped, Reach, Verdict, Wishes};
 pub use model::{FACES_CHOSEN_MIN, FACES_OF_SCAN_MIN, Model, SEGMENTS_MAX, Segment, few, in_primitives, read};
 pub use of_segments::of_segments;
 pub use registered::Registered;

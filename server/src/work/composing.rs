@@ -7,10 +7,10 @@ mod sound;
 mod surrounded;
 mod waist;
 
-use super::engine::{Allowed, BARE, Encoded, EngineError, Model, OnePart, Part, Stitching};
+use super::engine::{Allowed, BARE, Encoded, EngineError, Judgement, Model, OnePart, Part, Stitching};
 use super::laying;
 use super::making::{self, Making, Tell};
-use super::mapping::{LiveMap, get};
+use super::mapping::{LiveMap, MapState, get};
 use super::query::{LiveQuery, ms_since};
 use super::{REQUEST_TIME_MAX, Work, WorkError};
 use crate::pool::{Job, Lane, Stop, StopReason};
@@ -19,7 +19,7 @@ use headline::{BroughtMap, Headline, headline, is_crumpled};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
 use quadmuse_proto::{
-    Composition, CompositionId, CompositionPart, ExampleId, MakingState, Map, NewComposition, Product, Verdict,
+    Composition, CompositionId, CompositionPart, ExampleId, MakingState, NewComposition, Product, Verdict,
 };
 use side_by_side::{as_mapped, standing, unstitched};
 use sound::{Sound, stitched_sound};
@@ -290,7 +290,7 @@ fn may_give_way(maps: &[Option<Arc<LiveMap>>], wanted: &NewComposition, gone: us
     let is_example = |map: &&Arc<LiveMap>| map.example_id() != ExampleId::TEMPLATE;
     let mut there = maps.iter().flatten().filter(is_example);
     let is_any_left = there.clone().count() > gone;
-    wanted.keep.is_empty() && is_any_left && there.all(|map| !map.newest().summary.verdict.is_poor())
+    wanted.keep.is_empty() && is_any_left && there.all(|map| !map.newest().mapped.is_poor_stitched())
 }
 
 /// A map with what lies around it; `None` where nothing does, or it is not sound. Where there is something else to fall back on, it
@@ -342,13 +342,9 @@ fn allowed(maps: &[Option<Arc<LiveMap>>]) -> Allowed {
 }
 
 /// What is told of a map that takes part in a composition.
-fn laid(map: &Map) -> BroughtMap {
-    BroughtMap {
-        verdict: map.verdict,
-        reasons: map.reasons.clone(),
-        inspired: map.inspired,
-        covers_example: map.covers.example,
-    }
+fn laid(map: &MapState) -> BroughtMap {
+    let Judgement { verdict, reasons } = map.mapped.stitched();
+    BroughtMap { verdict, reasons, inspired: map.summary.inspired, covers_example: map.summary.covers.example }
 }
 
 /// What a composition is made of.
@@ -404,9 +400,9 @@ async fn gathered(
         };
         let taken = CompositionPart { segment, map: map.id };
         let newest = map.newest();
-        all.laid.push((map.example_id() != ExampleId::TEMPLATE).then(|| laid(&newest.summary)));
+        all.laid.push((map.example_id() != ExampleId::TEMPLATE).then(|| laid(&newest)));
         let (part, whole) = (Arc::clone(&newest.mapped.part), Arc::clone(&newest.mapped.mesh));
-        if !is_named && newest.mapped.verdict.is_poor() {
+        if !is_named && newest.mapped.is_poor_stitched() {
             all.templates.push(segment);
             all.maps.push(None);
             all.instead.push(None);

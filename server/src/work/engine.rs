@@ -23,7 +23,7 @@ mod packed;
 mod rough;
 
 pub use cut::{Besides, Cut, Grain};
-pub use mapped::{Fitted, Lead, Mapped, Wishes};
+pub use mapped::{Fitted, Judgement, Lead, Mapped, Wishes};
 pub use packed::{Packed, PackedFeature};
 pub use quadmuse_kernel::compose::rows::{Resized, Wanted, faces_within_max};
 pub use quadmuse_kernel::numerics::stage::{Stage, leave_out};

@@ -19,27 +19,39 @@ const ENOUGH: f64 = 0.1;
 const LITTLE: f64 = 0.05;
 /// Worth of a map of which nothing speaks but its verdict, good or fair, for the share that it covers.
 const WORTH: [f64; 2] = [0.5, 0.2];
-/// The least that a map which is not poor is worth for the share that it covers.
+/// A map that is not poor and agrees less than this is worth about as much, for the share that it covers.
 const WORTH_LEAST: f64 = 0.01;
+/// What a map is worth that leaves so much bare that it is broken by itself, as a share of what it is worth else: stitching may not
+/// reach all of that. *Untuned.*
+const BARE_COUNTS: f64 = 0.5;
 
 /// Rates a map against others on the same segment: its agreement times the share of the input that the example covers. A poor map
 /// gets less than 0.
 pub fn worth(map: &LiveMap) -> f64 {
-    let summary = &map.newest().summary;
+    let newest = map.newest();
+    let summary = &newest.summary;
     let [good, fair] = WORTH;
-    let sure = match (summary.verdict, &summary.evidence) {
+    let sure = match (newest.mapped.stitched().verdict, &summary.evidence) {
         (Verdict::Poor | Verdict::Broken, _) => return -1.0,
-        (_, Some(evidence)) => evidence.agreement.max(WORTH_LEAST),
+        (_, Some(evidence)) => at_least(evidence.agreement),
         (Verdict::Good, None) => good,
         (Verdict::Fair, None) => fair,
     };
-    sure * summary.covers.input
+    let reached = if summary.verdict == Verdict::Broken { BARE_COUNTS } else { 1.0 };
+    sure * reached * summary.covers.input
+}
+
+/// An agreement as a worth, which is more than 0: [`WORTH_LEAST`] and less for what agrees less.
+fn at_least(agreement: f64) -> f64 {
+    if agreement >= WORTH_LEAST { agreement } else { WORTH_LEAST * (agreement - WORTH_LEAST).exp() }
 }
 
 /// Tells whether no more examples have to be laid once `tried` were. Up to `tries` the map has to be good, on however small a part, or
 /// to explain much of the input; after them it is enough that it explains a little.
 fn is_enough(map: &LiveMap, tried: usize, tries: usize) -> bool {
-    map.newest().summary.verdict == Verdict::Good || worth(map) >= if tried < tries { ENOUGH } else { LITTLE }
+    let verdict = map.newest().summary.verdict;
+    let is_sound = verdict < Verdict::Broken;
+    verdict == Verdict::Good || is_sound && worth(map) >= if tried < tries { ENOUGH } else { LITTLE }
 }
 
 /// The entries of a segment's ranking that are laid in turn, of as many `tries`. Waits until the ranking will not change any more:

@@ -174,6 +174,9 @@ async fn made(
     let fitted = work.pool.run(&job, Lane::Lay, fit).await??;
     let mut mapped = fitted.mapped;
     mapped.reasons = landmarks::called(mapped.reasons, &landmarks);
+    if let Some(stitched) = &mut mapped.stitched {
+        stitched.reasons = landmarks::called(std::mem::take(&mut stitched.reasons), &landmarks);
+    }
     let timings = MapTimings { register_ms, map_ms: ms_since(start) - register_ms, total_ms: ms_since(start) };
     let agreement = mapped.evidence.map(|evidence| evidence.agreement);
     let (verdict, covers) = (mapped.verdict.as_str(), mapped.reach.covers);

@@ -19,7 +19,9 @@ use super::{REQUEST_TIME_MAX, Work, WorkError, laying};
 use crate::pool::StopReason;
 use futures_util::{Stream, StreamExt, stream};
 use outcome::{Made, Outcome};
-use quadmuse_proto::{CompositionPart, NewComposition, NewRetopo, Parts, Product, QueryState, Retopo, RetopoId};
+use quadmuse_proto::{
+    CompositionPart, NewComposition, NewRetopo, Parts, Product, QueryState, Retopo, RetopoId, Verdict,
+};
 use recut::{Again, Recut, score, score_when_compared};
 use std::cmp::Reverse;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -192,6 +194,10 @@ impl Retopology {
     async fn settled(&self, live: &Arc<LiveQuery>, map: Arc<LiveMap>) -> Result<Outcome, WorkError> {
         let composed = self.composed(live, std::slice::from_ref(&map), [MAPPED, LAID_OUT]).await;
         let made = match composed {
+            Err(error) if laying::is_late(&error) && map.newest().summary.verdict == Verdict::Broken => {
+                self.note(error.to_string());
+                return self.composed(live, &[], [MAPPED, LAID_OUT]).await;
+            }
             Err(error) if laying::is_late(&error) => {
                 self.note(format!("it is as it was mapped: {error}"));
                 return Ok(Outcome::of(live, Made::Map(map)));
@@ -417,7 +423,7 @@ fn tries_of(live: &LiveQuery, segment: u32) -> usize {
 }
 
 fn is_poor(map: &LiveMap) -> bool {
-    map.newest().summary.verdict.is_poor()
+    map.newest().mapped.is_poor_stitched()
 }
 
 /// The share of a scan that has a map's quads.

@@ -65,6 +65,15 @@ pub struct Reach {
     pub spanned: f64,
 }
 
+/// A verdict, and why.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Judgement {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Why, a sentence each.
+    pub reasons: Vec<String>,
+}
+
 /// An example's segment on a query's segment.
 #[derive(Clone, Debug)]
 pub struct Mapped {
@@ -89,6 +98,8 @@ pub struct Mapped {
     pub verdict: Verdict,
     /// Why, a sentence each.
     pub reasons: Vec<String>,
+    /// The judgement of it where it is stitched, if that is another: stitching reaches what it leaves bare.
+    pub stitched: Option<Judgement>,
     /// How much of each surface the other reaches.
     pub reach: Reach,
     /// The measures behind the verdict, where the example has settled on the input.

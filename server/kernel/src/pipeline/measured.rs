@@ -83,6 +83,7 @@ pub(crate) fn measured(
             measure::Verdict::Poor => Verdict::Poor,
         },
         reasons,
+        stitched: None,
         reach: Reach::default(),
         evidence: None,
     })

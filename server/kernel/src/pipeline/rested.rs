@@ -243,9 +243,9 @@ fn share(mesh: &TriMesh, positions: &[Vec3], polygons: &[u32]) -> f64 {
 const POSE_FIXED_BY: usize = 3;
 /// Confidence from which on a settled map is good.
 const GOOD_FROM: f64 = 0.4;
-/// Confidence from which on one is fair: of a closed example on a closed scan. Of animals on animals right ones have −.144 and more,
-/// wrong ones −.203 and less (tests/records/stretch-2026-11-27.md).
-pub(crate) const WHOLES_FAIR_FROM: f64 = -0.15;
+/// Confidence from which on one is fair: of a closed example on a closed scan. Of 210 maps of 15 animals and people on 14 scans right
+/// ones have −.23 and more, wrong ones but two −.2 and less (tests/records/wholes-2026-11-28.md).
+pub(crate) const WHOLES_FAIR_FROM: f64 = -0.2;
 /// The same of a closed example on a part of a scan, or on an open one: its limbs are matched with the scan's.
 const CLOSED_FAIR_FROM: f64 = -0.08;
 /// The same of an open example, which may lie anywhere: right ones have .137 and more; thumbs and torsos on heads, rocks and mushrooms
@@ -258,8 +258,9 @@ const FOLDED: [f64; 2] = [0.02, 0.06];
 const SPANNED: [f64; 2] = [0.02, 0.25];
 
 /// Mean change of the faces' angles, in degrees, up to which it is good, or fair: right maps between animals of different species
-/// have up to 34.7, good ones of the judged sets up to 16.4. Quads that are sheared more are no longer the example's.
-const SHEARED: [f64; 2] = [20.0, 35.0];
+/// have up to 40, good ones of the judged sets up to 16.4 (tests/records/wholes-2026-11-28.md). Quads that are sheared more are no
+/// longer the example's.
+const SHEARED: [f64; 2] = [20.0, 40.0];
 
 /// The verdict on a map that has settled, with a sentence for each measure that is not good. Relief falls where shapes
 /// differ, and bend grows where the map is wrong, so neither is told alone. `sheared`: the mean change of angles, in degrees.
@@ -334,7 +335,7 @@ mod tests {
             let floors = [WHOLES_FAIR_FROM, CLOSED_FAIR_FROM, OPEN_FAIR_FROM];
             floors.map(|least| judged(&evidence, (0.0, 0.0, 0.0), (least, 0)).0 == Verdict::Fair)
         };
-        assert_eq!(fair(-0.2), [false; 3]);
+        assert_eq!(fair(-0.25), [false; 3]);
         assert_eq!(fair(-0.1), [true, false, false]);
         assert_eq!(fair(0.0), [true, true, false]);
         assert_eq!(fair(0.2), [true; 3]);
@@ -344,7 +345,7 @@ mod tests {
     fn a_map_of_sheared_quads_is_poor_however_well_it_agrees() {
         let alike = Evidence { relief: 0.9, bend: 10.0, ..Evidence::default() };
         let told = |sheared| judged(&alike, (0.0, 0.0, sheared), (OPEN_FAIR_FROM, 0));
-        assert_eq!([12.0, 25.0, 38.0].map(|sheared| told(sheared).0), [Verdict::Good, Verdict::Fair, Verdict::Poor]);
-        assert!(told(38.0).1[0].contains("38°"));
+        assert_eq!([12.0, 38.0, 43.0].map(|sheared| told(sheared).0), [Verdict::Good, Verdict::Fair, Verdict::Poor]);
+        assert!(told(43.0).1[0].contains("43°"));
     }
 }

@@ -1,11 +1,11 @@
 //! The last look at what is delivered: whether its mesh can be used at all, whatever was thought of it before.
 
-use super::mapped::{Mapped, Verdict};
+use super::mapped::{Judgement, Mapped, Verdict};
 use super::model::Model;
 use super::side::Side;
 use super::stitched::{Standing, Stitched};
 use crate::compose::apart::{owned, scale};
-use crate::measure::sound::ReferenceSurface;
+use crate::measure::sound::{Flaws, ReferenceSurface};
 use crate::mesh::bvh::Bvh;
 use crate::mesh::{NONE, PolyMesh, TriMesh, Vec3};
 use crate::topology::with_gaps_filled;
@@ -43,28 +43,41 @@ pub struct Appraisal {
 /// Calls a map broken whose mesh is, and says why before all else.
 pub(crate) fn check(mapped: &mut Mapped, query: &Side) {
     let inner = &*query.model;
-    let flaws = if inner.laid.is_some() {
+    if inner.laid.is_some() {
         // A part of what was laid whole ends beside its segment.
-        ReferenceSurface::new(owned(inner.ground().input()).into_owned()).flaws(&mapped.mesh, &[]).reasons(1.0, 0.0)
-    } else {
-        let surface: &TriMesh = &query.encoded.query.chart.mesh;
-        let mut flaws = ReferenceSurface::with_tree(surface.clone(), Arc::clone(query.encoded.query.tree()))
-            .with_gaps(inner.patch(query.segment).ok().and_then(with_gaps_filled).into_iter())
-            .flaws(&mapped.mesh, &mapped.reach.bridging);
-        if !inner.is_most(query.segment) {
-            // On a part stitching moves vertices to what is missed.
-            flaws.missed = 0.0;
-        }
-        let left_out = 1.0 - mapped.reach.covers.input;
-        if let Some(note) = flaws.note(left_out) {
-            mapped.verdict = mapped.verdict.max(Verdict::Fair);
-            mapped.reasons.insert(0, note);
-        }
-        flaws.reasons(left_out, mapped.reach.spanned)
-    };
+        let reference = ReferenceSurface::new(owned(inner.ground().input()).into_owned());
+        let flaws = reference.flaws(&mapped.mesh, &[]).reasons(1.0, 0.0);
+        broken_by(flaws, &mut mapped.verdict, &mut mapped.reasons);
+        return;
+    }
+    let surface: &TriMesh = &query.encoded.query.chart.mesh;
+    let mut flaws = ReferenceSurface::with_tree(surface.clone(), Arc::clone(query.encoded.query.tree()))
+        .with_gaps(inner.patch(query.segment).ok().and_then(with_gaps_filled).into_iter())
+        .flaws(&mapped.mesh, &mapped.reach.bridging);
+    if !inner.is_most(query.segment) {
+        // On a part stitching moves vertices to what is missed.
+        flaws.missed = 0.0;
+    }
+    let left_out = 1.0 - mapped.reach.covers.input;
+    let reasons = |flaws: &Flaws| flaws.reasons(left_out, mapped.reach.spanned);
+    let (found, of_stitched, note) = (reasons(&flaws), reasons(&flaws.reached()), flaws.note(left_out));
+    if found != of_stitched || note.is_some() {
+        let mut stitched = Judgement { verdict: mapped.verdict, reasons: mapped.reasons.clone() };
+        broken_by(of_stitched, &mut stitched.verdict, &mut stitched.reasons);
+        mapped.stitched = Some(stitched);
+    }
+    if let Some(note) = note {
+        mapped.verdict = mapped.verdict.max(Verdict::Fair);
+        mapped.reasons.insert(0, note);
+    }
+    broken_by(found, &mut mapped.verdict, &mut mapped.reasons);
+}
+
+/// What makes a mesh broken comes before all other reasons.
+fn broken_by(flaws: Vec<String>, verdict: &mut Verdict, reasons: &mut Vec<String>) {
     if !flaws.is_empty() {
-        mapped.verdict = Verdict::Broken;
-        mapped.reasons.splice(0..0, flaws);
+        *verdict = Verdict::Broken;
+        reasons.splice(0..0, flaws);
     }
 }
 

@@ -63,6 +63,24 @@ fn a_coarse_dome_lies_on_a_fine_one_with_all_its_faces() {
 }
 
 #[test]
+fn a_map_that_leaves_some_bare_is_broken_by_itself_and_judged_without_that_where_it_is_stitched() {
+    let (example, query) = (side(12), side(30));
+    let whole = map(&registered(&example, &query), &example, &query, GO_ON).expect("a map");
+    assert_eq!(whole.stitched, None);
+    let short = |rows: usize| {
+        let kept: Vec<&[u32]> = whole.mesh.faces.iter().skip(12 * rows).collect();
+        let mesh = crate::mesh::PolyMesh { faces: kept.into_iter().collect(), ..(*whole.mesh).clone() };
+        let mut mapped = Mapped { mesh: Arc::new(mesh), ..whole.clone() };
+        sound::check(&mut mapped, &query);
+        mapped
+    };
+    let mapped = short(4);
+    assert_eq!((mapped.verdict, mapped.reasons.len()), (Verdict::Broken, 1), "{:?}", mapped.reasons);
+    let stitched = mapped.stitched.expect("another");
+    assert_eq!((stitched.verdict, stitched.reasons.len()), (Verdict::Good, 0));
+}
+
+#[test]
 fn a_constraint_is_met_where_it_was_set_and_a_bad_one_is_refused() {
     let (example, query) = (side(12), side(30));
     let mapped = map(&registered(&example, &query), &example, &query, GO_ON).expect("a map");

@@ -142,6 +142,20 @@ async fn the_map_that_is_worth_most_is_taken_and_none_is_laid_after_one_that_is_
 }
 
 #[tokio::test]
+async fn a_map_that_is_broken_by_what_it_leaves_bare_is_stitched_and_not_handed_out() {
+    // What is torn where examples stand on it is laid out anew.
+    for (scan, verdict, inspired) in [("", "fair", 1.0), ("\ntears", "poor", 0.0)] {
+        let bench = Bench::new();
+        bench.add("short", "segment disc 1\nlies short 1").await;
+        let (made, path) = made(&bench, "", &format!("segment disc 1\nlarge{scan}")).await;
+        assert_eq!((&made["verdict"], &made["inspired"]), (&json!(verdict), &json!(inspired)), "{made}");
+        assert!(made["result"]["composition"].is_string(), "{made}");
+        let map = bench.get(&format!("{path}/maps")).await.json()["items"][0].clone();
+        assert_eq!(map["verdict"], "broken");
+    }
+}
+
+#[tokio::test]
 async fn one_that_is_cancelled_frees_what_it_began() {
     let bench = bench().await;
     let scan = "segment disc 2\nlarge\nslow 30\nprotrusion annulus 2\nprotrusion annulus 3";

@@ -1,7 +1,6 @@
 //! The headline of a composition: its verdict, how much of it is an example's, and why.
 
 use super::super::engine::Appraisal;
-use quadmuse_kernel::measure::sound::says_missed;
 use quadmuse_proto::{Covers, Verdict};
 
 /// A map that makes up less of a composition than this does not decide what it is called.
@@ -82,8 +81,7 @@ pub(super) fn headline(brought: &[Option<BroughtMap>], appraisal: &Appraisal) ->
     for (segment, laid, _) in used().filter(|part| told(part.2) && part.1.verdict > Verdict::Good) {
         verdict = verdict.max(laid.verdict.min(Verdict::Poor));
         let of = if brought.len() > 1 { format!("segment {segment}: ") } else { String::new() };
-        let of_stitched = laid.reasons.iter().filter(|reason| !says_missed(reason));
-        reasons.extend(of_stitched.take(REASONS_EACH).map(|reason| format!("{of}{reason}")));
+        reasons.extend(laid.reasons.iter().take(REASONS_EACH).map(|reason| format!("{of}{reason}")));
     }
     if is_crumpled(appraisal) && verdict < Verdict::Broken {
         verdict = Verdict::Poor;
@@ -143,10 +141,6 @@ mod tests {
         let told = headline(&brought, &of(&[0.6, 0.2, 0.0]));
         assert_eq!((told.verdict, &told.reasons[..]), (Verdict::Fair, &["segment 1: its ears differ".to_owned()][..]));
         assert!((told.inspired - 0.8).abs() < 1e-12 && (told.covers.example - 0.8).abs() < 1e-12, "{told:?}");
-        // What a map misses stitching reaches.
-        let missed = "the quads end before the scan does: 1.0 % of it".to_owned();
-        let short = laid(Verdict::Fair).map(|map| BroughtMap { reasons: [vec![missed], map.reasons].concat(), ..map });
-        assert_eq!(headline(&[short], &of(&[1.0])).reasons, ["its ears differ"]);
         // The same map on a sliver.
         let told = headline(&brought, &of(&[0.6, 0.01, 0.0]));
         assert_eq!((told.verdict, told.reasons.len()), (Verdict::Good, 0));

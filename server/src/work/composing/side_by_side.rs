@@ -4,12 +4,13 @@ use super::BARE_MIN;
 use super::sound::{KEPT, Sound};
 use crate::work::engine::{Allowed, Engine, EngineError, Model, PolyMesh, Standing, Stitched};
 use crate::work::mapping::{LiveMap, MapState};
+use quadmuse_proto::Verdict;
 use std::sync::Arc;
 
 /// A segment with this share of a scan's faces is most of it.
 const MOST: f64 = 0.5;
 
-/// Maps that can stand side by side without being stitched, with their segments: those of segments that have their components of the
+/// Maps that are sound and can stand side by side without being stitched, with their segments: those of segments that have their components of the
 /// scan to themselves (`alone`), where these are most of it, or all others do, too; or else that of the one segment that is most.
 pub(super) fn standing(model: &Model, alone: &[bool], maps: &[Option<Arc<LiveMap>>]) -> Vec<(usize, Arc<LiveMap>)> {
     let all: u64 = model.segments.iter().map(|segment| segment.faces).sum();
@@ -17,8 +18,12 @@ pub(super) fn standing(model: &Model, alone: &[bool], maps: &[Option<Arc<LiveMap
     let is_most = |some: &[(usize, Arc<LiveMap>)]| {
         some.iter().map(|(number, _)| faces(*number)).sum::<u64>() as f64 >= MOST * all as f64
     };
-    let mapped: Vec<(usize, Arc<LiveMap>)> =
-        maps.iter().enumerate().filter_map(|(number, map)| Some((number, Arc::clone(map.as_ref()?)))).collect();
+    let is_sound = |map: &&Arc<LiveMap>| map.newest().summary.verdict < Verdict::Broken;
+    let sound = |(number, map): (usize, &Option<Arc<LiveMap>>)| {
+        let map = map.as_ref().filter(is_sound)?;
+        Some((number, Arc::clone(map)))
+    };
+    let mapped: Vec<(usize, Arc<LiveMap>)> = maps.iter().enumerate().filter_map(sound).collect();
     let apart: Vec<(usize, Arc<LiveMap>)> =
         mapped.iter().filter(|(number, _)| alone.get(*number) == Some(&true)).cloned().collect();
     let are_all_alone = alone.len() == model.segments.len() && !alone.contains(&false);

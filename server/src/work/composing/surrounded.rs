@@ -56,7 +56,7 @@ impl Surrounded {
             cut: Arc::clone(&cut),
             parts: vec![Part::Kept(own)],
             instead: vec![None],
-            laid: vec![Some(laid(&newest.summary))],
+            laid: vec![Some(laid(&newest))],
             names: vec![None],
         };
         let one = async |segment: usize| match tries(&cut.segments, segment) {
@@ -77,7 +77,7 @@ impl Surrounded {
 
     /// Adds what the next segment takes: the map of an example that fits, or else a regular layout.
     fn push(&mut self, work: &Work, encoded: Arc<Encoded>, map: Option<&LiveMap>) {
-        let map = map.filter(|map| map.example_id() != ExampleId::TEMPLATE && !map.newest().mapped.verdict.is_poor());
+        let map = map.filter(|map| map.example_id() != ExampleId::TEMPLATE && !map.newest().mapped.is_poor_stitched());
         self.names.push(map.and_then(|map| Some(work.catalogue.example(map.example_id()).ok()?.name.clone())));
         let Some(newest) = map.map(LiveMap::newest) else {
             self.parts.push(Part::Template(encoded));
@@ -89,7 +89,7 @@ impl Surrounded {
         self.parts.push(Part::Mapped { part, whole });
         self.instead.push(Some(encoded));
         // Its segment is none of the query's, which reasons could name.
-        self.laid.push(Some(BroughtMap { reasons: Vec::new(), ..laid(&newest.summary) }));
+        self.laid.push(Some(BroughtMap { reasons: Vec::new(), ..laid(&newest) }));
     }
 
     /// Stitches all of it; `None` where that is not sound, or the map has no part in it.

@@ -3,8 +3,9 @@
 //! An upload is text, one directive a line: `segment TOPOLOGY NUMBER` (a segment whose encoding is NUMBER), `part TOPOLOGY
 //! NUMBER` (the same of a part besides the one segment, where parts are wanted; one of NaN can't be encoded),
 //! `slow MS` (every registration takes so long), `encode-slow MS`, `panic WHERE` with `WHERE` one of `read`, `encode`,
-//! `refine`, `tears` (a composition on it is broken where an example stands), `crumples` (one is crumpled there), `rag` (one is broken
-//! but for a map as it is), `wrinkles` (one is crumpled but for a map as it is), `lies VERDICT SHARE` (as an example it lies so on that share of an input), `large` (its segments have so
+//! `refine`, `tears` (a composition on it is broken where an example stands), `crumples` (one is crumpled there), `rag` (one
+//! is broken but for a map as it is), `wrinkles` (one is crumpled but for a map as it is), `lies VERDICT SHARE` (as an example
+//! it lies so on that share of an input; `short`: broken, but fair where it is stitched), `large` (its segments have so
 //! many faces that several examples are tried), `side TOPOLOGY NUMBER` and `protrusion TOPOLOGY NUMBER` (its segments where it is cut
 //! at its waist, and into protrusions), and `refuse CODE`. Anything else is unreadable. The mesh is a unit square, one quad a segment.
 
@@ -127,6 +128,7 @@ impl Engine for FakeEngine {
                     let verdict = match *verdict {
                         "good" => Verdict::Good,
                         "fair" => Verdict::Fair,
+                        "short" => Verdict::Broken,
                         _ => Verdict::Poor,
                     };
                     script.lies = Some((verdict, number(share)?));
@@ -252,6 +254,7 @@ impl Engine for FakeEngine {
             Err(_) => Vec::new(),
         };
         let (verdict, share) = example.model.inner.open::<Script>()?.lies.unwrap_or((Verdict::Good, 1.0));
+        let reached = || Judgement { verdict: Verdict::Fair, reasons: Vec::new() };
         Ok(Mapped {
             mesh: Arc::clone(&example.model.mesh),
             part: Arc::clone(&example.model.mesh),
@@ -262,6 +265,7 @@ impl Engine for FakeEngine {
             distortion: Distortion { angle: Histogram::default(), area: Histogram::default() },
             verdict,
             reasons: Vec::new(),
+            stitched: (verdict == Verdict::Broken).then(reached),
             reach: Reach {
                 covers: quadmuse_kernel::pipeline::Covers { example: 1.0, input: share },
                 ..Reach::default()
@@ -367,6 +371,7 @@ impl Engine for FakeEngine {
             distortion: Distortion { angle: Histogram::default(), area: Histogram::default() },
             verdict: Verdict::Fair,
             reasons: Vec::new(),
+            stitched: None,
             reach: Reach::default(),
             evidence: None,
         })

@@ -399,6 +399,7 @@ impl Engine for KernelEngine {
             distortion: Distortion { angle: none(), area: none() },
             verdict,
             reasons: flaws.into_iter().chain([no_example]).collect(),
+            stitched: None,
             reach: Reach::default(),
             evidence: None,
         })

@@ -27,10 +27,34 @@ pub struct Mapped {
     pub verdict: Verdict,
     /// Why, a sentence each.
     pub reasons: Vec<String>,
+    /// The judgement of it where it is stitched, if that is another: stitching reaches what it leaves bare.
+    pub stitched: Option<Judgement>,
     /// How much of each surface the other reaches.
     pub reach: Reach,
     /// The measures behind the verdict, where the example has settled on the input.
     pub evidence: Option<MapEvidence>,
+}
+
+/// A verdict, and why.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Judgement {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Why, a sentence each.
+    pub reasons: Vec<String>,
+}
+
+impl Mapped {
+    /// The judgement of it where it is stitched.
+    pub fn stitched(&self) -> Judgement {
+        let alike = || Judgement { verdict: self.verdict, reasons: self.reasons.clone() };
+        self.stitched.clone().unwrap_or_else(alike)
+    }
+
+    /// Whether it is of no use where it is stitched.
+    pub fn is_poor_stitched(&self) -> bool {
+        self.stitched.as_ref().map_or(self.verdict, |stitched| stitched.verdict).is_poor()
+    }
 }
 
 /// How an example is to be laid.

@@ -2,7 +2,8 @@
 //! kernel's own types on the other.
 
 use super::super::{
-    Cut, Encoded, Encoding, EngineError, Mapped, Model, ModelSegment, Opaque, Registration, SegmentFacts, Side, Wishes,
+    Cut, Encoded, Encoding, EngineError, Judgement, Mapped, Model, ModelSegment, Opaque, Registration, SegmentFacts,
+    Side, Wishes,
 };
 use super::Source;
 use crate::pool::{Stop, StopReason};
@@ -142,6 +143,7 @@ pub(super) fn mapped(of: pipeline::Mapped) -> Mapped {
         },
         verdict: verdict(of.verdict),
         reasons: of.reasons,
+        stitched: of.stitched.map(|of| Judgement { verdict: verdict(of.verdict), reasons: of.reasons }),
         reach: of.reach,
         evidence: of.evidence.map(|found| MapEvidence {
             agreement: found.agreement(),
