@@ -3,7 +3,6 @@
 use super::error::{PipelineError, Stop, stopped};
 use super::fitted::matched_tips;
 use super::model::Model;
-use super::rested::WHOLES_FAIR_FROM;
 use crate::fit::rest::Start;
 use crate::fit::rough::{Lead, RoughInput, Shape, rough};
 use crate::mesh::Vec3;
@@ -13,6 +12,8 @@ use std::sync::Arc;
 
 /// Share of a scan from which on a rough fit of another whole lies all over it. *Untuned:* bodies on a man in armour cover .8 and .9.
 const ALL_OVER: f64 = 0.7;
+/// It agrees so much there. *Untuned.*
+const ALL_OVER_FROM: f64 = -0.15;
 /// Ways to match tips that are tried, of either orientation.
 const MATCHED: usize = 1;
 
@@ -44,9 +45,9 @@ impl Rough {
     }
 
     /// How likely the query is an example of its kind all over, where both are wholes: a man in armour is a man, though no bump of
-    /// him agrees. `None` where it is not, or agrees too little to be called fair.
+    /// him agrees. `None` where it is not, or agrees too little.
     pub fn all_over(&self) -> Option<f64> {
-        let sure = self.agreement - WHOLES_FAIR_FROM;
+        let sure = self.agreement - ALL_OVER_FROM;
         (self.are_wholes && self.covered >= ALL_OVER && sure >= 0.0).then_some(sure * self.covered * (1.0 - self.off))
     }
 }
