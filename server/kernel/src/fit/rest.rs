@@ -6,7 +6,7 @@
 use super::limbs::{Tipped, axis_points};
 use crate::mesh::Vec3;
 use crate::mesh::bvh::{Bvh, Closest};
-use crate::mesh::tri::TriMesh;
+use crate::mesh::tri::{NONE, TriMesh};
 use crate::numerics::stage::Stage;
 use crate::numerics::stop::Stop;
 use crate::numerics::{in_halves, side_by_side};
@@ -35,6 +35,9 @@ const MIRROR_MARGIN: f64 = 0.1;
 /// A place that tips led to is less sure by so many times as far as they end from their matches in the mean, in √area of the input: if
 /// they match, it is wrong, and if they don't, it is there by luck. *Untuned.*
 const APART_COUNTS: f64 = 2.0;
+/// One closed surface on another is less sure by so many times the share of the input that it leaves bare: stiffly laid it bends little as
+/// long as limbs are bare. *Untuned.*
+const BARE_COUNTS: f64 = 2.0;
 /// From this worth on a place that is laid roughly is likely right, and limbs need no axes to lead them. *Untuned.*
 const LIES_WELL: f64 = 0.35;
 /// Places that are less sure than the best by no more than this settle too, so many at most.
@@ -145,6 +148,8 @@ pub struct Rests<'a> {
     laid: Vec<TriedPlace>,
     /// The input's area.
     area: f64,
+    /// True where both are closed, and neither ends anywhere.
+    are_closed: bool,
 }
 
 impl<'a> Rests<'a> {
@@ -175,7 +180,8 @@ impl<'a> Rests<'a> {
         let (plain, mirrored) = side_by_side(|| settler(1.0), || settler(-1.0));
         let (symmetry, area) = (OnceLock::new(), input.total_area());
         let tipped = [example, input].map(Tipped::new);
-        Some(Self { symmetry, plain: plain?, mirrored: mirrored?, tipped, laid: Vec::new(), area })
+        let are_closed = [example, input].iter().all(|mesh| !mesh.twins.contains(&NONE));
+        Some(Self { symmetry, plain: plain?, mirrored: mirrored?, tipped, laid: Vec::new(), area, are_closed })
     }
 
     /// The same, with landmarks held on their places.
@@ -204,24 +210,25 @@ impl<'a> Rests<'a> {
     }
 
     fn surest(&self) -> Option<&TriedPlace> {
-        self.laid.iter().max_by(|a, b| worth(&a.rested).total_cmp(&worth(&b.rested)))
+        self.laid.iter().max_by(|a, b| self.worth(&a.rested).total_cmp(&self.worth(&b.rested)))
     }
 
     /// The best of all, settled; `None` when stopped. The best few settle where they are near: roughly laid, what is nearly its own
     /// mirror image, or faces backwards, can't be told from it. Nothing is kept of what was laid roughly.
     pub fn settle_best(&mut self, stop: Stop<'_>) -> Option<Rested> {
-        let near = worth(self.best()?) - NEAR;
+        let near = self.worth(self.best()?) - NEAR;
         let mut finalists: Vec<TriedPlace> = std::mem::take(&mut self.laid);
-        finalists.retain(|laid| worth(&laid.rested) >= near);
-        finalists.sort_by(|a, b| worth(&b.rested).total_cmp(&worth(&a.rested)));
+        finalists.retain(|laid| self.worth(&laid.rested) >= near);
+        finalists.sort_by(|a, b| self.worth(&b.rested).total_cmp(&self.worth(&a.rested)));
         finalists.truncate(FINALISTS);
         let settled = |TriedPlace { rested: Rested { mirrored, apart, .. }, laid, .. }: &TriedPlace| {
             let (settled, laid) = self.settler(*mirrored).fine_from(laid, stop)?;
             Some((Rested::of(settled, (*mirrored, *apart)), laid))
         };
         let all = in_halves(&finalists, settled).into_iter().collect::<Option<Vec<(Rested, LaidRoughly)>>>();
-        let (best, laid) =
-            all?.into_iter().reduce(|best, made| if worth(&made.0) > worth(&best.0) { made } else { best })?;
+        let (best, laid) = all?
+            .into_iter()
+            .reduce(|best, made| if self.worth(&made.0) > self.worth(&best.0) { made } else { best })?;
         if Stage::Stretch.is_on() { self.reaching(best, laid, stop) } else { Some(best) }
     }
 
@@ -231,7 +238,7 @@ impl<'a> Rests<'a> {
     fn reaching(&self, mut best: Rested, mut laid: LaidRoughly, stop: Stop<'_>) -> Option<Rested> {
         let settler = self.settler(best.mirrored);
         let Evidence { relief, bend, normal_disagreement, .. } = best.evidence;
-        let least = worth(&best) - REACHING_MARGIN;
+        let least = self.worth(&best) - REACHING_MARGIN;
         let mut bare = settler.bare(&laid);
         for _ in 0..STRETCHES {
             let Bare { share: before, tips } = bare.clone();
@@ -239,7 +246,7 @@ impl<'a> Rests<'a> {
             for tips in all.into_iter().chain(tips.chunks(1)) {
                 let (settled, made) = settler.stretched(&laid, tips, stop)?;
                 let (rested, left) = (Rested::of(settled, (best.mirrored, best.apart)), settler.bare(&made));
-                if left.share < REACHED * bare.share && worth(&rested) >= least {
+                if left.share < REACHED * bare.share && self.worth(&rested) >= least {
                     (best, laid, bare) = (rested, made, left);
                     if tips.len() > 1 {
                         break;
@@ -398,7 +405,7 @@ impl<'a> Rests<'a> {
 
     /// Whether the best so far is likely right.
     pub fn lies_well(&self) -> bool {
-        self.best().is_some_and(|best| worth(best) >= LIES_WELL)
+        self.best().is_some_and(|best| self.worth(best) >= LIES_WELL)
     }
 
     /// Tips that are matched, as landmarks, and whether they lay the example mirrored: what is symmetric need never be, and other
@@ -459,22 +466,24 @@ impl<'a> Rests<'a> {
             known.rested.mirrored == tried.rested.mirrored && apart <= reach
         };
         match self.laid.iter().position(same) {
-            Some(k) if worth(&tried.rested) <= worth(&self.laid[k].rested) => {}
+            Some(k) if self.worth(&tried.rested) <= self.worth(&self.laid[k].rested) => {}
             Some(k) => self.laid[k] = tried,
             None => self.laid.push(tried),
         }
+    }
+
+    /// How sure a place is, against others.
+    fn worth(&self, of: &Rested) -> f64 {
+        let sure = of.evidence.confidence();
+        let sure = if sure.is_nan() { -1.0 } else { sure };
+        let bare = if self.are_closed { BARE_COUNTS * (1.0 - of.evidence.covered) } else { 0.0 };
+        sure - bare - APART_COUNTS * of.apart - if of.mirrored { MIRROR_MARGIN } else { 0.0 }
     }
 
     /// How well an unsettled start agrees.
     pub fn relief(&self, start: &Start) -> Option<f64> {
         self.settler(start.mirrored).relief(&start.positions)
     }
-}
-
-fn worth(of: &Rested) -> f64 {
-    let sure = of.evidence.confidence();
-    let sure = if sure.is_nan() { -1.0 } else { sure };
-    sure - APART_COUNTS * of.apart - if of.mirrored { MIRROR_MARGIN } else { 0.0 }
 }
 
 #[cfg(test)]
