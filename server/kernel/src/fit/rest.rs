@@ -36,8 +36,8 @@ const MIRROR_MARGIN: f64 = 0.1;
 /// they match, it is wrong, and if they don't, it is there by luck. *Untuned.*
 const APART_COUNTS: f64 = 2.0;
 /// One closed surface on another is less sure by so many times the share of the input that it leaves bare: stiffly laid it bends little as
-/// long as limbs are bare. *Untuned.*
-const BARE_COUNTS: f64 = 2.0;
+/// long as limbs are bare. With twice as much an eagle lies back to front (tests/records/wholes-2026-11-28.md).
+const BARE_COUNTS: f64 = 1.0;
 /// From this worth on a place that is laid roughly is likely right, and limbs need no axes to lead them. *Untuned.*
 const LIES_WELL: f64 = 0.35;
 /// Places that are less sure than the best by no more than this settle too, so many at most.
