@@ -1,4 +1,4 @@
-//! What the service makes for this program beyond the answer to its request: to be cancelled where nobody waits any more.
+//! Remembers what the service makes for this program beyond the answer to its request, to cancel it where nobody waits any more.
 
 use super::Api;
 use reqwest::Method;

@@ -21,8 +21,8 @@ const LITTLE: f64 = 0.05;
 const WORTH: [f64; 2] = [0.5, 0.2];
 /// A map that is not poor and agrees less than this is worth about as much, for the share that it covers.
 const WORTH_LEAST: f64 = 0.01;
-/// What a map is worth that leaves so much bare that it is broken by itself, as a share of what it is worth else: stitching may not
-/// reach all of that. *Untuned.*
+/// A map that is broken by what it leaves bare is worth this share of what it is worth else: stitching may not reach all of that.
+/// *Untuned.*
 const BARE_COUNTS: f64 = 0.5;
 
 /// Rates a map against others on the same segment: its agreement times the share of the input that the example covers. A poor map

@@ -403,7 +403,7 @@ impl<'a> Rests<'a> {
         }
     }
 
-    /// Whether the best so far is likely right.
+    /// Tells whether the best so far is likely right.
     pub fn lies_well(&self) -> bool {
         self.best().is_some_and(|best| self.worth(best) >= LIES_WELL)
     }

@@ -73,7 +73,7 @@ pub(crate) fn check(mapped: &mut Mapped, query: &Side) {
     broken_by(found, &mut mapped.verdict, &mut mapped.reasons);
 }
 
-/// What makes a mesh broken comes before all other reasons.
+/// Calls a mesh broken where there are flaws, and puts them before all other reasons.
 fn broken_by(flaws: Vec<String>, verdict: &mut Verdict, reasons: &mut Vec<String>) {
     if !flaws.is_empty() {
         *verdict = Verdict::Broken;

@@ -145,7 +145,7 @@ impl Posed {
         Self { small, large, whole: None, area: ground.area, effort }
     }
 
-    /// Whether it is closed, and others are laid on it as wholes.
+    /// Tells whether it is closed, so that others are laid on it as wholes.
     pub fn is_whole(&self) -> bool {
         self.whole.is_some()
     }

@@ -51,7 +51,7 @@ impl Mapped {
         self.stitched.clone().unwrap_or_else(alike)
     }
 
-    /// Whether it is of no use where it is stitched.
+    /// Tells whether it is of no use where it is stitched.
     pub fn is_poor_stitched(&self) -> bool {
         self.stitched.as_ref().map_or(self.verdict, |stitched| stitched.verdict).is_poor()
     }
