@@ -242,7 +242,7 @@ const POSE_FIXED_BY: usize = 3;
 /// [`Evidence::agreement`] from which on a settled map is good.
 const GOOD_FROM: f64 = 0.4;
 /// [`Evidence::confidence`] from which on one is fair: of a closed example on a closed scan, where neither ends anywhere. Of 231 maps on
-/// 17 scans right ones have −.46 and more, all but four −.4; wrong ones that nothing else speaks against −.43 and less
+/// 17 scans right ones have −.46 and more, all but six −.4; wrong ones that nothing else speaks against −.42 and less
 /// (tests/records/wholes-2026-11-28.md).
 const WHOLES_FAIR_FROM: f64 = -0.4;
 /// [`Evidence::agreement`] from which on one is fair: of a closed example on a part of a scan, or on an open one. Its limbs are matched

@@ -157,17 +157,18 @@ pub(super) fn mapped(of: pipeline::Mapped) -> Mapped {
     }
 }
 
-/// What an edit keeps of a map; of the evidence what was told of it.
+/// What an edit keeps of a map; of the evidence what was told of it. What it left bare is measured anew.
 pub(super) fn before(of: &Mapped) -> pipeline::Before {
+    let kept = of.stitched();
     pipeline::Before {
         folds: of.folds,
-        verdict: match of.verdict {
+        verdict: match kept.verdict {
             Verdict::Good => pipeline::Verdict::Good,
             Verdict::Fair => pipeline::Verdict::Fair,
             Verdict::Poor => pipeline::Verdict::Poor,
             Verdict::Broken => pipeline::Verdict::Broken,
         },
-        reasons: of.reasons.clone(),
+        reasons: kept.reasons,
         reach: of.reach.clone(),
         evidence: of.evidence.map(|told| Evidence {
             relief: told.relief,
