@@ -83,6 +83,14 @@ pub struct MatchedTips {
     pub mirrored: bool,
 }
 
+/// A way to lay an example after its tips.
+struct Way {
+    /// Points of the example with theirs on the input.
+    landmarks: Vec<Landmark>,
+    /// Whether the example lies mirrored.
+    mirrored: bool,
+}
+
 /// An example on an input.
 #[derive(Clone, Debug)]
 pub struct Rested {
@@ -361,21 +369,22 @@ impl<'a> Rests<'a> {
     }
 
     /// Lays the example after tips that are matched, by one way after the other until one is convincing; where one is not, after a
-    /// start, too. All are laid side by side.
+    /// start, too. All that the pictures speak for are laid side by side, then the others.
     pub fn tries_tips(&mut self, matches: &[MatchedTips], start: Option<&Start>, stop: Stop<'_>) {
         let start = start.map(|start| self.unmirrored(start));
-        let tried = in_halves(matches, |tips| {
-            let (landmarks, mirrored) = self.oriented(tips)?;
-            let held = start.as_ref().and_then(|start| self.held(&landmarks, start, stop));
-            Some([self.led(&landmarks, &[], mirrored, stop), held])
-        });
-        for [led, held] in tried.into_iter().flatten() {
-            self.take(led);
-            if !self.is_convincing() {
-                self.take(held);
-            }
-            if self.is_convincing() {
-                return;
+        for ways in self.ways(matches) {
+            let tried = in_halves(&ways, |Way { landmarks, mirrored }| {
+                let held = start.as_ref().and_then(|start| self.held(landmarks, start, stop));
+                [self.led(landmarks, &[], *mirrored, stop), held]
+            });
+            for [led, held] in tried {
+                self.take(led);
+                if !self.is_convincing() {
+                    self.take(held);
+                }
+                if self.is_convincing() {
+                    return;
+                }
             }
         }
     }
@@ -385,15 +394,15 @@ impl<'a> Rests<'a> {
         if !Stage::Limbs.is_on() || self.lies_well() {
             return;
         }
-        let tried = in_halves(matches, |tips| {
-            let (landmarks, mirrored) = self.oriented(tips)?;
+        let [ways, _] = self.ways(matches);
+        let tried = in_halves(&ways, |Way { landmarks, mirrored }| {
             let [example, input] = &self.tipped;
-            let axes = axis_points(example, input, &landmarks);
+            let axes = axis_points(example, input, landmarks);
             // Of few limbs with axes too little is told of the rest.
             if axes.len() < landmarks.len() {
                 return None;
             }
-            self.led(&landmarks, &axes, mirrored, stop)
+            self.led(landmarks, &axes, *mirrored, stop)
         });
         for place in tried.into_iter().flatten() {
             self.keep(place);
@@ -408,16 +417,38 @@ impl<'a> Rests<'a> {
         self.best().is_some_and(|best| self.worth(best) >= LIES_WELL)
     }
 
-    /// Tips that are matched, as landmarks, and whether they lay the example mirrored: what is symmetric need never be, and other
-    /// surfaces whose pictures match mirrored may be each other's mirror image, or lie on their backs.
-    fn oriented<'t>(&self, tips: &'t MatchedTips) -> Option<(Cow<'t, [Landmark]>, bool)> {
-        let landmarks = tips.landmarks.as_slice();
+    /// The ways in which tips that are matched lay the example: those that the pictures speak for, and others. What is symmetric need
+    /// never lie mirrored, but limbs match as well back to front, left for right: it is laid either way. Of other surfaces pictures that
+    /// match mirrored may be each other's mirror image, or lie on their backs: tips decide.
+    fn ways(&self, matches: &[MatchedTips]) -> [Vec<Way>; 2] {
         let Some(symmetry) = self.symmetry() else {
-            let [plain, mirrored] = self.missed(landmarks)?;
-            return Some((Cow::Borrowed(landmarks), mirrored < plain));
+            let oriented = |tips: &MatchedTips| {
+                let [plain, mirrored] = self.missed(&tips.landmarks)?;
+                Some(Way { landmarks: tips.landmarks.clone(), mirrored: mirrored < plain })
+            };
+            return [matches.iter().filter_map(oriented).collect(), Vec::new()];
         };
-        let swapped = || landmarks.iter().map(|tip| symmetry.swapped_landmark(tip)).collect();
-        Some((if tips.mirrored { Cow::Owned(swapped()) } else { Cow::Borrowed(landmarks) }, false))
+        let way = |tips: &MatchedTips, is_swapped: bool| {
+            let swapped = |tip: &Landmark| if is_swapped { symmetry.swapped_landmark(tip) } else { *tip };
+            Way { landmarks: tips.landmarks.iter().map(swapped).collect(), mirrored: false }
+        };
+        let likely: Vec<Way> = matches.iter().map(|tips| way(tips, tips.mirrored)).collect();
+        let mut others: Vec<Way> = Vec::new();
+        for other in matches.iter().map(|tips| way(tips, !tips.mirrored)) {
+            if likely.iter().chain(&others).all(|known| !self.is_one(known, &other)) {
+                others.push(other);
+            }
+        }
+        [likely, others]
+    }
+
+    /// Whether two ways match the same tips.
+    fn is_one(&self, one: &Way, other: &Way) -> bool {
+        let mesh = self.tipped[0].mesh;
+        let (at, reach) = (|tip: &Landmark| mesh.positions[tip.vertex() as usize], SAME * mesh.total_area().sqrt());
+        let same = |a: &Landmark, b: &Landmark| a.to.point == b.to.point && (at(a) - at(b)).norm() <= reach;
+        let has = |tip: &Landmark| other.landmarks.iter().any(|known| same(tip, known));
+        one.landmarks.len() == other.landmarks.len() && one.landmarks.iter().all(has)
     }
 
     /// By how much landmarks are missed by the similarity that carries them best, unmirrored and mirrored.
