@@ -113,6 +113,33 @@ pub fn layout_distortion(example: &TriMesh, cross: &CrossMap, chart: &Chart) -> 
     distribution(example.triangles.iter().enumerate().filter_map(sheared).collect(), 0.0, 60.0)
 }
 
+/// By how much the angles at the corners of the example's polygons change where its vertices go to `positions`: the mean in degrees,
+/// 0–180, each polygon weighed by its area on the example. Rows that are drawn out or pressed together keep their angles.
+pub fn corner_change(example: &TriMesh, positions: &[Vec3]) -> f64 {
+    let mut areas = vec![0.0; example.polygon_of.iter().max().map_or(0, |&last| last as usize + 1)];
+    // A diagonal parts the angle at a corner: the angles of a polygon's triangles there add up.
+    let mut corners: Vec<(u32, u32, f64)> = Vec::with_capacity(3 * example.triangles.len());
+    for (t, triangle) in example.triangles.iter().enumerate() {
+        let polygon = example.polygon_of[t];
+        areas[polygon as usize] += example.area(t);
+        for k in 0..3 {
+            let [v, next, last] = [0, 1, 2].map(|step| triangle[(k + step) % 3] as usize);
+            let angle = |at: &[Vec3]| (at[next] - at[v]).angle(&(at[last] - at[v]));
+            corners.push((polygon, triangle[k], angle(positions) - angle(&example.positions)));
+        }
+    }
+    corners.sort_by_key(|&(polygon, vertex, _)| (polygon, vertex));
+    let (mut sum, mut weight) = (0.0, 0.0);
+    for polygon in corners.chunk_by(|a, b| a.0 == b.0) {
+        let changes = polygon.chunk_by(|a, b| a.1 == b.1).map(|one| one.iter().map(|c| c.2).sum::<f64>().abs());
+        let count = polygon.chunk_by(|a, b| a.1 == b.1).count();
+        let area = areas[polygon[0].0 as usize];
+        sum += area * changes.sum::<f64>() / count as f64;
+        weight += area;
+    }
+    (sum / weight.max(f64::MIN_POSITIVE)).to_degrees()
+}
+
 /// Tells whether a surface goes round, as a ring or a torus does.
 pub fn is_ring(chart: &Chart) -> bool {
     matches!(chart.topology, Topology::Annulus | Topology::Torus)
@@ -290,6 +317,17 @@ mod tests {
         let after = before.map(|p| Vec3::new(3.0 * p.x, 0.5 * p.y, 0.0));
         let [s1, s2] = singular_values(before, after).expect("area");
         assert!((s1 - 3.0).abs() < 1e-12 && (s2 - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn corners_change_by_shear_and_not_where_rows_are_drawn_out() {
+        let mut mesh = crate::topology::tests::grid(6, 6, false, false);
+        mesh.polygon_of = (0..mesh.triangles.len() as u32).map(|t| t / 2).collect();
+        let changed =
+            |map: &dyn Fn(&Vec3) -> Vec3| corner_change(&mesh, &mesh.positions.iter().map(map).collect::<Vec<_>>());
+        assert!(changed(&|p| Vec3::new(4.0 * p.x, p.y, 0.0)) < 1e-9);
+        let turned = std::f64::consts::FRAC_PI_6.tan();
+        assert!((changed(&|p| Vec3::new(p.x + turned * p.y, p.y, 0.0)) - 30.0).abs() < 1e-9);
     }
 
     #[test]
