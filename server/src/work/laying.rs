@@ -19,21 +19,21 @@ const ENOUGH: f64 = 0.1;
 const LITTLE: f64 = 0.05;
 /// Worth of a map of which nothing speaks but its verdict, good or fair, for the share that it covers.
 const WORTH: [f64; 2] = [0.5, 0.2];
-/// A map that is not poor and agrees less than this is worth about as much, for the share that it covers.
+/// A map that is not poor and less sure than this is worth about as much, for the share that it covers.
 const WORTH_LEAST: f64 = 0.01;
 /// A map that is broken by what it leaves bare is worth this share of what it is worth else: stitching may not reach all of that.
 /// *Untuned.*
 const BARE_COUNTS: f64 = 0.5;
 
-/// Rates a map against others on the same segment: its agreement times the share of the input that the example covers. A poor map
+/// Rates a map against others on the same segment: how sure it is, times the share of the input that the example covers. A poor map
 /// gets less than 0.
 pub fn worth(map: &LiveMap) -> f64 {
     let newest = map.newest();
     let summary = &newest.summary;
     let [good, fair] = WORTH;
-    let sure = match (newest.mapped.stitched().verdict, &summary.evidence) {
+    let sure = match (newest.mapped.stitched().verdict, newest.mapped.sureness) {
         (Verdict::Poor | Verdict::Broken, _) => return -1.0,
-        (_, Some(evidence)) => at_least(evidence.agreement),
+        (_, Some(sureness)) => at_least(sureness),
         (Verdict::Good, None) => good,
         (Verdict::Fair, None) => fair,
     };
@@ -41,9 +41,9 @@ pub fn worth(map: &LiveMap) -> f64 {
     sure * reached * summary.covers.input
 }
 
-/// An agreement as a worth, which is more than 0: [`WORTH_LEAST`] and less for what agrees less.
-fn at_least(agreement: f64) -> f64 {
-    if agreement >= WORTH_LEAST { agreement } else { WORTH_LEAST * (agreement - WORTH_LEAST).exp() }
+/// How sure a map is as a worth, which is more than 0: [`WORTH_LEAST`] and less for what is less sure.
+fn at_least(sureness: f64) -> f64 {
+    if sureness >= WORTH_LEAST { sureness } else { WORTH_LEAST * (sureness - WORTH_LEAST).exp() }
 }
 
 /// Tells whether no more examples have to be laid once `tried` were. Up to `tries` the map has to be good, on however small a part, or

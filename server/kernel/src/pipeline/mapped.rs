@@ -104,6 +104,8 @@ pub struct Mapped {
     pub reach: Reach,
     /// The measures behind the verdict, where the example has settled on the input.
     pub evidence: Option<Evidence>,
+    /// How sure it is then, on one scale for closed and open examples: .1 where it is barely fair, .4 where it is good.
+    pub sureness: Option<f64>,
 }
 
 /// The part of a map that stays as it is through an edit.
@@ -119,6 +121,8 @@ pub struct Before {
     pub reach: Reach,
     /// The measures behind the verdict, where the example had settled.
     pub evidence: Option<Evidence>,
+    /// How sure it was then.
+    pub sureness: Option<f64>,
 }
 
 impl Mapped {
@@ -134,7 +138,7 @@ impl Mapped {
             ..Reach::default()
         };
         if before.evidence.is_some() {
-            self.evidence = before.evidence;
+            (self.evidence, self.sureness) = (before.evidence, before.sureness);
             (self.verdict, self.reasons) = (unedited.verdict, unedited.reasons.clone());
             if self.verdict == Verdict::Broken {
                 // The edited map is checked anew.

@@ -86,6 +86,7 @@ pub(crate) fn measured(
         stitched: None,
         reach: Reach::default(),
         evidence: None,
+        sureness: None,
     })
 }
 

@@ -110,11 +110,12 @@ pub(crate) fn rest(
         bridging: numbers(&spanned, &surface.patch.mesh, &mapped.mesh),
         ..Reach::default()
     };
-    mapped.evidence = Some(evidence);
+    let sureness = sureness(&evidence, one.patch.topology, are_wholes);
+    (mapped.evidence, mapped.sureness) = (Some(evidence), Some(sureness));
     let folded = share(&surface.patch.mesh, &cross.positions, &turned);
     let sheared = corner_change(&surface.patch.mesh, &cross.positions);
     let is_posed = held.len() >= POSE_FIXED_BY;
-    let is_alike = is_posed || are_alike(&evidence, one.patch.topology, are_wholes);
+    let is_alike = is_posed || sureness >= OPEN_FAIR_FROM;
     let shares = (folded, mapped.reach.spanned, sheared);
     (mapped.verdict, mapped.reasons) = judged(&evidence, shares, (is_alike, is_posed));
     mapped.reasons.extend(missed);
@@ -264,13 +265,15 @@ const SPANNED: [f64; 2] = [0.02, 0.25];
 /// example's.
 const SHEARED: [f64; 2] = [12.0, 22.0];
 
-/// Tells whether an example of some topology is so much like the scan where it lies that the map is fair.
-fn are_alike(evidence: &Evidence, of: Topology, are_wholes: bool) -> bool {
-    match of {
-        Topology::Sphere if are_wholes => evidence.confidence() >= WHOLES_FAIR_FROM,
-        Topology::Sphere => evidence.agreement() >= CLOSED_FAIR_FROM,
-        _ => evidence.agreement() >= OPEN_FAIR_FROM,
-    }
+/// How sure a map of an example of some topology is: [`OPEN_FAIR_FROM`] where the example is barely enough like the scan to be fair,
+/// [`GOOD_FROM`] where it is good.
+fn sureness(evidence: &Evidence, of: Topology, are_wholes: bool) -> f64 {
+    let (measured, fair) = match of {
+        Topology::Sphere if are_wholes => (evidence.confidence(), WHOLES_FAIR_FROM),
+        Topology::Sphere => (evidence.agreement(), CLOSED_FAIR_FROM),
+        _ => (evidence.agreement(), OPEN_FAIR_FROM),
+    };
+    OPEN_FAIR_FROM + (GOOD_FROM - OPEN_FAIR_FROM) * (measured - fair) / (GOOD_FROM - fair)
 }
 
 /// The verdict on a map that has settled, with a sentence for each measure that is not good. Relief falls where shapes
@@ -328,7 +331,7 @@ mod tests {
     #[test]
     fn where_landmarks_fix_the_pose_shapes_that_differ_are_no_reason_to_throw_a_map_away() {
         let unlike = Evidence { relief: -0.2, bend: 100.0, ..Evidence::default() };
-        assert!(!are_alike(&unlike, Topology::Sphere, true));
+        assert!(sureness(&unlike, Topology::Sphere, true) < OPEN_FAIR_FROM);
         let verdict = |folded, is_posed| judged(&unlike, (folded, 0.0, 50.0), (is_posed, is_posed)).0;
         assert_eq!([false, true].map(|is_posed| verdict(0.0, is_posed)), [Verdict::Poor, Verdict::Fair]);
         assert_eq!(verdict(0.5, true), Verdict::Poor, "folds are one");
@@ -340,7 +343,7 @@ mod tests {
             let evidence = Evidence { relief: agreement, bend: 0.0, normal_disagreement, ..Evidence::default() };
             assert!((evidence.agreement() - agreement).abs() < 1e-12);
             let all = [(Topology::Sphere, true), (Topology::Sphere, false), (Topology::Disc, false)];
-            all.map(|(of, are_wholes)| are_alike(&evidence, of, are_wholes))
+            all.map(|(of, are_wholes)| sureness(&evidence, of, are_wholes) >= OPEN_FAIR_FROM)
         };
         assert_eq!(fair(-0.5, 0.0), [false; 3]);
         assert_eq!(fair(-0.1, 0.0), [true, false, false]);

@@ -101,6 +101,7 @@ fn a_constraint_is_met_where_it_was_set_and_a_bad_one_is_refused() {
         reasons: mapped.reasons.clone(),
         reach: mapped.reach.clone(),
         evidence: mapped.evidence,
+        sureness: mapped.sureness,
     };
     let after = edited(&moved, &before, &example, &query, GO_ON).expect("a map");
     let missed = (after.mesh.positions[vertex as usize] - there).norm();
@@ -147,6 +148,7 @@ fn what_an_edit_keeps_of_a_map_that_settled_is_the_evidence_and_new_folds_make_i
         reasons: vec!["as it was".into()],
         reach: Reach { covers: Covers { example: 0.5, input: 0.25 }, own: Some((3, 1)), ..Reach::default() },
         evidence: Some(crate::settle::Evidence::default()),
+        sureness: Some(0.4),
     };
     let folded = Mapped { folds: 2, ..mapped.clone() };
     let after = folded.after(&before(Verdict::Good, 0));

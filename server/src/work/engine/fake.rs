@@ -271,6 +271,7 @@ impl Engine for FakeEngine {
                 ..Reach::default()
             },
             evidence: None,
+            sureness: None,
         })
     }
 
@@ -374,6 +375,7 @@ impl Engine for FakeEngine {
             stitched: None,
             reach: Reach::default(),
             evidence: None,
+            sureness: None,
         })
     }
 

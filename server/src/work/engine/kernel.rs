@@ -402,6 +402,7 @@ impl Engine for KernelEngine {
             stitched: None,
             reach: Reach::default(),
             evidence: None,
+            sureness: None,
         })
     }
 

@@ -33,6 +33,8 @@ pub struct Mapped {
     pub reach: Reach,
     /// The measures behind the verdict, where the example has settled on the input.
     pub evidence: Option<MapEvidence>,
+    /// How sure it is then, on one scale for closed and open examples: .1 where it is barely fair, .4 where it is good.
+    pub sureness: Option<f64>,
 }
 
 /// A verdict, and why.

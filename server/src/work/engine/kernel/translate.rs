@@ -154,6 +154,7 @@ pub(super) fn mapped(of: pipeline::Mapped) -> Mapped {
             residual: found.residual,
             normal_disagreement: found.normal_disagreement,
         }),
+        sureness: of.sureness,
     }
 }
 
@@ -179,6 +180,7 @@ pub(super) fn before(of: &Mapped) -> pipeline::Before {
             normal_disagreement: told.normal_disagreement,
             ..Evidence::default()
         }),
+        sureness: of.sureness,
     }
 }
 
