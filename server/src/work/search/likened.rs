@@ -22,11 +22,8 @@ use std::time::Instant;
 const UNSURE: f64 = 0.15;
 /// Nor is it of a scan with more holes.
 const HOLES_SURE: u32 = 8;
-/// Examples with a rim that are laid, and as many that are parts of examples.
+/// Examples with a rim that are laid, as many that are closed, and as many that are parts of examples.
 const LAID_MAX: usize = 32;
-/// Closed examples that are laid on what is closed, too; of one that was cut its picture, filled, tells less.
-const CLOSED_MAX: usize = 16;
-const CLOSED_MAX_CUT: usize = 32;
 /// Examples that are laid roughly: the first, and of either kind those that are most alike, as a whole and for their size.
 /// *Untuned.*
 const ROUGH_FIRST: usize = 4;
@@ -238,16 +235,14 @@ impl SegmentSearch<'_> {
     /// The first few candidates of either topology that are no near-duplicates, and all others, each in order.
     fn chosen(&self, candidates: &[Candidate]) -> (Vec<Candidate>, Vec<Candidate>) {
         let (mut with_rim, mut parts, mut closed) = (0, 0, 0);
-        let is_cut = self.query.facts.topology != Topology::Sphere;
-        let closed_max = if is_cut { CLOSED_MAX_CUT } else { CLOSED_MAX };
         candidates.iter().cloned().partition(|c| {
-            let (count, most) = match c.resident.facts.topology {
-                Topology::Disc if c.resident.is_part() => (&mut parts, LAID_MAX),
-                Topology::Disc => (&mut with_rim, LAID_MAX),
-                Topology::Sphere => (&mut closed, closed_max),
+            let count = match c.resident.facts.topology {
+                Topology::Disc if c.resident.is_part() => &mut parts,
+                Topology::Disc => &mut with_rim,
+                Topology::Sphere => &mut closed,
                 _ => return false,
             };
-            let is_chosen = *count < most && c.similar_to.is_none();
+            let is_chosen = *count < LAID_MAX && c.similar_to.is_none();
             *count += usize::from(is_chosen);
             is_chosen
         })
