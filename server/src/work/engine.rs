@@ -106,7 +106,7 @@ pub struct Model {
 }
 
 /// A segment of a model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModelSegment {
     /// Its topology.
     pub topology: Topology,
@@ -116,6 +116,8 @@ pub struct ModelSegment {
     pub form: u64,
     /// Small holes in it that are counted as filled.
     pub holes: u32,
+    /// Its share of the surface's area.
+    pub share: f64,
 }
 
 /// What is known of an encoded segment.

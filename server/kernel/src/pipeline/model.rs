@@ -23,7 +23,7 @@ pub const FACES_OF_SCAN_MIN: u64 = 1024;
 pub const SEGMENTS_MAX: usize = 128;
 
 /// A segment of a model, as it is told.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segment {
     /// Its topology.
     pub topology: Topology,
@@ -33,6 +33,8 @@ pub struct Segment {
     pub form: u64,
     /// Small holes in it that are counted as filled.
     pub holes: u32,
+    /// Its share of the surface's area.
+    pub share: f64,
 }
 
 /// A mesh that was read, checked, repaired and cut.
@@ -164,11 +166,13 @@ impl Model {
 
     /// The segments as they are told, numbered from 0: where it has parts besides its whole, the whole first.
     pub fn segments(&self) -> Vec<Segment> {
+        let all = self.surface().total_area().max(f64::MIN_POSITIVE);
         let segment = |(number, p): (u32, &Patch)| Segment {
             topology: p.topology,
             faces: count_polygons(&self.segmented, p),
             form: self.form(number),
             holes: p.holes.len() as u32,
+            share: p.mesh.total_area() / all,
         };
         (0..).zip(self.patches()).map(segment).collect()
     }

@@ -121,7 +121,7 @@ impl Engine for FakeEngine {
                 [kind, topology, value] if *kind == own => {
                     script.numbers.push(number(value)?);
                     let topology = topology.parse().map_err(|_| unreadable(at + 1, line))?;
-                    segments.push(ModelSegment { topology, faces, form: faces, holes: 0 });
+                    segments.push(ModelSegment { topology, faces, form: faces, holes: 0, share: 1.0 });
                 }
                 ["segment" | "side" | "protrusion", _, _] | ["large"] => {}
                 ["lies", verdict, share] => {
@@ -136,7 +136,7 @@ impl Engine for FakeEngine {
                 ["part", topology, value] if cut.besides != Besides::Nothing => {
                     script.numbers.push(number(value)?);
                     let topology = topology.parse().map_err(|_| unreadable(at + 1, line))?;
-                    segments.push(ModelSegment { topology, faces: 50, form: 50, holes: 0 });
+                    segments.push(ModelSegment { topology, faces: 50, form: 50, holes: 0, share: 1.0 });
                     parts += 1;
                 }
                 ["part", _, _] => {}

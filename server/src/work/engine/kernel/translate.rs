@@ -67,11 +67,12 @@ pub(super) fn model(inner: pipeline::Model) -> Model {
 }
 
 fn segments(model: &pipeline::Model) -> Vec<ModelSegment> {
-    let segment = |pipeline::Segment { topology, faces, form, holes }| ModelSegment {
+    let segment = |pipeline::Segment { topology, faces, form, holes, share }| ModelSegment {
         topology: topology_out(topology),
         faces,
         form,
         holes,
+        share,
     };
     model.segments().into_iter().map(segment).collect()
 }
