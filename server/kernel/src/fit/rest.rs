@@ -87,7 +87,7 @@ pub struct MatchedTips {
 struct Way {
     /// Points of the example with theirs on the input.
     landmarks: Vec<Landmark>,
-    /// Whether the example lies mirrored.
+    /// True where the example lies mirrored.
     mirrored: bool,
 }
 
@@ -442,7 +442,7 @@ impl<'a> Rests<'a> {
         [likely, others]
     }
 
-    /// Whether two ways match the same tips.
+    /// Tells whether two ways match the same tips.
     fn is_one(&self, one: &Way, other: &Way) -> bool {
         let mesh = self.tipped[0].mesh;
         let (at, reach) = (|tip: &Landmark| mesh.positions[tip.vertex() as usize], SAME * mesh.total_area().sqrt());
