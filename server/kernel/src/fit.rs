@@ -1,7 +1,7 @@
 //! Fitting: an example laid on an input that may end elsewhere than it does.
 //!
-//! Rough places are tried, and the best settle ([`rest`]). What the input has nothing for is left out, and folds are mended
-//! ([`mend`]); what the input has beyond the example is continued ([`beyond`]).
+//! Rough places are tried, and the best settle ([`rest`]); limbs match in several [`ways`]. What the input has nothing for is
+//! left out, and folds are mended ([`mend`]); what the input has beyond the example is continued ([`beyond`]).
 
 pub mod beyond;
 pub mod limbs;
@@ -9,6 +9,7 @@ pub mod mend;
 pub mod openings;
 pub mod rest;
 pub mod rough;
+pub mod ways;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

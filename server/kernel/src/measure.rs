@@ -116,25 +116,23 @@ pub fn layout_distortion(example: &TriMesh, cross: &CrossMap, chart: &Chart) -> 
 /// By how much the angles at the corners of the example's polygons change where its vertices go to `positions`: the mean in degrees,
 /// 0–180, each polygon weighed by its area on the example. Rows that are drawn out or pressed together keep their angles.
 pub fn corner_change(example: &TriMesh, positions: &[Vec3]) -> f64 {
-    let mut areas = vec![0.0; example.polygon_of.iter().max().map_or(0, |&last| last as usize + 1)];
-    // A diagonal parts the angle at a corner: the angles of a polygon's triangles there add up.
-    let mut corners: Vec<(u32, u32, f64)> = Vec::with_capacity(3 * example.triangles.len());
+    // A diagonal parts the angle at a corner: the changes of a polygon's triangles there add up. Each tells a third of its triangle's area.
+    let mut corners: Vec<(u32, u32, f64, f64)> = Vec::with_capacity(3 * example.triangles.len());
     for (t, triangle) in example.triangles.iter().enumerate() {
-        let polygon = example.polygon_of[t];
-        areas[polygon as usize] += example.area(t);
         for k in 0..3 {
             let [v, next, last] = [0, 1, 2].map(|step| triangle[(k + step) % 3] as usize);
             let angle = |at: &[Vec3]| (at[next] - at[v]).angle(&(at[last] - at[v]));
-            corners.push((polygon, triangle[k], angle(positions) - angle(&example.positions)));
+            let change = angle(positions) - angle(&example.positions);
+            corners.push((example.polygon_of[t], triangle[k], change, example.area(t) / 3.0));
         }
     }
-    corners.sort_by_key(|&(polygon, vertex, _)| (polygon, vertex));
+    corners.sort_by_key(|&(polygon, vertex, ..)| (polygon, vertex));
     let (mut sum, mut weight) = (0.0, 0.0);
     for polygon in corners.chunk_by(|a, b| a.0 == b.0) {
-        let changes = polygon.chunk_by(|a, b| a.1 == b.1).map(|one| one.iter().map(|c| c.2).sum::<f64>().abs());
-        let count = polygon.chunk_by(|a, b| a.1 == b.1).count();
-        let area = areas[polygon[0].0 as usize];
-        sum += area * changes.sum::<f64>() / count as f64;
+        let at_corner = |one: &[(u32, u32, f64, f64)]| one.iter().map(|c| c.2).sum::<f64>().abs();
+        let changes: Vec<f64> = polygon.chunk_by(|a, b| a.1 == b.1).map(at_corner).collect();
+        let area: f64 = polygon.iter().map(|c| c.3).sum();
+        sum += area * changes.iter().sum::<f64>() / changes.len() as f64;
         weight += area;
     }
     (sum / weight.max(f64::MIN_POSITIVE)).to_degrees()

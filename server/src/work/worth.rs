@@ -24,10 +24,10 @@ const TRIES: usize = 3;
 const FACES_PER_FORM: u64 = 16;
 /// Faces of a segment on average below which many segments are a rag, of which only those with enough form are worth it.
 const FACES_OF_RAG: u64 = 96;
-
 /// Of more than a few segments one with less of the surface is not worth it, however many faces it has: the rivets of an armour, the
 /// joints of a puppet's fingers. *Untuned:* a finger is .004 of a body, an eye .01 of a head.
 const SHARE_WORTH: f64 = 0.002;
+
 /// A segment with less of the faces is a small part of its scan.
 const SHARE_MIN: f64 = 0.25;
 

@@ -4,6 +4,7 @@
 //! disagree, is the arbiter ([`Evidence::confidence`]): of right maps it is high, of wrong ones low, whatever the shapes.
 
 use super::limbs::{Tipped, axis_points};
+use super::ways::{MatchedTips, Way, likely, twins};
 use crate::mesh::Vec3;
 use crate::mesh::bvh::{Bvh, Closest};
 use crate::mesh::tri::{NONE, TriMesh};
@@ -72,23 +73,6 @@ pub struct Start {
     pub mirrored: bool,
     /// How far tips that led it there are from their matches in the mean, in √area of the input.
     pub apart: f64,
-}
-
-/// Tips of an example that are matched with an input's.
-#[derive(Clone, Debug)]
-pub struct MatchedTips {
-    /// Points of the example with theirs on the input.
-    pub landmarks: Vec<Landmark>,
-    /// True where the pictures match mirrored.
-    pub mirrored: bool,
-}
-
-/// A way to lay an example after its tips.
-struct Way {
-    /// Points of the example with theirs on the input.
-    landmarks: Vec<Landmark>,
-    /// True where the example lies mirrored.
-    mirrored: bool,
 }
 
 /// An example on an input.
@@ -369,22 +353,33 @@ impl<'a> Rests<'a> {
     }
 
     /// Lays the example after tips that are matched, by one way after the other until one is convincing; where one is not, after a
-    /// start, too. All that the pictures speak for are laid side by side, then the others.
+    /// start, too. Where none that the pictures speak for is, their [twins] follow.
     pub fn tries_tips(&mut self, matches: &[MatchedTips], start: Option<&Start>, stop: Stop<'_>) {
         let start = start.map(|start| self.unmirrored(start));
-        for ways in self.ways(matches) {
-            let tried = in_halves(&ways, |Way { landmarks, mirrored }| {
-                let held = start.as_ref().and_then(|start| self.held(landmarks, start, stop));
-                [self.led(landmarks, &[], *mirrored, stop), held]
-            });
-            for [led, held] in tried {
-                self.take(led);
-                if !self.is_convincing() {
-                    self.take(held);
-                }
-                if self.is_convincing() {
-                    return;
-                }
+        let likely = self.likely(matches);
+        self.tries_ways(&likely, start.as_deref(), stop);
+        if !self.is_convincing() {
+            let twins = self
+                .symmetry()
+                .map(|symmetry| twins(matches, symmetry, self.tipped[0].mesh, &likely))
+                .unwrap_or_default();
+            self.tries_ways(&twins, start.as_deref(), stop);
+        }
+    }
+
+    /// Lays the example by some ways, side by side, and keeps what comes of them until one is convincing.
+    fn tries_ways(&mut self, ways: &[Way], start: Option<&Start>, stop: Stop<'_>) {
+        let tried = in_halves(ways, |Way { landmarks, mirrored }| {
+            let held = start.and_then(|start| self.held(landmarks, start, stop));
+            [self.led(landmarks, &[], *mirrored, stop), held]
+        });
+        for [led, held] in tried {
+            self.take(led);
+            if !self.is_convincing() {
+                self.take(held);
+            }
+            if self.is_convincing() {
+                return;
             }
         }
     }
@@ -394,8 +389,7 @@ impl<'a> Rests<'a> {
         if !Stage::Limbs.is_on() || self.lies_well() {
             return;
         }
-        let [ways, _] = self.ways(matches);
-        let tried = in_halves(&ways, |Way { landmarks, mirrored }| {
+        let tried = in_halves(&self.likely(matches), |Way { landmarks, mirrored }| {
             let [example, input] = &self.tipped;
             let axes = axis_points(example, input, landmarks);
             // Of few limbs with axes too little is told of the rest.
@@ -417,38 +411,17 @@ impl<'a> Rests<'a> {
         self.best().is_some_and(|best| self.worth(best) >= LIES_WELL)
     }
 
-    /// The ways in which tips that are matched lay the example: those that the pictures speak for, and others. What is symmetric need
-    /// never lie mirrored, but limbs match as well back to front, left for right: it is laid either way. Of other surfaces pictures that
-    /// match mirrored may be each other's mirror image, or lie on their backs: tips decide.
-    fn ways(&self, matches: &[MatchedTips]) -> [Vec<Way>; 2] {
-        let Some(symmetry) = self.symmetry() else {
-            let oriented = |tips: &MatchedTips| {
-                let [plain, mirrored] = self.missed(&tips.landmarks)?;
-                Some(Way { landmarks: tips.landmarks.clone(), mirrored: mirrored < plain })
-            };
-            return [matches.iter().filter_map(oriented).collect(), Vec::new()];
-        };
-        let way = |tips: &MatchedTips, is_swapped: bool| {
-            let swapped = |tip: &Landmark| if is_swapped { symmetry.swapped_landmark(tip) } else { *tip };
-            Way { landmarks: tips.landmarks.iter().map(swapped).collect(), mirrored: false }
-        };
-        let likely: Vec<Way> = matches.iter().map(|tips| way(tips, tips.mirrored)).collect();
-        let mut others: Vec<Way> = Vec::new();
-        for other in matches.iter().map(|tips| way(tips, !tips.mirrored)) {
-            if likely.iter().chain(&others).all(|known| !self.is_one(known, &other)) {
-                others.push(other);
-            }
+    /// The ways that the pictures speak for. What is not symmetric may be the mirror image of what matches mirrored, or lie on its back:
+    /// tips decide.
+    fn likely(&self, matches: &[MatchedTips]) -> Vec<Way> {
+        if let Some(symmetry) = self.symmetry() {
+            return likely(matches, symmetry);
         }
-        [likely, others]
-    }
-
-    /// Tells whether two ways match the same tips.
-    fn is_one(&self, one: &Way, other: &Way) -> bool {
-        let mesh = self.tipped[0].mesh;
-        let (at, reach) = (|tip: &Landmark| mesh.positions[tip.vertex() as usize], SAME * mesh.total_area().sqrt());
-        let same = |a: &Landmark, b: &Landmark| a.to.point == b.to.point && (at(a) - at(b)).norm() <= reach;
-        let has = |tip: &Landmark| other.landmarks.iter().any(|known| same(tip, known));
-        one.landmarks.len() == other.landmarks.len() && one.landmarks.iter().all(has)
+        let oriented = |tips: &MatchedTips| {
+            let [plain, mirrored] = self.missed(&tips.landmarks)?;
+            Some(Way { landmarks: tips.landmarks.clone(), mirrored: mirrored < plain })
+        };
+        matches.iter().filter_map(oriented).collect()
     }
 
     /// By how much landmarks are missed by the similarity that carries them best, unmirrored and mirrored.

@@ -3,7 +3,8 @@
 //! Each start (the likeliest rigid [`poses`], ways to match tips, or another example that leads) comes to rest as a whole and
 //! bends down to a twentieth of √area. The evidence of the best is that of a finished map, roughly. *Ours, not a paper's.*
 
-use super::rest::{MatchedTips, Rested, Rests, Start};
+use super::rest::{Rested, Rests, Start};
+use super::ways::MatchedTips;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::TriMesh;
