@@ -578,7 +578,7 @@ impl Documents for SharedCorpus {
     fn write(&self, name: &str, expected: u64, bytes: &[u8]) -> Result<bool, StoreError> {
         let written = documents::write(&*self.engine, name, expected, bytes)?;
         if let Some(position) = written {
-            self.inner.take_in(&[(&format!("{DOCUMENT}{name}"), &Entry { position, bytes: bytes.to_vec() })]);
+            self.inner.wrote(&format!("{DOCUMENT}{name}"), &Entry { position, bytes: bytes.to_vec() });
         }
         Ok(written.is_some())
     }

@@ -12,6 +12,11 @@
 //! deliver what came after it, also to a server that had just joined. So keys are counted at each look, and all entries are
 //! followed again where some are missing, or where they are not too many. A server that joins can't know how long ago the
 //! last election was; it looks as after one.
+//!
+//! After a split on a slow machine the copies of a stream were seen to differ: two servers knew one change of an example, and
+//! one that joined was delivered another, which nobody had acknowledged. So what is known is compared with what the
+//! leader of the stream has. A newer entry of the leader is taken in. Where two differ at one position, the one that was
+//! acknowledged is written again: a new position is delivered to everybody, from whichever copy.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -41,18 +46,35 @@ const FOLLOWED_AGAIN_MAX: u64 = 200_000;
 /// Most entries that a stream is filled up with: more than a stream can lose in the time that is remembered.
 const FILLED_MAX: u64 = 100_000;
 
+/// An entry that came from the engine.
+#[derive(Clone, Debug, PartialEq)]
+struct Came {
+    entry: Entry,
+    /// Whether the engine acknowledged it to this server, which told its caller so.
+    is_own: bool,
+}
+
 /// What was written in the last minutes.
 #[derive(Default)]
 pub(crate) struct Recent {
-    entries: Mutex<VecDeque<(Instant, String, Entry)>>,
+    entries: Mutex<VecDeque<(Instant, String, Came)>>,
     objects: Mutex<VecDeque<(Instant, ContentHash)>>,
 }
 
 impl Recent {
-    /// Remembers an entry that came from the engine, or was acknowledged by it.
+    /// Remembers an entry that was delivered.
+    pub(crate) fn came(&self, key: &str, entry: &Entry) {
+        self.remember(key, Came { entry: entry.clone(), is_own: false });
+    }
+
+    /// Remembers an entry that this server wrote, and that the engine acknowledged.
     pub(crate) fn wrote(&self, key: &str, entry: &Entry) {
+        self.remember(key, Came { entry: entry.clone(), is_own: true });
+    }
+
+    fn remember(&self, key: &str, came: Came) {
         let mut entries = self.entries.lock().unwrap_or_else(PoisonError::into_inner);
-        entries.push_back((Instant::now(), key.to_owned(), entry.clone()));
+        entries.push_back((Instant::now(), key.to_owned(), came));
         forget(&mut entries, |(at, _, _)| *at);
     }
 
@@ -63,13 +85,14 @@ impl Recent {
         forget(&mut objects, |(at, _)| *at);
     }
 
-    /// The newest entry of each key; of two at one position the one that came last.
-    fn entries(&self) -> HashMap<String, Entry> {
+    /// The newest entry of each key; of two at one position this server's own, or else the one that came last.
+    fn entries(&self) -> HashMap<String, Came> {
         let entries = self.entries.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut newest: HashMap<String, Entry> = HashMap::new();
-        for (_, key, entry) in entries.iter() {
-            if newest.get(key).is_none_or(|there| there.position <= entry.position) {
-                newest.insert(key.clone(), entry.clone());
+        let mut newest: HashMap<String, Came> = HashMap::new();
+        for (_, key, came) in entries.iter() {
+            let counts = |there: &Came| (there.entry.position, there.is_own) <= (came.entry.position, came.is_own);
+            if newest.get(key).is_none_or(counts) {
+                newest.insert(key.clone(), came.clone());
             }
         }
         newest
@@ -113,7 +136,7 @@ impl Healer {
             }
             if due.front().is_some_and(|due| *due <= Instant::now()) {
                 due.pop_front();
-                match self.look(due.is_empty()) {
+                match self.look(due.len() + 1 == self.looked_after.len(), due.is_empty()) {
                     // Someone who knows too little looks on.
                     Ok(false) if due.is_empty() => {
                         due.extend(self.looked_after.last().map(|after| Instant::now() + *after))
@@ -129,8 +152,8 @@ impl Healer {
     }
 
     /// Looks whether what was written lately is there, and writes again what is not; whether all is there now, and known here.
-    /// `is_last`: an engine that is still behind will not catch up.
-    fn look(&self, is_last: bool) -> Result<bool, EngineError> {
+    /// `is_first`: others may not have looked yet. `is_last`: an engine that is still behind will not catch up.
+    fn look(&self, is_first: bool, is_last: bool) -> Result<bool, EngineError> {
         let is_complete = self.inner.state().keys() >= self.engine.keys()?;
         // A newer entry of a key that is known may be what did not come.
         let may_all = self.inner.state().keys() <= FOLLOWED_AGAIN_MAX;
@@ -156,27 +179,52 @@ impl Healer {
             newest = self.filled_to(known)?;
         }
         let mut all = is_complete && newest >= known;
-        for (key, entry) in self.inner.recent.entries() {
+        for (key, came) in self.inner.recent.entries() {
             if self.is_stopping() {
                 return Ok(false);
             }
             // A newer one is known, or the engine may just be behind.
-            if self.inner.state().position(&key) != entry.position || newest < entry.position {
+            if self.inner.state().position(&key) != came.entry.position || newest < came.entry.position {
                 continue;
             }
-            let there = self.engine.read(&key)?.map_or(0, |there| there.position);
-            if there < entry.position {
-                tracing::warn!(key, position = entry.position, "the engine lost an entry that it had acknowledged");
-                match self.engine.write(&key, there, &entry.bytes)? {
-                    Written::At(position) => {
-                        self.inner.take_in(&[(&key, &Entry { position, bytes: entry.bytes })]);
-                    }
-                    // Another server is at it, too.
-                    Written::Elsewhere => all = false,
-                }
-            }
+            all &= self.compare(&key, came, is_first)?;
         }
         Ok(all)
+    }
+
+    /// Compares the newest entry of a key that is known with the one that the stream's leader has, and mends what
+    /// differs; `false` if another server is at it, too.
+    fn compare(&self, key: &str, came: Came, is_first: bool) -> Result<bool, EngineError> {
+        let Came { entry, is_own } = came;
+        let there = self.engine.read(key)?.unwrap_or(Entry { position: 0, bytes: Vec::new() });
+        let again = match there.position.cmp(&entry.position) {
+            std::cmp::Ordering::Less => {
+                tracing::warn!(key, position = entry.position, "the engine lost an entry that it had acknowledged");
+                entry.bytes
+            }
+            std::cmp::Ordering::Equal if there.bytes != entry.bytes => {
+                tracing::warn!(key, position = entry.position, "the engine's copies of an entry differ");
+                self.inner.take_in(&[(key, &there)]);
+                match is_own {
+                    true => entry.bytes,
+                    // Who wrote it looks at first, and knows which of the two was acknowledged.
+                    false if is_first => return Ok(true),
+                    false => there.bytes,
+                }
+            }
+            std::cmp::Ordering::Equal => return Ok(true),
+            std::cmp::Ordering::Greater => {
+                self.inner.take_in(&[(key, &there)]);
+                return Ok(true);
+            }
+        };
+        match self.engine.write(key, there.position, &again)? {
+            Written::At(position) => {
+                self.inner.wrote(key, &Entry { position, bytes: again });
+                Ok(true)
+            }
+            Written::Elsewhere => Ok(false),
+        }
     }
 
     /// Writes entries that mean nothing until the newest stands at `position`; where it stands then.

@@ -48,12 +48,18 @@ impl Inner {
         self.progress.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes entries in, delivered or written by this server, and tells who listens.
+    /// Takes an entry in that this server wrote, and that the engine acknowledged.
+    pub(crate) fn wrote(&self, key: &str, entry: &Entry) {
+        self.recent.wrote(key, entry);
+        self.take_in(&[(key, entry)]);
+    }
+
+    /// Takes entries in that the engine delivered, and tells who listens.
     pub(crate) fn take_in(&self, entries: &[(&str, &Entry)]) {
         self.change(|state| {
             for (key, entry) in entries {
                 if state.apply(key, entry) {
-                    self.recent.wrote(key, entry);
+                    self.recent.came(key, entry);
                 }
             }
         });

@@ -45,10 +45,10 @@ impl SharedCorpus {
         let key = Manifest::key(identity);
         let write = number();
         let begun = Instant::now();
-        let mut seen = guess.map(|position| (position, None));
+        let mut seen = guess.map(|position| (Entry { position, bytes: Vec::new() }, None));
         let mut failed = None;
         while begun.elapsed() < TRIED {
-            let (position, now) = match seen.take() {
+            let (there, now) = match seen.take() {
                 Some(seen) => seen,
                 None => match self.read_entry(&key) {
                     Ok(entry) => entry,
@@ -61,6 +61,7 @@ impl SharedCorpus {
                 },
             };
             if now.as_ref().is_some_and(|now| now.writes.contains(&write)) {
+                self.inner.wrote(&key, &there);
                 return Ok(Kept { known: self.known(identity), written: true });
             }
             let next = match decide(now.as_ref())? {
@@ -68,9 +69,9 @@ impl SharedCorpus {
                 Some(next) => next.written(write, now.as_ref()),
             };
             let bytes = next.to_bytes()?;
-            match self.engine.write(&key, position, &bytes) {
+            match self.engine.write(&key, there.position, &bytes) {
                 Ok(Written::At(position)) => {
-                    self.inner.take_in(&[(&key, &Entry { position, bytes })]);
+                    self.inner.wrote(&key, &Entry { position, bytes });
                     return Ok(Kept { known: self.known(identity), written: true });
                 }
                 // Read what is there now.
@@ -86,16 +87,18 @@ impl SharedCorpus {
         Err(failed.unwrap_or_else(crowded))
     }
 
-    /// An entry as it is now, with its position, and taken in; 0 and nothing if there is none.
-    fn read_entry(&self, key: &str) -> Result<(u64, Option<Manifest>), StoreError> {
-        let Some(entry) = self.read_newest(key, "give an entry")? else { return Ok((0, None)) };
+    /// An entry as it is now, and taken in; one at position 0 if there is none.
+    fn read_entry(&self, key: &str) -> Result<(Entry, Option<Manifest>), StoreError> {
+        let Some(entry) = self.read_newest(key, "give an entry")? else {
+            return Ok((Entry { position: 0, bytes: Vec::new() }, None));
+        };
         self.inner.take_in(&[(key, &entry)]);
         let manifest = Manifest::from_bytes(&entry.bytes).map_err(|found| StoreError::Invalid {
             field: "an entry of the corpus",
             expected: "that this release can read".into(),
             found,
         })?;
-        Ok((entry.position, Some(manifest)))
+        Ok((entry, Some(manifest)))
     }
 
     /// The newest value of a key. A node that has just been elected, or still takes itself for the leader, answers with

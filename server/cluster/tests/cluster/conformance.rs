@@ -234,6 +234,43 @@ fn whoever_joins_and_is_passed_over_notices() {
 }
 
 #[test]
+fn whoever_joins_at_a_copy_that_differs_comes_to_what_was_acknowledged() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let engine = FakeEngine::new(14, Faults::default());
+    let joined = |cache: &str| join_looking_soon(&engine, &dir.path().join(cache));
+    let a = joined("a");
+    let record = a.add(&small(0).example(), &[]).expect("added").record().clone();
+    let patch = Patch { name: Some("renamed".into()), ..Patch::default() };
+    a.annotate(record.id, patch).expect("renamed");
+    engine.have_copies_differ();
+    let new = joined("new");
+    assert_eq!(new.get(record.id).expect("there").name, record.name, "it was delivered something else");
+    eventually("it has what was acknowledged", || new.snapshot().examples == a.snapshot().examples);
+    let is_delivered = || joined("newest").get(record.id).is_ok_and(|told| told.name == "renamed");
+    eventually("nobody is delivered the other any more", is_delivered);
+}
+
+#[test]
+fn a_leader_whose_copy_differs_is_given_what_was_acknowledged() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let engine = FakeEngine::new(15, Faults::default());
+    let joined = |cache: &str| join_looking_soon(&engine, &dir.path().join(cache));
+    let (a, b) = (joined("a"), joined("b"));
+    let record = a.add(&small(0).example(), &[]).expect("added").record().clone();
+    let patch = Patch { name: Some("renamed".into()), ..Patch::default() };
+    a.annotate(record.id, patch).expect("renamed");
+    eventually("the other has it", || b.snapshot().examples == a.snapshot().examples);
+    // The looks of those that have just joined are over then.
+    std::thread::sleep(Duration::from_millis(4500));
+    engine.have_leader_differ();
+    let is_told_alike = || {
+        let fresh = joined("fresh");
+        [&a, &b, &fresh].iter().all(|server| server.get(record.id).is_ok_and(|told| told.name == "renamed"))
+    };
+    eventually("all have what was acknowledged", is_told_alike);
+}
+
+#[test]
 fn objects_are_collected_when_nobody_needs_them_and_they_are_old() {
     let dir = tempfile::tempdir().expect("a directory");
     let engine = FakeEngine::new(3, Faults::default());

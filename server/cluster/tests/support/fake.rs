@@ -51,6 +51,8 @@ struct World {
     term: u64,
     /// A position that is not delivered.
     passed_over: Option<u64>,
+    /// A position at which a copy of the log, from which entries are delivered, has what stood under the key before.
+    differing: Option<u64>,
     /// By how much its clock is behind the servers'.
     clock_behind: Duration,
 }
@@ -67,6 +69,12 @@ struct Waiting {
 }
 
 impl World {
+    /// What stood under the key of the entry at a position before it.
+    fn before(&self, position: u64) -> Vec<u8> {
+        let (earlier, key) = (&self.log[..position as usize - 1], &self.log[position as usize - 1].0);
+        earlier.iter().rfind(|(other, _)| other == key).expect("another entry of the key").1.clone()
+    }
+
     fn now(&self) -> SystemTime {
         SystemTime::now() - self.clock_behind
     }
@@ -134,6 +142,21 @@ impl FakeEngine {
     pub(crate) fn pass_over_next(&self) {
         let mut world = self.shared.world();
         world.passed_over = Some(world.log.len() as u64 + 1);
+    }
+
+    /// Delivers at the position of the newest entry what stood under its key before, as from a copy that differs.
+    pub(crate) fn have_copies_differ(&self) {
+        let mut world = self.shared.world();
+        world.differing = Some(world.log.len() as u64);
+    }
+
+    /// Has the leader's newest entry be what stood under its key before, as on a copy that differs.
+    pub(crate) fn have_leader_differ(&self) {
+        let mut world = self.shared.world();
+        let newest = world.log.len();
+        let before = world.before(newest as u64);
+        world.log[newest - 1].1 = before;
+        world.term += 1;
     }
 
     /// Delivers all entries to those that follow anew.
@@ -347,7 +370,10 @@ impl Followed {
         let faults = self.engine.faults;
         while self.position < world.log.len() as u64 {
             self.position += 1;
-            let (key, bytes) = world.log[self.position as usize - 1].clone();
+            let (key, mut bytes) = world.log[self.position as usize - 1].clone();
+            if world.differing == Some(self.position) {
+                bytes = world.before(self.position);
+            }
             // Of each key the newest entry is kept.
             let is_passed_over = world.passed_over == Some(self.position);
             if world.newest[&key] != self.position || is_passed_over {
