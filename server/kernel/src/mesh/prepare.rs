@@ -1,9 +1,9 @@
 //! From polygons to a triangle mesh that can be computed with.
 //!
-//! Safe repairs are made, in this order, and each is reported: repeated corners, duplicate faces, edges of three or four
-//! faces, unwelded seams, faces wound against their neighbours, closed surfaces inside out, pinched vertices, edges
+//! Safe repairs are made, in this order, and each is reported: repeated corners, duplicate faces, edges of more than
+//! two faces, unwelded seams, faces wound against their neighbours, closed surfaces inside out, pinched vertices, edges
 //! without length, isolated vertices. What is not safe is refused with the element's number: edges with more faces,
-//! one-sided surfaces.
+//! one-sided surfaces of examples (those of scans are cut).
 //!
 //! The upload stays as it is. In particular a closed surface whose normals point inwards is turned here only, so that two
 //! surfaces agree about which side is out when one is laid on the other; what the artist gets back keeps the file's
@@ -52,28 +52,32 @@ const DIAGONAL_MIN: f64 = 1e-60;
 /// # Errors
 /// An element that cannot be used or repaired, by its number.
 pub fn prepare(poly: &PolyMesh) -> Result<Prepared, MeshError> {
-    prepared(poly, |surface, _| surface)
+    prepared(poly, false)
 }
 
-/// The same for a scan: pieces that lie exactly on others are left out before. In an example they are what its artist meant.
+/// The same for a scan: pieces that lie exactly on others are left out before, and a surface with one side is cut. In an
+/// example they are what its artist meant, or has to mend.
 ///
 /// # Errors
 /// As [`prepare`].
 pub fn prepare_scan(poly: &PolyMesh) -> Result<Prepared, MeshError> {
-    prepared(poly, |surface, repairs| copies::leave_out(surface, &poly.positions, repairs))
+    prepared(poly, true)
 }
 
-fn prepared(poly: &PolyMesh, leave_out: impl FnOnce(Surface, &mut Repairs) -> Surface) -> Result<Prepared, MeshError> {
+fn prepared(poly: &PolyMesh, is_scan: bool) -> Result<Prepared, MeshError> {
     stop::ask();
     let mut repairs = Repairs::default();
     let diagonal = check(poly, &mut repairs)?;
-    let mut surface = leave_out(Surface::cleaned(poly, &mut repairs), &mut repairs);
+    let mut surface = Surface::cleaned(poly, &mut repairs);
+    if is_scan {
+        surface = copies::leave_out(surface, &poly.positions, &mut repairs);
+    }
     if surface.rows.is_empty() {
         let remedy = "every face has fewer than 3 different corners: export the mesh again";
         return Err(MeshError::NoExtent { diagonal, remedy });
     }
     surface = duplicates::leave_out(surface, &mut repairs);
-    let (mut surface, mut sides) = shared::paired(surface, &poly.positions, &mut repairs)?;
+    let (mut surface, mut sides) = shared::paired(surface, &poly.positions, is_scan, &mut repairs)?;
     stitch::stitch(&mut surface, &mut sides, &poly.positions, diagonal);
     let turned = orient::turn(&mut surface, sides, &poly.positions, &mut repairs);
     let mut reversed = vec![false; poly.faces.len()];

@@ -24,10 +24,12 @@ pub enum RepairKind {
     CollapsedFaces,
     /// Faces that repeat another are left out.
     DuplicateFaces,
-    /// Edges of three or four faces: two go on into each other, and so may the other two; what is left over ends there.
+    /// Edges of more than two faces: two go on into each other, and so may others; what is left over ends there.
     SharedEdges,
     /// Faces of small sheets that stood on the surface at such edges are left out.
     StandingFaces,
+    /// Edges at which a surface with one side is cut, so that it has two.
+    CutEdges,
     /// Vertices with equal positions along open boundaries are joined.
     WeldedVertices,
     /// Vertices with nearly equal positions along open boundaries are joined.
@@ -69,12 +71,17 @@ impl RepairKind {
             }
             Self::DuplicateFaces => ("duplicate face left out", "duplicate faces left out", FACE),
             Self::SharedEdges => {
-                ("edge of three or four faces set apart", "edges of three or four faces set apart", VERTEX)
+                ("edge of more than two faces set apart", "edges of more than two faces set apart", VERTEX)
             }
             Self::StandingFaces => (
                 "face of a small sheet that stood on the surface left out",
                 "faces of small sheets that stood on the surface left out",
                 FACE,
+            ),
+            Self::CutEdges => (
+                "edge cut where the surface passes into its own back",
+                "edges cut where the surface passes into its own back",
+                VERTEX,
             ),
             Self::WeldedVertices => {
                 ("duplicate vertex joined along a seam", "duplicate vertices joined along seams", VERTEX)

@@ -25,6 +25,10 @@ const REACH: f64 = 2.0;
 const BESIDE: f64 = 0.7;
 /// Views whose normals differ by more than this cosine see two sides of something thin; the nearer counts.
 const ALIKE: f64 = 0.5;
+/// Of the views' area so much at most is not in the surface drawn of them: where more is lost they see two sides of something thin.
+const LOST_MAX: f64 = 0.01;
+/// A triangle of a view is lost when its middle lies farther from the surface drawn than this, in cells, or behind it.
+const LOST_FROM: f64 = 1.5;
 /// Samples for each triangle of the views, at most: more are needed only where some triangles are far larger than others, and
 /// then this is no range scan.
 const SAMPLES_PER_TRIANGLE: usize = 2000;
@@ -36,6 +40,9 @@ pub fn fused(scan: &Prepared) -> Option<Prepared> {
     let of_scan: Vec<u32> = sets.iter().flatten().copied().collect();
     let drawn = Net::new(&views, usual_edge(mesh))?.drawn(&views);
     let fused = prepare(&drawn).ok()?.mesh;
+    if lost_share(&views, &fused, usual_edge(mesh)) > LOST_MAX {
+        return None;
+    }
     // What belongs to no view stays as it is.
     let mut is_fused = vec![false; mesh.triangles.len()];
     of_scan.iter().for_each(|&t| is_fused[t as usize] = true);
@@ -78,6 +85,25 @@ fn views(mesh: &TriMesh) -> Option<Vec<(Vec<u32>, View)>> {
         }
     }
     (with_first.len() > 1).then_some(with_first)
+}
+
+/// The share of the views' area that the surface drawn of them does not come near, facing as they do.
+fn lost_share(views: &[View], drawn: &TriMesh, cell: f64) -> f64 {
+    let drawn = View::new(drawn.clone());
+    let (mut all, mut lost) = (0.0, 0.0);
+    for view in views {
+        for (t, corners) in view.mesh.triangles.iter().enumerate() {
+            stop::poll();
+            let middle = corners.iter().map(|&v| view.mesh.positions[v as usize]).sum::<Vec3>() / 3.0;
+            let across = view.mesh.area_vector(t);
+            all += across.norm();
+            let is_near = |seen: &Seen| (middle - seen.at).norm() <= LOST_FROM * cell && across.dot(&seen.normal) > 0.0;
+            if !drawn.seen_from(middle).is_some_and(|seen| is_near(&seen)) {
+                lost += across.norm();
+            }
+        }
+    }
+    lost / all
 }
 
 /// The median length of edges.
@@ -361,6 +387,20 @@ mod tests {
         assert!(one.repairs.last().expect("a repair").to_string().starts_with("2 views"));
         assert!(one.vertex_of.iter().all(|v| (*v as usize) < one.mesh.positions.len()));
         assert!(fused(&scan) == Some(one));
+    }
+
+    #[test]
+    fn what_a_surface_leaves_out_or_shows_from_behind_is_lost() {
+        let mesh = |window| prepare(&view(window, 0.0, Vec3::zeros())).expect("a sheet").mesh;
+        let whole = mesh([0.0, 2.4]);
+        let cell = usual_edge(&whole);
+        let lost = |drawn: &TriMesh| lost_share(&[View::new(whole.clone())], drawn, cell);
+        assert!(lost(&whole) < 1e-9);
+        assert!((lost(&mesh([0.0, 1.2])) - 0.5).abs() < 0.1, "{}", lost(&mesh([0.0, 1.2])));
+        let mut behind = view([0.0, 2.4], 0.0, Vec3::zeros());
+        let turned: Vec<Vec<u32>> = behind.faces.iter().map(|face| face.iter().rev().copied().collect()).collect();
+        behind.faces = turned.iter().map(Vec::as_slice).collect();
+        assert!(lost(&prepare(&behind).expect("a sheet").mesh) > 0.99);
     }
 
     #[test]

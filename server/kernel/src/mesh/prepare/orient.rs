@@ -5,29 +5,81 @@ use crate::mesh::disjoint::Sides;
 use crate::mesh::error::MeshError;
 use crate::mesh::repair::{RepairKind, Repairs};
 use crate::mesh::{NONE, Vec3};
+use std::collections::VecDeque;
 
 /// A closed component is inside out when its volume is below minus this times its area to the power 3/2 (a sphere has
 /// 0.094 of it).
 const VOLUME_MIN: f64 = 1e-6;
 
-/// The two sides of the surface as the shared vertices of the upload demand them.
+/// The two sides of the surface as the shared vertices of the upload demand them. A surface with one side is cut where its
+/// sides contradict each other if `may_cut`.
 ///
 /// # Errors
-/// [`MeshError::OneSided`] where they contradict each other.
-pub(super) fn sides(surface: &Surface) -> Result<Sides, MeshError> {
+/// [`MeshError::OneSided`] where they do and it may not be cut.
+pub(super) fn sides(surface: &mut Surface, may_cut: bool, repairs: &mut Repairs) -> Result<Sides, MeshError> {
     let mut sides = Sides::new(surface.rows.len());
-    for c in 0..surface.corner_count() {
+    let Some(first) = joined(surface, &mut sides, &edges(surface)).next() else { return Ok(sides) };
+    if !may_cut {
+        let vertices = [surface.tail(first), surface.head(first)];
+        return Err(MeshError::OneSided { face: surface.face_of[surface.row_of[first as usize] as usize], vertices });
+    }
+    // From face to face, so that the cut is short: it runs where a front that spreads over the surface meets itself.
+    let mut sides = Sides::new(surface.rows.len());
+    let cut: Vec<u32> = joined(surface, &mut sides, &spreading(surface)).collect();
+    repairs.note_many(RepairKind::CutEdges, cut.len() as u64, cut.first().map_or(0, |c| surface.tail(*c)));
+    for c in cut {
         let d = surface.twins[c as usize];
-        if d == NONE || d < c {
-            continue;
-        }
-        let (row_c, row_d) = (surface.row_of[c as usize], surface.row_of[d as usize]);
-        if !sides.join(row_c, row_d, surface.tail(c) == surface.tail(d)) {
-            let vertices = [surface.tail(c), surface.head(c)];
-            return Err(MeshError::OneSided { face: surface.face_of[row_c as usize], vertices });
-        }
+        surface.twins[c as usize] = NONE;
+        surface.twins[d as usize] = NONE;
     }
     Ok(sides)
+}
+
+/// A halfedge of each edge of two faces.
+fn edges(surface: &Surface) -> Vec<u32> {
+    let is_first = |c: &u32| surface.twins[*c as usize] != NONE && surface.twins[*c as usize] > *c;
+    (0..surface.corner_count()).filter(is_first).collect()
+}
+
+/// The same in the order in which a front from the first row of each component comes across them: first those over which it
+/// spreads.
+fn spreading(surface: &Surface) -> Vec<u32> {
+    let rows = surface.rows.len();
+    let mut is_reached = vec![false; rows];
+    let mut is_crossed = vec![false; surface.twins.len()];
+    let (mut order, mut front) = (Vec::new(), VecDeque::new());
+    for first in 0..rows as u32 {
+        if std::mem::replace(&mut is_reached[first as usize], true) {
+            continue;
+        }
+        front.push_back(first);
+        while let Some(row) = front.pop_front() {
+            let start = surface.rows.start(row as usize) as u32;
+            for c in start..start + surface.rows.face(row as usize).len() as u32 {
+                let d = surface.twins[c as usize];
+                if d == NONE {
+                    continue;
+                }
+                let next = surface.row_of[d as usize];
+                if !std::mem::replace(&mut is_reached[next as usize], true) {
+                    is_crossed[c.min(d) as usize] = true;
+                    order.push(c.min(d));
+                    front.push_back(next);
+                }
+            }
+        }
+    }
+    order.extend(edges(surface).into_iter().filter(|c| !is_crossed[*c as usize]));
+    order
+}
+
+/// Joins the rows at edges in order; those at which the sides contradict what was demanded before.
+fn joined<'a>(surface: &'a Surface, sides: &'a mut Sides, edges: &'a [u32]) -> impl Iterator<Item = u32> + 'a {
+    edges.iter().copied().filter(|&c| {
+        let d = surface.twins[c as usize];
+        let (row_c, row_d) = (surface.row_of[c as usize], surface.row_of[d as usize]);
+        !sides.join(row_c, row_d, surface.tail(c) == surface.tail(d))
+    })
 }
 
 /// Turns the fewer rows of each component that disagree, then closed components whose volume is negative. Returns whether

@@ -1,6 +1,6 @@
-//! Edges of three or four faces: a sheet that ends on a surface, two bodies that touch along an edge.
+//! Edges of more than two faces: a sheet that ends on a surface, two bodies that touch along an edge, locks of hair that meet.
 //!
-//! At such an edge two faces go on into each other, and the other two of four may; what is left over ends there, and no face
+//! At such an edge two faces go on into each other, and the others may, two by two; what is left over ends there, and no face
 //! is lost there. First come faces of one sheet (what is connected across other edges), so that a body stays closed and what
 //! stands on it comes off; then those of the largest sheets; then those that bend least. A pair that would contradict the
 //! surface's two sides, or lead to two edges between the same vertices, is not made. A small sheet that came off at all such
@@ -16,7 +16,7 @@ use crate::mesh::{NONE, Vec3};
 use std::cmp::Ordering;
 
 /// An edge of more faces is no flaw of a surface: such a mesh is refused.
-pub(super) const FACES_MAX: usize = 4;
+pub(super) const FACES_MAX: usize = 32;
 /// A sheet is small if it has less than this share of the area.
 const SMALL: f64 = 0.01;
 
@@ -36,17 +36,19 @@ impl Pair {
     }
 }
 
-/// A surface with its edges paired and its two sides told. Small sheets that stand on it are left out.
+/// A surface with its edges paired and its two sides told. Small sheets that stand on it are left out. Where it has one side
+/// it is cut if `may_cut`.
 ///
 /// # Errors
-/// Edges of more than [`FACES_MAX`] faces, and one-sided surfaces.
+/// Edges of more than [`FACES_MAX`] faces, and one-sided surfaces that may not be cut.
 pub(super) fn paired(
     mut surface: Surface,
     positions: &[Vec3],
+    may_cut: bool,
     repairs: &mut Repairs,
 ) -> Result<(Surface, Sides), MeshError> {
     let shared = surface.pair(positions)?;
-    let mut sides = orient::sides(&surface)?;
+    let mut sides = orient::sides(&mut surface, may_cut, repairs)?;
     let Some(first) = shared.iter().filter_map(|run| run.first()).map(|c| surface.tail(*c)).min() else {
         return Ok((surface, sides));
     };
@@ -54,12 +56,15 @@ pub(super) fn paired(
     let sheets = Sheets::new(&surface, &mut sides, positions);
     mend(&mut surface, &mut sides, &sheets, &shared, positions);
     let keep = sheets.kept(&surface, &shared);
+    if !keep.contains(&true) {
+        return Ok((surface, sides));
+    }
     let Some(first) = keep.iter().position(|keep| !keep) else { return Ok((surface, sides)) };
     let gone = keep.iter().filter(|keep| !**keep).count();
     repairs.note_many(RepairKind::StandingFaces, gone as u64, surface.face_of[first]);
     surface = surface.retain(&keep);
     let shared = surface.pair(positions)?;
-    let mut sides = orient::sides(&surface)?;
+    let mut sides = orient::sides(&mut surface, may_cut, repairs)?;
     let sheets = Sheets::new(&surface, &mut sides, positions);
     mend(&mut surface, &mut sides, &sheets, &shared, positions);
     Ok((surface, sides))
@@ -100,7 +105,7 @@ impl Sheets {
     }
 }
 
-/// Joins faces at edges of three or four, given by their halfedges, which are open so far.
+/// Joins faces at edges of more than two, given by their halfedges, which are open so far.
 fn mend(surface: &mut Surface, sides: &mut Sides, sheets: &Sheets, edges: &[Vec<u32>], positions: &[Vec3]) {
     let mut made = Vec::new();
     for run in edges {

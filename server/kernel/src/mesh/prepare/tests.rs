@@ -1,4 +1,4 @@
-use super::{Prepared, prepare};
+use super::{Prepared, prepare, prepare_scan};
 use crate::mesh::{MeshError, MeshErrorKind, NONE, PolyMesh, RepairKind, Vec3, validate};
 
 fn poly(positions: &[[f64; 3]], faces: &[&[u32]]) -> PolyMesh {
@@ -191,14 +191,14 @@ fn a_triangle_without_area_is_kept_and_told() {
 fn what_is_not_safe_is_refused_with_its_number() {
     let refusal = |positions: &[[f64; 3]], faces: &[&[u32]]| prepare(&poly(positions, faces)).expect_err("refused");
     let mut positions: Vec<[f64; 3]> = SQUARE.into();
-    positions.extend([[0.5, 0.5, 1.0], [0.5, 0.5, 2.0], [0.5, 0.5, 3.0]]);
-    let book = refusal(&positions, &[&[0, 1, 2], &[1, 0, 3], &[0, 1, 4], &[0, 1, 5], &[0, 1, 6]]);
+    positions.extend((0..40).map(|k| [0.5, 0.5, 1.0 + f64::from(k)]));
+    let pages: Vec<[u32; 3]> = (4..44).map(|k| [0, 1, k]).collect();
+    let book = refusal(&positions, &pages.iter().map(<[u32; 3]>::as_slice).collect::<Vec<_>>());
     assert!(
         book.to_string().contains("faces 1, 2, 3, 4, 5") && book.to_string().contains("vertices 1 and 2"),
         "{book}"
     );
-    let strip: Vec<[f64; 3]> = (0..10).map(|k| [f64::from(k / 2), f64::from(k % 2), f64::from(k * k)]).collect();
-    let moebius: [&[u32]; 5] = [&[0, 1, 3, 2], &[2, 3, 5, 4], &[4, 5, 7, 6], &[6, 7, 9, 8], &[8, 9, 0, 1]];
+    let (strip, moebius) = moebius();
     let one_sided = refusal(&strip, &moebius);
     assert_eq!(one_sided.code(), MeshErrorKind::TopologyUnsupported);
     assert!(matches!(one_sided, MeshError::OneSided { .. }));
@@ -211,6 +211,31 @@ fn what_is_not_safe_is_refused_with_its_number() {
         refusal(&[[0.0; 3], [1e61, 0.0, 0.0], [0.0; 3]], &[&[0, 1, 2]]),
         MeshError::NotFinite { vertex: 1, .. }
     ));
+}
+
+/// A Möbius strip of five quads.
+fn moebius() -> (Vec<[f64; 3]>, [&'static [u32]; 5]) {
+    let strip = (0..10).map(|k| [f64::from(k / 2), f64::from(k % 2), f64::from(k * k)]).collect();
+    (strip, [&[0, 1, 3, 2], &[2, 3, 5, 4], &[4, 5, 7, 6], &[6, 7, 9, 8], &[8, 9, 0, 1]])
+}
+
+#[test]
+fn a_scan_with_one_side_is_cut_once_across() {
+    let (strip, faces) = moebius();
+    let prepared = prepare_scan(&poly(&strip, &faces)).expect("cut");
+    assert_eq!(repairs(&prepared)[0], (RepairKind::CutEdges, 1));
+    assert_eq!((prepared.mesh.positions.len(), prepared.mesh.boundary_loops().len()), (12, 1), "a disc");
+}
+
+#[test]
+fn a_book_of_six_pages_is_bound_two_by_two() {
+    let mut positions = vec![[0.0; 3], [1.0, 0.0, 0.0]];
+    positions.extend((0..6).map(|k| [0.5, f64::from(k).cos(), f64::from(k).sin()]));
+    let pages: Vec<[u32; 3]> = (2..8).map(|k| [0, 1, k]).collect();
+    let prepared = prepared(&positions, &pages.iter().map(<[u32; 3]>::as_slice).collect::<Vec<_>>());
+    assert_eq!(repairs(&prepared)[0], (RepairKind::SharedEdges, 1));
+    let mesh = &prepared.mesh;
+    assert_eq!((mesh.triangles.len(), mesh.boundary_loops().len()), (6, 3));
 }
 
 #[test]
