@@ -51,7 +51,9 @@ impl Inner {
     /// Takes an entry in that this server wrote, and that the engine acknowledged.
     pub(crate) fn wrote(&self, key: &str, entry: &Entry) {
         self.recent.wrote(key, entry);
-        self.take_in(&[(key, entry)]);
+        self.change(|state| {
+            state.apply(key, entry);
+        });
     }
 
     /// Takes entries in that the engine delivered, and tells who listens.
