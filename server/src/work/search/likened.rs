@@ -23,7 +23,7 @@ const UNSURE: f64 = 0.15;
 /// Nor is it of a scan with more holes.
 const HOLES_SURE: u32 = 8;
 /// Examples with a rim that are laid, as many that are closed, and as many that are parts of examples.
-const LAID_MAX: usize = 32;
+const LAID_MAX: usize = 64;
 /// Examples that are laid roughly: the first, and of either kind those that are most alike, as a whole and for their size.
 /// *Untuned.*
 const ROUGH_FIRST: usize = 4;
