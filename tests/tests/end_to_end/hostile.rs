@@ -15,7 +15,7 @@ const FILE_TIME_MAX: Duration = Duration::from_secs(100);
 /// Bad files, each with the code that it is to be refused with.
 fn samples() -> Vec<(&'static str, Vec<u8>, &'static str)> {
     let mut fan = String::from("v 0 0 0\nv 0 0 1\n");
-    for i in 0..5 {
+    for i in 0..40 {
         let _ = writeln!(fan, "v 1 {i} 0\nf 1 2 {}", i + 3);
     }
     let huge_counts = "ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\nproperty float y\n\

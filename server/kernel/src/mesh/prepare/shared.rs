@@ -15,8 +15,10 @@ use crate::mesh::repair::{RepairKind, Repairs};
 use crate::mesh::{NONE, Vec3};
 use std::cmp::Ordering;
 
-/// An edge of more faces is no flaw of a surface: such a mesh is refused.
-pub(super) const FACES_MAX: usize = 32;
+/// An edge of more faces is no flaw of an example's surface, nor of a scan's: such a mesh is refused. An artist can mend an example;
+/// a scan is what it is.
+const FACES_MAX: usize = 4;
+const FACES_OF_SCAN_MAX: usize = 32;
 /// A sheet is small if it has less than this share of the area.
 const SMALL: f64 = 0.01;
 
@@ -36,19 +38,20 @@ impl Pair {
     }
 }
 
-/// A surface with its edges paired and its two sides told. Small sheets that stand on it are left out. Where it has one side
-/// it is cut if `may_cut`.
+/// A surface with its edges paired and its two sides told. Small sheets that stand on it are left out. Where a
+/// scan has one side it is cut.
 ///
 /// # Errors
-/// Edges of more than [`FACES_MAX`] faces, and one-sided surfaces that may not be cut.
+/// Edges of more than [`FACES_MAX`] faces, of a scan [`FACES_OF_SCAN_MAX`], and examples with one side.
 pub(super) fn paired(
     mut surface: Surface,
     positions: &[Vec3],
-    may_cut: bool,
+    is_scan: bool,
     repairs: &mut Repairs,
 ) -> Result<(Surface, Sides), MeshError> {
-    let shared = surface.pair(positions)?;
-    let mut sides = orient::sides(&mut surface, may_cut, repairs)?;
+    let most = if is_scan { FACES_OF_SCAN_MAX } else { FACES_MAX };
+    let shared = surface.pair(most, positions)?;
+    let mut sides = orient::sides(&mut surface, is_scan, repairs)?;
     let Some(first) = shared.iter().filter_map(|run| run.first()).map(|c| surface.tail(*c)).min() else {
         return Ok((surface, sides));
     };
@@ -63,8 +66,8 @@ pub(super) fn paired(
     let gone = keep.iter().filter(|keep| !**keep).count();
     repairs.note_many(RepairKind::StandingFaces, gone as u64, surface.face_of[first]);
     surface = surface.retain(&keep);
-    let shared = surface.pair(positions)?;
-    let mut sides = orient::sides(&mut surface, may_cut, repairs)?;
+    let shared = surface.pair(most, positions)?;
+    let mut sides = orient::sides(&mut surface, is_scan, repairs)?;
     let sheets = Sheets::new(&surface, &mut sides, positions);
     mend(&mut surface, &mut sides, &sheets, &shared, positions);
     Ok((surface, sides))

@@ -2,7 +2,6 @@
 //!
 //! Halfedge `c` runs from corner `c` to the next corner of its row.
 
-use super::shared::FACES_MAX;
 use crate::mesh::error::MeshError;
 use crate::mesh::repair::{RepairKind, Repairs};
 use crate::mesh::{NONE, PolyMesh, Polygons, Vec3};
@@ -79,12 +78,12 @@ impl Surface {
         self.tail(self.next(c))
     }
 
-    /// Pairs the halfedges that run between the same vertices. Those of edges with a few more than two are left open, and
+    /// Pairs the halfedges that run between the same vertices. Those of edges with more than two, up to `most`, are left open, and
     /// returned, a row an edge.
     ///
     /// # Errors
     /// [`MeshError::EdgeShared`] at the lowest edge with more faces.
-    pub(super) fn pair(&mut self, positions: &[Vec3]) -> Result<Vec<Vec<u32>>, MeshError> {
+    pub(super) fn pair(&mut self, most: usize, positions: &[Vec3]) -> Result<Vec<Vec<u32>>, MeshError> {
         const FACES_NAMED: usize = 6;
         let keyed = self.keyed_edges();
         let mut shared = Vec::new();
@@ -95,7 +94,7 @@ impl Surface {
                     self.twins[*c as usize] = *d;
                     self.twins[*d as usize] = *c;
                 }
-                [_, ..] if run.len() <= FACES_MAX => shared.push(run.iter().map(|(_, c)| *c).collect()),
+                [_, ..] if run.len() <= most => shared.push(run.iter().map(|(_, c)| *c).collect()),
                 [(key, _), ..] => {
                     let vertices = [(*key >> 32) as u32, *key as u32];
                     let named = run.iter().take(FACES_NAMED);
@@ -201,7 +200,7 @@ mod tests {
         let faces: Polygons = [[0, 1, 2, 3].as_slice(), &[1, 2, 4]].into_iter().collect();
         let poly = PolyMesh { positions: vec![Vec3::zeros(); 5], faces, ..PolyMesh::default() };
         let mut surface = Surface::cleaned(&poly, &mut Repairs::default());
-        surface.pair(&poly.positions).expect("manifold");
+        surface.pair(2, &poly.positions).expect("manifold");
         surface.turn(&[false, true]);
         assert_eq!(surface.rows.face(1), [4, 2, 1]);
         for c in 0..surface.corner_count() {

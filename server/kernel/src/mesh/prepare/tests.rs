@@ -228,11 +228,13 @@ fn a_scan_with_one_side_is_cut_once_across() {
 }
 
 #[test]
-fn a_book_of_six_pages_is_bound_two_by_two() {
+fn a_scan_of_a_book_of_six_pages_is_bound_two_by_two() {
     let mut positions = vec![[0.0; 3], [1.0, 0.0, 0.0]];
     positions.extend((0..6).map(|k| [0.5, f64::from(k).cos(), f64::from(k).sin()]));
     let pages: Vec<[u32; 3]> = (2..8).map(|k| [0, 1, k]).collect();
-    let prepared = prepared(&positions, &pages.iter().map(<[u32; 3]>::as_slice).collect::<Vec<_>>());
+    let book = poly(&positions, &pages.iter().map(<[u32; 3]>::as_slice).collect::<Vec<_>>());
+    assert!(matches!(prepare(&book), Err(MeshError::EdgeShared { count: 6, .. })), "an artist can mend an example");
+    let prepared = prepare_scan(&book).expect("bound");
     assert_eq!(repairs(&prepared)[0], (RepairKind::SharedEdges, 1));
     let mesh = &prepared.mesh;
     assert_eq!((mesh.triangles.len(), mesh.boundary_loops().len()), (6, 3));
