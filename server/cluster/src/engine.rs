@@ -60,6 +60,11 @@ pub struct Entry {
     pub bytes: Vec<u8>,
 }
 
+impl Entry {
+    /// Stands for an entry where there is none.
+    pub(crate) const NONE: Self = Self { position: 0, bytes: Vec::new() };
+}
+
 /// An entry as a follower gets it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Delivery {

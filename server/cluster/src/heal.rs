@@ -50,7 +50,7 @@ const FILLED_MAX: u64 = 100_000;
 #[derive(Clone, Debug, PartialEq)]
 struct Came {
     entry: Entry,
-    /// Whether the engine acknowledged it to this server, which told its caller so.
+    /// True where the engine acknowledged it to this server, which told its caller so.
     is_own: bool,
 }
 
@@ -196,7 +196,7 @@ impl Healer {
     /// differs; `false` if another server is at it, too.
     fn compare(&self, key: &str, came: Came, is_first: bool) -> Result<bool, EngineError> {
         let Came { entry, is_own } = came;
-        let there = self.engine.read(key)?.unwrap_or(Entry { position: 0, bytes: Vec::new() });
+        let there = self.engine.read(key)?.unwrap_or(Entry::NONE);
         let again = match there.position.cmp(&entry.position) {
             std::cmp::Ordering::Less => {
                 tracing::warn!(key, position = entry.position, "the engine lost an entry that it had acknowledged");

@@ -45,7 +45,7 @@ impl SharedCorpus {
         let key = Manifest::key(identity);
         let write = number();
         let begun = Instant::now();
-        let mut seen = guess.map(|position| (Entry { position, bytes: Vec::new() }, None));
+        let mut seen = guess.map(|position| (Entry { position, ..Entry::NONE }, None));
         let mut failed = None;
         while begun.elapsed() < TRIED {
             let (there, now) = match seen.take() {
@@ -87,10 +87,10 @@ impl SharedCorpus {
         Err(failed.unwrap_or_else(crowded))
     }
 
-    /// An entry as it is now, and taken in; one at position 0 if there is none.
+    /// Reads an entry as it is now, and takes it in; [`Entry::NONE`] if there is none.
     fn read_entry(&self, key: &str) -> Result<(Entry, Option<Manifest>), StoreError> {
         let Some(entry) = self.read_newest(key, "give an entry")? else {
-            return Ok((Entry { position: 0, bytes: Vec::new() }, None));
+            return Ok((Entry::NONE, None));
         };
         self.inner.take_in(&[(key, &entry)]);
         let manifest = Manifest::from_bytes(&entry.bytes).map_err(|found| StoreError::Invalid {

@@ -69,7 +69,7 @@ struct Waiting {
 }
 
 impl World {
-    /// What stood under the key of the entry at a position before it.
+    /// Finds what stood under the key of the entry at a position before it.
     fn before(&self, position: u64) -> Vec<u8> {
         let (earlier, key) = (&self.log[..position as usize - 1], &self.log[position as usize - 1].0);
         earlier.iter().rfind(|(other, _)| other == key).expect("another entry of the key").1.clone()

@@ -59,6 +59,7 @@ pub(super) fn paired(
     let sheets = Sheets::new(&surface, &mut sides, positions);
     mend(&mut surface, &mut sides, &sheets, &shared, positions);
     let keep = sheets.kept(&surface, &shared);
+    // Of a fan of small sheets none is the body that others stand on.
     if !keep.contains(&true) {
         return Ok((surface, sides));
     }
