@@ -508,7 +508,7 @@ mod tests {
 
     #[test]
     fn what_lies_on_the_input_best_takes_its_turn_after_the_first_and_what_lay_badly_takes_none() {
-        let likeness = |score| Some(Likeness { score, weighed: score });
+        let likeness = |score| Some(Likeness::of(score));
         let mut all: Vec<Candidate> =
             ["a", "b", "c", "d", "e"].iter().zip(1u32..).map(|(hash, s)| candidate(hash, f64::from(s))).collect();
         for (c, score) in all.iter_mut().zip([0.2, 0.9, 0.1, 0.3, 0.5]) {

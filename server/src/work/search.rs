@@ -9,6 +9,7 @@
 //! A query with a deadline gives each level at most half of the time that is left, the most promising first; `top` are
 //! registered at each level in any case. Of a rag only some segments go on to be registered ([`worth`](super::worth)).
 
+mod clusters;
 mod coarse;
 mod likened;
 pub mod scattered;

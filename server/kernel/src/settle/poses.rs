@@ -40,6 +40,8 @@ const BULKY: f64 = 0.5;
 const SURE: f64 = 0.45;
 /// So many times as many poses of what is bulky are brought to rest: more are tried, and sifting tells them by nearness alone.
 const BULKY_RESTS: usize = 3;
+/// Samples of the smaller surface by which what a pose explains is measured.
+const EXPLAINED_BY: usize = 128;
 /// σ of the relief, in √area of the smaller.
 const RELIEF_SCALES: [f64; 3] = [0.04, 0.1, 0.2];
 /// Share of the way along the surface that a target keeps.
@@ -93,12 +95,25 @@ pub struct Likeness {
     /// The best score times the size of the part of the other that it covers, in √area of all of it: what lies beyond that part
     /// is not known to be like anything. Where one of the two is closed, the part is of that one.
     pub weighed: f64,
+    /// The share of the other's relief that a pose explains, at most 1: a face explains more of a head than the back of one does, and
+    /// a piece of cloth, which lies well on much that is smooth, next to nothing.
+    pub explained: f64,
 }
 
 impl Likeness {
     /// Of surfaces that lie on each other as they are.
     pub fn of(score: f64) -> Self {
-        Self { score, weighed: score }
+        Self { score, weighed: score, explained: score }
+    }
+
+    /// The better of each.
+    fn or(self, other: Self) -> Self {
+        let Self { score, weighed, explained } = other;
+        Self {
+            score: self.score.max(score),
+            weighed: self.weighed.max(weighed),
+            explained: self.explained.max(explained),
+        }
     }
 }
 
@@ -150,7 +165,7 @@ impl Posed {
         self.whole.is_some()
     }
 
-    /// How like another it is; not at all where there is no pose, or when stopped.
+    /// How like another it is, of which it tells what is explained; not at all where there is no pose, or when stopped.
     pub fn likeness(&self, other: &Self, stop: Stop<'_>) -> Likeness {
         match (&self.whole, &other.whole) {
             (Some(one), Some(two)) => {
@@ -160,28 +175,42 @@ impl Posed {
                 };
                 Likeness::of(best(&one.small, &two.large).min(best(&two.small, &one.large)))
             }
-            (None, Some(_)) => self.most_of(other, stop),
-            (Some(_), None) => other.most_of(self, stop),
-            (None, None) => self.weighed(other, &found(self, other, stop)),
+            (None, Some(_)) => self.as_part(other, &Explained::Larger, stop),
+            (Some(_), None) => other.as_part(self, &Explained::Smaller, stop),
+            (None, None) => {
+                let (one, two) =
+                    (self.as_part(other, &Explained::Larger, stop), other.as_part(self, &Explained::Smaller, stop));
+                // What covers all of it is of its size.
+                one.or(Likeness { weighed: two.score, ..two })
+            }
         }
     }
 
-    /// How like a part of a closed surface it is.
-    fn most_of(&self, closed: &Self, stop: Stop<'_>) -> Likeness {
-        self.small.as_ref().map_or_else(Likeness::default, |small| self.weighed(closed, &small.tried(closed, stop)))
+    /// How well it lies on another as a part of it, and what that explains of one of the two.
+    fn as_part(&self, of: &Self, explains: &Explained, stop: Stop<'_>) -> Likeness {
+        let Some(small) = &self.small else { return Likeness::default() };
+        let mut best = Likeness::default();
+        for (large, found) in of.large.iter().zip(small.tried(of, stop)) {
+            for (score, motion) in found {
+                let scale = small.onto(large, &motion).scale;
+                let size = (scale * (self.area / of.area).sqrt()).min(1.0);
+                let explained = small.explained(large, &motion, explains);
+                best = best.or(Likeness { score, weighed: score * size, explained });
+            }
+        }
+        best
     }
+}
 
-    /// The best of poses on another surface.
-    fn weighed(&self, other: &Self, poses: &[(f64, Similarity)]) -> Likeness {
-        let size = |pose: &Similarity| (pose.scale * (self.area / other.area).sqrt()).min(1.0);
-        let best = |of: &dyn Fn(&(f64, Similarity)) -> f64| poses.iter().map(of).fold(0.0, f64::max);
-        Likeness { score: best(&|p| p.0), weighed: best(&|p| p.0 * size(&p.1)) }
-    }
+/// Which of two surfaces, of which one is laid on the other, is explained.
+enum Explained {
+    Smaller,
+    Larger,
 }
 
 /// All poses of `one` on `two`, best first.
 fn found(one: &Posed, two: &Posed, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
-    let tried = |of: &Posed, on: &Posed| of.small.as_ref().map_or(Vec::new(), |small| small.tried(on, stop));
+    let tried = |of: &Posed, on: &Posed| of.small.as_ref().map_or(Vec::new(), |small| small.laid(on, stop));
     let mut found = tried(one, two);
     found.extend(tried(two, one).into_iter().map(|(score, onto)| (score, inverse(&onto))));
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -257,6 +286,10 @@ struct Large {
     around: Around,
     /// The heights of each sample, made when it is first met: most never are.
     relief: Vec<OnceLock<[f64; 3]>>,
+    /// ∫ height² over all of it, made when it is first asked for.
+    relief_sums: OnceLock<[f64; 3]>,
+    /// Area, where the smaller's is 1.
+    area: f64,
     frame: Similarity,
     is_flat: bool,
 }
@@ -322,7 +355,21 @@ impl Large {
         let all = samples.seen_from(&frame);
         let (around, relief) = (Around::new(&all), vec![OnceLock::new(); all.points.len()]);
         let is_flat = all.is_flat();
-        Self { nearness: Nearness::new(&all), seen: Seen::new(all), around, relief, frame, is_flat }
+        let (nearness, seen, area) = (Nearness::new(&all), Seen::new(all), 1.0 / share);
+        Self { nearness, seen, around, relief, relief_sums: OnceLock::new(), area, frame, is_flat }
+    }
+
+    /// ∫ height² over all of it.
+    fn relief_sums(&self) -> &[f64; 3] {
+        self.relief_sums.get_or_init(|| {
+            let count = self.relief.len();
+            let mut sums = [0.0; 3];
+            for k in 0..count {
+                let heights = self.heights(k);
+                (0..3).for_each(|s| sums[s] += heights[s] * heights[s]);
+            }
+            sums.map(|sum| sum * self.area / count.max(1) as f64)
+        })
     }
 
     /// The heights of a sample.
@@ -393,9 +440,16 @@ fn direction(k: usize, of: usize) -> Vec3 {
 
 impl Small {
     /// The best poses on a larger surface, with their scores. Empty when stopped.
-    fn tried(&self, whole: &Posed, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
+    fn laid(&self, whole: &Posed, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
+        let found = whole.large.iter().zip(self.tried(whole, stop));
+        let laid = found.flat_map(|(large, of_size)| of_size.into_iter().map(move |found| (large, found)));
+        laid.map(|(large, (score, motion))| (score, self.onto(large, &motion))).collect()
+    }
+
+    /// The same by the size at which it is laid. Empty when stopped.
+    fn tried(&self, whole: &Posed, stop: Stop<'_>) -> Vec<Vec<(f64, Motion)>> {
         let effort = whole.effort;
-        let on = |anchors: &[Anchor], times: usize, large: &Large| -> Option<Vec<(f64, Similarity)>> {
+        let on = |anchors: &[Anchor], times: usize, large: &Large| -> Option<Vec<(f64, Motion)>> {
             if self.is_flat != large.is_flat {
                 return Some(Vec::new());
             }
@@ -415,17 +469,16 @@ impl Small {
                     }
                 }
             }
-            let rough = self.rested(large, (rough, times), effort, stop)?;
-            Some(rough.iter().map(|(score, motion)| (*score, self.onto(large, motion))).collect())
+            self.rested(large, (rough, times), effort, stop)
         };
         let by = |anchors: &[Anchor], times: usize| {
             let found = in_halves(&whole.large, |large| on(anchors, times, large));
-            found.into_iter().collect::<Option<Vec<_>>>().unwrap_or_default().concat()
+            found.into_iter().collect::<Option<Vec<_>>>().unwrap_or_default()
         };
         let (middle, others) = self.anchors.split_at(1);
         let mut found = by(middle, 1);
-        if !others.is_empty() && found.iter().all(|(score, _)| *score < SURE) {
-            found.extend(by(others, BULKY_RESTS));
+        if !others.is_empty() && found.iter().flatten().all(|(score, _)| *score < SURE) {
+            found.iter_mut().zip(by(others, BULKY_RESTS)).for_each(|(all, more)| all.extend(more));
         }
         found
     }
@@ -509,6 +562,33 @@ impl Small {
             large.nearness.at(&x, &n)
         };
         (0..count).map(of).sum::<f64>() / count.max(1) as f64
+    }
+
+    /// The share of the relief of one of the two surfaces that a pose explains: r² of the linear fit were that of the share that is
+    /// met; here it is r, as in the score.
+    fn explained(&self, large: &Large, motion: &Motion, of: &Explained) -> f64 {
+        let met = self.met(large, EXPLAINED_BY, motion, &[]);
+        let of_scale = |s: usize| {
+            let value = |(k, m): (usize, &Met)| {
+                let weight = m.facing * near(&m.at, &large.seen.samples.points[m.partner]);
+                (self.relief[k][s], large.heights(m.partner)[s], weight)
+            };
+            let values: Vec<(f64, f64, f64)> = met.iter().enumerate().map(value).collect();
+            let (met, all) = match of {
+                Explained::Smaller => {
+                    let own = values.iter().map(|(own, _, weight)| (own * own * weight, own * own));
+                    own.fold((0.0, 0.0), |sum, of| (sum.0 + of.0, sum.1 + of.1))
+                }
+                Explained::Larger => {
+                    let there: f64 = values.iter().map(|(_, there, weight)| there * there * weight).sum();
+                    // The smaller surface has area 1.
+                    (there / values.len().max(1) as f64, large.relief_sums()[s])
+                }
+            };
+            let share = if all > 0.0 { (met / all).min(1.0) } else { 0.0 };
+            share * correlation(&values).max(0.0)
+        };
+        (0..RELIEF_SCALES.len()).map(of_scale).sum::<f64>() / RELIEF_SCALES.len() as f64
     }
 
     /// Scores a pose by what its samples meet.

@@ -4,6 +4,7 @@
 //! where the pictures leave it open who is best, the first few examples are laid on the query in rough rigid poses, either as
 //! a part of the other, and those that lie best come first. *Ours, not the paper's.*
 
+use super::clusters::{Clusters, Key};
 use super::{SegmentSearch, caught_up};
 use crate::pool::{Lane, Stop};
 use crate::work::WorkError;
@@ -15,6 +16,7 @@ use crate::work::worth::{FACES_CHOSEN_MIN, choices, is_small_part};
 use futures_util::{StreamExt, stream};
 use quadmuse_kernel::settle::Likeness;
 use quadmuse_proto::{EntryState, LevelTiming, Topology};
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -25,6 +27,9 @@ const HOLES_SURE: u32 = 8;
 /// Examples with a rim that are laid, as many that are closed, and as many that are parts of examples. With 32 a hand that was scanned
 /// from one side found none among 91 examples (tests/records/outside-2026-11-29.md).
 const LAID_MAX: usize = 64;
+/// Of so many that are most alike all that they represent are laid, too, at most so many. *Untuned.*
+const CLUSTERS_LAID: usize = 4;
+const REPRESENTED_MAX: usize = 24;
 /// Examples that are laid roughly: the first, and of either kind those that are most alike, as a whole and for their size.
 /// *Untuned.*
 const ROUGH_FIRST: usize = 4;
@@ -62,14 +67,14 @@ impl SegmentSearch<'_> {
             (Arc::clone(&self.work.engine), Arc::clone(&self.live.model), self.segment as u32);
         let posed = self.work.pool.run(&self.live.job, Lane::Fine, move |_| engine.posed(&model, segment)).await??;
         let Some(own) = posed else { return Ok(()) };
-        let (mut laid, passed_over) = self.chosen(&newest.candidates);
-        let tasks: Vec<_> = laid.iter().map(|candidate| self.likeness(candidate, &own)).collect();
-        let found: Vec<Result<Likeness, WorkError>> = stream::iter(tasks).buffered(self.window()).collect().await;
-        for (candidate, likeness) in laid.iter_mut().zip(found) {
-            candidate.likeness = Some(likeness?);
-        }
+        let clusters = self.clusters(&newest.candidates, LAID_MAX).await?;
+        let (mut laid, passed_over) = self.chosen(&newest.candidates, &clusters);
+        self.lay_posed(&mut laid, &own).await?;
+        let (mut represented, passed_over) = represented_by_best(&laid, passed_over, &clusters);
+        self.lay_posed(&mut represented, &own).await?;
+        laid.extend(represented);
         let mut ordered = by_likeness(laid, passed_over, self.query.facts.topology);
-        self.fit_roughly(&mut ordered).await?;
+        self.fit_roughly(&mut ordered, &clusters).await?;
         self.published(by_fit(ordered), start).await
     }
 
@@ -103,9 +108,9 @@ impl SegmentSearch<'_> {
     }
 
     /// Lays the best few roughly, and lets the best of these lead others.
-    async fn fit_roughly(&self, candidates: &mut [Candidate]) -> Result<(), WorkError> {
+    async fn fit_roughly(&self, candidates: &mut [Candidate], clusters: &Clusters) -> Result<(), WorkError> {
         let worth = |c: &Candidate| c.rough.as_ref().map_or(f64::NEG_INFINITY, Rough::worth);
-        let chosen = worth_laying(candidates);
+        let chosen = worth_laying(candidates, clusters);
         let Some(ready) = self.ready_for_rough().await? else { return Ok(()) };
         for some in chosen.chunks(ROUGH_AT_A_TIME) {
             let fits = self.all_rough(candidates, (some, &ready), None).await?;
@@ -130,6 +135,8 @@ impl SegmentSearch<'_> {
         };
         let mut led: Vec<usize> = (0..candidates.len()).filter(may_follow).collect();
         led.sort_by(|&a, &b| alike(&candidates[b]).total_cmp(&alike(&candidates[a])));
+        let mut seen: HashSet<Key> = HashSet::new();
+        led.retain(|&at| seen.insert(clusters.representative(candidates[at].key())));
         led.truncate(LED_MAX);
         let fits = self.all_rough(candidates, (&led, &ready), Some(lead)).await?;
         let mut followers: Vec<(usize, Rough)> = led
@@ -203,6 +210,16 @@ impl SegmentSearch<'_> {
         }
     }
 
+    /// Lays candidates on the query in rigid poses.
+    async fn lay_posed(&self, candidates: &mut [Candidate], own: &Opaque) -> Result<(), WorkError> {
+        let tasks: Vec<_> = candidates.iter().map(|candidate| self.likeness(candidate, own)).collect();
+        let found: Vec<Result<Likeness, WorkError>> = stream::iter(tasks).buffered(self.window()).collect().await;
+        for (candidate, likeness) in candidates.iter_mut().zip(found) {
+            candidate.likeness = Some(likeness?);
+        }
+        Ok(())
+    }
+
     /// How well an example lies on the query; not at all where it can't be read or compared.
     async fn likeness(&self, candidate: &Candidate, own: &Opaque) -> Result<Likeness, WorkError> {
         let (of, there) = (candidate.key(), self.work.examples.posed(candidate.key()));
@@ -233,8 +250,8 @@ impl SegmentSearch<'_> {
         own.form >= FACES_CHOSEN_MIN && is_unsure && candidates.iter().any(|c| c.resident.facts.topology.has_caps())
     }
 
-    /// The first few candidates of either topology that are no near-duplicates, and all others, each in order.
-    fn chosen(&self, candidates: &[Candidate]) -> (Vec<Candidate>, Vec<Candidate>) {
+    /// The first few candidates of either topology that represent themselves, and all others, each in order.
+    fn chosen(&self, candidates: &[Candidate], clusters: &Clusters) -> (Vec<Candidate>, Vec<Candidate>) {
         let (mut with_rim, mut parts, mut closed) = (0, 0, 0);
         candidates.iter().cloned().partition(|c| {
             let count = match c.resident.facts.topology {
@@ -243,7 +260,7 @@ impl SegmentSearch<'_> {
                 Topology::Sphere => &mut closed,
                 _ => return false,
             };
-            let is_chosen = *count < LAID_MAX && c.similar_to.is_none();
+            let is_chosen = *count < LAID_MAX && c.similar_to.is_none() && clusters.is_representative(c.key());
             *count += usize::from(is_chosen);
             is_chosen
         })
@@ -274,25 +291,50 @@ fn alike(candidate: &Candidate) -> f64 {
     candidate.likeness.map_or(0.0, |likeness| likeness.weighed)
 }
 
+/// Those that the most alike of the laid ones represent, and all others, each in order.
+fn represented_by_best(
+    laid: &[Candidate],
+    others: Vec<Candidate>,
+    clusters: &Clusters,
+) -> (Vec<Candidate>, Vec<Candidate>) {
+    let mut order: Vec<&Candidate> = laid.iter().collect();
+    order.sort_by(|a, b| alike(b).total_cmp(&alike(a)));
+    let best: Vec<Key> = order.into_iter().take(CLUSTERS_LAID).map(Candidate::key).collect();
+    let mut count = 0;
+    others.into_iter().partition(|c| {
+        let by = clusters.representative(c.key());
+        let is_chosen = count < REPRESENTED_MAX && by != c.key() && best.contains(&by);
+        count += usize::from(is_chosen);
+        is_chosen
+    })
+}
+
 /// The places of the candidates that are worth laying roughly, of those whose likeness is known: the first, and of those with a rim
-/// and of closed ones those that are most alike, in turn.
-fn worth_laying(candidates: &[Candidate]) -> Vec<usize> {
+/// and of closed ones those that are most alike, or explain most, in turn; of each cluster one.
+fn worth_laying(candidates: &[Candidate], clusters: &Clusters) -> Vec<usize> {
     let known: Vec<usize> = (0..candidates.len()).filter(|&at| candidates[at].likeness.is_some()).collect();
     let score = |c: &Candidate| c.likeness.map_or(0.0, |likeness| likeness.score);
-    let mut orders: Vec<Vec<usize>> = vec![known.iter().copied().take(ROUGH_FIRST).collect()];
+    let explained = |c: &Candidate| c.likeness.map_or(0.0, |likeness| likeness.explained);
+    let cluster = |at: usize| clusters.representative(candidates[at].key());
+    // Of a cluster the first.
+    let of_each = |order: &[usize], most: usize| -> Vec<usize> {
+        let mut seen: HashSet<Key> = HashSet::new();
+        order.iter().copied().filter(|&at| seen.insert(cluster(at))).take(most).collect()
+    };
+    let mut orders: Vec<Vec<usize>> = vec![of_each(&known, ROUGH_FIRST)];
     for closed in [false, true] {
-        for by in [alike, score] {
+        let bys: [&dyn Fn(&Candidate) -> f64; 2] = [if closed { &alike } else { &explained }, &score];
+        for by in bys {
             let is_one = |at: &usize| (candidates[*at].resident.facts.topology == Topology::Sphere) == closed;
             let mut most: Vec<usize> = known.iter().copied().filter(is_one).collect();
             most.sort_by(|&a, &b| by(&candidates[b]).total_cmp(&by(&candidates[a])));
-            most.truncate(ROUGH_ALIKE);
-            orders.push(most);
+            orders.push(of_each(&most, ROUGH_ALIKE));
         }
     }
     let mut chosen: Vec<usize> = Vec::new();
     for turn in 0..ROUGH_FIRST.max(ROUGH_ALIKE) {
         for at in orders.iter().filter_map(|order| order.get(turn)) {
-            if !chosen.contains(at) {
+            if !chosen.iter().any(|&other| cluster(other) == cluster(*at)) {
                 chosen.push(*at);
             }
         }

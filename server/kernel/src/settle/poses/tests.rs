@@ -43,6 +43,32 @@ fn what_is_bulky_is_laid_by_what_is_about_some_of_its_points() {
 }
 
 #[test]
+fn a_part_with_relief_explains_more_than_a_smooth_one_of_its_size() {
+    // The larger is a square with bumps in one corner.
+    let bumps = |p: &Vec3| 0.15 * (9.0 * p.x).sin() * (7.0 * p.y).cos() * (-(p.x * p.x + p.y * p.y) / 0.08).exp();
+    let sheet = |n: u32, corner: f64, side: f64| {
+        let mut mesh = grid(n, n, false, false);
+        let size = mesh.positions.iter().fold(0.0f64, |most, p| most.max(p.x).max(p.y));
+        mesh.positions
+            .iter_mut()
+            .for_each(|p| *p = Vec3::new(corner + side * p.x / size, corner + side * p.y / size, 0.0));
+        // Slightly bent everywhere.
+        mesh.positions.iter_mut().for_each(|p| p.z = bumps(p) + 0.1 * p.x * p.x);
+        mesh
+    };
+    let whole = Posed::quick(&sheet(60, 0.0, 1.0), true);
+    let explained = |corner: f64| {
+        let part = Posed::quick(&sheet(30, corner, 0.5), true);
+        let [on_whole, by_whole] = [part.likeness(&whole, &|| false), whole.likeness(&part, &|| false)];
+        // The part is all of itself, whichever of the two is the other.
+        assert!(by_whole.explained >= on_whole.explained, "{by_whole:?} {on_whole:?}");
+        on_whole.explained
+    };
+    let [bumpy, smooth] = [explained(0.0), explained(0.5)];
+    assert!(bumpy > 0.5 && smooth < 0.5 * bumpy, "{bumpy} {smooth}");
+}
+
+#[test]
 fn a_surface_is_nearest_to_itself_where_it_lies() {
     let mut mesh = grid(24, 24, false, false);
     mesh.positions.iter_mut().for_each(|p| p.z = 0.2 * (5.0 * p.x + 0.4).sin() * (3.9 * p.y).cos());
