@@ -21,7 +21,7 @@ use crate::{
 use futures_util::StreamExt;
 use quadmuse_proto::{
     Composition, CompositionPart, ExampleId, Map, NewComposition, NewRetopo, Product, Query, QuerySegment,
-    RetopoResult, composition::SMOOTHING_DEFAULT,
+    RetopoResult, Verdict, composition::SMOOTHING_DEFAULT,
 };
 use std::collections::BTreeMap;
 
@@ -244,7 +244,12 @@ fn chosen(segment: &QuerySegment, number: usize, count: usize, what: &str) -> St
     format!("{of} ({number} of {count}, {}): {what}", segment.topology)
 }
 
-/// An example that was laid, and how well it fits.
+/// An example that was laid, and how well it fits. One that is broken by itself was taken because stitching covers what it leaves bare;
+/// the verdict on the whole follows.
 fn fitting(map: &Map, name: &str) -> String {
-    format!("{name}, {} faces, {}", map.faces, map.verdict.as_str())
+    let word = match map.verdict {
+        Verdict::Broken => "some of it still bare",
+        verdict => verdict.as_str(),
+    };
+    format!("{name}, {} faces, {word}", map.faces)
 }
