@@ -22,6 +22,7 @@ const REASONS = [
   [/^the (scan|example) is flat/, () => "One of the two is flat, and the other is not: nothing tells where it belongs.", "Try another example, or a regular layout."],
   [/^the surfaces' pictures differ/, () => "The scan and this example are not alike.", "Try another example."],
   [/^the surfaces' proportions differ/, () => "One of the two is longer or thinner than the other.", "Try another example, or cut off what only one of them has."],
+  [/^each of these is doubtful/, () => "Several measures are doubtful, which together is too much.", "Try another example, or place landmarks."],
   [/^the share (\S+) of the faces look inward/, (x) => `Some quads (${percent(x)}) are turned over, in folds or thin places.`, "Drag the point beside them."],
   [/^some faces look into the scan/, () => "Some quads are turned over, in folds or thin places.", "Drag the point beside them."],
   [/^quads are sheared: their angles change by (\S+)°/, (x) => `The quads are sheared: their angles change by ${x}° in the mean.`, "Place landmarks, or try another example."],

@@ -260,6 +260,9 @@ const LIMITS: [(&str, f64, f64); 7] = [
     ("the share {} of the input's features is missing in the example", 0.1, 0.5),
 ];
 
+/// Said where no measure alone makes a map poor, but all of them together do.
+const TOGETHER: &str = "each of these is doubtful, and together they are too much";
+
 /// Tells whether a map may be good by what is known of it before it settles: its cost, and how it changes angles, in degrees, for one
 /// face in twenty.
 pub fn may_be_good(cost: f64, laid_angle_p95_deg: f64, is_ring: bool) -> bool {
@@ -267,7 +270,9 @@ pub fn may_be_good(cost: f64, laid_angle_p95_deg: f64, is_ring: bool) -> bool {
     (is_ring || cost <= cost_good) && laid_angle_p95_deg <= angle_good
 }
 
-/// The verdict with a sentence for each measure that is not good.
+/// The verdict with a sentence for each measure that is not good. Doubts add up: with each measure as a share of the way from where
+/// it is good to where it is fair, a map is fair within the unit ball. Of measures that are all barely fair right maps had a norm of up
+/// to .85, wrong ones 1.04 and 1.32 (tests/records/corpus-2026-11-29.md).
 pub fn verdict(evidence: &Evidence) -> (Verdict, Vec<String>) {
     let of_pictures = |value: f64| if evidence.is_ring { 0.0 } else { value };
     let values = [
@@ -283,7 +288,7 @@ pub fn verdict(evidence: &Evidence) -> (Verdict, Vec<String>) {
     if evidence.is_ring {
         (limits[1].1, limits[1].2) = RING_LIMITS;
     }
-    let (mut word, mut reasons) = (Verdict::Good, Vec::new());
+    let (mut word, mut reasons, mut doubt) = (Verdict::Good, Vec::new(), 0.0);
     let (flat, other) = if evidence.is_flat[0] { ("example", "scan") } else { ("scan", "example") };
     if evidence.is_flat[0] != evidence.is_flat[1] {
         word = Verdict::Poor;
@@ -295,8 +300,13 @@ pub fn verdict(evidence: &Evidence) -> (Verdict, Vec<String>) {
         }
         let poor = value > fair || value.is_nan();
         word = word.max(if poor { Verdict::Poor } else { Verdict::Fair });
+        doubt += ((value - good) / (fair - good)).powi(2);
         let shown = if value < 1.0 { format!("{value:.3}") } else { format!("{value:.0}") };
         reasons.push(format!("{} (good up to {good}, fair up to {fair})", text.replace("{}", &shown)));
+    }
+    if word == Verdict::Fair && doubt > 1.0 {
+        word = Verdict::Poor;
+        reasons.push(TOGETHER.to_owned());
     }
     (word, reasons)
 }
@@ -376,6 +386,10 @@ mod tests {
         assert_eq!((word, reasons.len()), (Verdict::Poor, 1));
         assert!(reasons[0].contains("0.900"), "{}", reasons[0]);
         assert_eq!(verdict(&Evidence { laid_angle_p95_deg: 30.0, ..good }).0, Verdict::Fair);
+        let doubtful = Evidence { cost: 0.3, ..good };
+        assert_eq!(verdict(&doubtful).0, Verdict::Fair);
+        let (word, reasons) = verdict(&Evidence { modulus_log: -0.35, ..doubtful });
+        assert_eq!((word, reasons.last().map(String::as_str)), (Verdict::Poor, Some(TOGETHER)), "doubts add up");
         let flat = |is_flat| verdict(&Evidence { is_flat, ..good });
         assert_eq!((flat([true; 2]).0, flat([true, false]).0), (Verdict::Good, Verdict::Poor));
         assert_eq!(flat([false, true]).1, ["the scan is flat, and the example is not"]);
