@@ -271,8 +271,8 @@ pub fn may_be_good(cost: f64, laid_angle_p95_deg: f64, is_ring: bool) -> bool {
 }
 
 /// The verdict with a sentence for each measure that is not good. Doubts add up: with each measure as a share of the way from where
-/// it is good to where it is fair, a map is fair within the unit ball. Of measures that are all barely fair right maps had a norm of up
-/// to .85, wrong ones 1.04 and 1.32 (tests/records/corpus-2026-11-29.md).
+/// it is good to where it is fair, a map is fair within the unit ball. Of maps with no measure beyond its limit right ones had a norm
+/// of up to .85, and wrong ones 1.04 and 1.32 (tests/records/corpus-2026-11-29.md).
 pub fn verdict(evidence: &Evidence) -> (Verdict, Vec<String>) {
     let of_pictures = |value: f64| if evidence.is_ring { 0.0 } else { value };
     let values = [
