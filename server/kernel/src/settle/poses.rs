@@ -10,6 +10,10 @@
 //! ([`super::Evidence`]) agrees with what it lies on: nearness alone lays a face on the back of a head. Samples that
 //! lie off the larger say nothing of relief: an example has no crown. *Ours, not a paper's.*
 
+mod likeness;
+
+pub use likeness::Likeness;
+
 use super::effort::{Effort, FULL, MIDDLE, ON_A_PART, QUICK, Sought};
 use super::evidence::{Around, correlation};
 use super::input_surface::{InputSurface, Samples, Seen, sixfold};
@@ -40,8 +44,6 @@ const BULKY: f64 = 0.5;
 const SURE: f64 = 0.45;
 /// So many times as many poses of what is bulky are brought to rest: more are tried, and sifting tells them by nearness alone.
 const BULKY_RESTS: usize = 3;
-/// Samples of the smaller surface by which what a pose explains is measured.
-const EXPLAINED_BY: usize = 128;
 /// σ of the relief, in √area of the smaller.
 const RELIEF_SCALES: [f64; 3] = [0.04, 0.1, 0.2];
 /// Share of the way along the surface that a target keeps.
@@ -85,36 +87,6 @@ pub fn poses_on(example: &TriMesh, may_be_small: bool, input: &Posed, stop: Stop
         }
     }
     kept
-}
-
-/// How well one of two surfaces lies on the other.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Likeness {
-    /// The score of the best pose, at most 1; of two closed surfaces the lower of the two.
-    pub score: f64,
-    /// The best score times the size of the part of the other that it covers, in √area of all of it: what lies beyond that part
-    /// is not known to be like anything. Where one of the two is closed, the part is of that one.
-    pub weighed: f64,
-    /// The share of the other's relief that a pose explains, at most 1: a face explains more of a head than the back of one does, and
-    /// a piece of cloth, which lies well on much that is smooth, next to nothing.
-    pub explained: f64,
-}
-
-impl Likeness {
-    /// Of surfaces that lie on each other as they are.
-    pub fn of(score: f64) -> Self {
-        Self { score, weighed: score, explained: score }
-    }
-
-    /// The better of each.
-    fn or(self, other: Self) -> Self {
-        let Self { score, weighed, explained } = other;
-        Self {
-            score: self.score.max(score),
-            weighed: self.weighed.max(weighed),
-            explained: self.explained.max(explained),
-        }
-    }
 }
 
 /// A surface, made ready to be compared with many others by how well one lies on the other.
@@ -164,48 +136,6 @@ impl Posed {
     pub fn is_whole(&self) -> bool {
         self.whole.is_some()
     }
-
-    /// How like another it is, of which it tells what is explained; not at all where there is no pose, or when stopped.
-    pub fn likeness(&self, other: &Self, stop: Stop<'_>) -> Likeness {
-        match (&self.whole, &other.whole) {
-            (Some(one), Some(two)) => {
-                let best = |small: &Small, large: &Large| {
-                    let found = small.tried_whole(large, self.effort, stop);
-                    found.iter().map(|(score, _)| *score).fold(0.0, f64::max)
-                };
-                Likeness::of(best(&one.small, &two.large).min(best(&two.small, &one.large)))
-            }
-            (None, Some(_)) => self.as_part(other, &Explained::Larger, stop),
-            (Some(_), None) => other.as_part(self, &Explained::Smaller, stop),
-            (None, None) => {
-                let (one, two) =
-                    (self.as_part(other, &Explained::Larger, stop), other.as_part(self, &Explained::Smaller, stop));
-                // What covers all of it is of its size.
-                one.or(Likeness { weighed: two.score, ..two })
-            }
-        }
-    }
-
-    /// How well it lies on another as a part of it, and what that explains of one of the two.
-    fn as_part(&self, of: &Self, explains: &Explained, stop: Stop<'_>) -> Likeness {
-        let Some(small) = &self.small else { return Likeness::default() };
-        let mut best = Likeness::default();
-        for (large, found) in of.large.iter().zip(small.tried(of, stop)) {
-            for (score, motion) in found {
-                let scale = small.onto(large, &motion).scale;
-                let size = (scale * (self.area / of.area).sqrt()).min(1.0);
-                let explained = small.explained(large, &motion, explains);
-                best = best.or(Likeness { score, weighed: score * size, explained });
-            }
-        }
-        best
-    }
-}
-
-/// Which of two surfaces, of which one is laid on the other, is explained.
-enum Explained {
-    Smaller,
-    Larger,
 }
 
 /// All poses of `one` on `two`, best first.
@@ -424,6 +354,14 @@ struct Met {
     facing: f64,
 }
 
+/// A pose that has come to rest, its score, and what it was scored by.
+#[derive(Clone)]
+struct Posing {
+    score: f64,
+    motion: Motion,
+    met: Vec<Met>,
+}
+
 /// One of equal turns about z.
 fn turned(turn: usize, of: usize) -> Matrix3<f64> {
     let (sin, cos) = (TAU * turn as f64 / of as f64).sin_cos();
@@ -442,14 +380,13 @@ impl Small {
     /// The best poses on a larger surface, with their scores. Empty when stopped.
     fn laid(&self, whole: &Posed, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
         let found = whole.large.iter().zip(self.tried(whole, stop));
-        let laid = found.flat_map(|(large, of_size)| of_size.into_iter().map(move |found| (large, found)));
-        laid.map(|(large, (score, motion))| (score, self.onto(large, &motion))).collect()
+        found.flat_map(|(large, of_size)| of_size.into_iter().map(|p| (p.score, self.onto(large, &p.motion)))).collect()
     }
 
     /// The same by the size at which it is laid. Empty when stopped.
-    fn tried(&self, whole: &Posed, stop: Stop<'_>) -> Vec<Vec<(f64, Motion)>> {
+    fn tried(&self, whole: &Posed, stop: Stop<'_>) -> Vec<Vec<Posing>> {
         let effort = whole.effort;
-        let on = |anchors: &[Anchor], times: usize, large: &Large| -> Option<Vec<(f64, Motion)>> {
+        let on = |anchors: &[Anchor], times: usize, large: &Large| -> Option<Vec<Posing>> {
             if self.is_flat != large.is_flat {
                 return Some(Vec::new());
             }
@@ -477,7 +414,7 @@ impl Small {
         };
         let (middle, others) = self.anchors.split_at(1);
         let mut found = by(middle, 1);
-        if !others.is_empty() && found.iter().flatten().all(|(score, _)| *score < SURE) {
+        if !others.is_empty() && found.iter().flatten().all(|p| p.score < SURE) {
             found.iter_mut().zip(by(others, BULKY_RESTS)).for_each(|(all, more)| all.extend(more));
         }
         found
@@ -509,7 +446,7 @@ impl Small {
             }
         }
         let rested = self.rested(large, (rough, 1), effort, stop).unwrap_or_default();
-        rested.iter().map(|(score, motion)| (*score, self.onto(large, motion))).collect()
+        rested.iter().map(|p| (p.score, self.onto(large, &p.motion))).collect()
     }
 
     /// The likelier poses brought to rest, `times` as many as usual, each with its score; `None` when stopped.
@@ -519,10 +456,12 @@ impl Small {
         (mut rough, times): (Vec<(f64, Motion)>, usize),
         effort: &Effort,
         stop: Stop<'_>,
-    ) -> Option<Vec<(f64, Motion)>> {
+    ) -> Option<Vec<Posing>> {
+        let mut last = Vec::new();
         for (kept, samples, rounds) in effort.rests {
             rough.sort_by(|a, b| b.0.total_cmp(&a.0));
             rough.truncate(times * kept);
+            last.clear();
             for (score, motion) in &mut rough {
                 if stop() {
                     return None;
@@ -530,16 +469,18 @@ impl Small {
                 // What only one of the two has may draw a pose off its place: then it stays.
                 let first = self.met(large, *samples, motion, &[]);
                 let before = self.score(large, &first);
-                let (rested, met) = self.rest(large, *motion, first, *rounds);
+                let (rested, met) = self.rest(large, *motion, first.clone(), *rounds);
                 *score = self.score(large, &met);
                 if *score >= before {
                     *motion = rested;
+                    last.push(met);
                 } else {
                     *score = before;
+                    last.push(first);
                 }
             }
         }
-        Some(rough)
+        Some(rough.into_iter().zip(last).map(|((score, motion), met)| Posing { score, motion, met }).collect())
     }
 
     /// Seeks the partners of the first samples. `last`: those of the round before, if there was one.
@@ -562,33 +503,6 @@ impl Small {
             large.nearness.at(&x, &n)
         };
         (0..count).map(of).sum::<f64>() / count.max(1) as f64
-    }
-
-    /// The share of the relief of one of the two surfaces that a pose explains: r² of the linear fit were that of the share that is
-    /// met; here it is r, as in the score.
-    fn explained(&self, large: &Large, motion: &Motion, of: &Explained) -> f64 {
-        let met = self.met(large, EXPLAINED_BY, motion, &[]);
-        let of_scale = |s: usize| {
-            let value = |(k, m): (usize, &Met)| {
-                let weight = m.facing * near(&m.at, &large.seen.samples.points[m.partner]);
-                (self.relief[k][s], large.heights(m.partner)[s], weight)
-            };
-            let values: Vec<(f64, f64, f64)> = met.iter().enumerate().map(value).collect();
-            let (met, all) = match of {
-                Explained::Smaller => {
-                    let own = values.iter().map(|(own, _, weight)| (own * own * weight, own * own));
-                    own.fold((0.0, 0.0), |sum, of| (sum.0 + of.0, sum.1 + of.1))
-                }
-                Explained::Larger => {
-                    let there: f64 = values.iter().map(|(_, there, weight)| there * there * weight).sum();
-                    // The smaller surface has area 1.
-                    (there / values.len().max(1) as f64, large.relief_sums()[s])
-                }
-            };
-            let share = if all > 0.0 { (met / all).min(1.0) } else { 0.0 };
-            share * correlation(&values).max(0.0)
-        };
-        (0..RELIEF_SCALES.len()).map(of_scale).sum::<f64>() / RELIEF_SCALES.len() as f64
     }
 
     /// Scores a pose by what its samples meet.
