@@ -329,13 +329,14 @@ pub fn template_entry(entries: &[Entry], topology: Topology) -> Entry {
 }
 
 #[cfg(test)]
-mod tests {
+pub(in crate::work) mod tests {
     use super::*;
     use crate::work::catalogue::row_blocks::Slot;
     use crate::work::engine::{Opaque, SegmentFacts};
     use quadmuse_proto::{Example, MeshCounts};
 
-    fn candidate(hash: &str, score: f64) -> Candidate {
+    /// A disc without a picture.
+    pub(in crate::work) fn candidate(hash: &str, score: f64) -> Candidate {
         let example = Example {
             id: ExampleId::generate(),
             revision: 1,

@@ -35,6 +35,12 @@ impl Clusters {
         self.representatives.get(&of).copied().unwrap_or(of)
     }
 
+    /// Clusters of pairs: a candidate, and the one that represents it.
+    #[cfg(test)]
+    pub(super) fn of(pairs: impl IntoIterator<Item = (Key, Key)>) -> Self {
+        Self { representatives: pairs.into_iter().collect() }
+    }
+
     /// Whether a candidate represents itself.
     pub(super) fn is_representative(&self, key: Key) -> bool {
         self.representative(key) == key

@@ -341,3 +341,43 @@ fn worth_laying(candidates: &[Candidate], clusters: &Clusters) -> Vec<usize> {
     }
     chosen
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::work::ranking::tests::candidate;
+
+    fn laid(hash: &str, likeness: f64) -> Candidate {
+        Candidate { likeness: Some(Likeness::of(likeness)), ..candidate(hash, 0.5) }
+    }
+
+    #[test]
+    fn what_the_most_alike_represent_is_laid_too_and_one_of_a_cluster_roughly() {
+        let all = [laid("head", 0.5), laid("hand", 0.3), candidate("other head", 0.6), candidate("tongue", 0.7)];
+        let [head, hand, other_head, tongue] = all;
+        let clusters = Clusters::of([(other_head.key(), head.key())]);
+        let (one, two) = (vec![head.clone(), hand.clone()], vec![other_head.clone(), tongue.clone()]);
+        let (represented, others) = represented_by_best(&one, two, &clusters);
+        let keys = |all: &[Candidate]| all.iter().map(Candidate::key).collect::<Vec<_>>();
+        assert_eq!((keys(&represented), keys(&others)), (vec![other_head.key()], vec![tongue.key()]));
+
+        let other_head = Candidate { likeness: Some(Likeness::of(0.4)), ..other_head };
+        let known = [head, other_head, hand, tongue];
+        assert_eq!(worth_laying(&known, &clusters), [0, 2], "one of two heads, and none whose likeness is not known");
+        assert_eq!(worth_laying(&known, &Clusters::default()), [0, 1, 2]);
+    }
+
+    #[test]
+    fn what_explains_most_of_the_relief_is_laid_however_little_of_it_it_covers() {
+        let cloth = |k: usize| {
+            let likeness = Likeness { score: 0.4 - 0.01 * k as f64, weighed: 0.4, explained: 0.1 };
+            Candidate { likeness: Some(likeness), ..candidate("cloth", 0.1) }
+        };
+        let face = Candidate {
+            likeness: Some(Likeness { score: 0.2, weighed: 0.1, explained: 0.3 }),
+            ..candidate("face", 0.9)
+        };
+        let all: Vec<Candidate> = (0..12).map(cloth).chain([face]).collect();
+        assert!(worth_laying(&all, &Clusters::default()).contains(&12));
+    }
+}
