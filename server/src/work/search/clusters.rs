@@ -14,7 +14,7 @@ use quadmuse_proto::{ExampleId, Topology};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// What names a candidate.
+/// The example and the segment name a candidate.
 pub(super) type Key = (ExampleId, u32);
 
 /// Costs up to which two are in one cluster: at first those of near-duplicates, then ever more. *Untuned.*
@@ -41,7 +41,7 @@ impl Clusters {
         Self { representatives: pairs.into_iter().collect() }
     }
 
-    /// Whether a candidate represents itself.
+    /// Tells whether a candidate represents itself.
     pub(super) fn is_representative(&self, key: Key) -> bool {
         self.representative(key) == key
     }

@@ -291,7 +291,7 @@ fn alike(candidate: &Candidate) -> f64 {
     candidate.likeness.map_or(0.0, |likeness| likeness.weighed)
 }
 
-/// Those that the most alike of the laid ones represent, and all others, each in order.
+/// Returns what the most alike of the laid ones represent, and all others, each in order.
 fn represented_by_best(
     laid: &[Candidate],
     others: Vec<Candidate>,
