@@ -244,11 +244,11 @@ fn chosen(segment: &QuerySegment, number: usize, count: usize, what: &str) -> St
     format!("{of} ({number} of {count}, {}): {what}", segment.topology)
 }
 
-/// An example that was laid, and how well it fits. One that is broken by itself was taken because stitching covers what it leaves bare;
-/// the verdict on the whole follows.
+/// An example that was laid, and how well it fits. One that is broken may still serve, where stitching covers what it leaves bare; the
+/// verdict on the whole follows.
 fn fitting(map: &Map, name: &str) -> String {
     let word = match map.verdict {
-        Verdict::Broken => "some of it still bare",
+        Verdict::Broken => "broken by itself",
         verdict => verdict.as_str(),
     };
     format!("{name}, {} faces, {word}", map.faces)

@@ -355,7 +355,6 @@ struct Met {
 }
 
 /// A pose that has come to rest, its score, and what it was scored by.
-#[derive(Clone)]
 struct Posing {
     score: f64,
     motion: Motion,

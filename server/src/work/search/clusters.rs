@@ -5,20 +5,20 @@
 //! cluster can send one. A corpus that is small enough is left as it is. *Ours, not the paper's.*
 
 use super::SegmentSearch;
+use super::coarse::SIMILAR_COST;
 use crate::pool::{Lane, Stop};
 use crate::work::catalogue::LEVEL_COARSEST;
 use crate::work::ranking::Candidate;
 use crate::work::{Work, WorkError};
 use quadmuse_kernel::register::spectra::{Row, Spectrum};
 use quadmuse_proto::{ExampleId, Topology};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 /// The example and the segment name a candidate.
 pub(super) type Key = (ExampleId, u32);
 
-/// Costs up to which two are in one cluster: at first those of near-duplicates, then ever more. *Untuned.*
-const COST_MIN: f64 = 0.02;
+/// The cost up to which two are in one cluster is at first that of near-duplicates ([`SIMILAR_COST`]), then ever more. *Untuned.*
 const COST_STEP: f64 = 1.25;
 /// Independent pictures have 1.
 const COST_MAX: f64 = 1.0;
@@ -41,23 +41,53 @@ impl Clusters {
         Self { representatives: pairs.into_iter().collect() }
     }
 
+    /// Keeps the first of each cluster, of candidates by their places.
+    pub(super) fn first_of_each(
+        &self,
+        places: impl IntoIterator<Item = usize>,
+        candidates: &[Candidate],
+    ) -> Vec<usize> {
+        let mut seen: HashSet<Key> = HashSet::new();
+        places.into_iter().filter(|&at| seen.insert(self.representative(candidates[at].key()))).collect()
+    }
+
     /// Tells whether a candidate represents itself.
     pub(super) fn is_representative(&self, key: Key) -> bool {
         self.representative(key) == key
     }
 }
 
-/// A candidate is compared with its like: as a whole with a rim, as a part of an example, or closed.
-fn kind_of(candidate: &Candidate) -> (Topology, bool) {
-    (candidate.resident.facts.topology, candidate.resident.is_part())
+/// Candidates are compared with their like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Kind {
+    /// Whole examples with a rim.
+    WithRim,
+    /// Parts of examples, with a rim.
+    Part,
+    /// Closed ones.
+    Closed,
+}
+
+impl Kind {
+    /// The kind of a candidate; `None` of rings, which are not laid in rigid poses.
+    pub(super) fn of(candidate: &Candidate) -> Option<Self> {
+        match candidate.resident.facts.topology {
+            Topology::Disc if candidate.resident.is_part() => Some(Self::Part),
+            Topology::Disc => Some(Self::WithRim),
+            Topology::Sphere => Some(Self::Closed),
+            _ => None,
+        }
+    }
 }
 
 impl SegmentSearch<'_> {
     /// Clusters candidates, best first, so that of each kind at most `most` represent all.
     pub(super) async fn clusters(&self, candidates: &[Candidate], most: usize) -> Result<Clusters, WorkError> {
-        let mut kinds: HashMap<(Topology, bool), Vec<Key>> = HashMap::new();
+        let mut kinds: HashMap<Kind, Vec<Key>> = HashMap::new();
         for candidate in candidates.iter().filter(|c| c.similar_to.is_none()) {
-            kinds.entry(kind_of(candidate)).or_default().push(candidate.key());
+            if let Some(kind) = Kind::of(candidate) {
+                kinds.entry(kind).or_default().push(candidate.key());
+            }
         }
         let mut clusters = Clusters::default();
         for keys in kinds.into_values().filter(|keys| keys.len() > most) {
@@ -90,7 +120,7 @@ fn representatives(rows: &[Option<Row>], most: usize, stop: &Stop) -> Vec<usize>
     };
     let live = (0..rows.len()).take_while(|_| stop.reason().is_none());
     let costs: Vec<Vec<f64>> = live.map(|one| (0..one).map(|two| cost(one, two)).collect()).collect();
-    let mut bar = COST_MIN;
+    let mut bar = SIMILAR_COST;
     loop {
         let found = representatives_within(&costs, bar);
         let count = found.iter().enumerate().filter(|&(place, &other)| place == other).count();

@@ -30,7 +30,7 @@ const SWEEP_STEP: usize = 16;
 /// Candidates a quantum of the exact ranking.
 const EXACT_STEP: usize = 64;
 /// Two examples that match at this cost or less, unmirrored, are near-duplicates: one choice.
-const SIMILAR_COST: f64 = 0.02;
+pub(super) const SIMILAR_COST: f64 = 0.02;
 /// Near-duplicates' moduli differ by less than this, in their logarithms.
 const SIMILAR_MODULUS_LOG: f64 = 0.05;
 

@@ -4,7 +4,7 @@
 //! where the pictures leave it open who is best, the first few examples are laid on the query in rough rigid poses, either as
 //! a part of the other, and those that lie best come first. *Ours, not the paper's.*
 
-use super::clusters::{Clusters, Key};
+use super::clusters::{Clusters, Key, Kind};
 use super::{SegmentSearch, caught_up};
 use crate::pool::{Lane, Stop};
 use crate::work::WorkError;
@@ -16,7 +16,7 @@ use crate::work::worth::{FACES_CHOSEN_MIN, choices, is_small_part};
 use futures_util::{StreamExt, stream};
 use quadmuse_kernel::settle::Likeness;
 use quadmuse_proto::{EntryState, LevelTiming, Topology};
-use std::collections::HashSet;
+use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -30,7 +30,8 @@ const LAID_MAX: usize = 64;
 /// Of so many that are most alike all that they represent are laid, too, at most so many. *Untuned.*
 const CLUSTERS_LAID: usize = 4;
 const REPRESENTED_MAX: usize = 24;
-/// Examples that are laid roughly: the first, and of either kind those that are most alike, as a whole and for their size.
+/// Examples that are laid roughly: the first, of those with a rim those that explain most, of closed ones those that are most alike, and
+/// of either those that lie best.
 /// *Untuned.*
 const ROUGH_FIRST: usize = 4;
 const ROUGH_ALIKE: usize = 6;
@@ -135,8 +136,7 @@ impl SegmentSearch<'_> {
         };
         let mut led: Vec<usize> = (0..candidates.len()).filter(may_follow).collect();
         led.sort_by(|&a, &b| alike(&candidates[b]).total_cmp(&alike(&candidates[a])));
-        let mut seen: HashSet<Key> = HashSet::new();
-        led.retain(|&at| seen.insert(clusters.representative(candidates[at].key())));
+        led = clusters.first_of_each(led, candidates);
         led.truncate(LED_MAX);
         let fits = self.all_rough(candidates, (&led, &ready), Some(lead)).await?;
         let mut followers: Vec<(usize, Rough)> = led
@@ -252,14 +252,10 @@ impl SegmentSearch<'_> {
 
     /// The first few candidates of either topology that represent themselves, and all others, each in order.
     fn chosen(&self, candidates: &[Candidate], clusters: &Clusters) -> (Vec<Candidate>, Vec<Candidate>) {
-        let (mut with_rim, mut parts, mut closed) = (0, 0, 0);
+        let mut counts: HashMap<Kind, usize> = HashMap::new();
         candidates.iter().cloned().partition(|c| {
-            let count = match c.resident.facts.topology {
-                Topology::Disc if c.resident.is_part() => &mut parts,
-                Topology::Disc => &mut with_rim,
-                Topology::Sphere => &mut closed,
-                _ => return false,
-            };
+            let Some(kind) = Kind::of(c) else { return false };
+            let count = counts.entry(kind).or_default();
             let is_chosen = *count < LAID_MAX && c.similar_to.is_none() && clusters.is_representative(c.key());
             *count += usize::from(is_chosen);
             is_chosen
@@ -315,31 +311,23 @@ fn worth_laying(candidates: &[Candidate], clusters: &Clusters) -> Vec<usize> {
     let known: Vec<usize> = (0..candidates.len()).filter(|&at| candidates[at].likeness.is_some()).collect();
     let score = |c: &Candidate| c.likeness.map_or(0.0, |likeness| likeness.score);
     let explained = |c: &Candidate| c.likeness.map_or(0.0, |likeness| likeness.explained);
-    let cluster = |at: usize| clusters.representative(candidates[at].key());
-    // Of a cluster the first.
-    let of_each = |order: &[usize], most: usize| -> Vec<usize> {
-        let mut seen: HashSet<Key> = HashSet::new();
-        order.iter().copied().filter(|&at| seen.insert(cluster(at))).take(most).collect()
+    let first_of_each = |order: &[usize], most: usize| -> Vec<usize> {
+        let mut first = clusters.first_of_each(order.iter().copied(), candidates);
+        first.truncate(most);
+        first
     };
-    let mut orders: Vec<Vec<usize>> = vec![of_each(&known, ROUGH_FIRST)];
+    let mut orders: Vec<Vec<usize>> = vec![first_of_each(&known, ROUGH_FIRST)];
     for closed in [false, true] {
         let bys: [&dyn Fn(&Candidate) -> f64; 2] = [if closed { &alike } else { &explained }, &score];
         for by in bys {
             let is_one = |at: &usize| (candidates[*at].resident.facts.topology == Topology::Sphere) == closed;
             let mut most: Vec<usize> = known.iter().copied().filter(is_one).collect();
             most.sort_by(|&a, &b| by(&candidates[b]).total_cmp(&by(&candidates[a])));
-            orders.push(of_each(&most, ROUGH_ALIKE));
+            orders.push(first_of_each(&most, ROUGH_ALIKE));
         }
     }
-    let mut chosen: Vec<usize> = Vec::new();
-    for turn in 0..ROUGH_FIRST.max(ROUGH_ALIKE) {
-        for at in orders.iter().filter_map(|order| order.get(turn)) {
-            if !chosen.iter().any(|&other| cluster(other) == cluster(*at)) {
-                chosen.push(*at);
-            }
-        }
-    }
-    chosen
+    let in_turn = (0..ROUGH_FIRST.max(ROUGH_ALIKE)).flat_map(|turn| orders.iter().filter_map(move |o| o.get(turn)));
+    clusters.first_of_each(in_turn.copied(), candidates)
 }
 
 #[cfg(test)]
