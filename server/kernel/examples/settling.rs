@@ -27,7 +27,7 @@ fn settled(example: &TriMesh, input: &TriMesh, stopped: Stop<'_>) -> Option<f64>
         let positions = example.positions.iter().map(|x| pose.apply(x)).collect();
         rests.tries(&Start { positions, mirrored: false, apart: 0.0 }, stopped);
     }
-    Some(rests.settle_best(stopped)?.evidence.relief)
+    Some(rests.settle_best(|_| true, stopped)?.evidence.relief)
 }
 
 fn main() {

@@ -206,8 +206,9 @@ impl<'a> Rests<'a> {
     }
 
     /// The best of all, settled; `None` when stopped. The best few settle where they are near: roughly laid, what is nearly its own
-    /// mirror image, or faces backwards, can't be told from it. Nothing is kept of what was laid roughly.
-    pub fn settle_best(&mut self, stop: Stop<'_>) -> Option<Rested> {
+    /// mirror image, or faces backwards, can't be told from it. What is not alike is not stretched to tips that it leaves bare: it is
+    /// wrong, and stays so. Nothing is kept of what was laid roughly.
+    pub fn settle_best(&mut self, is_alike: impl Fn(&Rested) -> bool, stop: Stop<'_>) -> Option<Rested> {
         let near = self.worth(self.best()?) - NEAR;
         let mut finalists: Vec<TriedPlace> = std::mem::take(&mut self.laid);
         finalists.retain(|laid| self.worth(&laid.rested) >= near);
@@ -221,7 +222,8 @@ impl<'a> Rests<'a> {
         let (best, laid) = all?
             .into_iter()
             .reduce(|best, made| if self.worth(&made.0) > self.worth(&best.0) { made } else { best })?;
-        if Stage::Stretch.is_on() { self.reaching(best, laid, stop) } else { Some(best) }
+        let is_stretched = Stage::Stretch.is_on() && is_alike(&best);
+        if is_stretched { self.reaching(best, laid, stop) } else { Some(best) }
     }
 
     /// Stretches what has settled to tips of the input that it leaves bare, where it then leaves less bare and is about as sure: to all
@@ -524,7 +526,7 @@ mod tests {
             let held = rests.held(&tips, &moved(by), &|| false);
             rests.take(held);
             assert_eq!(rests.best().is_some(), is_held, "{by}");
-            let Some(best) = rests.settle_best(&|| false) else { continue };
+            let Some(best) = rests.settle_best(|_| true, &|| false) else { continue };
             let off = tips.iter().map(|tip| {
                 let v = tip.corners[0].0 as usize;
                 (best.places[v].point - example.positions[v]).norm()
@@ -564,7 +566,7 @@ mod tests {
             let mut rests = Rests::new(&example, &input).expect("areas");
             rests.tries_tips(&[MatchedTips { landmarks: tips.clone(), mirrored: false }], None, &|| false);
             assert!(rests.is_convincing());
-            let best = rests.settle_best(&|| false).expect("settled");
+            let best = rests.settle_best(|_| true, &|| false).expect("settled");
             assert_eq!(best.mirrored, sign < 0.0);
             let off = best.places.iter().zip(&example.positions).map(|(at, p)| (at.point - place(p)).norm());
             assert!(off.sum::<f64>() / (n as f64) < 0.01);

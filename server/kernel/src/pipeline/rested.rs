@@ -275,6 +275,12 @@ fn sureness(evidence: &Evidence, of: Topology, are_wholes: bool) -> f64 {
     OPEN_FAIR_FROM + (GOOD_FROM - OPEN_FAIR_FROM) * (measured - fair) / (GOOD_FROM - fair)
 }
 
+/// Whether an example of some topology may be fair where it has settled: it is like the scan, and its quads are not sheared.
+pub(super) fn lies_alike(rested: &Rested, example: &TriMesh, of: Topology, are_wholes: bool) -> bool {
+    let positions: Vec<Vec3> = rested.places.iter().map(|place| place.point).collect();
+    sureness(&rested.evidence, of, are_wholes) >= OPEN_FAIR_FROM && corner_change(example, &positions) <= SHEARED[1]
+}
+
 /// The verdict on a map that has settled, with a sentence for each measure that is not good. Relief falls where shapes
 /// differ, and bend grows where the map is wrong, so neither is told alone. `sheared`: the mean change of angles, in degrees.
 /// `is_posed`: landmarks fix the pose. Then the caller has said where the example belongs, and shapes that differ are no reason to
