@@ -206,9 +206,9 @@ impl<'a> Rests<'a> {
     }
 
     /// The best of all, settled; `None` when stopped. The best few settle where they are near: roughly laid, what is nearly its own
-    /// mirror image, or faces backwards, can't be told from it. What is not alike is not stretched to tips that it leaves bare: it is
-    /// wrong, and stays so. Nothing is kept of what was laid roughly.
-    pub fn settle_best(&mut self, is_alike: impl Fn(&Rested) -> bool, stop: Stop<'_>) -> Option<Rested> {
+    /// mirror image, or faces backwards, can't be told from it. What is not alike by its evidence is not stretched to tips that it
+    /// leaves bare: it is wrong, and stays so. Nothing is kept of what was laid roughly.
+    pub fn settle_best(&mut self, is_alike: impl Fn(&Evidence) -> bool, stop: Stop<'_>) -> Option<Rested> {
         let near = self.worth(self.best()?) - NEAR;
         let mut finalists: Vec<TriedPlace> = std::mem::take(&mut self.laid);
         finalists.retain(|laid| self.worth(&laid.rested) >= near);
@@ -222,7 +222,7 @@ impl<'a> Rests<'a> {
         let (best, laid) = all?
             .into_iter()
             .reduce(|best, made| if self.worth(&made.0) > self.worth(&best.0) { made } else { best })?;
-        let is_stretched = Stage::Stretch.is_on() && is_alike(&best);
+        let is_stretched = Stage::Stretch.is_on() && is_alike(&best.evidence);
         if is_stretched { self.reaching(best, laid, stop) } else { Some(best) }
     }
 

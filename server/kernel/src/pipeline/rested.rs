@@ -49,6 +49,35 @@ pub(crate) struct Asked<'a> {
     pub(crate) are_wholes: bool,
 }
 
+/// How often at most the rim of what is left of an example frays. *Untuned.*
+const FRAYED_MAX: usize = 4;
+
+/// What is left of an example on its way to a map.
+struct Left {
+    example: Side,
+    surface: Surface,
+    cross: CrossMap,
+    /// Vertices for which the input has nothing.
+    bare: Vec<bool>,
+}
+
+impl Left {
+    /// Takes away the faces most of whose vertices are `lost`, if these have more than a share `least` of the area. Tells whether it
+    /// did.
+    fn lose(&mut self, lost: &[bool], least: f64) -> Result<bool, PipelineError> {
+        let Some(less) = without(&self.surface, lost, least) else { return Ok(false) };
+        let kept = &less.surface.patch.vertex_of;
+        self.cross = CrossMap {
+            locations: kept.iter().map(|&v| self.cross.locations[v as usize]).collect(),
+            positions: kept.iter().map(|&v| self.cross.positions[v as usize]).collect(),
+        };
+        self.bare = kept.iter().map(|&v| self.bare[v as usize]).collect();
+        self.surface = less.surface.clone();
+        self.example = of_example(&self.example, less)?;
+        Ok(true)
+    }
+}
+
 /// The map of an example that has settled.
 pub(crate) fn rest(
     rested: Rested,
@@ -60,38 +89,37 @@ pub(crate) fn rest(
     let Rested { places, lost, off, mirrored, evidence, .. } = rested;
     let (chart, sign) = (&two.query.chart, registered::sign(mirrored));
     let (locations, positions) = places.into_iter().map(|p| (Location::from(p), p.point)).unzip();
-    let mut cross = CrossMap { locations, positions };
     let mut bare: Vec<bool> = lost.iter().zip(&off).map(|(lost, off)| *lost || *off).collect();
-    let leaps = match Stage::Fray.is_on() {
-        true => leaps(
-            &one.patch.mesh,
-            &cross.positions,
-            &ReferenceSurface::with_tree((*chart.mesh).clone(), Arc::clone(two.query.tree())),
-        ),
+    let cross = CrossMap { locations, positions };
+    let reference = ReferenceSurface::with_tree((*chart.mesh).clone(), Arc::clone(two.query.tree()));
+    let torn = |mesh: &TriMesh, cross: &CrossMap| match Stage::Fray.is_on() {
+        true => leaps(mesh, &cross.positions, &reference),
         false => Vec::new(),
     };
+    let leaps = torn(&one.patch.mesh, &cross);
     islands(&one.patch.mesh, &leaps, &mut bare);
     let mut lost = with_turned(&one.patch.mesh, &cross, chart, sign, lost);
     fray(&one.patch.mesh, &leaps, &mut lost);
-    let (mut example, mut surface) = (example.clone(), one.clone());
-    let mut kept_share = 1.0;
-    if let Some(less) = without(one, &lost, LOST_MIN) {
-        let left = &less.surface.patch.vertex_of;
-        cross = CrossMap {
-            locations: left.iter().map(|&v| cross.locations[v as usize]).collect(),
-            positions: left.iter().map(|&v| cross.positions[v as usize]).collect(),
-        };
-        bare = left.iter().map(|&v| bare[v as usize]).collect();
-        kept_share = less.surface.patch.mesh.total_area() / one.patch.mesh.total_area();
-        surface = less.surface.clone();
-        example = of_example(&example, less)?;
-    }
-    let spanned = span(&mut cross, &surface.patch.mesh, &bare, two.query.tree());
+    let mut left = Left { example: example.clone(), surface: one.clone(), cross, bare };
+    left.lose(&lost, LOST_MIN)?;
+    let spanned = span(&mut left.cross, &left.surface.patch.mesh, &left.bare, two.query.tree());
     if Stage::Mend.is_on() {
         let ground = InputChart { chart, index: two.query.index() };
-        turn_back(&surface.patch.mesh, &mut cross, &ground, sign, &OnceLock::new());
-        mend(&surface.patch.mesh, &mut cross, chart, sign);
+        let mesh = &left.surface.patch.mesh;
+        turn_back(mesh, &mut left.cross, &ground, sign, &OnceLock::new());
+        mend(mesh, &mut left.cross, chart, sign);
     }
+    // What frays leaves another rim, and may be torn there.
+    for _ in 0..FRAYED_MAX {
+        let mesh = &left.surface.patch.mesh;
+        let mut lost = vec![false; mesh.positions.len()];
+        fray(mesh, &torn(mesh, &left.cross), &mut lost);
+        if !lost.contains(&true) || !left.lose(&lost, 0.0)? {
+            break;
+        }
+    }
+    let Left { example, surface, cross, .. } = left;
+    let kept_share = surface.patch.mesh.total_area() / one.patch.mesh.total_area();
     let mut turned = inward(&surface.patch.mesh, &cross, chart, sign);
     let before = turned.len() as u64;
     // What is spanned is flat, and which way it looks says nothing.
@@ -115,7 +143,7 @@ pub(crate) fn rest(
     let folded = share(&surface.patch.mesh, &cross.positions, &turned);
     let sheared = corner_change(&surface.patch.mesh, &cross.positions);
     let is_posed = held.len() >= POSE_FIXED_BY;
-    let is_alike = is_posed || sureness >= OPEN_FAIR_FROM;
+    let is_alike = is_posed || is_alike(&evidence, one.patch.topology, are_wholes);
     let shares = (folded, mapped.reach.spanned, sheared);
     (mapped.verdict, mapped.reasons) = judged(&evidence, shares, (is_alike, is_posed));
     mapped.reasons.extend(missed);
@@ -275,10 +303,9 @@ fn sureness(evidence: &Evidence, of: Topology, are_wholes: bool) -> f64 {
     OPEN_FAIR_FROM + (GOOD_FROM - OPEN_FAIR_FROM) * (measured - fair) / (GOOD_FROM - fair)
 }
 
-/// Whether an example of some topology may be fair where it has settled: it is like the scan, and its quads are not sheared.
-pub(super) fn lies_alike(rested: &Rested, example: &TriMesh, of: Topology, are_wholes: bool) -> bool {
-    let positions: Vec<Vec3> = rested.places.iter().map(|place| place.point).collect();
-    sureness(&rested.evidence, of, are_wholes) >= OPEN_FAIR_FROM && corner_change(example, &positions) <= SHEARED[1]
+/// Whether an example of some topology is enough like the scan, where it lies, to be fair.
+pub(super) fn is_alike(evidence: &Evidence, of: Topology, are_wholes: bool) -> bool {
+    sureness(evidence, of, are_wholes) >= OPEN_FAIR_FROM
 }
 
 /// The verdict on a map that has settled, with a sentence for each measure that is not good. Relief falls where shapes
