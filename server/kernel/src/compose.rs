@@ -268,14 +268,21 @@ pub fn miss(input: Input<'_>, mesh: &PolyMesh) -> Option<Miss> {
     Some(Miss { mean, passed: passed as f64 / back.len().max(1) as f64 })
 }
 
-/// A mesh on an input with each of its quads split in four, its new vertices on the input, and those of its boundary on the
-/// input's. All layers are split with it.
+/// A mesh on an input with each of its faces split at its middle, its new vertices on the input, and those of its boundary on the
+/// input's, where that is near. All layers are split with it.
 pub fn split(input: Input<'_>, mesh: &PolyMesh) -> PolyMesh {
     let target = Target::new(&apart::owned(input));
     let mut fine = layers::subdivided(mesh);
     let net = Net::from_mesh(&fine);
+    // Half of each edge: a rim inside the input, as of an eye, is farther from the input's own.
+    let mut reach = vec![0.0; fine.positions.len()];
+    for face in fine.faces.iter() {
+        let (corner, middles) = (fine.positions[face[0] as usize], [face[1], face[3]]);
+        middles.iter().for_each(|&v| reach[v as usize] = (fine.positions[v as usize] - corner).norm());
+    }
     for (v, p) in fine.positions.iter_mut().enumerate().skip(mesh.positions.len()) {
-        *p = if net.on_boundary(v as u32) { target.onto_border(*p) } else { target.onto_surface(*p) };
+        let on_border = net.on_boundary(v as u32).then(|| target.onto_border(*p));
+        *p = on_border.filter(|near| (near - *p).norm() <= reach[v]).unwrap_or_else(|| target.onto_surface(*p));
     }
     fine
 }

@@ -41,6 +41,7 @@ mod transfer;
 
 pub use crate::fit::rough::RoughInput;
 pub use around::around;
+pub use as_one::split;
 pub use constraint::{Constraint, ConstraintEdit, ConstraintOrigin, Landmark, Location, NewConstraint, OnFold, Place};
 pub use cut::{Besides, Cut, Grain, Way};
 pub use error::{PipelineError, Refusal, Stop};

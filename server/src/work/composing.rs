@@ -21,7 +21,7 @@ use quadmuse_proto::composition::{DENSITY_MAX, SMOOTHING_MAX};
 use quadmuse_proto::{
     Composition, CompositionId, CompositionPart, ExampleId, MakingState, NewComposition, Product, Verdict,
 };
-use side_by_side::{as_mapped, standing, unstitched};
+use side_by_side::{as_mapped, closer, standing, unstitched};
 use sound::{Sound, stitched_sound};
 use std::sync::Arc;
 use std::time::Instant;
@@ -179,7 +179,7 @@ async fn made(
         }
         if let Some(alone) = alone.map(|map| as_mapped(&[(0, map)], None, 1)) {
             let appraisal = engine.appraise(&model, &alone, allowed)?;
-            return Ok(Sound::of(alone, appraisal));
+            return closer(&*engine, &model, Sound::of(alone, appraisal), allowed);
         }
         // One example on all segments needs no stitching: it comes back whole.
         if let Some((example, parts)) = &one

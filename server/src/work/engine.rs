@@ -515,6 +515,12 @@ pub trait Engine: Send + Sync + 'static {
     /// [`EngineError::Internal`].
     fn appraise(&self, query: &Model, made: &Stitched, allowed: Allowed) -> Result<Appraisal, EngineError>;
 
+    /// Maps that stand as they are, each of their faces split in four once more, for the time of that number.
+    ///
+    /// # Errors
+    /// [`EngineError::Internal`].
+    fn split(&self, query: &Model, made: &Stitched, splits: u32) -> Result<Stitched, EngineError>;
+
     /// A regular layout on a query's segment, in place of an example; measured where it is the only segment.
     ///
     /// # Errors

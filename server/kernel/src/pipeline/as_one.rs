@@ -4,11 +4,13 @@
 
 use super::error::{PipelineError, Stop};
 use super::grouped::Pieces;
+use super::model::Model;
 use super::notes::MISS_TOLD_PCT;
 use super::stitch::{Made, Part, Stitching, stitched};
 use super::stitched::{Standing, Stitched};
 use crate::compose::{self, Miss, surface::ComposedSurface};
 use crate::mesh::PolyMesh;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A map that misses its input by no more than this, in percent of the diagonal, stays as it is.
@@ -71,6 +73,21 @@ pub(crate) fn as_one(
         (mesh, splits) = (split(&mesh), splits + 1);
     }
     Ok(best.map(|best| best.1).or(as_it_is))
+}
+
+/// Maps that stand as they are on a query, with each of their faces split in four once more, for the time of that number.
+pub fn split(query: &Model, made: &Stitched, splits: u32) -> Stitched {
+    let mesh = Arc::new(compose::split(query.ground().input(), &made.mesh));
+    let mut first = 0;
+    let quads = |face: &[u32]| {
+        let own = first..first + face.len() as u32;
+        first = own.end;
+        own
+    };
+    let of_face: Vec<Range<u32>> = made.mesh.faces.iter().map(quads).collect();
+    let bridging = made.bridging.iter().flat_map(|&face| of_face[face as usize].clone()).collect();
+    let notes = vec![split_note(splits, mesh.faces.len())];
+    Stitched { notes, bridging, ..Stitched::as_it_is(mesh, made.standing.clone()) }
 }
 
 /// A map, or one split so many times, with its vertices moved, and how far it misses then; `None` where its faces would

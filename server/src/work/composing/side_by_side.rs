@@ -1,6 +1,7 @@
 //! Maps of several segments side by side, where stitching them breaks the mesh or loses the examples.
 
 use super::BARE_MIN;
+use super::headline::is_crumpled;
 use super::sound::{KEPT, Sound};
 use crate::work::engine::{Allowed, Engine, EngineError, Model, PolyMesh, Standing, Stitched};
 use crate::work::mapping::{LiveMap, MapState};
@@ -9,6 +10,14 @@ use std::sync::Arc;
 
 /// A segment with this share of a scan's faces is most of it.
 const MOST: f64 = 0.5;
+
+/// Maps whose faces lie no farther from the scan than this in the mean, as a share of its diagonal, follow it.
+const CLOSE: f64 = 0.0025;
+/// Split faces follow it more closely if they are no farther than this share of what they were. *Untuned.*
+const CLOSER: f64 = 0.7;
+/// Times that faces are split, and how many there may be afterwards.
+const SPLITS_MAX: u32 = 2;
+const QUADS_MAX: usize = 8_000;
 
 /// Maps that are sound and can stand side by side without being stitched, with their segments: those of segments that have their components of the
 /// scan to themselves (`alone`), where these are most of it, or all others do, too; or else that of the one segment that is most.
@@ -68,7 +77,8 @@ pub(super) fn unstitched(
         if appraisal.flaws.is_empty() {
             let mut unstitched: Vec<u32> = standing.iter().map(|(number, _)| *number as u32).collect();
             unstitched.extend(&beside);
-            return Ok(Some(Sound { unstitched, ..Sound::of(made, appraisal) }));
+            let standing = Sound { unstitched, ..Sound::of(made, appraisal) };
+            return closer(engine, model, standing, Allowed { bare: 1.0, ..allowed }).map(Some);
         }
         let is_flawed = |segment: &u32| appraisal.flawed.contains(segment);
         if beside.iter().any(is_flawed) {
@@ -86,6 +96,31 @@ pub(super) fn unstitched(
         }
     }
     Ok(None)
+}
+
+/// Maps that stand as they are, with their faces split where they are too large to follow the scan: so often as that brings them
+/// closer, and leaves them sound.
+pub(super) fn closer(
+    engine: &dyn Engine,
+    model: &Model,
+    mut best: Sound,
+    allowed: Allowed,
+) -> Result<Sound, EngineError> {
+    for splits in 1..=SPLITS_MAX {
+        let is_close = best.appraisal.away <= CLOSE || !best.appraisal.flaws.is_empty();
+        if is_close || best.made.mesh.faces.corners().len() > QUADS_MAX {
+            break;
+        }
+        let made = engine.split(model, &best.made, splits)?;
+        let appraisal = engine.appraise(model, &made, allowed)?;
+        let is_closer = appraisal.away <= CLOSER * best.appraisal.away;
+        let is_smooth = !is_crumpled(&appraisal) || is_crumpled(&best.appraisal);
+        if !appraisal.flaws.is_empty() || !is_closer || !is_smooth {
+            break;
+        }
+        best = Sound { made, appraisal, ..best };
+    }
+    Ok(best)
 }
 
 /// Maps as a composition of `count` segments, with a mesh beside them and its faces that bridge a gap.

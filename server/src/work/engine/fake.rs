@@ -354,6 +354,11 @@ impl Engine for FakeEngine {
         Ok(Appraisal { examples, covered: 1.0, turned, flaws, flawed, ..Appraisal::default() })
     }
 
+    /// Nothing is too coarse here: [`Self::appraise`] measures no distance.
+    fn split(&self, _: &Model, made: &Stitched, _: u32) -> Result<Stitched, EngineError> {
+        Ok(made.clone())
+    }
+
     /// One segment more than the map's own, where the query was cut at its waist.
     fn around(&self, query: &Model, _: u32, mapped: &Mapped) -> Result<Option<(Model, Arc<PolyMesh>)>, EngineError> {
         Ok(query.is_waist.then(|| (Model { is_waist: false, ..query.clone() }, Arc::clone(&mapped.part))))

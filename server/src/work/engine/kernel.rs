@@ -382,6 +382,10 @@ impl Engine for KernelEngine {
         Ok(pipeline::appraise(model_in(query)?, made, allowed))
     }
 
+    fn split(&self, query: &Model, made: &Stitched, splits: u32) -> Result<Stitched, EngineError> {
+        Ok(pipeline::split(model_in(query)?, made, splits))
+    }
+
     fn template(&self, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
         let made = pipeline::template(&side_in(query)?, SMOOTHING_DEFAULT, &|| stop.reason().is_some());
         let Regular { mesh, flaws } = told(made, stop)?;
