@@ -507,6 +507,27 @@ mod tests {
     }
 
     #[test]
+    fn what_is_alike_is_stretched_to_tips_and_what_is_not_stays() {
+        // A sheet of side 2 with a limb.
+        let limb = |n: u32, height: f64| {
+            let mut mesh = sheet(n, 1.0);
+            for p in &mut mesh.positions {
+                let away = (2.0 * p.x - 1.0).hypot(2.0 * p.y - 1.0) / 0.3;
+                *p = Vec3::new(2.0 * p.x, 2.0 * p.y, p.z + height * (1.0 - away.powi(2)).max(0.0).powi(2));
+            }
+            mesh
+        };
+        let (example, input) = (limb(40, 0.5), limb(90, 1.2));
+        let [stretched, left] = [true, false].map(|is_alike| {
+            let mut rests = Rests::new(&example, &input).expect("areas");
+            rests.tries(&Start { positions: example.positions.clone(), mirrored: false, apart: 0.0 }, &|| false);
+            let best = rests.settle_best(|_| is_alike, &|| false).expect("settled");
+            best.places.iter().map(|place| place.point.z).fold(0.0, f64::max)
+        });
+        assert!(stretched > 1.0 && left < 0.8, "{stretched} {left}");
+    }
+
+    #[test]
     fn tips_are_held_where_a_start_lays_them_near() {
         let (example, input) = (sheet(24, 1.0), sheet(60, 1.0));
         let tree = Bvh::new(&input);

@@ -222,3 +222,27 @@ fn a_segment_that_is_not_there_and_labels_that_ask_for_too_many_are_told() {
     is_refused(few(&labels), Refusal::LabelsInvalid);
     assert!(few(&labels[1..]).is_ok());
 }
+
+#[test]
+fn a_map_that_is_split_follows_its_input_more_closely_and_its_rims_stay_where_they_are() {
+    let window = |x: f64, y: f64| (-0.4..0.2).contains(&x) && (-0.4..0.2).contains(&y);
+    let query = model(60, Way::Whole);
+    let text = dome_without(10, window);
+    let coarse = read(text.as_bytes(), Some(Format::Obj), &Cut::default(), &Limits::default()).expect("a ring");
+    let whole = Stitched::as_it_is(Arc::clone(&coarse.mesh), vec![Standing::Example]);
+    let made = split(&query, &Stitched { bridging: vec![0, 3], ..whole.clone() }, 1);
+    assert_eq!(made.mesh.faces.len(), 4 * coarse.mesh.faces.len());
+    assert_eq!(made.bridging, [0, 1, 2, 3, 12, 13, 14, 15]);
+    assert!(made.notes[0].contains("split once"), "{:?}", made.notes);
+    let tree = Bvh::new(query.surface());
+    let own = coarse.mesh.positions.len();
+    assert!(made.mesh.positions[..own] == coarse.mesh.positions[..]);
+    assert!(made.mesh.positions[own..].iter().all(|p| tree.closest(*p).distance < 1e-9));
+    // The window's rim is not drawn to the dome's.
+    let is_at_rim = |p: &&Vec3| p.x.abs().max(p.y.abs()) > 1.0 - 1e-9;
+    let at_rim = [&coarse.mesh, &made.mesh].map(|mesh| mesh.positions.iter().filter(is_at_rim).count());
+    assert_eq!(at_rim, [40, 80]);
+    let away = |made: &Stitched| appraise(&query, made, Allowed::default()).away;
+    let [before, after] = [away(&whole), away(&Stitched { bridging: Vec::new(), ..made })];
+    assert!(before > 0.002 && after < 0.35 * before, "{before} {after}");
+}

@@ -380,6 +380,17 @@ async fn where_no_mesh_of_the_whole_is_sound_the_map_of_most_of_it_is_delivered_
 }
 
 #[tokio::test]
+async fn a_map_that_stands_as_it_is_and_is_too_coarse_for_the_scan_is_split_until_it_follows() {
+    let bench = Bench::stocked().await;
+    for (flaws, quads, note) in [("rag", 1, "the map follows the input as it is"), ("rag\ncoarse", 4, "split 1")] {
+        let path = bench.query("", &format!("segment disc 2\n{flaws}")).await;
+        bench.ended(&path).await;
+        let made = bench.post_json(&format!("{path}/compositions?wait=60"), json!({})).await.json();
+        assert_eq!((&made["quads"], &made["notes"]), (&json!(quads), &json!([note])), "{made}");
+    }
+}
+
+#[tokio::test]
 async fn ended_queries_make_room_for_a_map_the_longest_unused_first() {
     // The fake engine asks for 1,000 bytes and those of the file; an ended query keeps that.
     // One user alone may have three of four parts.

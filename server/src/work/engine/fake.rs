@@ -4,7 +4,8 @@
 //! NUMBER` (the same of a part besides the one segment, where parts are wanted; one of NaN can't be encoded),
 //! `slow MS` (every registration takes so long), `encode-slow MS`, `panic WHERE` with `WHERE` one of `read`, `encode`,
 //! `refine`, `tears` (a composition on it is broken where an example stands), `crumples` (one is crumpled there), `rag` (one
-//! is broken but for a map as it is), `wrinkles` (one is crumpled but for a map as it is), `lies VERDICT SHARE` (as an example
+//! is broken but for a map as it is), `wrinkles` (one is crumpled but for a map as it is), `coarse` (its
+//! faces leave what they lie on, by a quarter as much each time that they are split), `lies VERDICT SHARE` (as an example
 //! it lies so on that share of an input; `short`: broken, but fair where it is stitched), `large` (its segments have so
 //! many faces that several examples are tried), `side TOPOLOGY NUMBER` and `protrusion TOPOLOGY NUMBER` (its segments where it is cut
 //! at its waist, and into protrusions), and `refuse CODE`. Anything else is unreadable. The mesh is a unit square, one quad a segment.
@@ -32,12 +33,17 @@ struct Script {
     crumples: bool,
     rag: bool,
     wrinkles: bool,
+    coarse: bool,
     lies: Option<(Verdict, f64)>,
 }
 
 /// Faces of a segment: enough to be worth an example; and of one that several are tried on.
 const FACES: u64 = 100;
 const FACES_LARGE: u64 = 10_000;
+
+/// How far what is coarse leaves what it lies on, as a share of the diagonal; and the note of what was split, before the times.
+const FAR: f64 = 0.005;
+const SPLIT: &str = "split ";
 
 #[derive(Clone, Debug)]
 struct FakeEncoding {
@@ -146,6 +152,7 @@ impl Engine for FakeEngine {
                 ["crumples"] => script.crumples = true,
                 ["rag"] => script.rag = true,
                 ["wrinkles"] => script.wrinkles = true,
+                ["coarse"] => script.coarse = true,
                 ["panic", "read"] => panic!("told to panic"),
                 ["panic", place] => script.panics.push((*place).into()),
                 ["refuse", code] => {
@@ -345,18 +352,20 @@ impl Engine for FakeEngine {
         let examples: Vec<f64> = (0..count).map(share).collect();
         let is_any = made.standing.contains(&Standing::Example);
         let script = query.inner.open::<Script>()?;
-        let is_stitched = !made.notes.iter().any(|note| note == AS_MAPPED);
+        let splits = made.notes.iter().find_map(|note| note.strip_prefix(SPLIT)?.parse::<i32>().ok());
+        let is_stitched = splits.is_none() && !made.notes.iter().any(|note| note == AS_MAPPED);
+        let away = if script.coarse { FAR * 0.25f64.powi(splits.unwrap_or(0)) } else { 0.0 };
         let is_torn = script.tears && is_any || script.rag && is_stitched;
         let flaws = if is_torn { vec!["it is torn".into()] } else { Vec::new() };
         let flawed = if is_torn { (0..count as u32).collect() } else { Vec::new() };
         let is_crumpled = (script.crumples || script.wrinkles && is_stitched) && is_any;
         let turned = if is_crumpled { 0.5 } else { 0.0 };
-        Ok(Appraisal { examples, covered: 1.0, turned, flaws, flawed, ..Appraisal::default() })
+        Ok(Appraisal { examples, covered: 1.0, away, turned, flaws, flawed, ..Appraisal::default() })
     }
 
-    /// Nothing is too coarse here: [`Self::appraise`] measures no distance.
-    fn split(&self, _: &Model, made: &Stitched, _: u32) -> Result<Stitched, EngineError> {
-        Ok(made.clone())
+    fn split(&self, _: &Model, made: &Stitched, splits: u32) -> Result<Stitched, EngineError> {
+        let mesh = Arc::new(square(4 * made.mesh.faces.len()));
+        Ok(Stitched { notes: vec![format!("{SPLIT}{splits}")], ..Stitched::as_it_is(mesh, made.standing.clone()) })
     }
 
     /// One segment more than the map's own, where the query was cut at its waist.
