@@ -172,14 +172,19 @@ async fn made(
         allowed = Allowed::default();
     }
     let again = (Arc::clone(&engine), Arc::clone(&model), parts.clone(), instead.clone());
-    let laid_maps = maps.clone();
+    let (laid_maps, is_kept) = (maps.clone(), !wanted.keep.is_empty());
     let stitch = move |stop: &Stop| -> Result<Sound, EngineError> {
         if let Some(sound) = around {
             return Ok(sound);
         }
+        // What was chosen for its layout keeps its faces.
+        let split = |sound: Sound, allowed: Allowed| match is_kept {
+            true => Ok(sound),
+            false => closer(&*engine, &model, sound, allowed),
+        };
         if let Some(alone) = alone.map(|map| as_mapped(&[(0, map)], None, 1)) {
             let appraisal = engine.appraise(&model, &alone, allowed)?;
-            return closer(&*engine, &model, Sound::of(alone, appraisal), allowed);
+            return split(Sound::of(alone, appraisal), allowed);
         }
         // One example on all segments needs no stitching: it comes back whole.
         if let Some((example, parts)) = &one
@@ -197,7 +202,10 @@ async fn made(
         let beside = unstitched(&*engine, &model, standing, (&sound.made, &by_itself), allowed)?;
         let is_result = |beside: &Sound| beside.appraisal.covered >= ALONE_MIN && beside.appraisal.away <= AWAY_MAX;
         let is_smoother = |beside: &Sound| !sound.appraisal.flaws.is_empty() || !is_crumpled(&beside.appraisal);
-        Ok(beside.filter(|beside| is_result(beside) && is_smoother(beside)).unwrap_or(sound))
+        match beside.filter(|beside| is_result(beside) && is_smoother(beside)) {
+            Some(beside) => split(beside, Allowed { bare: 1.0, ..allowed }),
+            None => Ok(sound),
+        }
     };
     let mut job = job;
     let mut found: Result<Sound, WorkError> =

@@ -515,7 +515,7 @@ pub trait Engine: Send + Sync + 'static {
     /// [`EngineError::Internal`].
     fn appraise(&self, query: &Model, made: &Stitched, allowed: Allowed) -> Result<Appraisal, EngineError>;
 
-    /// Maps that stand as they are, each of their faces split in four once more, for the time of that number.
+    /// Splits the faces of maps that stand as they are. `splits`: how often that was done by then.
     ///
     /// # Errors
     /// [`EngineError::Internal`].

@@ -75,7 +75,7 @@ pub(crate) fn as_one(
     Ok(best.map(|best| best.1).or(as_it_is))
 }
 
-/// Maps that stand as they are on a query, with each of their faces split in four once more, for the time of that number.
+/// Splits the faces of maps that stand as they are on a query. `splits`: how often that was done by then.
 pub fn split(query: &Model, made: &Stitched, splits: u32) -> Stitched {
     let mesh = Arc::new(compose::split(query.ground().input(), &made.mesh));
     let mut first = 0;
@@ -85,7 +85,7 @@ pub fn split(query: &Model, made: &Stitched, splits: u32) -> Stitched {
         own
     };
     let of_face: Vec<Range<u32>> = made.mesh.faces.iter().map(quads).collect();
-    let bridging = made.bridging.iter().flat_map(|&face| of_face[face as usize].clone()).collect();
+    let bridging = made.bridging.iter().filter_map(|&face| of_face.get(face as usize)).cloned().flatten().collect();
     let notes = vec![split_note(splits, mesh.faces.len())];
     Stitched { notes, bridging, ..Stitched::as_it_is(mesh, made.standing.clone()) }
 }

@@ -387,6 +387,8 @@ async fn a_map_that_stands_as_it_is_and_is_too_coarse_for_the_scan_is_split_unti
         bench.ended(&path).await;
         let made = bench.post_json(&format!("{path}/compositions?wait=60"), json!({})).await.json();
         assert_eq!((&made["quads"], &made["notes"]), (&json!(quads), &json!([note])), "{made}");
+        let kept = bench.post_json(&format!("{path}/compositions?wait=60"), json!({"keep": [0]})).await.json();
+        assert_eq!(kept["quads"], json!(1), "{kept}");
     }
 }
 
