@@ -52,7 +52,7 @@ pub(crate) struct Asked<'a> {
 /// How often at most the rim of what is left of an example frays. *Untuned.*
 const FRAYED_MAX: usize = 4;
 
-/// What is left of an example on its way to a map.
+/// Holds what is left of an example on its way to a map.
 struct Left {
     example: Side,
     surface: Surface,
@@ -303,7 +303,7 @@ fn sureness(evidence: &Evidence, of: Topology, are_wholes: bool) -> f64 {
     OPEN_FAIR_FROM + (GOOD_FROM - OPEN_FAIR_FROM) * (measured - fair) / (GOOD_FROM - fair)
 }
 
-/// Whether an example of some topology is enough like the scan, where it lies, to be fair.
+/// Tells whether an example of some topology is enough like the scan, where it lies, to be fair.
 pub(super) fn is_alike(evidence: &Evidence, of: Topology, are_wholes: bool) -> bool {
     sureness(evidence, of, are_wholes) >= OPEN_FAIR_FROM
 }
