@@ -515,11 +515,11 @@ pub trait Engine: Send + Sync + 'static {
     /// [`EngineError::Internal`].
     fn appraise(&self, query: &Model, made: &Stitched, allowed: Allowed) -> Result<Appraisal, EngineError>;
 
-    /// Splits the faces of maps that stand as they are. `splits`: how often that was done by then.
+    /// Splits the faces of maps that stand as they are, and were split so many times before; `None` where they would be too many.
     ///
     /// # Errors
     /// [`EngineError::Internal`].
-    fn split(&self, query: &Model, made: &Stitched, splits: u32) -> Result<Stitched, EngineError>;
+    fn split(&self, query: &Model, made: &Stitched, splits: u32) -> Result<Option<Stitched>, EngineError>;
 
     /// A regular layout on a query's segment, in place of an example; measured where it is the only segment.
     ///

@@ -10,7 +10,7 @@ use super::stitch::{Made, Part, Stitching, stitched};
 use super::stitched::{Standing, Stitched};
 use crate::compose::{self, Miss, surface::ComposedSurface};
 use crate::mesh::PolyMesh;
-use std::ops::Range;
+use std::iter::repeat_n;
 use std::sync::Arc;
 
 /// A map that misses its input by no more than this, in percent of the diagonal, stays as it is.
@@ -35,7 +35,6 @@ pub(crate) fn as_one(
     how: Stitching,
     stop: Stop,
 ) -> Result<Option<Stitched>, PipelineError> {
-    let may_split = |mesh: &PolyMesh, splits: u32| splits < SPLITS_MAX && mesh.faces.corners().len() <= QUADS_MAX;
     let split = |mesh: &PolyMesh| Arc::new(compose::split(ground.input(), mesh));
     let (mut mesh, mut splits) = (Arc::clone(whole), 0);
     let others = whole.faces.iter().filter(|face| face.len() != 4).count();
@@ -75,19 +74,23 @@ pub(crate) fn as_one(
     Ok(best.map(|best| best.1).or(as_it_is))
 }
 
-/// Splits the faces of maps that stand as they are on a query. `splits`: how often that was done by then.
-pub fn split(query: &Model, made: &Stitched, splits: u32) -> Stitched {
+/// Tells whether the faces of a mesh that was split so many times may be split again.
+fn may_split(mesh: &PolyMesh, splits: u32) -> bool {
+    splits < SPLITS_MAX && mesh.faces.corners().len() <= QUADS_MAX
+}
+
+/// Splits the faces of maps that stand as they are on a query, and were split so many times before; `None` where they would be too many.
+pub fn split(query: &Model, made: &Stitched, splits: u32) -> Option<Stitched> {
+    if !may_split(&made.mesh, splits) {
+        return None;
+    }
     let mesh = Arc::new(compose::split(query.ground().input(), &made.mesh));
-    let mut first = 0;
-    let quads = |face: &[u32]| {
-        let own = first..first + face.len() as u32;
-        first = own.end;
-        own
-    };
-    let of_face: Vec<Range<u32>> = made.mesh.faces.iter().map(quads).collect();
-    let bridging = made.bridging.iter().filter_map(|&face| of_face.get(face as usize)).cloned().flatten().collect();
-    let notes = vec![split_note(splits, mesh.faces.len())];
-    Stitched { notes, bridging, ..Stitched::as_it_is(mesh, made.standing.clone()) }
+    // The quads of a face follow those of the face before it.
+    let faces = (0u32..).zip(made.mesh.faces.iter()).flat_map(|(f, face)| repeat_n(f, face.len()));
+    let bridges = |(_, f): &(u32, u32)| made.bridging.binary_search(f).is_ok();
+    let bridging = (0u32..).zip(faces).filter(bridges).map(|(quad, _)| quad).collect();
+    let notes = vec![split_note(splits + 1, mesh.faces.len())];
+    Some(Stitched { notes, bridging, ..Stitched::as_it_is(mesh, made.standing.clone()) })
 }
 
 /// A map, or one split so many times, with its vertices moved, and how far it misses then; `None` where its faces would

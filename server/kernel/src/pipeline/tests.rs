@@ -230,7 +230,9 @@ fn a_map_that_is_split_follows_its_input_more_closely_and_its_rims_stay_where_th
     let text = dome_without(10, window);
     let coarse = read(text.as_bytes(), Some(Format::Obj), &Cut::default(), &Limits::default()).expect("a ring");
     let whole = Stitched::as_it_is(Arc::clone(&coarse.mesh), vec![Standing::Example]);
-    let made = split(&query, &Stitched { bridging: vec![0, 3], ..whole.clone() }, 1);
+    let whole_bridging = Stitched { bridging: vec![0, 3], ..whole.clone() };
+    let made = split(&query, &whole_bridging, 0).expect("few faces");
+    assert!(split(&query, &made, 2).is_none(), "twice is enough");
     assert_eq!(made.mesh.faces.len(), 4 * coarse.mesh.faces.len());
     assert_eq!(made.bridging, [0, 1, 2, 3, 12, 13, 14, 15]);
     assert!(made.notes[0].contains("split once"), "{:?}", made.notes);

@@ -15,9 +15,6 @@ const MOST: f64 = 0.5;
 const CLOSE: f64 = 0.0025;
 /// Split faces follow it more closely if they are no farther than this share of what they were. *Untuned.*
 const CLOSER: f64 = 0.7;
-/// Times that faces are split, and how many there may be afterwards.
-const SPLITS_MAX: u32 = 2;
-const QUADS_MAX: usize = 8_000;
 
 /// Maps that are sound and can stand side by side without being stitched, with their segments: those of segments that have their components of the
 /// scan to themselves (`alone`), where these are most of it, or all others do, too; or else that of the one segment that is most.
@@ -105,12 +102,11 @@ pub(super) fn closer(
     mut best: Sound,
     allowed: Allowed,
 ) -> Result<Sound, EngineError> {
-    for splits in 1..=SPLITS_MAX {
-        let is_close = best.appraisal.away <= CLOSE || !best.appraisal.flaws.is_empty();
-        if is_close || best.made.mesh.faces.corners().len() > QUADS_MAX {
+    for splits in 0.. {
+        if best.appraisal.away <= CLOSE || !best.appraisal.flaws.is_empty() {
             break;
         }
-        let made = engine.split(model, &best.made, splits)?;
+        let Some(made) = engine.split(model, &best.made, splits)? else { break };
         let appraisal = engine.appraise(model, &made, allowed)?;
         let is_closer = appraisal.away <= CLOSER * best.appraisal.away;
         let is_smooth = !is_crumpled(&appraisal) || is_crumpled(&best.appraisal);

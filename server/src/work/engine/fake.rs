@@ -363,9 +363,10 @@ impl Engine for FakeEngine {
         Ok(Appraisal { examples, covered: 1.0, away, turned, flaws, flawed, ..Appraisal::default() })
     }
 
-    fn split(&self, _: &Model, made: &Stitched, splits: u32) -> Result<Stitched, EngineError> {
+    fn split(&self, _: &Model, made: &Stitched, splits: u32) -> Result<Option<Stitched>, EngineError> {
         let mesh = Arc::new(square(4 * made.mesh.faces.len()));
-        Ok(Stitched { notes: vec![format!("{SPLIT}{splits}")], ..Stitched::as_it_is(mesh, made.standing.clone()) })
+        let notes = vec![format!("{SPLIT}{}", splits + 1)];
+        Ok(Some(Stitched { notes, ..Stitched::as_it_is(mesh, made.standing.clone()) }))
     }
 
     /// One segment more than the map's own, where the query was cut at its waist.

@@ -382,7 +382,7 @@ impl Engine for KernelEngine {
         Ok(pipeline::appraise(model_in(query)?, made, allowed))
     }
 
-    fn split(&self, query: &Model, made: &Stitched, splits: u32) -> Result<Stitched, EngineError> {
+    fn split(&self, query: &Model, made: &Stitched, splits: u32) -> Result<Option<Stitched>, EngineError> {
         Ok(pipeline::split(model_in(query)?, made, splits))
     }
 
