@@ -2,9 +2,10 @@
 //!
 //! What the example leaves of the input is an annulus about its rim, or, on a closed input, a disc. It is unfolded; each
 //! vertex of the rim gets a line of constant u, and rows follow at levels of v. So the rim's loops go on outward without an
-//! extraordinary vertex. On a disc the last row is filled by a grid, whose four corners are the only ones. *Ours, not the
-//! paper's.*
+//! extraordinary vertex. On a disc the last row is filled by a grid, whose four corners are the only ones. Where the disc has a
+//! flat end ([`flat`](super::flat)), a row runs along its edge. *Ours, not the paper's.*
 
+use super::flat::flat_end;
 use crate::encode::index::PlanarIndex;
 use crate::mesh::tri::{TriMesh, nearest_share};
 use crate::mesh::{PolyMesh, Vec3};
@@ -23,6 +24,13 @@ const ROWS_SHARE: f64 = 0.8;
 /// and come first; labels are continued by the last face's. `None` where the rest is neither annulus nor disc, or does
 /// not border on the mesh's only rim.
 pub fn continued(mesh: &PolyMesh, rest: &Patch) -> Option<PolyMesh> {
+    let ends = if rest.topology == Topology::Disc { flat_end(&rest.mesh) } else { None };
+    let by_ends = ends.and_then(|[around, end]| continued_evenly(&continued_evenly(mesh, &around)?, &end));
+    by_ends.or_else(|| continued_evenly(mesh, rest))
+}
+
+/// The same without regard to what is flat.
+fn continued_evenly(mesh: &PolyMesh, rest: &Patch) -> Option<PolyMesh> {
     let rim = only_rim(mesh)?;
     let query = Query::new(rest, &UnfoldOptions::default()).ok()?;
     let chart = &query.chart;
@@ -343,6 +351,49 @@ mod tests {
             p.x.min(1.0 - p.x).min(p.y).min(1.0 - p.y)
         };
         assert!(open.iter().all(|(a, _)| end(*a) < 1e-6), "the last row lies where the sheet ends");
+    }
+
+    #[test]
+    fn a_row_runs_along_the_edge_of_a_flat_end() {
+        // A bowl whose wall leans, so that its bottom's edge is nearer to the rim on one side than on the other.
+        let mut cup = super::super::flat::tests::bowl(48, |far| 4.0 * (far - 0.5).max(0.0));
+        cup.positions.iter_mut().for_each(|p| p.z *= 1.0 + 0.5 * p.x);
+        let field: Vec<f64> = cup.positions.iter().map(|p| p.z - 1.5).collect();
+        let parts = segment_above(&cup, &field).expect("a cut").parts;
+        let rest = parts.last().expect("what lies below");
+        assert_eq!(rest.topology, Topology::Disc);
+        // The wall's own strip of quads.
+        let n = 32;
+        let at = |k: u32, up: f64| {
+            let angle = std::f64::consts::TAU * f64::from(k) / f64::from(n);
+            let on = |far: f64| Vec3::new(far * angle.cos(), far * angle.sin(), 0.0);
+            let tall = |far: f64| 4.0 * (far - 0.5) * (1.0 + 0.5 * on(far).x) - up;
+            // Where the wall is as high as is wanted.
+            let (mut low, mut high) = (0.5, 1.5);
+            (0..60).for_each(|_| {
+                let middle = 0.5 * (low + high);
+                if tall(middle) < 0.0 { low = middle } else { high = middle }
+            });
+            on(low) + Vec3::new(0.0, 0.0, up)
+        };
+        let positions = [1.5, 1.8].iter().flat_map(|&up| (0..n).map(move |k| at(k, up))).collect();
+        let mut faces = Polygons::default();
+        (0..n).for_each(|k| faces.push(&[k, (k + 1) % n, n + (k + 1) % n, n + k]));
+        // The upper rim is closed by one face.
+        faces.push(&(n..2 * n).collect::<Vec<_>>());
+        let strip = PolyMesh { positions, faces, ..PolyMesh::default() };
+        let grown = continued(&strip, rest).expect("a disc");
+        let straddles = |mesh: &PolyMesh| {
+            let rows = mesh.faces.iter().skip(strip.faces.len());
+            let is_low = |v: &u32| mesh.positions[*v as usize].z < 1e-6;
+            rows.filter(|face| face.iter().any(is_low) && !face.iter().all(is_low))
+                .filter(|face| {
+                    face.iter().filter(|v| is_low(v)).any(|&v| mesh.positions[v as usize].xy().norm() < 0.46)
+                })
+                .count()
+        };
+        assert_eq!(straddles(&grown), 0);
+        assert!(straddles(&continued_evenly(&strip, rest).expect("a disc")) > 0, "rows cross the edge else");
     }
 
     #[test]
