@@ -9,7 +9,7 @@ use super::constraint::{ConstraintEdit, Landmark, NewConstraint, OnFold};
 use super::error::{PipelineError, Refusal, Stop, internal, stopped};
 use super::mapped::{Fitted, Lead, Verdict, Wishes};
 use super::registered::{self, Registered};
-use super::rested::{Asked, is_alike, rest};
+use super::rested::{Asked, ToldBy, is_alike, rest};
 use super::side::{Encoded, Facts, Side};
 use crate::encode::index::Location;
 use crate::fit::rest::{Rested, Rests, Start};
@@ -269,7 +269,8 @@ fn settled(
     stopped(stop)?;
     let topologies = [one.patch.topology, two.patch.topology];
     let are_wholes = on.are_wholes(query.segment, topologies);
-    let best = rests.settle_best(|evidence| is_alike(evidence, topologies[0], are_wholes), stop);
+    let told_by = ToldBy::of(one, are_wholes);
+    let best = rests.settle_best(|evidence| is_alike(evidence, told_by), stop);
     stopped(stop)?;
     let Some(rested) = best else { return Ok(None) };
     let ahead = |of: &Start| rests.relief(of).map_or(f64::INFINITY, |relief| rested.evidence.relief - relief);
