@@ -64,6 +64,7 @@ impl Closest {
 /// The boxes of a node's children, by axis, and which these are: [`NONE`], or a node, or, with the bit [`TRIANGLE`], a
 /// triangle in the order of the leaves.
 #[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
 struct Node {
     low: [[f32; WIDTH]; 3],
     high: [[f32; WIDTH]; 3],
@@ -105,15 +106,12 @@ impl Bvh {
             return best;
         }
         let (above, below) = (round_up(point, self.middle), round_down(point, self.middle));
-        let mut best_squared = f64::INFINITY;
-        let mut stack = [(0u32, 0.0f64); STACK_SIZE];
-        let mut height = 1;
-        while height > 0 {
-            height -= 1;
-            let (child, bound) = stack[height];
-            if bound > best_squared {
-                continue;
-            }
+        // The bar is the best in single precision, rounded up.
+        let (mut best_squared, mut bar) = (f64::INFINITY, f32::MAX);
+        let mut todo = [(0u32, 0.0f32); STACK_SIZE];
+        let mut height = 0;
+        let mut child = 0u32;
+        loop {
             if child & TRIANGLE != 0 {
                 let at = (child & !TRIANGLE) as usize;
                 let (corners, triangle) = (&self.corners[at], self.triangle_of[at]);
@@ -121,31 +119,43 @@ impl Bvh {
                 let on = combine(corners, barycentric);
                 let squared = (on - point).norm_squared();
                 if squared < best_squared || (squared == best_squared && triangle < best.triangle) {
-                    best_squared = squared;
+                    (best_squared, bar) = (squared, single_above(squared));
                     best = Closest { triangle, barycentric, point: on, distance: 0.0 };
                 }
-                continue;
-            }
-            let node = &self.nodes[child as usize];
-            let bounds = node.bounds(&above, &below);
-            // The nearest goes on top.
-            let from = height;
-            for (&child, bound) in node.children.iter().zip(bounds) {
-                let bound = self.bound(child, bound, &point);
-                if child == NONE || bound > best_squared {
+            } else {
+                let node = &self.nodes[child as usize];
+                let mut bounds = node.bounds(&above, &below);
+                if !self.turned.is_empty() {
+                    self.raise(&mut bounds, node, &point);
+                }
+                let mut nearest = 0;
+                for slot in 1..WIDTH {
+                    nearest = if bounds[slot] < bounds[nearest] { slot } else { nearest };
+                }
+                // The nearest is next. The others are put off in no order, since most are dropped unseen, and without a branch that
+                // the processor would have to guess.
+                for slot in 0..WIDTH {
+                    todo[height % STACK_SIZE] = (node.children[slot], bounds[slot]);
+                    let is_worth_it = (bounds[slot] <= bar) & (node.children[slot] != NONE) & (slot != nearest);
+                    height += usize::from(is_worth_it);
+                }
+                if bounds[nearest] <= bar {
+                    child = node.children[nearest];
                     continue;
                 }
-                let mut at = height;
-                while at > from && stack[at - 1].1 < bound {
-                    stack[at] = stack[at - 1];
-                    at -= 1;
-                }
-                stack[at] = (child, bound);
-                height += 1;
             }
+            child = loop {
+                if height == 0 {
+                    best.distance = best_squared.sqrt();
+                    return best;
+                }
+                height -= 1;
+                let (other, bound) = todo[height % STACK_SIZE];
+                if bound <= bar {
+                    break other;
+                }
+            };
         }
-        best.distance = best_squared.sqrt();
-        best
     }
 
     /// The closest points of the mesh for many points, half of them on a second thread.
@@ -153,11 +163,12 @@ impl Bvh {
         many_in_halves(points, |&p| self.closest(p))
     }
 
-    /// A lower bound of the squared distance from a point to a child, given that to its box along the axes.
-    #[inline]
-    fn bound(&self, child: u32, along_axes: f32, point: &Vec3) -> f64 {
-        let along_axes = f64::from(along_axes);
-        self.turned.get(child as usize).map_or(along_axes, |turned| along_axes.max(turned.distance_squared(point)))
+    /// Raises lower bounds of the squared distances from a point to a node's children by their turned boxes.
+    fn raise(&self, bounds: &mut [f32; WIDTH], node: &Node, point: &Vec3) {
+        for (bound, &child) in bounds.iter_mut().zip(&node.children) {
+            let turned = self.turned.get(child as usize);
+            *bound = turned.map_or(*bound, |turned| bound.max(single_below(turned.distance_squared(point))));
+        }
     }
 }
 
@@ -299,7 +310,7 @@ impl Node {
                 *sum += outside * outside;
             }
         }
-        sums.map(|sum| if sum < f32::MAX { sum * (1.0 - ROOM) - LEAST } else { f32::MAX * (1.0 - ROOM) })
+        sums.map(|sum| (if sum < f32::MAX { sum } else { f32::MAX }) * (1.0 - ROOM) - LEAST)
     }
 
     /// The box of all children.
@@ -316,18 +327,30 @@ fn middle(points: impl Iterator<Item = Vec3>) -> Vec3 {
     if middle.iter().all(|x| x.is_finite()) { middle } else { Vec3::zeros() }
 }
 
-/// A number of single precision that is no larger than v − `middle` in each coordinate. Differences are rounded, too.
+/// A vector of single precision that is no larger than v − `middle` in each coordinate. Differences are rounded, too.
 fn round_down(v: Vec3, middle: Vec3) -> [f32; 3] {
     let d = v - middle;
-    [d.x, d.y, d.z]
-        .map(f64::next_down)
-        .map(|x| if f64::from(x as f32) <= x { x as f32 } else { (x as f32).next_down() })
+    [d.x, d.y, d.z].map(|x| single_below(x.next_down()))
 }
 
-/// One that is no smaller.
+/// The number of single precision next to one, or above it.
+#[inline]
+fn single_above(x: f64) -> f32 {
+    let single = x as f32;
+    if f64::from(single) >= x { single } else { single.next_up() }
+}
+
+/// The same, or below it.
+#[inline]
+fn single_below(x: f64) -> f32 {
+    let single = x as f32;
+    if f64::from(single) <= x { single } else { single.next_down() }
+}
+
+/// A vector of single precision that is no smaller than v − `middle` in each coordinate.
 fn round_up(v: Vec3, middle: Vec3) -> [f32; 3] {
     let d = v - middle;
-    [d.x, d.y, d.z].map(f64::next_up).map(|x| if f64::from(x as f32) >= x { x as f32 } else { (x as f32).next_up() })
+    [d.x, d.y, d.z].map(|x| single_above(x.next_up()))
 }
 
 #[inline]
