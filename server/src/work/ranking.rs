@@ -233,6 +233,11 @@ pub fn resume(candidates: &mut Vec<Candidate>, resumed: Candidate, top: usize) {
 const WORTH_FROM: f64 = 0.05;
 /// From this agreement on a rough fit is sure, on however little of the query.
 pub const SURE_FROM: f64 = 0.25;
+/// Tells whether an example lies so well when it is laid roughly that it is worth a map that nobody asked for.
+pub fn is_worth_a_map(rough: &Rough) -> bool {
+    rough.worth() >= WORTH_FROM || rough.agreement >= SURE_FROM
+}
+
 /// A segment that gets one try, as a small part of a scan does, is laid with an example whose rough fit agrees by so much: of 45
 /// maps of those that agreed less two were not poor, and both were wrong (tests/records/parts-2026-11-27.md).
 const ONE_TRY_FROM: f64 = 0.2;
@@ -249,7 +254,7 @@ pub fn turns(candidates: &[Candidate], tries: usize) -> Vec<(ExampleId, u32)> {
     if candidates.iter().any(|c| c.rough.is_some()) {
         let is_enough = |rough: &Rough| match tries {
             0 | 1 => rough.agreement >= ONE_TRY_FROM,
-            _ => rough.worth() >= WORTH_FROM || rough.agreement >= SURE_FROM,
+            _ => is_worth_a_map(rough),
         };
         let fits = |c: &&Candidate| c.rough.as_ref().is_some_and(|rough| c.lead.is_some() || is_enough(rough));
         let mut chosen: Vec<&Candidate> = own.iter().copied().filter(fits).take(tries).collect();

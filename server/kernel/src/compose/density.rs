@@ -18,8 +18,6 @@ use std::collections::BTreeMap;
 
 /// Edges of a regular layout lie within this factor of those of a whole of [`REGULAR_QUADS`].
 const EDGE_RANGE: [f64; 2] = [1.0, 1.3];
-/// Most quads that a part is subdivided to.
-const PART_QUADS_MAX: usize = 12_000;
 /// Times that a part is subdivided for its density.
 const TIMES_MAX: usize = 2;
 /// Share of its miss that may be left for subdividing a part to help.
@@ -49,10 +47,7 @@ struct RefinedPart {
 }
 
 fn may_refine(site: &Site<'_>) -> bool {
-    site.stands == Use::Part
-        && !site.is_kept()
-        && site.times < TIMES_MAX
-        && 4 * site.net.faces().count() <= PART_QUADS_MAX
+    site.stands == Use::Part && !site.is_kept() && site.times < TIMES_MAX && !site.has_most_quads()
 }
 
 impl Stitching<'_> {

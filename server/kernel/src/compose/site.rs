@@ -23,6 +23,8 @@ use crate::unfold::{Chart, UnfoldOptions, unfold};
 use std::borrow::Cow;
 use std::sync::OnceLock;
 
+/// Most quads that a part is subdivided to.
+const PART_QUADS_MAX: usize = 12_000;
 /// Times an example, and the segment's own mesh, may be subdivided to fit.
 const SUBDIVISIONS_MAX: usize = 2;
 /// Times a regular layout may become finer, by how much each time, and edges on an arc more.
@@ -163,13 +165,19 @@ impl<'a> Site<'a> {
         (self.may_be_finer() && !self.is_kept()).then(|| Finer { quads: self.quads_more(), less })
     }
 
-    /// Whether it may be made finer to fit its neighbours.
+    /// Whether it may be made finer to fit its neighbours. An example that is to keep its density rather leaves scraps of the input
+    /// beside it to their own triangles than come to have very many faces.
     pub fn may_be_finer(&self) -> bool {
         let times_max = match self.stands {
             Use::Part | Use::Own => SUBDIVISIONS_MAX,
             Use::Regular => FINER_MAX,
         };
-        self.times < times_max
+        self.times < times_max && !(self.is_kept() && self.has_most_quads())
+    }
+
+    /// Whether a part would have too many quads if it was subdivided.
+    pub fn has_most_quads(&self) -> bool {
+        4 * self.net.faces().count() > PART_QUADS_MAX
     }
 
     /// Quads more that it has when it is made finer, about.

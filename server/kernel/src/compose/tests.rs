@@ -314,6 +314,20 @@ fn a_coarse_part_is_subdivided_to_follow_the_surface_unless_its_layout_was_chose
 }
 
 #[test]
+fn an_example_of_many_faces_that_is_to_keep_its_density_does_not_become_finer_to_fit_a_scrap() {
+    let mesh = sphere(4);
+    let input = Input { surface: &mesh, owner: &vec![0; mesh.triangles.len()], count: 1 };
+    for (n, is_small) in [(20, true), (60, false)] {
+        let sheet = grid(n, n, false, false);
+        let faces = sheet.triangles.iter().map(<[u32; 3]>::as_slice).collect();
+        let part = PolyMesh { positions: sheet.positions.clone(), faces, ..PolyMesh::default() };
+        let site = |piece| site::Site::new(input, 0, piece, Net::from_mesh(&part), 0.1);
+        assert_eq!(site(Piece::Kept(&part)).may_be_finer(), is_small);
+        assert!(site(Piece::Mapped(&part)).may_be_finer());
+    }
+}
+
+#[test]
 fn a_mesh_of_slivers_that_has_no_layout_is_cut_into_quads_as_it_is() {
     let mut mesh = grid(92, 92, false, false);
     mesh.positions.iter_mut().for_each(|p| p.y *= 1e-8);

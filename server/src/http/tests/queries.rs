@@ -210,3 +210,17 @@ async fn what_is_removed_by_many_at_once_is_removed_by_one_and_nothing_fails() {
         assert!([201, 404, 409].contains(&status), "{status}: {}", answer.text());
     }
 }
+
+#[tokio::test]
+async fn where_the_surfaces_do_not_bear_the_first_pictures_out_all_others_are_laid_too() {
+    for (first, best) in [("-0.2", "third"), ("0.5", "first")] {
+        let bench = Bench::new();
+        for (name, number, agrees) in [("first", "2.1", first), ("second", "1.85", "-0.2"), ("third", "2.2", "0.6")] {
+            bench.add(name, &format!("segment disc {number}\nagrees {agrees}")).await;
+        }
+        let path = bench.query("", "segment disc 2\nlarge\nagrees 0").await;
+        bench.ended(&path).await;
+        let ranking = bench.get(&format!("{path}/ranking")).await.json();
+        assert_eq!(names(&ranking)[0], best, "{ranking}");
+    }
+}

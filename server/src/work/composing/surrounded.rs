@@ -3,7 +3,7 @@
 //! The scan is cut along the map's rim. What is left is ranked as a query of several segments is, and takes the examples that
 //! fit, and regular layouts elsewhere.
 
-use super::headline::BroughtMap;
+use super::headline::{BroughtMap, is_crumpled};
 use super::{Sound, laid, stitched_sound};
 use crate::pool::{Job, Lane, Stop, StopReason};
 use crate::work::engine::{Allowed, Encoded, Engine, EngineError, Model, Part, Stitching};
@@ -92,7 +92,7 @@ impl Surrounded {
         self.laid.push(Some(BroughtMap { reasons: Vec::new(), ..laid(&newest) }));
     }
 
-    /// Stitches all of it; `None` where that is not sound, or the map has no part in it.
+    /// Stitches all of it; `None` where that is not sound, or crumpled, or the map has no part in it.
     pub(super) fn stitched(
         self,
         engine: &dyn Engine,
@@ -103,7 +103,7 @@ impl Surrounded {
         let Sound { mut made, appraisal, .. } =
             stitched_sound(engine, &self.cut, (self.parts, &self.instead), (how, allowed), stop)?;
         tracing::debug!(flaws = ?appraisal.flaws, standing = ?made.standing, notes = ?made.notes, "what lies around a map");
-        let stands = made.is_example(0) && appraisal.flaws.is_empty();
+        let stands = made.is_example(0) && appraisal.flaws.is_empty() && !is_crumpled(&appraisal);
         // Segments of the cut are none of the query's, which notes could name.
         made.notes.retain(|note| !note.contains("segment"));
         let used = self.names.into_iter().enumerate().filter(|(segment, _)| made.is_example(*segment));

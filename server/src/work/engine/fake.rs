@@ -7,7 +7,9 @@
 //! is broken but for a map as it is), `wrinkles` (one is crumpled but for a map as it is), `coarse` (its
 //! faces leave what they lie on, by a quarter as much each time that they are split), `lies VERDICT SHARE` (as an example
 //! it lies so on that share of an input; `short`: broken, but fair where it is stitched), `large` (its segments have so
-//! many faces that several examples are tried), `side TOPOLOGY NUMBER` and `protrusion TOPOLOGY NUMBER` (its segments where it is cut
+//! many faces that several examples are tried), `rest TOPOLOGY NUMBER` (what lies around a map
+//! on its one segment), `agrees SHARE` (it can be laid roughly on what has this directive, too, and agrees by so
+//! much there), `side TOPOLOGY NUMBER` and `protrusion TOPOLOGY NUMBER` (its segments where it is cut
 //! at its waist, and into protrusions), and `refuse CODE`. Anything else is unreadable. The mesh is a unit square, one quad a segment.
 
 use super::*;
@@ -35,6 +37,8 @@ struct Script {
     wrinkles: bool,
     coarse: bool,
     lies: Option<(Verdict, f64)>,
+    agrees: Option<f64>,
+    rest: Option<ModelSegment>,
 }
 
 /// Faces of a segment: enough to be worth an example; and of one that several are tried on.
@@ -139,6 +143,12 @@ impl Engine for FakeEngine {
                     };
                     script.lies = Some((verdict, number(share)?));
                 }
+                ["rest", topology, value] => {
+                    script.numbers.push(number(value)?);
+                    let topology = topology.parse().map_err(|_| unreadable(at + 1, line))?;
+                    script.rest = Some(ModelSegment { topology, faces, form: faces, holes: 0, share: 1.0 });
+                }
+                ["agrees", share] => script.agrees = Some(number(share)?),
                 ["part", topology, value] if cut.besides != Besides::Nothing => {
                     script.numbers.push(number(value)?);
                     let topology = topology.parse().map_err(|_| unreadable(at + 1, line))?;
@@ -369,9 +379,32 @@ impl Engine for FakeEngine {
         Ok(Some(Stitched { notes, ..Stitched::as_it_is(mesh, made.standing.clone()) }))
     }
 
-    /// One segment more than the map's own, where the query was cut at its waist.
+    fn posed(&self, model: &Model, segment: u32) -> Result<Option<Opaque>, EngineError> {
+        self.ready_for_rough(model, segment)
+    }
+
+    fn ready_for_rough(&self, query: &Model, _: u32) -> Result<Option<Opaque>, EngineError> {
+        Ok(query.inner.open::<Script>()?.agrees.map(|_| Opaque::new(())))
+    }
+
+    fn rough(
+        &self,
+        example: (&Model, u32),
+        _: (&Model, u32, &Opaque),
+        _: Option<[&Encoding; 2]>,
+        _: Option<&RoughLead>,
+        _: &Stop,
+    ) -> Result<Option<Rough>, EngineError> {
+        let agrees = example.0.inner.open::<Script>()?.agrees;
+        Ok(agrees.map(|agreement| Rough { agreement, covered: 1.0, ..Rough::default() }))
+    }
+
+    /// One segment more than the map's own, where the query was cut at its waist, or is told to have a rest.
     fn around(&self, query: &Model, _: u32, mapped: &Mapped) -> Result<Option<(Model, Arc<PolyMesh>)>, EngineError> {
-        Ok(query.is_waist.then(|| (Model { is_waist: false, ..query.clone() }, Arc::clone(&mapped.part))))
+        let mut cut = Model { is_waist: false, ..query.clone() };
+        let rest = query.inner.open::<Script>()?.rest;
+        cut.segments.extend(rest);
+        Ok((query.is_waist || rest.is_some()).then(|| (cut, Arc::clone(&mapped.part))))
     }
 
     fn template(&self, query: &Side, _: &Stop) -> Result<Mapped, EngineError> {

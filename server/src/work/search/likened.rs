@@ -11,7 +11,7 @@ use crate::work::WorkError;
 use crate::work::engine::{Model, Opaque, Rough, RoughLead, Stage};
 use crate::work::ingest;
 use crate::work::query::ms_since;
-use crate::work::ranking::{Candidate, SURE_FROM, by_fit, by_likeness};
+use crate::work::ranking::{Candidate, SURE_FROM, by_fit, by_likeness, is_worth_a_map};
 use crate::work::worth::{FACES_CHOSEN_MIN, choices, is_small_part};
 use futures_util::{StreamExt, stream};
 use quadmuse_kernel::settle::Likeness;
@@ -61,8 +61,13 @@ impl SegmentSearch<'_> {
             return Ok(());
         }
         let newest = self.live.board().rankings.get(self.segment).cloned().unwrap_or_default();
-        if is_small_part(&self.live.model.segments, self.segment) || !self.is_open(&newest.candidates) {
-            return self.lay_first(newest.candidates.clone(), start).await;
+        let segments = &self.live.model.segments;
+        if is_small_part(segments, self.segment) || !self.is_open(&newest.candidates) {
+            let agrees = self.lay_first(newest.candidates.clone(), start).await?;
+            // Of a part there are others. A scan in one piece has this chance alone.
+            if agrees || segments.len() > 1 {
+                return Ok(());
+            }
         }
         let (engine, model, segment) =
             (Arc::clone(&self.work.engine), Arc::clone(&self.live.model), self.segment as u32);
@@ -80,24 +85,27 @@ impl SegmentSearch<'_> {
     }
 
     /// Lays the first few roughly, unless the first picture is sure: of a small part of a scan it tells nearly nothing
-    /// (tests/records/parts-2026-11-27.md), and of a larger one less than a rough fit, which costs a tenth of a map.
-    async fn lay_first(&self, mut candidates: Vec<Candidate>, start: Instant) -> Result<(), WorkError> {
+    /// (tests/records/parts-2026-11-27.md), and of a larger one less than a rough fit, which costs a tenth of a map. Tells whether the
+    /// surfaces bear the pictures out: false where all of those lie elsewhere than they should.
+    async fn lay_first(&self, mut candidates: Vec<Candidate>, start: Instant) -> Result<bool, WorkError> {
         let (own, first) = (self.live.model.segments.get(self.segment), candidates.first());
         let is_worth_it = own.is_some_and(|own| own.form >= FACES_CHOSEN_MIN && own.topology.has_caps());
         if !is_worth_it || first.is_none_or(|first| first.score <= SURE) {
-            return Ok(());
+            return Ok(true);
         }
         // A disc or a closed surface is ranked against such alone.
         let is_finished = |&at: &usize| candidates[at].state == EntryState::Done;
         let chosen: Vec<usize> = (0..candidates.len()).filter(is_finished).take(ROUGH_OF_FIRST).collect();
-        let Some(ready) = self.ready_for_rough().await? else { return Ok(()) };
+        let Some(ready) = self.ready_for_rough().await? else { return Ok(true) };
         let fits = self.all_rough(&candidates, (&chosen, &ready), None).await?;
         // Of what has no relief, as an eye, none can be laid roughly.
         if fits.first().is_none_or(Option::is_none) {
-            return Ok(());
+            return Ok(true);
         }
+        let agrees = fits.iter().flatten().any(is_worth_a_map);
         chosen.iter().zip(fits).for_each(|(&at, fit)| candidates[at].rough = fit);
-        self.published(by_fit(candidates), start).await
+        self.published(by_fit(candidates), start).await?;
+        Ok(agrees)
     }
 
     /// The query, made ready for all that are laid on it roughly.
@@ -192,7 +200,8 @@ impl SegmentSearch<'_> {
         let found = self.work.pool.run(&self.live.job, Lane::Fine, quantum).await??;
         if let Some(Rough { agreement, covered, off, .. }) = &found {
             let example = &candidate.resident.example.name;
-            tracing::debug!(query = %self.live.id, %example, segment, agreement, covered, off, is_led, "laid roughly");
+            let on = self.segment;
+            tracing::debug!(query = %self.live.id, on, %example, segment, agreement, covered, off, is_led, "laid roughly");
         }
         Ok(found)
     }
