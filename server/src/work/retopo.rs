@@ -116,6 +116,12 @@ impl Retopology {
         self.notes.lock().unwrap_or_else(PoisonError::into_inner).push(note.into());
     }
 
+    /// Logs what a way of cutting the scan came to.
+    fn log(&self, cut: &'static str, live: &LiveQuery, made: Option<&Outcome>) {
+        let share = made.map_or(0.0, Outcome::share);
+        tracing::debug!(query = %live.id, cut, share, "tried");
+    }
+
     async fn made(&self) -> Result<Outcome, WorkError> {
         (self.tell)("waiting for the ranking", 0.0);
         let live = Arc::clone(&self.live);
@@ -162,6 +168,7 @@ impl Retopology {
             None => None,
         };
         let is_enough = whole.as_ref().is_some_and(Outcome::is_most);
+        self.log("whole", live, whole.as_ref());
         // What is worth one try alone has too few faces to be cut.
         let parts = match !is_enough && tries > 1 && self.may_be_cut(live).await? {
             true => self.in_parts(live).await?,
@@ -249,6 +256,7 @@ impl Retopology {
     /// parts.
     async fn in_parts(&self, whole: &Arc<LiveQuery>) -> Result<Option<Outcome>, WorkError> {
         let figure = self.at_waist(whole).await;
+        self.log("waist", whole, figure.as_ref().ok().and_then(Option::as_ref).map(|figure| &figure.made));
         let figure = match self.tried(figure)? {
             Some(Figure { made, is_enough: true }) => return Ok(Some(made)),
             figure => figure.map(|figure| figure.made),
@@ -256,6 +264,7 @@ impl Retopology {
         self.note("cutting the mesh into parts");
         (self.tell)("cutting the mesh into parts", PARTED);
         let parts = self.in_protrusions(whole).await;
+        self.log("protrusions", whole, parts.as_ref().ok().and_then(Option::as_ref));
         Ok(match (self.tried(parts)?, figure) {
             (Some(parts), Some(figure)) => Some(parts.or_better(figure)),
             (one, other) => one.or(other),
