@@ -5,6 +5,7 @@
 
 use crate::mesh::Vec3;
 use crate::mesh::tri::{NONE, TriMesh};
+use crate::numerics::stop;
 use crate::segment::segment_labels;
 use crate::topology::{Components, Patch, Topology, primitive};
 
@@ -61,6 +62,7 @@ struct Plain<'a> {
 impl<'a> Plain<'a> {
     fn new(mesh: &'a TriMesh) -> Self {
         let all = 0..mesh.triangles.len();
+        stop::pass(all.len());
         let middle = |t: usize| mesh.triangles[t].iter().map(|&v| mesh.positions[v as usize]).sum::<Vec3>() / 3.0;
         let areas: Vec<f64> = all.clone().map(|t| mesh.area(t)).collect();
         let normals = all.clone().map(|t| mesh.area_vector(t).try_normalize(0.0).unwrap_or_default()).collect();
@@ -105,6 +107,7 @@ impl<'a> Plain<'a> {
         is_in[seed] = true;
         let mut todo = vec![seed];
         while let Some(t) = todo.pop() {
+            stop::pass(1);
             for h in 3 * t as u32..3 * t as u32 + 3 {
                 let twin = self.mesh.twin(h);
                 let beside = twin as usize / 3;
