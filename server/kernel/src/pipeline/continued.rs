@@ -93,7 +93,8 @@ fn is_coarse(grown: &PolyMesh, own: usize) -> bool {
 }
 
 /// Faces whose two halves turn from each other by more than this, as a cosine, cut over an edge of the input. Rows that run round a rim
-/// do so where the edge does not: 6 % of what they cover on heads that were closed by a slanted plane, and up to .3 % elsewhere.
+/// do so where the edge does not: 6 % of what they cover on heads that were closed by a slanted plane, and at most .3 % on four scans that
+/// look well (tests/records/other-makers-2026-11-29.md).
 const BENT: f64 = 0.7;
 const BENT_SHARE: f64 = 0.02;
 
