@@ -233,14 +233,14 @@ pub fn resume(candidates: &mut Vec<Candidate>, resumed: Candidate, top: usize) {
 const WORTH_FROM: f64 = 0.05;
 /// From this agreement on a rough fit is sure, on however little of the query.
 pub const SURE_FROM: f64 = 0.25;
+/// A segment that gets one try, as a small part of a scan does, is laid with an example whose rough fit agrees by so much: of 45
+/// maps of those that agreed less two were not poor, and both were wrong (tests/records/parts-2026-11-27.md).
+const ONE_TRY_FROM: f64 = 0.2;
+
 /// Tells whether an example lies so well when it is laid roughly that it is worth a map that nobody asked for.
 pub fn is_worth_a_map(rough: &Rough) -> bool {
     rough.worth() >= WORTH_FROM || rough.agreement >= SURE_FROM
 }
-
-/// A segment that gets one try, as a small part of a scan does, is laid with an example whose rough fit agrees by so much: of 45
-/// maps of those that agreed less two were not poor, and both were wrong (tests/records/parts-2026-11-27.md).
-const ONE_TRY_FROM: f64 = 0.2;
 
 /// The candidates that are laid where nobody chooses, in turn until one fits: the first `tries` that are no near-duplicates of one
 /// above. Where some were laid roughly, these are what the query is like, or nothing is: those that fitted, and those that another

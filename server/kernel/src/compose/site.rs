@@ -165,8 +165,8 @@ impl<'a> Site<'a> {
         (self.may_be_finer() && !self.is_kept()).then(|| Finer { quads: self.quads_more(), less })
     }
 
-    /// Whether it may be made finer to fit its neighbours. An example that is to keep its density rather leaves scraps of the input
-    /// beside it to their own triangles than come to have very many faces.
+    /// Tells whether it may be made finer to fit its neighbours. An example that is to keep its density and has many faces may not:
+    /// scraps of the input beside it stand on their own triangles instead.
     pub fn may_be_finer(&self) -> bool {
         let times_max = match self.stands {
             Use::Part | Use::Own => SUBDIVISIONS_MAX,
@@ -175,7 +175,7 @@ impl<'a> Site<'a> {
         self.times < times_max && !(self.is_kept() && self.has_most_quads())
     }
 
-    /// Whether a part would have too many quads if it was subdivided.
+    /// Tells whether a part would have more than [`PART_QUADS_MAX`] quads if it was subdivided.
     pub fn has_most_quads(&self) -> bool {
         4 * self.net.faces().count() > PART_QUADS_MAX
     }

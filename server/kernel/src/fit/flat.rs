@@ -17,8 +17,8 @@ const ALIKE: f64 = 0.94;
 const OFF_MAX: f64 = 0.03;
 /// Share of the area from which on a flat region is the end. *Untuned.*
 const AREA_MIN: f64 = 0.02;
-/// What lies beside the end within this share of its √area turns from it by at least this in the mean, as a cosine: of a dome about its
-/// top it turns by 30°. *Untuned.*
+/// An edge is sharp where the strip beside the end, so wide as a share of the end's √area, turns from it by 45° in the mean, as a cosine.
+/// About the top of a dome such a strip turns by 30°. *Untuned.*
 const BESIDE: f64 = 0.15;
 const BENT: f64 = 0.7;
 
@@ -97,7 +97,7 @@ impl<'a> Plain<'a> {
         (0..region.is_in.len()).filter(|&t| region.is_in[t])
     }
 
-    /// What is joined to a triangle and lies in a plane.
+    /// Grows a region from a triangle over all that is joined to it and lies in a plane.
     fn grown(&self, seed: usize, plane: Plane) -> Region {
         let off = OFF_MAX * self.area.sqrt();
         let fits = |t: usize| {
@@ -120,7 +120,7 @@ impl<'a> Plain<'a> {
         Region { plane, is_in }
     }
 
-    /// The plane of a region.
+    /// Returns the mean plane of a region.
     fn fitted(&self, region: &Region) -> Plane {
         let (mut area, mut point, mut normal) = (0.0, Vec3::zeros(), Vec3::zeros());
         for t in self.triangles(region) {

@@ -106,7 +106,8 @@ impl Bvh {
             return best;
         }
         let (above, below) = (round_up(point, self.middle), round_down(point, self.middle));
-        // The bar is the best in single precision, rounded up.
+        // The bar is the best in single precision, rounded up. Places in `todo` are taken modulo its length, which they never reach, so
+        // that no bound is checked.
         let (mut best_squared, mut bar) = (f64::INFINITY, f32::MAX);
         let mut todo = [(0u32, 0.0f32); STACK_SIZE];
         let mut height = 0;

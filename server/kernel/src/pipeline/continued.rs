@@ -98,7 +98,7 @@ fn is_coarse(grown: &PolyMesh, own: usize) -> bool {
 const BENT: f64 = 0.7;
 const BENT_SHARE: f64 = 0.02;
 
-/// Whether the faces after the first `own` cut over edges.
+/// Tells whether the faces after the first `own` cut over edges of the input.
 fn is_bent(grown: &PolyMesh, own: usize) -> bool {
     let (mut all, mut bent) = (0.0, 0.0);
     for face in grown.faces.iter().skip(own) {

@@ -267,8 +267,7 @@ fn settled(
         }
     }
     stopped(stop)?;
-    let topologies = [one.patch.topology, two.patch.topology];
-    let are_wholes = on.are_wholes(query.segment, topologies);
+    let are_wholes = on.are_wholes(query.segment, [one.patch.topology, two.patch.topology]);
     let told_by = ToldBy::of(one, are_wholes);
     let best = rests.settle_best(|evidence| is_alike(evidence, told_by), stop);
     stopped(stop)?;
