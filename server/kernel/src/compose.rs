@@ -23,6 +23,7 @@ mod missing;
 pub mod net;
 pub mod open;
 pub mod optimise;
+mod own;
 pub mod part;
 mod placement;
 pub mod plan;
@@ -52,6 +53,7 @@ use crate::unfold::Chart;
 use check::{Broken, check_structure, extraordinary};
 use fit::{Fit, Measured};
 use net::Net;
+use own::own_quads;
 use resolve::Resolved;
 use smooth::Target;
 use stitching::{Scale, Stitching};
@@ -122,7 +124,7 @@ pub enum Way {
     PartsReplaced,
     /// Everything subdivided once after stitching, in place of surgery: four times the quads.
     AllSubdivided,
-    /// No part could be used: the input's own triangles, cut into three quads each.
+    /// No part could be used: the input's own triangles as quads.
     InputSubdivided,
 }
 
@@ -149,8 +151,10 @@ pub struct Report {
     pub too_dense: Vec<usize>,
     /// Segments whose part was given up for a regular layout, since it passes the surface by far.
     pub missing: Vec<usize>,
-    /// Segments of which the own triangles were cut into quads.
+    /// Segments of which the own triangles were made quads.
     pub own: Vec<usize>,
+    /// Holes smaller than a quad that were closed.
+    pub closed: usize,
     /// Times the whole was subdivided to follow the input.
     pub refined: usize,
     /// How far the result lies from the input, as shares of the diagonal of its bounding box.
@@ -315,15 +319,13 @@ fn composed(
 /// four so often.
 const LONE_SUBDIVIDED: usize = 2;
 
-/// The input's own triangles, cut into three quads each, and those in four `times` times.
+/// The input's own triangles as quads, and those cut in four `times` times.
 fn by_input(stitching: &Stitching<'_>, report: &mut Report, times: usize) -> Result<PolyMesh, ComposeError> {
     let surface = stitching.surface();
     *report = Report { way: Way::InputSubdivided, ..Report::default() };
     report.own = (0..stitching.segments()).collect();
     report.subdivided = vec![0; stitching.segments()];
-    let faces = surface.triangles.iter().map(|t| t.to_vec()).collect();
-    let thirds = subdivide::subdivide(&Net::new(surface.positions.clone(), faces));
-    let net = (0..times).fold(thirds, |net, _| subdivide::subdivide(&net));
+    let net = (0..times).fold(own_quads(surface), |net, _| subdivide::subdivide(&net));
     let (mesh, _) = net.into_mesh();
     check_structure(&mesh, check::Shape::of(surface))?;
     Ok(mesh)

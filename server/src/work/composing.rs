@@ -162,13 +162,22 @@ async fn made(
         summaries = Vec::new();
         templates = (0..live.model.segments.len() as u32).collect();
     }
-    if let (Some(map), None, false) = (&lone, &around, model.is_waist)
-        && map.newest().summary.covers.input < ALONE_MIN
-        && wanted.keep.is_empty()
-    {
+    // Examples that would make up too little give way in the end: what nobody named is not stitched for that first.
+    let share = regular::share_of_all(&model, &maps);
+    let too_little = match &lone {
+        Some(_) if share < ALONE_MIN && wanted.keep.is_empty() => Some(Vec::new()),
+        None if share < INSPIRED_LEAST && wanted.parts.is_empty() && may_give_way(&maps, &wanted, 0) => {
+            Some(vec![regular::gave_way(&regular::makes_up(share))])
+        }
+        _ => None,
+    };
+    let too_little = too_little.filter(|_| around.is_none() && !model.is_waist);
+    if too_little.is_some() {
         (alone, one) = (None, None);
-        parts = vec![Part::Template(live.encoded(0).await?)];
-        (instead, maps, laid, summaries, templates) = (vec![None], vec![None], vec![None], Vec::new(), vec![0]);
+        let segments = 0..parts.len() as u32;
+        parts = regular::templates(live, segments.clone()).await?;
+        (instead, maps, laid) = (Vec::new(), Vec::new(), Vec::new());
+        (summaries, templates) = (Vec::new(), segments.collect());
         allowed = Allowed::default();
     }
     let again = (Arc::clone(&engine), Arc::clone(&model), parts.clone(), instead.clone());
@@ -235,12 +244,13 @@ async fn made(
         laid = around;
         laid.iter_mut().flatten().for_each(|laid| laid.reasons.retain(|reason| !reason.starts_with(BARE)));
     }
+    found.made.notes.extend(too_little.unwrap_or_default());
     let mut headline = told(&found, &laid, &live.model);
     if let Some(reason) = regular::reason(&headline)
         && may_give_way(&laid_maps, &wanted, found.gave_way.len())
         && let Some(mut instead) = regular::regular(work, live, &job, (&found, how)).await?
     {
-        instead.made.notes.push(format!("examples gave way to a regular layout of all of it: {reason}"));
+        instead.made.notes.push(regular::gave_way(&reason));
         headline = told(&instead, &laid, &live.model);
         (summaries, templates) = (Vec::new(), (0..live.model.segments.len() as u32).collect());
         found = instead;

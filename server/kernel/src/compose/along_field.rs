@@ -2,10 +2,12 @@
 //! segments play no part.
 //!
 //! The layout of [`field`](super::field) is made a mesh of quads by the same surgery and the same local changes as what is
-//! stitched, and has to hold by the same theorems; else its edges are made shorter once, and at last the segments take
+//! stitched, and has to hold by the same theorems. Else holes smaller than its quads are closed, which no quads of that size can
+//! go around; then its edges are made shorter once, as short as what is thinner than a quad needs; and at last the segments take
 //! templates. Where it misses the input it is laid anew with shorter edges, since its distance is that of chords, h²κ/8.
 //! *Ours, not the paper's.*
 
+use super::Input;
 use super::check::{check_structure, extraordinary};
 use super::field::field_layout;
 use super::following::Near;
@@ -16,7 +18,10 @@ use super::simplify_valence::ValenceSimplifier;
 use super::stitching::{MISS_MAX, Stitching};
 use super::{Closeness, REGULAR_QUADS, Report};
 use crate::mesh::PolyMesh;
+use crate::mesh::tri::TriMesh;
 use crate::numerics::stage::Stage;
+use crate::topology::{holes, primitive};
+use std::f64::consts::TAU;
 
 /// By how much edges are made shorter where a layout does not hold: *untuned*.
 const SHORTER: f64 = 0.8;
@@ -24,6 +29,10 @@ const SHORTER: f64 = 0.8;
 const SHORTEST: f64 = 0.5;
 /// Share of the distance that is allowed down to which shorter edges are meant to come: as for segments made finer.
 const EXPECTED: f64 = 0.9;
+/// A hole with a shorter rim, in edges, may be closed: two quads a side go around it. *Untuned.*
+const HOLE_EDGES: f64 = 8.0;
+/// Edges around what is thinner than a quad.
+const EDGES_AROUND: f64 = 4.0;
 /// Fewer quads than this are no layout of a surface: a template has more of its form. *Untuned.*
 const QUADS_MIN: usize = 24;
 
@@ -34,11 +43,58 @@ impl Stitching<'_> {
             return None;
         }
         let h = (self.scale.area / REGULAR_QUADS).sqrt() * self.options.edge_scale;
-        let mut laid = self.field_near(h).map(|near| (h, near));
-        if laid.is_none() {
-            laid = self.field_near(h * SHORTER).map(|near| (h * SHORTER, near));
+        let shorter = self.thin_edge().map_or(h * SHORTER, |thin| thin.min(h * SHORTER));
+        for h in [h, shorter] {
+            if let Some(mesh) = self.along_field_at(h, report) {
+                return Some(mesh);
+            }
+            let Some((surface, owner, closed)) = self.without_small_holes(h) else { continue };
+            let input = Input { surface: &surface, owner: &owner, count: self.segments() };
+            let without = Stitching::new(input, self.options, self.scale, self.late_at);
+            if let Some(mesh) = without.along_field_at(h, report) {
+                report.closed = closed;
+                return Some(mesh);
+            }
         }
-        let (h, mut near) = laid?;
+        None
+    }
+
+    /// The length of edges of which [`EDGES_AROUND`] go around a closed surface, were it a tube: of its volume V and area A, r = 2V/A.
+    /// `None` where the surface is open, or its own triangles are as few as such quads.
+    fn thin_edge(&self) -> Option<f64> {
+        let surface = self.surface();
+        if self.shape.boundary_loops > 0 {
+            return None;
+        }
+        let area = surface.total_area();
+        let cone = |corners: &[u32; 3]| {
+            let [a, b, c] = corners.map(|v| surface.positions[v as usize]);
+            a.dot(&b.cross(&c)) / 6.0
+        };
+        let volume = surface.triangles.iter().map(cone).sum::<f64>().abs();
+        let edge = TAU / EDGES_AROUND * 2.0 * volume / area;
+        let quads = area / (edge * edge);
+        (quads < 3.0 * surface.triangles.len() as f64).then_some(edge)
+    }
+
+    /// The surface with the holes closed that are smaller than quads with edges of length `h`, the segment of each of its triangles,
+    /// and how many holes were closed; `None` where there are none.
+    fn without_small_holes(&self, h: f64) -> Option<(TriMesh, Vec<u32>, usize)> {
+        let surface = self.surface();
+        let is_small = |rim: &Vec<u32>| primitive::length(surface, rim) < HOLE_EDGES * h;
+        let small: Vec<Vec<u32>> = surface.boundary_loops().into_iter().filter(is_small).collect();
+        if small.is_empty() {
+            return None;
+        }
+        let closed = holes::filled(surface, &small);
+        let beside = small.iter().flatten().map(|&h| self.owner_of(h / 3));
+        let owner = (0..surface.triangles.len() as u32).map(|t| self.owner_of(t)).chain(beside).collect();
+        Some((closed, owner, small.len()))
+    }
+
+    /// The layout along a field with edges of length `h`, closer where it misses the input; `None` where there is none that holds.
+    fn along_field_at(&self, h: f64, report: &mut Report) -> Option<PolyMesh> {
+        let mut near = self.field_near(h)?;
         let (miss, most) = (near.laid.fit.worst(), MISS_MAX * self.scale.diagonal);
         if near.is_missed && miss > most && self.options.closeness == Closeness::Followed {
             let factor = (EXPECTED * most / miss).sqrt().max(SHORTEST);

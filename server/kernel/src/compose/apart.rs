@@ -104,6 +104,7 @@ pub fn together(made: Vec<(Vec<usize>, Composed)>, segments: usize) -> (PolyMesh
         all.extraordinary_before += report.extraordinary_before;
         all.merged += report.merged;
         all.filled += report.filled;
+        all.closed += report.closed;
         all.resolved.joined += report.resolved.joined;
         all.resolved.cuts += report.resolved.cuts;
         all.resolved.strip_quads += report.resolved.strip_quads;

@@ -10,7 +10,7 @@ use crate::mesh::Vec3;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Worst deviation from a right angle, in degrees, at which two triangles are joined to a quad.
+/// Worst deviation from a right angle, or fold between them, in degrees, at which two triangles are joined to a quad.
 const JOIN_DEVIATION_MAX_DEG: f64 = 65.0;
 
 /// What resolving did.
@@ -71,6 +71,12 @@ pub fn worst_deviation_deg(p: [Vec3; 4]) -> f64 {
     deviations_deg(p).into_iter().map(|d| d.unwrap_or(180.0)).fold(0.0, f64::max)
 }
 
+/// The angle between the triangles of a quad, in degrees, that share the edge between its corners 1 and 3.
+fn fold_deg([a, b, c, d]: [Vec3; 4]) -> f64 {
+    let (one, two) = ((b - a).cross(&(d - a)), (d - c).cross(&(b - c)));
+    one.angle(&two).to_degrees()
+}
+
 /// Joins triangles that share an edge, those first that make the best quads. Returns how many pairs.
 pub fn join_triangles(net: &mut Net) -> usize {
     let mut pairs: Vec<(f64, u32, u32, [u32; 4])> = Vec::new();
@@ -85,7 +91,8 @@ pub fn join_triangles(net: &mut Net) -> usize {
             if other == apex || thins {
                 continue;
             }
-            let deviation = worst_deviation_deg(quad.map(|v| net.positions[v as usize]));
+            let corners = quad.map(|v| net.positions[v as usize]);
+            let deviation = worst_deviation_deg(corners).max(fold_deg(corners));
             if deviation <= JOIN_DEVIATION_MAX_DEG {
                 pairs.push((deviation, f, g, quad));
             }

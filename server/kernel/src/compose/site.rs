@@ -1,4 +1,4 @@
-//! What stands on a segment: a mapped example, a regular layout, or the segment's own triangles cut into quads; and what
+//! What stands on a segment: a mapped example, a regular layout, or the segment's own triangles as quads; and what
 //! takes its place where it doesn't fit its neighbours.
 //!
 //! An example is subdivided first, then a regular layout is taken, at first as dense as the neighbours, then finer, at
@@ -6,6 +6,7 @@
 
 use super::layout::Curve;
 use super::net::Net;
+use super::own::own_quads;
 use super::plan::{Places, Wish};
 use super::rim::{self, Rim};
 use super::smooth::Target;
@@ -41,7 +42,7 @@ pub enum Use {
     Part,
     /// A regular layout.
     Regular,
-    /// The segment's own triangles, cut into quads.
+    /// The segment's own triangles as quads.
     Own,
 }
 
@@ -233,9 +234,7 @@ impl<'a> Site<'a> {
     }
 
     fn take_own(&mut self, whole: &TriMesh) {
-        let part = self.surface(whole);
-        let faces = part.triangles.iter().map(|t| t.to_vec()).collect();
-        self.net = subdivide(&Net::new(part.positions, faces));
+        self.net = own_quads(&self.surface(whole));
         (self.stands, self.times) = (Use::Own, 0);
     }
 

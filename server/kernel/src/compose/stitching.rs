@@ -56,7 +56,7 @@ pub(super) struct Stitching<'a> {
     pub(super) scale: Scale,
     sharp: OnceLock<Vec<u32>>,
     /// The thread's count of steps from which on it is late.
-    late_at: u64,
+    pub(super) late_at: u64,
 }
 
 impl<'a> Stitching<'a> {
@@ -85,6 +85,11 @@ impl<'a> Stitching<'a> {
 
     pub(super) fn segments(&self) -> usize {
         self.input.count
+    }
+
+    /// The segment of a triangle.
+    pub(super) fn owner_of(&self, triangle: u32) -> u32 {
+        self.input.owner[triangle as usize]
     }
 
     pub(super) fn surface(&self) -> &'a TriMesh {
@@ -185,7 +190,8 @@ impl<'a> Stitching<'a> {
     /// Tells whether nothing stands but the input's own triangles, and these make more quads than a layout may have: smoothing and
     /// optimising them takes minutes, and makes no layout of them.
     fn is_beyond_layout(&self, sites: &[Site<'_>]) -> bool {
-        sites.iter().all(|site| site.stands == Use::Own) && 3 * self.surface().triangles.len() > WHOLE_QUADS_MAX
+        let quads = || sites.iter().map(|site| site.net.faces().count()).sum::<usize>();
+        sites.iter().all(|site| site.stands == Use::Own) && quads() > WHOLE_QUADS_MAX
     }
 
     fn sites<'p>(&self, pieces: &[Piece<'p>]) -> Vec<Site<'p>> {

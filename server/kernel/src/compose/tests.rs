@@ -329,13 +329,53 @@ fn an_example_of_many_faces_that_is_to_keep_its_density_does_not_become_finer_to
 
 #[test]
 fn a_mesh_of_slivers_that_has_no_layout_is_cut_into_quads_as_it_is() {
-    let mut mesh = grid(92, 92, false, false);
+    let mut mesh = grid(101, 101, false, false);
     mesh.positions.iter_mut().for_each(|p| p.y *= 1e-8);
     let owner = vec![0; mesh.triangles.len()];
     let input = Input { surface: &mesh, owner: &owner, count: 1 };
     let made = compose(input, &[Piece::Nothing], Options::default(), &|| false).expect("a mesh");
     assert_eq!((made.report.way, made.mesh.faces.len()), (Way::InputSubdivided, 3 * mesh.triangles.len()));
     assert_eq!(made.mesh.positions[..mesh.positions.len()], mesh.positions);
+}
+
+#[test]
+fn holes_smaller_than_a_quad_are_closed_where_no_layout_goes_around_them() {
+    let whole = sphere(4);
+    let triangles: Vec<[u32; 3]> =
+        whole.triangles.iter().enumerate().filter(|(t, _)| t % 512 != 7).map(|(_, t)| *t).collect();
+    let holes = whole.triangles.len() - triangles.len();
+    let mesh = TriMesh::from_triangles(whole.positions.clone(), triangles).expect("a sphere with holes");
+    let input = Input { surface: &mesh, owner: &vec![0; mesh.triangles.len()], count: 1 };
+    let laid = |edge_scale| {
+        let options = Options { edge_scale, ..Options::default() };
+        compose(input, &[Piece::Nothing], options, &|| false).expect("a composition")
+    };
+    let coarse = laid(4.0);
+    assert_eq!((coarse.report.closed, coarse.report.way), (holes, Way::Direct));
+    assert_eq!(check::check(&coarse.mesh, check::Shape::of(&whole)), Ok(()));
+    assert!(coarse.mesh.faces.len() < 500, "{}", coarse.mesh.faces.len());
+    // What is fine enough goes around them.
+    let fine = laid(0.5);
+    assert_eq!((fine.report.closed, check::check(&fine.mesh, check::Shape::of(&mesh))), (0, Ok(())));
+}
+
+#[test]
+fn what_is_thinner_than_a_quad_has_quads_around_it() {
+    let mut mesh = sphere(4);
+    mesh.positions.iter_mut().for_each(|p| (p.y, p.z) = (0.01 * p.y, 0.01 * p.z));
+    let round = sphere(3);
+    let thin = mesh.triangles.len();
+    let first = mesh.positions.len() as u32;
+    let positions = mesh.positions.iter().copied().chain(round.positions.iter().map(|p| p.add_scalar(3.0))).collect();
+    let triangles =
+        mesh.triangles.iter().copied().chain(round.triangles.iter().map(|t| t.map(|v| v + first))).collect();
+    let both = TriMesh::from_triangles(positions, triangles).expect("a needle beside a ball");
+    let owner: Vec<u32> = (0..both.triangles.len()).map(|t| u32::from(t >= thin)).collect();
+    let input = Input { surface: &both, owner: &owner, count: 2 };
+    let options = Options { edge_scale: 2.0, ..Options::default() };
+    let made = compose(input, &[Piece::Nothing; 2], options, &|| false).expect("a composition");
+    assert_eq!((made.report.way, &made.report.own[..]), (Way::Direct, &[][..]));
+    assert!(made.mesh.faces.len() < thin, "{}", made.mesh.faces.len());
 }
 
 #[test]

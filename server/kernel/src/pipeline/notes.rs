@@ -70,11 +70,16 @@ pub(crate) fn made(report: &Report, quads: usize) -> Vec<String> {
         notes.push(format!("{why}: {}", list(segments)));
     }
     if !report.own.is_empty() && report.way != Way::InputSubdivided {
-        notes.push(format!("of these segments the input's own triangles were cut into quads: {}", list(&report.own)));
+        notes.push(format!("of these segments the input's own triangles were made quads: {}", list(&report.own)));
+    }
+    match report.closed {
+        0 => {}
+        1 => notes.push("a hole that is smaller than the quads was closed".into()),
+        count => notes.push(format!("{count} holes that are smaller than the quads were closed")),
     }
     match report.way {
         Way::AllSubdivided => notes.push("everything was subdivided once to be rid of triangles".into()),
-        Way::InputSubdivided => notes.push("no part was used: the input's own triangles were cut into quads".into()),
+        Way::InputSubdivided => notes.push("no part was used: the input's own triangles were made quads".into()),
         Way::Direct | Way::PartsSubdivided | Way::PartsReplaced => {}
     }
     if report.refined > 0 {

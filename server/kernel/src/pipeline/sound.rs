@@ -25,7 +25,7 @@ pub struct Allowed {
 pub struct Appraisal {
     /// Of each segment the share of the mesh's area that an example's layout has there, 0–1.
     pub examples: Vec<f64>,
-    /// Share of its area that is the input's own triangles cut into quads, 0–1.
+    /// Share of its area that is the input's own triangles as quads, 0–1.
     pub own: f64,
     /// Share of the input's area with faces near it, 0–1.
     pub covered: f64,

@@ -14,7 +14,7 @@ pub enum Standing {
     Example,
     /// A regular layout.
     Regular,
-    /// The scan's own triangles, cut into quads.
+    /// The scan's own triangles as quads.
     Own,
 }
 

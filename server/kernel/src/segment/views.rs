@@ -15,7 +15,8 @@ use std::collections::HashMap;
 
 /// A sheet with less of the area is no view.
 const VIEW_SHARE: f64 = 0.05;
-/// Of the rim of one of two views so much lies on the other.
+/// Of the rim of each of two views so much lies on the other: hair ends on a head, and a horn on a skull, but the head does not end on
+/// the hair.
 const OVERLAP: f64 = 0.25;
 /// A point lies on a sheet when it is so near, in edges of the scan.
 const ON: f64 = 2.0;
@@ -73,8 +74,9 @@ fn views(mesh: &TriMesh) -> Option<Vec<(Vec<u32>, View)>> {
     let views: Vec<View> = sheets.iter().map(|set| View::new(submesh(mesh, set).0)).collect();
     let mut together = Sets::new(sheets.len());
     for k in 0..views.len() {
-        for other in (0..views.len()).filter(|other| *other != k) {
-            if views[k].share_of_rim_on(&views[other], near) >= OVERLAP {
+        for other in k + 1..views.len() {
+            let ends_on = |a: usize, b: usize| views[a].share_of_rim_on(&views[b], near) >= OVERLAP;
+            if ends_on(k, other) && ends_on(other, k) {
                 together.join(k as u32, other as u32);
             }
         }
@@ -389,6 +391,16 @@ mod tests {
         assert!(one.repairs.last().expect("a repair").to_string().starts_with("2 views"));
         assert!(one.vertex_of.iter().all(|v| (*v as usize) < one.mesh.positions.len()));
         assert!(fused(&scan) == Some(one));
+    }
+
+    #[test]
+    fn what_lies_on_a_thing_is_no_view_of_it() {
+        // A cap whose rim lies on the dome, which ends elsewhere.
+        let dome = view([0.0, 4.2], 0.0, Vec3::zeros());
+        let cap = view([1.0, 3.0], 1e-3, Vec3::zeros());
+        let high = |face: &&[u32]| face.iter().all(|&v| cap.positions[v as usize].z > 0.5);
+        let faces = cap.faces.iter().filter(high).collect();
+        assert!(fused(&both(dome, &PolyMesh { faces, ..cap.clone() })).is_none());
     }
 
     #[test]

@@ -13,7 +13,7 @@ const CRUMPLED_MIN: f64 = 0.08;
 /// Where parts of the scan are left bare because they could not be joined, a composition that covers less of it than this is poor:
 /// a head without its horns is no layout of the head. *Untuned.*
 const COVERED_MIN: f64 = 0.8;
-/// Where more of a composition's area is the scan's own triangles cut into quads it is poor: that is nobody's layout. *Untuned.*
+/// Where more of a composition's area is the scan's own triangles as quads it is poor: that is nobody's layout. *Untuned.*
 const OWN_MAX: f64 = 0.02;
 /// Reasons that a composition takes over from one map.
 const REASONS_EACH: usize = 2;
@@ -93,9 +93,7 @@ pub(super) fn headline(brought: &[Option<BroughtMap>], appraisal: &Appraisal) ->
         let percent = 100.0 * appraisal.own;
         reasons.insert(
             0,
-            format!(
-                "{percent:.0} % of it is the scan's own triangles, cut into quads: nothing else could be joined there"
-            ),
+            format!("{percent:.0} % of it is the scan's own triangles as quads: nothing else could be joined there"),
         );
     }
     if inspired < INSPIRED_GOOD {

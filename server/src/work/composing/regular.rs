@@ -5,10 +5,12 @@ use super::headline::Headline;
 use super::sound::{Sound, stitched_sound};
 use super::waist;
 use crate::pool::{Job, Lane, Stop, StopReason};
-use crate::work::engine::{Allowed, Part, Stitching};
+use crate::work::engine::{Allowed, Model, ModelSegment, Part, Stitching};
+use crate::work::mapping::LiveMap;
 use crate::work::query::LiveQuery;
 use crate::work::{REQUEST_TIME_MAX, Work, WorkError};
 use quadmuse_proto::Verdict;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Why a composition is worse than a regular layout of all of the scan; `None` where it is not known to be.
@@ -19,8 +21,37 @@ pub(super) fn reason(composed: &Headline) -> Option<String> {
     if composed.verdict >= Verdict::Poor {
         return Some(composed.reasons.first().cloned().unwrap_or_else(|| "it is poor".into()));
     }
-    let percent = 100.0 * composed.inspired;
-    (composed.inspired < INSPIRED_LEAST).then(|| format!("they make up {percent:.0} % of it"))
+    (composed.inspired < INSPIRED_LEAST).then(|| makes_up(composed.inspired))
+}
+
+/// Tells the share that examples have.
+pub(super) fn makes_up(share: f64) -> String {
+    format!("they make up {:.0} % of it", 100.0 * share)
+}
+
+/// The note of a composition in place of which there is a regular layout.
+pub(super) fn gave_way(reason: &str) -> String {
+    format!("examples gave way to a regular layout of all of it: {reason}")
+}
+
+/// The share of a scan that maps would have together, were all of them joined.
+pub(super) fn share_of_all(model: &Model, maps: &[Option<Arc<LiveMap>>]) -> f64 {
+    let all: u64 = model.segments.iter().map(|segment| segment.faces).sum();
+    let laid = model.segments.iter().zip(maps);
+    let faces = |(segment, map): (&ModelSegment, &Option<Arc<LiveMap>>)| match map {
+        Some(map) => segment.faces as f64 * map.newest().summary.covers.input,
+        None => 0.0,
+    };
+    laid.map(faces).sum::<f64>() / all.max(1) as f64
+}
+
+/// Regular layouts for some segments.
+pub(super) async fn templates(live: &LiveQuery, segments: Range<u32>) -> Result<Vec<Part>, WorkError> {
+    let mut parts = Vec::new();
+    for segment in segments {
+        parts.push(Part::Template(live.encoded(segment).await?));
+    }
+    Ok(parts)
 }
 
 /// The scan of a query in a regular layout, where that is sound and no worse than what examples made; `None` where it takes more than
@@ -35,10 +66,7 @@ pub(super) async fn regular(
     let (model, parts) = match live.model.is_waist {
         true => waist::in_primitives(work, live, &job).await?,
         false => {
-            let mut parts = Vec::new();
-            for segment in 0..live.model.segments.len() as u32 {
-                parts.push(Part::Template(live.encoded(segment).await?));
-            }
+            let parts = templates(live, 0..live.model.segments.len() as u32).await?;
             (Arc::clone(&live.model), parts)
         }
     };

@@ -111,8 +111,8 @@ impl<'l> Reader<'l> {
         self.positions.push(at.point(&mut words, "three numbers after `v`")?);
         within("vertices", self.positions.len(), self.limits.vertices_max)?;
         let (mut more, mut found) = ([f64::NAN; 4], 0);
-        for word in words.take_while(|word| !word.starts_with(b"#")) {
-            let value = number(word).ok_or_else(|| at.no_number(word, "numbers only after `v`"))?;
+        // Some tools mark vertices with words behind their numbers, such as those that a user held in place.
+        for value in words.map_while(number) {
             if let Some(slot) = more.get_mut(found) {
                 *slot = value;
             }

@@ -53,6 +53,8 @@ fn vertex_colours_and_weights_are_told_apart() {
     let mesh = parse("v 0 0 0 1\nv 1 0 0 1 0.5 0\nv 0 1 0 nan 0 0\nf 1 2 3\n").unwrap();
     assert_eq!(mesh.attributes.colors.unwrap(), [[1.0; 4], [1.0, 0.5, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]]);
     assert!(parse(&format!("{SQUARE}f 1 2 3")).unwrap().attributes.colors.is_none());
+    let marked = parse("v 0 0 0 fix\nv 1 0 0 # corner\nv 0 1 0 1 0 0 fix\nf 1 2 3\n").unwrap();
+    assert_eq!(marked.attributes.colors.unwrap(), [[1.0; 4], [1.0; 4], [1.0, 0.0, 0.0, 1.0]]);
 }
 
 #[test]
