@@ -48,8 +48,10 @@ mod tests;
 use crate::encode::index::PlanarIndex;
 use crate::mesh::PolyMesh;
 use crate::mesh::tri::TriMesh;
-use crate::numerics::stop;
+use crate::numerics::side_by_side;
+use crate::numerics::stop::{self, Stop};
 use crate::unfold::Chart;
+use apart::Component;
 use check::{Broken, check_structure, extraordinary};
 use fit::{Fit, Measured};
 use net::Net;
@@ -207,14 +209,19 @@ const STEPS_PER_FACE: u64 = 200;
 const SEGMENTS_FEW: usize = 32;
 const WORTH_MAX: usize = 16;
 
-/// The work that a composition is worth, in steps, all components together.
-fn steps_for(input: Input<'_>, pieces: &[Piece<'_>]) -> u64 {
+/// A component gets a share of the first by its triangles, but no less than this share.
+const STEPS_SHARE_MIN: f64 = 1.0 / 16.0;
+
+/// The work that a component is worth, in steps, of an input of so many triangles.
+fn steps_for(component: &Component, pieces: &[Piece<'_>], triangles: usize) -> u64 {
     let faces_of = |piece: &Piece<'_>| match piece {
         Piece::Mapped(mesh) | Piece::Kept(mesh) => mesh.faces.len(),
         Piece::Regular(..) | Piece::Nothing => 0,
     };
-    let faces = input.surface.triangles.len() + pieces.iter().map(faces_of).sum::<usize>();
-    STEPS_LEAST.saturating_add(STEPS_PER_FACE.saturating_mul(faces as u64))
+    let own = component.surface.triangles.len();
+    let share = (own as f64 / triangles.max(1) as f64).max(STEPS_SHARE_MIN);
+    let faces = own + pieces.iter().map(faces_of).sum::<usize>();
+    (STEPS_LEAST as f64 * share) as u64 + STEPS_PER_FACE.saturating_mul(faces as u64)
 }
 
 /// Stitches what is brought for the segments, and checks the result. `stopped` is asked before each try.
@@ -225,7 +232,7 @@ pub fn compose(
     input: Input<'_>,
     pieces: &[Piece<'_>],
     options: Options,
-    stopped: &dyn Fn() -> bool,
+    stopped: Stop<'_>,
 ) -> Result<Composed, ComposeError> {
     if pieces.len() != input.count {
         return Err(ComposeError::Parts { expected: input.count, found: pieces.len() });
@@ -234,16 +241,25 @@ pub fn compose(
         return Err(ComposeError::Owners { expected: input.surface.triangles.len(), found: input.owner.len() });
     }
     let scale = apart::scale(&apart::owned(input));
-    let late_at = stop::steps().saturating_add(steps_for(input, pieces));
-    let mut made = Vec::new();
     let components = apart::apart(input);
     let worth = apart::worth(&components, SEGMENTS_FEW, WORTH_MAX);
-    for (component, is_worth_it) in components.iter().zip(worth) {
-        // A scrap is late from the start.
-        let late_at = if is_worth_it { late_at } else { 0 };
+    let one = |k: usize| {
+        let component = &components[k];
         let of_it: Vec<Piece<'_>> = component.segments.iter().map(|&s| pieces[s]).collect();
-        made.push((component.segments.clone(), composed(component.input(), &of_it, options, scale, late_at, stopped)?));
-    }
+        // A scrap is late from the start.
+        let worth = worth[k].then(|| steps_for(component, &of_it, input.surface.triangles.len()));
+        let late_at = worth.map_or(0, |steps| stop::steps().saturating_add(steps));
+        composed(component.input(), &of_it, options, scale, late_at, stopped)
+    };
+    let all = |some: &[usize]| some.iter().map(|&k| Ok((k, one(k)?))).collect::<Result<Vec<_>, ComposeError>>();
+    let [some, others] = apart::dealt(&components);
+    let (some, others) = match others.is_empty() {
+        true => (all(&some), Ok(Vec::new())),
+        false => side_by_side(|| all(&some), || all(&others)),
+    };
+    let mut made: Vec<(usize, Composed)> = some?.into_iter().chain(others?).collect();
+    made.sort_by_key(|(k, _)| *k);
+    let made = made.into_iter().map(|(k, one)| (components[k].segments.clone(), one)).collect();
     let (mesh, mut report) = apart::together(made, pieces.len());
     report.extraordinary_after = extraordinary(&mesh);
     let fit = Measured::new(&apart::owned(input)).fit(&mesh);

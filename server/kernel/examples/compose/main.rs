@@ -94,7 +94,7 @@ fn example(file: &str, parts: PartCount) -> Vec<ExamplePart> {
     made.collect()
 }
 
-type Stopped<'a> = &'a dyn Fn() -> bool;
+type Stopped<'a> = &'a (dyn Fn() -> bool + Sync);
 
 fn one(
     file: &str,

@@ -8,6 +8,7 @@ use crate::mesh::{PolyMesh, diagonal};
 use crate::numerics::stop;
 use crate::topology::{components, submesh};
 use std::borrow::Cow;
+use std::cmp::Reverse;
 
 /// Some components of an input, with the segments on them.
 #[derive(Clone, Debug)]
@@ -69,6 +70,20 @@ pub fn worth(components: &[Component], few: usize, most: usize) -> Vec<bool> {
     let mut worth = vec![false; components.len()];
     by_area.iter().take(most).for_each(|&(_, k)| worth[k] = true);
     worth
+}
+
+/// The components in two hands, by their numbers: each goes to the hand that has fewer triangles, the largest first.
+pub fn dealt(components: &[Component]) -> [Vec<usize>; 2] {
+    let triangles = |k: &usize| components[*k].surface.triangles.len();
+    let mut order: Vec<usize> = (0..components.len()).collect();
+    order.sort_by_key(|k| Reverse(triangles(k)));
+    let (mut hands, mut held) = ([Vec::new(), Vec::new()], [0; 2]);
+    for k in order {
+        let hand = usize::from(held[1] < held[0]);
+        held[hand] += triangles(&k);
+        hands[hand].push(k);
+    }
+    hands
 }
 
 /// The triangles that belong to segments.

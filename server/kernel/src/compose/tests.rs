@@ -379,6 +379,21 @@ fn what_is_thinner_than_a_quad_has_quads_around_it() {
 }
 
 #[test]
+fn components_are_dealt_to_two_hands_that_hold_as_much() {
+    let mesh = sphere(2);
+    let pieces = |counts: &[usize]| {
+        let of = |&count: &usize| apart::Component {
+            surface: TriMesh { triangles: vec![[0; 3]; count], ..mesh.clone() },
+            owner: vec![0; count],
+            segments: vec![0],
+        };
+        counts.iter().map(of).collect::<Vec<_>>()
+    };
+    assert_eq!(apart::dealt(&pieces(&[5, 40, 20, 30])), [vec![1, 0], vec![3, 2]]);
+    assert_eq!(apart::dealt(&pieces(&[7])), [vec![0], Vec::new()]);
+}
+
+#[test]
 fn labels_and_parts_are_counted() {
     let mesh = sphere(1);
     let input = Input { surface: &mesh, owner: &[0; 3], count: 1 };

@@ -40,14 +40,20 @@ pub(super) fn remesh(
     // A surface that is finer than that to begin with is made coarser.
     let triangles_max = triangles_max.max(2 * surface.triangles.len());
     let lines = lines_of(surface, sharp);
-    let mut state = State {
-        mesh: EditableMesh::new(surface, sharp),
-        star: Vec::new(),
-        other: Vec::new(),
-        ring: Vec::new(),
-        beside: Vec::new(),
-        mark: Vec::new(),
-    };
+    let mut state = State::new(surface, sharp);
+    if !state.split_long(length * LONG, triangles_max) {
+        // The facets of a cable are needles: there are to be fewer around it, and its edges are halved step by step, with flips between.
+        state = State::new(surface, sharp);
+        let longest = (0..surface.twins.len() as u32).map(|h| state.mesh.length(h)).fold(0.0, f64::max);
+        for halvings in (0..(longest / length).log2().ceil() as i32).rev() {
+            let long = length * LONG * 2f64.powi(halvings);
+            state.collapse_short(length * SHORT, f64::INFINITY);
+            if !state.split_long(long, triangles_max) {
+                return None;
+            }
+            state.flip();
+        }
+    }
     for _ in 0..ROUNDS {
         if !state.split_long(length * LONG, triangles_max) {
             return None;
@@ -79,6 +85,17 @@ struct State {
 }
 
 impl State {
+    fn new(surface: &TriMesh, sharp: &[u32]) -> Self {
+        Self {
+            mesh: EditableMesh::new(surface, sharp),
+            star: Vec::new(),
+            other: Vec::new(),
+            ring: Vec::new(),
+            beside: Vec::new(),
+            mark: Vec::new(),
+        }
+    }
+
     /// False where that makes too many triangles.
     fn split_long(&mut self, long: f64, triangles_max: usize) -> bool {
         for _ in 0..PASSES_MAX {
@@ -289,6 +306,24 @@ mod tests {
         let surface = grid(30, 30, false, false);
         let made = remesh((&surface, &Bvh::new(&surface)), &[], 0.05, 1_000_000).expect("not too large").mesh;
         assert!((made.total_area() - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_cable_of_many_long_facets_has_few_around_it() {
+        const AROUND: u32 = 64;
+        let tube = grid(AROUND, 1, true, false);
+        let ends = [Vec3::zeros(), Vec3::new(0.0, 0.0, 60.0)];
+        let positions = tube.positions.iter().map(|p| Vec3::new(p.x, p.y, 20.0 * p.z)).chain(ends).collect();
+        let caps = (0..AROUND).flat_map(|k| {
+            let next = (k + 1) % AROUND;
+            [[next, k, 2 * AROUND], [AROUND + k, AROUND + next, 2 * AROUND + 1]]
+        });
+        let cable =
+            TriMesh::from_triangles(positions, tube.triangles.into_iter().chain(caps).collect()).expect("closed");
+        let length = std::f64::consts::TAU / 8.0;
+        let made = remesh((&cable, &Bvh::new(&cable)), &[], length, 10_000).expect("not too large").mesh;
+        assert!(made.triangles.len() < 3_000, "{}", made.triangles.len());
+        assert_eq!(invariants(&made), invariants(&cable));
     }
 
     #[test]
