@@ -140,16 +140,22 @@ async fn made(
     let lone = lone(&maps, allowed.bare);
     // Maps as they are have the density of their examples.
     let mut alone = lone.clone().filter(|_| wanted.density == 0);
-    let centres = if model.is_waist { waist::by_worth(&model, &maps) } else { lone.iter().cloned().collect() };
+    // Whoever names maps wants all of them.
+    let of_several = surrounded::centre(&model, &maps).filter(|_| !model.is_waist && wanted.parts.is_empty());
+    let centres = match model.is_waist {
+        true => waist::by_worth(&model, &maps),
+        false => lone.iter().chain(&of_several).cloned().collect(),
+    };
     let (mut around, mut centre) = (None, None);
     for map in centres {
-        around = laid_around(work, live, &map, &job, (how, allowed, alone.is_some() || model.is_waist)).await?;
+        let may_fail = alone.is_some() || of_several.is_some() || model.is_waist;
+        around = laid_around(work, live, &map, &job, (how, allowed, may_fail)).await?;
         if around.is_some() {
             centre = Some(map.newest().summary.segment);
             break;
         }
     }
-    if model.is_waist {
+    if model.is_waist || (of_several.is_some() && around.is_some()) {
         // What lies beyond the map is laid out around it.
         templates.extend(summaries.iter().map(|part| part.segment).filter(|segment| Some(*segment) != centre));
         summaries.retain(|part| Some(part.segment) == centre);
@@ -350,13 +356,16 @@ fn lone(maps: &[Option<Arc<LiveMap>>], bare: f64) -> Option<Arc<LiveMap>> {
 fn allowed(maps: &[Option<Arc<LiveMap>>]) -> Allowed {
     let spanned = maps.iter().flatten().map(|map| map.newest().mapped.reach.spanned).fold(0.0, f64::max);
     let bare = match maps {
-        [Some(map)] => {
-            let reach = &map.newest().mapped.reach;
-            if reach.own.is_some() { 0.0 } else { 1.0 - reach.covers.input }
-        }
+        [Some(map)] => bare(map),
         _ => 0.0,
     };
     Allowed { spanned, bare }
+}
+
+/// The share of its segment that a map leaves bare, where no rows of quads continue it.
+fn bare(map: &LiveMap) -> f64 {
+    let reach = &map.newest().mapped.reach;
+    if reach.own.is_some() { 0.0 } else { 1.0 - reach.covers.input }
 }
 
 /// What is told of a map that takes part in a composition.

@@ -7,9 +7,10 @@ use crate::fit::within;
 use crate::mesh::{NONE, PolyMesh, TriMesh, prepare};
 use crate::segment::segment_around;
 use crate::topology::{Patch, submesh};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// More parts of the rest are a rag: none of them is worth a layout.
+/// Of more parts, beside those that stay, the rest is a rag: none of them is worth a layout.
 const PARTS_MAX: usize = 24;
 
 /// An input cut along the rim of a map that lies on a part of it, and the map's own faces, save those at a cut of its segment.
@@ -40,7 +41,8 @@ pub fn around(
     let others = |part: &u32| (!query.is_at_waist() && *part != segment).then_some(*part);
     let kept: Vec<Option<u32>> = part_of.iter().map(others).collect();
     let segmented = segment_around(&surface, &field, &kept).ok()?;
-    if !(2..=PARTS_MAX).contains(&segmented.parts.len()) {
+    let stay = kept.iter().flatten().collect::<BTreeSet<_>>().len();
+    if !(2..=stay + PARTS_MAX).contains(&segmented.parts.len()) {
         return None;
     }
     // Eyes and a mouth that are open on the example are none of the openings that the rest borders on.

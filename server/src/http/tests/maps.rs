@@ -374,6 +374,36 @@ async fn a_map_is_delivered_alone_where_what_is_laid_around_it_is_crumpled() {
 }
 
 #[tokio::test]
+async fn of_several_segments_the_map_of_most_is_laid_out_around_where_it_leaves_much_bare_and_nobody_named_it() {
+    for (rest, is_laid_out_around) in [("\nrest annulus 7", true), ("", false)] {
+        let bench = Bench::new();
+        bench.add("face", "segment disc 2\nlies fair 0.5").await;
+        let path = bench.query("", &format!("segment disc 2\nsegment disc 3{rest}")).await;
+        bench.ended(&path).await;
+        let compositions = format!("{path}/compositions?wait=60");
+        let made = bench.post_json(&compositions, json!({})).await.json();
+        let mapped = |made: &Value| made["parts"].as_array().map_or(0, Vec::len);
+        assert_eq!(mapped(&made), if is_laid_out_around { 1 } else { 2 }, "{made}");
+        assert_eq!(made["templates"], if is_laid_out_around { json!([1]) } else { json!([]) }, "{made}");
+        // What is named is stitched as it is.
+        let named = bench.post_json(&compositions, json!({"parts": made["parts"]})).await.json();
+        assert_eq!((mapped(&named), &named["templates"]), (2, &json!([])), "{named}");
+    }
+}
+
+#[tokio::test]
+async fn examples_that_would_make_up_too_little_are_not_stitched_first() {
+    let bench = Bench::new();
+    bench.add("thumb", "segment disc 2\nlies fair 0.05").await;
+    let path = bench.query("", "segment disc 2\nsegment disc 3").await;
+    bench.ended(&path).await;
+    let made = bench.post_json(&format!("{path}/compositions?wait=60"), json!({})).await.json();
+    assert_eq!((&made["inspired"], &made["templates"]), (&json!(0.0), &json!([0, 1])), "{made}");
+    let note = "examples gave way to a regular layout of all of it: they make up 5 % of it";
+    assert_eq!(made["notes"], json!([note]), "{made}");
+}
+
+#[tokio::test]
 async fn where_no_mesh_of_the_whole_is_sound_the_map_of_most_of_it_is_delivered_alone() {
     let bench = Bench::stocked().await;
     for flaw in ["rag", "wrinkles"] {

@@ -1,10 +1,10 @@
-//! A map that covers a part of a scan of one segment, with what lies around it.
+//! A map that covers a part of a scan, with what lies around it.
 //!
 //! The scan is cut along the map's rim. What is left is ranked as a query of several segments is, and takes the examples that
 //! fit, and regular layouts elsewhere.
 
 use super::headline::{BroughtMap, is_crumpled};
-use super::{Sound, laid, stitched_sound};
+use super::{BARE_MIN, Sound, bare, laid, stitched_sound};
 use crate::pool::{Job, Lane, Stop, StopReason};
 use crate::work::engine::{Allowed, Encoded, Engine, EngineError, Model, Part, Stitching};
 use crate::work::laying::best_map;
@@ -28,8 +28,21 @@ pub(super) struct Surrounded {
     names: Vec<Option<String>>,
 }
 
+/// The map of several that has most of a scan, if it leaves much of its segment bare: it could not be stitched with its neighbours.
+pub(super) fn centre(model: &Model, maps: &[Option<Arc<LiveMap>>]) -> Option<Arc<LiveMap>> {
+    let share = |map: &LiveMap| {
+        let faces = model.segments.get(map.segment as usize).map_or(0, |segment| segment.faces);
+        faces as f64 * map.newest().summary.covers.input
+    };
+    let is_example = |map: &&Arc<LiveMap>| map.example_id() != ExampleId::TEMPLATE;
+    // Of equals the first.
+    let order = |a: &&Arc<LiveMap>, b: &&Arc<LiveMap>| share(a).total_cmp(&share(b)).then(b.segment.cmp(&a.segment));
+    let most = maps.iter().flatten().filter(is_example).max_by(order)?;
+    (maps.len() > 1 && bare(most) > BARE_MIN).then(|| Arc::clone(most))
+}
+
 impl Surrounded {
-    /// Cuts the scan of `live`, which is one segment or was cut at its waist, along the rim of `map`, and finds what the rest takes;
+    /// Cuts the scan of `live` along the rim of `map`, and finds what the rest takes;
     /// `None` where nothing lies beyond the map, or the rest can't be laid.
     pub(super) async fn of(
         work: &Arc<Work>,
