@@ -209,7 +209,7 @@ const STEPS_PER_FACE: u64 = 200;
 const SEGMENTS_FEW: usize = 32;
 const WORTH_MAX: usize = 16;
 
-/// A component gets a share of the first by its triangles, but no less than this share.
+/// A component gets a share of [`STEPS_LEAST`] by its triangles, but no less than this one.
 const STEPS_SHARE_MIN: f64 = 1.0 / 16.0;
 
 /// The work that a component is worth, in steps, of an input of so many triangles.
@@ -252,7 +252,7 @@ pub fn compose(
         composed(component.input(), &of_it, options, scale, late_at, stopped)
     };
     let all = |some: &[usize]| some.iter().map(|&k| Ok((k, one(k)?))).collect::<Result<Vec<_>, ComposeError>>();
-    let [some, others] = apart::dealt(&components);
+    let [some, others] = apart::in_two_groups(&components);
     let (some, others) = match others.is_empty() {
         true => (all(&some), Ok(Vec::new())),
         false => side_by_side(|| all(&some), || all(&others)),

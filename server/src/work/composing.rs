@@ -141,7 +141,8 @@ async fn made(
     // Maps as they are have the density of their examples.
     let mut alone = lone.clone().filter(|_| wanted.density == 0);
     // Whoever names maps wants all of them.
-    let of_several = surrounded::centre(&model, &maps).filter(|_| !model.is_waist && wanted.parts.is_empty());
+    let is_open = wanted.parts.is_empty() && wanted.keep.is_empty();
+    let of_several = surrounded::centre(&model, &maps).filter(|_| is_open && !model.is_waist);
     let centres = match model.is_waist {
         true => waist::by_worth(&model, &maps),
         false => lone.iter().chain(&of_several).cloned().collect(),
@@ -172,7 +173,7 @@ async fn made(
     let share = regular::share_of_all(&model, &maps);
     let too_little = match &lone {
         Some(_) if share < ALONE_MIN && wanted.keep.is_empty() => Some(Vec::new()),
-        None if share < INSPIRED_LEAST && wanted.parts.is_empty() && may_give_way(&maps, &wanted, 0) => {
+        None if share < INSPIRED_LEAST && is_open && may_give_way(&maps, &wanted, 0) => {
             Some(vec![regular::gave_way(&regular::makes_up(share))])
         }
         _ => None,

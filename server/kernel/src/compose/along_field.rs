@@ -29,7 +29,7 @@ const SHORTER: f64 = 0.8;
 const SHORTEST: f64 = 0.5;
 /// Share of the distance that is allowed down to which shorter edges are meant to come: as for segments made finer.
 const EXPECTED: f64 = 0.9;
-/// A hole with a shorter rim, in edges, may be closed: two quads a side go around it. *Untuned.*
+/// A hole with a shorter rim, in edges, may be closed: that of two by two quads is as long. *Untuned.*
 const HOLE_EDGES: f64 = 8.0;
 /// Edges around what is thinner than a quad.
 const EDGES_AROUND: f64 = 4.0;
@@ -88,8 +88,9 @@ impl Stitching<'_> {
         }
         let closed = holes::filled(surface, &small);
         let beside = small.iter().flatten().map(|&h| self.owner_of(h / 3));
-        let owner = (0..surface.triangles.len() as u32).map(|t| self.owner_of(t)).chain(beside).collect();
-        Some((closed, owner, small.len()))
+        let owner: Vec<u32> = (0..surface.triangles.len() as u32).map(|t| self.owner_of(t)).chain(beside).collect();
+        // Where they can't be filled the surface is as it was.
+        (owner.len() == closed.triangles.len()).then_some((closed, owner, small.len()))
     }
 
     /// The layout along a field with edges of length `h`, closer where it misses the input; `None` where there is none that holds.

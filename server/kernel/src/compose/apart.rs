@@ -72,18 +72,18 @@ pub fn worth(components: &[Component], few: usize, most: usize) -> Vec<bool> {
     worth
 }
 
-/// The components in two hands, by their numbers: each goes to the hand that has fewer triangles, the largest first.
-pub fn dealt(components: &[Component]) -> [Vec<usize>; 2] {
+/// The components in two groups of about as many triangles, by their numbers: each joins the smaller group, the largest first.
+pub fn in_two_groups(components: &[Component]) -> [Vec<usize>; 2] {
     let triangles = |k: &usize| components[*k].surface.triangles.len();
     let mut order: Vec<usize> = (0..components.len()).collect();
     order.sort_by_key(|k| Reverse(triangles(k)));
-    let (mut hands, mut held) = ([Vec::new(), Vec::new()], [0; 2]);
+    let (mut groups, mut sizes) = ([Vec::new(), Vec::new()], [0; 2]);
     for k in order {
-        let hand = usize::from(held[1] < held[0]);
-        held[hand] += triangles(&k);
-        hands[hand].push(k);
+        let smaller = usize::from(sizes[1] < sizes[0]);
+        sizes[smaller] += triangles(&k);
+        groups[smaller].push(k);
     }
-    hands
+    groups
 }
 
 /// The triangles that belong to segments.

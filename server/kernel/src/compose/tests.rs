@@ -379,7 +379,7 @@ fn what_is_thinner_than_a_quad_has_quads_around_it() {
 }
 
 #[test]
-fn components_are_dealt_to_two_hands_that_hold_as_much() {
+fn components_are_in_two_groups_of_about_as_many_triangles() {
     let mesh = sphere(2);
     let pieces = |counts: &[usize]| {
         let of = |&count: &usize| apart::Component {
@@ -389,8 +389,8 @@ fn components_are_dealt_to_two_hands_that_hold_as_much() {
         };
         counts.iter().map(of).collect::<Vec<_>>()
     };
-    assert_eq!(apart::dealt(&pieces(&[5, 40, 20, 30])), [vec![1, 0], vec![3, 2]]);
-    assert_eq!(apart::dealt(&pieces(&[7])), [vec![0], Vec::new()]);
+    assert_eq!(apart::in_two_groups(&pieces(&[5, 40, 20, 30])), [vec![1, 0], vec![3, 2]]);
+    assert_eq!(apart::in_two_groups(&pieces(&[7])), [vec![0], Vec::new()]);
 }
 
 #[test]
