@@ -170,7 +170,8 @@ fn large_objects_come_back(nodes: &Nodes, dir: &Path) {
     assert_eq!(other.collect(Duration::from_secs(3600)).expect("collected"), 0, "they are young");
     assert_eq!(other.collect(Duration::ZERO).expect("collected"), 2);
     let kept = first.add(&small(2).example(), &[]).expect("added").record().id;
-    assert_eq!(other.collect(Duration::ZERO).expect("collected"), 0);
+    // A collection ends where the engine has no more to deliver at once: chunks of what went before may go with the next.
+    eventually("nothing is left to collect", || other.collect(Duration::ZERO).is_ok_and(|gone| gone == 0));
     eventually("it is there", || other.mesh_bytes(kept).is_ok());
     // The bytes are gone from the engine, and come again with the example.
     first.add(&sample.example(), &[]).expect("added");
