@@ -246,9 +246,9 @@ pub fn compose(
     let one = |k: usize| {
         let component = &components[k];
         let of_it: Vec<Piece<'_>> = component.segments.iter().map(|&s| pieces[s]).collect();
+        let steps = || steps_for(component, &of_it, input.surface.triangles.len());
         // A scrap is late from the start.
-        let worth = worth[k].then(|| steps_for(component, &of_it, input.surface.triangles.len()));
-        let late_at = worth.map_or(0, |steps| stop::steps().saturating_add(steps));
+        let late_at = if worth[k] { stop::steps().saturating_add(steps()) } else { 0 };
         composed(component.input(), &of_it, options, scale, late_at, stopped)
     };
     let all = |some: &[usize]| some.iter().map(|&k| Ok((k, one(k)?))).collect::<Result<Vec<_>, ComposeError>>();

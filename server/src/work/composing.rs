@@ -170,16 +170,13 @@ async fn made(
         templates = (0..live.model.segments.len() as u32).collect();
     }
     // Examples that would make up too little give way in the end: what nobody named is not stitched for that first.
-    let share = regular::share_of_all(&model, &maps);
-    let too_little = match &lone {
-        Some(_) if share < ALONE_MIN && wanted.keep.is_empty() => Some(Vec::new()),
-        None if share < INSPIRED_LEAST && is_open && may_give_way(&maps, &wanted, 0) => {
-            Some(vec![regular::gave_way(&regular::makes_up(share))])
-        }
-        _ => None,
+    let share: f64 = maps.iter().flatten().map(|map| map.share_of(&model)).sum();
+    let is_too_little = match &lone {
+        Some(_) => share < ALONE_MIN && wanted.keep.is_empty(),
+        None => share < INSPIRED_LEAST && is_open && may_give_way(&maps, &wanted, 0),
     };
-    let too_little = too_little.filter(|_| around.is_none() && !model.is_waist);
-    if too_little.is_some() {
+    let is_too_little = is_too_little && around.is_none() && !model.is_waist;
+    if is_too_little {
         (alone, one) = (None, None);
         let segments = 0..parts.len() as u32;
         parts = regular::templates(live, segments.clone()).await?;
@@ -251,7 +248,9 @@ async fn made(
         laid = around;
         laid.iter_mut().flatten().for_each(|laid| laid.reasons.retain(|reason| !reason.starts_with(BARE)));
     }
-    found.made.notes.extend(too_little.unwrap_or_default());
+    if is_too_little && lone.is_none() {
+        found.made.notes.push(regular::gave_way(&regular::makes_up(share)));
+    }
     let mut headline = told(&found, &laid, &live.model);
     if let Some(reason) = regular::reason(&headline)
         && may_give_way(&laid_maps, &wanted, found.gave_way.len())

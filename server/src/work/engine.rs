@@ -105,6 +105,15 @@ pub struct Model {
     pub inner: Opaque,
 }
 
+impl Model {
+    /// The share of the model's faces that a segment has.
+    pub fn share_of(&self, segment: u32) -> f64 {
+        let all: u64 = self.segments.iter().map(|segment| segment.faces).sum();
+        let of = self.segments.get(segment as usize).map_or(0, |segment| segment.faces);
+        of as f64 / all.max(1) as f64
+    }
+}
+
 /// A segment of a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModelSegment {

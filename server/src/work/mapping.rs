@@ -2,7 +2,7 @@
 //!
 //! An example that was passed over at a coarse level is first registered through the levels it missed.
 
-use super::engine::{Encoding, Engine, EngineError, Lead, Mapped, Refusal, Side, Wishes};
+use super::engine::{Encoding, Engine, EngineError, Lead, Mapped, Model, Refusal, Side, Wishes};
 use super::ingest;
 use super::making::{self, Making, Tell, untold};
 use super::query::{LiveQuery, MAPS_MAX, ms_since};
@@ -68,6 +68,11 @@ impl LiveMap {
     /// The example's side; `None` for a regular layout.
     pub fn example(&self) -> Option<&Side> {
         self.example.as_ref()
+    }
+
+    /// The share of a scan's faces that it covers.
+    pub fn share_of(&self, scan: &Model) -> f64 {
+        self.newest().summary.covers.input * scan.share_of(self.segment)
     }
 
     fn put(&self, state: MapState) -> Arc<MapState> {

@@ -304,7 +304,7 @@ impl Retopology {
             let Some(map) = map else { continue };
             let made = self.composed(&live, &[map], [LAID_OUT, PARTED]).await?;
             let share = made.share();
-            let is_enough = share >= outcome::MOST * share_of(&live, side);
+            let is_enough = share >= outcome::MOST * live.model.share_of(side);
             if share > best.as_ref().map_or(0.0, |best| best.0) {
                 best = Some((share, made.made, is_enough));
             }
@@ -327,11 +327,11 @@ impl Retopology {
         let mut in_reach = 0.0;
         for segment in segments_worth_it(&live) {
             let is_in_reach = !laying::in_turn(&live, segment, tries_of(&live, segment)).await.is_empty();
-            in_reach += if is_in_reach { share_of(&live, segment) } else { 0.0 };
+            in_reach += if is_in_reach { live.model.share_of(segment) } else { 0.0 };
         }
         if in_reach >= INSPIRED_LEAST {
             let maps = self.maps_of(&live, INSPIRED_LEAST).await?;
-            if maps.iter().map(|map| inspired_by(map, &live)).sum::<f64>() >= INSPIRED_LEAST {
+            if maps.iter().map(|map| map.share_of(&live.model)).sum::<f64>() >= INSPIRED_LEAST {
                 let made = self.composed(&live, &maps, [PARTED, 1.0]).await?.made;
                 return Ok(Some(Outcome::of_recut(recut, made)));
             }
@@ -346,7 +346,7 @@ impl Retopology {
         let mut segments = segments_worth_it(live);
         segments.sort_by_key(|&segment| Reverse(live.model.segments.get(segment as usize).map(|s| s.faces)));
         let mut each = self.each_best(live, &segments);
-        let mut in_reach: f64 = segments.iter().map(|&segment| share_of(live, segment)).sum();
+        let mut in_reach: f64 = segments.iter().map(|&segment| live.model.share_of(segment)).sum();
         let mut maps: Vec<Arc<LiveMap>> = Vec::new();
         for &segment in &segments {
             if in_reach < least {
@@ -354,10 +354,10 @@ impl Retopology {
             }
             (self.tell)("laying examples on the parts", PARTED);
             let Some(found) = each.next().await else { break };
-            in_reach -= share_of(live, segment);
+            in_reach -= live.model.share_of(segment);
             match found {
                 Ok(Some(map)) if !is_poor(&map) => {
-                    in_reach += inspired_by(&map, live);
+                    in_reach += map.share_of(&live.model);
                     maps.push(map);
                 }
                 Ok(_) => {}
@@ -433,18 +433,6 @@ fn tries_of(live: &LiveQuery, segment: u32) -> usize {
 
 fn is_poor(map: &LiveMap) -> bool {
     map.newest().mapped.is_poor_stitched()
-}
-
-/// The share of a scan that has a map's quads.
-fn inspired_by(map: &LiveMap, live: &LiveQuery) -> f64 {
-    map.newest().summary.covers.input * share_of(live, map.segment)
-}
-
-/// The share of a scan's faces that a segment has.
-fn share_of(live: &LiveQuery, segment: u32) -> f64 {
-    let all: u64 = live.model.segments.iter().map(|segment| segment.faces).sum();
-    let of = live.model.segments.get(segment as usize).map_or(0, |segment| segment.faces);
-    of as f64 / all.max(1) as f64
 }
 
 /// The name of a map's example, or its id where it has none.

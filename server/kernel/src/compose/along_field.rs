@@ -66,12 +66,11 @@ impl Stitching<'_> {
         if self.shape.boundary_loops > 0 {
             return None;
         }
-        let area = surface.total_area();
-        let cone = |corners: &[u32; 3]| {
-            let [a, b, c] = corners.map(|v| surface.positions[v as usize]);
-            a.dot(&b.cross(&c)) / 6.0
-        };
-        let volume = surface.triangles.iter().map(cone).sum::<f64>().abs();
+        let (area, first) = (surface.total_area(), surface.positions.first()?);
+        // From a vertex: from an origin that lies far off little would be left of it.
+        let cone =
+            |t: usize| surface.area_vector(t).dot(&(surface.positions[surface.triangles[t][0] as usize] - first)) / 3.0;
+        let volume = (0..surface.triangles.len()).map(cone).sum::<f64>().abs();
         let edge = TAU / EDGES_AROUND * 2.0 * volume / area;
         let quads = area / (edge * edge);
         (quads < 3.0 * surface.triangles.len() as f64).then_some(edge)

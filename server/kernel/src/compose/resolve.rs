@@ -7,6 +7,7 @@
 use super::net::Net;
 use super::surgery;
 use crate::mesh::Vec3;
+use crate::mesh::tri::halves_of;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
@@ -71,9 +72,9 @@ pub fn worst_deviation_deg(p: [Vec3; 4]) -> f64 {
     deviations_deg(p).into_iter().map(|d| d.unwrap_or(180.0)).fold(0.0, f64::max)
 }
 
-/// The angle between the triangles of a quad, in degrees, that share the edge between its corners 1 and 3.
-fn fold_deg([a, b, c, d]: [Vec3; 4]) -> f64 {
-    let (one, two) = ((b - a).cross(&(d - a)), (d - c).cross(&(b - c)));
+/// The angle between a quad's [halves](halves_of), in degrees.
+fn fold_deg(p: [Vec3; 4]) -> f64 {
+    let [one, two] = halves_of(p);
     one.angle(&two).to_degrees()
 }
 

@@ -1,4 +1,4 @@
-//! What stands on a segment: a mapped example, a regular layout, or the segment's own triangles as quads; and what
+//! Tells what stands on a segment: a mapped example, a regular layout, or the segment's own triangles as quads; and what
 //! takes its place where it doesn't fit its neighbours.
 //!
 //! An example is subdivided first, then a regular layout is taken, at first as dense as the neighbours, then finer, at

@@ -55,6 +55,11 @@ pub fn area_between([a, b, c]: [Vec3; 3]) -> f64 {
     0.5 * (b - a).cross(&(c - a)).norm()
 }
 
+/// The normals of a quad's halves on both sides of its diagonal from corner 1 to corner 3, each twice as long as its area.
+pub fn halves_of([a, b, c, d]: [Vec3; 4]) -> [Vec3; 2] {
+    [(b - a).cross(&(d - a)), (d - c).cross(&(b - c))]
+}
+
 /// Length of the mean normal from which on a surface is flat: its normals then differ by 2.6° from their mean. Of 162 scans and
 /// examples two are flat and have 1.0000, the next has .80 (tests/records/one-way-2026-11-27.md).
 const FLAT_FROM: f64 = 0.999;

@@ -7,7 +7,6 @@ use crate::fit::within;
 use crate::mesh::{NONE, PolyMesh, TriMesh, prepare};
 use crate::segment::segment_around;
 use crate::topology::{Patch, submesh};
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Of more parts, beside those that stay, the rest is a rag: none of them is worth a layout.
@@ -41,7 +40,7 @@ pub fn around(
     let others = |part: &u32| (!query.is_at_waist() && *part != segment).then_some(*part);
     let kept: Vec<Option<u32>> = part_of.iter().map(others).collect();
     let segmented = segment_around(&surface, &field, &kept).ok()?;
-    let stay = kept.iter().flatten().collect::<BTreeSet<_>>().len();
+    let stay = if query.is_at_waist() { 0 } else { query.segmented.parts.len().saturating_sub(1) };
     if !(2..=stay + PARTS_MAX).contains(&segmented.parts.len()) {
         return None;
     }

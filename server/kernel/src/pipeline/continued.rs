@@ -7,6 +7,7 @@ use super::side::Side;
 use super::{BARE, sound};
 use crate::fit::{beyond, within};
 use crate::map::assemble::select;
+use crate::mesh::tri::halves_of;
 use crate::mesh::{PolyMesh, TriMesh};
 use crate::segment::segment_above;
 use crate::topology::{Components, Patch, Topology, primitive};
@@ -103,8 +104,7 @@ fn is_bent(grown: &PolyMesh, own: usize) -> bool {
     let (mut all, mut bent) = (0.0, 0.0);
     for face in grown.faces.iter().skip(own) {
         let &[a, b, c, d] = face else { continue };
-        let [a, b, c, d] = [a, b, c, d].map(|v| grown.positions[v as usize]);
-        let halves = [(b - a).cross(&(d - a)), (d - c).cross(&(b - c))];
+        let halves = halves_of([a, b, c, d].map(|v| grown.positions[v as usize]));
         let area = sound::area(grown, face);
         all += area;
         if halves[0].dot(&halves[1]) < BENT * halves[0].norm() * halves[1].norm() {

@@ -5,8 +5,7 @@ use super::headline::Headline;
 use super::sound::{Sound, stitched_sound};
 use super::waist;
 use crate::pool::{Job, Lane, Stop, StopReason};
-use crate::work::engine::{Allowed, Model, ModelSegment, Part, Stitching};
-use crate::work::mapping::LiveMap;
+use crate::work::engine::{Allowed, Part, Stitching};
 use crate::work::query::LiveQuery;
 use crate::work::{REQUEST_TIME_MAX, Work, WorkError};
 use quadmuse_proto::Verdict;
@@ -32,17 +31,6 @@ pub(super) fn makes_up(share: f64) -> String {
 /// The note of a composition in place of which there is a regular layout.
 pub(super) fn gave_way(reason: &str) -> String {
     format!("examples gave way to a regular layout of all of it: {reason}")
-}
-
-/// The share of a scan that maps would have together, were all of them joined.
-pub(super) fn share_of_all(model: &Model, maps: &[Option<Arc<LiveMap>>]) -> f64 {
-    let all: u64 = model.segments.iter().map(|segment| segment.faces).sum();
-    let laid = model.segments.iter().zip(maps);
-    let faces = |(segment, map): (&ModelSegment, &Option<Arc<LiveMap>>)| match map {
-        Some(map) => segment.faces as f64 * map.newest().summary.covers.input,
-        None => 0.0,
-    };
-    laid.map(faces).sum::<f64>() / all.max(1) as f64
 }
 
 /// Regular layouts for some segments.

@@ -38,9 +38,7 @@ impl Sound {
     /// examples have less than half of what they have there.
     pub(super) fn is_poor_beside(&self, standing: &[(usize, Arc<LiveMap>)], model: &Model) -> bool {
         let inspired = self.appraisal.examples.iter().sum::<f64>() * self.appraisal.covered;
-        let all: u64 = model.segments.iter().map(|segment| segment.faces).sum();
-        let share = |number: usize| model.segments.get(number).map_or(0.0, |s| s.faces as f64 / all.max(1) as f64);
-        let beside: f64 = standing.iter().map(|(number, map)| share(*number) * map.newest().summary.covers.input).sum();
+        let beside: f64 = standing.iter().map(|(_, map)| map.share_of(model)).sum();
         !self.appraisal.flaws.is_empty() || is_crumpled(&self.appraisal) || inspired < LOST * beside
     }
 

@@ -30,13 +30,11 @@ pub(super) struct Surrounded {
 
 /// The map of several that has most of a scan, if it leaves much of its segment bare: it could not be stitched with its neighbours.
 pub(super) fn centre(model: &Model, maps: &[Option<Arc<LiveMap>>]) -> Option<Arc<LiveMap>> {
-    let share = |map: &LiveMap| {
-        let faces = model.segments.get(map.segment as usize).map_or(0, |segment| segment.faces);
-        faces as f64 * map.newest().summary.covers.input
-    };
     let is_example = |map: &&Arc<LiveMap>| map.example_id() != ExampleId::TEMPLATE;
     // Of equals the first.
-    let order = |a: &&Arc<LiveMap>, b: &&Arc<LiveMap>| share(a).total_cmp(&share(b)).then(b.segment.cmp(&a.segment));
+    let order = |a: &&Arc<LiveMap>, b: &&Arc<LiveMap>| {
+        a.share_of(model).total_cmp(&b.share_of(model)).then(b.segment.cmp(&a.segment))
+    };
     let most = maps.iter().flatten().filter(is_example).max_by(order)?;
     (maps.len() > 1 && bare(most) > BARE_MIN).then(|| Arc::clone(most))
 }
