@@ -346,8 +346,8 @@ pub struct MapArgs {
     /// The query's segment, by its number or its name
     #[arg(long, value_name = "SEGMENT", default_value = "0")]
     pub segment: SegmentRef,
-    /// Where the input reaches beyond the example: `extend` continues the example's boundary by rows of quads, `leave` writes the example's
-    /// faces alone
+    /// Where the input reaches beyond the example: `extend` continues the example's boundary by rows of quads, and extrudes its faces along
+    /// horns or a tail that it lacks; `leave` writes the example's faces alone
     #[arg(long, value_name = "extend|leave", value_parser = beyond, default_value = "leave")]
     pub beyond: Beyond,
     /// A file for the numbers of the example's vertices that were kept, from 0, one a line: others lie beyond the input
@@ -417,8 +417,8 @@ pub struct LayArgs {
     /// Steps by which the quads are denser (each doubles rows and columns) or, below 0, coarser than the examples'
     #[arg(long, value_name = "STEPS", allow_negative_numbers = true, value_parser = clap::value_parser!(i32).range(-i64::from(composition::DENSITY_MAX)..=i64::from(composition::DENSITY_MAX)))]
     pub density: Option<i32>,
-    /// Where the input reaches beyond the example: `extend` continues the example's boundary by rows of quads, `leave` writes the example's
-    /// faces alone
+    /// Where the input reaches beyond the example: `extend` continues the example's boundary by rows of quads, and extrudes its faces along
+    /// horns or a tail that it lacks; `leave` writes the example's faces alone
     #[arg(long, value_name = "extend|leave", value_parser = beyond, default_value = "extend")]
     pub beyond: Beyond,
     /// Exit with 1 where the result is less than this; it is written all the same. `inspired`: more than half of its area

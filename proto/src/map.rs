@@ -50,7 +50,8 @@ pub enum Beyond {
     /// It is left bare: the example's faces alone.
     #[default]
     Leave,
-    /// Rows of quads continue the example's boundary to where the input ends.
+    /// Rows of quads continue the example's boundary to where the input ends, and its faces are extruded along protrusions that it
+    /// lacks.
     Extend,
 }
 
@@ -93,7 +94,8 @@ pub struct Map {
     /// Of its vertices those that are the example's: they come first, in the example's order.
     #[serde(default)]
     pub own_vertices: u64,
-    /// Of its faces those that are the example's: they come first, in the example's order.
+    /// Of its faces those that are the example's: they come first, in the example's order. Those at a tip to which they were extruded
+    /// have other vertices around them.
     #[serde(default)]
     pub own_faces: u64,
     /// The example's vertices that the mesh has, by their number from 0 in the example's file; `null` for all of them.

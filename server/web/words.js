@@ -43,6 +43,7 @@ const REASONS = [
   [/^landmark `(.+)` is met but for/, (x) => `The landmark ${x} could not be met exactly.`, ""],
   [/is met but for/, () => "A landmark could not be met exactly.", ""],
   [/^examples make up (\S+) %/, (x) => `Examples make up ${x} % of it; the rest is regular layouts.`, "Add examples for the bare parts."],
+  [/^faces were extruded along (.+) of the scan/, (parts) => `Quads were added along ${parts} of the scan that the example lacks, such as a horn or a tail.`, "Look at where they begin."],
   [/rows of quads (would|can't)/, () => "Some of the scan stays bare: rows of quads can't go on there.", "Choose an example that reaches as far."],
   [/smaller parts of the scan are left bare/, () => "Only the largest piece of the scan has quads.", "Clean the scan, or cut it into parts."],
   [/best map is poor|best maps are poor/, () => "Some parts took regular layouts: no example fitted them well.", "Choose an example for the part yourself."],

@@ -4,6 +4,7 @@
 //! left out, and folds are mended ([`mend`]); what the input has beyond the example is continued ([`beyond`]).
 
 pub mod beyond;
+pub mod extrude;
 pub mod flat;
 pub mod limbs;
 pub mod mend;

@@ -16,6 +16,7 @@ mod constraint;
 mod continued;
 mod cut;
 mod error;
+mod extruded;
 mod fitted;
 mod from_whole;
 mod grouped;
@@ -92,6 +93,12 @@ pub fn fit(
             fitted.mapped = own;
         }
     }
+    let missed = match wishes.beyond {
+        Beyond::Extend => extruded::extrude(&mut fitted.mapped, query),
+        Beyond::Leave => extruded::missed(&fitted.mapped, query),
+    };
+    let covers = &mut fitted.mapped.reach.covers;
+    covers.input = (covers.input - missed).max(0.0);
     Ok(fitted)
 }
 
@@ -108,5 +115,8 @@ pub fn edited(
 ) -> Result<Mapped, PipelineError> {
     let mut mapped = continued::edited(from, before, example, query, stop)?;
     sound::check(&mut mapped, query);
+    if before.reach.unextruded.is_some() {
+        extruded::extrude(&mut mapped, query);
+    }
     Ok(mapped)
 }

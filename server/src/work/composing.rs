@@ -504,7 +504,8 @@ fn one_example(maps: &[Option<Arc<LiveMap>>]) -> Option<(Arc<Model>, Vec<OnePart
     let part = |map: &&Arc<LiveMap>| {
         let (example_segment, newest) = (map.example()?.segment, map.newest());
         let is_edited = newest.is_edited();
-        Some(OnePart { segment: map.segment, example_segment, mesh: Arc::clone(&newest.mapped.mesh), is_edited })
+        let mesh = Arc::clone(newest.mapped.unextruded());
+        Some(OnePart { segment: map.segment, example_segment, mesh, is_edited })
     };
     Some((Arc::clone(&first.example()?.model), maps.iter().map(part).collect::<Option<_>>()?))
 }

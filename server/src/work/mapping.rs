@@ -376,6 +376,9 @@ fn summary(
     timings: MapTimings,
 ) -> Map {
     let reach = &mapped.reach;
+    let unextruded = mapped.unextruded();
+    let (own_vertices, own_faces) =
+        reach.own.unwrap_or((unextruded.positions.len() as u64, unextruded.faces.len() as u64));
     Map {
         id,
         query: live.id,
@@ -392,8 +395,8 @@ fn summary(
         constraints: mapped.constraints.clone(),
         vertices: mapped.mesh.positions.len() as u64,
         faces: mapped.mesh.faces.len() as u64,
-        own_vertices: reach.own.map_or(mapped.mesh.positions.len() as u64, |own| own.0),
-        own_faces: reach.own.map_or(mapped.mesh.faces.len() as u64, |own| own.1),
+        own_vertices,
+        own_faces,
         kept: reach.kept.clone(),
         covers: Covers { example: reach.covers.example, input: reach.covers.input },
         inspired: reach.inspired.unwrap_or(if example == ExampleId::TEMPLATE { 0.0 } else { 1.0 }),

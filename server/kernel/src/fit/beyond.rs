@@ -17,6 +17,10 @@ use crate::unfold::{Chart, UnfoldOptions, Uv};
 const ROWS_MAX: usize = 200;
 /// Points at which the length of a line of constant u is measured.
 const SAMPLES: usize = 65;
+/// Rows along a protrusion that is thin for its rim are closer by this factor at most. *Untuned.*
+const CLOSER_MAX: f64 = 3.0;
+/// After so many rows along a protrusion the vertices are evenly spaced around it. *Untuned.*
+const EVEN_AFTER: f64 = 2.0;
 /// Share of a disc's depth that its rows take; a grid fills the rest.
 const ROWS_SHARE: f64 = 0.8;
 
@@ -37,14 +41,14 @@ fn continued_evenly(mesh: &PolyMesh, rest: &Patch) -> Option<PolyMesh> {
     let ground = UnfoldedRest { chart, index: query.index() };
     let along = ground.along(mesh, &rim)?;
     let quads = match rest.topology {
-        Topology::Annulus => ground.rows(mesh, &rim, &along, 1.0),
-        Topology::Disc => ground.rows(mesh, &rim, &along, ROWS_SHARE),
+        Topology::Annulus => ground.rows(mesh, &rim, &along, RowsEnd::Depth(1.0)),
+        Topology::Disc => ground.rows(mesh, &rim, &along, RowsEnd::Depth(ROWS_SHARE)),
         Topology::Sphere | Topology::Torus => return None,
     };
-    let mut grown = Grown::new(mesh, rim);
+    let mut grown = Grown::new(mesh, rim, mesh.faces.len().saturating_sub(1));
     quads.rows.iter().for_each(|row| grown.row(row));
     if rest.topology == Topology::Disc {
-        grown.close(&ground, &along, &quads)?;
+        grown.close(&ground, &quads)?;
     }
     Some(grown.mesh)
 }
@@ -80,30 +84,56 @@ fn only_rim(mesh: &PolyMesh) -> Option<Vec<u32>> {
 }
 
 /// The unfolded rest.
-struct UnfoldedRest<'a> {
-    chart: &'a Chart,
-    index: &'a PlanarIndex,
+pub(super) struct UnfoldedRest<'a> {
+    pub(super) chart: &'a Chart,
+    pub(super) index: &'a PlanarIndex,
 }
 
-/// Rows of vertices, from the rim outward, and where the last one lies in v.
-struct Rows {
-    rows: Vec<Vec<Vec3>>,
-    last: f64,
+/// Where rows end.
+#[derive(Clone, Copy)]
+pub(super) enum RowsEnd {
+    /// At a share of the depth.
+    Depth(f64),
+    /// So many rows before the pole; rows are no farther apart than quads are wide, on average.
+    BeforePole(f64),
+}
+
+/// Rows of vertices, from the rim outward.
+pub(super) struct Rows {
+    pub(super) rows: Vec<Vec<Vec3>>,
+    /// How deep each lies, as a share of the area; the rim first.
+    pub(super) depths: Vec<f64>,
+    /// u of the vertices of each, the rim first.
+    pub(super) u: Vec<Vec<f64>>,
+}
+
+impl Rows {
+    /// Where the vertices of the last one lie in the picture about the pole.
+    pub(super) fn edge(&self) -> Vec<[f64; 2]> {
+        let depth = self.depths.last().copied().unwrap_or_default();
+        self.u.last().into_iter().flatten().map(|&u| polar(u, depth)).collect()
+    }
 }
 
 /// Where the rim lies on the rest: u of each of its vertices, and whether v falls from the rim on.
-struct Along {
+pub(super) struct Along {
     u: Vec<f64>,
     falls: bool,
 }
 
 impl UnfoldedRest<'_> {
-    fn at(&self, uv: Uv) -> Vec3 {
+    pub(super) fn at(&self, uv: Uv) -> Vec3 {
         self.index.locate(self.chart, [uv[0].rem_euclid(1.0), uv[1]]).point(self.chart)
     }
 
+    /// The surface's area vector at a place.
+    pub(super) fn normal(&self, uv: Uv) -> Vec3 {
+        let triangle = self.index.locate(self.chart, [uv[0].rem_euclid(1.0), uv[1]]).triangle;
+        self.chart.mesh.area_vector(triangle as usize)
+    }
+
     /// u of the rim's vertices, by the nearest place on the rest's boundary.
-    fn along(&self, mesh: &PolyMesh, rim: &[u32]) -> Option<Along> {
+    pub(super) fn along(&self, mesh: &PolyMesh, rim: &[u32]) -> Option<Along> {
         let surface: &TriMesh = &self.chart.mesh;
         let points: Vec<Vec3> = rim.iter().map(|&v| mesh.positions[v as usize]).collect();
         let nearest = |edges: &[u32], x: Vec3| -> Option<(f64, f64)> {
@@ -128,8 +158,12 @@ impl UnfoldedRest<'_> {
         Some(Along { u: untwisted(&u), falls })
     }
 
-    /// Rows over the share `to` of the depth, about as far apart as the rim's vertices.
-    fn rows(&self, mesh: &PolyMesh, rim: &[u32], along: &Along, to: f64) -> Rows {
+    /// Rows about as far apart as the rim's vertices.
+    pub(super) fn rows(&self, mesh: &PolyMesh, rim: &[u32], along: &Along, end: RowsEnd) -> Rows {
+        let (to, left) = match end {
+            RowsEnd::Depth(to) => (to, 0.0),
+            RowsEnd::BeforePole(left) => (1.0, left),
+        };
         let n = rim.len();
         let edge = |k: usize| (mesh.positions[rim[(k + 1) % n] as usize] - mesh.positions[rim[k] as usize]).norm();
         let wanted = (0..n).map(edge).sum::<f64>() / n as f64;
@@ -149,6 +183,14 @@ impl UnfoldedRest<'_> {
             }
         }
         let all = lengths.last().copied().unwrap_or(0.0);
+        let wanted = match end {
+            RowsEnd::Depth(_) => wanted,
+            RowsEnd::BeforePole(_) => {
+                let width = self.chart.mesh.total_area() / (all * n as f64).max(f64::MIN_POSITIVE);
+                width.clamp(wanted / CLOSER_MAX, wanted)
+            }
+        };
+        let all = (all - left * wanted).max(0.5 * all);
         let count = ((all / wanted.max(f64::MIN_POSITIVE)).round() as usize).clamp(1, ROWS_MAX);
         let depth = |row: usize| {
             let length = all * row as f64 / count as f64;
@@ -156,52 +198,77 @@ impl UnfoldedRest<'_> {
             let within = (length - lengths[k - 1]) / (lengths[k] - lengths[k - 1]).max(f64::MIN_POSITIVE);
             to * (k as f64 - 1.0 + within.clamp(0.0, 1.0)) / (SAMPLES - 1) as f64
         };
-        let row = |k: usize| along.u.iter().map(|&u| self.at([u, level(depth(k))])).collect();
-        Rows { rows: (1..=count).map(row).collect(), last: depth(count) }
+        let u_of = |k: usize| match end {
+            RowsEnd::Depth(_) => along.u.clone(),
+            RowsEnd::BeforePole(_) => evened(&along.u, k as f64 / EVEN_AFTER),
+        };
+        let row = |k: usize| u_of(k).iter().map(|&u| self.at([u, level(depth(k))])).collect();
+        Rows {
+            rows: (1..=count).map(row).collect(),
+            depths: (0..=count).map(depth).collect(),
+            u: (0..=count).map(u_of).collect(),
+        }
     }
 }
 
-/// u made to grow or fall all the way round: places on a ragged boundary may come back by a little.
+/// u that goes round once, drawn towards even steps by a `share`; 1 or more makes them even.
+fn evened(u: &[f64], share: f64) -> Vec<f64> {
+    let (n, share) = (u.len() as f64, share.min(1.0));
+    let turns = if u.last() < u.first() { -1.0 } else { 1.0 };
+    let even = |k: usize| turns * k as f64 / n;
+    let shift = u.iter().enumerate().map(|(k, u)| u - even(k)).sum::<f64>() / n;
+    u.iter().enumerate().map(|(k, u)| u + share * (even(k) + shift - u)).collect()
+}
+
+/// u made to grow or fall all the way round once, from the first on: places on a ragged boundary may come back by a little.
 fn untwisted(u: &[f64]) -> Vec<f64> {
     let n = u.len();
-    let mut run = vec![u.first().copied().unwrap_or(0.0)];
-    for k in 1..n {
-        let step = u[k] - u[k - 1];
-        run.push(run[k - 1] + step - step.round());
+    // Steps in one direction, each less than a turn; in the other they make more turns in all.
+    let steps = |sign: f64| -> Vec<f64> { (0..n).map(|k| (sign * (u[(k + 1) % n] - u[k])).rem_euclid(1.0)).collect() };
+    let total = |steps: &[f64]| steps.iter().sum::<f64>();
+    let (on, back) = (steps(1.0), steps(-1.0));
+    let (sign, mut steps) = if total(&on) <= total(&back) { (1.0, on) } else { (-1.0, back) };
+    // What comes back was taken for nearly a turn.
+    while total(&steps) > 1.5 {
+        let Some(largest) = steps.iter_mut().max_by(|a, b| a.total_cmp(b)) else { break };
+        *largest -= 1.0;
     }
-    let turns = {
-        let step = u[0] - u[n - 1];
-        run[n - 1] + step - step.round() - run[0]
-    };
-    let sign = if turns < 0.0 { -1.0 } else { 1.0 };
-    // Least steps forward: half of what even spacing has.
-    let least = 0.5 / n as f64;
-    let mut steps: Vec<f64> =
-        (0..n).map(|k| sign * (if k + 1 < n { run[k + 1] - run[k] } else { run[0] + sign - run[k] })).collect();
-    steps.iter_mut().for_each(|s| *s = s.max(least * 0.2));
-    let total: f64 = steps.iter().sum();
-    let mut out = vec![run[0]];
+    // Steps forward have a tenth of what even spacing has, or more.
+    steps.iter_mut().for_each(|step| *step = step.max(0.1 / n as f64));
+    let all = total(&steps);
+    let mut out = vec![u.first().copied().unwrap_or(0.0)];
     for k in 1..n {
-        out.push(out[k - 1] + sign * steps[k - 1] / total);
+        out.push(out[k - 1] + sign * steps[k - 1] / all);
     }
     out
 }
 
+/// The place of (u, v) in the picture about the pole at v = 1: the radius is √(share of the area left), the angle u.
+pub(super) fn polar(u: f64, v: f64) -> [f64; 2] {
+    let r = (1.0 - v).max(0.0).sqrt();
+    let (sin, cos) = (std::f64::consts::TAU * u).sin_cos();
+    [r * cos, r * sin]
+}
+
+/// The reverse of [`polar`].
+pub(super) fn from_polar([x, y]: [f64; 2]) -> Uv {
+    [y.atan2(x) / std::f64::consts::TAU, 1.0 - (x * x + y * y)]
+}
+
 /// The mesh as it grows.
-struct Grown {
-    mesh: PolyMesh,
+pub(super) struct Grown {
+    pub(super) mesh: PolyMesh,
     /// Its outer loop.
-    rim: Vec<u32>,
+    pub(super) rim: Vec<u32>,
     /// The face whose labels new faces take.
     like: usize,
 }
 
 impl Grown {
-    fn new(mesh: &PolyMesh, rim: Vec<u32>) -> Self {
+    pub(super) fn new(mesh: &PolyMesh, rim: Vec<u32>, like: usize) -> Self {
         let mut mesh = mesh.clone();
         // New corners have no place in a layer of texture coordinates; the layer would end before them.
         mesh.attributes.normals = None;
-        let like = mesh.faces.len().saturating_sub(1);
         Self { mesh, rim, like }
     }
 
@@ -238,7 +305,7 @@ impl Grown {
     }
 
     /// A row of quads beside the rim, whose edges run a → b on their faces: new ones run b → a.
-    fn row(&mut self, places: &[Vec3]) {
+    pub(super) fn row(&mut self, places: &[Vec3]) {
         let outer: Vec<u32> = places.iter().map(|&x| self.vertex(x)).collect();
         let rim = std::mem::take(&mut self.rim);
         let n = rim.len();
@@ -250,20 +317,14 @@ impl Grown {
     }
 
     /// Fills the loop by a grid.
-    fn close(&mut self, ground: &UnfoldedRest, along: &Along, rows: &Rows) -> Option<()> {
+    fn close(&mut self, ground: &UnfoldedRest, rows: &Rows) -> Option<()> {
         let rim = std::mem::take(&mut self.rim);
         let n = rim.len();
         if n < 4 || n % 2 == 1 {
             return None;
         }
         let (a, b) = (n / 4, n / 2 - n / 4);
-        // The picture about the pole: radius √(share of the area left), angle u.
-        let polar = |u: f64, v: f64| {
-            let r = (1.0 - v).max(0.0).sqrt();
-            let (sin, cos) = (std::f64::consts::TAU * u).sin_cos();
-            [r * cos, r * sin]
-        };
-        let edge: Vec<[f64; 2]> = along.u.iter().map(|&u| polar(u, rows.last)).collect();
+        let edge = rows.edge();
         let side = |from: usize, k: usize| edge[(from + k) % n];
         let ring = |i: usize, j: usize| -> Option<usize> {
             match (i, j) {
@@ -292,8 +353,7 @@ impl Grown {
                         - s * t * corners[2][c]
                         - (1.0 - s) * t * corners[3][c]
                 });
-                let u = at[1].atan2(at[0]) / std::f64::consts::TAU;
-                *vertex = self.vertex(ground.at([u, 1.0 - (at[0] * at[0] + at[1] * at[1])]));
+                *vertex = self.vertex(ground.at(from_polar(at)));
             }
         }
         for i in 0..a {

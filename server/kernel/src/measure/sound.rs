@@ -130,8 +130,11 @@ impl Flaws {
     }
 }
 
+/// How the reason begins that limbs of the surface are missed.
+pub const MISSED_LIMBS: &str = "the quads end before the scan does";
+
 fn why_missed(share: f64) -> String {
-    format!("the quads end before the scan does: {:.1} % of it, limbs or their ends, are missed", 100.0 * share)
+    format!("{MISSED_LIMBS}: {:.1} % of it, limbs or their ends, are missed", 100.0 * share)
 }
 
 impl ReferenceSurface {

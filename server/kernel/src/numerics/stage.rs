@@ -28,6 +28,8 @@ pub enum Stage {
     Anchors,
     /// It is stretched to tips of the input that it leaves bare.
     Stretch,
+    /// Faces are extruded along protrusions of the input that the example lacks.
+    Extrude,
     /// Faces that the input has nothing for are spanned between their neighbours.
     Span,
     /// Faces that leap between sheets of the input are left out.
@@ -53,7 +55,7 @@ pub enum Stage {
 }
 
 /// All stages and their names, in the order in which they are passed.
-const NAMES: [(Stage, &str); 21] = [
+const NAMES: [(Stage, &str); 22] = [
     (Stage::Topologies, "topologies"),
     (Stage::Rough, "rough"),
     (Stage::Leads, "leads"),
@@ -64,6 +66,7 @@ const NAMES: [(Stage, &str); 21] = [
     (Stage::Poses, "poses"),
     (Stage::Anchors, "anchors"),
     (Stage::Stretch, "stretch"),
+    (Stage::Extrude, "extrude"),
     (Stage::Span, "span"),
     (Stage::Fray, "fray"),
     (Stage::Mend, "mend"),

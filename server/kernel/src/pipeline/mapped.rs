@@ -29,7 +29,8 @@ pub enum Beyond {
     /// It is left bare: the example's faces alone.
     #[default]
     Leave,
-    /// Rows of quads continue the example's boundary to where the input ends.
+    /// Rows of quads continue the example's boundary to where the input ends, and its faces are extruded along protrusions that it
+    /// lacks.
     Extend,
 }
 
@@ -63,6 +64,8 @@ pub struct Reach {
     pub bridging: Vec<u32>,
     /// Share of the example's faces that these are.
     pub spanned: f64,
+    /// The mesh before faces of it were extruded along protrusions of the scan that the example lacks; `None`: none were.
+    pub unextruded: Option<Arc<PolyMesh>>,
 }
 
 /// A verdict, and why.

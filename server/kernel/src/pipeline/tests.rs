@@ -139,6 +139,56 @@ fn a_scan_with_a_window_takes_an_example_without_one_to_its_place() {
 }
 
 #[test]
+fn a_scan_with_a_horn_that_the_example_lacks_gets_one_before_and_after_an_edit() {
+    let mut text = String::new();
+    for line in dome(80).lines() {
+        let numbers: Vec<f64> = line.split(' ').skip(1).filter_map(|word| word.parse().ok()).collect();
+        let _ = match (line.starts_with("v "), &numbers[..]) {
+            (true, &[x, y, z]) => {
+                let horn = 0.6 * (1.0 - (x - 0.25).hypot(y + 0.3) / 0.08).max(0.0);
+                writeln!(text, "v {x} {y} {}", z + horn)
+            }
+            _ => writeln!(text, "{line}"),
+        };
+    }
+    let scan = read(text.as_bytes(), Some(Format::Obj), &Cut::default(), &Limits::default()).expect("a scan");
+    let model = Arc::new(scan);
+    let encoded = Arc::new(encode(&model, 0, GO_ON).expect("encodable"));
+    let (example, query) = (side(12), Side { model, segment: 0, encoded });
+    let fitted = |beyond| {
+        let wishes = Wishes { beyond, ..Wishes::default() };
+        fit(None, &example, &query, &wishes, GO_ON).expect("a map")
+    };
+    let top = |mapped: &Mapped| {
+        let near = |p: &&Vec3| (p.x - 0.25).hypot(p.y + 0.3) < 0.1;
+        mapped.mesh.positions.iter().filter(near).map(|p| p.z).fold(0.0, f64::max)
+    };
+    let told = |mapped: &Mapped| mapped.reasons.iter().filter(|why| why.contains("extruded")).count();
+    let bare = fitted(Beyond::Leave).mapped;
+    let Fitted { mapped, example, query } = fitted(Beyond::Extend);
+    assert_eq!(told(&bare), 0);
+    let covers = [&bare, &mapped].map(|mapped| mapped.reach.covers.input);
+    assert!(covers[0] < 0.99 && covers[0] < covers[1], "{covers:?}");
+    assert!(mapped.verdict < Verdict::Poor && top(&mapped) > top(&bare) + 0.3, "{:?}", mapped.reasons);
+    assert_eq!(told(&mapped), 1);
+    let before = mapped.reach.unextruded.as_ref().expect("a mesh without the horn");
+    assert!(before.faces == bare.mesh.faces && mapped.mesh.faces.len() > before.faces.len());
+    assert!(mapped.reach.inspired.is_some_and(|share| (0.8..1.0).contains(&share)), "{:?}", mapped.reach.inspired);
+
+    let before = Before {
+        folds: mapped.folds,
+        verdict: mapped.verdict,
+        reasons: mapped.reasons.clone(),
+        reach: mapped.reach.clone(),
+        evidence: mapped.evidence,
+        sureness: mapped.sureness,
+    };
+    let after = edited(&mapped.registration, &before, &example, &query, GO_ON).expect("a map");
+    assert_eq!(told(&after), 1, "{:?}", after.reasons);
+    assert!(top(&after) > top(&bare) + 0.3);
+}
+
+#[test]
 fn what_an_edit_keeps_of_a_map_that_settled_is_the_evidence_and_new_folds_make_it_fair() {
     let (example, query) = (side(12), side(30));
     let mapped = map(&registered(&example, &query), &example, &query, GO_ON).expect("a map");

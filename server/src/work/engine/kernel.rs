@@ -349,7 +349,7 @@ impl Engine for KernelEngine {
         segment: u32,
         mapped: &Mapped,
     ) -> Result<Option<(Model, Arc<PolyMesh>)>, EngineError> {
-        let cut = pipeline::around(model_in(query)?, segment, &mapped.mesh, mapped.reach.own);
+        let cut = pipeline::around(model_in(query)?, segment, mapped.unextruded(), mapped.reach.own);
         let model = |cut| Model { format: query.format, repairs: query.repairs.clone(), ..translate::model(cut) };
         Ok(cut.map(|(cut, own)| (model(cut), own)))
     }

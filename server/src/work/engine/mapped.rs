@@ -37,6 +37,13 @@ pub struct Mapped {
     pub sureness: Option<f64>,
 }
 
+impl Mapped {
+    /// The mesh without what was extruded from it.
+    pub fn unextruded(&self) -> &Arc<PolyMesh> {
+        self.reach.unextruded.as_ref().unwrap_or(&self.mesh)
+    }
+}
+
 /// A verdict, and why.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judgement {

@@ -213,7 +213,7 @@ pub(super) fn wishes(of: &Wishes) -> Result<pipeline::Wishes, EngineError> {
         on_input: place(&l.on_input),
     };
     let lead = of.lead.as_ref().map(|lead| -> Result<pipeline::Lead, EngineError> {
-        let (kept, mesh) = (lead.mapped.reach.kept.clone(), Arc::clone(&lead.mapped.mesh));
+        let (kept, mesh) = (lead.mapped.reach.kept.clone(), Arc::clone(lead.mapped.unextruded()));
         Ok(pipeline::Lead { example: side_in(&lead.example)?, kept, mesh })
     });
     Ok(pipeline::Wishes {

@@ -1,0 +1,56 @@
+//! Maps that grow along protrusions of the scan that their examples lack.
+
+use super::mapped::{Mapped, Verdict};
+use super::side::Side;
+use super::sound;
+use crate::fit::extrude::{self, Extruded, extruded};
+use crate::measure::sound::MISSED_LIMBS;
+use crate::numerics::stage::Stage;
+use std::sync::Arc;
+
+/// How the reason ends that faces were extruded.
+const EXTRUDED: &str = "the example has no horn, tail or the like there";
+
+/// Extrudes faces of a map of some use along what it misses of the scan, unless that breaks the mesh. Gives the share of the scan's
+/// area that is missed all the same.
+pub(crate) fn extrude(mapped: &mut Mapped, query: &Side) -> f64 {
+    // After an edit it is told anew.
+    mapped.reasons.retain(|why| !why.ends_with(EXTRUDED));
+    let surface = &query.encoded.query.chart.mesh;
+    if !is_wanted(mapped, query) {
+        return 0.0;
+    }
+    let Extruded { mesh, missed } = extruded(&mapped.mesh, surface);
+    let Some((mesh, count)) = mesh else { return missed };
+    let mesh = Arc::new(mesh);
+    let mut grown = Mapped { part: Arc::clone(&mesh), mesh: Arc::clone(&mesh), ..mapped.clone() };
+    let area = |faces: usize| mesh.faces.iter().take(faces).map(|face| sound::area(&mesh, face)).sum::<f64>();
+    let own = mapped.reach.own.map_or(mapped.mesh.faces.len(), |own| own.1 as usize);
+    grown.reach.inspired = Some(area(own) / area(mesh.faces.len()).max(f64::MIN_POSITIVE));
+    grown.reach.unextruded = Some(Arc::clone(&mapped.mesh));
+    grown.reasons.retain(|why| !why.starts_with(MISSED_LIMBS));
+    grown.stitched = None;
+    sound::check(&mut grown, query);
+    if grown.verdict >= Verdict::Poor {
+        return extrude::missed(&mapped.mesh, surface);
+    }
+    let parts = if count == 1 { "a part" } else { "parts" };
+    let why = format!("faces were extruded along {parts} of the scan: {EXTRUDED}");
+    grown.stitched.iter_mut().for_each(|stitched| stitched.reasons.push(why.clone()));
+    grown.reasons.push(why);
+    *mapped = grown;
+    missed
+}
+
+/// The share of the scan's area that horns and the like have which a map misses, 0–1.
+pub(crate) fn missed(mapped: &Mapped, query: &Side) -> f64 {
+    if !is_wanted(mapped, query) {
+        return 0.0;
+    }
+    extrude::missed(&mapped.mesh, &query.encoded.query.chart.mesh)
+}
+
+/// Tells whether what a map misses is looked for. On a part stitching moves vertices there.
+fn is_wanted(mapped: &Mapped, query: &Side) -> bool {
+    mapped.verdict < Verdict::Poor && query.model.is_most(query.segment) && Stage::Extrude.is_on()
+}
