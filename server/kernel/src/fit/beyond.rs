@@ -119,6 +119,8 @@ impl Rows {
 pub(super) struct Along {
     u: Vec<f64>,
     falls: bool,
+    /// How far the rim's vertices are from the boundary, on average.
+    pub(super) away: f64,
 }
 
 impl UnfoldedRest<'_> {
@@ -154,8 +156,8 @@ impl UnfoldedRest<'_> {
             let v = self.chart.uv[surface.tail(*edges.first()?) as usize][1];
             Some((away, found.into_iter().map(|f| f.1).collect(), v > 0.5))
         };
-        let (_, u, falls) = loops.iter().filter_map(fits).min_by(|a, b| a.0.total_cmp(&b.0))?;
-        Some(Along { u: untwisted(&u), falls })
+        let (away, u, falls) = loops.iter().filter_map(fits).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(Along { u: untwisted(&u), falls, away: away / rim.len() as f64 })
     }
 
     /// Rows about as far apart as the rim's vertices.

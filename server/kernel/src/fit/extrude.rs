@@ -30,6 +30,14 @@ const FOOT: f64 = 0.125;
 const CORNERS: [f64; 3] = [1.0, 0.75, 0.0];
 /// Protrusions at most, the largest first. *Untuned.*
 const PROTRUSIONS_MAX: usize = 12;
+/// A foot of more faces than these may not be so wide that the surface within its rim is larger than the protrusion by more than a
+/// factor. *Untuned.*
+const FEW_FACES: usize = 4;
+const WIDE_MAX: f64 = 2.0;
+/// The rim of a foot lies at the boundary of what it surrounds, on average within this share of its edges. *Untuned.*
+const AWAY_MAX: f64 = 0.5;
+/// New quads may be so many times as small as the mesh's on average. *Untuned.*
+const FINE_MAX: f64 = 32.0;
 /// Share of the area of what is extruded that may look into the surface. *Untuned.*
 const INWARD_MAX: f64 = 0.15;
 /// Steps in which faces move to a tip evenly.
@@ -52,7 +60,9 @@ pub fn extruded(mesh: &PolyMesh, surface: &TriMesh) -> Extruded {
     let (mut taken, mut missed) = (BTreeSet::new(), 0.0);
     for protrusion in laid.protrusions() {
         let (before, count) = grown.as_ref().map_or((mesh, 0), |(grown, count)| (grown, *count));
-        let mut feet = CORNERS.iter().filter_map(|share| laid.foot(&protrusion, *share));
+        // All at the foot, or else the largest piece of that.
+        let ways = [false, true].iter().flat_map(|piece| CORNERS.map(|share| (share, *piece)));
+        let mut feet = ways.filter_map(|(share, piece)| laid.foot(&protrusion, share, piece));
         let made = feet.find_map(|foot| {
             let is_free = foot.faces.is_disjoint(&taken);
             is_free.then(|| Some((laid.extrude(before, &protrusion, &foot)?, foot.faces))).flatten()
@@ -212,8 +222,9 @@ impl<'a> Laid<'a> {
         rim.iter().sum::<Vec3>() / rim.len().max(1) as f64
     }
 
-    /// The faces of whose corners a `share` is nearest to a protrusion; `None` where these are no disc inside of the mesh.
-    fn foot(&self, protrusion: &Protrusion, share: f64) -> Option<Foot> {
+    /// The faces of whose corners a `share` is nearest to a protrusion, or the largest piece of them; `None` where these are no disc inside
+    /// of the mesh.
+    fn foot(&self, protrusion: &Protrusion, share: f64, is_piece: bool) -> Option<Foot> {
         let rises = |v: u32| self.height[v as usize] > FOOT || self.from[v as usize].1;
         let from =
             self.reached(protrusion.vertices.iter().copied(), rises).into_iter().map(|v| self.from[v as usize].0);
@@ -224,10 +235,39 @@ impl<'a> Laid<'a> {
         };
         let at_foot = (0u32..).zip(self.mesh.faces.iter()).filter(|(_, face)| is_at_foot(face));
         let mut faces: BTreeSet<u32> = at_foot.map(|(f, _)| f).collect();
+        if is_piece {
+            faces = self.largest_piece(faces);
+        }
         self.fill(&mut faces);
         let rim = rim_around(&self.mesh.faces, &faces)?;
         let is_inside = |f: &u32| self.mesh.faces.face(*f as usize).iter().all(|v| !self.on_rim.contains(v));
         faces.iter().all(is_inside).then_some(Foot { faces, rim })
+    }
+
+    /// The largest of the pieces of some faces, which are joined by edges.
+    fn largest_piece(&self, mut faces: BTreeSet<u32>) -> BTreeSet<u32> {
+        let mut largest = BTreeSet::new();
+        while let Some(first) = faces.pop_first() {
+            let (mut piece, mut open) = (BTreeSet::from([first]), vec![first]);
+            while let Some(f) = open.pop() {
+                let face = self.mesh.faces.face(f as usize);
+                for k in 0..face.len() {
+                    let ends = [face[k], face[(k + 1) % face.len()]];
+                    let beside =
+                        self.about[ends[0] as usize].iter().filter(|g| self.about[ends[1] as usize].contains(g));
+                    for g in beside {
+                        if faces.remove(g) {
+                            piece.insert(*g);
+                            open.push(*g);
+                        }
+                    }
+                }
+            }
+            if piece.len() > largest.len() {
+                largest = piece;
+            }
+        }
+        largest
     }
 
     /// Adds what faces surround: all pieces of the others but the largest.
@@ -258,11 +298,19 @@ impl<'a> Laid<'a> {
     /// Extrudes the faces of the foot along a protrusion.
     fn extrude(&self, mesh: &PolyMesh, protrusion: &Protrusion, Foot { faces: foot, rim }: &Foot) -> Option<PolyMesh> {
         let rest = self.rest(rim, protrusion, foot)?;
+        if foot.len() > FEW_FACES && rest.total_area() > WIDE_MAX * protrusion.area {
+            return None;
+        }
         let rest = primitive(&rest, Components::Largest).ok().filter(|rest| rest.topology == Topology::Disc)?;
         let chart = unfold(&rest, &UnfoldOptions::default()).ok()?;
         let index = PlanarIndex::new(&chart);
         let ground = UnfoldedRest { chart: &chart, index: &index };
         let along = ground.along(mesh, rim)?;
+        let edges = (0..rim.len()).map(|k| [k, (k + 1) % rim.len()].map(|k| mesh.positions[rim[k] as usize]));
+        let edge = edges.map(|[a, b]| (b - a).norm()).sum::<f64>() / rim.len() as f64;
+        if along.away > AWAY_MAX * edge {
+            return None;
+        }
         // The faces of a square foot reach an eighth of its rim inward.
         let rows = ground.rows(mesh, rim, &along, RowsEnd::BeforePole(rim.len() as f64 / 8.0));
         let like = *foot.first()? as usize;
@@ -281,7 +329,9 @@ impl<'a> Laid<'a> {
         let mut faces = Polygons::default();
         (0u32..).zip(grown.faces.iter()).for_each(|of| faces.push(&renumbered(of)));
         grown.faces = faces;
-        lies_outward(&ground, &rows, mesh, rim).then_some(grown)
+        let new = (grown.faces.len() - mesh.faces.len()) as f64;
+        let [new, own] = [rest.mesh.total_area() / new, self.surface.total_area() / self.mesh.faces.len() as f64];
+        (new * FINE_MAX > own && lies_outward(&ground, &rows, mesh, rim)).then_some(grown)
     }
 
     /// What of the surface lies within the rim of a foot, with the protrusion on it.
