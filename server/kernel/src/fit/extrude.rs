@@ -170,6 +170,7 @@ impl<'a> Laid<'a> {
         let mut found: BTreeSet<u32> = first.into_iter().collect();
         let mut open: Vec<u32> = found.iter().copied().collect();
         while let Some(v) = open.pop() {
+            stop::pass(1);
             for &w in &self.beside[v as usize] {
                 if one(w) && found.insert(w) {
                     open.push(w);
@@ -239,6 +240,10 @@ impl<'a> Laid<'a> {
             faces = self.largest_piece(faces);
         }
         self.fill(&mut faces);
+        // A mesh may have other components, which no faces surround.
+        if self.largest_piece(faces.clone()).len() < faces.len() {
+            return None;
+        }
         let rim = rim_around(&self.mesh.faces, &faces)?;
         let is_inside = |f: &u32| self.mesh.faces.face(*f as usize).iter().all(|v| !self.on_rim.contains(v));
         faces.iter().all(is_inside).then_some(Foot { faces, rim })
