@@ -36,8 +36,8 @@ pub(crate) fn extrude(mapped: &mut Mapped, query: &Side) -> f64 {
     }
     let parts = if count == 1 { "a part" } else { "parts" };
     let why = format!("faces were extruded along {parts} of the scan: {EXTRUDED}");
-    grown.stitched.iter_mut().for_each(|stitched| stitched.reasons.push(why.clone()));
-    grown.reasons.push(why);
+    grown.stitched.iter_mut().for_each(|stitched| stitched.reasons.insert(0, why.clone()));
+    grown.reasons.insert(0, why);
     *mapped = grown;
     missed
 }
