@@ -17,8 +17,8 @@ use crate::segment::segment_above;
 use crate::topology::{Components, Topology, primitive};
 use crate::unfold::{UnfoldOptions, unfold};
 
-/// A vertex of the input farther from the laid mesh than this share of the diagonal, and than two edges of the mesh near by are long, is missed.
-/// *Untuned.*
+/// A vertex of the input is missed that is farther from the laid mesh than this share of the diagonal, and than so many of the mesh's
+/// edges near by are long. *Untuned.*
 const MISSED: f64 = 0.01;
 const MISSED_EDGES: f64 = 2.0;
 /// A protrusion begins so many edges, along the surface, from the vertex of the mesh that is nearest along it: the middle of a square is
@@ -43,7 +43,7 @@ const INWARD_MAX: f64 = 0.15;
 /// Steps in which faces move to a tip evenly.
 const STEPS: usize = 200;
 
-/// What became of the protrusions of a surface that a laid mesh misses.
+/// Tells what became of the protrusions of a surface that a laid mesh misses.
 #[derive(Clone, Debug, Default)]
 pub struct Extruded {
     /// The mesh with faces extruded along them, and how many they are; `None` where no faces were. Vertices and faces keep their numbers;
@@ -339,7 +339,7 @@ impl<'a> Laid<'a> {
         (new * FINE_MAX > own && lies_outward(&ground, &rows, mesh, rim)).then_some(grown)
     }
 
-    /// What of the surface lies within the rim of a foot, with the protrusion on it.
+    /// Cuts out the part of the surface that lies within the rim of a foot, with the protrusion on it.
     fn rest(&self, rim: &[u32], protrusion: &Protrusion, foot: &BTreeSet<u32>) -> Option<TriMesh> {
         let ends = |k: usize| [rim[k], rim[(k + 1) % rim.len()]].map(|v| self.mesh.positions[v as usize]);
         let away = |v: u32| {

@@ -47,6 +47,18 @@ fn registered(example: &Side, query: &Side) -> Registered {
     found.expect("not stopped").expect("discs")
 }
 
+/// What an edit of a map keeps of it.
+fn before_edit(mapped: &Mapped) -> Before {
+    Before {
+        folds: mapped.folds,
+        verdict: mapped.verdict,
+        reasons: mapped.reasons.clone(),
+        reach: mapped.reach.clone(),
+        evidence: mapped.evidence,
+        sureness: mapped.sureness,
+    }
+}
+
 fn is_refused<T: std::fmt::Debug>(found: Result<T, PipelineError>, expected: Refusal) {
     assert!(matches!(&found, Err(PipelineError::Refused { refusal, .. }) if *refusal == expected), "{found:?}");
 }
@@ -95,15 +107,7 @@ fn a_constraint_is_met_where_it_was_set_and_a_bad_one_is_refused() {
         constrain::edit(&mapped.registration, &mapped.constraints, edit, &example, &query, GO_ON)
     };
     let moved = edit(&asked(Place::OnVertex { vertex })).expect("no fold");
-    let before = Before {
-        folds: mapped.folds,
-        verdict: mapped.verdict,
-        reasons: mapped.reasons.clone(),
-        reach: mapped.reach.clone(),
-        evidence: mapped.evidence,
-        sureness: mapped.sureness,
-    };
-    let after = edited(&moved, &before, &example, &query, GO_ON).expect("a map");
+    let after = edited(&moved, &before_edit(&mapped), &example, &query, GO_ON).expect("a map");
     let missed = (after.mesh.positions[vertex as usize] - there).norm();
     assert!(missed < 1e-6, "{missed}");
     assert_eq!(after.constraints.iter().filter(|c| c.origin == ConstraintOrigin::User).count(), 1);
@@ -175,15 +179,7 @@ fn a_scan_with_a_horn_that_the_example_lacks_gets_one_before_and_after_an_edit()
     assert!(before.faces == bare.mesh.faces && mapped.mesh.faces.len() > before.faces.len());
     assert!(mapped.reach.inspired.is_some_and(|share| (0.8..1.0).contains(&share)), "{:?}", mapped.reach.inspired);
 
-    let before = Before {
-        folds: mapped.folds,
-        verdict: mapped.verdict,
-        reasons: mapped.reasons.clone(),
-        reach: mapped.reach.clone(),
-        evidence: mapped.evidence,
-        sureness: mapped.sureness,
-    };
-    let after = edited(&mapped.registration, &before, &example, &query, GO_ON).expect("a map");
+    let after = edited(&mapped.registration, &before_edit(&mapped), &example, &query, GO_ON).expect("a map");
     assert_eq!(told(&after), 1, "{:?}", after.reasons);
     assert!(top(&after) > top(&bare) + 0.3);
 }
