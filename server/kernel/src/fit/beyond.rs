@@ -35,7 +35,7 @@ pub fn continued(mesh: &PolyMesh, rest: &Patch) -> Option<PolyMesh> {
 
 /// The same without regard to what is flat.
 fn continued_evenly(mesh: &PolyMesh, rest: &Patch) -> Option<PolyMesh> {
-    let rim = only_rim(mesh)?;
+    let rim = only_rim(mesh.faces.iter())?;
     let query = Query::new(rest, &UnfoldOptions::default()).ok()?;
     let chart = &query.chart;
     let ground = UnfoldedRest { chart, index: query.index() };
@@ -53,10 +53,10 @@ fn continued_evenly(mesh: &PolyMesh, rest: &Patch) -> Option<PolyMesh> {
     Some(grown.mesh)
 }
 
-/// The vertices of the mesh's boundary in the order in which new faces beside it run; `None` unless it is one loop.
-fn only_rim(mesh: &PolyMesh) -> Option<Vec<u32>> {
+/// The vertices of the boundary of some faces, in the order in which its edges run on them; `None` unless it is one loop.
+pub(super) fn only_rim<'a>(faces: impl Iterator<Item = &'a [u32]>) -> Option<Vec<u32>> {
     let mut next = std::collections::BTreeMap::new();
-    for face in mesh.faces.iter() {
+    for face in faces {
         for (k, &a) in face.iter().enumerate() {
             let b = face[(k + 1) % face.len()];
             if next.remove(&(b, a)).is_none() {

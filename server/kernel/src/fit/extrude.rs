@@ -7,7 +7,7 @@
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
-use super::beyond::{Grown, Rows, RowsEnd, UnfoldedRest, from_polar};
+use super::beyond::{Grown, Rows, RowsEnd, UnfoldedRest, from_polar, only_rim};
 use crate::encode::index::PlanarIndex;
 use crate::mesh::bvh::{Bvh, Closest};
 use crate::mesh::tri::{NONE, TriMesh, nearest_share};
@@ -133,7 +133,7 @@ impl<'a> Laid<'a> {
         let fan = TriMesh::from_triangles(mesh.positions.clone(), triangles).ok()?;
         let on_rim = (0u32..).zip(fan.boundary_vertices()).filter(|(_, is_on)| *is_on).map(|(v, _)| v).collect();
         let near = Bvh::new(&fan).closest_to_all(&surface.positions);
-        let usual = usual_edges(mesh);
+        let usual = mean_edges(mesh);
         let least = MISSED * diagonal(surface.positions.iter());
         let height = |at: &Closest| match face_of.get(at.triangle as usize) {
             Some(&f) => {
@@ -146,13 +146,7 @@ impl<'a> Laid<'a> {
         if height.iter().all(|height| *height <= 1.0) {
             return None;
         }
-        let mut beside = vec![Vec::new(); surface.positions.len()];
-        for h in 0..surface.twins.len() as u32 {
-            beside[surface.tail(h) as usize].push(surface.head(h));
-            if surface.twin(h) == NONE {
-                beside[surface.head(h) as usize].push(surface.tail(h));
-            }
-        }
+        let beside = surface.neighbours();
         let of = |(distance, v): (f64, u32)| match usual.get(v as usize) {
             Some(edge) => (v, distance > FOOT_EDGES * edge),
             None => (NONE, false),
@@ -412,7 +406,7 @@ fn lies_outward(ground: &UnfoldedRest, rows: &Rows, mesh: &PolyMesh, rim: &[u32]
 }
 
 /// The mean length of the edges at each vertex.
-fn usual_edges(mesh: &PolyMesh) -> Vec<f64> {
+fn mean_edges(mesh: &PolyMesh) -> Vec<f64> {
     let mut sums = vec![(0.0, 0usize); mesh.positions.len()];
     for face in mesh.faces.iter() {
         for (k, &a) in face.iter().enumerate() {
@@ -463,25 +457,9 @@ fn nearest_along(points: &[Vec3], surface: &TriMesh, beside: &[Vec<u32>]) -> Vec
 /// The rim of the faces around some that are one disc, in the order in which its edges run on the faces around it; `None` where the
 /// rim is no simple loop.
 fn rim_around(faces: &Polygons, disc: &BTreeSet<u32>) -> Option<Vec<u32>> {
-    let mut edges = BTreeSet::new();
-    for face in disc.iter().map(|&f| faces.face(f as usize)) {
-        for (k, &a) in face.iter().enumerate() {
-            let b = face[(k + 1) % face.len()];
-            if !edges.remove(&(b, a)) {
-                edges.insert((a, b));
-            }
-        }
-    }
-    let next: BTreeMap<u32, u32> = edges.iter().map(|&(a, b)| (b, a)).collect();
-    let (&first, _) = next.first_key_value()?;
-    let mut rim = vec![first];
-    while let Some(&v) = rim.last().and_then(|v| next.get(v)).filter(|v| **v != first) {
-        rim.push(v);
-        if rim.len() > edges.len() {
-            return None;
-        }
-    }
-    (next.len() == edges.len() && rim.len() == edges.len()).then_some(rim)
+    let mut rim = only_rim(disc.iter().map(|&f| faces.face(f as usize)))?;
+    rim.get_mut(1..)?.reverse();
+    Some(rim)
 }
 
 #[cfg(test)]

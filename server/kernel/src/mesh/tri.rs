@@ -226,6 +226,18 @@ impl TriMesh {
         g
     }
 
+    /// The vertices that share an edge with each vertex.
+    pub fn neighbours(&self) -> Vec<Vec<u32>> {
+        let mut of: Vec<Vec<u32>> = vec![Vec::new(); self.positions.len()];
+        for h in 0..self.twins.len() as u32 {
+            of[self.tail(h) as usize].push(self.head(h));
+            if self.twin(h) == NONE {
+                of[self.head(h) as usize].push(self.tail(h));
+            }
+        }
+        of
+    }
+
     /// One outgoing halfedge a vertex ([`NONE`] for isolated vertices); on the boundary, the boundary halfedge, from
     /// which turning counter-clockwise (`prev`, then `twin`) visits every face of the vertex.
     pub fn outgoing(&self) -> Vec<u32> {

@@ -47,7 +47,7 @@ fn registered(example: &Side, query: &Side) -> Registered {
     found.expect("not stopped").expect("discs")
 }
 
-/// What an edit of a map keeps of it.
+/// Takes from a map what an edit keeps of it.
 fn before_edit(mapped: &Mapped) -> Before {
     Before {
         folds: mapped.folds,

@@ -5,7 +5,7 @@
 //! remeshing leave it as it is. *Source:* Hilaga, Shinagawa, Kohmura and Kunii (2001). The integral is a sum over
 //! vertices spread far apart, each with the area nearest to it.
 
-use super::distance::{neighbours, spread};
+use super::distance::spread;
 use crate::mesh::geodesic::Marcher;
 use crate::mesh::tri::TriMesh;
 use crate::numerics::stop;
@@ -32,7 +32,7 @@ pub(super) fn centrality(mesh: &TriMesh) -> Vec<f64> {
     for ((_, distance), weight) in samples.iter().zip(&weights) {
         f.iter_mut().zip(distance).for_each(|(f, d)| *f += scale * weight * d);
     }
-    let neighbours = neighbours(mesh);
+    let neighbours = mesh.neighbours();
     for _ in 0..ROUNDS {
         stop::ask();
         let mean = |v: usize| {

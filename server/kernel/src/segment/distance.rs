@@ -1,7 +1,6 @@
-//! What distances along a surface tell of it: vertices spread over it; and who borders on whom.
+//! What distances along a surface tell of it: vertices spread over it.
 
 use crate::mesh::geodesic::Marcher;
-use crate::mesh::tri::{NONE, TriMesh};
 
 /// `count` vertices, each the furthest from those before it; the first is the furthest from the first vertex. Beside
 /// each, its distances.
@@ -25,18 +24,6 @@ pub(super) fn spread(marcher: &Marcher<'_>, count: usize) -> Vec<(u32, Vec<f64>)
         found.push((v, d));
     }
     found
-}
-
-/// The vertices that share an edge with each vertex.
-pub(super) fn neighbours(mesh: &TriMesh) -> Vec<Vec<u32>> {
-    let mut of: Vec<Vec<u32>> = vec![Vec::new(); mesh.positions.len()];
-    for h in 0..mesh.twins.len() as u32 {
-        of[mesh.tail(h) as usize].push(mesh.head(h));
-        if mesh.twin(h) == NONE {
-            of[mesh.head(h) as usize].push(mesh.tail(h));
-        }
-    }
-    of
 }
 
 #[cfg(test)]

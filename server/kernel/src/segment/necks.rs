@@ -6,7 +6,6 @@
 //! the girth has a pronounced minimum (wrists, ankles).
 
 use super::centrality::centrality;
-use super::distance::neighbours;
 use super::tree::{LEVELS, Profile, Scale, Tree};
 use crate::mesh::tri::TriMesh;
 
@@ -85,7 +84,7 @@ impl Necks {
     /// The necks of a connected surface.
     pub(super) fn of(mesh: &TriMesh, least: Prominence) -> Self {
         let f = centrality(mesh);
-        let (neighbours, scale) = (neighbours(mesh), Scale::of(&f));
+        let (neighbours, scale) = (mesh.neighbours(), Scale::of(&f));
         let surface = Surface { mesh, f: &f, neighbours: &neighbours, scale: &scale };
         let (tree, profiles) = surface.standing_out(least.times(ASKED[0]));
         let strength = |a| strength(&tree, &profiles[a as usize], &scale, least, a);

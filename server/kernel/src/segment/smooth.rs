@@ -4,7 +4,6 @@
 //! curvature, straighten, and meet at equal angles, and necks pull themselves tight. *Source:* Merriman, Bence and Osher
 //! (1994), threshold dynamics. Only a band along the borders is touched.
 
-use super::distance::neighbours;
 use crate::mesh::tri::TriMesh;
 use crate::numerics::stop;
 
@@ -22,7 +21,7 @@ pub(super) type Shares = Vec<(u32, f64)>;
 
 /// The shares of the labels at each vertex after smoothing.
 pub(super) fn smooth(mesh: &TriMesh, label_of: &[u32], strength: Strength) -> Vec<Shares> {
-    let neighbours = neighbours(mesh);
+    let neighbours = mesh.neighbours();
     let mut shares = indicators(mesh, label_of);
     for round in 0..strength.rounds {
         if round > 0 {

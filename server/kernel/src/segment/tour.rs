@@ -7,7 +7,6 @@
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashSet};
 
-use super::distance::neighbours;
 use super::order::order;
 use crate::mesh::geodesic::Marcher;
 use crate::mesh::tri::{NONE, TriMesh};
@@ -62,7 +61,7 @@ struct Tour {
 impl Tour {
     /// The edges of the arcs, lower vertex first.
     fn arcs(&self, mesh: &TriMesh, apart: f64) -> Option<HashSet<[u32; 2]>> {
-        let neighbours = neighbours(mesh);
+        let neighbours = mesh.neighbours();
         let mut loop_of = vec![NONE; mesh.positions.len()];
         for (k, ring) in self.loops.iter().enumerate() {
             ring.iter().for_each(|&v| loop_of[v as usize] = k as u32);

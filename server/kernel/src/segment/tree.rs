@@ -260,7 +260,6 @@ impl Sweep<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::segment::distance::neighbours;
     use crate::topology::tests::grid;
 
     /// A sheet with three bumps of heights 1, 0.8 and 0.05.
@@ -277,7 +276,7 @@ mod tests {
     #[test]
     fn two_tips_stand_out_and_the_third_is_absorbed() {
         let (mesh, f) = bumps();
-        let tree = Tree::new(&f, &neighbours(&mesh), &vec![false; f.len()], 0.1);
+        let tree = Tree::new(&f, &mesh.neighbours(), &vec![false; f.len()], 0.1);
         let leaves: Vec<&Arc> = (0..tree.arcs.len() as u32)
             .filter(|&a| tree.is_live(a))
             .map(|a| &tree.arcs[a as usize])
@@ -295,7 +294,7 @@ mod tests {
         let mut dropped = vec![false; f.len()];
         let top = (0..f.len()).max_by(|&a, &b| f[a].total_cmp(&f[b])).unwrap_or(0);
         dropped[top] = true;
-        let tree = Tree::new(&f, &neighbours(&mesh), &dropped, 0.1);
+        let tree = Tree::new(&f, &mesh.neighbours(), &dropped, 0.1);
         assert_eq!((0..tree.arcs.len() as u32).filter(|&a| tree.is_live(a)).count(), 1);
     }
 
@@ -303,7 +302,7 @@ mod tests {
     fn girth_of_a_cone_is_its_circle() {
         let (mesh, _) = bumps();
         let f: Vec<f64> = mesh.positions.iter().map(|p| 1.0 - (p.x - 0.5).hypot(p.y - 0.5)).collect();
-        let tree = Tree::new(&f, &neighbours(&mesh), &vec![false; f.len()], 0.1);
+        let tree = Tree::new(&f, &mesh.neighbours(), &vec![false; f.len()], 0.1);
         let scale = Scale::of(&f);
         let profile = &tree.profiles(&mesh, &f, &scale)[tree.arc_of[0] as usize];
         let j = scale.below(0.7);
