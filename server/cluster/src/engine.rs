@@ -175,6 +175,12 @@ pub trait Engine: Send + Sync + 'static {
     /// [`EngineError`].
     fn keys(&self) -> Result<u64, EngineError>;
 
+    /// The keys that have an entry, as the leader has them.
+    ///
+    /// # Errors
+    /// [`EngineError`].
+    fn key_names(&self) -> Result<Vec<String>, EngineError>;
+
     /// Which nodes lead: another text whenever others do.
     ///
     /// # Errors

@@ -2,9 +2,12 @@
 //!
 //! Deliveries are numbered: those that come too early wait for those before them, and one that stays away begins the
 //! following anew after the last entry that came in order. After an election it begins a little before: an engine that
-//! lost its end writes other entries there. Where fewer keys are known than there are, it begins at the first entry: they
-//! are counted whenever nothing more comes, since JetStream 2.9 was seen to pass over an entry and number the next as if
-//! there had been none.
+//! lost its end writes other entries there.
+//!
+//! JetStream 2.9 was seen to pass over an entry and number the next as if there had been none. So keys are counted whenever
+//! nothing more comes. Where fewer are known than there are, the stream's leader is asked for the entries of the others:
+//! what is delivered comes from any copy, and one copy passed over the same entry for 40 seconds. Where many are missing, all
+//! entries are followed again.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,6 +26,8 @@ const MISSING_PAUSE_MAX: Duration = Duration::from_secs(60);
 
 /// Positions that are delivered again after an election.
 pub(crate) const AGAIN: u64 = 1024;
+/// Most missing entries that the leader is asked for, one by one.
+const READ_MAX: usize = 1024;
 /// Deliveries that wait for one before them, at most.
 const EARLY_MAX: usize = 256;
 
@@ -118,7 +123,12 @@ fn follow(
             None => {
                 let newest = engine.newest()?;
                 let has_all = inner.has_come_to(newest);
-                if has_all && complete != Some(newest) && inner.state().keys() >= engine.keys()? {
+                // At first it may be on its way.
+                let is_complete = || match late {
+                    true => inner.read_missing(engine),
+                    false => Ok(inner.state().keys() >= engine.keys()?),
+                };
+                if has_all && complete != Some(newest) && is_complete()? {
                     complete = Some(newest);
                 }
                 if has_all && complete == Some(newest) {
@@ -127,7 +137,6 @@ fn follow(
                 } else if late {
                     return Ok(if has_all { Ended::Missing } else { Ended::Gap });
                 } else {
-                    // It may be on its way.
                     late = true;
                 }
             }
@@ -136,6 +145,31 @@ fn follow(
 }
 
 impl Inner {
+    /// Reads the entries of keys that are not known from the stream's leader, unless they are too many; whether all keys
+    /// are known then.
+    ///
+    /// # Errors
+    /// [`EngineError`].
+    pub(crate) fn read_missing(&self, engine: &dyn Engine) -> Result<bool, EngineError> {
+        if self.state().keys() >= engine.keys()? {
+            return Ok(true);
+        }
+        let mut names = engine.key_names()?;
+        let state = self.state();
+        names.retain(|key| !state.knows(key));
+        drop(state);
+        if names.len() > READ_MAX {
+            return Ok(false);
+        }
+        for key in &names {
+            if let Some(entry) = engine.read(key)? {
+                tracing::warn!(key, position = entry.position, "an entry did not come; the engine's leader gave it");
+                self.take_in(&[(key.as_str(), &entry)]);
+            }
+        }
+        Ok(self.state().keys() >= engine.keys()?)
+    }
+
     /// Notes that everything up to `position` came, and that `left` are to come.
     fn came(&self, position: u64, left: u64) {
         let mut progress = self.progress.lock().unwrap_or_else(PoisonError::into_inner);

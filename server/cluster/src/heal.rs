@@ -8,10 +8,10 @@
 //! A stream that lost its end gives its positions away again. So that none stands for two entries, it is filled up first
 //! to where this server knows that it was, and followed anew from a little before.
 //!
-//! A follower, too, can be passed over: after a split JetStream 2.9 was seen not to deliver an entry to one of three servers, and to
-//! deliver what came after it, also to a server that had just joined. So keys are counted at each look, and all entries are
-//! followed again where some are missing, or where they are not too many. A server that joins can't know how long ago the
-//! last election was; it looks as after one.
+//! A follower, too, can be passed over: after a split JetStream 2.9 was seen not to deliver an entry to one of three servers,
+//! and to deliver what came after it, also to a server that had just joined. So keys are counted at each look, and those that
+//! are missing are read from the leader. All entries are followed again where many are missing, or where they are not too
+//! many. A server that joins can't know how long ago the last election was; it looks as after one.
 //!
 //! After a split on a slow machine the copies of a stream were seen to differ: two servers knew one change of an example, and
 //! one that joined was delivered another, which nobody had acknowledged. So what is known is compared with what the
@@ -154,7 +154,7 @@ impl Healer {
     /// Looks whether what was written lately is there, and writes again what is not; whether all is there now, and known here.
     /// `is_first`: others may not have looked yet. `is_last`: an engine that is still behind will not catch up.
     fn look(&self, is_first: bool, is_last: bool) -> Result<bool, EngineError> {
-        let is_complete = self.inner.state().keys() >= self.engine.keys()?;
+        let is_complete = self.inner.read_missing(&*self.engine)?;
         // A newer entry of a key that is known may be what did not come.
         let may_all = self.inner.state().keys() <= FOLLOWED_AGAIN_MAX;
         self.inner.follow_anew(if is_complete && !may_all { AGAIN } else { u64::MAX });

@@ -28,6 +28,7 @@ use async_nats::jetstream::stream::{
 use async_nats::jetstream::{Error as Refusal, ErrorCode};
 use async_nats::{ConnectOptions, HeaderMap, ServerAddr};
 use bytes::Bytes;
+use futures_util::StreamExt;
 use tokio::runtime::Runtime;
 
 use crate::engine::{Deliveries, Engine, EngineError, Entry, JOBS_KEPT_FOR, Job, UPLOADS_KEPT_FOR, Written};
@@ -442,6 +443,21 @@ impl Engine for JetStream {
         self.wait(DOING, async {
             let info = self.entries.get_info().await.map_err(|error| silent(DOING, error))?;
             Ok(info.state.messages)
+        })
+    }
+
+    fn key_names(&self) -> Result<Vec<String>, EngineError> {
+        const DOING: &str = "name its keys";
+        let prefix = self.entry_subject("");
+        self.wait(DOING, async {
+            let named = self.entries.info_with_subjects(self.entry_subject(">")).await;
+            let mut subjects = named.map_err(|error| silent(DOING, error))?;
+            let mut names = Vec::new();
+            while let Some(subject) = subjects.next().await {
+                let (subject, _) = subject.map_err(|error| silent(DOING, error))?;
+                names.extend(subject.strip_prefix(&prefix).map(str::to_owned));
+            }
+            Ok(names)
         })
     }
 

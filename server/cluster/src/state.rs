@@ -163,6 +163,11 @@ impl State {
         (self.slots.len() + self.documents.len() + self.foreign.len() + unread) as u64
     }
 
+    /// Whether it knows an entry of a key, also one that it can't read.
+    pub(crate) fn knows(&self, key: &str) -> bool {
+        self.position(key) > 0 || self.foreign.contains(key) || self.unread.contains(key)
+    }
+
     /// The newest position known of a key; 0 if none is.
     pub(crate) fn position(&self, key: &str) -> u64 {
         let known = match key.strip_prefix(DOCUMENT) {

@@ -101,6 +101,7 @@ fn a_counter_counts_every_write(nodes: &Nodes) {
         writers.into_iter().map(|writer| writer.join().expect("ended")).sum()
     });
     assert_eq!(count(engines[0].read("counter").expect("read")).1, written);
+    assert_eq!(engines[1].key_names().expect("named"), ["counter"]);
 }
 
 #[test]

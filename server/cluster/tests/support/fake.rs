@@ -250,6 +250,10 @@ impl Engine for FakeEngine {
         self.call("count its keys", |world| world.newest.len() as u64)
     }
 
+    fn key_names(&self) -> Result<Vec<String>, EngineError> {
+        self.call("name its keys", |world| world.newest.keys().cloned().collect())
+    }
+
     fn leader(&self) -> Result<String, EngineError> {
         self.call("tell its leader", |world| world.term.to_string())
     }
