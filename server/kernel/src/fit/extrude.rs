@@ -177,13 +177,19 @@ impl<'a> Laid<'a> {
     /// The protrusions that are missed, the largest first.
     fn protrusions(&self) -> Vec<Protrusion> {
         let is_missed = |v: u32| self.height[v as usize] > 1.0 && self.from[v as usize].1;
+        // What lies beyond the mesh's rim is left bare, and no protrusion of what the mesh covers.
+        let is_beyond = |v: &&u32| self.on_rim.contains(&self.from[**v as usize].0);
+        let mut is_seen = vec![false; self.height.len()];
         let mut number = vec![NONE; self.height.len()];
         let mut found: Vec<BTreeSet<u32>> = Vec::new();
         for v in (0..self.height.len() as u32).filter(|&v| is_missed(v)) {
-            if number[v as usize] == NONE {
+            if !is_seen[v as usize] {
                 let one = self.reached([v], |w| self.from[w as usize].1);
-                one.iter().for_each(|&w| number[w as usize] = found.len() as u32);
-                found.push(one);
+                one.iter().for_each(|&w| is_seen[w as usize] = true);
+                if 2 * one.iter().filter(is_beyond).count() <= one.len() {
+                    one.iter().for_each(|&w| number[w as usize] = found.len() as u32);
+                    found.push(one);
+                }
             }
         }
         let middles: Vec<Vec3> = found.iter().map(|one| self.middle_of_rim(one)).collect();
@@ -536,7 +542,7 @@ mod tests {
         };
         assert_eq!(left(&[[0.35, 0.35]], -0.5), (true, false), "a hollow");
         assert_eq!(left(&[[0.35, 0.35]], 0.15), (true, false), "lower than two edges are long");
-        assert_eq!(left(&[[0.04, 0.04]], 0.5), (true, true), "beyond the rim");
+        assert_eq!(left(&[[0.04, 0.04]], 0.5), (true, false), "beyond the rim");
         assert!(extruded(&PolyMesh::default(), &horned(&[], 0.0)).mesh.is_none(), "no faces");
     }
 
