@@ -147,19 +147,13 @@ async fn made(
         true => waist::by_worth(&model, &maps),
         false => lone.iter().chain(&of_several).cloned().collect(),
     };
-    let (mut around, mut centre) = (None, None);
+    let mut around = None;
     for map in centres {
         let may_fail = alone.is_some() || of_several.is_some() || model.is_waist;
-        around = laid_around(work, live, &map, &job, (how, allowed, may_fail)).await?;
+        around = laid_around(work, live, (&map, &maps), &job, (how, allowed, may_fail)).await?;
         if around.is_some() {
-            centre = Some(map.newest().summary.segment);
             break;
         }
-    }
-    if model.is_waist || (of_several.is_some() && around.is_some()) {
-        // What lies beyond the map is laid out around it.
-        templates.extend(summaries.iter().map(|part| part.segment).filter(|segment| Some(*segment) != centre));
-        summaries.retain(|part| Some(part.segment) == centre);
     }
     // Whatever that took.
     let job = job.renew(Some(REQUEST_TIME_MAX));
@@ -236,16 +230,15 @@ async fn made(
     if let Some(map) = side_by_side::most(&live.model, &found, &laid_maps)
         && wanted.keep.is_empty()
     {
-        let around = laid_around(work, live, &map, &job, (how, allowed, true)).await?;
+        let around = laid_around(work, live, (&map, &laid_maps), &job, (how, allowed, true)).await?;
         if let Some(around) = around.filter(|around| around.is_better_than(&found)) {
-            let centre = map.newest().summary.segment;
-            templates.extend(summaries.iter().map(|part| part.segment).filter(|segment| *segment != centre));
-            summaries.retain(|part| part.segment == centre);
             found = around;
         }
     }
     if let Some(around) = found.around.take() {
-        laid = around;
+        templates.extend(summaries.iter().map(|part| part.segment).filter(|segment| !around.stand.contains(segment)));
+        summaries.retain(|part| around.stand.contains(&part.segment));
+        laid = around.laid;
         laid.iter_mut().flatten().for_each(|laid| laid.reasons.retain(|reason| !reason.starts_with(BARE)));
     }
     if is_too_little && lone.is_none() {
@@ -322,11 +315,11 @@ fn may_give_way(maps: &[Option<Arc<LiveMap>>], wanted: &NewComposition, gone: us
 async fn laid_around(
     work: &Arc<Work>,
     live: &Arc<LiveQuery>,
-    map: &LiveMap,
+    (map, maps): (&LiveMap, &[Option<Arc<LiveMap>>]),
     job: &Job,
     (how, allowed, may_fail): (Stitching, Allowed, bool),
 ) -> Result<Option<Sound>, WorkError> {
-    let Some(surrounded) = Surrounded::of(work, live, map, job).await? else { return Ok(None) };
+    let Some(surrounded) = Surrounded::of(work, live, (map, maps), job).await? else { return Ok(None) };
     let (job, engine) = (job.renew(Some(REQUEST_TIME_MAX / 2)), Arc::clone(&work.engine));
     let stitch = move |stop: &Stop| surrounded.stitched(&*engine, (how, allowed), stop);
     match work.pool.run(&job, Lane::Lay, stitch).await.map_err(WorkError::from).and_then(|found| Ok(found?)) {

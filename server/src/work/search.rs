@@ -95,15 +95,21 @@ const RANKED_OF_REST: usize = 4;
 /// A part with less of the scan's faces is not.
 const RANKED_SHARE_MIN: f64 = 0.03;
 
-/// Ranks what a map leaves of a scan: the largest segments of `cut` but the first, which the map covers. Nobody sees that query.
+/// Ranks what a map leaves of a scan: the largest of the first `new` segments of `cut`, but for the very first, which the map covers.
+/// Nobody sees that query.
 ///
 /// # Errors
 /// Refusals of the pool. How the ranking ended is told on its board.
-pub(super) async fn of_rest(work: &Arc<Work>, live: &LiveQuery, cut: &Arc<Model>) -> Result<Arc<LiveQuery>, WorkError> {
+pub(super) async fn of_rest(
+    work: &Arc<Work>,
+    live: &LiveQuery,
+    cut: &Arc<Model>,
+    new: usize,
+) -> Result<Arc<LiveQuery>, WorkError> {
     let job = work.admit(live.caller.user, work.engine.memory_of_segments(cut.segments.len()), REQUEST_TIME_MAX)?;
     let snapshot = work.catalogue.snapshot();
     let all: u64 = cut.segments.iter().map(|s| s.faces).sum();
-    let mut ranked: Vec<usize> = (1..cut.segments.len()).collect();
+    let mut ranked: Vec<usize> = (1..new).collect();
     ranked.sort_by_key(|&segment| std::cmp::Reverse(cut.segments[segment].faces));
     ranked.truncate(RANKED_OF_REST);
     ranked.retain(|&segment| cut.segments[segment].faces as f64 >= RANKED_SHARE_MIN * all as f64);

@@ -1,8 +1,8 @@
 //! Maps of several segments side by side, where stitching them breaks the mesh or loses the examples.
 
-use super::BARE_MIN;
 use super::headline::is_crumpled;
 use super::sound::{KEPT, Sound};
+use super::{BARE_MIN, bare};
 use crate::work::engine::{Allowed, Engine, EngineError, Model, PolyMesh, Standing, Stitched};
 use crate::work::mapping::{LiveMap, MapState};
 use quadmuse_proto::Verdict;
@@ -16,6 +16,9 @@ const CLOSE: f64 = 0.0025;
 /// Split faces follow it more closely if they are no farther than this share of what they were. *Untuned.*
 const CLOSER: f64 = 0.7;
 
+/// A map that leaves more of its segment bare is no layout of it. *Untuned.*
+const STANDS_BARE_MAX: f64 = 0.5;
+
 /// Maps that are sound and can stand side by side without being stitched, with their segments: those of segments that have their components of the
 /// scan to themselves (`alone`), where these are most of it, or all others do, too; or else that of the one segment that is most.
 pub(super) fn standing(model: &Model, alone: &[bool], maps: &[Option<Arc<LiveMap>>]) -> Vec<(usize, Arc<LiveMap>)> {
@@ -24,7 +27,7 @@ pub(super) fn standing(model: &Model, alone: &[bool], maps: &[Option<Arc<LiveMap
     let is_most = |some: &[(usize, Arc<LiveMap>)]| {
         some.iter().map(|(number, _)| faces(*number)).sum::<u64>() as f64 >= MOST * all as f64
     };
-    let is_sound = |map: &&Arc<LiveMap>| map.newest().summary.verdict < Verdict::Broken;
+    let is_sound = |map: &&Arc<LiveMap>| map.newest().summary.verdict < Verdict::Broken && bare(map) <= STANDS_BARE_MAX;
     let sound = |(number, map): (usize, &Option<Arc<LiveMap>>)| {
         let map = map.as_ref().filter(is_sound)?;
         Some((number, Arc::clone(map)))

@@ -25,8 +25,16 @@ pub(super) struct Sound {
     pub(super) gave_way: Vec<u32>,
     /// The segments on which alone there is a mesh, where that is maps side by side; else empty.
     pub(super) unstitched: Vec<u32>,
-    /// The maps on the parts of a scan that was cut along the rim of its map, for the headline.
-    pub(super) around: Option<Vec<Option<BroughtMap>>>,
+    /// What lies around a map, where the scan was cut along its rim.
+    pub(super) around: Option<Around>,
+}
+
+/// What lies around a map.
+pub(super) struct Around {
+    /// The maps on the segments of the cut, for the headline.
+    pub(super) laid: Vec<Option<BroughtMap>>,
+    /// The segments of the query whose maps stand: that of the map in the middle, and others that kept theirs.
+    pub(super) stand: Vec<u32>,
 }
 
 impl Sound {

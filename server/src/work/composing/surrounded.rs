@@ -1,9 +1,10 @@
 //! A map that covers a part of a scan, with what lies around it.
 //!
 //! The scan is cut along the map's rim. What is left is ranked as a query of several segments is, and takes the examples that
-//! fit, and regular layouts elsewhere.
+//! fit, and regular layouts elsewhere. Segments beside that of the map stay as they are, and keep the maps that were laid on them.
 
 use super::headline::{BroughtMap, is_crumpled};
+use super::sound::Around;
 use super::{BARE_MIN, Sound, bare, laid, stitched_sound};
 use crate::pool::{Job, Lane, Stop, StopReason};
 use crate::work::engine::{Allowed, Encoded, Engine, EngineError, Model, Part, Stitching};
@@ -24,8 +25,10 @@ pub(super) struct Surrounded {
     instead: Vec<Option<Arc<Encoded>>>,
     /// What is told of each segment's map.
     laid: Vec<Option<BroughtMap>>,
-    /// The name of the example that each segment around the map takes, if it takes one.
+    /// The name of the example that each segment around the map takes, if it takes one that was not laid before.
     names: Vec<Option<String>>,
+    /// The segment of the query that each segment of the cut has its map from, if it has.
+    from: Vec<Option<u32>>,
 }
 
 /// The map of several that has most of a scan, if it leaves much of its segment bare: it could not be stitched with its neighbours.
@@ -40,12 +43,12 @@ pub(super) fn centre(model: &Model, maps: &[Option<Arc<LiveMap>>]) -> Option<Arc
 }
 
 impl Surrounded {
-    /// Cuts the scan of `live` along the rim of `map`, and finds what the rest takes;
+    /// Cuts the scan of `live` along the rim of `map`, one of the `maps` that were laid on its segments, and finds what the rest takes;
     /// `None` where nothing lies beyond the map, or the rest can't be laid.
     pub(super) async fn of(
         work: &Arc<Work>,
         live: &Arc<LiveQuery>,
-        map: &LiveMap,
+        (map, maps): (&LiveMap, &[Option<Arc<LiveMap>>]),
         job: &Job,
     ) -> Result<Option<Self>, WorkError> {
         let newest = map.newest();
@@ -54,7 +57,9 @@ impl Surrounded {
         let cut = work.pool.run(job, Lane::Lay, move |_| engine.around(&model, segment, &mapped)).await??;
         let Some((cut, own)) = cut else { return Ok(None) };
         let cut = Arc::new(cut);
-        let rest = match search::of_rest(work, live, &cut).await {
+        let kept = kept(&live.model, segment, &cut);
+        let new = cut.segments.len() - kept.len();
+        let rest = match search::of_rest(work, live, &cut, new).await {
             Ok(rest) => rest,
             Err(error) if error.stop_reason() == Some(StopReason::Cancelled) => return Err(error),
             // The map alone is better than nothing.
@@ -69,27 +74,32 @@ impl Surrounded {
             instead: vec![None],
             laid: vec![Some(laid(&newest))],
             names: vec![None],
+            from: vec![Some(segment)],
         };
         let one = async |segment: usize| match tries(&cut.segments, segment) {
             0 => Ok(None),
             _ => best_map(work, &rest, (segment as u32, 1), Beyond::Extend).await,
         };
-        let maps = join_all((1..cut.segments.len()).map(one)).await;
-        for (segment, map) in (1..).zip(maps) {
+        let mut laid: Vec<_> = join_all((1..new).map(one)).await;
+        laid.extend(kept.iter().map(|k| Ok(maps.get(*k as usize).cloned().flatten())));
+        let from = std::iter::repeat_n(None, new - 1).chain(kept.into_iter().map(Some));
+        for ((segment, map), from) in (1..).zip(laid).zip(from) {
             let Ok(encoded) = rest.encoded(segment).await else { return Ok(None) };
             match map {
                 Err(error) if error.stop_reason() == Some(StopReason::Cancelled) => return Err(error),
                 // A regular layout is there at once.
-                map => found.push(work, encoded, map.ok().flatten().as_deref()),
+                map => found.push(work, encoded, map.ok().flatten().as_deref(), from),
             }
         }
         Ok(Some(found))
     }
 
     /// Adds what the next segment takes: the map of an example that fits, or else a regular layout.
-    fn push(&mut self, work: &Work, encoded: Arc<Encoded>, map: Option<&LiveMap>) {
+    fn push(&mut self, work: &Work, encoded: Arc<Encoded>, map: Option<&LiveMap>, from: Option<u32>) {
         let map = map.filter(|map| map.example_id() != ExampleId::TEMPLATE && !map.newest().mapped.is_poor_stitched());
-        self.names.push(map.and_then(|map| Some(work.catalogue.example(map.example_id()).ok()?.name.clone())));
+        let new = map.filter(|_| from.is_none());
+        self.names.push(new.and_then(|map| Some(work.catalogue.example(map.example_id()).ok()?.name.clone())));
+        self.from.push(map.and(from));
         let Some(newest) = map.map(LiveMap::newest) else {
             self.parts.push(Part::Template(encoded));
             self.instead.push(None);
@@ -117,6 +127,8 @@ impl Surrounded {
         let stands = made.is_example(0) && appraisal.flaws.is_empty() && !is_crumpled(&appraisal);
         // Segments of the cut are none of the query's, which notes could name.
         made.notes.retain(|note| !note.contains("segment"));
+        let stand = self.from.iter().enumerate().filter(|(segment, _)| made.is_example(*segment));
+        let around = Around { stand: stand.filter_map(|(_, from)| *from).collect(), laid: self.laid };
         let used = self.names.into_iter().enumerate().filter(|(segment, _)| made.is_example(*segment));
         let mut names: Vec<String> = used.filter_map(|(_, name)| name).collect();
         names.sort_unstable();
@@ -124,6 +136,17 @@ impl Surrounded {
         if !names.is_empty() {
             made.notes.push(format!("other examples around the first: {}", names.join(", ")));
         }
-        Ok(stands.then_some(Sound { around: Some(self.laid), ..Sound::of(made, appraisal) }))
+        Ok(stands.then_some(Sound { around: Some(around), ..Sound::of(made, appraisal) }))
     }
+}
+
+/// The segments of a scan beside one that was cut, where they are the last of the cut, as they were; else none.
+fn kept(scan: &Model, segment: u32, cut: &Model) -> Vec<u32> {
+    let others: Vec<u32> = (0..scan.segments.len() as u32).filter(|k| *k != segment).collect();
+    let Some(last) = cut.segments.len().checked_sub(others.len()).filter(|first| *first > 0) else { return Vec::new() };
+    let are_same = others.iter().zip(&cut.segments[last..]).all(|(k, now)| {
+        let before = &scan.segments[*k as usize];
+        (before.topology, before.faces) == (now.topology, now.faces)
+    });
+    if are_same && !scan.is_waist { others } else { Vec::new() }
 }
