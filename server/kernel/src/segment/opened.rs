@@ -24,7 +24,7 @@ pub(super) fn opened(surface: &TriMesh) -> Option<Segmented> {
     let sets = by_area(surface);
     let total: f64 = sets.iter().map(|set| set.0).sum();
     let left_out = sets.len().checked_sub(1)?;
-    let (area, triangle_of) =
+    let (area, mut triangle_of) =
         sets.into_iter().next().filter(|first| first.0 >= (1.0 - SMALL_COMPONENTS_SHARE) * total)?;
     let (mut mesh, mut vertex_of) = topology::submesh(surface, &triangle_of);
     let found = invariants(&mesh);
@@ -44,6 +44,16 @@ pub(super) fn opened(surface: &TriMesh) -> Option<Segmented> {
         }
         for copied in split_pinched(&mut mesh) {
             vertex_of.push(vertex_of[copied as usize]);
+        }
+        // A loop that touches a small hole twice cuts off what lies between.
+        let sets = by_area(&mesh);
+        if sets.len() > 1 {
+            let kept = sets.into_iter().next().filter(|first| first.0 >= (1.0 - SMALL_COMPONENTS_SHARE) * area)?.1;
+            let (part, of_mesh) = topology::submesh(&mesh, &kept);
+            vertex_of = of_mesh.iter().map(|&v| vertex_of[v as usize]).collect();
+            triangle_of = kept.iter().map(|&t| triangle_of[t as usize]).collect();
+            is_slit = kept.iter().flat_map(|&t| (0..3).map(move |k| 3 * t + k)).map(|h| is_slit[h as usize]).collect();
+            mesh = part;
         }
     }
     let (gaps, _) = primitive::gaps(&mesh, &|_| false);
