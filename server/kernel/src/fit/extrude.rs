@@ -72,7 +72,7 @@ pub fn extruded(mesh: &PolyMesh, surface: &TriMesh) -> Extruded {
                 grown = Some((made, count + 1));
                 taken.extend(faces);
             }
-            None => missed += protrusion.area,
+            None => missed += protrusion.missed,
         }
     }
     Extruded { mesh: grown, missed: missed / surface.total_area() }
@@ -81,13 +81,15 @@ pub fn extruded(mesh: &PolyMesh, surface: &TriMesh) -> Extruded {
 /// The share of a surface's area, 0–1, that the protrusions have which a laid mesh misses.
 pub fn missed(mesh: &PolyMesh, surface: &TriMesh) -> f64 {
     let Some(laid) = Laid::new(mesh, surface) else { return 0.0 };
-    laid.protrusions().iter().map(|one| one.area).sum::<f64>() / surface.total_area()
+    laid.protrusions().iter().map(|one| one.missed).sum::<f64>() / surface.total_area()
 }
 
 /// A protrusion of the surface that the mesh misses.
 struct Protrusion {
     vertices: BTreeSet<u32>,
     area: f64,
+    /// The area of what of it rises from the mesh.
+    missed: f64,
 }
 
 /// The faces at the foot of a protrusion, and the vertices around them, in the order in which their edges run on the faces beside.
@@ -194,21 +196,24 @@ impl<'a> Laid<'a> {
         }
         let middles: Vec<Vec3> = found.iter().map(|one| self.middle_of_rim(one)).collect();
         // A protrusion's volume over the middle of its rim is positive, that of a hollow is not.
-        let mut sizes = vec![(0.0, 0.0); found.len()];
+        let mut sizes = vec![(0.0, 0.0, 0.0); found.len()];
         for (t, corners) in self.surface.triangles.iter().enumerate() {
             let [a, b, c] = corners.map(|v| number[v as usize]);
             if a != NONE && a == b && b == c {
                 let across = self.surface.area_vector(t);
-                let (volume, area) = &mut sizes[a as usize];
+                let (volume, area, missed) = &mut sizes[a as usize];
                 *volume += across.dot(&(self.surface.positions[corners[0] as usize] - middles[a as usize]));
                 *area += across.norm();
+                if corners.iter().all(|v| self.height[*v as usize] > FOOT) {
+                    *missed += across.norm();
+                }
             }
         }
         let mut found: Vec<(f64, Protrusion)> = found
             .into_iter()
             .zip(sizes)
-            .filter(|(_, (volume, _))| *volume > 0.0)
-            .map(|(vertices, (volume, area))| (volume, Protrusion { vertices, area }))
+            .filter(|(_, (volume, ..))| *volume > 0.0)
+            .map(|(vertices, (volume, area, missed))| (volume, Protrusion { vertices, area, missed }))
             .collect();
         found.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.vertices.cmp(&b.1.vertices)));
         found.truncate(PROTRUSIONS_MAX);
