@@ -416,6 +416,13 @@ async fn where_no_mesh_of_the_whole_is_sound_the_map_of_most_of_it_is_delivered_
         assert!(last.starts_with("the smaller parts of the scan are left bare, "), "{alone}");
         assert!(last.ends_with(" % of it: with them the mesh was broken or crumpled, or lost the example"), "{alone}");
     }
+    // Nor does one stand that leaves more than half of its segment bare.
+    let little = Bench::new();
+    little.add("ear", "segment disc 2\nlies fair 0.4").await;
+    let path = little.query("", "segment disc 9\nsegment disc 2\nrag").await;
+    little.ended(&path).await;
+    let made = little.post_json(&format!("{path}/compositions?wait=60"), json!({})).await.json();
+    assert_ne!(made["verdict"], json!("fair"), "{made}");
     // Of three alike none is most of it.
     let path = bench.query("", "segment disc 2\nsegment disc 9\nsegment disc 9\nrag").await;
     bench.ended(&path).await;
