@@ -175,7 +175,7 @@ pub trait Engine: Send + Sync + 'static {
     /// [`EngineError`].
     fn keys(&self) -> Result<u64, EngineError>;
 
-    /// The keys that have an entry, as the leader has them.
+    /// Names the keys that have an entry, as the leader has them.
     ///
     /// # Errors
     /// [`EngineError`].

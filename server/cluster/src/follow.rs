@@ -126,7 +126,7 @@ fn follow(
                 // At first it may be on its way.
                 let is_complete = || match late {
                     true => inner.read_missing(engine),
-                    false => Ok(inner.state().keys() >= engine.keys()?),
+                    false => inner.knows_all_keys(engine),
                 };
                 if has_all && complete != Some(newest) && is_complete()? {
                     complete = Some(newest);
@@ -151,7 +151,7 @@ impl Inner {
     /// # Errors
     /// [`EngineError`].
     pub(crate) fn read_missing(&self, engine: &dyn Engine) -> Result<bool, EngineError> {
-        if self.state().keys() >= engine.keys()? {
+        if self.knows_all_keys(engine)? {
             return Ok(true);
         }
         let mut names = engine.key_names()?;
@@ -167,6 +167,11 @@ impl Inner {
                 self.take_in(&[(key.as_str(), &entry)]);
             }
         }
+        self.knows_all_keys(engine)
+    }
+
+    /// Tells whether as many keys are known as there are.
+    fn knows_all_keys(&self, engine: &dyn Engine) -> Result<bool, EngineError> {
         Ok(self.state().keys() >= engine.keys()?)
     }
 

@@ -163,7 +163,7 @@ impl State {
         (self.slots.len() + self.documents.len() + self.foreign.len() + unread) as u64
     }
 
-    /// Whether it knows an entry of a key, also one that it can't read.
+    /// Tells whether an entry of a key is known, also one that can't be read.
     pub(crate) fn knows(&self, key: &str) -> bool {
         self.position(key) > 0 || self.foreign.contains(key) || self.unread.contains(key)
     }

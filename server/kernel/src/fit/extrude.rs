@@ -88,7 +88,7 @@ pub fn missed(mesh: &PolyMesh, surface: &TriMesh) -> f64 {
 struct Protrusion {
     vertices: BTreeSet<u32>,
     area: f64,
-    /// The area of what of it rises from the mesh.
+    /// The area of the part of it that rises from the mesh.
     missed: f64,
 }
 

@@ -1,4 +1,4 @@
-//! What distances along a surface tell of it: vertices spread over it.
+//! Chooses vertices that are spread over a surface, by distances along it.
 
 use crate::mesh::geodesic::Marcher;
 

@@ -19,20 +19,22 @@ const CLOSER: f64 = 0.7;
 /// A map that leaves more of its segment bare is no layout of it. *Untuned.*
 const STANDS_BARE_MAX: f64 = 0.5;
 
-/// Maps that are sound and can stand side by side without being stitched, with their segments: those of segments that have their components of the
-/// scan to themselves (`alone`), where these are most of it, or all others do, too; or else that of the one segment that is most.
+/// Finds the maps that can stand side by side without being stitched, with their segments. They are sound, and cover most of their segment.
+/// They are those of segments that have their components of the scan to themselves (`alone`), where these are most of it, or all others do,
+/// too; or else that of the one segment that is most.
 pub(super) fn standing(model: &Model, alone: &[bool], maps: &[Option<Arc<LiveMap>>]) -> Vec<(usize, Arc<LiveMap>)> {
     let all: u64 = model.segments.iter().map(|segment| segment.faces).sum();
     let faces = |number: usize| model.segments.get(number).map_or(0, |segment| segment.faces);
     let is_most = |some: &[(usize, Arc<LiveMap>)]| {
         some.iter().map(|(number, _)| faces(*number)).sum::<u64>() as f64 >= MOST * all as f64
     };
-    let is_sound = |map: &&Arc<LiveMap>| map.newest().summary.verdict < Verdict::Broken && bare(map) <= STANDS_BARE_MAX;
-    let sound = |(number, map): (usize, &Option<Arc<LiveMap>>)| {
-        let map = map.as_ref().filter(is_sound)?;
+    let can_stand =
+        |map: &&Arc<LiveMap>| map.newest().summary.verdict < Verdict::Broken && bare(map) <= STANDS_BARE_MAX;
+    let standing = |(number, map): (usize, &Option<Arc<LiveMap>>)| {
+        let map = map.as_ref().filter(can_stand)?;
         Some((number, Arc::clone(map)))
     };
-    let mapped: Vec<(usize, Arc<LiveMap>)> = maps.iter().enumerate().filter_map(sound).collect();
+    let mapped: Vec<(usize, Arc<LiveMap>)> = maps.iter().enumerate().filter_map(standing).collect();
     let apart: Vec<(usize, Arc<LiveMap>)> =
         mapped.iter().filter(|(number, _)| alone.get(*number) == Some(&true)).cloned().collect();
     let are_all_alone = alone.len() == model.segments.len() && !alone.contains(&false);

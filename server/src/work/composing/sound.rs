@@ -25,11 +25,11 @@ pub(super) struct Sound {
     pub(super) gave_way: Vec<u32>,
     /// The segments on which alone there is a mesh, where that is maps side by side; else empty.
     pub(super) unstitched: Vec<u32>,
-    /// What lies around a map, where the scan was cut along its rim.
+    /// Tells what lies around a map, where the scan was cut along its rim.
     pub(super) around: Option<Around>,
 }
 
-/// What lies around a map.
+/// Tells what stands on a scan that was cut along the rim of a map.
 pub(super) struct Around {
     /// The maps on the segments of the cut, for the headline.
     pub(super) laid: Vec<Option<BroughtMap>>,

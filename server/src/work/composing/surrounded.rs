@@ -25,10 +25,16 @@ pub(super) struct Surrounded {
     instead: Vec<Option<Arc<Encoded>>>,
     /// What is told of each segment's map.
     laid: Vec<Option<BroughtMap>>,
-    /// The name of the example that each segment around the map takes, if it takes one that was not laid before.
-    names: Vec<Option<String>>,
-    /// The segment of the query that each segment of the cut has its map from, if it has.
-    from: Vec<Option<u32>>,
+    /// Where each segment has its map from, if it has one.
+    origins: Vec<Option<Origin>>,
+}
+
+/// Where a segment of the cut has its map from.
+enum Origin {
+    /// A segment of the query keeps its own.
+    Kept(u32),
+    /// An example of this name was laid on what is left around the map.
+    Laid(String),
 }
 
 /// The map of several that has most of a scan, if it leaves much of its segment bare: it could not be stitched with its neighbours.
@@ -73,17 +79,15 @@ impl Surrounded {
             parts: vec![Part::Kept(own)],
             instead: vec![None],
             laid: vec![Some(laid(&newest))],
-            names: vec![None],
-            from: vec![Some(segment)],
+            origins: vec![Some(Origin::Kept(segment))],
         };
         let one = async |segment: usize| match tries(&cut.segments, segment) {
             0 => Ok(None),
             _ => best_map(work, &rest, (segment as u32, 1), Beyond::Extend).await,
         };
-        let mut laid: Vec<_> = join_all((1..new).map(one)).await;
-        laid.extend(kept.iter().map(|k| Ok(maps.get(*k as usize).cloned().flatten())));
-        let from = std::iter::repeat_n(None, new - 1).chain(kept.into_iter().map(Some));
-        for ((segment, map), from) in (1..).zip(laid).zip(from) {
+        let brought = join_all((1..new).map(one)).await.into_iter().map(|map| (map, None));
+        let own = kept.into_iter().map(|k| (Ok(maps.get(k as usize).cloned().flatten()), Some(k)));
+        for (segment, (map, from)) in (1..).zip(brought.chain(own)) {
             let Ok(encoded) = rest.encoded(segment).await else { return Ok(None) };
             match map {
                 Err(error) if error.stop_reason() == Some(StopReason::Cancelled) => return Err(error),
@@ -94,12 +98,14 @@ impl Surrounded {
         Ok(Some(found))
     }
 
-    /// Adds what the next segment takes: the map of an example that fits, or else a regular layout.
+    /// Adds what the next segment takes: the map of an example that fits, or else a regular layout. `from` is the segment of the query
+    /// that the map was laid on, if it is one of the query's.
     fn push(&mut self, work: &Work, encoded: Arc<Encoded>, map: Option<&LiveMap>, from: Option<u32>) {
         let map = map.filter(|map| map.example_id() != ExampleId::TEMPLATE && !map.newest().mapped.is_poor_stitched());
-        let new = map.filter(|_| from.is_none());
-        self.names.push(new.and_then(|map| Some(work.catalogue.example(map.example_id()).ok()?.name.clone())));
-        self.from.push(map.and(from));
+        self.origins.push(map.and_then(|map| match from {
+            Some(segment) => Some(Origin::Kept(segment)),
+            None => Some(Origin::Laid(work.catalogue.example(map.example_id()).ok()?.name.clone())),
+        }));
         let Some(newest) = map.map(LiveMap::newest) else {
             self.parts.push(Part::Template(encoded));
             self.instead.push(None);
@@ -127,10 +133,14 @@ impl Surrounded {
         let stands = made.is_example(0) && appraisal.flaws.is_empty() && !is_crumpled(&appraisal);
         // Segments of the cut are none of the query's, which notes could name.
         made.notes.retain(|note| !note.contains("segment"));
-        let stand = self.from.iter().enumerate().filter(|(segment, _)| made.is_example(*segment));
-        let around = Around { stand: stand.filter_map(|(_, from)| *from).collect(), laid: self.laid };
-        let used = self.names.into_iter().enumerate().filter(|(segment, _)| made.is_example(*segment));
-        let mut names: Vec<String> = used.filter_map(|(_, name)| name).collect();
+        let (mut around, mut names) = (Around { laid: self.laid, stand: Vec::new() }, Vec::new());
+        let used = self.origins.into_iter().enumerate().filter(|(segment, _)| made.is_example(*segment));
+        for origin in used.filter_map(|(_, origin)| origin) {
+            match origin {
+                Origin::Kept(segment) => around.stand.push(segment),
+                Origin::Laid(name) => names.push(name),
+            }
+        }
         names.sort_unstable();
         names.dedup();
         if !names.is_empty() {
@@ -140,7 +150,7 @@ impl Surrounded {
     }
 }
 
-/// The segments of a scan beside one that was cut, where they are the last of the cut, as they were; else none.
+/// Finds the segments of a scan beside one that was cut, where they are the last of the cut, as they were; else none.
 fn kept(scan: &Model, segment: u32, cut: &Model) -> Vec<u32> {
     let others: Vec<u32> = (0..scan.segments.len() as u32).filter(|k| *k != segment).collect();
     let Some(last) = cut.segments.len().checked_sub(others.len()).filter(|first| *first > 0) else { return Vec::new() };
