@@ -141,6 +141,19 @@ impl WorkError {
         }
     }
 
+    /// Tells whether one example is to blame: it was removed meanwhile, is damaged, or the computation on it failed. Others can be
+    /// tried.
+    pub fn is_of_one_example(&self) -> bool {
+        use CorpusError::{Damaged, NoEncoding, NotFound};
+        match self {
+            Self::Corpus(error) => matches!(error, NotFound(_) | Damaged(_) | NoEncoding(_)),
+            Self::Engine(error) => !matches!(error, EngineError::Stopped(_)),
+            Self::Pool(error) => matches!(error, PoolError::Panicked { .. }),
+            Self::NotEncodedYet { .. } | Self::TopologyDiffers { .. } => true,
+            _ => false,
+        }
+    }
+
     /// A value outside its range.
     pub fn parameter(name: &'static str, expected: impl Into<String>, found: impl ToString) -> Self {
         Self::Parameter { name, expected: expected.into(), found: found.to_string() }

@@ -65,7 +65,8 @@ pub async fn in_turn(live: &LiveQuery, segment: u32, tries: usize) -> Vec<(Examp
 }
 
 /// Lays the entries of a segment's ranking in their turns until a map is good enough, and finds the map that is worth most, of
-/// equals the first. Maps that are there are not made again. `None` where there is no entry.
+/// equals the first. Maps that are there are not made again; examples that were removed meanwhile, are damaged, or can't be laid are
+/// passed over. `None` where there is no entry.
 ///
 /// # Errors
 /// As [`mapping::create`] has them. A deadline is none where a map was laid before it.
@@ -95,6 +96,10 @@ pub async fn best_map(
             Ok(map) => map,
             // Another would take as long.
             Err(error) if best.is_some() && is_late(&error) => break,
+            Err(error) if error.is_of_one_example() => {
+                tracing::warn!(query = %live.id, segment, %error, "not laid");
+                continue;
+            }
             Err(error) => return Err(error),
         };
         let best = match &mut best {

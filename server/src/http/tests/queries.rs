@@ -157,6 +157,23 @@ async fn an_example_that_panics_while_it_is_refined_is_passed_over() {
 }
 
 #[tokio::test]
+async fn an_example_that_panics_when_it_comes_to_the_top_at_last_is_passed_over() {
+    let bench = Bench::stocked().await;
+    bench.add("sound", "segment disc 3.2\nlarge\nagrees 0.5").await;
+    bench.add("broken", "segment disc 3.4\nlarge\nagrees 0.9\npanic refine").await;
+    let path = bench.query("top=2", "segment disc 2.5\nlarge\nagrees 1").await;
+    assert_eq!(bench.ended(&path).await["state"], json!("done"));
+    let ranking = bench.get(&format!("{path}/ranking")).await.json();
+    let states =
+        ranking["entries"].as_array().expect("entries").iter().map(|e| (e["name"].clone(), e["state"].clone()));
+    assert!(
+        states.clone().any(|entry| entry == (json!("broken"), json!("locked"))),
+        "{:?}",
+        states.collect::<Vec<_>>()
+    );
+}
+
+#[tokio::test]
 async fn a_query_sees_the_corpus_as_it_was_when_it_began() {
     let bench = Bench::stocked().await;
     let path = bench.query("", "segment disc 2\nslow 20").await;

@@ -45,6 +45,19 @@ async fn a_scan_that_an_example_fits_is_not_cut() {
 }
 
 #[tokio::test]
+async fn an_example_that_was_removed_since_the_ranking_is_passed_over() {
+    let bench = bench().await;
+    let best = bench.add("best", "segment annulus 2.5\nlies good 1").await;
+    let path = bench.query("", "segment annulus 2.5\nlarge").await;
+    bench.ended(&path).await;
+    let gone = bench.request(Method::DELETE, &format!("/v1/examples/{best}"), &[], "").await;
+    assert!(gone.status.is_success(), "{}", gone.text());
+    let made = bench.post_json(&format!("{path}/retopos?wait=60"), json!({})).await;
+    assert_eq!(made.status, StatusCode::CREATED, "{}", made.text());
+    assert_eq!(made.json()["inspired"], json!(1.0), "the other's");
+}
+
+#[tokio::test]
 async fn what_no_example_fits_as_a_whole_is_cut_and_ranked_anew() {
     let bench = bench().await;
     let scan = "segment disc 2\nlarge\nprotrusion annulus 2\nprotrusion annulus 3";

@@ -14,7 +14,7 @@ const CRUMPLED_MIN: f64 = 0.08;
 /// a head without its horns is no layout of the head. *Untuned.*
 const COVERED_MIN: f64 = 0.8;
 /// Where more of a composition's area is the scan's own triangles as quads it is poor: that is nobody's layout. *Untuned.*
-const OWN_MAX: f64 = 0.02;
+pub(super) const OWN_MAX: f64 = 0.02;
 /// Reasons that a composition takes over from one map.
 const REASONS_EACH: usize = 2;
 

@@ -1,6 +1,6 @@
 //! The measured result of a composition: whether it is sound, and which of two is better.
 
-use super::headline::{BroughtMap, is_crumpled};
+use super::headline::{BroughtMap, OWN_MAX, is_crumpled};
 use crate::pool::Stop;
 use crate::work::engine::{Allowed, Appraisal, Encoded, Engine, EngineError, Model, Part, Stitched, Stitching};
 use crate::work::mapping::LiveMap;
@@ -51,7 +51,8 @@ impl Sound {
     }
 
     /// Tells whether a regular layout is sound, follows the scan as well as another result, and, where that is regular, too, has no
-    /// more extraordinary vertices a quad. Of a result that is not sound nothing is asked.
+    /// more extraordinary vertices a quad. Of a result that is not sound nothing is asked; of the scan's own triangles, which
+    /// nothing follows as well, only that they have more extraordinary vertices.
     pub(super) fn is_layout_no_worse_than(&self, other: &Self) -> bool {
         let (own, others) = (&self.appraisal, &other.appraisal);
         let extraordinary =
@@ -59,7 +60,7 @@ impl Sound {
         let follows = own.covered >= others.covered - COVERED_LESS && own.away <= AWAY_MORE * others.away;
         let has_examples = others.examples.iter().any(|share| *share > 0.0);
         let is_as_regular = has_examples || extraordinary(self) <= extraordinary(other);
-        own.flaws.is_empty() && (!others.flaws.is_empty() || (follows && is_as_regular))
+        own.flaws.is_empty() && (!others.flaws.is_empty() || ((follows || others.own > OWN_MAX) && is_as_regular))
     }
 
     /// Tells whether it covers more of the scan by layouts than another, and keeps its examples.

@@ -6,9 +6,9 @@
 
 use super::clusters::{Clusters, Key, Kind};
 use super::{SegmentSearch, caught_up};
-use crate::pool::{Lane, Stop};
+use crate::pool::{Lane, PoolError, Stop};
 use crate::work::WorkError;
-use crate::work::engine::{Model, Opaque, Rough, RoughLead, Stage};
+use crate::work::engine::{EngineError, Model, Opaque, Rough, RoughLead, Stage};
 use crate::work::ingest;
 use crate::work::query::ms_since;
 use crate::work::ranking::{Candidate, SURE_FROM, by_fit, by_likeness, is_worth_a_map};
@@ -134,7 +134,7 @@ impl SegmentSearch<'_> {
         let Some(rough) = from.rough.clone().filter(|r| r.agreement >= SURE_FROM && r.covered < LEADS_BELOW) else {
             return Ok(());
         };
-        let model = ingest::model(self.work, &self.live.job, Lane::Fine, &from.resident.example).await?;
+        let Some(model) = self.read(&from).await? else { return Ok(()) };
         let lead = RoughLead { model, segment: from.resident.segment, rough };
         let may_follow = |at: &usize| {
             let c = &candidates[*at];
@@ -186,7 +186,9 @@ impl SegmentSearch<'_> {
         let encoded = match both_closed {
             true => {
                 let of = (&*candidate.resident.example, &model, segment);
-                Some(ingest::example_encoded(self.work, &self.live.job, Lane::Fine, of).await?)
+                let encoded = ingest::example_encoded(self.work, &self.live.job, Lane::Fine, of).await;
+                let Some(encoded) = self.usable(candidate, encoded)? else { return Ok(None) };
+                Some(encoded)
             }
             false => None,
         };
@@ -197,7 +199,8 @@ impl SegmentSearch<'_> {
             engine.rough((&model, segment), (&on, own, &ready), encodings, leading.as_deref(), stop)
         };
         let is_led = lead.is_some();
-        let found = self.work.pool.run(&self.live.job, Lane::Fine, quantum).await??;
+        let found = self.work.pool.run(&self.live.job, Lane::Fine, quantum).await;
+        let found = self.usable(candidate, flat(found))?.flatten();
         if let Some(Rough { agreement, covered, off, .. }) = &found {
             let example = &candidate.resident.example.name;
             let on = self.segment;
@@ -206,16 +209,23 @@ impl SegmentSearch<'_> {
         Ok(found)
     }
 
-    /// An example, read again; `None` where it can't be.
+    /// Reads an example again; `None` where it can't be read.
     async fn read(&self, candidate: &Candidate) -> Result<Option<Arc<Model>>, WorkError> {
         let example = &candidate.resident.example;
-        match ingest::model(self.work, &self.live.job, Lane::Fine, example).await {
-            Ok(model) => Ok(Some(model)),
-            Err(error) if error.stop_reason().is_some() => Err(error),
-            Err(error) => {
-                tracing::warn!(query = %self.live.id, example = %example.id, %error, "not laid");
+        self.usable(candidate, ingest::model(self.work, &self.live.job, Lane::Fine, example).await)
+    }
+
+    /// Passes over an example that was removed meanwhile, or is damaged: what was made with it, or `None` where that failed.
+    ///
+    /// # Errors
+    /// Where no other example would fare better.
+    fn usable<T>(&self, candidate: &Candidate, made: Result<T, WorkError>) -> Result<Option<T>, WorkError> {
+        match made {
+            Err(error) if error.is_of_one_example() => {
+                tracing::warn!(query = %self.live.id, example = %candidate.resident.example.id, %error, "not laid");
                 Ok(None)
             }
+            made => made.map(Some),
         }
     }
 
@@ -246,7 +256,8 @@ impl SegmentSearch<'_> {
             };
             posed.map_or_else(|| Ok(Likeness::default()), |posed| engine.likeness(&posed, &own, stop))
         };
-        Ok(self.work.pool.run(&self.live.job, Lane::Fine, quantum).await??)
+        let found = self.work.pool.run(&self.live.job, Lane::Fine, quantum).await;
+        Ok(self.usable(candidate, flat(found))?.unwrap_or_default())
     }
 
     /// Whether the pictures leave it open who is best.
@@ -283,13 +294,21 @@ impl SegmentSearch<'_> {
                 continue;
             }
             let from = candidate.clone();
-            let done = caught_up(self.work, &self.live.job, Lane::Fine, from, &self.query, level).await?;
-            *candidate = Candidate { score: candidate.score, state: EntryState::Done, ..done };
+            let done = caught_up(self.work, &self.live.job, Lane::Fine, from, &self.query, level).await;
+            *candidate = match self.usable(candidate, done)? {
+                Some(done) => Candidate { score: candidate.score, state: EntryState::Done, ..done },
+                None => Candidate { state: EntryState::Locked, rough: None, ..candidate.clone() },
+            };
         }
         let timing = LevelTiming { segment: self.segment as u32, level, entries: laid as u64, ms: ms_since(start) };
         self.live.publish(self.segment, level, candidates, timing);
         Ok(())
     }
+}
+
+/// Makes one result of a task's own and its pool's.
+fn flat<T>(found: Result<Result<T, EngineError>, PoolError>) -> Result<T, WorkError> {
+    found.map_err(WorkError::from).and_then(|found| Ok(found?))
 }
 
 fn alike(candidate: &Candidate) -> f64 {
