@@ -77,13 +77,18 @@ pub async fn best_map(
     beyond: Beyond,
 ) -> Result<Option<Arc<LiveMap>>, WorkError> {
     let entries = in_turn(live, segment, tries).await;
-    let one = |(example, example_segment)| async move {
+    let one = |(example, example_segment): (ExampleId, u32)| async move {
         let there = mapping::find(live, segment, (example, example_segment)).filter(|map| map.beyond == beyond);
         let new = NewMap { beyond, ..NewMap::new(segment, example, example_segment) };
-        match there {
+        let map = match there {
             Some(map) => Ok(map),
             None => mapping::create(work, live, new).await,
-        }
+        };
+        map.inspect_err(|error| {
+            if error.is_of_one_example() {
+                live.passed_over(example, error);
+            }
+        })
     };
     // The first is mostly good enough. Where it is not, two at a time are laid, and looked at in order.
     let (first, others) = entries.split_at(entries.len().min(1));
@@ -96,10 +101,7 @@ pub async fn best_map(
             Ok(map) => map,
             // Another would take as long.
             Err(error) if best.is_some() && is_late(&error) => break,
-            Err(error) if error.is_of_one_example() => {
-                tracing::warn!(query = %live.id, segment, %error, "not laid");
-                continue;
-            }
+            Err(error) if error.is_of_one_example() => continue,
             Err(error) => return Err(error),
         };
         let best = match &mut best {

@@ -4,6 +4,7 @@
 //! whoever reads sees the newest, and is woken when it changes.
 
 use super::composing::LiveComposition;
+use super::corpus::CorpusError;
 use super::engine::{Encoded, Model};
 use super::ingest::counts_of;
 use super::making::Makings;
@@ -166,6 +167,16 @@ impl LiveQuery {
     /// Milliseconds since the upload.
     pub fn elapsed_ms(&self) -> f64 {
         ms_since(self.started)
+    }
+
+    /// Logs why the query goes on without an example. That it was removed meanwhile is nothing to look into.
+    pub fn passed_over(&self, example: ExampleId, error: &WorkError) {
+        match error {
+            WorkError::Corpus(CorpusError::NotFound(_)) => {
+                tracing::debug!(query = %self.id, %example, %error, "passed over")
+            }
+            _ => tracing::error!(query = %self.id, %example, %error, "passed over"),
+        }
     }
 
     /// The board, to be read and waited for.

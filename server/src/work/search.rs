@@ -324,8 +324,7 @@ impl SegmentSearch<'_> {
                 Some(Ok(refined)) => fresh.push(refined),
                 Some(Err(error)) if error.stop_reason().is_some() => return Err(error),
                 Some(Err(error)) => {
-                    let example = candidate.resident.example.id;
-                    tracing::error!(query = %self.live.id, %example, level, %error, "not refined");
+                    self.live.passed_over(candidate.resident.example.id, &error);
                     left.push(candidate);
                 }
                 None => left.push(candidate),

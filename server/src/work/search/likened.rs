@@ -222,7 +222,7 @@ impl SegmentSearch<'_> {
     fn usable<T>(&self, candidate: &Candidate, made: Result<T, WorkError>) -> Result<Option<T>, WorkError> {
         match made {
             Err(error) if error.is_of_one_example() => {
-                tracing::warn!(query = %self.live.id, example = %candidate.resident.example.id, %error, "not laid");
+                self.live.passed_over(candidate.resident.example.id, &error);
                 Ok(None)
             }
             made => made.map(Some),
