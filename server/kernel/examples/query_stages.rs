@@ -33,7 +33,7 @@ fn cpu_ms() -> f64 {
 fn patch_of(file: &str) -> Option<Patch> {
     let mesh = mesh::read(&std::fs::read(file).ok()?, None, &Limits::default()).ok()?;
     let prepared = mesh::prepare(&mesh).ok()?;
-    let segmented = Segmented::primitive(&prepared.mesh, Components::Crumbs).ok()?;
+    let segmented = Segmented::primitive(&prepared.mesh, Components::SmallLeftOut).ok()?;
     segmented.parts.into_iter().next().filter(|patch| patch.topology == Topology::Disc)
 }
 

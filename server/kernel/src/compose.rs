@@ -200,12 +200,12 @@ pub enum ComposeError {
 }
 
 /// Work that a composition may take, in steps, before it is late: so many, and so many for each triangle of the input and
-/// each face brought. Real inputs take a fraction of it; a rag of a hundred pieces took a
-/// hundred times as much as its size tells.
+/// each face brought. Real inputs take a fraction of it; a ragged scan of a hundred pieces took a
+/// hundred times as much as its size suggests.
 const STEPS_LEAST: u64 = 4_000_000;
 const STEPS_PER_FACE: u64 = 200;
 
-/// An input of more segments is a rag, and of its components only so many, those of most area, are worth that work.
+/// An input of more segments is ragged, and of its components only so many, those of most area, are worth that work.
 const SEGMENTS_FEW: usize = 32;
 const WORTH_MAX: usize = 16;
 

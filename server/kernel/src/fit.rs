@@ -82,7 +82,7 @@ pub fn without(surface: &Surface, lost: &[bool], least: f64) -> Option<Cropped> 
     }
     let mut segmented = segment_labels(mesh, label_of);
     let part = segmented.parts.first()?;
-    let found = primitive(&part.mesh, Components::Crumbs).ok().filter(|p| p.topology == Topology::Disc)?;
+    let found = primitive(&part.mesh, Components::SmallLeftOut).ok().filter(|p| p.topology == Topology::Disc)?;
     let patch = Patch { topology: found.topology, holes: found.holes, ..part.clone() };
     segmented.parts[0] = patch.clone();
     Some(Cropped { segmented, surface: Surface::new(patch).ok()? })

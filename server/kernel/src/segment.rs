@@ -310,7 +310,7 @@ impl Segmented {
     /// # Errors
     /// See [`topology::with_two_ends`].
     pub fn with_two_ends(surface: &TriMesh) -> Result<Self, TopologyError> {
-        Ok(Self::uncut(surface, vec![topology::with_two_ends(surface, topology::Components::Crumbs)?]))
+        Ok(Self::uncut(surface, vec![topology::with_two_ends(surface, topology::Components::SmallLeftOut)?]))
     }
 
     /// The same, where a scan of one part that is open at no more than a pinhole is closed ([`topology::closed`]).

@@ -466,8 +466,8 @@ pub trait Engine: Send + Sync + 'static {
     }
 
     /// The input of one segment, or one cut at its waist, cut along the rim of a map that lies on a part of it, and the map's own
-    /// faces. Segment 0 is what the map covers, the others are the rest. `None` where nothing lies beyond the map, or the rest is a
-    /// rag. `segment`: the segment that the map lies on.
+    /// faces. Segment 0 is what the map covers, the others are the rest. `None` where nothing lies beyond the map, or the rest is
+    /// ragged. `segment`: the segment that the map lies on.
     ///
     /// # Errors
     /// [`EngineError::Internal`].

@@ -7,7 +7,7 @@
 //! sequential computation of its own, and the results are combined in the order of the candidates.
 //! At last the shapes themselves decide where the pictures leave it open ([`likened`]).
 //! A query with a deadline gives each level at most half of the time that is left, the most promising first; `top` are
-//! registered at each level in any case. Of a rag only some segments go on to be registered ([`worth`](super::worth)).
+//! registered at each level in any case. Of a ragged scan only some segments go on to be registered ([`worth`](super::worth)).
 
 mod clusters;
 mod coarse;

@@ -1,11 +1,12 @@
 //! Which segments of a query are worth an example that nobody asked for.
 //!
-//! A rag falls into a hundred pieces of a few faces. Each would be registered, mapped and charted like any other, which for a file
-//! of a few kilobytes took minutes. So of a query of many segments only some are ranked beyond the coarsest level and given
-//! maps unasked: those of most faces, as many as the mesh has faces for. A handful of faces has no form that an example could be
-//! laid on, and a coarse mesh little to choose between examples by: laying one costs the same as on a scan of a million. Only faces
-//! that tell of the form count (`topology/form`): a fan of a million needles is worth as much as a dozen triangles. The others take
-//! regular layouts; a map that is asked for is made all the same.
+//! A ragged scan falls into a hundred pieces of a few faces. Each would be registered, mapped and charted like any
+//! other, which for a file of a few kilobytes took minutes. So of a query of many segments only some are ranked beyond
+//! the coarsest level and given maps unasked: those of most faces, as many as the mesh has faces for. A handful of
+//! faces has no form that an example could be laid on, and a coarse mesh little to choose between examples by: laying
+//! one costs the same as on a scan of a million. Only faces that tell of the form count (`topology/form`): a fan of a
+//! million needles is worth as much as a dozen triangles. The others take regular layouts; a map that is asked for is
+//! made all the same.
 
 use super::engine::ModelSegment;
 pub use quadmuse_kernel::pipeline::{FACES_CHOSEN_MIN, FACES_OF_SCAN_MIN};
@@ -22,8 +23,8 @@ const FACES_MIN: u64 = 16;
 const TRIES: usize = 3;
 /// Where but one of so many faces tells of a form, hardly any does. Of scans and their parts at least one of two does. *Untuned.*
 const FACES_PER_FORM: u64 = 16;
-/// Faces of a segment on average below which many segments are a rag, of which only those with enough form are worth it.
-const FACES_OF_RAG: u64 = 96;
+/// Faces of a segment on average below which a scan of many segments is ragged, and only those with enough form are worth it.
+const RAGGED_BELOW_FACES: u64 = 96;
 /// Of more than a few segments one with less of the surface is not worth it, however many faces it has: the rivets of an armour, the
 /// joints of a puppet's fingers. *Untuned:* a finger is .004 of a body, an eye .01 of a head.
 const SHARE_WORTH: f64 = 0.002;
@@ -47,8 +48,8 @@ pub fn is_worth_an_example(segments: &[ModelSegment], segment: usize) -> bool {
     let faces = segments.iter().map(|s| s.form).sum::<u64>();
     let most = usize::try_from(faces / FACES_PER_SEGMENT).unwrap_or(MANY).clamp(FEW, MANY);
     let is_before = |(at, s): &(usize, &ModelSegment)| s.form > own || (s.form == own && *at < segment);
-    let is_rag = faces < FACES_OF_RAG * segments.len() as u64;
-    let own_min = if is_rag { FACES_CHOSEN_MIN } else { FACES_MIN };
+    let is_ragged = faces < RAGGED_BELOW_FACES * segments.len() as u64;
+    let own_min = if is_ragged { FACES_CHOSEN_MIN } else { FACES_MIN };
     own >= own_min && share >= SHARE_WORTH && segments.iter().enumerate().filter(is_before).count() < most
 }
 

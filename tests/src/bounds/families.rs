@@ -24,7 +24,7 @@ pub const FAMILIES: [Family; 13] = [
     Family { name: "book", counts: "faces at one edge", size: 10_000, make: book },
     Family { name: "ribbon", counts: "vertices", size: 20_000, make: ribbon },
     Family { name: "tube", counts: "rows of a tube of girth 4", size: 10_000, make: tube },
-    Family { name: "rag", counts: "loose triangles", size: 20_000, make: rag },
+    Family { name: "rag", counts: "loose triangles", size: 20_000, make: ragged },
     Family { name: "handles", counts: "handles", size: 200, make: handles },
     Family { name: "noise", counts: "triangles", size: 50_000, make: noise },
     Family { name: "polygon", counts: "corners of one face", size: 20_000, make: polygon },
@@ -132,7 +132,7 @@ fn tube(rows: usize) -> String {
     text
 }
 
-fn rag(triangles: usize) -> String {
+fn ragged(triangles: usize) -> String {
     let mut text = String::new();
     for i in 0..triangles {
         (0..3).for_each(|k| vertex(&mut text, [0, 1, 2].map(|axis| random(9 * i + 3 * k + axis))));

@@ -103,7 +103,7 @@ fn shared_hostile_files_never_cost_the_server_its_life() {
 }
 
 /// `count` triangles anywhere, none of which touches another, as binary STL.
-fn rag(count: u32) -> Vec<u8> {
+fn loose_triangles(count: u32) -> Vec<u8> {
     let mut bytes = vec![0; 80];
     bytes.extend(count.to_le_bytes());
     let mut state = 1u32;
@@ -138,8 +138,8 @@ fn composed_without_maps(name: &str, bytes: &[u8]) -> String {
 }
 
 #[test]
-fn a_rag_of_loose_triangles_is_composed_without_a_map_for_each() {
-    let made = composed_without_maps("rag.stl", &rag(40));
+fn a_ragged_scan_of_loose_triangles_is_composed_without_a_map_for_each() {
+    let made = composed_without_maps("loose.stl", &loose_triangles(40));
     assert!(made.lines().filter(|line| line.starts_with("f ")).all(|face| face.split(' ').count() == 5));
 }
 

@@ -27,7 +27,7 @@ pub(super) const MISS_MAX: f64 = 0.0019;
 pub(super) const KEPT_MISS_MAX: f64 = 0.005;
 
 /// Tries in which one segment at a time gives way; afterwards all that are in the way give up at once. Each costs a stitching
-/// of the whole, and a rag of dozens of segments would take hundreds.
+/// of the whole, and a ragged input of dozens of segments would take hundreds.
 const ATTEMPTS_MAX: usize = 24;
 /// Times that all is stitched anew with what misses the input made finer.
 const REFITTED_MAX: usize = 2;

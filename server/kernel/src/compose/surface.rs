@@ -67,7 +67,7 @@ mod tests {
         let kept = sheet.triangles.iter().zip(0u32..).filter(|(_, t)| ![200, 333, 611].contains(t)).map(|(t, _)| *t);
         let triangles = kept.chain([[first, first + 1, first + 2]]).collect();
         let surface = TriMesh::from_triangles(positions, triangles).expect("a sheet and a speck");
-        let segmented = Segmented::primitive(&surface, Components::Crumbs).expect("a disc");
+        let segmented = Segmented::primitive(&surface, Components::SmallLeftOut).expect("a disc");
         let ground = ComposedSurface::of(&segmented);
         assert_eq!(ground.input().owner.iter().filter(|s| **s == NONE).count(), 1);
         let made = compose(ground.input(), &[Piece::Nothing], Options::default(), &|| false).expect("a layout");

@@ -17,7 +17,7 @@ use crate::settle::{AxisPoint, Landmark};
 /// Rings are so far apart, and the last is so far from its tip at most, in √area of the example.
 const STEP: f64 = 0.06;
 const RINGS: usize = 14;
-/// A ring has at least this share of all that is as far from the tip: the rest are crumbs.
+/// A ring has at least this share of all that is as far from the tip: the rest is in small pieces beside it.
 const ONE_RING: f64 = 0.9;
 /// A ring about a limb is at most so many times as long as it is far from the tip; on a plane it is 2π times as long. *Untuned.*
 const NARROW: f64 = 4.0;

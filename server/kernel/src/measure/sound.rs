@@ -394,15 +394,15 @@ mod tests {
         use crate::topology::holes::filled;
         use crate::topology::{Components, primitive};
         let whole = prepare(&bent(200)).expect("a disc").mesh;
-        // A window in one leg, and pinholes that make a rag of it.
+        // A window in one leg, and pinholes that make it ragged.
         let is_hole = |f: &u32| (10..40).contains(&(f / 10)) && (3..7).contains(&(f % 10)) || matches!(f, 915 | 955);
         let kept: Vec<u32> =
             (0..whole.triangles.len() as u32).filter(|t| !is_hole(&whole.polygon_of[*t as usize])).collect();
-        let rag = crate::topology::submesh(&whole, &kept).0;
-        let patch = primitive(&rag, Components::default()).expect("a disc with gaps");
+        let ragged = crate::topology::submesh(&whole, &kept).0;
+        let patch = primitive(&ragged, Components::default()).expect("a disc with gaps");
         assert_eq!(patch.holes.len(), 3);
         let mesh = bent(40);
-        let bare = ReferenceSurface::new(rag.clone());
+        let bare = ReferenceSurface::new(ragged.clone());
         assert!(!bare.flaws(&mesh, &[]).reasons(0.0, 0.0).is_empty());
         let bridged = bare.with_gaps(std::iter::once(filled(&patch.mesh, &patch.holes)));
         assert_eq!(bridged.flaws(&mesh, &[]).reasons(0.0, 0.0), Vec::<String>::new());

@@ -9,12 +9,12 @@ use crate::segment::segment_around;
 use crate::topology::{Patch, submesh};
 use std::sync::Arc;
 
-/// Of more parts, beside those that stay, the rest is a rag: none of them is worth a layout.
+/// Of more parts, beside those that stay, the rest is ragged: none of them is worth a layout.
 const PARTS_MAX: usize = 24;
 
 /// An input cut along the rim of a map that lies on a part of it, and the map's own faces, save those at a cut of its segment.
 /// Segment 0 is the surface under the map, the others are the rest; other segments of the input stay as they are, unless it was cut
-/// at its waist. `None` where the map has no rim, nothing lies beyond it, or the rest is a rag.
+/// at its waist. `None` where the map has no rim, nothing lies beyond it, or the rest is ragged.
 ///
 /// `segment` is the one that the map lies on, `mesh` the map's, `own` its [`Reach::own`](super::Reach::own).
 pub fn around(

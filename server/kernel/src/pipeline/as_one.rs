@@ -160,7 +160,7 @@ mod tests {
     /// What becomes of a map of n × n quads: the map, by how much it misses in percent, and what is made of it with the same.
     fn tried(n: usize, height: fn(f64, f64) -> f64) -> (Arc<PolyMesh>, f64, Option<(Stitched, f64)>) {
         let surface = prepare(&sheet(80, height)).expect("a disc").mesh;
-        let segmented = Segmented::primitive(&surface, Components::Crumbs).expect("a disc");
+        let segmented = Segmented::primitive(&surface, Components::SmallLeftOut).expect("a disc");
         let ground = ComposedSurface::of(&segmented);
         let map = Arc::new(sheet(n, height));
         let miss_pct = |mesh: &PolyMesh| 100.0 * compose::miss(ground.input(), mesh).expect("a disc of quads").mean;
@@ -204,7 +204,7 @@ mod tests {
     #[test]
     fn a_layout_with_triangles_is_split_into_quads() {
         let surface = prepare(&sheet(80, dome)).expect("a disc").mesh;
-        let segmented = Segmented::primitive(&surface, Components::Crumbs).expect("a disc");
+        let segmented = Segmented::primitive(&surface, Components::SmallLeftOut).expect("a disc");
         let quads = sheet(10, dome);
         let halves = |face: &[u32]| [vec![face[0], face[1], face[2]], vec![face[0], face[2], face[3]]];
         let faces: Vec<Vec<u32>> = quads.faces.iter().flat_map(halves).collect();
@@ -222,7 +222,7 @@ mod tests {
     #[test]
     fn a_map_at_the_density_that_was_asked_for_keeps_its_layers() {
         let surface = prepare(&sheet(80, dome)).expect("a disc").mesh;
-        let segmented = Segmented::primitive(&surface, Components::Crumbs).expect("a disc");
+        let segmented = Segmented::primitive(&surface, Components::SmallLeftOut).expect("a disc");
         let map = Arc::new(sheet(10, dome));
         let part = [Part::Mapped { part: Arc::clone(&map), whole: map }];
         let how = Stitching { smoothing: 5, density: 1 };

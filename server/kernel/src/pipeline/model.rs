@@ -313,7 +313,7 @@ fn besides(
 
 /// Whether it is read as a scan, which has gaps and falls into pieces; an example is as its artist made it.
 fn is_scan(cut: &Cut) -> bool {
-    cut.components == Components::Crumbs && cut.grain == Grain::Free
+    cut.components == Components::SmallLeftOut && cut.grain == Grain::Free
 }
 
 fn few_faces(prepared: &Prepared) -> bool {
@@ -466,7 +466,7 @@ mod tests {
         let facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
         let text = format!("solid x\n{}endsolid x\n", facet.repeat(1000));
         let told = |grain| {
-            let cut = Cut { components: Components::Crumbs, grain, ..Cut::default() };
+            let cut = Cut { components: Components::SmallLeftOut, grain, ..Cut::default() };
             let model = read(text.as_bytes(), None, &cut, &Limits::default()).expect("a model");
             assert_eq!(model.mesh.faces.len(), 1000, "what was sent stays as it is");
             (model.repairs.iter().any(|repair| repair.starts_with("999 duplicate faces")), model.segments())

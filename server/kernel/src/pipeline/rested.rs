@@ -403,7 +403,7 @@ mod tests {
     #[test]
     fn a_closed_example_without_limbs_is_told_by_its_relief() {
         let surface = |mesh: &TriMesh| {
-            let whole = Segmented::primitive(mesh, Components::Crumbs).expect("closed").parts.swap_remove(0);
+            let whole = Segmented::primitive(mesh, Components::SmallLeftOut).expect("closed").parts.swap_remove(0);
             assert_eq!(whole.topology, Topology::Sphere);
             Surface::new(whole).expect("solvable")
         };

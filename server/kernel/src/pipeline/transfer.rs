@@ -47,7 +47,7 @@ pub fn alike(query: &Model, example: &Arc<Model>, stop: Stop) -> Result<Model, P
 
 /// A model uncut.
 fn whole(model: &Model, what: &str) -> Result<Model, PipelineError> {
-    let segmented = Segmented::primitive(&model.prepared.mesh, Components::Crumbs).map_err(|e| {
+    let segmented = Segmented::primitive(&model.prepared.mesh, Components::SmallLeftOut).map_err(|e| {
         let detail = format!("expected {what} to be a disc, annulus, sphere or torus when it is whole, found: {e}");
         PipelineError::refused(Refusal::Unlike, detail)
     })?;

@@ -143,7 +143,7 @@ mod tests {
         assert_eq!((handles, invariants(&cut).genus), (16, 0));
         assert_eq!(cut.triangles.len(), mesh.triangles.len(), "no face is lost");
         assert!(mesh.positions.iter().zip(&cut.positions).all(|(a, b)| a == b), "vertices keep their numbers");
-        let patch = primitive(&cut, Components::Crumbs).expect("a sheet");
+        let patch = primitive(&cut, Components::SmallLeftOut).expect("a sheet");
         assert_eq!((patch.topology, patch.holes.len()), (Topology::Disc, 32));
     }
 

@@ -32,7 +32,7 @@ pub(super) fn merge(mesh: &TriMesh, parts: Vec<Vec<u32>>, area_min: f64, count_m
 
 /// Gives every piece of a label that is not its largest to the label with which it has the longest border.
 pub(super) fn absorb_small_components(mesh: &TriMesh, label_of: &mut [u32]) {
-    for _ in 0..CRUMB_ROUNDS {
+    for _ in 0..ABSORB_ROUNDS {
         let sets = topology::connected(mesh, label_of);
         let set_of = topology::numbers(&sets, label_of.len());
         let mut largest: BTreeMap<u32, usize> = BTreeMap::new();
@@ -57,7 +57,8 @@ pub(super) fn absorb_small_components(mesh: &TriMesh, label_of: &mut [u32]) {
     }
 }
 
-const CRUMB_ROUNDS: usize = 8;
+/// Rounds in which small components change their label, at most.
+const ABSORB_ROUNDS: usize = 8;
 
 struct Merger<'a> {
     mesh: &'a TriMesh,

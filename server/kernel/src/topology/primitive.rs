@@ -2,7 +2,8 @@
 //!
 //! A scan has gaps where the scanner saw nothing, and specks that float beside it. A boundary loop of length ℓ encloses
 //! at most ℓ²/4π; where that is little of the surface's area, or ℓ is short beside the longest loop, it is a hole and no
-//! end of the surface. Of a rag with many loops all but the longest are holes. Holes are filled where the surface is unfolded, and only there: the patch keeps its own triangles.
+//! end of the surface. Of a ragged surface, which has many loops, all but the longest are holes. Holes are filled where the
+//! surface is unfolded, and only there: the patch keeps its own triangles.
 //! A tube one of whose two loops is a hole is a disc: a face with a gap. Else a surface that is a primitive as it is stays so, whatever
 //! its loops; of a scan, [`closed`] counts the only loop as a hole, too. *Ours, not the paper's.*
 
@@ -14,17 +15,17 @@ use crate::mesh::tri::TriMesh;
 const HOLE_AREA_SHARE: f64 = 0.01;
 /// So are loops shorter than this share of the longest.
 const HOLE_LENGTH_SHARE: f64 = 0.2;
-/// A surface with more loops is a rag: only the longest of them is its end, the others are gaps.
-const RAG_LOOPS: usize = 12;
+/// A surface with more loops is ragged: only the longest of them is its end, the others are gaps.
+const RAGGED_LOOPS: usize = 12;
 /// Components beside the largest are small components if together they have at most this share of the area.
-const CRUMB_AREA_SHARE: f64 = 0.1;
+const SMALL_COMPONENTS_SHARE: f64 = 0.1;
 
 /// What to do with several components.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Components {
     /// The largest by area is taken if the others are small components beside it.
     #[default]
-    Crumbs,
+    SmallLeftOut,
     /// The largest by area is taken.
     Largest,
     /// Several are refused.
@@ -126,7 +127,7 @@ fn largest(mesh: &TriMesh, component: &[u32], count: usize, policy: Components) 
     let total: f64 = areas.iter().sum();
     let taken = match policy {
         Components::Largest => true,
-        Components::Crumbs => total - areas[best] <= CRUMB_AREA_SHARE * total,
+        Components::SmallLeftOut => total - areas[best] <= SMALL_COMPONENTS_SHARE * total,
         Components::Refuse => false,
     };
     if taken { Ok(best as u32) } else { Err(TopologyError::Components { count, largest: sizes[best] }) }
@@ -152,11 +153,11 @@ pub(crate) fn gaps(mesh: &TriMesh, is_end: &dyn Fn(&[u32]) -> bool) -> (Vec<Vec<
     let lengths: Vec<f64> = loops.iter().map(|edges| length(mesh, edges)).collect();
     let longest = lengths.iter().copied().fold(0.0, f64::max);
     let area = mesh.total_area();
-    let is_rag = lengths.len() > RAG_LOOPS;
+    let is_ragged = lengths.len() > RAGGED_LOOPS;
     let is_hole = |(edges, length): (&Vec<u32>, f64)| {
         let enclosed = length * length / (4.0 * std::f64::consts::PI);
         let is_short = enclosed < HOLE_AREA_SHARE * area || length < HOLE_LENGTH_SHARE * longest;
-        (is_short || (is_rag && length < longest)) && !is_end(edges)
+        (is_short || (is_ragged && length < longest)) && !is_end(edges)
     };
     let is_filled: Vec<bool> = loops.iter().zip(lengths).map(is_hole).collect();
     let ends = is_filled.iter().filter(|is_filled| !**is_filled).count();
@@ -267,8 +268,8 @@ mod tests {
             TriMesh::from_triangles(a.positions, a.triangles).expect("two rings")
         };
         let taken = |scale: f64, policy| primitive(&together(scale), policy).map(|p| (p.topology, p.left_out)).ok();
-        assert_eq!(taken(0.1, Components::Crumbs), Some((Topology::Annulus, 1)));
-        assert_eq!(taken(0.9, Components::Crumbs), None);
+        assert_eq!(taken(0.1, Components::SmallLeftOut), Some((Topology::Annulus, 1)));
+        assert_eq!(taken(0.9, Components::SmallLeftOut), None);
         assert_eq!(taken(0.9, Components::Largest), Some((Topology::Annulus, 1)));
         assert_eq!(taken(0.1, Components::Refuse), None);
     }

@@ -3,7 +3,7 @@
 //! An upload is text, one directive a line: `segment TOPOLOGY NUMBER` (a segment whose encoding is NUMBER), `part TOPOLOGY
 //! NUMBER` (the same of a part besides the one segment, where parts are wanted; one of NaN can't be encoded),
 //! `slow MS` (every registration takes so long), `encode-slow MS`, `panic WHERE` with `WHERE` one of `read`, `encode`,
-//! `refine`, `tears` (a composition on it is broken where an example stands), `crumples` (one is crumpled there), `rag` (one
+//! `refine`, `tears` (a composition on it is broken where an example stands), `crumples` (one is crumpled there), `ragged` (one
 //! is broken but for a map as it is), `wrinkles` (one is crumpled but for a map as it is), `coarse` (its
 //! faces leave what they lie on, by a quarter as much each time that they are split), `lies VERDICT SHARE` (as an example
 //! it lies so on that share of an input; `short`: broken, but fair where it is stitched), `large` (its segments have so
@@ -33,7 +33,7 @@ struct Script {
     panics: Vec<String>,
     tears: bool,
     crumples: bool,
-    rag: bool,
+    ragged: bool,
     wrinkles: bool,
     coarse: bool,
     lies: Option<(Verdict, f64)>,
@@ -160,7 +160,7 @@ impl Engine for FakeEngine {
                 ["encode-slow", ms] => script.encode_slow = Duration::from_secs_f64(number(ms)? / 1e3),
                 ["tears"] => script.tears = true,
                 ["crumples"] => script.crumples = true,
-                ["rag"] => script.rag = true,
+                ["ragged"] => script.ragged = true,
                 ["wrinkles"] => script.wrinkles = true,
                 ["coarse"] => script.coarse = true,
                 ["panic", "read"] => panic!("told to panic"),
@@ -365,7 +365,7 @@ impl Engine for FakeEngine {
         let splits = made.notes.iter().find_map(|note| note.strip_prefix(SPLIT)?.parse::<i32>().ok());
         let is_stitched = splits.is_none() && !made.notes.iter().any(|note| note == AS_MAPPED);
         let away = if script.coarse { FAR * 0.25f64.powi(splits.unwrap_or(0)) } else { 0.0 };
-        let is_torn = script.tears && is_any || script.rag && is_stitched;
+        let is_torn = script.tears && is_any || script.ragged && is_stitched;
         let flaws = if is_torn { vec!["it is torn".into()] } else { Vec::new() };
         let flawed = if is_torn { (0..count as u32).collect() } else { Vec::new() };
         let is_crumpled = (script.crumples || script.wrinkles && is_stitched) && is_any;

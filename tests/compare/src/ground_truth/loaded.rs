@@ -35,7 +35,7 @@ impl Loaded {
     /// What is wrong with it; a sentence.
     pub fn cut(poly: PolyMesh) -> Result<Self, String> {
         let prepared = mesh::prepare(&poly).map_err(|e| e.to_string())?;
-        let patch = primitive(&prepared.mesh, Components::Crumbs).map_err(|e| e.to_string())?;
+        let patch = primitive(&prepared.mesh, Components::SmallLeftOut).map_err(|e| e.to_string())?;
         Ok(Self { poly, prepared, patch })
     }
 

@@ -38,7 +38,7 @@ pub(super) fn cut(of: &Cut) -> pipeline::Cut {
         },
         labels: of.labels.clone(),
         components: match of.components {
-            Components::Largest => topology::Components::Crumbs,
+            Components::Largest => topology::Components::SmallLeftOut,
             Components::Refuse => topology::Components::Refuse,
         },
         parts: of.parts.map(|parts| match parts {
