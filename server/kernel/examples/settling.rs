@@ -6,7 +6,7 @@
 #[path = "compose/asked.rs"]
 mod asked;
 
-use quadmuse_kernel::fit::rest::{Rests, Start};
+use quadmuse_kernel::fit::places::{PlaceSearch, Start};
 use quadmuse_kernel::mesh::{self, Format, Limits, TriMesh};
 use quadmuse_kernel::numerics::stop::Stop;
 use quadmuse_kernel::settle::{Sought, poses};
@@ -22,12 +22,12 @@ fn surface(name: &str) -> Option<TriMesh> {
 }
 
 fn settled(example: &TriMesh, input: &TriMesh, stopped: Stop<'_>) -> Option<f64> {
-    let mut rests = Rests::new(example, input)?;
+    let mut search = PlaceSearch::new(example, input)?;
     for (_, pose) in poses(example, input, [true, true], Sought::Thoroughly, stopped).iter().take(POSED) {
         let positions = example.positions.iter().map(|x| pose.apply(x)).collect();
-        rests.tries(&Start { positions, mirrored: false, apart: 0.0 }, stopped);
+        search.tries(&Start { positions, mirrored: false, apart: 0.0 }, stopped);
     }
-    Some(rests.settle_best(|_| true, stopped)?.evidence.relief)
+    Some(search.settle_best(|_| true, stopped)?.evidence.relief)
 }
 
 fn main() {

@@ -1,6 +1,6 @@
 //! Fitting: an example laid on an input that may end elsewhere than it does.
 //!
-//! Rough places are tried, and the best settle ([`rest`]); limbs match in several [`ways`]. What the input has nothing for is
+//! Rough places are tried, and the best settle ([`places`]); limbs match in several [`ways`]. What the input has nothing for is
 //! left out, and folds are mended ([`mend`]); what the input has beyond the example is continued ([`beyond`]).
 
 pub mod beyond;
@@ -9,7 +9,7 @@ pub mod flat;
 pub mod limbs;
 pub mod mend;
 pub mod openings;
-pub mod rest;
+pub mod places;
 pub mod rough;
 pub mod ways;
 

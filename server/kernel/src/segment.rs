@@ -7,6 +7,7 @@
 //! *Ours, not the paper's:* everything that finds the cuts; see the parts.
 
 mod around;
+mod boundary_tour;
 mod centrality;
 mod cut;
 mod distance;
@@ -22,7 +23,6 @@ mod region;
 mod seams;
 mod smooth;
 mod split;
-mod tour;
 mod tree;
 mod views;
 mod waist;

@@ -445,7 +445,7 @@ mod tests {
         faces.push(&(n..2 * n).collect::<Vec<_>>());
         let strip = PolyMesh { positions, faces, ..PolyMesh::default() };
         let grown = continued(&strip, rest).expect("a disc");
-        let straddles = |mesh: &PolyMesh| {
+        let crosses = |mesh: &PolyMesh| {
             let rows = mesh.faces.iter().skip(strip.faces.len());
             let is_low = |v: &u32| mesh.positions[*v as usize].z < 1e-6;
             rows.filter(|face| face.iter().any(is_low) && !face.iter().all(is_low))
@@ -454,8 +454,8 @@ mod tests {
                 })
                 .count()
         };
-        assert_eq!(straddles(&grown), 0);
-        assert!(straddles(&continued_evenly(&strip, rest).expect("a disc")) > 0, "rows cross the edge else");
+        assert_eq!(crosses(&grown), 0);
+        assert!(crosses(&continued_evenly(&strip, rest).expect("a disc")) > 0, "rows cross the edge else");
     }
 
     #[test]

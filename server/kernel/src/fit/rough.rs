@@ -3,7 +3,7 @@
 //! Each start (the likeliest rigid [`poses`], ways to match tips, or another example that leads) comes to rest as a whole and
 //! bends down to a twentieth of √area. The evidence of the best is that of a finished map, roughly. *Ours, not a paper's.*
 
-use super::rest::{Rested, Rests, Start};
+use super::places::{PlaceSearch, Placement, Start};
 use super::ways::MatchedTips;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
@@ -50,7 +50,7 @@ pub struct RoughInput {
 impl RoughInput {
     /// Prepares; `None` where the input has no area.
     pub fn new(input: Shape<'_>) -> Option<Self> {
-        let ready = Arc::new(Rests::ready_roughly(input.mesh)?);
+        let ready = Arc::new(PlaceSearch::ready_roughly(input.mesh)?);
         Some(Self { ready, posed: Posed::sought(input.mesh, !input.is_closed, Sought::Roughly) })
     }
 }
@@ -83,34 +83,34 @@ pub fn rough(
     lead: Option<Lead<'_>>,
     stop: Stop<'_>,
 ) -> Option<RoughFit> {
-    let mut rests = Rests::roughly(example.mesh, (input, Arc::clone(&ready.ready)))?;
+    let mut search = PlaceSearch::roughly(example.mesh, (input, Arc::clone(&ready.ready)))?;
     match lead {
         Some(lead) => {
-            rests = rests.holding(&leading(lead, example, input, stop)?);
-            rests.tries(&rests.carried()?, stop);
+            search = search.holding(&leading(lead, example, input, stop)?);
+            search.tries(&search.carried()?, stop);
         }
         None => {
-            rests.tries_tips(tips, None, stop);
+            search.tries_tips(tips, None, stop);
             // Limbs tell more of two wholes than a rigid pose, if they have any.
-            if !(example.is_closed && ready.posed.is_whole() && rests.lies_well()) {
+            if !(example.is_closed && ready.posed.is_whole() && search.lies_well()) {
                 let found = poses_on(example.mesh, !example.is_closed, &ready.posed, stop);
                 let posed: Vec<Start> =
                     found.iter().take(POSED).map(|(_, pose)| Start::posed(example.mesh, pose)).collect();
-                rests.tries_poses(&posed, stop);
+                search.tries_poses(&posed, stop);
             }
-            rests.tries_axes(tips, stop);
+            search.tries_axes(tips, stop);
         }
     }
-    let best = rests.best().filter(|_| !stop())?;
-    Some(RoughFit::of(best, rests.best_start(), example.mesh))
+    let best = search.best().filter(|_| !stop())?;
+    Some(RoughFit::of(best, search.best_start(), example.mesh))
 }
 
 impl RoughFit {
-    fn of(rested: &Rested, start: Option<Start>, example: &TriMesh) -> Self {
-        let evidence = &rested.evidence;
-        let places = rested.places.iter().map(|place| place.point).collect();
+    fn of(placement: &Placement, start: Option<Start>, example: &TriMesh) -> Self {
+        let evidence = &placement.evidence;
+        let places = placement.places.iter().map(|place| place.point).collect();
         let is_off =
-            |t: &usize| example.triangles[*t].iter().all(|&v| rested.off[v as usize] && !rested.lost[v as usize]);
+            |t: &usize| example.triangles[*t].iter().all(|&v| placement.off[v as usize] && !placement.lost[v as usize]);
         let off = (0..example.triangles.len()).filter(is_off).map(|t| example.area(t)).sum::<f64>();
         let off = off / example.total_area().max(f64::MIN_POSITIVE);
         Self {
@@ -118,8 +118,8 @@ impl RoughFit {
             covered: evidence.covered,
             off,
             places,
-            mirrored: rested.mirrored,
-            apart: rested.apart,
+            mirrored: placement.mirrored,
+            apart: placement.apart,
             start,
         }
     }

@@ -1,18 +1,18 @@
 //! Examples laid on inputs that may end elsewhere, or be closed where the example is open.
 //!
 //! The map of both as wholes, the match of their tips, then rough poses ([`poses`]) are starts; each settles on the input with its
-//! boundary free ([`Rests`]), until one is convincing. Faces of the example that lie beyond the input are left
+//! boundary free ([`PlaceSearch`]), until one is convincing. Faces of the example that lie beyond the input are left
 //! out, and what of the input lies beyond the example is continued by rows of quads, where that is asked for.
 
 use super::constrain::{self, locate};
 use super::constraint::{ConstraintEdit, Landmark, NewConstraint, OnFold};
 use super::error::{PipelineError, Refusal, Stop, internal, stopped};
+use super::finished::{Asked, JudgedBy, finish, is_alike};
 use super::mapped::{Fitted, Lead, Verdict, Wishes};
 use super::registered::{self, Registered};
-use super::rested::{Asked, ToldBy, is_alike, rest};
 use super::side::{Encoded, Facts, Side};
 use crate::encode::index::Location;
-use crate::fit::rest::{Rested, Rests, Start};
+use crate::fit::places::{PlaceSearch, Placement, Start};
 use crate::fit::rough::{between, between_by, spread};
 use crate::fit::ways::MatchedTips;
 use crate::fit::{Cropped, Surface};
@@ -114,19 +114,19 @@ pub(crate) fn fit(
     let settled = settled(from.as_ref(), (example, &one), (query, &two), (&input, known), stop)?;
     let are_wholes = on.are_wholes(query.segment, [one.patch.topology, two.patch.topology]);
     let asked = Asked { beyond: *beyond, held: &held, are_wholes };
-    let finished = |rested| rest(rested, (example, &one), (query, &two), asked, stop);
+    let finished = |placement| finish(placement, (example, &one), (query, &two), asked, stop);
     match (settled, &from) {
-        (Some(Best { rested, is_better: false }), Some(from)) => {
+        (Some(Best { placement, is_better: false }), Some(from)) => {
             // What settled may serve where the map of the charts does not.
             let charted = by_charts(from)?;
             if charted.mapped.verdict < Verdict::Poor {
                 return Ok(charted);
             }
-            let fitted = finished(rested)?;
+            let fitted = finished(placement)?;
             Ok(if fitted.mapped.verdict < charted.mapped.verdict { fitted } else { charted })
         }
-        (Some(Best { rested, is_better: true }), from) => {
-            let fitted = finished(rested)?;
+        (Some(Best { placement, is_better: true }), from) => {
+            let fitted = finished(placement)?;
             let covers = fitted.mapped.reach.covers;
             // Where boundary on boundary is a good map, the two surfaces end alike.
             if !held.is_empty() {
@@ -174,7 +174,7 @@ fn led(
     let part = surface(&lead.example)?;
     let own = Arc::clone(&one.query.chart.mesh);
     let found = settled(None, (&lead.example, &part), (example, one), (&own, Known::default()), stop)?;
-    let found = found.map(|best| best.rested).filter(|found| found.evidence.relief >= DOUBTFUL);
+    let found = found.map(|best| best.placement).filter(|found| found.evidence.relief >= DOUBTFUL);
     let Some(found) = found else { return Ok(Vec::new()) };
     let on_part = Bvh::new(&part.patch.mesh);
     let mesh = &lead.example.model.mesh;
@@ -192,7 +192,7 @@ fn led(
 
 /// The best place at which an example settles.
 struct Best {
-    rested: Rested,
+    placement: Placement,
     /// True where it is better than where the charts lay it.
     is_better: bool,
 }
@@ -211,43 +211,43 @@ fn settled(
     }
     let mesh = &one.patch.mesh;
     let tree = Arc::clone(two.query.tree());
-    let Some(mut rests) = Rests::with_tree(mesh, input, tree) else { return Ok(None) };
+    let Some(mut search) = PlaceSearch::with_tree(mesh, input, tree) else { return Ok(None) };
     if !known.led.is_empty() {
         // Let go of, what lies right would be drawn away by what the example has beyond: a head by a crown.
-        rests = rests.holding(known.led);
+        search = search.holding(known.led);
     } else if !known.held.is_empty() {
         let trees = (Bvh::new(mesh), Bvh::new(input));
         let at = |h: &Held| KernelLandmark::between(mesh, &trees.0.closest(h.from), trees.1.closest(h.at));
         let landmarks: Vec<KernelLandmark> = known.held.iter().filter_map(at).collect();
-        rests = rests.holding(&landmarks);
+        search = search.holding(&landmarks);
     }
     // What three points or more say of the pose is not sought.
-    if let Some(carried) = rests.carried() {
-        rests.tries(&carried, stop);
+    if let Some(carried) = search.carried() {
+        search.tries(&carried, stop);
         stopped(stop)?;
-        return Ok(rests.settle_best(|_| true, stop).map(|rested| Best { rested, is_better: true }));
+        return Ok(search.settle_best(|_| true, stop).map(|placement| Best { placement, is_better: true }));
     }
     let by_charts = || from.map(|from| registered::start(from, example, query, stop)).transpose();
-    let of_rough = || known.rough.map(|rough| rests.tried(rough, stop));
+    let of_rough = || known.rough.map(|rough| search.tried(rough, stop));
     let (whole, of_rough) = side_by_side(by_charts, of_rough);
     let start = |(positions, mirrored)| Start { positions, mirrored, apart: 0.0 };
     let whole = whole?.map(start);
     if let Some(whole) = &whole {
-        rests.tries(whole, stop);
+        search.tries(whole, stop);
     }
-    rests.take(of_rough.into_iter().flatten());
+    search.take(of_rough.into_iter().flatten());
     let on = &*query.model;
-    if on.has_tips(query.segment, input) && Stage::Tips.is_on() && !rests.is_convincing() {
+    if on.has_tips(query.segment, input) && Stage::Tips.is_on() && !search.is_convincing() {
         let matches = matched_tips([&one.query, &two.query], (mesh, input), LED, stop);
-        rests.tries_tips(&matches, whole.as_ref(), stop);
-        rests.tries_axes(&matches, stop);
+        search.tries_tips(&matches, whole.as_ref(), stop);
+        search.tries_axes(&matches, stop);
     }
     let closed = |side: &Side| side.encoded.facts.topology == Topology::Sphere;
     let are_closed = closed(example) && closed(query);
     // Of two closed surfaces neither ends anywhere, and limbs tell more than a rigid pose, if they have any.
     let is_open = match are_closed {
-        true => !rests.lies_well(),
-        false => rests.best().is_none_or(|best| best.evidence.relief < DOUBTFUL),
+        true => !search.lies_well(),
+        false => search.best().is_none_or(|best| best.evidence.relief < DOUBTFUL),
     };
     if is_open && Stage::Poses.is_on() {
         let (sought, most) = match on.is_scan() {
@@ -262,17 +262,17 @@ fn settled(
         };
         let posed = known.posed.map_or_else(find, <[Start]>::to_vec);
         match are_closed {
-            true => rests.tries_poses(&posed, stop),
-            false => rests.tries_poses_as_they_stand(&posed, stop),
+            true => search.tries_poses(&posed, stop),
+            false => search.tries_poses_as_they_stand(&posed, stop),
         }
     }
     stopped(stop)?;
     let are_wholes = on.are_wholes(query.segment, [one.patch.topology, two.patch.topology]);
-    let told_by = ToldBy::of(one, are_wholes);
-    let best = rests.settle_best(|evidence| is_alike(evidence, told_by), stop);
+    let judged_by = JudgedBy::of(one, are_wholes);
+    let best = search.settle_best(|evidence| is_alike(evidence, judged_by), stop);
     stopped(stop)?;
-    let Some(rested) = best else { return Ok(None) };
-    let ahead = |of: &Start| rests.relief(of).map_or(f64::INFINITY, |relief| rested.evidence.relief - relief);
+    let Some(placement) = best else { return Ok(None) };
+    let ahead = |of: &Start| search.relief(of).map_or(f64::INFINITY, |relief| placement.evidence.relief - relief);
     let is_better = match (from, whole) {
         // The charts' map gains a little when it settles, too.
         (Some(from), Some(whole)) if ahead(&whole) < FAR_AHEAD => {
@@ -281,7 +281,7 @@ fn settled(
         }
         _ => true,
     };
-    Ok(Some(Best { rested, is_better }))
+    Ok(Some(Best { placement, is_better }))
 }
 
 /// The likeliest ways to match the tips of two surfaces, at most `most` of either orientation.

@@ -3,7 +3,7 @@
 use super::error::{PipelineError, Stop, stopped};
 use super::fitted::matched_tips;
 use super::model::Model;
-use crate::fit::rest::Start;
+use crate::fit::places::Start;
 use crate::fit::rough::{Lead, RoughInput, Shape, rough};
 use crate::mesh::Vec3;
 use crate::register::Query;

@@ -6,9 +6,9 @@
 //! Each step makes regions of fewer handles, fewer loops or fewer triangles, so that a repetition ends with primitives.
 //! *Source:* Erickson and Whittlesey (2005), shortest homology basis by tree and cotree.
 
+use super::boundary_tour;
 use super::distance::spread;
 use super::region::Region;
-use super::tour;
 use crate::mesh::geodesic::Marcher;
 use crate::mesh::tri::{NONE, TriMesh, next, prev};
 use crate::numerics::stop;
@@ -54,7 +54,8 @@ fn split(region: &Region) -> Vec<Vec<u32>> {
     if found.genus > HANDLES_MAX {
         return halve(region);
     }
-    let group_of = if found.genus > 0 { around_handle(&region.mesh, found.genus) } else { tour::halves(&region.mesh) };
+    let group_of =
+        if found.genus > 0 { around_handle(&region.mesh, found.genus) } else { boundary_tour::halves(&region.mesh) };
     let groups = group_of.map(|g| region.groups(&g)).unwrap_or_default();
     if groups.len() > 1 { groups } else { halve(region) }
 }

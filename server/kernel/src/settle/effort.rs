@@ -14,8 +14,8 @@ pub(super) struct Effort {
     pub(super) large: usize,
     /// Samples of the smaller one by which a pose is sifted.
     pub(super) sifted_by: usize,
-    /// Poses of one size that are brought to rest, by how many samples of the smaller surface, in how many rounds.
-    pub(super) rests: &'static [(usize, usize, usize)],
+    /// Poses of one size that are refined, by how many samples of the smaller surface, in how many rounds.
+    pub(super) refinements: &'static [(usize, usize, usize)],
 }
 
 /// To lay an example.
@@ -26,7 +26,7 @@ pub(super) const FULL: Effort = Effort {
     shares: &[0.14, 0.2, 0.28, 0.4, 0.56, 0.78, 1.1],
     large: 3000,
     sifted_by: 32,
-    rests: &[(72, 64, 4), (10, 256, 12)],
+    refinements: &[(72, 64, 4), (10, 256, 12)],
 };
 /// To lay one on a part of a scan.
 pub(super) const ON_A_PART: Effort = Effort { anchors: 0, ..FULL };
@@ -38,7 +38,7 @@ pub(super) const MIDDLE: Effort = Effort {
     shares: &[0.12, 0.18, 0.27, 0.4, 0.6, 0.9],
     large: 1500,
     sifted_by: 24,
-    rests: &[(48, 64, 4), (7, 128, 8)],
+    refinements: &[(48, 64, 4), (7, 128, 8)],
 };
 /// To tell which of many examples are worth it.
 pub(super) const QUICK: Effort = Effort {
@@ -48,7 +48,7 @@ pub(super) const QUICK: Effort = Effort {
     shares: &[0.12, 0.22, 0.42, 0.8],
     large: 1500,
     sifted_by: 24,
-    rests: &[(28, 64, 4), (5, 128, 6)],
+    refinements: &[(28, 64, 4), (5, 128, 6)],
 };
 /// How many poses are looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

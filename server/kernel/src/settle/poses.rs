@@ -4,7 +4,7 @@
 //! The smaller surface is laid with its middle and mean normal on points spread over the larger, turned about the
 //! normal in equal steps, at some sizes. The mean normal of what is bulky (a head with its neck) says little, and its
 //! middle lies deep inside: if that leads to no sure pose, what is about each of some of its points is laid so, too.
-//! Poses are sifted by a grid ([`Nearness`]); the likelier come to rest by iterated closest points, of one size, from
+//! Poses are sifted by a grid ([`Nearness`]); the likelier are refined by iterated closest points, of one size, from
 //! the smaller onto the larger. Of two closed surfaces neither is a part of the other: they are laid middle on middle,
 //! of one area, in rotations spread evenly. A pose is scored by how near the smaller lies, times how well its relief
 //! ([`super::Evidence`]) agrees with what it lies on: nearness alone lays a face on the back of a head. Samples that
@@ -42,8 +42,8 @@ const BULKY: f64 = 0.5;
 /// A pose that scores so much is found by the middle alone, and no anchors are tried. *Untuned:* of heads on statues right poses have
 /// .3 to .6, and wrong ones up to .35.
 const SURE: f64 = 0.45;
-/// So many times as many poses of what is bulky are brought to rest: more are tried, and sifting tells them by nearness alone.
-const BULKY_RESTS: usize = 3;
+/// So many times as many poses of what is bulky are refined: more are tried, and sifting tells them by nearness alone.
+const BULKY_REFINED: usize = 3;
 /// σ of the relief, in √area of the smaller.
 const RELIEF_SCALES: [f64; 3] = [0.04, 0.1, 0.2];
 /// Share of the way along the surface that a target keeps.
@@ -354,7 +354,7 @@ struct Met {
     facing: f64,
 }
 
-/// A pose that has come to rest, its score, and what it was scored by.
+/// A refined pose, its score, and what it was scored by.
 struct Posing {
     score: f64,
     motion: Motion,
@@ -405,7 +405,7 @@ impl Small {
                     }
                 }
             }
-            self.rested(large, (rough, times), effort, stop)
+            self.refined(large, (rough, times), effort, stop)
         };
         let by = |anchors: &[Anchor], times: usize| {
             let found = in_halves(&whole.large, |large| on(anchors, times, large));
@@ -414,7 +414,7 @@ impl Small {
         let (middle, others) = self.anchors.split_at(1);
         let mut found = by(middle, 1);
         if !others.is_empty() && found.iter().flatten().all(|p| p.score < SURE) {
-            found.iter_mut().zip(by(others, BULKY_RESTS)).for_each(|(all, more)| all.extend(more));
+            found.iter_mut().zip(by(others, BULKY_REFINED)).for_each(|(all, more)| all.extend(more));
         }
         found
     }
@@ -444,12 +444,12 @@ impl Small {
                 rough.push((self.nearness(large, &motion, effort.sifted_by), motion));
             }
         }
-        let rested = self.rested(large, (rough, 1), effort, stop).unwrap_or_default();
-        rested.iter().map(|p| (p.score, self.onto(large, &p.motion))).collect()
+        let refined = self.refined(large, (rough, 1), effort, stop).unwrap_or_default();
+        refined.iter().map(|p| (p.score, self.onto(large, &p.motion))).collect()
     }
 
-    /// The likelier poses brought to rest, `times` as many as usual, each with its score; `None` when stopped.
-    fn rested(
+    /// The likelier poses, refined, `times` as many as usual, each with its score; `None` when stopped.
+    fn refined(
         &self,
         large: &Large,
         (mut rough, times): (Vec<(f64, Motion)>, usize),
@@ -457,7 +457,7 @@ impl Small {
         stop: Stop<'_>,
     ) -> Option<Vec<Posing>> {
         let mut last = Vec::new();
-        for (kept, samples, rounds) in effort.rests {
+        for (kept, samples, rounds) in effort.refinements {
             rough.sort_by(|a, b| b.0.total_cmp(&a.0));
             rough.truncate(times * kept);
             last.clear();
@@ -468,10 +468,10 @@ impl Small {
                 // What only one of the two has may draw a pose off its place: then it stays.
                 let first = self.met(large, *samples, motion, &[]);
                 let before = self.score(large, &first);
-                let (rested, met) = self.rest(large, *motion, first.clone(), *rounds);
+                let (refined, met) = self.iterate_closest_points(large, *motion, first.clone(), *rounds);
                 *score = self.score(large, &met);
                 if *score >= before {
-                    *motion = rested;
+                    *motion = refined;
                     last.push(met);
                 } else {
                     *score = before;
@@ -525,7 +525,13 @@ impl Small {
     }
 
     /// Runs iterated closest points from what the samples meet first; returns what they meet at last, too.
-    fn rest(&self, large: &Large, mut motion: Motion, mut met: Vec<Met>, rounds: usize) -> (Motion, Vec<Met>) {
+    fn iterate_closest_points(
+        &self,
+        large: &Large,
+        mut motion: Motion,
+        mut met: Vec<Met>,
+        rounds: usize,
+    ) -> (Motion, Vec<Met>) {
         for _ in 0..rounds {
             let distances: Vec<f64> =
                 met.iter().map(|m| (m.at - large.seen.samples.points[m.partner]).norm()).collect();

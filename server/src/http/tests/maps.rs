@@ -433,7 +433,8 @@ async fn where_no_mesh_of_the_whole_is_sound_the_map_of_most_of_it_is_delivered_
 #[tokio::test]
 async fn a_map_that_stands_as_it_is_and_is_too_coarse_for_the_scan_is_split_until_it_follows() {
     let bench = Bench::stocked().await;
-    for (flaws, quads, note) in [("ragged", 1, "the map follows the input as it is"), ("ragged\ncoarse", 4, "split 1")] {
+    for (flaws, quads, note) in [("ragged", 1, "the map follows the input as it is"), ("ragged\ncoarse", 4, "split 1")]
+    {
         let path = bench.query("", &format!("segment disc 2\n{flaws}")).await;
         bench.ended(&path).await;
         let made = bench.post_json(&format!("{path}/compositions?wait=60"), json!({})).await.json();

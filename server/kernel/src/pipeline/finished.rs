@@ -1,4 +1,4 @@
-//! The map of an example that has settled: what it lacks is spanned or left out, its folds are mended, and it is judged.
+//! Finishing the map of an example that has settled: what it lacks is spanned or left out, folds are mended, and it is judged.
 
 use super::continued::{extend, rest_of};
 use super::error::{PipelineError, Stop, internal};
@@ -10,7 +10,7 @@ use super::side::Side;
 use super::spanned::span;
 use crate::encode::index::Location;
 use crate::fit::mend::{fray, islands, leaps, mend};
-use crate::fit::rest::Rested;
+use crate::fit::places::Placement;
 use crate::fit::{Surface, within, without};
 use crate::map::CrossMap;
 use crate::map::bend::{Pin, bend, is_inside};
@@ -78,15 +78,15 @@ impl Left {
     }
 }
 
-/// The map of an example that has settled.
-pub(crate) fn rest(
-    rested: Rested,
+/// Finishes the map of an example that has settled.
+pub(crate) fn finish(
+    placement: Placement,
     (example, one): (&Side, &Surface),
     (query, two): (&Side, &Surface),
     Asked { beyond, held, are_wholes }: Asked<'_>,
     stop: Stop,
 ) -> Result<Fitted, PipelineError> {
-    let Rested { places, lost, off, mirrored, evidence, .. } = rested;
+    let Placement { places, lost, off, mirrored, evidence, .. } = placement;
     let (chart, sign) = (&two.query.chart, registered::sign(mirrored));
     let (locations, positions) = places.into_iter().map(|p| (Location::from(p), p.point)).unzip();
     let mut bare: Vec<bool> = lost.iter().zip(&off).map(|(lost, off)| *lost || *off).collect();
@@ -138,13 +138,13 @@ pub(crate) fn rest(
         bridging: numbers(&spanned, &surface.patch.mesh, &mapped.mesh),
         ..Reach::default()
     };
-    let told_by = ToldBy::of(one, are_wholes);
-    let sureness = sureness(&evidence, told_by);
+    let judged_by = JudgedBy::of(one, are_wholes);
+    let sureness = sureness(&evidence, judged_by);
     (mapped.evidence, mapped.sureness) = (Some(evidence), Some(sureness));
     let folded = share(&surface.patch.mesh, &cross.positions, &turned);
     let sheared = corner_change(&surface.patch.mesh, &cross.positions);
     let is_posed = held.len() >= POSE_FIXED_BY;
-    let is_alike = is_posed || is_alike(&evidence, told_by);
+    let is_alike = is_posed || is_alike(&evidence, judged_by);
     let shares = (folded, mapped.reach.spanned, sheared);
     (mapped.verdict, mapped.reasons) = judged(&evidence, shares, (is_alike, is_posed));
     mapped.reasons.extend(missed);
@@ -297,9 +297,9 @@ const SHEARED: [f64; 2] = [12.0, 22.0];
 /// on a gnome and on a bust (tests/records/other-makers-2026-11-29.md).
 const LIMBS_MIN: usize = 2;
 
-/// By what is told whether an example is like a scan.
+/// What is looked at to judge whether an example is like a scan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ToldBy {
+pub(super) enum JudgedBy {
     /// Its limbs, and those of a scan that ends nowhere either.
     AllLimbs,
     /// Its limbs, and those of what is only a part of a scan.
@@ -308,7 +308,7 @@ pub(super) enum ToldBy {
     Relief,
 }
 
-impl ToldBy {
+impl JudgedBy {
     /// `are_wholes`: whether both are closed, and the input is most of its scan.
     pub(super) fn of(example: &Surface, are_wholes: bool) -> Self {
         let is_closed = example.patch.topology == Topology::Sphere;
@@ -321,18 +321,18 @@ impl ToldBy {
 }
 
 /// How sure a map is: [`OPEN_FAIR_FROM`] where the example is barely enough like the scan to be fair, [`GOOD_FROM`] where it is good.
-fn sureness(evidence: &Evidence, told_by: ToldBy) -> f64 {
-    let (measured, fair) = match told_by {
-        ToldBy::AllLimbs => (evidence.confidence(), WHOLES_FAIR_FROM),
-        ToldBy::Limbs => (evidence.agreement(), CLOSED_FAIR_FROM),
-        ToldBy::Relief => (evidence.agreement(), OPEN_FAIR_FROM),
+fn sureness(evidence: &Evidence, judged_by: JudgedBy) -> f64 {
+    let (measured, fair) = match judged_by {
+        JudgedBy::AllLimbs => (evidence.confidence(), WHOLES_FAIR_FROM),
+        JudgedBy::Limbs => (evidence.agreement(), CLOSED_FAIR_FROM),
+        JudgedBy::Relief => (evidence.agreement(), OPEN_FAIR_FROM),
     };
     OPEN_FAIR_FROM + (GOOD_FROM - OPEN_FAIR_FROM) * (measured - fair) / (GOOD_FROM - fair)
 }
 
 /// Tells whether an example is enough like the scan, where it lies, to be fair.
-pub(super) fn is_alike(evidence: &Evidence, told_by: ToldBy) -> bool {
-    sureness(evidence, told_by) >= OPEN_FAIR_FROM
+pub(super) fn is_alike(evidence: &Evidence, judged_by: JudgedBy) -> bool {
+    sureness(evidence, judged_by) >= OPEN_FAIR_FROM
 }
 
 /// The verdict on a map that has settled, with a sentence for each measure that is not good. Relief falls where shapes
@@ -394,7 +394,7 @@ mod tests {
     #[test]
     fn where_landmarks_fix_the_pose_shapes_that_differ_are_no_reason_to_throw_a_map_away() {
         let unlike = Evidence { relief: -0.2, bend: 100.0, ..Evidence::default() };
-        assert!(!is_alike(&unlike, ToldBy::AllLimbs));
+        assert!(!is_alike(&unlike, JudgedBy::AllLimbs));
         let verdict = |folded, is_posed| judged(&unlike, (folded, 0.0, 50.0), (is_posed, is_posed)).0;
         assert_eq!([false, true].map(|is_posed| verdict(0.0, is_posed)), [Verdict::Poor, Verdict::Fair]);
         assert_eq!(verdict(0.5, true), Verdict::Poor, "folds are one");
@@ -413,9 +413,9 @@ mod tests {
             (0..12).contains(&x) && (0..7).contains(&y) && (body || legs)
         };
         let table = prepare(&voxels(&is_solid, [12, 7, 8])).expect("closed").mesh;
-        let told_by = |mesh: &TriMesh| [true, false].map(|are_wholes| ToldBy::of(&surface(mesh), are_wholes));
-        assert_eq!(told_by(&table), [ToldBy::AllLimbs, ToldBy::Limbs]);
-        assert_eq!(told_by(&ball(24)), [ToldBy::Relief; 2]);
+        let judged_by = |mesh: &TriMesh| [true, false].map(|are_wholes| JudgedBy::of(&surface(mesh), are_wholes));
+        assert_eq!(judged_by(&table), [JudgedBy::AllLimbs, JudgedBy::Limbs]);
+        assert_eq!(judged_by(&ball(24)), [JudgedBy::Relief; 2]);
     }
 
     #[test]
@@ -423,7 +423,7 @@ mod tests {
         let fair = |agreement: f64, normal_disagreement: f64| {
             let evidence = Evidence { relief: agreement, bend: 0.0, normal_disagreement, ..Evidence::default() };
             assert!((evidence.agreement() - agreement).abs() < 1e-12);
-            [ToldBy::AllLimbs, ToldBy::Limbs, ToldBy::Relief].map(|told_by| is_alike(&evidence, told_by))
+            [JudgedBy::AllLimbs, JudgedBy::Limbs, JudgedBy::Relief].map(|judged_by| is_alike(&evidence, judged_by))
         };
         assert_eq!(fair(-0.5, 0.0), [false; 3]);
         assert_eq!(fair(-0.1, 0.0), [true, false, false]);

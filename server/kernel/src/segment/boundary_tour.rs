@@ -18,7 +18,7 @@ const LOOPS_MAX: usize = 40;
 /// Arcs leave a loop this part of its length away from where the arc before arrived, where that can be.
 const APART: f64 = 0.2;
 
-/// For each triangle the side of the tour on which it lies; `None` if no tour was found.
+/// For each triangle the side of the boundary tour on which it lies; `None` if no tour was found.
 pub(super) fn halves(mesh: &TriMesh) -> Option<Vec<u32>> {
     let loops: Vec<Vec<u32>> =
         mesh.boundary_loops().iter().map(|ring| ring.iter().map(|&h| mesh.tail(h)).collect()).collect();
@@ -35,7 +35,7 @@ pub(super) fn halves(mesh: &TriMesh) -> Option<Vec<u32>> {
         .collect();
     let along: Vec<Vec<f64>> = loops.iter().map(|ring| along(mesh, ring)).collect();
     let girths: Vec<f64> = along.iter().map(|a| a.last().copied().unwrap_or(0.0)).collect();
-    let tour = Tour { order: order(&between, &girths), loops, along, between };
+    let tour = BoundaryTour { order: order(&between, &girths), loops, along, between };
     [APART, 0.0].into_iter().find_map(|apart| {
         let walls = tour.arcs(mesh, apart)?;
         let sides = flood(mesh, &walls);
@@ -49,7 +49,7 @@ pub(super) fn halves(mesh: &TriMesh) -> Option<Vec<u32>> {
 }
 
 /// The loops in the order of their tour.
-struct Tour {
+struct BoundaryTour {
     loops: Vec<Vec<u32>>,
     /// Length of each loop up to each of its vertices, and in all.
     along: Vec<Vec<f64>>,
@@ -58,7 +58,7 @@ struct Tour {
     order: Vec<usize>,
 }
 
-impl Tour {
+impl BoundaryTour {
     /// The edges of the arcs, lower vertex first.
     fn arcs(&self, mesh: &TriMesh, apart: f64) -> Option<HashSet<[u32; 2]>> {
         let neighbours = mesh.neighbours();

@@ -75,9 +75,9 @@ pub struct Start {
     pub apart: f64,
 }
 
-/// An example on an input.
+/// How an example lies on an input.
 #[derive(Clone, Debug)]
-pub struct Rested {
+pub struct Placement {
     /// Of each vertex the place on the input.
     pub places: Vec<Closest>,
     /// Vertices that the input ends before.
@@ -92,7 +92,7 @@ pub struct Rested {
     pub evidence: Evidence,
 }
 
-impl Rested {
+impl Placement {
     fn of(Settled { places, lost, off, evidence, .. }: Settled, (mirrored, apart): (bool, f64)) -> Self {
         Self { places, lost, off, mirrored, apart, evidence }
     }
@@ -108,7 +108,7 @@ impl Start {
 /// A place at which an example was tried, laid roughly: how it lies, where its vertices are, and from where it goes on.
 #[derive(Debug)]
 pub struct TriedPlace {
-    rested: Rested,
+    placement: Placement,
     positions: Vec<Vec3>,
     laid: LaidRoughly,
     /// The start, where it was laid as a whole.
@@ -118,18 +118,18 @@ pub struct TriedPlace {
 impl TriedPlace {
     fn of((settled, laid): (Settled, LaidRoughly), mirrored: bool) -> Self {
         let positions = settled.positions.clone();
-        Self { rested: Rested::of(settled, (mirrored, 0.0)), positions, laid, start: None }
+        Self { placement: Placement::of(settled, (mirrored, 0.0)), positions, laid, start: None }
     }
 
     /// The same, led by tips that end so far from their matches in the mean, in √area of the input.
     fn with_tips(mut self, apart: f64) -> Self {
-        self.rested.apart = apart;
+        self.placement.apart = apart;
         self
     }
 }
 
-/// An example and an input, prepared for many starts.
-pub struct Rests<'a> {
+/// Searches for the best place of an example on an input; both are prepared for many starts.
+pub struct PlaceSearch<'a> {
     /// The example's mirror image in itself, found when it is asked for.
     symmetry: OnceLock<Option<Symmetry>>,
     plain: Settler<'a>,
@@ -144,13 +144,13 @@ pub struct Rests<'a> {
     are_closed: bool,
 }
 
-impl<'a> Rests<'a> {
+impl<'a> PlaceSearch<'a> {
     /// Prepares; `None` where either has no area.
     pub fn new(example: &'a TriMesh, input: &'a TriMesh) -> Option<Self> {
         Self::with_tree(example, input, Arc::new(Bvh::new(input)))
     }
 
-    /// Prepares for places that are only compared: [`Rests::settle_best`] would settle what few samples show. The input is
+    /// Prepares for places that are only compared: [`PlaceSearch::settle_best`] would settle what few samples show. The input is
     /// [ready](Self::ready_roughly).
     pub fn roughly(example: &'a TriMesh, input: (&'a TriMesh, Arc<PreparedInput>)) -> Option<Self> {
         Self::on(example, input, &rough_options())
@@ -191,34 +191,34 @@ impl<'a> Rests<'a> {
     }
 
     /// The best so far.
-    pub fn best(&self) -> Option<&Rested> {
-        self.surest().map(|laid| &laid.rested)
+    pub fn best(&self) -> Option<&Placement> {
+        self.surest().map(|laid| &laid.placement)
     }
 
     /// Where the best so far began, if it was laid as a whole.
     pub fn best_start(&self) -> Option<Start> {
         let best = self.surest()?;
-        Some(Start { positions: best.start.clone()?, mirrored: best.rested.mirrored, apart: 0.0 })
+        Some(Start { positions: best.start.clone()?, mirrored: best.placement.mirrored, apart: 0.0 })
     }
 
     fn surest(&self) -> Option<&TriedPlace> {
-        self.laid.iter().max_by(|a, b| self.worth(&a.rested).total_cmp(&self.worth(&b.rested)))
+        self.laid.iter().max_by(|a, b| self.worth(&a.placement).total_cmp(&self.worth(&b.placement)))
     }
 
     /// The best of all, settled; `None` when stopped. The best few settle where they are near: roughly laid, what is nearly its own
     /// mirror image, or faces backwards, can't be told from it. What is not alike by its evidence is not stretched to tips that it
     /// leaves bare: it is wrong, and stays so. Nothing is kept of what was laid roughly.
-    pub fn settle_best(&mut self, is_alike: impl Fn(&Evidence) -> bool, stop: Stop<'_>) -> Option<Rested> {
+    pub fn settle_best(&mut self, is_alike: impl Fn(&Evidence) -> bool, stop: Stop<'_>) -> Option<Placement> {
         let near = self.worth(self.best()?) - NEAR;
         let mut finalists: Vec<TriedPlace> = std::mem::take(&mut self.laid);
-        finalists.retain(|laid| self.worth(&laid.rested) >= near);
-        finalists.sort_by(|a, b| self.worth(&b.rested).total_cmp(&self.worth(&a.rested)));
+        finalists.retain(|laid| self.worth(&laid.placement) >= near);
+        finalists.sort_by(|a, b| self.worth(&b.placement).total_cmp(&self.worth(&a.placement)));
         finalists.truncate(FINALISTS);
-        let settled = |TriedPlace { rested: Rested { mirrored, apart, .. }, laid, .. }: &TriedPlace| {
+        let settled = |TriedPlace { placement: Placement { mirrored, apart, .. }, laid, .. }: &TriedPlace| {
             let (settled, laid) = self.settler(*mirrored).fine_from(laid, stop)?;
-            Some((Rested::of(settled, (*mirrored, *apart)), laid))
+            Some((Placement::of(settled, (*mirrored, *apart)), laid))
         };
-        let all = in_halves(&finalists, settled).into_iter().collect::<Option<Vec<(Rested, LaidRoughly)>>>();
+        let all = in_halves(&finalists, settled).into_iter().collect::<Option<Vec<(Placement, LaidRoughly)>>>();
         let (best, laid) = all?
             .into_iter()
             .reduce(|best, made| if self.worth(&made.0) > self.worth(&best.0) { made } else { best })?;
@@ -229,7 +229,7 @@ impl<'a> Rests<'a> {
     /// Stretches what has settled to tips of the input that it leaves bare, where it then leaves less bare and is about as sure: to all
     /// at once, or else to one after another. What speaks for its place is what spoke for it before: limbs that are longer bend more,
     /// and are no less right. `None` when stopped.
-    fn reaching(&self, mut best: Rested, mut laid: LaidRoughly, stop: Stop<'_>) -> Option<Rested> {
+    fn reaching(&self, mut best: Placement, mut laid: LaidRoughly, stop: Stop<'_>) -> Option<Placement> {
         let settler = self.settler(best.mirrored);
         let Evidence { relief, bend, normal_disagreement, .. } = best.evidence;
         let least = self.worth(&best) - REACHING_MARGIN;
@@ -239,9 +239,9 @@ impl<'a> Rests<'a> {
             let all = (tips.len() > 1).then_some(tips.as_slice());
             for tips in all.into_iter().chain(tips.chunks(1)) {
                 let (settled, made) = settler.stretched(&laid, tips, stop)?;
-                let (rested, left) = (Rested::of(settled, (best.mirrored, best.apart)), settler.bare(&made));
-                if left.share < REACHED * bare.share && self.worth(&rested) >= least {
-                    (best, laid, bare) = (rested, made, left);
+                let (placement, left) = (Placement::of(settled, (best.mirrored, best.apart)), settler.bare(&made));
+                if left.share < REACHED * bare.share && self.worth(&placement) >= least {
+                    (best, laid, bare) = (placement, made, left);
                     if tips.len() > 1 {
                         break;
                     }
@@ -469,17 +469,17 @@ impl<'a> Rests<'a> {
         let reach = SAME * self.area.sqrt() * tried.positions.len() as f64;
         let same = |known: &TriedPlace| {
             let apart = known.positions.iter().zip(&tried.positions).map(|(a, b)| (a - b).norm()).sum::<f64>();
-            known.rested.mirrored == tried.rested.mirrored && apart <= reach
+            known.placement.mirrored == tried.placement.mirrored && apart <= reach
         };
         match self.laid.iter().position(same) {
-            Some(k) if self.worth(&tried.rested) <= self.worth(&self.laid[k].rested) => {}
+            Some(k) if self.worth(&tried.placement) <= self.worth(&self.laid[k].placement) => {}
             Some(k) => self.laid[k] = tried,
             None => self.laid.push(tried),
         }
     }
 
     /// How sure a place is, against others.
-    fn worth(&self, of: &Rested) -> f64 {
+    fn worth(&self, of: &Placement) -> f64 {
         let sure = of.evidence.confidence();
         let sure = if sure.is_nan() { -1.0 } else { sure };
         let bare = if self.are_closed { BARE_COUNTS * (1.0 - of.evidence.covered) } else { 0.0 };
@@ -519,9 +519,9 @@ mod tests {
         };
         let (example, input) = (limb(40, 0.5), limb(90, 1.2));
         let [stretched, left] = [true, false].map(|is_alike| {
-            let mut rests = Rests::new(&example, &input).expect("areas");
-            rests.tries(&Start { positions: example.positions.clone(), mirrored: false, apart: 0.0 }, &|| false);
-            let best = rests.settle_best(|_| is_alike, &|| false).expect("settled");
+            let mut search = PlaceSearch::new(&example, &input).expect("areas");
+            search.tries(&Start { positions: example.positions.clone(), mirrored: false, apart: 0.0 }, &|| false);
+            let best = search.settle_best(|_| is_alike, &|| false).expect("settled");
             best.places.iter().map(|place| place.point.z).fold(0.0, f64::max)
         });
         assert!(stretched > 1.0 && left < 0.8, "{stretched} {left}");
@@ -543,11 +543,11 @@ mod tests {
             apart: 0.0,
         };
         for (by, is_held) in [(0.02, true), (0.3, false)] {
-            let mut rests = Rests::new(&example, &input).expect("areas");
-            let held = rests.held(&tips, &moved(by), &|| false);
-            rests.take(held);
-            assert_eq!(rests.best().is_some(), is_held, "{by}");
-            let Some(best) = rests.settle_best(|_| true, &|| false) else { continue };
+            let mut search = PlaceSearch::new(&example, &input).expect("areas");
+            let held = search.held(&tips, &moved(by), &|| false);
+            search.take(held);
+            assert_eq!(search.best().is_some(), is_held, "{by}");
+            let Some(best) = search.settle_best(|_| true, &|| false) else { continue };
             let off = tips.iter().map(|tip| {
                 let v = tip.corners[0].0 as usize;
                 (best.places[v].point - example.positions[v]).norm()
@@ -563,11 +563,11 @@ mod tests {
             let place = |p: &Vec3| Vec3::new(p.x + by, sign * p.y, sign * p.z);
             Start { positions: example.positions.iter().map(place).collect(), mirrored: false, apart: 0.0 }
         };
-        let mut rests = Rests::new(&example, &input).expect("areas");
-        rests.tries_poses(&[moved(0.0, -1.0), moved(0.02, 1.0), moved(-0.02, 1.0)], &|| false);
-        assert_eq!(rests.laid.len(), 1);
-        assert!(rests.is_convincing());
-        let start = rests.best_start().expect("laid as a whole");
+        let mut search = PlaceSearch::new(&example, &input).expect("areas");
+        search.tries_poses(&[moved(0.0, -1.0), moved(0.02, 1.0), moved(-0.02, 1.0)], &|| false);
+        assert_eq!(search.laid.len(), 1);
+        assert!(search.is_convincing());
+        let start = search.best_start().expect("laid as a whole");
         assert_eq!(start.positions, moved(0.02, 1.0).positions);
     }
 
@@ -584,10 +584,10 @@ mod tests {
             };
             let n = example.positions.len();
             let tips: Vec<Landmark> = [30, n / 2 + 7, n - 40, n - 27].iter().map(tip).collect();
-            let mut rests = Rests::new(&example, &input).expect("areas");
-            rests.tries_tips(&[MatchedTips { landmarks: tips.clone(), mirrored: false }], None, &|| false);
-            assert!(rests.is_convincing());
-            let best = rests.settle_best(|_| true, &|| false).expect("settled");
+            let mut search = PlaceSearch::new(&example, &input).expect("areas");
+            search.tries_tips(&[MatchedTips { landmarks: tips.clone(), mirrored: false }], None, &|| false);
+            assert!(search.is_convincing());
+            let best = search.settle_best(|_| true, &|| false).expect("settled");
             assert_eq!(best.mirrored, sign < 0.0);
             let off = best.places.iter().zip(&example.positions).map(|(at, p)| (at.point - place(p)).norm());
             assert!(off.sum::<f64>() / (n as f64) < 0.01);
