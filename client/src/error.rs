@@ -74,7 +74,7 @@ pub enum ClientError {
     },
     /// As [`ClientError::Refused`], where programs have already read the problem in an event.
     #[error("{}", refusal(.0))]
-    Told(Box<Problem>),
+    InEvents(Box<Problem>),
     /// A map has no such constraint.
     #[error(
         "expected the id of a constraint that the map has ({known}), found `{found}`; leave the id out to add one: --set ON_EXAMPLE=ON_INPUT"

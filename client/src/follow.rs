@@ -137,7 +137,7 @@ async fn read_stream(
             watcher.see(&event)?;
             match event {
                 Event::End(end) => return Ok(Some(*end)),
-                Event::Error(error) => return Err(ClientError::Told(Box::new(error.problem))),
+                Event::Error(error) => return Err(ClientError::InEvents(Box::new(error.problem))),
                 Event::Begin(_) | Event::Level(_) => {}
             }
         }
@@ -165,7 +165,7 @@ pub fn conclude(end: &End) -> Result<(), ClientError> {
         EndState::Cancelled => Err(ClientError::Cancelled { query: end.query.to_string() }),
         EndState::Failed => {
             let unknown = || Problem::new(Code::Internal, 500, "the query failed, and the service does not say why");
-            Err(ClientError::Told(Box::new(end.summary.problem.clone().unwrap_or_else(unknown))))
+            Err(ClientError::InEvents(Box::new(end.summary.problem.clone().unwrap_or_else(unknown))))
         }
     }
 }

@@ -14,8 +14,8 @@ use std::fmt::Display;
 /// The word for the last query that was started.
 pub const LAST: &str = "@last";
 
-/// Candidates of a name that is not clear which are told.
-const CANDIDATES_TOLD: usize = 8;
+/// Candidates of a name that is not clear which are listed.
+const CANDIDATES_LISTED: usize = 8;
 
 /// Something that a text may stand for.
 struct Thing<I> {
@@ -40,8 +40,8 @@ pub async fn example(name: &Name, api: &Api) -> Result<ExampleId, ClientError> {
 ///
 /// # Errors
 /// As [`example`].
-pub async fn example_ref(told: &ExampleRef<Name>, api: &Api) -> Result<ExampleRef, ClientError> {
-    Ok(ExampleRef { example: example(&told.example, api).await?, segment: told.segment })
+pub async fn example_ref(given: &ExampleRef<Name>, api: &Api) -> Result<ExampleRef, ClientError> {
+    Ok(ExampleRef { example: example(&given.example, api).await?, segment: given.segment })
 }
 
 /// The examples that segments are to take; `segments`: those of the query.
@@ -49,12 +49,12 @@ pub async fn example_ref(told: &ExampleRef<Name>, api: &Api) -> Result<ExampleRe
 /// # Errors
 /// As [`example`].
 pub async fn uses(
-    told: &[UsePart<Name, SegmentRef>],
+    parts: &[UsePart<Name, SegmentRef>],
     segments: &[QuerySegment],
     api: &Api,
 ) -> Result<Vec<UsePart>, ClientError> {
-    let mut all = Vec::with_capacity(told.len());
-    for part in told {
+    let mut all = Vec::with_capacity(parts.len());
+    for part in parts {
         let segment = segment(&part.segment, segments)?;
         all.push(UsePart { segment, example: example_ref(&part.example, api).await? });
     }
@@ -81,8 +81,8 @@ pub async fn query(name: &Name, api: &Api, state: &State) -> Result<QueryId, Cli
 ///
 /// # Errors
 /// As [`example`].
-pub fn segment(told: &SegmentRef, segments: &[QuerySegment]) -> Result<u32, ClientError> {
-    match told {
+pub fn segment(given: &SegmentRef, segments: &[QuerySegment]) -> Result<u32, ClientError> {
+    match given {
         SegmentRef::Number(number) => Ok(*number),
         SegmentRef::Named(found) => {
             let thing = |s: &QuerySegment| Some(Thing { id: s.segment, name: s.name.clone()? });
@@ -116,13 +116,13 @@ fn one<I: Copy + Display>(kind: &'static str, found: &str, all: Vec<Thing<I>>) -
         [] => Err(ClientError::NoSuchName { kind, found: found.into() }),
         [one] => Ok(one.id),
         _ => {
-            let told = candidates.iter().take(CANDIDATES_TOLD).map(|thing| match thing.name.as_str() {
+            let listed = candidates.iter().take(CANDIDATES_LISTED).map(|thing| match thing.name.as_str() {
                 "" => thing.id.to_string(),
                 name => format!("{} ({name})", thing.id),
             });
-            let more = candidates.len().saturating_sub(CANDIDATES_TOLD);
+            let more = candidates.len().saturating_sub(CANDIDATES_LISTED);
             let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-            let candidates = format!("{}{more}", told.collect::<Vec<_>>().join(", "));
+            let candidates = format!("{}{more}", listed.collect::<Vec<_>>().join(", "));
             Err(ClientError::Ambiguous { kind, found: found.into(), candidates })
         }
     }

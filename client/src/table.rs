@@ -95,8 +95,8 @@ pub(crate) mod tests {
 
     #[test]
     fn no_time_is_told_as_none_at_all() {
-        let told = [0.0, 0.4, 3.4, 99.0, 4_321.0].map(time);
-        assert_eq!(told, ["less than 1 ms", "less than 1 ms", "3 ms", "99 ms", "4.32 s"]);
+        let shown = [0.0, 0.4, 3.4, 99.0, 4_321.0].map(time);
+        assert_eq!(shown, ["less than 1 ms", "less than 1 ms", "3 ms", "99 ms", "4.32 s"]);
     }
 
     #[test]

@@ -201,7 +201,7 @@ fn check(store: &StoreArgs, scratch: Option<PathBuf>) -> Result<(), CommandError
 fn backup(store: &StoreArgs, file: &Path) -> Result<(), CommandError> {
     let store = existing(store)?;
     let report = write_whole(file, &|writer| Ok(store.backup(writer)?))?;
-    told(&report, file)
+    report_backup(&report, file)
 }
 
 /// Writes a file under another name until it is whole, so that one that was interrupted is never taken for one.
@@ -219,7 +219,7 @@ fn write_whole<T>(file: &Path, write: &dyn Fn(&mut dyn Write) -> Result<T, Comma
 }
 
 /// Says what a backup came to.
-fn told(report: &BackupReport, file: &Path) -> Result<(), CommandError> {
+fn report_backup(report: &BackupReport, file: &Path) -> Result<(), CommandError> {
     for (id, reason) in &report.skipped {
         say(&format!("left out {id}: {reason}"));
     }
@@ -262,7 +262,7 @@ fn token(data: Option<PathBuf>, cluster: &ClusterArgs, action: TokenAction) -> R
         }
         TokenAction::List => {
             for record in tokens.list()? {
-                say(&token_line(&record.told()));
+                say(&token_line(&record.to_wire()));
             }
         }
         TokenAction::Revoke { id } => {

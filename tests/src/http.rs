@@ -93,8 +93,8 @@ fn parse(bytes: &[u8], is_head: bool) -> Option<Answer> {
         .collect();
     let rest = &bytes[end + 4..];
     let is_chunked = headers.iter().any(|(name, value)| name == "transfer-encoding" && value == "chunked");
-    let told = headers.iter().find(|(name, _)| name == "content-length" && !is_head);
-    let length = told.and_then(|(_, length)| length.parse().ok());
+    let declared = headers.iter().find(|(name, _)| name == "content-length" && !is_head);
+    let length = declared.and_then(|(_, length)| length.parse().ok());
     let body = if is_chunked { unchunk(rest)? } else { rest.get(..length.unwrap_or(rest.len()))?.to_vec() };
     Some(Answer { status, headers, body })
 }

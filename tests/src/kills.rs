@@ -112,7 +112,7 @@ impl Maps {
     }
 
     /// The counts in a line, and whether all was as it should be: some maps came, and nothing else than is told here.
-    pub fn told(&self) -> (String, bool) {
+    pub fn summary(&self) -> (String, bool) {
         let counts = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let problems = counts.problems.iter().map(|(code, count)| format!("{count} {code}")).collect::<Vec<_>>();
         let problems = if problems.is_empty() { "none".to_owned() } else { problems.join(", ") };
@@ -186,32 +186,32 @@ impl Asking<'_> {
         let begun = Instant::now();
         let path = format!("{query}/maps?wait={}", self.wait);
         let posted = self.timed(self.wait, || http::post(server, &path, "application/json", &wanted));
-        let mut told = match posted {
+        let mut shown = match posted {
             Ok(answer) => read(&answer),
             // It is not known whether the map is made.
             Err(end) => return Some(self.unanswered(server, end)),
         };
         loop {
-            let making = match told {
-                Told::Map(map) => return Some(self.checked(query, &map, entry)),
-                Told::Making(making) if begun.elapsed() < THERE_WITHIN => making,
-                Told::Making(making) => {
+            let making = match shown {
+                MapAnswer::Map(map) => return Some(self.checked(query, &map, entry)),
+                MapAnswer::Making(making) if begun.elapsed() < THERE_WITHIN => making,
+                MapAnswer::Making(making) => {
                     let (state, stage) = (making.state, making.stage);
                     return Some(End::Fault(format!("{state:?} ({stage}) after {THERE_WITHIN:?}")));
                 }
-                Told::End(end) => return Some(end),
+                MapAnswer::End(end) => return Some(end),
             };
             std::thread::sleep(PAUSE);
             // As behind a proxy, another server is asked where this one was killed.
             let Some(server) = some(self.addresses, self.turn).or_else(|| some(self.addresses, self.turn + 1)) else {
-                told = Told::Making(making);
+                shown = MapAnswer::Making(making);
                 continue;
             };
             let path = format!("{query}/maps/{}?wait={}", making.id, WAIT_S);
-            told = match self.timed(WAIT_S, || http::get(server, &path)) {
+            shown = match self.timed(WAIT_S, || http::get(server, &path)) {
                 Ok(answer) => read(&answer),
                 Err(end) => match self.unanswered(server, end) {
-                    End::Unanswered => Told::Making(making),
+                    End::Unanswered => MapAnswer::Making(making),
                     fault => return Some(fault),
                 },
             };
@@ -260,24 +260,24 @@ impl Asking<'_> {
 
 /// What an answer says of a map.
 #[derive(Debug)]
-enum Told {
+enum MapAnswer {
     Map(Box<Map>),
     Making(Making),
     End(End),
 }
 
-fn read(answer: &Answer) -> Told {
+fn read(answer: &Answer) -> MapAnswer {
     if !(200..300).contains(&answer.status) {
-        return Told::End(problem(answer));
+        return MapAnswer::End(problem(answer));
     }
     match serde_json::from_slice(&answer.body) {
-        Ok(MapOrMaking::There(map)) => Told::Map(map),
-        Ok(MapOrMaking::Making(Making { problem: Some(problem), .. })) => Told::End(judged(problem.code)),
+        Ok(MapOrMaking::There(map)) => MapAnswer::Map(map),
+        Ok(MapOrMaking::Making(Making { problem: Some(problem), .. })) => MapAnswer::End(judged(problem.code)),
         Ok(MapOrMaking::Making(making)) if making.state == MakingState::Cancelled => {
-            Told::End(End::Fault("cancelled, which nobody asked for".into()))
+            MapAnswer::End(End::Fault("cancelled, which nobody asked for".into()))
         }
-        Ok(MapOrMaking::Making(making)) => Told::Making(making),
-        Err(error) => Told::End(End::Fault(format!("{} and no map: {error}", answer.status))),
+        Ok(MapOrMaking::Making(making)) => MapAnswer::Making(making),
+        Err(error) => MapAnswer::End(End::Fault(format!("{} and no map: {error}", answer.status))),
     }
 }
 
@@ -355,7 +355,7 @@ mod tests {
         Answer { status, headers, body: body.as_bytes().to_vec() }
     }
 
-    fn told(code: Code, status: u16, headers: &[(&str, &str)]) -> End {
+    fn judged_answer(code: Code, status: u16, headers: &[(&str, &str)]) -> End {
         let body = serde_json::to_string(&Problem::new(code, status, "expected")).expect("prints");
         problem(&answer(status, headers, &body))
     }
@@ -363,13 +363,13 @@ mod tests {
     #[test]
     fn only_a_problem_that_says_what_to_do_is_one() {
         let typed = ("content-type", MEDIA_TYPE);
-        assert_eq!(told(Code::OwnerGone, 503, &[typed, ("retry-after", "2")]), End::Problem(Code::OwnerGone));
-        assert_eq!(told(Code::Deadline, 504, &[typed]), End::Problem(Code::Deadline));
+        assert_eq!(judged_answer(Code::OwnerGone, 503, &[typed, ("retry-after", "2")]), End::Problem(Code::OwnerGone));
+        assert_eq!(judged_answer(Code::Deadline, 504, &[typed]), End::Problem(Code::Deadline));
         let faults = [
-            told(Code::OwnerGone, 503, &[typed]),
-            told(Code::OwnerGone, 503, &[("retry-after", "2")]),
-            told(Code::Internal, 500, &[typed]),
-            told(Code::NotFound, 404, &[typed]),
+            judged_answer(Code::OwnerGone, 503, &[typed]),
+            judged_answer(Code::OwnerGone, 503, &[("retry-after", "2")]),
+            judged_answer(Code::Internal, 500, &[typed]),
+            judged_answer(Code::NotFound, 404, &[typed]),
             problem(&answer(502, &[], "<html>Bad gateway</html>")),
         ];
         assert!(faults.iter().all(|end| matches!(end, End::Fault(_))), "{faults:?}");

@@ -39,7 +39,7 @@ impl Times {
     }
 
     /// Median, p95, p99 and the most, as a row tells them.
-    pub fn told(&self) -> String {
+    pub fn summary(&self) -> String {
         let [median, most_of, nearly_all, most] = [0.5, 0.95, 0.99, 1.0].map(|share| self.share(share));
         format!("{} times, p50 {median:.1}, p95 {most_of:.1}, p99 {nearly_all:.1}, most {most:.1} ms", self.0.len())
     }

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 /// The folder, if it is there.
 pub fn folder() -> Option<PathBuf> {
-    let told = std::env::var_os("QUADMUSE_SHARED").map(PathBuf::from);
+    let given = std::env::var_os("QUADMUSE_SHARED").map(PathBuf::from);
     let beside = || crate::walls::tree::root().parent().map(|parent| parent.join("shared"));
-    told.or_else(beside).filter(|folder| folder.join("meshes").is_dir())
+    given.or_else(beside).filter(|folder| folder.join("meshes").is_dir())
 }
 
 /// The folder; says on standard error what is left out if it is absent.

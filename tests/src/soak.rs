@@ -80,11 +80,11 @@ impl Tally {
     }
 }
 
-/// Loads the server as planned; `told` is given each row as it is there.
+/// Loads the server as planned; `shows` is given each row as it is there.
 ///
 /// # Errors
 /// [`ScaleError`].
-pub fn measure(server: &Server, mesh: &[u8], plan: Plan, told: &mut dyn FnMut(&Row)) -> Result<Vec<Row>, ScaleError> {
+pub fn measure(server: &Server, mesh: &[u8], plan: Plan, shows: &mut dyn FnMut(&Row)) -> Result<Vec<Row>, ScaleError> {
     let (over, tally, newest) = (AtomicBool::new(false), Tally::default(), Mutex::<Vec<String>>::default());
     let is_over = || over.load(Ordering::Relaxed);
     let failed = |source| ScaleError::Io { doing: "start a thread".into(), source };
@@ -118,7 +118,7 @@ pub fn measure(server: &Server, mesh: &[u8], plan: Plan, told: &mut dyn FnMut(&R
         }
         spawn(scope, || edits(&caller, mesh, &is_over, &tally)).map_err(failed)?;
         spawn(scope, || changes(&caller, &is_over, &tally)).map_err(failed)?;
-        let rows = rows(server, plan, &tally, told);
+        let rows = rows(server, plan, &tally, shows);
         over.store(true, Ordering::Relaxed);
         let errors = Did::all(clients).errors;
         let mut rows = rows;
@@ -129,7 +129,7 @@ pub fn measure(server: &Server, mesh: &[u8], plan: Plan, told: &mut dyn FnMut(&R
     })
 }
 
-fn rows(server: &Server, plan: Plan, tally: &Tally, told: &mut dyn FnMut(&Row)) -> Vec<Row> {
+fn rows(server: &Server, plan: Plan, tally: &Tally, shows: &mut dyn FnMut(&Row)) -> Vec<Row> {
     let begun = Instant::now();
     let mut rows = Vec::new();
     while begun.elapsed() < plan.time {
@@ -157,7 +157,7 @@ fn rows(server: &Server, plan: Plan, tally: &Tally, told: &mut dyn FnMut(&Row)) 
             changes: taken(&tally.changes),
             errors: taken(&tally.errors),
         };
-        told(&row);
+        shows(&row);
         rows.push(row);
     }
     rows

@@ -277,9 +277,9 @@ impl Api {
             request = request.query(&[("tolerance", tolerance)]);
         }
         let response = self.send(request.timeout(WORK_TIMEOUT)).await?;
-        let told = |name: &str| response.headers().get(name)?.to_str().ok();
-        let faces = told("quadmuse-faces").and_then(|faces| faces.parse().ok());
-        let within = told("quadmuse-within").and_then(|within| within.parse().ok());
+        let header = |name: &str| response.headers().get(name)?.to_str().ok();
+        let faces = header("quadmuse-faces").and_then(|faces| faces.parse().ok());
+        let within = header("quadmuse-within").and_then(|within| within.parse().ok());
         let sized = faces.zip(within).map(|(faces, within_percent)| Resized { faces, within_percent });
         Ok((response.bytes().await.map_err(|source| self.broken(source, 0))?.to_vec(), sized))
     }

@@ -69,14 +69,14 @@ impl Api {
         }
     }
 
-    async fn send_pieces(&self, id: &str, bytes: &[u8], told: Sent<'_>) -> Result<(), ClientError> {
+    async fn send_pieces(&self, id: &str, bytes: &[u8], arrived: Sent<'_>) -> Result<(), ClientError> {
         let (mut offset, mut tries, mut pause) = (0, 0, PAUSE.0);
         while let Some(rest) = bytes.get(offset..).filter(|rest| !rest.is_empty()) {
             let sent = self.send_piece(id, offset, &rest[..rest.len().min(PIECE)]).await;
             let error = match sent {
                 Ok(next) => {
                     (offset, tries, pause) = (next, 0, PAUSE.0);
-                    told(next as f64 / bytes.len() as f64);
+                    arrived(next as f64 / bytes.len() as f64);
                     continue;
                 }
                 Err(error) if is_absent(&error) || !may_go_on(&error) || tries >= TRIES_MAX => return Err(error),

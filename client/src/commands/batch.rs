@@ -70,7 +70,7 @@ pub(super) async fn batch(args: &BatchArgs, api: &Api, state: &State, ui: &mut U
         failed += usize::from(line.error.is_some());
         bar.suspend(|| {
             ui.value(&line)?;
-            ui.text(&told(&line, width, ui.room().paint))
+            ui.text(&line_text(&line, width, ui.room().paint))
         })?;
         bar.inc(1);
         lines.push(line);
@@ -172,7 +172,7 @@ fn line_of(scan: &Path, result: Result<Delivered, ClientError>, args: &BatchArgs
 
 /// A line for people: `scan.ply   good    3152 faces  100 % inspired  12.30 s`, and where a size was asked for, how near
 /// the result is to the scan.
-fn told(line: &Line, width: usize, paint: Paint) -> String {
+fn line_text(line: &Line, width: usize, paint: Paint) -> String {
     let time = table::time(1000.0 * line.seconds);
     let Line { verdict: Some(verdict), faces: Some(faces), inspired: Some(inspired), .. } = line else {
         let why = line.error.as_deref().unwrap_or_default();

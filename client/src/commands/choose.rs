@@ -53,30 +53,30 @@ fn unchosen() -> NewMap {
 pub(super) async fn choose(
     query: &Query,
     segment: &QuerySegment,
-    told: Option<ExampleRef>,
+    wanted: Option<ExampleRef>,
     api: &Api,
 ) -> Result<Choice, ClientError> {
     let number = segment.segment;
-    if let Some(ExampleRef { example, segment: Some(example_segment) }) = told {
+    if let Some(ExampleRef { example, segment: Some(example_segment) }) = wanted {
         return Ok(Choice::new(NewMap { segment: number, example, example_segment, ..unchosen() }, ""));
     }
     let ranking = api.ranking(query.id, RankingView { segment: number, after: None, wait_ms: 0 }).await?;
-    if let Some(new) = best(&ranking, number, told) {
+    if let Some(new) = best(&ranking, number, wanted) {
         return Ok(new);
     }
-    match told {
+    match wanted {
         // The example may stand below the entries that are shown.
-        Some(told) => {
+        Some(wanted) => {
             let is_alone = query.segments.len() == 1;
-            fitting(&api.example(told.example).await?, number, (segment.topology, is_alone))
+            fitting(&api.example(wanted.example).await?, number, (segment.topology, is_alone))
         }
         None => Err(ClientError::NothingRanked { segment: number, topology: segment.topology.to_string() }),
     }
 }
 
 /// The best entry of the ranking, or the best of the example that is told.
-fn best(ranking: &Ranking, segment: u32, told: Option<ExampleRef>) -> Option<Choice> {
-    let entry = ranking.entries.iter().find(|entry| told.is_none_or(|told| told.example == entry.example))?;
+fn best(ranking: &Ranking, segment: u32, wanted: Option<ExampleRef>) -> Option<Choice> {
+    let entry = ranking.entries.iter().find(|entry| wanted.is_none_or(|wanted| wanted.example == entry.example))?;
     Some(Choice::of(entry, segment))
 }
 
@@ -110,9 +110,9 @@ mod tests {
         let ranking = with_entries(3);
         let first = best(&ranking, 0, None).expect("an entry");
         assert_eq!((first.new.example, first.new.example_segment), (ranking.entries[0].example, 0));
-        let told = ExampleRef { example: ranking.entries[2].example, segment: None };
-        let third = best(&ranking, 0, Some(told)).expect("an entry");
-        assert_eq!((third.new.example, third.new.example_segment), (told.example, 2));
+        let wanted = ExampleRef { example: ranking.entries[2].example, segment: None };
+        let third = best(&ranking, 0, Some(wanted)).expect("an entry");
+        assert_eq!((third.new.example, third.new.example_segment), (wanted.example, 2));
         assert_eq!(best(&with_entries(0), 0, None), None);
     }
 

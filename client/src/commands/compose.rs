@@ -120,7 +120,7 @@ async fn made(
     if wish.uses.is_empty() {
         return retopologised(&query, &wish, api, state, ui).await;
     }
-    match (&query.segments[..], wish.lay.density, told(&wish).get(&0)) {
+    match (&query.segments[..], wish.lay.density, chosen_examples(&wish).get(&0)) {
         ([_], None, Some(&only)) => {
             check_uses(&query, &wish)?;
             // Who chose an example wants it as it is.
@@ -164,7 +164,7 @@ async fn retopologised(
 }
 
 /// The example that each segment is told to take; the last word counts.
-fn told(wish: &Wish<'_>) -> BTreeMap<u32, ExampleRef> {
+fn chosen_examples(wish: &Wish<'_>) -> BTreeMap<u32, ExampleRef> {
     wish.uses.iter().map(|part| (part.segment, part.example)).collect()
 }
 
@@ -175,7 +175,7 @@ fn check_uses(query: &Query, wish: &Wish<'_>) -> Result<(), ClientError> {
 /// Lays the examples that were chosen, has the service stitch them with the best for all other segments, and writes the mesh.
 async fn stitch(query: &Query, wish: &Wish<'_>, api: &Api, ui: &mut Ui) -> Result<Delivered, ClientError> {
     check_uses(query, wish)?;
-    let chosen: Vec<(u32, ExampleRef)> = told(wish).into_iter().collect();
+    let chosen: Vec<(u32, ExampleRef)> = chosen_examples(wish).into_iter().collect();
     let bar = ui.bar(chosen.len() as u64, "mapping");
     let mut each = lay_each(query, &chosen, wish.lay.beyond, api);
     let mut maps = Vec::new();

@@ -36,7 +36,7 @@ pub(super) fn print(example: &Example, ui: &mut Ui) -> Result<(), ClientError> {
 }
 
 /// Names of examples that are told before they are removed.
-const NAMES_TOLD: usize = 8;
+const NAMES_LISTED: usize = 8;
 
 pub(super) async fn remove(args: &RemoveArgs, api: &Api, ui: &mut Ui) -> Result<(), ClientError> {
     let found = if args.tags.is_empty() { named(&args.ids, api).await? } else { tagged(&args.tags, api).await? };
@@ -85,11 +85,11 @@ async fn confirm(found: &[ExampleId], args: &RemoveArgs, api: &Api, ui: &mut Ui)
         return if args.tags.is_empty() { Ok(()) } else { Err(ClientError::NotAsked { count }) };
     }
     let mut names = Vec::new();
-    for &id in found.iter().take(NAMES_TOLD) {
+    for &id in found.iter().take(NAMES_LISTED) {
         let name = api.example(id).await?.name;
         names.push(if name.is_empty() { id.to_string() } else { name });
     }
-    let more = found.len().saturating_sub(NAMES_TOLD);
+    let more = found.len().saturating_sub(NAMES_LISTED);
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
     match ui.ask(&format!("remove {}{more} for good?", names.join(", ")))? {
         Some(false) => Err(ClientError::Declined { done: "removed" }),

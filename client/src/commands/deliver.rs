@@ -183,8 +183,8 @@ pub(super) async fn write_map(
     let resized = target.put(map.query, MeshSource::Map(map.id), api, ui).await?;
     let faces = resized.map_or(map.faces, |resized| resized.faces);
     let file = target.out.name();
-    let told = table::map(map, name, ui.room().paint);
-    ui.text(&format!("{told}\nwritten    {file}: {}, {} faces", map.verdict.as_str(), faces))?;
+    let text = table::map(map, name, ui.room().paint);
+    ui.text(&format!("{text}\nwritten    {file}: {}, {} faces", map.verdict.as_str(), faces))?;
     ui.value(&Written { file: file.clone(), resized, message: map })?;
     let Map { query, verdict, inspired, .. } = *map;
     let within_percent = resized.map(|resized| resized.within_percent);
@@ -219,8 +219,8 @@ pub(super) async fn write_composition(
     let verdicts = table::verdicts(maps, composition.templates.len());
     let Composition { query, verdict, inspired, triangles, .. } = *composition;
     let quads = resized.map_or(composition.quads, |resized| resized.faces);
-    let told = table::composition(composition, ui.room().paint);
-    ui.text(&format!("{told}\nwritten     {file}: {quads} quads, {verdicts}"))?;
+    let text = table::composition(composition, ui.room().paint);
+    ui.text(&format!("{text}\nwritten     {file}: {quads} quads, {verdicts}"))?;
     ui.value(&Written { file: file.clone(), resized, message: composition })?;
     let reasons = composition.reasons.clone();
     // A size that was asked for counts all faces.

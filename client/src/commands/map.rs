@@ -28,13 +28,13 @@ pub(super) async fn map(args: &MapArgs, api: &Api, state: &State, ui: &mut Ui) -
     let target = Target::of(&args.out, args.kept.as_deref()).sized(&args.size);
     target.prepare(ui)?;
     let held = Held::of(args)?;
-    let told = match &args.example {
-        Some(told) => Some(names::example_ref(told, api).await?),
+    let wanted = match &args.example {
+        Some(given) => Some(names::example_ref(given, api).await?),
         None => None,
     };
     let query = finished(names::query(&args.query, api, state).await?, api, ui).await?;
     let segment = names::segment(&args.segment, &query.segments)?;
-    let (map, name) = lay(&query, segment, told, (args.beyond, &held), api, ui).await?;
+    let (map, name) = lay(&query, segment, wanted, (args.beyond, &held), api, ui).await?;
     held.tell(map.example, api, ui).await?;
     write_map(&map, Some(&name), &target, api, ui).await?.is_enough(args.require)
 }
@@ -81,19 +81,19 @@ impl Held {
 pub(super) async fn lay(
     query: &Query,
     segment: u32,
-    told: Option<ExampleRef>,
+    wanted: Option<ExampleRef>,
     (beyond, held): (Beyond, &Held),
     api: &Api,
     ui: &mut Ui,
 ) -> Result<(Map, String), ClientError> {
-    awaited(mapping(query), laid(query, segment, told, (beyond, held), api), api, ui).await
+    awaited(mapping(query), laid(query, segment, wanted, (beyond, held), api), api, ui).await
 }
 
 /// The same, and says nothing.
 async fn laid(
     query: &Query,
     segment: u32,
-    told: Option<ExampleRef>,
+    wanted: Option<ExampleRef>,
     (beyond, held): (Beyond, &Held),
     api: &Api,
 ) -> Result<(Map, String), ClientError> {
@@ -105,7 +105,7 @@ async fn laid(
             segments: query.segments.len(),
         });
     };
-    let choice = choose(query, found, told, api).await?;
+    let choice = choose(query, found, wanted, api).await?;
     let (landmarks, names) = (held.landmarks.clone(), held.names.clone());
     let map = api.start_map(query.id, &NewMap { beyond, landmarks, names, ..choice.new }).await?;
     Ok((map, choice.name))
@@ -123,8 +123,8 @@ pub(super) fn lay_each<'a>(
     beyond: Beyond,
     api: &'a Api,
 ) -> impl Stream<Item = Result<(Map, String), ClientError>> + Unpin {
-    let one = move |&(segment, told): &'a (u32, ExampleRef)| async move {
-        laid(query, segment, Some(told), (beyond, &Held::default()), api).await
+    let one = move |&(segment, wanted): &'a (u32, ExampleRef)| async move {
+        laid(query, segment, Some(wanted), (beyond, &Held::default()), api).await
     };
     Box::pin(stream::iter(segments).map(one).buffered(AT_A_TIME))
 }

@@ -103,7 +103,7 @@ fn tell_end(end: &End, ui: &mut Ui) {
 
 pub(super) async fn ranking(args: &RankingArgs, api: &Api, state: &State, ui: &mut Ui) -> Result<(), ClientError> {
     let query = api.query(names::query(&args.query, api, state).await?).await?;
-    let only = args.segment.as_ref().map(|told| names::segment(told, &query.segments)).transpose()?;
+    let only = args.segment.as_ref().map(|given| names::segment(given, &query.segments)).transpose()?;
     check_segment(&query, only)?;
     if args.follow {
         let mut screen = Screen::new(query.clone(), only, Wanted::Ranking, ui);

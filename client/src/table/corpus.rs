@@ -73,9 +73,9 @@ fn topologies(example: &Example) -> String {
 
 /// The names of landmarks; of many only the first.
 fn landmarks(all: &[NamedPoint]) -> String {
-    const TOLD: usize = 16;
-    let names: Vec<String> = all.iter().take(TOLD).map(|landmark| word(&landmark.name)).collect();
-    let more = all.len().saturating_sub(TOLD);
+    const LISTED: usize = 16;
+    let names: Vec<String> = all.iter().take(LISTED).map(|landmark| word(&landmark.name)).collect();
+    let more = all.len().saturating_sub(LISTED);
     if more > 0 { format!("{} and {more} more", names.join(", ")) } else { names.join(", ") }
 }
 

@@ -170,8 +170,8 @@ pub(crate) mod tests {
     #[test]
     fn a_result_without_an_example_says_so_first() {
         let covers = Covers { example: 0.0, input: 0.998 };
-        let told = headline(Verdict::Poor, 0.0, covers, Paint::Plain);
-        assert_eq!(told, "no example used: a regular layout on 100 % of the scan");
+        let line = headline(Verdict::Poor, 0.0, covers, Paint::Plain);
+        assert_eq!(line, "no example used: a regular layout on 100 % of the scan");
         assert!(headline(Verdict::Broken, 0.0, covers, Paint::Plain).starts_with("broken, and no example used"));
         assert!(headline(Verdict::Broken, 0.4, covers, Paint::Plain).starts_with("broken: of no use as it is (40 % "));
     }

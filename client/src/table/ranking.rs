@@ -1,6 +1,6 @@
 //! Rankings: of one segment in full, of several in a line each.
 
-use super::{Column, line, new_table, segments::segment as told, word};
+use super::{Column, line, new_table, segments::segment as segment_words, word};
 use crate::ui::Room;
 use comfy_table::Table;
 use quadmuse_proto::{Entry, EntryState, Flip, Query, Ranking, Share};
@@ -35,7 +35,7 @@ pub fn revision(ranking: &Ranking) -> String {
     match ranking.entries.first() {
         Some(best) => format!(
             "{} · level {level} of {resolution} · best: {}, score {:.4} ({}){}",
-            told(ranking.segment, ranking.segment_name.as_deref()),
+            segment_words(ranking.segment, ranking.segment_name.as_deref()),
             name(best),
             best.score,
             example(best),
@@ -116,7 +116,7 @@ fn wide_table<'a>(entries: impl Iterator<Item = &'a Entry>, room: Room) -> Table
 
 fn title(ranking: &Ranking) -> String {
     let Ranking { level, resolution, corpus_size, state, .. } = ranking;
-    let segment = told(ranking.segment, ranking.segment_name.as_deref());
+    let segment = segment_words(ranking.segment, ranking.segment_name.as_deref());
     match (ranking.level, ranking.entries.is_empty()) {
         (0, _) => format!("{segment} · {} · no ranking yet", state.as_str()),
         (_, true) if ranking.incomplete.is_empty() => {

@@ -15,10 +15,10 @@ use tempfile::TempDir;
 #[tokio::test]
 async fn annotate_sends_what_is_named_and_keeps_the_other_landmarks() {
     let server = Fake::start(|_| {
-        let mut told = example(1);
+        let mut answer = example(1);
         let point = |name: &str, x: f64| NamedPoint { name: name.into(), vertex: None, point: Some([x, 0.0, 0.0]) };
-        told.landmarks = vec![point("chin", 1.0), point("nose", 2.0)];
-        Reply::json(200, &told)
+        answer.landmarks = vec![point("chin", 1.0), point("nose", 2.0)];
+        Reply::json(200, &answer)
     });
     let id = example_id(1);
     let ran =

@@ -119,8 +119,8 @@ async fn parts_are_named_and_listed() {
     let sent: QueryPatch = serde_json::from_slice(&patch.body).expect("a patch");
     let sent: Vec<(u32, &str)> = sent.segments.iter().map(|s| (s.segment, s.name.as_str())).collect();
     assert_eq!(sent, [(2, "leg"), (1, "")]);
-    let told = &ran.json_lines()[0]["segments"];
-    assert_eq!((&told[0]["name"], &told[1]["name"]), (&serde_json::json!("arm"), &serde_json::json!(null)));
+    let segments = &ran.json_lines()[0]["segments"];
+    assert_eq!((&segments[0]["name"], &segments[1]["name"]), (&serde_json::json!("arm"), &serde_json::json!(null)));
     let ran = run_with(&server.url, state.path(), &format!("name {} nose=x", query_id())).await;
     assert!(ran.code() == 1 && ran.notes.contains("found `nose`, which none has"), "{}", ran.notes);
 }

@@ -255,17 +255,17 @@ async fn a_result_is_written_with_as_many_quads_as_are_asked_for_and_the_client_
     });
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out.obj");
-    let told = async |flags: &str| {
+    let requested = async |flags: &str| {
         let ran = run(&server.url, &format!("map {} --force -o {} {flags}", query_id(), out.display())).await;
         assert_eq!(ran.code(), 0, "{}", ran.notes);
         assert!(ran.out.contains("6000 faces"), "{}", ran.out);
         (server.lines().last().expect("a request").clone(), ran.notes)
     };
-    let (line, notes) = told("--quads 6000").await;
+    let (line, notes) = requested("--quads 6000").await;
     assert!(line.ends_with("/mesh?format=obj&quads=6000") && !notes.contains("6000"), "{line} {notes}");
-    let (_, notes) = told("--quads 500").await;
+    let (_, notes) = requested("--quads 500").await;
     assert!(notes.contains("6000 quads is as near to 500 as the layout's rows allow"), "{notes}");
-    let (line, notes) = told("--tolerance 0.1%").await;
+    let (line, notes) = requested("--tolerance 0.1%").await;
     assert!(line.ends_with("/mesh?format=obj&tolerance=0.1"), "{line}");
     assert!(notes.contains("no nearer than 0.400 %"), "{notes}");
 }

@@ -107,17 +107,19 @@ const NO_ROOM: [ErrorCode; 4] = [
 
 /// Why a message was not acknowledged.
 fn unkept(doing: &'static str, error: &PublishError) -> EngineError {
-    let told = std::error::Error::source(error).and_then(|source| source.downcast_ref::<Refusal>());
-    match told {
-        Some(told) if NO_ROOM.contains(&told.error_code()) => EngineError::Full { doing, reason: told.to_string() },
+    let refusal = std::error::Error::source(error).and_then(|source| source.downcast_ref::<Refusal>());
+    match refusal {
+        Some(refusal) if NO_ROOM.contains(&refusal.error_code()) => {
+            EngineError::Full { doing, reason: refusal.to_string() }
+        }
         _ => silent(doing, error),
     }
 }
 
 /// Whether a message was refused because one of its subject waits already. The engine has no code for that alone.
 fn is_there_already(error: &PublishError) -> bool {
-    let told = std::error::Error::source(error).and_then(|source| source.downcast_ref::<Refusal>());
-    told.is_some_and(|told| told.to_string().contains("maximum messages per subject"))
+    let refusal = std::error::Error::source(error).and_then(|source| source.downcast_ref::<Refusal>());
+    refusal.is_some_and(|refusal| refusal.to_string().contains("maximum messages per subject"))
 }
 
 impl JetStream {
@@ -378,11 +380,12 @@ async fn deleted(stream: &Stream, (position, subject): (u64, &str), doing: &'sta
         Err(error) => error,
     };
     // Another server deleted it, or it was put again meanwhile, or it was the answer to the deletion that was lost.
-    let is_gone = |told: &Refusal| {
-        told.error_code() == ErrorCode::STREAM_MESSAGE_DELETE_FAILED && told.to_string().contains("no message found")
+    let is_gone = |refusal: &Refusal| {
+        refusal.error_code() == ErrorCode::STREAM_MESSAGE_DELETE_FAILED
+            && refusal.to_string().contains("no message found")
     };
     match error.kind() {
-        DeleteMessageErrorKind::JetStream(told) if is_gone(&told) => {
+        DeleteMessageErrorKind::JetStream(refusal) if is_gone(&refusal) => {
             Ok(newest(stream, subject, doing).await?.is_none())
         }
         _ => Err(silent(doing, error)),

@@ -267,16 +267,16 @@ mod tests {
         let mut state = State::keeping(None);
         let key = format!("{DOCUMENT}tokens");
         let entry = |position: u64, text: &str| Entry { position, bytes: text.as_bytes().to_vec() };
-        let mut told = |position, text| {
+        let mut applied = |position, text| {
             let changed = state.apply(&key, &entry(position, text));
             let document = state.document("tokens").expect("there");
             (changed, document.revision, String::from_utf8_lossy(&document.bytes).into_owned())
         };
-        assert_eq!(told(4, "one"), (true, 4, "one".into()));
-        assert_eq!(told(4, "one"), (false, 4, "one".into()));
-        assert_eq!(told(4, "another"), (true, 4, "another".into()));
-        assert_eq!(told(3, "late"), (false, 4, "another".into()));
-        assert_eq!(told(5, "new"), (true, 5, "new".into()));
+        assert_eq!(applied(4, "one"), (true, 4, "one".into()));
+        assert_eq!(applied(4, "one"), (false, 4, "one".into()));
+        assert_eq!(applied(4, "another"), (true, 4, "another".into()));
+        assert_eq!(applied(3, "late"), (false, 4, "another".into()));
+        assert_eq!(applied(5, "new"), (true, 5, "new".into()));
 
         let removed = |position: u64, write: u64| {
             let bytes = Manifest::removed().written(write, None).to_bytes().expect("packed");

@@ -52,7 +52,7 @@ impl TokenRecord {
     }
 
     /// As it goes over the wire.
-    pub fn told(&self) -> Token {
+    pub fn to_wire(&self) -> Token {
         let time = |seconds: Option<u64>| seconds.map(|s| rfc3339(s.saturating_mul(1000)));
         Token {
             id: self.id,

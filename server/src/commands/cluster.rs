@@ -69,7 +69,7 @@ pub(super) fn run(action: &ClusterAction) -> Result<(), CommandError> {
         ClusterAction::Backup { cluster, file } => {
             let joined = join(cluster)?;
             let report = write_whole(file, &|writer| Ok(joined.corpus.backup(writer)?))?;
-            super::told(&report, file)
+            super::report_backup(&report, file)
         }
         ClusterAction::Restore { cluster, file } => restore(&join(cluster)?.corpus, file),
         ClusterAction::Check { cluster } => check(&join(cluster)?.corpus),

@@ -105,7 +105,7 @@ pub async fn authorize(State(app): State<App>, mut request: Request, next: Next)
             refused.into_response()
         }
     };
-    super::watchful::tell(&mut response, |told| told.user = found.map(|token| token.id.to_string()));
+    super::watchful::tell(&mut response, |logged| logged.user = found.map(|token| token.id.to_string()));
     // What another server answered, it wrote down.
     if let Some(line) = line.filter(|_| response.extensions().get::<AnsweredElsewhere>().is_none()) {
         let made = response.headers().get(header::LOCATION).and_then(|at| at.to_str().ok()).unwrap_or_default();

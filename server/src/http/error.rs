@@ -418,7 +418,7 @@ impl IntoResponse for HttpError {
         // A struct of strings always prints.
         let body = serde_json::to_vec(&problem).unwrap_or_default();
         let mut response = (status, Body::from(body)).into_response();
-        super::watchful::tell(&mut response, |told| told.code = Some(problem.code.as_str()));
+        super::watchful::tell(&mut response, |logged| logged.code = Some(problem.code.as_str()));
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(problem::MEDIA_TYPE));
         if let Some(seconds) = retry_after(&self, status) {

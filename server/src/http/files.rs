@@ -78,14 +78,14 @@ pub async fn result_answer(
         Wanted::Quads(count) => format!("\"{tag}-{format}-{count}\""),
         Wanted::Within(share) => format!("\"{tag}-{format}-within-{share}\""),
     };
-    let mut told = None;
+    let mut size_made = None;
     let mut response = mesh_answer(format, &tag, if_none_match.as_deref(), name, async || {
         let made = resized::file(&app.work, live.caller.user, (&live.model, mesh), wanted, format).await?;
-        told = Some((made.1, made.2));
+        size_made = Some((made.1, made.2));
         Ok(made.0)
     })
     .await?;
-    if let Some((faces, within)) = told {
+    if let Some((faces, within)) = size_made {
         response.headers_mut().insert("quadmuse-faces", HeaderValue::from(faces));
         if let Ok(within) = HeaderValue::try_from(format!("{within:.4}")) {
             response.headers_mut().insert("quadmuse-within", within);

@@ -111,9 +111,9 @@ pub fn shown<T: Serialize>(
 /// Waits for what was just begun. Who hangs up meanwhile was told nothing of it, so it is cancelled.
 /// Fails with why it failed, or that somebody cancelled it, if that is known by then.
 async fn awaited(live: &LiveQuery, making: &Arc<Making>, wait: Duration) -> Result<(), HttpError> {
-    let untold = Awaited::new(making);
+    let unannounced = Awaited::new(making);
     let stand = making.within(wait).await;
-    untold.told();
+    unannounced.announced();
     if wait.is_zero() {
         // Who doesn't wait is told where to look, however soon it failed.
         return Ok(());
@@ -145,10 +145,10 @@ pub fn found(live: &LiveQuery, product: Product, id: &impl ToString) -> Option<p
 
 /// How far it is, as it goes over the wire.
 pub fn described(query: QueryId, making: &Making) -> proto::Making {
-    told(query, making, making.stand())
+    to_wire(query, making, making.stand())
 }
 
-fn told(query: QueryId, making: &Making, stand: Stand) -> proto::Making {
+fn to_wire(query: QueryId, making: &Making, stand: Stand) -> proto::Making {
     proto::Making {
         id: making.id.clone(),
         product: making.product,
@@ -222,7 +222,7 @@ impl Reader {
         }
         let stand = self.watch.borrow_and_update().clone();
         self.ended = stand.state.is_final();
-        let making = told(self.query, &self.making, stand);
+        let making = to_wire(self.query, &self.making, stand);
         Some(Some(if self.ended { MakingEvent::End(making) } else { MakingEvent::Progress(making) }))
     }
 }

@@ -29,7 +29,7 @@ async fn blocking<T: Send + 'static>(
     responses((status = 200, description = "All tokens", body = Page<Token>))
 )]
 pub async fn list(State(app): State<App>, wants: Wants) -> Result<Response, HttpError> {
-    let items = blocking(&app, Tokens::list).await?.iter().map(crate::auth::TokenRecord::told).collect();
+    let items = blocking(&app, Tokens::list).await?.iter().map(crate::auth::TokenRecord::to_wire).collect();
     wants.show(&Page::<Token> { items, next: None })
 }
 
@@ -41,7 +41,7 @@ pub async fn list(State(app): State<App>, wants: Wants) -> Result<Response, Http
 pub async fn create(State(app): State<App>, wants: Wants, new: Message<NewToken>) -> Result<Response, HttpError> {
     let (secret, record) = blocking(&app, move |tokens| tokens.create(&new.value)).await?;
     let location = format!("/v1/tokens/{}", record.id);
-    wants.answer(StatusCode::CREATED, Some(location), &CreatedToken { secret, token: record.told() })
+    wants.answer(StatusCode::CREATED, Some(location), &CreatedToken { secret, token: record.to_wire() })
 }
 
 /// Changes a token's name or quota.
@@ -57,7 +57,7 @@ pub async fn annotate(
     patch: Message<TokenPatch>,
 ) -> Result<Response, HttpError> {
     let record = blocking(&app, move |tokens| tokens.annotate(&id.to_string(), &patch.value)).await?;
-    wants.answer(StatusCode::OK, None, &record.told())
+    wants.answer(StatusCode::OK, None, &record.to_wire())
 }
 
 /// Revokes a token.

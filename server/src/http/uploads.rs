@@ -83,7 +83,7 @@ pub async fn begin(State(app): State<App>, Who(caller): Who, headers: HeaderMap)
     let length = number(&headers, UPLOAD_LENGTH, expected)?;
     let metadata = metadata_of(&headers)?;
     let (id, standing) = blocking(&app, move |uploads| uploads.begin(caller, length, metadata)).await?;
-    let mut response = told(StatusCode::CREATED, &standing);
+    let mut response = tus_response(StatusCode::CREATED, &standing);
     if let Ok(location) = HeaderValue::try_from(format!("/v1/uploads/{id}")) {
         response.headers_mut().insert(header::LOCATION, location);
     }
@@ -101,7 +101,7 @@ pub async fn standing(
     Who(caller): Who,
     PathIds((id,)): PathIds<(UploadId,)>,
 ) -> Result<Response, HttpError> {
-    Ok(told(StatusCode::OK, &blocking(&app, move |uploads| uploads.look(caller, id)).await?))
+    Ok(tus_response(StatusCode::OK, &blocking(&app, move |uploads| uploads.look(caller, id)).await?))
 }
 
 /// Sends the bytes from `upload-offset` on: all, or some. What arrived before a connection broke is kept.
@@ -137,7 +137,7 @@ pub async fn append(
     }
     received(&app, caller, id, offset, body).await?;
     let standing = blocking(&app, move |uploads| uploads.sync(caller, id)).await?;
-    Ok(told(StatusCode::NO_CONTENT, &standing))
+    Ok(tus_response(StatusCode::NO_CONTENT, &standing))
 }
 
 /// Writes a body down as it arrives; where it breaks off, what came before.
@@ -212,7 +212,7 @@ fn metadata_of(headers: &HeaderMap) -> Result<String, HttpError> {
     Ok(text.into())
 }
 
-fn told(status: StatusCode, standing: &Standing) -> Response {
+fn tus_response(status: StatusCode, standing: &Standing) -> Response {
     let mut response = status.into_response();
     let headers = response.headers_mut();
     headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));

@@ -29,18 +29,18 @@ fn request_id(headers: &HeaderMap) -> String {
     usable.map_or_else(|| RequestId::generate().to_string(), Into::into)
 }
 
-/// What an answer tells the log beside what it tells the caller.
+/// Fields of the log that an answer carries beside what the caller gets.
 #[derive(Clone, Debug, Default)]
-pub struct Told {
+pub struct LogFields {
     /// The token's id.
     pub user: Option<String>,
     /// The problem's code.
     pub code: Option<&'static str>,
 }
 
-/// Adds to what an answer tells the log.
-pub fn tell(response: &mut Response, add: impl FnOnce(&mut Told)) {
-    add(response.extensions_mut().get_or_insert_default::<Told>());
+/// Adds to the fields of an answer in the log.
+pub fn tell(response: &mut Response, add: impl FnOnce(&mut LogFields)) {
+    add(response.extensions_mut().get_or_insert_default::<LogFields>());
 }
 
 /// The outermost layer: gives the request its id and the answer its header, and writes a line in the log.
@@ -60,9 +60,9 @@ pub async fn identify(request: Request, next: Next) -> Response {
         response.headers_mut().insert(X_REQUEST_ID, value);
     }
     let (status, ms) = (response.status().as_u16(), start.elapsed().as_secs_f64() * 1e3);
-    let told = response.extensions().get::<Told>().cloned().unwrap_or_default();
+    let logged = response.extensions().get::<LogFields>().cloned().unwrap_or_default();
     let bytes_out = http_body::Body::size_hint(response.body()).exact();
-    let (user, code) = (told.user, told.code);
+    let (user, code) = (logged.user, logged.code);
     span.in_scope(|| tracing::info!(status, ms, user, peer, code, bytes_in, bytes_out, "answered"));
     response
 }

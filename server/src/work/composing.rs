@@ -244,13 +244,13 @@ async fn made(
     if is_too_little && lone.is_none() {
         found.made.notes.push(regular::gave_way(&regular::makes_up(share)));
     }
-    let mut headline = told(&found, &laid, &live.model);
+    let mut headline = headline_of(&found, &laid, &live.model);
     if let Some(reason) = regular::reason(&headline)
         && may_give_way(&laid_maps, &wanted, found.gave_way.len())
         && let Some(mut instead) = regular::regular(work, live, &job, (&found, how)).await?
     {
         instead.made.notes.push(regular::gave_way(&reason));
-        headline = told(&instead, &laid, &live.model);
+        headline = headline_of(&instead, &laid, &live.model);
         (summaries, templates) = (Vec::new(), (0..live.model.segments.len() as u32).collect());
         found = instead;
     }
@@ -293,7 +293,7 @@ async fn made(
 }
 
 /// Returns the headline of a composition, given the maps that were brought for its segments.
-fn told(found: &Sound, brought: &[Option<BroughtMap>], model: &Model) -> Headline {
+fn headline_of(found: &Sound, brought: &[Option<BroughtMap>], model: &Model) -> Headline {
     let mut headline = headline(brought, &found.appraisal);
     if !found.unstitched.is_empty() {
         headline.tell_side_by_side(found.unstitched.len() < model.segments.len());

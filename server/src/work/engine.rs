@@ -266,7 +266,7 @@ pub trait Engine: Send + Sync + 'static {
     ///
     /// # Errors
     /// [`EngineError::Internal`].
-    fn told_apart(&self, model: &Model) -> Result<Arc<PolyMesh>, EngineError> {
+    fn labelled_by_segment(&self, model: &Model) -> Result<Arc<PolyMesh>, EngineError> {
         Ok(Arc::clone(&model.mesh))
     }
 

@@ -304,7 +304,7 @@ pub async fn mesh(
         Faces::Plain => Arc::clone(&model.mesh),
         Faces::Labelled => {
             let engine = Arc::clone(&work.engine);
-            work.pool.run(&job, Lane::Lay, move |_| engine.told_apart(&model)).await??
+            work.pool.run(&job, Lane::Lay, move |_| engine.labelled_by_segment(&model)).await??
         }
     };
     write(work, job, caller.user, &mesh, format).await
@@ -396,7 +396,7 @@ pub async fn input_file(
     // The copy takes less than the file does.
     let _copy = work.hold(user, file_bytes_of(&model.mesh))?;
     let (engine, cut) = (Arc::clone(&work.engine), Arc::clone(model));
-    let mesh = work.pool.run(&job, Lane::Edit, move |_| engine.told_apart(&cut)).await??;
+    let mesh = work.pool.run(&job, Lane::Edit, move |_| engine.labelled_by_segment(&cut)).await??;
     write(work, job, user, &mesh, format).await
 }
 

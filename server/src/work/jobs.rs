@@ -419,11 +419,11 @@ async fn effect(work: &Arc<Work>, queue: &Arc<dyn Queue>, task: &Task, times_tak
                 Err(effect) => (Outcome::Failed, effect),
             };
             let (queue, name) = (Arc::clone(queue), upload.trim_start_matches("job-").to_owned());
-            let told = work.blocking(move |_| {
+            let outcome_kept = work.blocking(move |_| {
                 let outcome = rmp_serde::to_vec_named(&outcome).map_err(|error| CorpusError::Failed(error.into()))?;
                 Ok(queue.keep(&outcome_name(&name), &outcome)?)
             });
-            match told.await {
+            match outcome_kept.await {
                 Ok(()) => effect,
                 Err(error) => Effect::of(&error, times_taken),
             }

@@ -13,7 +13,7 @@ use std::collections::HashSet;
 use std::sync::Arc;
 
 /// Names that a message tells before it breaks off.
-const NAMES_TOLD: usize = 12;
+const NAMES_LISTED: usize = 12;
 
 /// The landmarks of an example as they are kept: each with its point on the surface.
 ///
@@ -135,10 +135,10 @@ pub fn held(example: &Example, wanted: &NewMap) -> Result<Vec<Landmark>, WorkErr
         let expected = match example.landmarks.is_empty() {
             true => "of landmarks of the example, which has none; name some with PATCH on the example".into(),
             false => {
-                format!("of landmarks of the example ({})", told(example.landmarks.iter().map(|l| l.name.as_str())))
+                format!("of landmarks of the example ({})", listed(example.landmarks.iter().map(|l| l.name.as_str())))
             }
         };
-        let found = told(wanted.names.keys().map(String::as_str));
+        let found = listed(wanted.names.keys().map(String::as_str));
         return Err(WorkError::parameter("names", expected, found));
     }
     let room = LANDMARKS_MAX.saturating_sub(held.len());
@@ -159,10 +159,10 @@ pub fn called(reasons: Vec<String>, held: &[Landmark]) -> Vec<String> {
     reasons.into_iter().map(|reason| call(reason.clone()).unwrap_or(reason)).collect()
 }
 
-fn told<'a>(names: impl Iterator<Item = &'a str>) -> String {
-    let names: Vec<&str> = names.take(NAMES_TOLD + 1).collect();
-    match names.get(..NAMES_TOLD) {
-        Some(first) if names.len() > NAMES_TOLD => format!("{}, …", first.join(", ")),
+fn listed<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    let names: Vec<&str> = names.take(NAMES_LISTED + 1).collect();
+    match names.get(..NAMES_LISTED) {
+        Some(first) if names.len() > NAMES_LISTED => format!("{}, …", first.join(", ")),
         _ => names.join(", "),
     }
 }
@@ -228,7 +228,7 @@ mod tests {
     #[test]
     fn long_lists_of_names_break_off() {
         let names: Vec<String> = (0..20).map(|k| format!("n{k}")).collect();
-        assert!(told(names.iter().map(String::as_str)).ends_with("n11, …"));
-        assert_eq!(told(["a", "b"].into_iter()), "a, b");
+        assert!(listed(names.iter().map(String::as_str)).ends_with("n11, …"));
+        assert_eq!(listed(["a", "b"].into_iter()), "a, b");
     }
 }

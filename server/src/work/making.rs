@@ -21,7 +21,7 @@ const ENDED_MAX: usize = 64;
 pub type Tell<'a> = &'a (dyn Fn(&'static str, f64) + Send + Sync);
 
 /// For those who tell nobody.
-pub fn untold(_: &'static str, _: f64) {}
+pub fn tell_nobody(_: &'static str, _: f64) {}
 
 /// One that is made.
 pub struct Making {
@@ -131,8 +131,8 @@ impl Awaited {
         Self(Some(Arc::clone(making)))
     }
 
-    /// From now on it goes on without them.
-    pub fn told(mut self) {
+    /// They know of it: from now on it goes on without them.
+    pub fn announced(mut self) {
         self.0 = None;
     }
 }
@@ -301,7 +301,7 @@ mod tests {
     #[tokio::test]
     async fn whoever_goes_away_untold_cancels_and_whoever_was_told_does_not() {
         let making = Arc::new(Making::new("a".into(), Product::Map));
-        Awaited::new(&making).told();
+        Awaited::new(&making).announced();
         assert_eq!(making.within(Duration::ZERO).await.state, MakingState::Queued);
         drop(Awaited::new(&making));
         assert_eq!(making.within(Duration::from_secs(5)).await.state, MakingState::Cancelled);

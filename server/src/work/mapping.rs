@@ -4,7 +4,7 @@
 
 use super::engine::{Encoding, Engine, EngineError, Lead, Mapped, Model, Refusal, Side, Wishes};
 use super::ingest;
-use super::making::{self, Making, Tell, untold};
+use super::making::{self, Making, Tell, tell_nobody};
 use super::query::{LiveQuery, MAPS_MAX, ms_since};
 use super::ranking::Candidate;
 use super::search::{caught_up, newcomer};
@@ -87,7 +87,7 @@ impl LiveMap {
 /// # Errors
 /// What is not there, [`WorkError::TopologyDiffers`], refusals of the pool and of the engine.
 pub async fn create(work: &Arc<Work>, live: &Arc<LiveQuery>, wanted: NewMap) -> Result<Arc<LiveMap>, WorkError> {
-    made(work, live, (MapId::generate_on(work.server), wanted), &untold).await
+    made(work, live, (MapId::generate_on(work.server), wanted), &tell_nobody).await
 }
 
 /// Maps an example on a query, on a task of its own; the map's id.
@@ -204,7 +204,7 @@ async fn lead(
         Some(map) => map,
         None => {
             let new = NewMap { beyond: Beyond::Extend, ..NewMap::new(segment, example, example_segment) };
-            Box::pin(made(work, live, (MapId::generate_on(work.server), new), &untold)).await?
+            Box::pin(made(work, live, (MapId::generate_on(work.server), new), &tell_nobody)).await?
         }
     };
     let mapped = map.newest().mapped.clone();

@@ -92,7 +92,7 @@ pub async fn thumbnail(
             Some(segment) => {
                 // Marks of the rest would hide what is meant.
                 let view = View { paint: Paint::Segment(segment.into()), poles: Poles::Unmarked, ..view };
-                render(&*engine.told_apart(&model)?, &view, size).to_png()
+                render(&*engine.labelled_by_segment(&model)?, &view, size).to_png()
             }
         })
     };

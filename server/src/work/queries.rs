@@ -19,7 +19,7 @@ pub const HELD_MAX: usize = 1024;
 const UNREAD_TIME: Duration = Duration::from_secs(30);
 
 /// The same where a stream told of the end: whoever reads it has what follows yet to ask for.
-const TOLD_TIME: Duration = Duration::from_secs(2);
+const STREAMED_TIME: Duration = Duration::from_secs(2);
 
 /// For so long an ended query is held that nobody asks for: an idle service holds no memory. It can be started again.
 const IDLE_TIME: Duration = Duration::from_secs(30 * 60);
@@ -170,7 +170,7 @@ impl Held {
 
     fn let_one_go(&mut self, may_go: impl Fn(&LiveQuery) -> bool) -> bool {
         let is_due = |slot: &Slot| {
-            let unread_time = if slot.query.end_was_told() { TOLD_TIME } else { UNREAD_TIME };
+            let unread_time = if slot.query.end_was_streamed() { STREAMED_TIME } else { UNREAD_TIME };
             let was_left = || slot.query.ended_since().is_some_and(|time| time >= unread_time);
             slot.is_at_rest() && (slot.is_read || was_left()) && may_go(&slot.query)
         };

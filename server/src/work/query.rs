@@ -70,7 +70,7 @@ pub struct LiveQuery {
     counts: MeshCounts,
     started: Instant,
     board: watch::Sender<Board>,
-    end_was_told: AtomicBool,
+    end_was_streamed: AtomicBool,
 }
 
 /// Where a query stands; cheap to clone.
@@ -140,13 +140,13 @@ impl LiveQuery {
             counts,
             started,
             board: watch::Sender::new(board),
-            end_was_told: AtomicBool::new(false),
+            end_was_streamed: AtomicBool::new(false),
         }
     }
 
     /// A stream told somebody of its end.
-    pub fn end_was_told(&self) -> bool {
-        self.end_was_told.load(Ordering::Relaxed)
+    pub fn end_was_streamed(&self) -> bool {
+        self.end_was_streamed.load(Ordering::Relaxed)
     }
 
     /// Its stop flag.
@@ -413,7 +413,7 @@ impl LiveQuery {
             (QueryState::Failed, _) => EndState::Failed,
             (QueryState::Queued | QueryState::Encoding | QueryState::Ranking, _) => return None,
         };
-        self.end_was_told.store(true, Ordering::Relaxed);
+        self.end_was_streamed.store(true, Ordering::Relaxed);
         Some(End { query: self.id, state, revision: board.revision, summary: self.describe() })
     }
 

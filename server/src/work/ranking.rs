@@ -423,8 +423,8 @@ pub(in crate::work) mod tests {
         mark(&mut all, 32, Some(2), 4);
         use EntryState::{Locked, Refining};
         assert_eq!(all.iter().map(|c| c.state).collect::<Vec<_>>(), [Refining, Locked, Refining, Locked]);
-        let told = |limit| entries(&all, limit, 1).iter().map(|e| e.similar_to).collect::<Vec<_>>();
-        assert_eq!(told(9), [None, Some(1), None, None]);
+        let similar_to = |limit| entries(&all, limit, 1).iter().map(|e| e.similar_to).collect::<Vec<_>>();
+        assert_eq!(similar_to(9), [None, Some(1), None, None]);
         all.swap(0, 1);
         assert_eq!(entries(&all, 9, 1)[0].similar_to, None);
     }
@@ -549,8 +549,8 @@ pub(in crate::work) mod tests {
             assert_eq!(names(&all, 3), "ace");
         }
         all[3].rough = Some(Rough { are_wholes: false, ..body });
-        let told: Vec<Option<u32>> = entries(&all, 9, 3).iter().map(|e| e.turn).collect();
-        assert_eq!(told, [Some(1), None, Some(2), None, Some(3)]);
+        let turns: Vec<Option<u32>> = entries(&all, 9, 3).iter().map(|e| e.turn).collect();
+        assert_eq!(turns, [Some(1), None, Some(2), None, Some(3)]);
         assert_eq!(template_entry(&[], Topology::Disc).turn, Some(1));
     }
 

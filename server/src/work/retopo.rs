@@ -68,7 +68,7 @@ pub fn start(
         let outcome = retopology.made().await?;
         let live = Arc::clone(&retopology.live);
         let notes = retopology.notes.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let summary = Retopo { total_ms: ms_since(begun), ..outcome.told(id, live.id, notes) };
+        let summary = Retopo { total_ms: ms_since(begun), ..outcome.to_wire(id, live.id, notes) };
         outcome.keep();
         live.retopos().insert(id, Arc::new(summary));
         Ok(())

@@ -170,7 +170,8 @@ impl Shared {
                     self.quarantine.forget(id);
                 }
                 // Each segment of a new example has a pointer: it is told once.
-                if let Some(changed) = told(&index, &change).filter(|changed| last.replace(*changed) != Some(*changed))
+                if let Some(changed) =
+                    change_for_followers(&index, &change).filter(|changed| last.replace(*changed) != Some(*changed))
                 {
                     lock(&self.log).push(changed);
                 }
@@ -271,7 +272,7 @@ impl Shared {
     }
 
     /// A full disk is told as such, whichever call met it.
-    pub(crate) fn told_full(&self, error: StoreError, needed: u64) -> StoreError {
+    pub(crate) fn as_full(&self, error: StoreError, needed: u64) -> StoreError {
         if !error.is_full() {
             return error;
         }
@@ -300,7 +301,7 @@ impl Shared {
 
 /// What a change of the index, which is not applied yet, is to whoever follows the corpus. That an example is set aside is
 /// told where it is asked for.
-fn told(index: &Index, change: &Change) -> Option<Changed> {
+fn change_for_followers(index: &Index, change: &Change) -> Option<Changed> {
     match change {
         Change::Record(record) if index.record(record.id).is_some() => Some(Changed::Annotated(record.id)),
         Change::Record(record) => Some(Changed::Encoded(record.id)),

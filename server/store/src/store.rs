@@ -241,7 +241,7 @@ impl Store {
         let needed = mesh.len() as u64 + labels.map_or(0, |labels| labels.len() as u64) + 2 * derived + OVERHEAD_BYTES;
         shared.check_space(needed)?;
         let held = shared.hold(record.objects().collect());
-        let put = |hash, bytes| shared.objects.put(hash, bytes).map_err(|error| shared.told_full(error, needed));
+        let put = |hash, bytes| shared.objects.put(hash, bytes).map_err(|error| shared.as_full(error, needed));
         put(record.content_hash, mesh)?;
         if let (Some(object), Some(labels)) = (record.segmentation.labels(), labels) {
             put(object, labels)?;
@@ -287,7 +287,7 @@ impl Store {
             rows.push(NewRows { record: Arc::new(record), segments, held });
         }
         shared.check_space(needed)?;
-        shared.objects.put_all(objects.into_iter()).map_err(|error| shared.told_full(error, needed))?;
+        shared.objects.put_all(objects.into_iter()).map_err(|error| shared.as_full(error, needed))?;
         match self.submit(Work::AddAll(rows))? {
             Done::AddedAll(added) => Ok(added),
             Done::Added(_) | Done::Annotated(_) | Done::Unit => Err(StoreError::Closed),

@@ -73,7 +73,7 @@ async fn ranked(work: &Arc<Work>, parts: Option<Parts>) -> (Arc<LiveQuery>, Vec<
     (live, rankings)
 }
 
-fn told(rankings: &[Ranking]) -> Vec<(String, u32, u64)> {
+fn described(rankings: &[Ranking]) -> Vec<(String, u32, u64)> {
     let entries = rankings.iter().flat_map(|ranking| &ranking.entries);
     entries.map(|e| (e.name.clone(), e.example_segment, e.score.to_bits())).collect()
 }
@@ -98,7 +98,7 @@ async fn a_scan_in_parts_takes_the_parts_of_an_example_that_stands_once_in_each_
     // The pig's own parts are the best for parts of a pig, and lie there with their own faces.
     let of_parts =
         rankings.iter().filter_map(|r| r.entries.first()).filter(|e| e.example == pig.id && e.example_segment > 0);
-    assert!(of_parts.count() * 2 > rankings.len(), "{:?}", told(&rankings));
+    assert!(of_parts.count() * 2 > rankings.len(), "{:?}", described(&rankings));
     let first = rankings.iter().find(|r| r.entries.first().is_some_and(|e| e.example_segment > 0)).expect("a part");
     let (segment, example, example_segment) =
         (first.segment, first.entries[0].example, first.entries[0].example_segment);
@@ -110,7 +110,7 @@ async fn a_scan_in_parts_takes_the_parts_of_an_example_that_stands_once_in_each_
     // Whole, it is compared with what is whole.
     let (_, whole) = ranked(&work, None).await;
     assert_eq!(whole.len(), 1);
-    assert!(whole[0].entries.iter().all(|entry| entry.example_segment == 0), "{:?}", told(&whole));
+    assert!(whole[0].entries.iter().all(|entry| entry.example_segment == 0), "{:?}", described(&whole));
     assert_eq!(whole[0].entries[0].example, pig.id);
     // All of it is the same after a restart.
     work.keep_rows();
@@ -118,7 +118,7 @@ async fn a_scan_in_parts_takes_the_parts_of_an_example_that_stands_once_in_each_
     let work = opened(dir.path()).await;
     assert_eq!(*work.catalogue.example(pig.id).expect("there"), *pig);
     let (live, again) = ranked(&work, Some(Parts::Auto)).await;
-    assert_eq!(told(&again), told(&rankings));
+    assert_eq!(described(&again), described(&rankings));
     let after = mapping::create(&work, &live, wanted).await.expect("a map").newest();
     assert_eq!(after.mapped.mesh.positions, map.mapped.mesh.positions);
 }

@@ -70,7 +70,7 @@ impl Gaps {
         *now = (Instant::now(), now.1.max(now.0.elapsed()), now.2 + 1);
     }
 
-    fn told(&self) -> (f64, u64) {
+    fn summary(&self) -> (f64, u64) {
         let now = self.0.lock().expect("not poisoned");
         (now.1.as_secs_f64(), now.2)
     }
@@ -115,7 +115,7 @@ fn run(kills: u64, every: Duration) -> Result<bool, Box<dyn Error>> {
         let struck = (0..kills).try_for_each(|kill| {
             std::thread::sleep(every);
             if kill % 20 == 0 {
-                let [(_, writes), (_, reads)] = [history.writes.told(), history.reads.told()];
+                let [(_, writes), (_, reads)] = [history.writes.summary(), history.reads.summary()];
                 eprintln!("{kill} kills, {:.0} s, {writes} writes, {reads} reads", begun.elapsed().as_secs_f64());
             }
             ended += note_ended(&mut servers, begun);
@@ -300,13 +300,13 @@ fn judged<'a>(
     let check = Command::new(program("quadmuse-server")?)
         .args(["cluster", "check", "--bucket", "studio", "--cluster", &nodes.addresses()])
         .output()?;
-    let ((write_gap, writes), (read_gap, reads)) = (history.writes.told(), history.reads.told());
+    let ((write_gap, writes), (read_gap, reads)) = (history.writes.summary(), history.reads.summary());
     let [done, gone] = history.queries.each_ref().map(|count| count.load(Ordering::Relaxed));
     let stale = history.stale.load(Ordering::Relaxed);
     println!("acknowledged: {} examples, {writes} writes; longest time without one {write_gap:.1} s", examples.len());
     println!("reads: {reads}; longest time without one {read_gap:.1} s; older than the reader's own write: {stale}");
     println!("queries: {done} done, {gone} told that their server is gone");
-    let (maps, are_maps_right) = history.maps.told();
+    let (maps, are_maps_right) = history.maps.summary();
     println!("{maps}");
     println!("lost: {}; lists of all four servers equal: {is_equal} ({} examples)", lost.len(), lists[0].len());
     println!("check: {}", String::from_utf8_lossy(&check.stdout).trim());

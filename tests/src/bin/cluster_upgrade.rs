@@ -157,8 +157,8 @@ fn run(older: &Path, examples: usize) -> Result<bool, Box<dyn Error>> {
             servers[at].terminate(ENDS_WITHIN)?;
             servers[at] = start(&newer, at)?;
             history.servers.lock().expect("not poisoned")[at] = Some(servers[at].address());
-            let told: Vec<_> = servers.iter().map(|one| encoder(one.address())).collect();
-            println!("encoders of the servers: {told:?}");
+            let encoders: Vec<_> = servers.iter().map(|one| encoder(one.address())).collect();
+            println!("encoders of the servers: {encoders:?}");
             Ok(())
         });
         std::thread::sleep(SIDE_BY_SIDE);

@@ -96,7 +96,7 @@ fn run(options: &Options) -> Result<(), LoadError> {
     let time = Duration::from_secs(options.seconds);
     if asked("crowd") {
         let server = load::server(&data)?;
-        told_crowd(
+        print_crowd(
             &crowd::measure(&server, &mesh, [options.watchers, options.watchers, options.clients], time)?,
             &server,
         );
@@ -108,15 +108,15 @@ fn run(options: &Options) -> Result<(), LoadError> {
         println!("{PEAK_CLIENTS} clients: {:.2} queries/s, {:?} in windows of 5 s", peak.per_second(), peak.windows);
         println!("{} clients: {:.2}/s, {:?}", FLOOD * PEAK_CLIENTS, flood.per_second(), flood.windows);
         println!("  goodput {:.0} % of peak", 100.0 * flood.per_second() / peak.per_second());
-        println!("  refusals: {}; {} without Retry-After", flood.did.refused.told(), flood.did.silent);
+        println!("  refusals: {}; {} without Retry-After", flood.did.refused.summary(), flood.did.silent);
         println!("  {} errors", flood.did.errors);
     }
     if asked("edit") {
         let server = load::server(&data)?;
         let drawn = shapes::head(9, options.drawn, Faces::Quads);
         let ([alone, loaded], faces) = fairness::edits(&server, [&mesh, drawn.as_bytes()], options.clients, EDITS)?;
-        println!("edits of a map of {faces} faces: alone {}", alone.told());
-        println!("  beside {} clients: {}", options.clients, loaded.told());
+        println!("edits of a map of {faces} faces: alone {}", alone.summary());
+        println!("  beside {} clients: {}", options.clients, loaded.summary());
     }
     if asked("fair") {
         fair(&data, &mesh)?;
@@ -124,27 +124,27 @@ fn run(options: &Options) -> Result<(), LoadError> {
     if asked("siege") {
         for way in siege::Way::ALL.map(Some).into_iter().chain([None]) {
             let siege = siege::measure(&data, LIMIT_BYTES, USERS, way, time)?;
-            told_siege(&way.map_or("all of it".into(), |way| format!("{way:?}")), &siege);
+            print_siege(&way.map_or("all of it".into(), |way| format!("{way:?}")), &siege);
         }
     }
     println!("load at the end {}", process::load());
     Ok(())
 }
 
-fn told_siege(what: &str, siege: &siege::Siege) {
+fn print_siege(what: &str, siege: &siege::Siege) {
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
     println!(
         "siege by {USERS} users, {what}: {:.0} MiB at most, {:.0} MiB 20 s later",
         mib(siege.most),
         mib(siege.after)
     );
-    println!("  health: {}; {} not answered; lives: {}", siege.health.told(), siege.unwell, siege.lives);
+    println!("  health: {}; {} not answered; lives: {}", siege.health.summary(), siege.unwell, siege.lives);
     let counts: Vec<String> = siege.answers.iter().map(|((way, status), n)| format!("{way} {n} × {status}")).collect();
     println!("  {}", counts.join(", "));
 }
 
-fn told_crowd(crowd: &crowd::Crowd, server: &Server) {
-    println!("health: {}", crowd.health.told());
+fn print_crowd(crowd: &crowd::Crowd, server: &Server) {
+    println!("health: {}", crowd.health.summary());
     println!(
         "  polls: {} answered, {} not; streams: {} with their end, {} without",
         crowd.polls[0], crowd.polls[1], crowd.streams[0], crowd.streams[1]
@@ -160,8 +160,8 @@ fn fair(data: &Path, mesh: &[u8]) -> Result<(), LoadError> {
     let server = load::server(data)?;
     let ([alone, beside], taken) =
         fairness::first_levels(&server, mesh, tokens.each_ref().map(String::as_str), WAITING)?;
-    println!("first ranking of a user alone: {}", alone.told());
-    println!("  beside another with {WAITING} queries ({taken} taken): {}", beside.told());
+    println!("first ranking of a user alone: {}", alone.summary());
+    println!("  beside another with {WAITING} queries ({taken} taken): {}", beside.summary());
     println!("  median × {:.2}", beside.share(0.5) / alone.share(0.5));
     Ok(())
 }

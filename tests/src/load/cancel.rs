@@ -214,6 +214,6 @@ fn delete(caller: &Caller<'_>, target: &str) -> Result<(), ScaleError> {
 }
 
 /// Tells whether something ended by what is told of it; what is gone has.
-fn has_ended(told: &Value) -> bool {
-    matches!(told["state"].as_str(), Some("done" | "failed" | "cancelled") | None)
+fn has_ended(answer: &Value) -> bool {
+    matches!(answer["state"].as_str(), Some("done" | "failed" | "cancelled") | None)
 }

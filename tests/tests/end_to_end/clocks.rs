@@ -99,8 +99,8 @@ fn servers_whose_clocks_are_wrong_lose_nothing_and_still_find_each_other() {
     collect.args(&words).arg(program("quadmuse-server").expect("built")).args(["cluster", "collect"]);
     let collected = collect.env("QUADMUSE_CLUSTER", nodes.addresses()).env("QUADMUSE_BUCKET", "studio").output();
     let collected = collected.expect("it runs");
-    let told = String::from_utf8_lossy(&collected.stdout).into_owned();
-    assert!(collected.status.success() && told.starts_with("0 objects"), "{told}");
+    let said = String::from_utf8_lossy(&collected.stdout).into_owned();
+    assert!(collected.status.success() && said.starts_with("0 objects"), "{said}");
 
     // One that is gone is told as soon as ever.
     wrong.kill().expect("killed");

@@ -246,7 +246,7 @@ fn whoever_joins_at_a_copy_that_differs_comes_to_what_was_acknowledged() {
     let new = joined("new");
     assert_eq!(new.get(record.id).expect("there").name, record.name, "it was delivered something else");
     eventually("it has what was acknowledged", || new.snapshot().examples == a.snapshot().examples);
-    let is_delivered = || joined("newest").get(record.id).is_ok_and(|told| told.name == "renamed");
+    let is_delivered = || joined("newest").get(record.id).is_ok_and(|example| example.name == "renamed");
     eventually("nobody is delivered the other any more", is_delivered);
 }
 
@@ -263,11 +263,11 @@ fn a_leader_whose_copy_differs_is_given_what_was_acknowledged() {
     // The looks of those that have just joined are over then.
     std::thread::sleep(Duration::from_millis(4500));
     engine.have_leader_differ();
-    let is_told_alike = || {
+    let are_alike = || {
         let fresh = joined("fresh");
-        [&a, &b, &fresh].iter().all(|server| server.get(record.id).is_ok_and(|told| told.name == "renamed"))
+        [&a, &b, &fresh].iter().all(|server| server.get(record.id).is_ok_and(|example| example.name == "renamed"))
     };
-    eventually("all have what was acknowledged", is_told_alike);
+    eventually("all have what was acknowledged", are_alike);
 }
 
 #[test]

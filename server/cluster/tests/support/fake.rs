@@ -259,8 +259,8 @@ impl Engine for FakeEngine {
     }
 
     fn newest(&self) -> Result<u64, EngineError> {
-        let told = || self.call("tell its newest entry", |world| world.log.len() as u64);
-        (0..20).find_map(|_| told().ok()).ok_or_else(|| silent("tell its newest entry"))
+        let newest = || self.call("tell its newest entry", |world| world.log.len() as u64);
+        (0..20).find_map(|_| newest().ok()).ok_or_else(|| silent("tell its newest entry"))
     }
 
     fn follow(&self, after: u64) -> Result<Box<dyn Deliveries>, EngineError> {

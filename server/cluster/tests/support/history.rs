@@ -97,7 +97,7 @@ fn write(server: &dyn Backend, seeds: std::ops::Range<u64>, history: &Mutex<Hist
 
 /// A sentence for each acknowledged change that is not there.
 fn lost(history: &History, servers: &[&SharedCorpus], engine: &JetStream) -> Vec<String> {
-    let newest = engine.newest().expect("told");
+    let newest = engine.newest().expect("an answer");
     let mut lost = Vec::new();
     for (at, server) in servers.iter().enumerate() {
         eventually("it is quiet", || server.position() >= newest);
@@ -139,16 +139,16 @@ pub(crate) fn judge(
     let mut missing = lost(&history, &all, asking);
     // A sentence for each example that the servers tell differently.
     let differing = || {
-        let told: Vec<BTreeMap<ExampleId, String>> = all
+        let listed: Vec<BTreeMap<ExampleId, String>> = all
             .iter()
             .map(|server| {
                 server.snapshot().examples.iter().map(|e| (e.id, format!("{} {}", e.revision, e.name))).collect()
             })
             .collect();
-        let ids: BTreeSet<ExampleId> = told.iter().flat_map(|one| one.keys().copied()).collect();
-        let of = |id: &ExampleId| told.iter().map(|one| one.get(id).cloned()).collect::<Vec<_>>();
-        let is_told_alike = |of: &[Option<String>]| of.iter().all(|one| *one == of[0]);
-        let differing = ids.iter().map(|id| (id, of(id))).filter(|(_, of)| !is_told_alike(of));
+        let ids: BTreeSet<ExampleId> = listed.iter().flat_map(|one| one.keys().copied()).collect();
+        let of = |id: &ExampleId| listed.iter().map(|one| one.get(id).cloned()).collect::<Vec<_>>();
+        let are_alike = |of: &[Option<String>]| of.iter().all(|one| *one == of[0]);
+        let differing = ids.iter().map(|id| (id, of(id))).filter(|(_, of)| !are_alike(of));
         differing.map(|(id, of)| format!("{id}: {of:?}")).collect::<Vec<_>>()
     };
     let is_alike = || servers.iter().all(|server| server.snapshot().examples == fresh.snapshot().examples);

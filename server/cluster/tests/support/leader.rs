@@ -6,12 +6,12 @@ use quadmuse_cluster::JetStream;
 
 /// The number of that node. An election is waited for.
 pub(crate) fn leader(asking: &JetStream) -> usize {
-    let told = (0..200).find_map(|_| {
-        let told = asking.entries_leader().ok().flatten();
-        if told.is_none() {
+    let leader = (0..200).find_map(|_| {
+        let leader = asking.entries_leader().ok().flatten();
+        if leader.is_none() {
             std::thread::sleep(Duration::from_millis(100));
         }
-        told
+        leader
     });
-    told.and_then(|name| name.strip_prefix("node")?.parse().ok()).expect("a leader")
+    leader.and_then(|name| name.strip_prefix("node")?.parse().ok()).expect("a leader")
 }

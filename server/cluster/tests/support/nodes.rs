@@ -199,16 +199,17 @@ impl Nodes {
     /// Counts the messages that a node itself holds, by the name of their stream. The engine tells its clients what the
     /// stream's leader holds, never how far a copy is. Empty where the node does not answer.
     pub(crate) fn held(&self, at: usize) -> BTreeMap<String, u64> {
-        let told = || -> Option<serde_json::Value> {
+        let monitored = || -> Option<serde_json::Value> {
             let mut stream = TcpStream::connect(self.nodes[at].monitor.as_ref()?).ok()?;
             stream.write_all(b"GET /jsz?streams=true HTTP/1.0\r\n\r\n").ok()?;
             let mut answer = String::new();
             stream.read_to_string(&mut answer).ok()?;
             serde_json::from_str(answer.split_once("\r\n\r\n")?.1).ok()
         };
-        let told = told().unwrap_or_default();
+        let monitored = monitored().unwrap_or_default();
         let list = |value: &serde_json::Value| value.as_array().cloned().unwrap_or_default();
-        let streams = list(&told["account_details"]).into_iter().flat_map(|account| list(&account["stream_detail"]));
+        let streams =
+            list(&monitored["account_details"]).into_iter().flat_map(|account| list(&account["stream_detail"]));
         let held = |stream: serde_json::Value| {
             Some((stream["name"].as_str()?.to_owned(), stream["state"]["messages"].as_u64()?))
         };

@@ -9,12 +9,12 @@ use std::backtrace::Backtrace;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
-/// Gaps of more are told with where they end.
-const TOLD_MS: f64 = 20.0;
+/// Gaps of more are shown with where they end.
+const GAP_SHOWN_MS: f64 = 20.0;
 /// So many of them at most.
-const TOLD_MAX: usize = 12;
-/// Lines of the kernel that are told of each.
-const PLACES_TOLD: usize = 7;
+const GAPS_SHOWN_MAX: usize = 12;
+/// Lines of the kernel that are shown of each.
+const PLACES_SHOWN: usize = 7;
 
 /// The gaps between questions, in milliseconds, and where the long ones ended.
 #[derive(Default)]
@@ -44,14 +44,14 @@ impl Gaps {
             "{name}: {total:.0} ms, a cancellation waits {median:.2} ms (p50), {late:.1} ms (p99), {longest:.1} ms at most"
         );
         self.long.sort_by(|a, b| b.0.total_cmp(&a.0));
-        self.long.iter().take(TOLD_MAX).for_each(|(gap, place)| eprintln!("  {gap:.1} ms before {place}"));
+        self.long.iter().take(GAPS_SHOWN_MAX).for_each(|(gap, place)| eprintln!("  {gap:.1} ms before {place}"));
     }
 }
 
 /// Processor time of this thread, in milliseconds; real time where the system doesn't tell.
 fn now_ms(begun: Instant) -> f64 {
-    let told = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
-    let nanoseconds = told.as_deref().and_then(|text| text.split(' ').next()?.parse::<f64>().ok());
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
+    let nanoseconds = text.as_deref().and_then(|text| text.split(' ').next()?.parse::<f64>().ok());
     nanoseconds.map_or(begun.elapsed().as_secs_f64() * 1e3, |ns| ns / 1e6)
 }
 
@@ -61,7 +61,7 @@ fn place() -> String {
     let line = |frame: &str| Some(frame.split_once("server/kernel/src/")?.1.trim_end().to_owned());
     let mut lines: Vec<String> = frames.lines().filter_map(line).collect();
     lines.retain(|line| !line.starts_with("numerics/stop"));
-    lines.truncate(PLACES_TOLD);
+    lines.truncate(PLACES_SHOWN);
     lines.join(" < ")
 }
 
@@ -85,7 +85,7 @@ pub(crate) fn asked<T>(work: impl FnOnce(Stop<'_>) -> T) -> (T, Gaps) {
         let now = now_ms(begun);
         let gap = now - *cpu;
         gaps.all_ms.push(gap);
-        if gap > TOLD_MS {
+        if gap > GAP_SHOWN_MS {
             gaps.long.push((gap, place()));
         }
         // What telling took is not the computation's.

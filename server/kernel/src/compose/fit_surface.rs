@@ -88,7 +88,7 @@ pub fn fit_surface(net: &mut Net, points: &[Vec3], on: (&TriMesh, &Target), held
     let is_held = |v: u32| match held {
         Held::Nothing => false,
         Held::Boundary => net.on_boundary(v),
-        Held::BoundaryAnd(told) => told.get(v as usize) == Some(&true) || net.on_boundary(v),
+        Held::BoundaryAnd(held) => held.get(v as usize) == Some(&true) || net.on_boundary(v),
     };
     let count = net.positions.len() as u32;
     let moving: Vec<u32> = (0..count).filter(|&v| !net.at(v).is_empty() && !is_held(v)).collect();

@@ -85,8 +85,8 @@ const BARE_MAX: f64 = 0.08;
 /// Two shins of a camel are 6.5 % of it, the ears of a dog 1.6 %, a horn and the root of a cow's tail 1.1 %
 /// (tests/records/stretch-2026-11-27.md).
 const MISSED_MAX: f64 = 0.025;
-/// From here on it is told: all else that was looked at misses nothing.
-const MISSED_TOLD: f64 = 0.0075;
+/// From here on a reason says so: all else that was looked at misses nothing.
+const MISSED_NOTED: f64 = 0.0075;
 const INWARD_MAX: f64 = 0.1;
 const COLLAPSED_MAX: f64 = 0.1;
 
@@ -120,7 +120,7 @@ impl Flaws {
     /// Says that limbs are missed, where that is too little to make a mesh broken.
     pub fn note(&self, left_out: f64) -> Option<String> {
         let missed = self.missed(left_out);
-        (missed > MISSED_TOLD && missed <= MISSED_MAX).then(|| why_missed(missed))
+        (missed > MISSED_NOTED && missed <= MISSED_MAX).then(|| why_missed(missed))
     }
 
     /// The same of a mesh that reaches all of the surface.

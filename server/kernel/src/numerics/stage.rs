@@ -136,7 +136,7 @@ mod tests {
 
     #[test]
     fn an_unknown_stage_is_refused_with_the_names_of_all() {
-        let told = Stage::named("pose").expect_err("no such stage").to_string();
-        assert!(told.contains("poses, anchors") && told.contains("\"pose\""), "{told}");
+        let message = Stage::named("pose").expect_err("no such stage").to_string();
+        assert!(message.contains("poses, anchors") && message.contains("\"pose\""), "{message}");
     }
 }

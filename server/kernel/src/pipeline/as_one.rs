@@ -5,7 +5,7 @@
 use super::error::{PipelineError, Stop};
 use super::grouped::Pieces;
 use super::model::Model;
-use super::notes::MISS_TOLD_PCT;
+use super::notes::MISS_NOTED_PCT;
 use super::stitch::{Made, Part, Stitching, stitched};
 use super::stitched::{Standing, Stitched};
 use crate::compose::{self, Miss, surface::ComposedSurface};
@@ -51,7 +51,7 @@ pub(crate) fn as_one(
     if splits == 0 && 100.0 * miss.mean <= CLOSE_PCT {
         return Ok(Some(Stitched::as_it_is(Arc::clone(whole), vec![Standing::Example])));
     }
-    let follows = |miss: Miss| 100.0 * miss.mean <= MISS_TOLD_PCT;
+    let follows = |miss: Miss| 100.0 * miss.mean <= MISS_NOTED_PCT;
     let as_it_is =
         (splits == 0 && follows(miss)).then(|| Stitched::as_it_is(Arc::clone(whole), vec![Standing::Example]));
     let mut best: Option<(Miss, Stitched)> = None;
@@ -108,12 +108,12 @@ fn moved(
         return Ok(None);
     }
     let Some(miss) = compose::miss(ground.input(), &made.mesh) else { return Ok(None) };
-    let mut told = made.told();
-    told.notes.push(match splits {
+    let mut stitched = made.with_notes();
+    stitched.notes.push(match splits {
         0 => MOVED.into(),
         _ => split_note(splits, mesh.faces.len()),
     });
-    Ok(Some((miss, told)))
+    Ok(Some((miss, stitched)))
 }
 
 fn split_note(splits: u32, quads: usize) -> String {
@@ -173,7 +173,7 @@ mod tests {
     #[test]
     fn a_map_of_few_faces_is_moved_until_they_lie_on_the_input_and_keeps_all_else() {
         let (map, miss_pct, made) = tried(10, dome);
-        assert!((CLOSE_PCT..MISS_TOLD_PCT).contains(&miss_pct), "{miss_pct}");
+        assert!((CLOSE_PCT..MISS_NOTED_PCT).contains(&miss_pct), "{miss_pct}");
         let (moved, after_pct) = made.expect("it follows");
         assert_eq!(moved.notes, [MOVED]);
         assert!(moved.mesh.faces == map.faces && moved.mesh.attributes == map.attributes);

@@ -14,14 +14,14 @@ use crate::topology::Topology;
 use crate::unfold::Chart;
 use std::sync::{Arc, OnceLock};
 
-/// Applies an edit to the registration of a map; `told` are the map's constraints.
+/// Applies an edit to the registration of a map; `present` are the map's constraints.
 ///
 /// # Errors
 /// [`PipelineError::Refused`] where a constraint is unknown, names no point of its surface, or folds the map;
 /// [`PipelineError::Stopped`].
 pub fn edit(
     registered: &Registered,
-    told: &[Constraint],
+    present: &[Constraint],
     wanted: &ConstraintEdit,
     example: &Side,
     query: &Side,
@@ -32,7 +32,7 @@ pub fn edit(
     if is_of_charts || registered.of_whole.get().is_some() {
         from_whole::keep(registered, example, query, stop)?;
         let (one, two) = (&&example.encoded.query.chart, &registered.surface(query)?.chart);
-        let (edited, touched) = edit_pinned(registered, wanted, told, (example, one), (query, two))?;
+        let (edited, touched) = edit_pinned(registered, wanted, present, (example, one), (query, two))?;
         return from_whole::fitted(edited, &touched, wanted.on_fold, example, query, stop);
     }
     let topology = registered.entry.best().unfolded.encoding.topology;
@@ -114,16 +114,16 @@ fn undo(
 }
 
 /// Edits the constraints of a map that is given by places: a feature that is moved becomes one of the caller's, and one that is removed
-/// is no longer listed. `told` are the map's. Returns which were set, too.
+/// is no longer listed. `present` are the map's. Returns which were set, too.
 fn edit_pinned(
     registered: &Registered,
     wanted: &ConstraintEdit,
-    told: &[Constraint],
+    present: &[Constraint],
     (example, one): (&Side, &Chart),
     (query, two): (&Side, &Chart),
 ) -> Result<(Registered, Vec<usize>), PipelineError> {
     let (mut pinned, mut removed) = (registered.pinned.clone(), registered.removed.clone());
-    let feature = |id: &str| told.iter().find(|c| c.id == id && c.origin == ConstraintOrigin::Feature);
+    let feature = |id: &str| present.iter().find(|c| c.id == id && c.origin == ConstraintOrigin::Feature);
     let bvhs = (OnceLock::new(), OnceLock::new());
     let find = |pinned: &[(String, (Location, Location))], id: &str| -> Result<usize, PipelineError> {
         pinned.iter().position(|(name, _)| name == id).ok_or_else(|| {

@@ -436,8 +436,8 @@ mod tests {
     #[test]
     fn a_map_of_sheared_quads_is_poor_however_well_it_agrees() {
         let alike = Evidence { relief: 0.9, bend: 10.0, ..Evidence::default() };
-        let told = |sheared| judged(&alike, (0.0, 0.0, sheared), (true, false));
-        assert_eq!([8.0, 20.0, 25.0].map(|sheared| told(sheared).0), [Verdict::Good, Verdict::Fair, Verdict::Poor]);
-        assert!(told(43.0).1[0].contains("43°"));
+        let by_shear = |sheared| judged(&alike, (0.0, 0.0, sheared), (true, false));
+        assert_eq!([8.0, 20.0, 25.0].map(|sheared| by_shear(sheared).0), [Verdict::Good, Verdict::Fair, Verdict::Poor]);
+        assert!(by_shear(43.0).1[0].contains("43°"));
     }
 }

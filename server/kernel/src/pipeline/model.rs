@@ -146,7 +146,7 @@ impl Model {
     }
 
     /// The mesh, whose faces tell the segment that they belong to.
-    pub fn told_apart(&self) -> PolyMesh {
+    pub fn labelled_by_segment(&self) -> PolyMesh {
         let mut mesh = PolyMesh::clone(&self.mesh);
         // Of a whole that has parts besides, each face tells its part.
         let labels = self.besides.clone().unwrap_or_else(|| self.face_labels(mesh.faces.len()));
@@ -256,9 +256,10 @@ pub fn read(bytes: &[u8], format: Option<Format>, cut: &Cut, limits: &Limits) ->
     let asked = cut.parts.is_some() && cut.grain == Grain::Faces;
     let besides = besides(&mesh, &prepared.mesh, &segmented, &cut.besides)?;
     let (besides, parts) = besides.map_or((None, Vec::new()), |(labels, parts)| (Some(labels), parts));
-    let told = prepared.repairs.iter().map(ToString::to_string);
-    let opened = Some(segmented.handles_opened).filter(|count| *count > 0).map(handles_told);
-    let repairs = told.chain(opened).chain(segmented.parts.iter().flat_map(|part| mended(part, &segmented))).collect();
+    let repaired = prepared.repairs.iter().map(ToString::to_string);
+    let opened = Some(segmented.handles_opened).filter(|count| *count > 0).map(handles_note);
+    let repairs =
+        repaired.chain(opened).chain(segmented.parts.iter().flat_map(|part| mended(part, &segmented))).collect();
     let (faces, format) = (mesh.faces.len(), wanted.unwrap_or(Format::Obj));
     let mesh = Arc::new(mesh);
     let model = Model {
@@ -386,7 +387,7 @@ pub fn few(labels: &[i64]) -> Result<&[i64], PipelineError> {
     Ok(labels)
 }
 
-fn handles_told(count: u32) -> String {
+fn handles_note(count: u32) -> String {
     let s = if count == 1 { "" } else { "s" };
     format!("{count} handle{s} cut open for the computation; maps keep to the surface")
 }
@@ -455,7 +456,7 @@ mod tests {
         let cut = Cut { way: Way::Groups, ..Cut::default() };
         let model = read(text, None, &cut, &Limits::default()).expect("a model of two groups");
         assert_eq!(model.segments().len(), 2);
-        let labels = model.told_apart().attributes.segments.expect("segments");
+        let labels = model.labelled_by_segment().attributes.segments.expect("segments");
         assert_eq!(labels.len(), 2);
         assert_ne!(labels[0], labels[1]);
         assert!(model.mesh.attributes.segments.is_none(), "the input itself stays as it was read");
@@ -465,15 +466,15 @@ mod tests {
     fn a_triangle_that_a_scan_writes_a_thousand_times_is_one_and_an_example_keeps_all() {
         let facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
         let text = format!("solid x\n{}endsolid x\n", facet.repeat(1000));
-        let told = |grain| {
+        let cut_by = |grain| {
             let cut = Cut { components: Components::SmallLeftOut, grain, ..Cut::default() };
             let model = read(text.as_bytes(), None, &cut, &Limits::default()).expect("a model");
             assert_eq!(model.mesh.faces.len(), 1000, "what was sent stays as it is");
             (model.repairs.iter().any(|repair| repair.starts_with("999 duplicate faces")), model.segments())
         };
-        let (is_told, scan) = told(Grain::Free);
-        assert!(is_told && scan.len() == 1, "one piece of a thousand");
+        let (is_noted, scan) = cut_by(Grain::Free);
+        assert!(is_noted && scan.len() == 1, "one piece of a thousand");
         assert_eq!(scan[0].faces, 1);
-        assert!(!told(Grain::Faces).0, "an artist's are left alone");
+        assert!(!cut_by(Grain::Faces).0, "an artist's are left alone");
     }
 }

@@ -2,8 +2,8 @@
 
 use crate::compose::{Report, Way};
 
-/// Mean distance from the input, in % of the diagonal of its bounding box, from which on it is told.
-pub(crate) const MISS_TOLD_PCT: f64 = 0.25;
+/// Mean distance from the input, in % of the diagonal of its bounding box, from which on a note says so.
+pub(crate) const MISS_NOTED_PCT: f64 = 0.25;
 
 /// What was brought for segments, beside meshes as they were mapped.
 #[derive(Clone, Debug, Default)]
@@ -86,7 +86,7 @@ pub(crate) fn made(report: &Report, quads: usize) -> Vec<String> {
         notes.push(format!("to follow the input everything was subdivided {} times, to {quads} quads", report.refined));
     }
     let miss = 100.0 * report.fit.worst();
-    if miss > MISS_TOLD_PCT {
+    if miss > MISS_NOTED_PCT {
         notes.push(format!(
             "the result misses the input by {miss:.2} % of its diagonal on average; ask for a higher density"
         ));

@@ -10,7 +10,7 @@ use crate::unfold::{Chart, UnfoldOptions};
 use std::sync::Arc;
 
 /// Flips of so large a share of the edges are worth a word: a clean mesh needs fewer.
-const FLIPS_SHARE_TOLD: f64 = 0.05;
+const FLIPS_SHARE_NOTED: f64 = 0.05;
 
 /// What is known of an encoded segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,7 +79,7 @@ pub fn encode(model: &Model, segment: u32, stop: Stop) -> Result<Encoded, Pipeli
 fn unfolding(segment: u32, chart: &Chart) -> Vec<String> {
     let (report, edges) = (&chart.report, 1.5 * chart.mesh.triangles.len() as f64);
     let mut steps = Vec::new();
-    if report.flips as f64 > FLIPS_SHARE_TOLD * edges {
+    if report.flips as f64 > FLIPS_SHARE_NOTED * edges {
         steps.push(format!("{} edges flipped to Delaunay", report.flips));
     }
     if report.mollified > 0.0 {

@@ -93,7 +93,7 @@ pub fn compose(query: &Model, parts: &[Part], how: Stitching, stop: Stop) -> Res
     if grouped.is_any_joined() {
         let whole = stitched(&grouped.ground(&ground), parts, &grouped, how, stop)?;
         if !grouped.is_any_lost(&whole.report) {
-            return Ok(whole.told());
+            return Ok(whole.with_notes());
         }
     }
     let single = Pieces::single(parts.len());
@@ -103,10 +103,10 @@ pub fn compose(query: &Model, parts: &[Part], how: Stitching, stop: Stop) -> Res
     {
         return Ok(made);
     }
-    Ok(stitched(&ground, parts, &single, how, stop)?.told())
+    Ok(stitched(&ground, parts, &single, how, stop)?.with_notes())
 }
 
-/// A composition, and what is to be told of what was brought.
+/// A composition, and what its notes say of what was brought.
 pub(crate) struct Made {
     pub(crate) mesh: PolyMesh,
     pub(crate) report: compose::Report,
@@ -131,7 +131,8 @@ impl Made {
         (0..report.subdivided.len()).map(on).collect()
     }
 
-    pub(crate) fn told(self) -> Stitched {
+    /// The composition as it is returned, with what stands on each segment and the notes.
+    pub(crate) fn with_notes(self) -> Stitched {
         let standing = self.standing();
         let mut notes = notes::brought(&self.brought);
         notes.extend(notes::made(&self.report, self.mesh.faces.len()));
@@ -154,20 +155,20 @@ pub(crate) fn stitched(
     how: Stitching,
     stop: Stop,
 ) -> Result<Made, PipelineError> {
-    let mut told = notes::Brought::default();
+    let mut for_notes = notes::Brought::default();
     let mut brought: Vec<Brought<'_>> = Vec::new();
     for (segment, joined) in pieces.each() {
-        let mut mesh = |part| at_density(part, segment, how.density, &mut told).map(Box::new);
+        let mut mesh = |part| at_density(part, segment, how.density, &mut for_notes).map(Box::new);
         brought.push(match &parts[segment] {
             Part::OfWhole(part) => Brought::Mesh(mesh(joined.unwrap_or(part))?, Choice::Chosen),
             Part::Mapped { part, .. } => Brought::Mesh(mesh(part)?, Choice::Open),
             Part::Kept(part) => Brought::Mesh(mesh(part)?, Choice::Chosen),
             Part::Poor(instead) => {
-                told.poor.push(segment);
+                for_notes.poor.push(segment);
                 Brought::Unfolded(&instead.query)
             }
             Part::Template(encoded) => {
-                told.regular.push(segment);
+                for_notes.regular.push(segment);
                 Brought::Unfolded(&encoded.query)
             }
         });
@@ -188,7 +189,7 @@ pub(crate) fn stitched(
     {
         made.mesh.attributes = mesh.attributes.clone();
     }
-    Ok(Made { mesh: made.mesh, report: pieces.by_segment(made.report), brought: told })
+    Ok(Made { mesh: made.mesh, report: pieces.by_segment(made.report), brought: for_notes })
 }
 
 /// A part, subdivided or coarsened; its faces are counted before the work.
@@ -196,7 +197,7 @@ fn at_density(
     mesh: &PolyMesh,
     segment: usize,
     density: i32,
-    told: &mut notes::Brought,
+    for_notes: &mut notes::Brought,
 ) -> Result<PolyMesh, PipelineError> {
     if density == 0 {
         return Ok(mesh.clone());
@@ -214,7 +215,7 @@ fn at_density(
     let mut net = Net::from_mesh(mesh);
     for step in 0..-density {
         let Some(coarser) = subdivide::coarsen(&net) else {
-            told.too_fine.push((segment, step));
+            for_notes.too_fine.push((segment, step));
             break;
         };
         net = coarser;

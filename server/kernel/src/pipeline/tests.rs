@@ -125,9 +125,11 @@ fn a_scan_with_a_window_takes_an_example_without_one_to_its_place() {
     let window = |x: f64, y: f64| (-0.5..0.1).contains(&x) && (-0.1..0.5).contains(&y);
     let text = dome_without(40, window);
     let scan = read(text.as_bytes(), Some(Format::Obj), &Cut::default(), &Limits::default()).expect("a scan");
-    let told = scan.segments()[0];
-    assert_eq!((scan.segments().len(), told.topology, told.holes), (1, Topology::Annulus, 0));
-    assert!(ranked_against(told.topology, true).contains(&Topology::Disc) && reaches(Topology::Disc, told.topology));
+    let segment = scan.segments()[0];
+    assert_eq!((scan.segments().len(), segment.topology, segment.holes), (1, Topology::Annulus, 0));
+    assert!(
+        ranked_against(segment.topology, true).contains(&Topology::Disc) && reaches(Topology::Disc, segment.topology)
+    );
     let model = Arc::new(scan);
     let encoded = Arc::new(encode(&model, 0, GO_ON).expect("encodable"));
     let facing = |topology| encoded.query.facing(topology).map(|query| query.encoding().topology);
@@ -167,20 +169,20 @@ fn a_scan_with_a_horn_that_the_example_lacks_gets_one_before_and_after_an_edit()
         let near = |p: &&Vec3| (p.x - 0.25).hypot(p.y + 0.3) < 0.1;
         mapped.mesh.positions.iter().filter(near).map(|p| p.z).fold(0.0, f64::max)
     };
-    let told = |mapped: &Mapped| mapped.reasons.iter().filter(|why| why.contains("extruded")).count();
+    let extruded = |mapped: &Mapped| mapped.reasons.iter().filter(|why| why.contains("extruded")).count();
     let bare = fitted(Beyond::Leave).mapped;
     let Fitted { mapped, example, query } = fitted(Beyond::Extend);
-    assert_eq!(told(&bare), 0);
+    assert_eq!(extruded(&bare), 0);
     let covers = [&bare, &mapped].map(|mapped| mapped.reach.covers.input);
     assert!(covers[0] < 0.99 && covers[0] < covers[1], "{covers:?}");
     assert!(mapped.verdict < Verdict::Poor && top(&mapped) > top(&bare) + 0.3, "{:?}", mapped.reasons);
-    assert_eq!(told(&mapped), 1);
+    assert_eq!(extruded(&mapped), 1);
     let before = mapped.reach.unextruded.as_ref().expect("a mesh without the horn");
     assert!(before.faces == bare.mesh.faces && mapped.mesh.faces.len() > before.faces.len());
     assert!(mapped.reach.inspired.is_some_and(|share| (0.8..1.0).contains(&share)), "{:?}", mapped.reach.inspired);
 
     let after = edited(&mapped.registration, &before_edit(&mapped), &example, &query, GO_ON).expect("a map");
-    assert_eq!(told(&after), 1, "{:?}", after.reasons);
+    assert_eq!(extruded(&after), 1, "{:?}", after.reasons);
     assert!(top(&after) > top(&bare) + 0.3);
 }
 

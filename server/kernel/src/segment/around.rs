@@ -111,16 +111,16 @@ mod tests {
         segment_around(&sheet, &sheet.positions.iter().map(away).collect::<Vec<_>>(), &[]).expect("a sheet")
     }
 
-    fn told(cut: &Segmented) -> Vec<(Topology, usize)> {
+    fn shapes(cut: &Segmented) -> Vec<(Topology, usize)> {
         cut.parts.iter().map(|part| (part.topology, part.holes.len())).collect()
     }
 
     /// All parts but the first are discs or rings, and no border is filled.
     fn are_primitives(cut: &Segmented) {
         for (number, part) in cut.parts.iter().enumerate().skip(1) {
-            assert!(matches!(part.topology, Topology::Disc | Topology::Annulus), "{number}: {:?}", told(cut));
+            assert!(matches!(part.topology, Topology::Disc | Topology::Annulus), "{number}: {:?}", shapes(cut));
             let borders = |hole: &Vec<u32>| hole.iter().any(|&h| part.borders_on_another(&cut.mesh, h));
-            assert!(!part.holes.iter().any(borders), "{number}: {:?}", told(cut));
+            assert!(!part.holes.iter().any(borders), "{number}: {:?}", shapes(cut));
         }
         let area: f64 = cut.parts.iter().map(|part| part.mesh.total_area()).sum();
         assert!((area - cut.mesh.total_area()).abs() < 1e-9 * area);
@@ -129,17 +129,17 @@ mod tests {
     #[test]
     fn gaps_of_what_lies_around_a_patch_are_filled_and_its_border_is_not() {
         let around = cut_about([0.5, 0.5], 0.2, &[100, 203, 1000]);
-        assert_eq!(told(&around)[0], (Topology::Disc, 0));
+        assert_eq!(shapes(&around)[0], (Topology::Disc, 0));
         // Those that no cut crosses.
         assert!(
             (1..=3).contains(&around.parts.iter().map(|part| part.holes.len()).sum::<usize>()),
             "{:?}",
-            told(&around)
+            shapes(&around)
         );
         are_primitives(&around);
         // The border of so small a patch is shorter than a gap may be; a gap within it is filled.
         let small = cut_about([0.52, 0.52], 0.05, &[24 * 2 * 12 + 24]);
-        assert_eq!(told(&small)[0], (Topology::Disc, 1));
+        assert_eq!(shapes(&small)[0], (Topology::Disc, 1));
         are_primitives(&small);
     }
 
@@ -177,7 +177,7 @@ mod tests {
         let windows: Vec<u32> = (0..24 * 24 * 2).filter(window).collect();
         let cut = cut_about([0.5, 0.75], 0.12, &windows);
         assert_eq!(cut.parts[0].topology, Topology::Disc);
-        assert!(cut.parts.len() > 2, "{:?}", told(&cut));
+        assert!(cut.parts.len() > 2, "{:?}", shapes(&cut));
         are_primitives(&cut);
     }
 }

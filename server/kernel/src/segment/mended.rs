@@ -111,8 +111,8 @@ mod tests {
     fn pieces_with_small_holes_are_discs_and_small_components_are_left_out() {
         let surface = sheets(&[(0.8, &[333, 500]), (0.05, &[]), (1.0, &[200, 611, 777])]);
         let found = pieces(&surface).expect("two pieces");
-        let told: Vec<_> = found.parts.iter().map(|p| (p.topology, p.holes.len(), p.left_out)).collect();
-        assert_eq!(told, [(Topology::Disc, 3, 1), (Topology::Disc, 2, 0)]);
+        let found_parts: Vec<_> = found.parts.iter().map(|p| (p.topology, p.holes.len(), p.left_out)).collect();
+        assert_eq!(found_parts, [(Topology::Disc, 3, 1), (Topology::Disc, 2, 0)]);
         for part in &found.parts {
             for (t, &whole) in part.triangle_of.iter().enumerate() {
                 let of_whole = surface.triangles[whole as usize];

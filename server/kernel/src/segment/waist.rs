@@ -208,8 +208,8 @@ mod tests {
         let quads = voxels(&is_solid, [12, 20, 14]);
         let surface = crate::mesh::prepare(&quads).expect("a closed surface").mesh;
         let cut = waist(&surface).expect("a waist");
-        let told: Vec<_> = cut.parts.iter().map(|part| (part.topology, part.holes.len())).collect();
-        assert_eq!(told, [(Topology::Sphere, 4), (Topology::Sphere, 4)]);
+        let parts: Vec<_> = cut.parts.iter().map(|part| (part.topology, part.holes.len())).collect();
+        assert_eq!(parts, [(Topology::Sphere, 4), (Topology::Sphere, 4)]);
         let area: f64 = cut.parts.iter().map(|part| part.mesh.total_area()).sum();
         assert!((area / cut.mesh.total_area() - 1.0).abs() < 1e-9);
     }

@@ -50,8 +50,8 @@ const RELIEF_SCALES: [f64; 3] = [0.04, 0.1, 0.2];
 const TANGENTIAL: f64 = 0.3;
 /// Partners may be so much farther than the nearest.
 const SLACK: f64 = 0.2;
-/// Poses that are told; those turned and moved by less against a better one are left out.
-const TOLD: usize = 12;
+/// Poses that are returned, at most; those turned and moved by less against a better one are left out.
+const POSES_MAX: usize = 12;
 const TURNED: f64 = TAU / 18.0;
 const MOVED: f64 = 0.1;
 
@@ -82,7 +82,7 @@ pub fn poses_on(example: &TriMesh, may_be_small: bool, input: &Posed, stop: Stop
     let mut kept: Vec<(f64, Similarity)> = Vec::new();
     let unit = (middle(example), example.total_area().sqrt());
     for (score, pose) in found {
-        if kept.len() < TOLD && !stop() && kept.iter().all(|(_, k)| is_other(k, &pose, &unit)) {
+        if kept.len() < POSES_MAX && !stop() && kept.iter().all(|(_, k)| is_other(k, &pose, &unit)) {
             kept.push((score, pose));
         }
     }

@@ -190,36 +190,36 @@ mod tests {
 
     #[test]
     fn a_sheet_with_a_gap_is_a_sheet_and_a_tube_stays_one() {
-        let told = |mesh: &TriMesh| {
+        let taken_as = |mesh: &TriMesh| {
             let patch = primitive(mesh, Components::default()).expect("a primitive");
             assert_eq!(gapped(mesh).map(|p| (p.topology, p.holes.clone())), Ok((patch.topology, patch.holes.clone())));
             (patch.topology, patch.holes.iter().map(Vec::len).collect::<Vec<_>>())
         };
         let sheet = grid(20, 20, false, false);
-        assert_eq!(told(&without(&sheet, &[405])), (Topology::Disc, vec![3]));
-        assert_eq!(told(&grid(20, 20, true, false)), (Topology::Annulus, vec![]));
+        assert_eq!(taken_as(&without(&sheet, &[405])), (Topology::Disc, vec![3]));
+        assert_eq!(taken_as(&grid(20, 20, true, false)), (Topology::Annulus, vec![]));
         // A closed surface with one tiny hole is a disc: its boundary may be meant.
-        assert_eq!(told(&without(&ball(24), &[7])), (Topology::Disc, vec![]));
+        assert_eq!(taken_as(&without(&ball(24), &[7])), (Topology::Disc, vec![]));
         // Both loops of a long tube are short for its area.
         let mut long = grid(20, 20, true, false);
         long.positions.iter_mut().for_each(|p| p.z *= 400.0);
-        assert_eq!(told(&long), (Topology::Annulus, vec![]));
+        assert_eq!(taken_as(&long), (Topology::Annulus, vec![]));
         let window: Vec<u32> =
             (0..800).filter(|t| matches!(t / 2 % 20, 5..14) && (4..14).contains(&(t / 40))).collect();
-        assert_eq!(told(&without(&sheet, &window)), (Topology::Annulus, vec![]));
+        assert_eq!(taken_as(&without(&sheet, &window)), (Topology::Annulus, vec![]));
     }
 
     #[test]
     fn a_disc_that_is_open_at_a_pinhole_is_closed_and_one_that_ends_is_not() {
         let ball = ball(24);
-        let told = |gone: &[u32]| {
+        let closed_without = |gone: &[u32]| {
             let patch = closed(crate::topology::whole(&without(&ball, gone)).expect("a disc"));
             (patch.topology, patch.holes.iter().map(Vec::len).collect::<Vec<_>>())
         };
-        assert_eq!(told(&[7]), (Topology::Sphere, vec![3]));
+        assert_eq!(closed_without(&[7]), (Topology::Sphere, vec![3]));
         let cap: Vec<u32> = (0..7 * 48).collect();
-        assert_eq!(told(&cap), (Topology::Disc, vec![]));
-        assert_eq!(told(&[]), (Topology::Sphere, vec![]));
+        assert_eq!(closed_without(&cap), (Topology::Disc, vec![]));
+        assert_eq!(closed_without(&[]), (Topology::Sphere, vec![]));
     }
 
     #[test]
@@ -237,9 +237,9 @@ mod tests {
             gone
         };
         let of = |gone: &[u32]| primitive(&without(&grid(20, 20, false, false), gone), Components::default());
-        let told = |pinholes: usize| of(&with(pinholes)).map(|p| (p.topology, p.holes.len()));
-        assert_eq!(told(3), Ok((Topology::Annulus, 3)));
-        assert_eq!(told(14), Ok((Topology::Disc, 15)));
+        let with_pinholes = |pinholes: usize| of(&with(pinholes)).map(|p| (p.topology, p.holes.len()));
+        assert_eq!(with_pinholes(3), Ok((Topology::Annulus, 3)));
+        assert_eq!(with_pinholes(14), Ok((Topology::Disc, 15)));
     }
 
     #[test]

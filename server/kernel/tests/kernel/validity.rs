@@ -25,8 +25,8 @@ const SAME: f64 = 1e-9;
 /// So much of the square may lie under triangles that are turned over: on the coarsest and most stretched surfaces a conformal
 /// chart folds here and there, and λ is the sum of what lies on a pixel.
 const TURNED_MAX: f64 = 1e-2;
-/// More of it than this is told.
-const TURNED_TOLD: f64 = 1e-6;
+/// More of it than this is shown.
+const TURNED_SHOWN: f64 = 1e-6;
 /// Triangles cover the square but for so much.
 const COVERED: f64 = 1e-6;
 /// The finest level, in pixels a side: what is finer is made in the same way.
@@ -235,9 +235,9 @@ fn fault_of_encoding(encoding: &Encoding) -> Option<String> {
 
 #[test]
 fn nearly_all_of_a_family_of_valid_surfaces_are_encoded_and_stand_up_to_a_validator() {
-    let told = |name: &str| std::env::var(name).ok().map(|text| text.parse::<u64>().expect("a number"));
-    let family = told("QUADMUSE_FAMILY").unwrap_or(FAMILY);
-    let most = told("QUADMUSE_TRIANGLES").map_or(TRIANGLES.1, |most| most as f64);
+    let number = |name: &str| std::env::var(name).ok().map(|text| text.parse::<u64>().expect("a number"));
+    let family = number("QUADMUSE_FAMILY").unwrap_or(FAMILY);
+    let most = number("QUADMUSE_TRIANGLES").map_or(TRIANGLES.1, |most| most as f64);
     let (mut encodings, mut folded, mut worst, mut refused, mut bad) = (0, 0, 0.0_f64, Vec::new(), Vec::new());
     let mut largest = [0; 4];
     for seed in 0..family {
@@ -249,7 +249,7 @@ fn nearly_all_of_a_family_of_valid_surfaces_are_encoded_and_stand_up_to_a_valida
                 *largest = triangles.max(*largest);
                 let (turned, fault) = judged(&chart, kind);
                 worst = worst.max(turned);
-                folded += u64::from(turned > TURNED_TOLD);
+                folded += u64::from(turned > TURNED_SHOWN);
                 let fault = fault.or_else(|| fault_of_encoding(&encoding));
                 bad.extend(fault.map(|fault| format!("{seed} ({kind:?}): {fault}")));
             }

@@ -178,9 +178,10 @@ async fn whatever_is_no_mere_read_is_in_the_audit_log() {
     while lines().len() < 3 && begun.elapsed() < Duration::from_secs(10) {
         tokio::time::sleep(Duration::from_millis(10)).await;
     }
-    let told: Vec<_> = lines().iter().map(|l| (l["name"].clone(), l["action"].clone(), l["status"].clone())).collect();
+    let logged: Vec<_> =
+        lines().iter().map(|l| (l["name"].clone(), l["action"].clone(), l["status"].clone())).collect();
     let expected = [("con", "POST", 201), ("ann", "DELETE", 403), ("", "POST", 401)];
-    assert_eq!(told, expected.map(|(name, action, status)| (json!(name), json!(action), json!(status))));
+    assert_eq!(logged, expected.map(|(name, action, status)| (json!(name), json!(action), json!(status))));
     assert_eq!(lines()[0]["made"], json!(made.header("location")));
     assert!(!std::fs::read_to_string(&path).expect("a log").contains("qm_"));
 }

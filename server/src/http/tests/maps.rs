@@ -90,10 +90,10 @@ async fn long_work_is_answered_at_once_and_told_of_until_it_is_there() {
         // Its stream goes on to its end, and is there afterwards, too.
         let lines = [("accept", "application/x-ndjson")];
         let stream = format!("{address}/stream");
-        let told = bench.request(Method::GET, &stream, &lines, Body::empty()).await.text();
-        let last: Value = serde_json::from_str(told.lines().last().expect("a line")).expect("JSON");
+        let events = bench.request(Method::GET, &stream, &lines, Body::empty()).await.text();
+        let last: Value = serde_json::from_str(events.lines().last().expect("a line")).expect("JSON");
         assert_eq!((&last["event"], &last["state"], &last["id"]), (&json!("end"), &json!("done"), &making["id"]));
-        assert!(told.lines().count() > 1 && told.contains(r#""event":"progress""#), "{told}");
+        assert!(events.lines().count() > 1 && events.contains(r#""event":"progress""#), "{events}");
         let made = over(&bench, &address).await;
         assert_eq!(
             (&made["state"], &made["progress"], &made["verdict"]),

@@ -62,9 +62,9 @@ async fn what_no_example_fits_as_a_whole_is_cut_and_ranked_anew() {
     let bench = bench().await;
     let scan = "segment disc 2\nlarge\nprotrusion annulus 2\nprotrusion annulus 3";
     let (made, path) = made(&bench, "", scan).await;
-    let told = notes(&made);
-    assert!(told.contains("the best example, poor, fits poorly as a whole"), "{told}");
-    assert!(told.contains("cutting the mesh into parts"), "{told}");
+    let notes = notes(&made);
+    assert!(notes.contains("the best example, poor, fits poorly as a whole"), "{notes}");
+    assert!(notes.contains("cutting the mesh into parts"), "{notes}");
     assert_eq!((&made["verdict"], &made["inspired"]), (&json!("good"), &json!(1.0)));
     // The query of the result stays, and may be started again; that of the waist, which there is not, is freed.
     let of = result_query(&made);

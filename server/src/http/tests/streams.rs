@@ -135,8 +135,8 @@ async fn a_query_knows_that_a_stream_told_of_its_end() {
     let bench = Bench::stocked().await;
     let path = bench.query("", "segment disc 1").await;
     bench.ended(&path).await;
-    let told = || bench.work.queries.all().iter().map(|query| query.end_was_told()).collect::<Vec<_>>();
-    assert_eq!(told(), [false]);
+    let streamed = || bench.work.queries.all().iter().map(|query| query.end_was_streamed()).collect::<Vec<_>>();
+    assert_eq!(streamed(), [false]);
     stream(&bench, &path, "application/x-ndjson", &[]).await;
-    assert_eq!(told(), [true]);
+    assert_eq!(streamed(), [true]);
 }

@@ -335,13 +335,13 @@ fn dashboard_and_alerts_name_metrics_that_there_are() {
         include_str!("../../work/jobs.rs"),
         include_str!("../../work/search/scattered.rs"),
     ];
-    let told = [
+    let texts = [
         include_str!("../../../../docs/operations/grafana.json"),
         include_str!("../../../../docs/operations/alerts.yaml"),
     ];
     let is_part = |c: char| c.is_ascii_lowercase() || c == '_';
     let mut seen = 0;
-    for text in told {
+    for text in texts {
         for (at, _) in text.match_indices("quadmuse_") {
             let name = &text[at..];
             let name = &name[..name.find(|c| !is_part(c)).unwrap_or(name.len())];
@@ -351,5 +351,5 @@ fn dashboard_and_alerts_name_metrics_that_there_are() {
         }
     }
     assert!(seen > 20, "{seen}");
-    serde_json::from_str::<Value>(told[0]).expect("a dashboard");
+    serde_json::from_str::<Value>(texts[0]).expect("a dashboard");
 }

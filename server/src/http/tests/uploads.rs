@@ -126,8 +126,8 @@ async fn the_protocol_is_told_and_another_version_refused() {
     large.problem(413, "body_too_large");
     let said = [TUS, ("upload-length", "1"), ("upload-metadata", "filename aGVhZC5vYmo=,is_scan")];
     let path = bench.request(Method::POST, "/v1/uploads", &said, "").await.header("location").to_owned();
-    let told = bench.request(Method::HEAD, &path, &[TUS], "").await;
-    assert_eq!(told.header("upload-metadata"), said[2].1);
+    let head = bench.request(Method::HEAD, &path, &[TUS], "").await;
+    assert_eq!(head.header("upload-metadata"), said[2].1);
     for wrong in ["a b c", "a *", "a,a", ",", ""] {
         let headers = [TUS, ("upload-length", "1"), ("upload-metadata", wrong)];
         bench.request(Method::POST, "/v1/uploads", &headers, "").await.problem(400, "parameter_invalid");

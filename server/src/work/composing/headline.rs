@@ -4,7 +4,7 @@ use super::super::engine::Appraisal;
 use quadmuse_proto::{Covers, Verdict};
 
 /// A map that makes up less of a composition than this does not decide what it is called.
-const SHARE_TOLD: f64 = 0.03;
+const SHARE_COUNTED: f64 = 0.03;
 /// Below this share of examples a composition is fair at best: most of it is nobody's layout.
 const INSPIRED_GOOD: f64 = 0.5;
 /// Where more of a composition's area looks away from the scan it is crumpled to the eye. Of the results of 40 scans those that look
@@ -77,8 +77,8 @@ pub(super) fn headline(brought: &[Option<BroughtMap>], appraisal: &Appraisal) ->
         reasons.push(without_example(brought).into());
         return Headline { verdict: verdict.max(Verdict::Poor), inspired, reasons, covers };
     }
-    let told = |share: f64| share >= SHARE_TOLD * whole;
-    for (segment, laid, _) in used().filter(|part| told(part.2) && part.1.verdict > Verdict::Good) {
+    let counts = |share: f64| share >= SHARE_COUNTED * whole;
+    for (segment, laid, _) in used().filter(|part| counts(part.2) && part.1.verdict > Verdict::Good) {
         verdict = verdict.max(laid.verdict.min(Verdict::Poor));
         let of = if brought.len() > 1 { format!("segment {segment}: ") } else { String::new() };
         reasons.extend(laid.reasons.iter().take(REASONS_EACH).map(|reason| format!("{of}{reason}")));
@@ -136,28 +136,28 @@ mod tests {
     #[test]
     fn the_worst_map_of_a_share_worth_telling_decides() {
         let brought = [laid(Verdict::Good), laid(Verdict::Fair), None];
-        let told = headline(&brought, &of(&[0.6, 0.2, 0.0]));
-        assert_eq!((told.verdict, &told.reasons[..]), (Verdict::Fair, &["segment 1: its ears differ".to_owned()][..]));
-        assert!((told.inspired - 0.8).abs() < 1e-12 && (told.covers.example - 0.8).abs() < 1e-12, "{told:?}");
+        let made = headline(&brought, &of(&[0.6, 0.2, 0.0]));
+        assert_eq!((made.verdict, &made.reasons[..]), (Verdict::Fair, &["segment 1: its ears differ".to_owned()][..]));
+        assert!((made.inspired - 0.8).abs() < 1e-12 && (made.covers.example - 0.8).abs() < 1e-12, "{made:?}");
         // The same map on a sliver.
-        let told = headline(&brought, &of(&[0.6, 0.01, 0.0]));
-        assert_eq!((told.verdict, told.reasons.len()), (Verdict::Good, 0));
+        let made = headline(&brought, &of(&[0.6, 0.01, 0.0]));
+        assert_eq!((made.verdict, made.reasons.len()), (Verdict::Good, 0));
     }
 
     #[test]
     fn what_is_mostly_regular_is_fair_and_what_has_no_example_poor() {
         let brought = [laid(Verdict::Good), None];
-        let told = headline(&brought, &of(&[0.3, 0.0]));
-        assert_eq!((told.verdict, told.inspired), (Verdict::Fair, 0.3));
-        assert!(told.reasons[0].contains("30 %"), "{told:?}");
+        let made = headline(&brought, &of(&[0.3, 0.0]));
+        assert_eq!((made.verdict, made.inspired), (Verdict::Fair, 0.3));
+        assert!(made.reasons[0].contains("30 %"), "{made:?}");
         for (brought, why) in [
             ([None, None], "none of the corpus"),
             ([laid(Verdict::Poor), None], "fit poorly"),
             ([laid(Verdict::Good), None], "could not be joined"),
         ] {
-            let told = headline(&brought, &of(&[0.0, 0.0]));
-            assert_eq!((told.verdict, told.inspired), (Verdict::Poor, 0.0));
-            assert!(told.reasons[0].starts_with("no example was used: ") && told.reasons[0].contains(why), "{told:?}");
+            let made = headline(&brought, &of(&[0.0, 0.0]));
+            assert_eq!((made.verdict, made.inspired), (Verdict::Poor, 0.0));
+            assert!(made.reasons[0].starts_with("no example was used: ") && made.reasons[0].contains(why), "{made:?}");
         }
     }
 
@@ -165,27 +165,27 @@ mod tests {
     fn what_is_crumpled_is_poor_whatever_its_maps_are() {
         let crumpled = |turned: f64| headline(&[laid(Verdict::Good)], &Appraisal { turned, ..of(&[1.0]) });
         assert_eq!(crumpled(0.05).verdict, Verdict::Good);
-        let told = crumpled(0.12);
-        assert_eq!((told.verdict, told.inspired), (Verdict::Poor, 1.0));
-        assert!(told.reasons[0].starts_with("12 % of its area is crumpled"), "{told:?}");
+        let made = crumpled(0.12);
+        assert_eq!((made.verdict, made.inspired), (Verdict::Poor, 1.0));
+        assert!(made.reasons[0].starts_with("12 % of its area is crumpled"), "{made:?}");
     }
 
     #[test]
     fn what_is_the_scans_own_triangles_is_poor() {
         let cut = |own: f64| headline(&[laid(Verdict::Good)], &Appraisal { own, ..of(&[0.9]) });
         assert_eq!(cut(0.01).verdict, Verdict::Good);
-        let told = cut(0.08);
-        assert_eq!(told.verdict, Verdict::Poor);
-        assert!(told.reasons[0].starts_with("8 % of it is the scan's own triangles"), "{told:?}");
+        let made = cut(0.08);
+        assert_eq!(made.verdict, Verdict::Poor);
+        assert!(made.reasons[0].starts_with("8 % of it is the scan's own triangles"), "{made:?}");
     }
 
     #[test]
     fn what_leaves_much_of_the_scan_bare_is_poor_and_says_so_first() {
         let bare = |covered: f64| {
             let appraisal = Appraisal { covered, ..of(&[1.0]) };
-            let mut told = headline(&[laid(Verdict::Fair)], &appraisal);
-            told.tell_side_by_side(true);
-            told
+            let mut made = headline(&[laid(Verdict::Fair)], &appraisal);
+            made.tell_side_by_side(true);
+            made
         };
         let (much, little) = (bare(0.7), bare(0.95));
         assert_eq!((much.verdict, little.verdict), (Verdict::Poor, Verdict::Fair));
@@ -199,8 +199,8 @@ mod tests {
     #[test]
     fn a_mesh_that_is_no_use_is_broken_whatever_its_maps_are() {
         let flaws = vec!["edges cross".to_owned()];
-        let told = headline(&[laid(Verdict::Good)], &Appraisal { flaws: flaws.clone(), ..of(&[1.0]) });
-        assert_eq!((told.verdict, told.reasons, told.inspired), (Verdict::Broken, flaws, 1.0));
+        let made = headline(&[laid(Verdict::Good)], &Appraisal { flaws: flaws.clone(), ..of(&[1.0]) });
+        assert_eq!((made.verdict, made.reasons, made.inspired), (Verdict::Broken, flaws, 1.0));
         // A map that was broken by itself may have been mended as it was stitched.
         assert_eq!(headline(&[laid(Verdict::Broken)], &of(&[1.0])).verdict, Verdict::Poor);
     }

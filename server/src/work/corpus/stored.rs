@@ -68,10 +68,10 @@ impl StoredCorpus {
 
     /// The corpus on a backend. Blocks.
     pub fn of(store: Arc<dyn Backend>, row_maker: Option<RowMaker>) -> Self {
-        let (told, newest) = watch::channel(0);
+        let (announced, newest) = watch::channel(0);
         store.subscribe(Box::new(move |position| {
             // Whether anybody listens, or not.
-            let _ = told.send(position);
+            let _ = announced.send(position);
         }));
         // What changes from here on is learned with the changes.
         let learned = Mutex::new(store.changes(u64::MAX).position);
@@ -204,9 +204,9 @@ fn described(store: &dyn Backend, record: &ExampleRecord) -> Described {
     let features =
         segments.clone().map(|s| store.coarse(record.id, s).map_or(0, |coarse| coarse.features.len() as u32));
     let charts = segments.clone().filter_map(|s| store.chart(record.id, s).ok());
-    let told = charts.filter_map(|chart| unpack_counts(&chart.extra)).next();
+    let counts = charts.filter_map(|chart| unpack_counts(&chart.extra)).next();
     // Until it is encoded again, the mesh tells.
-    let (triangles, quads) = told.or_else(|| counted(store, record.id)).unwrap_or_default();
+    let (triangles, quads) = counts.or_else(|| counted(store, record.id)).unwrap_or_default();
     Described { triangles, quads, features: features.collect() }
 }
 

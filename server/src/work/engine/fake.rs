@@ -163,7 +163,7 @@ impl Engine for FakeEngine {
                 ["ragged"] => script.ragged = true,
                 ["wrinkles"] => script.wrinkles = true,
                 ["coarse"] => script.coarse = true,
-                ["panic", "read"] => panic!("told to panic"),
+                ["panic", "read"] => panic!("scripted to panic"),
                 ["panic", place] => script.panics.push((*place).into()),
                 ["refuse", code] => {
                     return Err(EngineError::refused(refusal(code), format!("refused in line {}", at + 1)));
@@ -193,10 +193,10 @@ impl Engine for FakeEngine {
     fn encode(&self, model: &Model, segment: u32, stop: &Stop) -> Result<Encoded, EngineError> {
         let script: &Script = model.inner.open()?;
         sleep(script.encode_slow, stop)?;
-        assert!(!script.panics.iter().any(|place| place == "encode"), "told to panic");
+        assert!(!script.panics.iter().any(|place| place == "encode"), "scripted to panic");
         let number = script.numbers[segment as usize];
         if number.is_nan() {
-            return Err(EngineError::refused(Refusal::NotEncodable, format!("segment {segment}: told to refuse")));
+            return Err(EngineError::refused(Refusal::NotEncodable, format!("segment {segment}: scripted to refuse")));
         }
         let panics_refine = script.panics.iter().any(|place| place == "refine");
         let facts = SegmentFacts {
@@ -252,7 +252,7 @@ impl Engine for FakeEngine {
     ) -> Result<Registration, EngineError> {
         let (one, two): (&FakeEncoding, &FakeEncoding) = (example.inner.open()?, query.inner.open()?);
         sleep(two.slow, stop)?;
-        assert!(!one.panics_refine, "told to panic");
+        assert!(!one.panics_refine, "scripted to panic");
         Ok(Registration { level: 2 * from.level, energy: from.energy * 0.9, ..from.clone() })
     }
 

@@ -24,7 +24,7 @@ use quadmuse_proto::composition::SMOOTHING_DEFAULT;
 use quadmuse_proto::{Distortion, Flip, Histogram, MeshFormat, Topology, Verdict};
 use std::sync::Arc;
 pub(crate) use translate::topology_in;
-use translate::{model_in, side_in, told, topology_out};
+use translate::{model_in, outcome, side_in, topology_out};
 
 /// Memory that reading and encoding takes for each byte of an upload, at most (measured: tests/records).
 const MEMORY_PER_BYTE: u64 = 40;
@@ -103,17 +103,17 @@ impl Engine for KernelEngine {
 
     fn read(&self, bytes: &[u8], format: Option<MeshFormat>, cut: &Cut, stop: &Stop) -> Result<Model, EngineError> {
         let format = format.map(translate::format_in);
-        told(pipeline::read(bytes, format, &translate::cut(cut), &self.limits), stop).map(translate::model)
+        outcome(pipeline::read(bytes, format, &translate::cut(cut), &self.limits), stop).map(translate::model)
     }
 
     fn alike(&self, query: &Model, example: &Model, stop: &Stop) -> Result<Model, EngineError> {
         let is_stopped = || stop.reason().is_some();
-        let cut = told(pipeline::alike(model_in(query)?, model_in(example)?, &is_stopped), stop)?;
+        let cut = outcome(pipeline::alike(model_in(query)?, model_in(example)?, &is_stopped), stop)?;
         Ok(Model { format: query.format, repairs: query.repairs.clone(), ..translate::model(cut) })
     }
 
-    fn told_apart(&self, model: &Model) -> Result<Arc<PolyMesh>, EngineError> {
-        Ok(Arc::new(model_in(model)?.told_apart()))
+    fn labelled_by_segment(&self, model: &Model) -> Result<Arc<PolyMesh>, EngineError> {
+        Ok(Arc::new(model_in(model)?.labelled_by_segment()))
     }
 
     fn resized(&self, scan: &Model, mesh: &PolyMesh, wanted: Wanted, stop: &Stop) -> Result<Resized, EngineError> {
@@ -123,7 +123,7 @@ impl Engine for KernelEngine {
 
     fn encode(&self, model: &Model, segment: u32, stop: &Stop) -> Result<Encoded, EngineError> {
         let encoded = pipeline::encode(model_in(model)?, segment, &|| stop.reason().is_some());
-        Ok(translate::encoded(Arc::new(told(encoded, stop)?)))
+        Ok(translate::encoded(Arc::new(outcome(encoded, stop)?)))
     }
 
     fn pack(&self, encoding: &Encoding) -> Result<Packed, EngineError> {
@@ -234,7 +234,7 @@ impl Engine for KernelEngine {
     fn map(&self, from: &Registration, example: &Side, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
         let is_stopped = || stop.reason().is_some();
         let mapped = pipeline::map(from.inner.open()?, &side_in(example)?, &side_in(query)?, &is_stopped);
-        told(mapped, stop).map(translate::mapped)
+        outcome(mapped, stop).map(translate::mapped)
     }
 
     fn fit(
@@ -247,7 +247,7 @@ impl Engine for KernelEngine {
     ) -> Result<Fitted, EngineError> {
         let from: Option<&Registered> = from.map(|from| from.inner.open()).transpose()?;
         let (one, two, wishes) = (side_in(example)?, side_in(query)?, translate::wishes(wishes)?);
-        let fitted = told(pipeline::fit(from, &one, &two, &wishes, &|| stop.reason().is_some()), stop)?;
+        let fitted = outcome(pipeline::fit(from, &one, &two, &wishes, &|| stop.reason().is_some()), stop)?;
         Ok(Fitted {
             mapped: translate::mapped(fitted.mapped),
             example: translate::side(fitted.example, example)?,
@@ -293,7 +293,7 @@ impl Engine for KernelEngine {
         };
         let ready: &pipeline::RoughInput = query.2.open()?;
         let (one, two) = ((&**model_in(example.0)?, example.1), (&**model_in(query.0)?, query.1, ready));
-        told(pipeline::rough(one, two, tips, lead, &|| stop.reason().is_some()), stop)
+        outcome(pipeline::rough(one, two, tips, lead, &|| stop.reason().is_some()), stop)
     }
 
     fn ranked_against(&self, query: Topology, is_most: bool) -> Vec<Topology> {
@@ -312,11 +312,17 @@ impl Engine for KernelEngine {
         query: &Side,
         stop: &Stop,
     ) -> Result<Registration, EngineError> {
-        let (registered, told_of) = (from.registration.inner.open()?, translate::constraints_in(&from.constraints));
+        let (registered, constraints) = (from.registration.inner.open()?, translate::constraints_in(&from.constraints));
         let (edit, is_stopped) = (translate::edit(edit), || stop.reason().is_some());
-        let edited =
-            pipeline::constrain::edit(registered, &told_of, &edit, &side_in(example)?, &side_in(query)?, &is_stopped);
-        told(edited, stop).map(translate::registration)
+        let edited = pipeline::constrain::edit(
+            registered,
+            &constraints,
+            &edit,
+            &side_in(example)?,
+            &side_in(query)?,
+            &is_stopped,
+        );
+        outcome(edited, stop).map(translate::registration)
     }
 
     fn edited(
@@ -329,7 +335,7 @@ impl Engine for KernelEngine {
     ) -> Result<Mapped, EngineError> {
         let (before, is_stopped) = (translate::before(before), || stop.reason().is_some());
         let mapped = pipeline::edited(from.inner.open()?, &before, &side_in(example)?, &side_in(query)?, &is_stopped);
-        told(mapped, stop).map(translate::mapped)
+        outcome(mapped, stop).map(translate::mapped)
     }
 
     fn rejoin(
@@ -355,13 +361,13 @@ impl Engine for KernelEngine {
     }
 
     fn recut(&self, query: &Model) -> Result<Model, EngineError> {
-        let cut = told(pipeline::in_primitives(model_in(query)?), &Stop::new(None))?;
+        let cut = outcome(pipeline::in_primitives(model_in(query)?), &Stop::new(None))?;
         Ok(Model { format: query.format, ..translate::model(cut) })
     }
 
     fn compose(&self, query: &Model, parts: &[Part], how: Stitching, stop: &Stop) -> Result<Stitched, EngineError> {
         let parts: Vec<pipeline::Part> = parts.iter().map(translate::part).collect::<Result<_, _>>()?;
-        told(pipeline::compose(model_in(query)?, &parts, how, &|| stop.reason().is_some()), stop)
+        outcome(pipeline::compose(model_in(query)?, &parts, how, &|| stop.reason().is_some()), stop)
     }
 
     fn alone(&self, query: &Model) -> Result<Vec<bool>, EngineError> {
@@ -388,7 +394,7 @@ impl Engine for KernelEngine {
 
     fn template(&self, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
         let made = pipeline::template(&side_in(query)?, SMOOTHING_DEFAULT, &|| stop.reason().is_some());
-        let Regular { mesh, flaws } = told(made, stop)?;
+        let Regular { mesh, flaws } = outcome(made, stop)?;
         let verdict = if flaws.is_empty() { Verdict::Fair } else { Verdict::Broken };
         let no_example = "no example was used: a regular layout was made for this segment".into();
         let none = || Histogram { edges: vec![0.0, 1.0], counts: vec![0], ..Histogram::default() };

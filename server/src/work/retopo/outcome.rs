@@ -73,7 +73,7 @@ impl Outcome {
     }
 
     /// As it goes over the wire.
-    pub(super) fn told(&self, id: RetopoId, query: QueryId, notes: Vec<String>) -> Retopo {
+    pub(super) fn to_wire(&self, id: RetopoId, query: QueryId, notes: Vec<String>) -> Retopo {
         let (result, verdict, inspired, reasons, covers) = match &self.made {
             Made::Map(map) => {
                 let map = map.newest().summary.clone();

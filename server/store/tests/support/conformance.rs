@@ -204,8 +204,8 @@ impl Follower {
 }
 
 fn who_follows_the_changes_has_the_corpus_as_it_is((a, b): &Pair) {
-    let told = Arc::new(AtomicU64::new(0));
-    let telling = Arc::clone(&told);
+    let heard = Arc::new(AtomicU64::new(0));
+    let telling = Arc::clone(&heard);
     b.subscribe(Box::new(move |position| {
         telling.fetch_max(position, Ordering::SeqCst);
     }));
@@ -238,7 +238,7 @@ fn who_follows_the_changes_has_the_corpus_as_it_is((a, b): &Pair) {
         let listed: Vec<_> = one.snapshot().examples.iter().map(|record| record.id).collect();
         assert_eq!(listed, expected.keys().copied().collect::<Vec<_>>());
     }
-    eventually("listeners are told", || told.load(Ordering::SeqCst) == b.changes(u64::MAX).position);
+    eventually("listeners are told", || heard.load(Ordering::SeqCst) == b.changes(u64::MAX).position);
     assert_eq!(a.changes(u64::MAX).changed, None, "a position that never was");
 }
 

@@ -5,7 +5,7 @@ use quadmuse_tests::shared::{column, csv};
 use std::path::{Path, PathBuf};
 
 /// Folders that tell of their meshes in a manifest.
-const TOLD: [&str; 3] = ["scans", "quads", "shapes"];
+const WITH_MANIFEST: [&str; 3] = ["scans", "quads", "shapes"];
 
 /// The files under `meshes` that are said to be manifold: those of manifests, and the examples and inputs of the pairs.
 ///
@@ -16,13 +16,13 @@ pub fn manifold(meshes: &Path) -> Result<Vec<PathBuf>, String> {
         std::fs::read_to_string(&path).map(|text| csv(&text)).map_err(|e| format!("{}: {e}", path.display()))
     };
     let mut files = Vec::new();
-    for folder in TOLD.map(|name| meshes.join(name)) {
+    for folder in WITH_MANIFEST.map(|name| meshes.join(name)) {
         let is_manifold = |row: &Vec<(String, String)>| {
             let none = |name| matches!(column(row, name), "" | "0");
             none("nonmanifold_edges") && none("nonmanifold_vertices") && column(row, "orientable") != "False"
         };
-        let told = rows(folder.join("manifest.csv"))?;
-        files.extend(told.iter().filter(|r| is_manifold(r)).map(|r| folder.join(column(r, "file"))));
+        let listed = rows(folder.join("manifest.csv"))?;
+        files.extend(listed.iter().filter(|r| is_manifold(r)).map(|r| folder.join(column(r, "file"))));
     }
     let folder = meshes.join("groundtruth");
     for row in rows(folder.join("pairs.csv"))? {

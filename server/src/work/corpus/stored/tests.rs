@@ -148,8 +148,8 @@ fn counts_are_told_while_encodings_are_made_anew() {
     let counts = MeshCounts { vertices: 5, faces: 2, triangles: 1, quads: 1 };
     let (example, _) = open(dir.path()).put(NewExample { counts, ..new_example(mesh, None) }).expect("added");
     std::fs::remove_dir_all(dir.path().join("index")).expect("removed");
-    let told = open(dir.path()).get(example.id).expect("there");
-    assert_eq!((told.counts.triangles, told.counts.quads), (1, 1));
+    let described = open(dir.path()).get(example.id).expect("there");
+    assert_eq!((described.counts.triangles, described.counts.quads), (1, 1));
 }
 
 #[test]

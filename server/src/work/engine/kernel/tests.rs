@@ -29,8 +29,8 @@ fn an_animal_is_whole_and_has_parts_of_its_own_faces_that_come_back_by_their_lab
     let known = sample("pig", Besides::Known(labels.clone()));
     assert_eq!((&known.segments, known.besides), (&pig.segments, Some(labels.clone())));
     let engine = KernelEngine::default();
-    let told = engine.told_apart(&pig).expect("a mesh");
-    assert_eq!(told.attributes.segments.as_ref(), Some(&labels), "each face tells its part");
+    let mesh = engine.labelled_by_segment(&pig).expect("a mesh");
+    assert_eq!(mesh.attributes.segments.as_ref(), Some(&labels), "each face tells its part");
     let [first, again] = [&pig, &sample("pig", Besides::Known(labels))].map(|model| {
         let part = engine.encode(model, 2, &Stop::new(None)).expect("encoded");
         engine.pack(&part.encoding).expect("packed")

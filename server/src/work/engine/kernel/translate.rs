@@ -20,8 +20,8 @@ use quadmuse_proto::{
 };
 use std::sync::Arc;
 
-/// What the pipeline came to, with the reason where it was stopped.
-pub(super) fn told<T>(result: Result<T, PipelineError>, stop: &Stop) -> Result<T, EngineError> {
+/// Turns what the pipeline came to into an answer of the engine, with the reason where it was stopped.
+pub(super) fn outcome<T>(result: Result<T, PipelineError>, stop: &Stop) -> Result<T, EngineError> {
     result.map_err(|error| match error {
         PipelineError::Refused { refusal, detail } => EngineError::Refused { refusal, detail },
         PipelineError::Stopped => EngineError::Stopped(stop.reason().unwrap_or(StopReason::Cancelled)),
@@ -172,13 +172,13 @@ pub(super) fn before(of: &Mapped) -> pipeline::Before {
         },
         reasons: kept.reasons,
         reach: of.reach.clone(),
-        evidence: of.evidence.map(|told| Evidence {
-            relief: told.relief,
-            shear: told.shear,
-            scale_spread: told.scale_spread,
-            bend: told.bend,
-            residual: told.residual,
-            normal_disagreement: told.normal_disagreement,
+        evidence: of.evidence.map(|evidence| Evidence {
+            relief: evidence.relief,
+            shear: evidence.shear,
+            scale_spread: evidence.scale_spread,
+            bend: evidence.bend,
+            residual: evidence.residual,
+            normal_disagreement: evidence.normal_disagreement,
             ..Evidence::default()
         }),
         sureness: of.sureness,
