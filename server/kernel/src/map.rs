@@ -5,13 +5,13 @@
 pub mod assemble;
 pub mod atlas;
 pub mod bend;
+mod boundary_loop;
 pub mod edit;
 pub mod parted;
 pub mod placed;
 pub mod polish;
 pub mod reembed;
 pub mod rejoin;
-mod ring;
 pub mod snap;
 pub mod untangle;
 pub mod walk;

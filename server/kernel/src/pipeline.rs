@@ -44,7 +44,7 @@ pub use crate::fit::rough::RoughInput;
 pub use around::around;
 pub use as_one::split;
 pub use constraint::{Constraint, ConstraintEdit, ConstraintOrigin, Landmark, Location, NewConstraint, OnFold, Place};
-pub use cut::{Besides, Cut, Grain, Way};
+pub use cut::{Besides, Cut, CutMethod, Grain};
 pub use error::{PipelineError, Refusal, Stop};
 pub use fitted::{ranked_against, reaches};
 pub use mapped::{Before, Beyond, Covers, Fitted, Judgement, Lead, Mapped, Reach, Verdict, Wishes};

@@ -44,7 +44,7 @@ use align::Rigid;
 use between::Between;
 use elastic::{Body, View};
 use evidence::Judged;
-use held::{HELD_AS_WHOLE, Held};
+use held::{FramedLandmark, HELD_AS_WHOLE};
 use input_surface::{InputSurface, Known, Samples, Seen};
 use matches::Partners;
 use rest::{Nodes, Pose, Rest};
@@ -218,7 +218,7 @@ struct Setting {
     sent: Samples,
     /// The input's area.
     area: f64,
-    held: Vec<Held>,
+    held: Vec<FramedLandmark>,
 }
 
 /// Lays an example on an input from a start, one position a vertex of the example. `mirror` is −1 where the map
@@ -398,7 +398,7 @@ impl<'a> Settler<'a> {
     /// The example as a whole on the input.
     fn aligned(&self, setting: &Setting, stop: Stop<'_>) -> Option<Similarity> {
         let count = setting.held.len().max(1) as f64;
-        let pair = |held: &Held| (held.at(&self.rest.positions), held.to, HELD_AS_WHOLE / count);
+        let pair = |held: &FramedLandmark| (held.at(&self.rest.positions), held.to, HELD_AS_WHOLE / count);
         let held: Vec<(Vec3, Vec3, f64)> = setting.held.iter().map(pair).collect();
         let (seen, sent, share) = (&setting.coarse, &setting.sent, self.share(setting));
         self.rigid.align(seen, (sent, share), &held, self.options.rounds, stop)
@@ -417,7 +417,7 @@ impl<'a> Settler<'a> {
         let setting = Arc::new(self.setting(&start)?);
         let (finest, from) = if axes.is_empty() { LED_BY_TIPS } else { LED_ALONG };
         let axes = axes.iter().map(|point| point.seen_from(&setting.frame));
-        let held: Vec<Held> = landmarks.iter().map(|l| l.seen_from(&setting.frame)).chain(axes).collect();
+        let held: Vec<FramedLandmark> = landmarks.iter().map(|l| l.seen_from(&setting.frame)).chain(axes).collect();
         let mut pose = Pose::of(&self.rest, &self.nodes[0]);
         let body = self.body(0)?;
         for r in LED.into_iter().filter(|r| *r >= finest) {

@@ -17,7 +17,7 @@ use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
 use lines::{Corner, Line, Lines, Place};
 use path::{Taken, path};
-use settle::{Met, settle};
+use settle::{LaidLine, settle};
 
 /// How far a corner's vertex may be, in edges of the net.
 const CORNER_REACH: f64 = 2.0;
@@ -79,7 +79,7 @@ struct Snapper<'a> {
     target: &'a Target,
     taken: Vec<Taken>,
     stays: Vec<bool>,
-    met: Vec<Met>,
+    met: Vec<LaidLine>,
     snapped: Snapped,
 }
 
@@ -177,7 +177,7 @@ impl<'a> Snapper<'a> {
     fn lay(&mut self, line: Line, path: Vec<u32>) -> bool {
         let before = self.snapped.on_line.clone();
         path.iter().for_each(|&v| self.snapped.on_line[v as usize] = true);
-        let is_laid = self.tried(Met::new(self.net, line, path.clone()));
+        let is_laid = self.tried(LaidLine::new(self.net, line, path.clone()));
         if is_laid {
             path.iter().for_each(|&v| self.taken[v as usize] = Taken::Taken);
         } else {
@@ -187,7 +187,7 @@ impl<'a> Snapper<'a> {
     }
 
     /// Lays a path and lets what is around follow; undoes it where faces turn over or become much worse.
-    fn tried(&mut self, met: Met) -> bool {
+    fn tried(&mut self, met: LaidLine) -> bool {
         let allowed = met.path.len() / TURNED_EVERY;
         let at = met.path.clone();
         let mut met = vec![met];
@@ -203,7 +203,7 @@ impl<'a> Snapper<'a> {
     /// Lets lines and what is around come to rest if the quality before and after says that this is good; whether it is.
     fn settled_if(
         &mut self,
-        met: &mut [Met],
+        met: &mut [LaidLine],
         at: &[u32],
         rounds: usize,
         is_good: impl Fn(Quality, Quality) -> bool,

@@ -9,7 +9,7 @@
 //! *Ours, not the paper's.*
 
 use super::fit::Measured;
-use super::fit_surface::{Held, fit_surface};
+use super::fit_surface::{FixedVertices, fit_surface};
 use super::layout::Arc;
 use super::site::{Site, Use, Why};
 use super::stitching::{KEPT_MISS_MAX, MISS_MAX, Stitching, border_edge};
@@ -149,7 +149,7 @@ impl Stitching<'_> {
 
     fn missed(&self, site: &Site<'_>, measured: &Measured) -> f64 {
         let mut net = site.net.clone();
-        fit_surface(&mut net, measured.points(), (self.surface(), &self.target), Held::Nothing);
+        fit_surface(&mut net, measured.points(), (self.surface(), &self.target), FixedVertices::Nothing);
         measured.fit(&net.into_mesh().0).worst()
     }
 

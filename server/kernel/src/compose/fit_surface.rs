@@ -37,7 +37,7 @@ const BELIEVED: f64 = 0.6;
 
 /// Which vertices stay where they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Held<'a> {
+pub enum FixedVertices<'a> {
     /// None.
     Nothing,
     /// Those on the net's boundary.
@@ -84,11 +84,11 @@ impl Asked {
 }
 
 /// Moves a net's vertices; `points` are spread evenly by area over the surface.
-pub fn fit_surface(net: &mut Net, points: &[Vec3], on: (&TriMesh, &Target), held: Held<'_>) {
+pub fn fit_surface(net: &mut Net, points: &[Vec3], on: (&TriMesh, &Target), held: FixedVertices<'_>) {
     let is_held = |v: u32| match held {
-        Held::Nothing => false,
-        Held::Boundary => net.on_boundary(v),
-        Held::BoundaryAnd(held) => held.get(v as usize) == Some(&true) || net.on_boundary(v),
+        FixedVertices::Nothing => false,
+        FixedVertices::Boundary => net.on_boundary(v),
+        FixedVertices::BoundaryAnd(held) => held.get(v as usize) == Some(&true) || net.on_boundary(v),
     };
     let count = net.positions.len() as u32;
     let moving: Vec<u32> = (0..count).filter(|&v| !net.at(v).is_empty() && !is_held(v)).collect();
@@ -213,13 +213,13 @@ mod tests {
         let (surface, net) = dome();
         let (measured, target) = (Measured::new(&surface), Target::new(&surface));
         let before = measured.fit(&net.clone().into_mesh().0).worst();
-        for (held, left) in [(Held::Nothing, 0.45), (Held::Boundary, 0.8)] {
+        for (held, left) in [(FixedVertices::Nothing, 0.45), (FixedVertices::Boundary, 0.8)] {
             let mut moved = net.clone();
             fit_surface(&mut moved, measured.points(), (&surface, &target), held);
             let after = measured.fit(&moved.clone().into_mesh().0).worst();
             assert!(after < left * before, "{held:?}: {before} to {after}");
             let stays = (0..49u32).filter(|&v| moved.positions[v as usize] == net.positions[v as usize]).count();
-            assert_eq!(stays, if held == Held::Boundary { 24 } else { 0 });
+            assert_eq!(stays, if held == FixedVertices::Boundary { 24 } else { 0 });
         }
     }
 
@@ -236,7 +236,7 @@ mod tests {
         net.positions.iter_mut().for_each(|p| p.z = height(p));
         let (measured, target) = (Measured::new(&surface), Target::new(&surface));
         let before = net.clone();
-        fit_surface(&mut net, measured.points(), (&surface, &target), Held::Boundary);
+        fit_surface(&mut net, measured.points(), (&surface, &target), FixedVertices::Boundary);
         let x = |net: &Net, column: usize, row: usize| net.positions[row * 9 + column].x;
         for row in 2..7 {
             assert!((x(&before, 4, row) - 0.54).abs() < 1e-9);

@@ -5,7 +5,7 @@ use super::check::check;
 use super::cover::cover;
 use super::crease;
 use super::fit::Fit;
-use super::fit_surface::{Held, fit_surface};
+use super::fit_surface::{FixedVertices, fit_surface};
 use super::net::Net;
 use super::placement::{Draft, LayoutOrigin, Marks};
 use super::reembed::reembed;
@@ -141,7 +141,7 @@ impl Stitching<'_> {
             return (mesh, fit);
         }
         let mut net = Net::from_mesh(&mesh);
-        fit_surface(&mut net, self.measured.points(), (self.surface(), &self.target), Held::Boundary);
+        fit_surface(&mut net, self.measured.points(), (self.surface(), &self.target), FixedVertices::Boundary);
         self.judged(net.into_mesh().0, FIT_SURFACE_GAIN * fit.worst()).unwrap_or((mesh, fit))
     }
 

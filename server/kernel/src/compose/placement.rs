@@ -1,7 +1,7 @@
 //! Which vertices of a composed mesh may move when it is optimised, and whether the result is kept. *Ours, not the paper's.*
 
 use super::fit::Fit;
-use super::fit_surface::{Held, fit_surface};
+use super::fit_surface::{FixedVertices, fit_surface};
 use super::net::Net;
 use super::optimise::optimise;
 use super::site::{Site, Use};
@@ -139,7 +139,12 @@ impl Stitching<'_> {
         if !self.optimise(&mut net, origins, Marks { stays: &now.on_line, tips: &now.tips }, ROUNDS) {
             return now;
         }
-        fit_surface(&mut net, self.measured.points(), (self.surface(), &self.target), Held::BoundaryAnd(&now.on_line));
+        fit_surface(
+            &mut net,
+            self.measured.points(),
+            (self.surface(), &self.target),
+            FixedVertices::BoundaryAnd(&now.on_line),
+        );
         let (mesh, Ok(())) = self.checked(&net) else { return now };
         let fit = self.measured.fit(&mesh);
         let is_better = mean_deviation_deg(&net) < before && fit.worst() <= self.farthest(now.fit);

@@ -19,7 +19,7 @@ use super::smooth::Target;
 use crate::encode::index::Location;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
-use crate::mesh::facing::{Facing, Turned};
+use crate::mesh::facing::{Facing, TurnedArea};
 use crate::mesh::tri::{NONE, TriMesh};
 use crate::numerics::{many_in_halves, stop};
 use disc::{harmonic, tutte};
@@ -92,7 +92,7 @@ impl<'a> Looks<'a> {
         Self { facing: Facing::new(surface, target.tree(), edge), passed }
     }
 
-    fn of(&self, net: &Net, face: u32) -> Turned {
+    fn of(&self, net: &Net, face: u32) -> TurnedArea {
         let corners: Vec<Vec3> = net.face(face).iter().map(|&v| net.positions[v as usize]).collect();
         self.facing.turned(&corners)
     }
@@ -117,7 +117,7 @@ impl<'a> Looks<'a> {
 
     /// The share of some faces' area that looks away, and that of some points of the surface that they pass over.
     fn flaw(&self, net: &Net, faces: &BTreeSet<u32>, points: &[Vec3]) -> f64 {
-        let mut all = Turned::default();
+        let mut all = TurnedArea::default();
         let faces: Vec<u32> = faces.iter().copied().collect();
         many_in_halves(&faces, |&f| self.of(net, f)).into_iter().for_each(|turned| all.add(turned));
         let tree = Bvh::new(&Fans::of(&net.positions, faces.iter().map(|&f| (f, net.face(f)))).mesh);

@@ -31,7 +31,7 @@ pub struct Rim {
 
 /// Which way a loop runs along its curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum LoopDirection {
     /// As it should.
     Along,
     /// Against it: the part's faces are turned over.
@@ -63,9 +63,9 @@ pub fn pair_loops(net: &Net, loops: &[Vec<u32>], curves: &[Curve]) -> Option<Vec
 }
 
 /// Which way most of the loop's vertices follow the curve.
-pub fn way(net: &Net, ring: &[u32], curve: &Curve) -> Way {
+pub fn way(net: &Net, ring: &[u32], curve: &Curve) -> LoopDirection {
     let at: Vec<f64> = ring.iter().map(|&v| curve.nearest(net.positions[v as usize]).0).collect();
-    if turns(&at, curve.length()) < 0.0 { Way::Against } else { Way::Along }
+    if turns(&at, curve.length()) < 0.0 { LoopDirection::Against } else { LoopDirection::Along }
 }
 
 fn wrapped(d: f64, length: f64) -> f64 {
@@ -319,12 +319,12 @@ mod tests {
     fn a_loop_lies_along_its_curve_in_order() {
         let (net, curve) = square(5);
         let ring = net.loops().expect("one").remove(0);
-        assert_eq!(way(&net, &ring, &curve), Way::Along);
+        assert_eq!(way(&net, &ring, &curve), LoopDirection::Along);
         let rim = lay(&net, &ring, &curve);
         assert!(rim.at.windows(2).all(|w| w[0] < w[1]));
         assert!((rim.at[19] - rim.at[0] - 3.8).abs() < 1e-9);
         let back: Vec<u32> = ring.iter().rev().copied().collect();
-        assert_eq!(way(&net, &back, &curve), Way::Against);
+        assert_eq!(way(&net, &back, &curve), LoopDirection::Against);
     }
 
     #[test]

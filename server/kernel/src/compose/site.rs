@@ -319,7 +319,7 @@ impl<'a> Site<'a> {
 }
 
 /// Which way a part's faces are turned.
-pub fn way(net: &Net, curves: &[Curve]) -> Option<rim::Way> {
+pub fn way(net: &Net, curves: &[Curve]) -> Option<rim::LoopDirection> {
     let loops = net.loops()?;
     let curve_of = rim::pair_loops(net, &loops, curves)?;
     Some(rim::way(net, loops.first()?, curves.get(*curve_of.first()?)?))

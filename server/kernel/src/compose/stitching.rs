@@ -9,7 +9,7 @@ use super::net::Net;
 use super::open::open_flat;
 use super::plan::{Side, plan};
 use super::resolve::{self, Resolved, resolve};
-use super::rim::{Rim, Way as Turned, even_out};
+use super::rim::{LoopDirection, Rim, even_out};
 use super::simplify_valence::ValenceSimplifier;
 use super::site::{Site, Use, Why, on_surface, way};
 use super::smooth::{OPENING_ROUNDS, Plan, Target};
@@ -216,7 +216,7 @@ impl<'a> Stitching<'a> {
     /// A part as a net, its faces turned as the segment's.
     fn prepared(&self, segment: usize, part: &PolyMesh) -> Net {
         let mut net = Net::from_mesh(part);
-        if way(&net, &self.layout.curves[segment]) == Some(Turned::Against) {
+        if way(&net, &self.layout.curves[segment]) == Some(LoopDirection::Against) {
             let faces: Vec<(u32, Vec<u32>)> =
                 net.faces().map(|(f, c)| (f, c.iter().rev().copied().collect())).collect();
             faces.into_iter().for_each(|(f, c)| net.set_face(f, c));

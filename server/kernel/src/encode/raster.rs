@@ -18,7 +18,7 @@ const POINT_AREA_PX: f64 = 1e-7;
 
 /// Where a triangle of the surface lies in the domain.
 #[derive(Clone, Copy, Debug)]
-pub enum Shape {
+pub enum Footprint {
     /// Its corners.
     Triangle([Uv; 3]),
     /// With a pole as a corner it is the quad between its opposite edge and the pole's line.
@@ -34,7 +34,7 @@ pub fn conformal_factor(chart: &Chart, side: usize) -> Picture {
 }
 
 /// Where each triangle of a chart lies in the domain, and its share of the surface's area.
-pub fn shapes(chart: &Chart) -> impl Iterator<Item = (Shape, f64)> + '_ {
+pub fn shapes(chart: &Chart) -> impl Iterator<Item = (Footprint, f64)> + '_ {
     let areas: Vec<f64> = (0..chart.mesh.triangles.len()).map(|t| chart.mesh.area(t)).collect();
     let total: f64 = areas.iter().sum();
     let shapes = chart.mesh.triangles.iter().zip(&chart.corners).map(|(triangle, c)| {
@@ -44,23 +44,23 @@ pub fn shapes(chart: &Chart) -> impl Iterator<Item = (Shape, f64)> + '_ {
         match pole {
             Some((k, end)) => {
                 let (a, b) = (c[(k + 1) % 3], c[(k + 2) % 3]);
-                Shape::Pole([a, b, [b[0], end], [a[0], end]])
+                Footprint::Pole([a, b, [b[0], end], [a[0], end]])
             }
-            None => Shape::Triangle(*c),
+            None => Footprint::Triangle(*c),
         }
     });
     shapes.zip(areas.into_iter().map(move |area| area / total))
 }
 
 /// The picture of shapes that have certain shares of the surface's area, at `side` × `side` pixels.
-pub fn picture(topology: Topology, side: usize, shapes: impl Iterator<Item = (Shape, f64)>) -> Picture {
+pub fn picture(topology: Topology, side: usize, shapes: impl Iterator<Item = (Footprint, f64)>) -> Picture {
     let mut canvas = Canvas::new(side, topology);
     let pixels = (side * side) as f64;
     for (shape, share) in shapes {
         stop::pass(SHAPE_ELEMENTS);
         match shape {
-            Shape::Triangle(corners) => canvas.spread(&corners, share * pixels),
-            Shape::Pole(corners) => canvas.spread(&corners, share * pixels),
+            Footprint::Triangle(corners) => canvas.spread(&corners, share * pixels),
+            Footprint::Pole(corners) => canvas.spread(&corners, share * pixels),
         }
     }
     canvas.finish()

@@ -6,7 +6,7 @@
 //! distances is least. *Ours, not the paper's.*
 
 use super::CrossMap;
-use super::ring::Ring;
+use super::boundary_loop::BoundaryLoop;
 use crate::encode::index::Location;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
@@ -44,7 +44,7 @@ pub fn placed(part: &Patch, points: &[Vec3], input: &Chart, bvh: &Bvh, mirror: f
         return None;
     }
     let mesh = &input.mesh;
-    let rings: Vec<Ring> = mesh.boundary_loops().into_iter().map(|h| Ring::new(mesh, h)).collect();
+    let rings: Vec<BoundaryLoop> = mesh.boundary_loops().into_iter().map(|h| BoundaryLoop::new(mesh, h)).collect();
     for (vertices, ring) in loops.iter().zip(matched(&loops, &rings, mesh, points)?) {
         let at: Vec<Vec3> = vertices.iter().map(|&v| points[v as usize]).collect();
         for (&v, s) in vertices.iter().zip(in_order(ring, mesh, &at)) {
@@ -57,8 +57,13 @@ pub fn placed(part: &Patch, points: &[Vec3], input: &Chart, bvh: &Bvh, mirror: f
 
 /// For each loop the ring that it lies on: of all ways to give each its own, that with the least distances. `None` where
 /// there are not as many.
-fn matched<'r>(loops: &[Vec<u32>], rings: &'r [Ring], mesh: &TriMesh, points: &[Vec3]) -> Option<Vec<&'r Ring>> {
-    let away = |vertices: &Vec<u32>, ring: &Ring| {
+fn matched<'r>(
+    loops: &[Vec<u32>],
+    rings: &'r [BoundaryLoop],
+    mesh: &TriMesh,
+    points: &[Vec3],
+) -> Option<Vec<&'r BoundaryLoop>> {
+    let away = |vertices: &Vec<u32>, ring: &BoundaryLoop| {
         vertices.iter().map(|&v| ring.nearest(mesh, points[v as usize]).1).sum::<f64>() / vertices.len() as f64
     };
     match (loops, rings) {
@@ -74,7 +79,7 @@ fn matched<'r>(loops: &[Vec<u32>], rings: &'r [Ring], mesh: &TriMesh, points: &[
 }
 
 /// Arc lengths for points that follow each other once around, from that of the point that lies nearest.
-fn in_order(ring: &Ring, mesh: &TriMesh, points: &[Vec3]) -> Vec<f64> {
+fn in_order(ring: &BoundaryLoop, mesh: &TriMesh, points: &[Vec3]) -> Vec<f64> {
     let (n, length) = (points.len(), ring.length);
     let near: Vec<(f64, f64)> = points.iter().map(|&p| ring.nearest(mesh, p)).collect();
     let first = (0..n).min_by(|&a, &b| near[a].1.total_cmp(&near[b].1)).unwrap_or(0);

@@ -19,7 +19,7 @@ use crate::mesh::poly::Crease;
 use crate::mesh::tri::TriMesh;
 use crate::topology::Patch;
 use crate::unfold::Chart;
-use lines::Lines;
+use lines::SharpLines;
 
 /// What is snapped.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -83,7 +83,7 @@ pub fn snap(
         snapped.refused += refused;
     }
     if matches!(what, Snap::Creases | Snap::All) {
-        let own = Lines::of(mesh, given);
+        let own = SharpLines::of(mesh, given);
         let targets = creases::targets(mesh, &own, cross, input);
         let (done, refused) = moved(mesh, cross, input, mirror, targets, |left| creases::in_rows(&own, left));
         snapped.creased = done.len();

@@ -10,7 +10,7 @@ use std::sync::{Arc, OnceLock};
 use super::way::Ways;
 use crate::compose::fit::Measured;
 use crate::mesh::bvh::Bvh;
-use crate::mesh::facing::{Facing, Turned};
+use crate::mesh::facing::{Facing, TurnedArea};
 use crate::mesh::tri::{NONE, TriMesh};
 use crate::mesh::{PolyMesh, Vec3, diagonal};
 use crate::topology::holes::is_filling;
@@ -260,7 +260,7 @@ impl ReferenceSurface {
     pub fn turned(&self, mesh: &PolyMesh, bridging: &[u32]) -> f64 {
         let usual = usual_edges(mesh.positions.len(), mesh.faces.iter().flat_map(sides), &mesh.positions);
         let facing = Facing::new(&self.surface, &self.tree, middle_of(&usual));
-        let mut turned = Turned::default();
+        let mut turned = TurnedArea::default();
         for (face, _) in mesh.faces.iter().zip(0u32..).filter(|(_, f)| bridging.binary_search(f).is_err()) {
             let corners: Vec<Vec3> = face.iter().map(|&v| mesh.positions[v as usize]).collect();
             turned.add(facing.turned(&corners));

@@ -4,15 +4,15 @@
 //! Boxes are kept and compared in single precision, about the middle of the mesh, since a scan may lie far from the
 //! origin, and rounded so that they bound from below; distances to triangles are exact in double precision. Ties go to
 //! the triangle with the lowest number, so that the answer does not depend on the tree. A mesh of needles gets turned
-//! boxes besides ([`turned`]).
+//! boxes besides ([`oriented_box`]).
 
-mod turned;
+mod oriented_box;
 
 use super::tri::{NONE, TriMesh};
 use super::{Vec3, bounding_box};
 use crate::numerics::{in_halves, many_in_halves, stop};
+use oriented_box::OrientedBox;
 use std::ops::Range;
-use turned::Turned;
 
 /// Children of a node: as many as the narrowest vectors hold.
 const WIDTH: usize = 4;
@@ -31,7 +31,7 @@ const LEAST: f32 = f32::MIN_POSITIVE;
 pub struct Bvh {
     nodes: Vec<Node>,
     /// A turned box for each node; none where the mesh is not of needles.
-    turned: Vec<Turned>,
+    turned: Vec<OrientedBox>,
     /// Corners of the triangles, in the order of the leaves.
     corners: Vec<[Vec3; 3]>,
     /// Number of the triangle, in the order of the leaves.
@@ -92,8 +92,8 @@ impl Bvh {
         let (nodes, ranges) = tree_of(&mut items, &corners_of, middle);
         let corners: Vec<[Vec3; 3]> = items.iter().map(corners_of).collect();
         let mut turned = Vec::new();
-        if turned::has_needles(&corners) {
-            turned = ranges.into_iter().map(|range| Turned::of(corners[range].iter())).collect();
+        if oriented_box::has_needles(&corners) {
+            turned = ranges.into_iter().map(|range| OrientedBox::of(corners[range].iter())).collect();
         }
         Self { nodes, turned, corners, triangle_of: items.into_iter().map(|item| item.triangle).collect(), middle }
     }

@@ -21,14 +21,14 @@ const PASSES_MAX: f64 = 16.0;
 
 /// How much of some faces looks away from the surface.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Turned {
+pub(crate) struct TurnedArea {
     /// Their area.
     area: f64,
     /// The part of it that looks more than 60° away.
     away: f64,
 }
 
-impl Turned {
+impl TurnedArea {
     /// Adds others.
     pub(crate) fn add(&mut self, other: Self) {
         (self.area, self.away) = (self.area + other.area, self.away + other.away);
@@ -62,14 +62,14 @@ impl<'a> Facing<'a> {
     }
 
     /// How much of a polygon looks away; it is cut into a fan from its first corner.
-    pub(crate) fn turned(&self, corners: &[Vec3]) -> Turned {
-        let mut all = Turned::default();
+    pub(crate) fn turned(&self, corners: &[Vec3]) -> TurnedArea {
+        let mut all = TurnedArea::default();
         for k in 1..corners.len().saturating_sub(1) {
             let [a, b, c] = [corners[0], corners[k], corners[k + 1]];
             let normal = 0.5 * (b - a).cross(&(c - a));
             let away = POINTS.iter().filter(|[u, v, w]| self.is_turned(a * *u + b * *v + c * *w, normal)).count();
             let area = normal.norm();
-            all.add(Turned { area, away: area * away as f64 / POINTS.len() as f64 });
+            all.add(TurnedArea { area, away: area * away as f64 / POINTS.len() as f64 });
         }
         all
     }

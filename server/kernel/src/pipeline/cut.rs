@@ -3,9 +3,9 @@
 use crate::segment::PartCount;
 use crate::topology::Components;
 
-/// The way to cut a mesh.
+/// How a mesh is cut.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Way {
+pub enum CutMethod {
     /// The whole mesh if it is a primitive, else its groups if each is one, else automatic segmentation.
     #[default]
     Auto,
@@ -19,7 +19,7 @@ pub enum Way {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Cut {
     /// The way asked for, unless there are labels.
-    pub way: Way,
+    pub way: CutMethod,
     /// The caller's labels, one a face.
     pub labels: Option<Vec<i64>>,
     /// The treatment of components beside the largest.

@@ -2,7 +2,7 @@
 
 use super::continued::{extend, rest_of};
 use super::error::{PipelineError, Stop, internal};
-use super::fitted::{COVERED, Held, of_example};
+use super::fitted::{COVERED, LocatedLandmark, of_example};
 use super::from_whole::OfWhole;
 use super::mapped::{Beyond, Covers, Fitted, Reach, Verdict};
 use super::registered::{self, Registered};
@@ -44,7 +44,7 @@ pub(crate) struct Asked<'a> {
     /// How the input is treated beyond the example.
     pub(crate) beyond: Beyond,
     /// Landmarks.
-    pub(crate) held: &'a [Held],
+    pub(crate) held: &'a [LocatedLandmark],
     /// True where both are closed, and the input is most of its scan.
     pub(crate) are_wholes: bool,
 }
@@ -170,7 +170,7 @@ fn numbers(faces: &[u32], patch: &TriMesh, mapped: &PolyMesh) -> Vec<u32> {
 /// Landmarks as constraints of the map of a surface, and a sentence for each that is met nearly only: one whose face lies on the
 /// boundary, or that would fold the map.
 fn pinned(
-    held: &[Held],
+    held: &[LocatedLandmark],
     (one, cross): (&Surface, &CrossMap),
     two: &Surface,
     mirrored: bool,
@@ -182,7 +182,7 @@ fn pinned(
     let (mesh, tree) = (&one.patch.mesh, Bvh::new(&one.patch.mesh));
     let (chart, input) = (&two.query.chart, two.query.tree());
     let (size, sign) = (chart.mesh.total_area().sqrt(), registered::sign(mirrored));
-    let pin = |held: &Held| Pin { on_example: tree.closest(held.from).into(), to: held.at };
+    let pin = |held: &LocatedLandmark| Pin { on_example: tree.closest(held.from).into(), to: held.at };
     let can_be = |pins: &[Pin]| bend(mesh, cross, pins, chart, sign, input).is_ok();
     let fit_together = can_be(&held.iter().map(pin).collect::<Vec<_>>());
     let (mut kept, mut pins, mut missed): (Vec<Pinned>, Vec<Pin>, Vec<String>) = Default::default();

@@ -153,7 +153,7 @@ pub(crate) fn fit(
 #[derive(Clone, Copy, Default)]
 struct Known<'a> {
     /// Points that are held.
-    held: &'a [Held],
+    held: &'a [LocatedLandmark],
     /// Points that lead there: they are held while it settles, but not met exactly.
     led: &'a [KernelLandmark],
     /// How it lies when it is laid roughly.
@@ -217,7 +217,7 @@ fn settled(
         search = search.holding(known.led);
     } else if !known.held.is_empty() {
         let trees = (Bvh::new(mesh), Bvh::new(input));
-        let at = |h: &Held| KernelLandmark::between(mesh, &trees.0.closest(h.from), trees.1.closest(h.at));
+        let at = |h: &LocatedLandmark| KernelLandmark::between(mesh, &trees.0.closest(h.from), trees.1.closest(h.at));
         let landmarks: Vec<KernelLandmark> = known.held.iter().filter_map(at).collect();
         search = search.holding(&landmarks);
     }
@@ -358,7 +358,7 @@ fn side(whole: &Side, segmented: Segmented, query: Arc<Query>) -> Side {
 }
 
 /// A landmark with its ends found.
-pub(crate) struct Held {
+pub(crate) struct LocatedLandmark {
     /// The point of the example.
     pub(crate) from: Vec3,
     /// The place on the input's unfolded surface.
@@ -368,7 +368,7 @@ pub(crate) struct Held {
 }
 
 /// Finds the ends of landmarks.
-fn held(landmarks: &[Landmark], example: &Side, query: &Side) -> Result<Vec<Held>, PipelineError> {
+fn held(landmarks: &[Landmark], example: &Side, query: &Side) -> Result<Vec<LocatedLandmark>, PipelineError> {
     if landmarks.is_empty() {
         return Ok(Vec::new());
     }
@@ -378,7 +378,7 @@ fn held(landmarks: &[Landmark], example: &Side, query: &Side) -> Result<Vec<Held
         let end = |end: &str| format!("landmarks[{k}].{end}");
         let from = locate(&landmark.on_example, example, one, &trees.0, &end("on_example"))?.point(one);
         let to = locate(&landmark.on_input, query, two, &trees.1, &end("on_input"))?;
-        Ok(Held { from, to, at: to.point(two) })
+        Ok(LocatedLandmark { from, to, at: to.point(two) })
     };
     landmarks.iter().enumerate().map(find).collect()
 }

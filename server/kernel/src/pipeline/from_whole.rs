@@ -6,7 +6,7 @@
 use super::constraint::{Location, OnFold};
 use super::error::{PipelineError, Refusal, Stop};
 use super::model::WholeMap;
-use super::registered::{self, Registered, Surface, UnmeasuredMap, Way};
+use super::registered::{self, LaidBy, Registered, Surface, UnmeasuredMap};
 use super::side::Side;
 use crate::encode::index::Location as Place;
 use crate::map::bend::{BendError, Pin, bend};
@@ -84,7 +84,7 @@ pub(crate) fn from_whole<'a>(
     let laid = UnmeasuredMap {
         cross,
         as_part: Some(within.positions),
-        way: Way::Whole,
+        way: LaidBy::Whole,
         input: &surface.chart,
         mirrored: of_whole.mirrored,
         cost: of_whole.cost,

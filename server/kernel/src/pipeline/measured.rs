@@ -2,7 +2,7 @@
 
 use super::error::PipelineError;
 use super::mapped::{Mapped, Reach, Verdict};
-use super::registered::{Registered, UnmeasuredMap, Way, assembled, sign, winding};
+use super::registered::{LaidBy, Registered, UnmeasuredMap, assembled, sign, winding};
 use super::side::Side;
 use crate::map::untangle::turned_in_domain;
 use crate::map::{CrossMap, folded_faces, leave_fillings};
@@ -25,7 +25,7 @@ pub(crate) fn measured(
     query: &Side,
 ) -> Result<Mapped, PipelineError> {
     // What has settled bridges the gaps of a scan as the example does; drawn to their rims its faces would collapse.
-    let has_settled = matches!(laid.way, Way::Whole) && query.model.laid.is_none();
+    let has_settled = matches!(laid.way, LaidBy::Whole) && query.model.laid.is_none();
     let size = laid.input.mesh.total_area().sqrt();
     leave_fillings(&mut laid.cross, laid.input, if has_settled { BRIDGED * size } else { f64::INFINITY });
     let model = &*example.model;
@@ -36,9 +36,9 @@ pub(crate) fn measured(
         let positions = laid.as_part.as_ref().unwrap_or(&laid.cross.positions);
         let part = crate::compose::part::polygons(&patch.mesh, positions, winding(&laid));
         let in_domain = match laid.way {
-            Way::Atlas(atlas) => Some(atlas.folded_faces(&patch.mesh)),
-            Way::Chart => Some(folded_faces(laid.registered.registration(), chart, &patch.mesh)),
-            Way::Whole => Some(turned_in_domain(&patch.mesh, &laid.cross, laid.input, sign(laid.mirrored))),
+            LaidBy::Atlas(atlas) => Some(atlas.folded_faces(&patch.mesh)),
+            LaidBy::Chart => Some(folded_faces(laid.registered.registration(), chart, &patch.mesh)),
+            LaidBy::Whole => Some(turned_in_domain(&patch.mesh, &laid.cross, laid.input, sign(laid.mirrored))),
         };
         (mesh, part, in_domain, distortion(&laid, example))
     };
@@ -63,10 +63,10 @@ pub(crate) fn measured(
     };
     let (word, reasons) = measure::verdict(&evidence);
     let on = &query.model;
-    let is_of_whole = matches!(laid.way, Way::Whole) && on.laid.is_some() && laid.registered.pinned.is_empty();
+    let is_of_whole = matches!(laid.way, LaidBy::Whole) && on.laid.is_some() && laid.registered.pinned.is_empty();
     let flip = match laid.way {
-        Way::Chart => from.registration().flip,
-        Way::Atlas(_) | Way::Whole => Flip { u: laid.mirrored, v: false },
+        LaidBy::Chart => from.registration().flip,
+        LaidBy::Atlas(_) | LaidBy::Whole => Flip { u: laid.mirrored, v: false },
     };
     Ok(Mapped {
         mesh: Arc::new(mesh),

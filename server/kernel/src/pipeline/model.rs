@@ -1,6 +1,6 @@
 //! Uploads: read, repaired, cut into primitives.
 
-use super::cut::{Besides, Cut, Grain, Way};
+use super::cut::{Besides, Cut, CutMethod, Grain};
 use super::error::{PipelineError, Refusal};
 use super::parts;
 use crate::compose::apart::alone;
@@ -246,7 +246,7 @@ pub fn read(bytes: &[u8], format: Option<Format>, cut: &Cut, limits: &Limits) ->
     let wanted = format.or_else(|| Format::sniff(bytes));
     let mesh = mesh::read(bytes, wanted, limits)?;
     // Who tells how the faces are to be cut means them as they are.
-    let is_as_sent = cut.labels.is_some() || cut.way == Way::Groups || !is_scan(cut);
+    let is_as_sent = cut.labels.is_some() || cut.way == CutMethod::Groups || !is_scan(cut);
     let prepared = if is_as_sent { mesh::prepare(&mesh) } else { mesh::prepare_scan(&mesh) }?;
     let views = if is_as_sent || few_faces(&prepared) { None } else { fused(&prepared) };
     let prepared = views.unwrap_or(prepared);
@@ -333,8 +333,8 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, 
     }
     let meant = |whole: Segmented| if is_scan(cut) { whole.closed() } else { whole };
     match cut.way {
-        Way::Whole => Segmented::primitive(surface, cut.components).map(meant).map_err(cannot_cut),
-        Way::Groups => {
+        CutMethod::Whole => Segmented::primitive(surface, cut.components).map(meant).map_err(cannot_cut),
+        CutMethod::Groups => {
             let labels = group_labels(mesh).ok_or_else(|| {
                 PipelineError::refused(
                     Refusal::LabelsInvalid,
@@ -343,7 +343,7 @@ fn cut_up(mesh: &PolyMesh, prepared: &Prepared, cut: &Cut) -> Result<Segmented, 
             })?;
             Segmented::by_labels(surface, few(&labels)?).map_err(cannot_cut)
         }
-        Way::Auto => {
+        CutMethod::Auto => {
             let count = cut.parts.unwrap_or_default();
             let at_waist = count == PartCount::AtWaist && is_scan(cut);
             if let Some(found) = at_waist.then(|| Segmented::at_waist(surface)).flatten() {
@@ -453,7 +453,7 @@ mod tests {
     #[test]
     fn each_face_tells_the_segment_that_it_was_cut_into() {
         let text = b"v 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 1 0\nv 1 1 0\nv 2 1 0\ng a\nf 1 2 5 4\ng b\nf 2 3 6 5\n";
-        let cut = Cut { way: Way::Groups, ..Cut::default() };
+        let cut = Cut { way: CutMethod::Groups, ..Cut::default() };
         let model = read(text, None, &cut, &Limits::default()).expect("a model of two groups");
         assert_eq!(model.segments().len(), 2);
         let labels = model.labelled_by_segment().attributes.segments.expect("segments");

@@ -182,7 +182,7 @@ pub(crate) struct UnmeasuredMap<'a> {
     /// Where the vertices go in a part to be stitched, with the boundary on the segment's, if that is elsewhere.
     pub(crate) as_part: Option<Vec<Vec3>>,
     /// What the example is laid by.
-    pub(crate) way: Way<'a>,
+    pub(crate) way: LaidBy<'a>,
     /// The chart on whose mesh the vertices lie.
     pub(crate) input: &'a Chart,
     pub(crate) mirrored: bool,
@@ -195,7 +195,7 @@ pub(crate) struct UnmeasuredMap<'a> {
 
 /// By what an example is laid.
 #[derive(Clone, Copy)]
-pub(crate) enum Way<'a> {
+pub(crate) enum LaidBy<'a> {
     /// The registration of the two charts.
     Chart,
     /// A chart for each protrusion.
@@ -369,7 +369,7 @@ fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Res
     Ok(UnmeasuredMap {
         cross,
         as_part: None,
-        way: Way::Chart,
+        way: LaidBy::Chart,
         input: &input.chart,
         mirrored: registration.flip.is_mirror(),
         cost: registered.entry.best().cost(),
@@ -428,7 +428,7 @@ fn by_atlas<'a>(
     Ok(UnmeasuredMap {
         cross,
         as_part: None,
-        way: Way::Atlas(atlas),
+        way: LaidBy::Atlas(atlas),
         input,
         mirrored: atlas.mirrored,
         cost: atlas.mean_cost(),

@@ -31,13 +31,13 @@ fn dome_without(n: usize, is_gone: impl Fn(f64, f64) -> bool) -> String {
     text
 }
 
-fn model(n: usize, way: Way) -> Arc<Model> {
+fn model(n: usize, way: CutMethod) -> Arc<Model> {
     let cut = Cut { way, ..Cut::default() };
     Arc::new(read(dome(n).as_bytes(), Some(Format::Obj), &cut, &Limits::default()).expect("a dome"))
 }
 
 fn side(n: usize) -> Side {
-    let model = model(n, Way::Whole);
+    let model = model(n, CutMethod::Whole);
     let encoded = Arc::new(encode(&model, 0, GO_ON).expect("encodable"));
     Side { model, segment: 0, encoded }
 }
@@ -217,7 +217,7 @@ fn what_an_edit_keeps_of_a_map_that_settled_is_the_evidence_and_new_folds_make_i
 
 #[test]
 fn an_input_that_is_cut_as_an_example_is_takes_it_whole() {
-    let (example, input) = (model(12, Way::Groups), model(30, Way::Whole));
+    let (example, input) = (model(12, CutMethod::Groups), model(30, CutMethod::Whole));
     assert_eq!(example.segments().len(), 2);
     let cut = alike(&input, &example, GO_ON).expect("alike");
     assert_eq!(cut.segments().len(), 2);
@@ -263,7 +263,7 @@ fn each_stage_ends_when_it_is_told_to_stop() {
 
 #[test]
 fn a_segment_that_is_not_there_and_labels_that_ask_for_too_many_are_told() {
-    let (one, two) = (model(8, Way::Whole), model(8, Way::Groups));
+    let (one, two) = (model(8, CutMethod::Whole), model(8, CutMethod::Groups));
     assert_eq!((one.segments().len(), two.segments().len()), (1, 2));
     assert!(matches!(encode(&one, 1, GO_ON), Err(PipelineError::Internal(_))));
     let labels: Vec<i64> = (0..=SEGMENTS_MAX as i64).collect();
@@ -274,7 +274,7 @@ fn a_segment_that_is_not_there_and_labels_that_ask_for_too_many_are_told() {
 #[test]
 fn a_map_that_is_split_follows_its_input_more_closely_and_its_rims_stay_where_they_are() {
     let window = |x: f64, y: f64| (-0.4..0.2).contains(&x) && (-0.4..0.2).contains(&y);
-    let query = model(60, Way::Whole);
+    let query = model(60, CutMethod::Whole);
     let text = dome_without(10, window);
     let coarse = read(text.as_bytes(), Some(Format::Obj), &Cut::default(), &Limits::default()).expect("a ring");
     let whole = Stitched::as_it_is(Arc::clone(&coarse.mesh), vec![Standing::Example]);

@@ -12,7 +12,7 @@
 //! *Source:* METHOD §2 ("pole refinement"). *Ours, not the paper's:* all of it.
 
 use super::view::View;
-use crate::encode::raster::{Shape, picture};
+use crate::encode::raster::{Footprint, picture};
 use crate::encode::{Encoding, Picture, from_finest};
 use crate::mesh::tri::TriMesh;
 use crate::topology::Topology;
@@ -61,7 +61,7 @@ impl Trials {
         let shapes = mesh.triangles.iter().zip(&self.of_triangle).map(|(triangle, share)| {
             let shape = match triangle.iter().position(|corner| poles.contains(corner)) {
                 Some(k) => pole_shape(*triangle, k, poles, u, v),
-                None => Shape::Triangle(continued(*triangle, u).map(|(vertex, u)| [u, v[vertex as usize]])),
+                None => Footprint::Triangle(continued(*triangle, u).map(|(vertex, u)| [u, v[vertex as usize]])),
             };
             (shape, *share)
         });
@@ -110,11 +110,11 @@ fn continued(triangle: [u32; 3], u: &[f64]) -> [(u32, f64); 3] {
 }
 
 /// A pole's triangle is the quad between its opposite edge and the pole's line.
-fn pole_shape(triangle: [u32; 3], k: usize, poles: &[u32], u: &[f64], v: &[f64]) -> Shape {
+fn pole_shape(triangle: [u32; 3], k: usize, poles: &[u32], u: &[f64], v: &[f64]) -> Footprint {
     let [_, a, b] = [0, 1, 2].map(|j| triangle[(k + j) % 3]);
     let end = if poles.last() == Some(&triangle[k]) { 1.0 } else { 0.0 };
     let [(_, ua), (_, ub), _] = continued([a, b, a], u);
-    Shape::Pole([[ua, v[a as usize]], [ub, v[b as usize]], [ub, end], [ua, end]])
+    Footprint::Pole([[ua, v[a as usize]], [ub, v[b as usize]], [ub, end], [ua, end]])
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@
 //! pull too. The data term couples the coordinates: conjugate gradients, preconditioned by the same system with
 //! tr/3 of each vertex's term, which all three share, so that one factor serves a whole scale.
 
-use super::held::{HELD, Held};
+use super::held::{FramedLandmark, HELD};
 use super::input_surface::{Samples, Seen, sixfold};
 use super::matches::{Back, Partners, back, onto};
 use super::rest::{Nodes, Pose, Rest, vertex_normals};
@@ -65,7 +65,7 @@ pub(super) struct View<'a> {
     pub(super) sent: &'a Samples,
     /// Area, in the frame, that a sample sent stands for.
     pub(super) share: f64,
-    pub(super) held: &'a [Held],
+    pub(super) held: &'a [FramedLandmark],
 }
 
 /// α, β, δ.
@@ -110,7 +110,7 @@ impl<'a> Body<'a> {
         &self,
         pose: &mut Pose,
         (places, weights): (&[Vec3], &[f64]),
-        held: &[Held],
+        held: &[FramedLandmark],
         scale: (f64, usize),
         stop: Stop<'_>,
     ) -> Option<()> {
@@ -129,7 +129,13 @@ impl<'a> Body<'a> {
     }
 
     /// Rounds at scale r after landmarks alone.
-    pub(super) fn lead(&self, pose: &mut Pose, held: &[Held], scale: (f64, usize), stop: Stop<'_>) -> Option<()> {
+    pub(super) fn lead(
+        &self,
+        pose: &mut Pose,
+        held: &[FramedLandmark],
+        scale: (f64, usize),
+        stop: Stop<'_>,
+    ) -> Option<()> {
         self.rounds(pose, scale, stop, |pose| {
             let mut pull = self.no_pull();
             self.hold(pose, &pose.deformed(self.rest, self.nodes), held, &mut pull);
@@ -138,7 +144,7 @@ impl<'a> Body<'a> {
     }
 
     /// Landmarks pull at the nodes that their corners belong to; `all` is where the vertices are.
-    fn hold(&self, pose: &Pose, all: &[Vec3], held: &[Held], pull: &mut Pull) {
+    fn hold(&self, pose: &Pose, all: &[Vec3], held: &[FramedLandmark], pull: &mut Pull) {
         for landmark in held {
             let missing = landmark.to - landmark.at(all);
             for (v, weight) in landmark.corners {

@@ -39,7 +39,7 @@ pub struct AxisPoint {
 
 /// A landmark in the frame of a start.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Held {
+pub(super) struct FramedLandmark {
     pub(super) corners: [(u32, f64); 3],
     pub(super) to: Vec3,
 }
@@ -62,8 +62,8 @@ impl Landmark {
         self.corners.iter().fold(first, |a, b| if b.1 > a.1 { *b } else { a }).0
     }
 
-    pub(super) fn seen_from(&self, frame: &Similarity) -> Held {
-        Held { corners: self.corners, to: frame.undo(&self.to.point) }
+    pub(super) fn seen_from(&self, frame: &Similarity) -> FramedLandmark {
+        FramedLandmark { corners: self.corners, to: frame.undo(&self.to.point) }
     }
 
     fn of(&self, values: &[Vec3]) -> Vec3 {
@@ -72,12 +72,12 @@ impl Landmark {
 }
 
 impl AxisPoint {
-    pub(super) fn seen_from(&self, frame: &Similarity) -> Held {
-        Held { corners: self.corners, to: frame.undo(&self.to) }
+    pub(super) fn seen_from(&self, frame: &Similarity) -> FramedLandmark {
+        FramedLandmark { corners: self.corners, to: frame.undo(&self.to) }
     }
 }
 
-impl Held {
+impl FramedLandmark {
     /// Where it is.
     pub(super) fn at(&self, positions: &[Vec3]) -> Vec3 {
         weighted(&self.corners, positions)

@@ -6,7 +6,7 @@
 //! *Ours, not a paper's.*
 
 use super::elastic::Body;
-use super::held::Held;
+use super::held::FramedLandmark;
 use super::rest::Rest;
 use super::tree::KdTree;
 use super::{LaidRoughly, Manner, Setting, Settled, Settler};
@@ -63,8 +63,9 @@ impl Settler<'_> {
     pub fn stretched(&self, laid: &LaidRoughly, tips: &[BareTip], stop: Stop<'_>) -> Option<(Settled, LaidRoughly)> {
         let setting = &laid.setting;
         let places = laid.pose.deformed(&self.rest, &self.nodes[laid.level]);
-        let hold = |tip: &BareTip| Held { corners: [(tip.end, 1.0), (tip.end, 0.0), (tip.end, 0.0)], to: tip.at };
-        let held: Vec<Held> = setting.held.iter().copied().chain(tips.iter().map(hold)).collect();
+        let hold =
+            |tip: &BareTip| FramedLandmark { corners: [(tip.end, 1.0), (tip.end, 0.0), (tip.end, 0.0)], to: tip.at };
+        let held: Vec<FramedLandmark> = setting.held.iter().copied().chain(tips.iter().map(hold)).collect();
         let mut weights = vec![1.0_f64; places.len()];
         for tip in tips {
             let from = places[tip.end as usize];

@@ -6,7 +6,7 @@ use super::method::Method;
 use quadmuse_kernel::encode::index::PlanarIndex;
 use quadmuse_kernel::map::atlas::Atlas;
 use quadmuse_kernel::map::reembed::{InputChart, settle};
-use quadmuse_kernel::map::snap::lines::Lines;
+use quadmuse_kernel::map::snap::lines::SharpLines;
 use quadmuse_kernel::map::snap::{Snapped, creases_on, snap};
 use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, folded_faces};
@@ -209,8 +209,8 @@ fn snapped(method: Method, example: &Loaded, cross: &mut CrossMap, input: &Chart
 
 /// Mean distance of the vertices on the example's sharp edges from the nearest sharp edge of the input, in % of √area.
 fn edges_off(example: &Loaded, cross: &CrossMap, input: &Loaded) -> Option<f64> {
-    let (own, mesh) = (Lines::of(&example.patch.mesh, &[]), &input.patch.mesh);
-    let there = Lines::of(mesh, &[]);
+    let (own, mesh) = (SharpLines::of(&example.patch.mesh, &[]), &input.patch.mesh);
+    let there = SharpLines::of(mesh, &[]);
     let ends = |h: &u32| [mesh.tail(*h), mesh.head(*h)].map(|v| mesh.positions[v as usize]);
     let segments: Vec<[Vec3; 2]> = there.edges.iter().map(ends).collect();
     let away = |x: &Vec3, [a, b]: &[Vec3; 2]| {

@@ -23,7 +23,7 @@ const SLIDE: f64 = 0.4;
 
 /// A line with the vertices that lie on it.
 #[derive(Clone, Debug)]
-pub struct Met {
+pub struct LaidLine {
     /// The line.
     pub line: Line,
     /// Vertices in order; on a closed line the first stands last, too.
@@ -32,7 +32,7 @@ pub struct Met {
     pub at: Vec<f64>,
 }
 
-impl Met {
+impl LaidLine {
     /// A path on a line, its vertices at their nearest points as far as they are in order.
     pub fn new(net: &Net, line: Line, path: Vec<u32>) -> Self {
         let mut at: Vec<f64> = path.iter().map(|&v| line.nearest(net.positions[v as usize]).at).collect();
@@ -101,7 +101,7 @@ fn around(net: &Net, from: &[u32], stays: &dyn Fn(u32) -> bool) -> Vec<(u32, f64
 /// Goes `rounds` rounds around the lines and `others`; gives the vertices that may have moved.
 pub fn settle(
     net: &mut Net,
-    met: &mut [Met],
+    met: &mut [LaidLine],
     others: &[u32],
     stays: &dyn Fn(u32) -> bool,
     target: &Target,
@@ -152,7 +152,7 @@ mod tests {
             path.reverse();
         }
         let before = net.positions.clone();
-        let mut met = vec![Met::new(&net, line, path.clone())];
+        let mut met = vec![LaidLine::new(&net, line, path.clone())];
         let moved = settle(&mut net, &mut met, &[], &|v| path.contains(&v), &target, 12);
         assert!(path.iter().all(|v| moved.contains(v)));
         assert!(path.iter().all(|&v| (net.positions[v as usize].x - 0.5).abs() < 1e-12));

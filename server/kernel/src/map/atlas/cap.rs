@@ -14,7 +14,7 @@
 use std::f64::consts::TAU;
 
 use crate::encode::features::distance;
-use crate::encode::raster::{Shape, picture, shapes};
+use crate::encode::raster::{Footprint, picture, shapes};
 use crate::encode::{Encoding, LEVEL_SIDES, from_finest};
 use crate::map::edit::{self, EditError};
 use crate::register::image::Image;
@@ -141,7 +141,7 @@ struct Grown<'a> {
     whole: &'a Registration,
     topology: Topology,
     /// What lies in the highest caps there can be, on either surface, and its shares of the area.
-    shapes: [Vec<(Shape, f64)>; 2],
+    shapes: [Vec<(Footprint, f64)>; 2],
     /// Share of the area below the nearest other tip, on either surface.
     rooms: [f64; 2],
     solver: &'a dyn Solver,
@@ -254,20 +254,20 @@ fn carried(cap: &Cap, shares: [f64; 2]) -> Registration {
 }
 
 /// A chart's shapes of which something lies above v = 1 − `share`, with their shares of the area.
-fn above_all(chart: &Chart, share: f64) -> Vec<(Shape, f64)> {
-    let is_above = |(shape, _): &(Shape, f64)| corners(shape).iter().any(|x| height(x[1], share) > 0.0);
+fn above_all(chart: &Chart, share: f64) -> Vec<(Footprint, f64)> {
+    let is_above = |(shape, _): &(Footprint, f64)| corners(shape).iter().any(|x| height(x[1], share) > 0.0);
     shapes(chart).filter(is_above).collect()
 }
 
-fn corners(shape: &Shape) -> &[Uv] {
+fn corners(shape: &Footprint) -> &[Uv] {
     match shape {
-        Shape::Triangle(corners) => corners,
-        Shape::Pole(corners) => corners,
+        Footprint::Triangle(corners) => corners,
+        Footprint::Pole(corners) => corners,
     }
 }
 
 /// The encoding of what of some shapes lies above v = 1 − `share`.
-fn zoomed(shapes: &[(Shape, f64)], share: f64) -> Encoding {
+fn zoomed(shapes: &[(Footprint, f64)], share: f64) -> Encoding {
     let mut triangles = Vec::with_capacity(shapes.len());
     let mut scratch = [Vec::with_capacity(5), Vec::with_capacity(5)];
     for (shape, area) in shapes {
@@ -275,7 +275,7 @@ fn zoomed(shapes: &[(Shape, f64)], share: f64) -> Encoding {
         let [polygon, kept] = &scratch;
         let whole: f64 = fan(polygon).map(|triangle| signed_area(&triangle).abs()).sum();
         let density = if whole > 0.0 { area / share / whole } else { 0.0 };
-        triangles.extend(fan(kept).map(|t| (Shape::Triangle(t), density * signed_area(&t).abs())));
+        triangles.extend(fan(kept).map(|t| (Footprint::Triangle(t), density * signed_area(&t).abs())));
     }
     from_finest(picture(Topology::Disc, SIDE, triangles.into_iter()), Topology::Disc, 1.0)
 }

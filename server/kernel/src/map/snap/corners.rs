@@ -5,7 +5,7 @@
 //! to the nearest of the same sign along the mapped loop, each the other's nearest, in cyclic order; between them the
 //! boundary's vertices are shifted linearly in arc length.
 
-use super::super::ring::Ring;
+use super::super::boundary_loop::BoundaryLoop;
 use super::{CrossMap, Targets};
 use crate::mesh::tri::TriMesh;
 use crate::unfold::Chart;
@@ -34,7 +34,7 @@ pub struct Matched {
 
 /// Places for the boundary vertices of every loop of which corners are matched.
 pub fn targets(mesh: &TriMesh, cross: &CrossMap, input: &Chart) -> Matched {
-    let there: Vec<Ring> = rings(&input.mesh);
+    let there: Vec<BoundaryLoop> = rings(&input.mesh);
     let mut matched = Matched::default();
     for own in rings(mesh) {
         let corners = own.corners(mesh);
@@ -67,12 +67,12 @@ struct Corner {
     turn_deg: f64,
 }
 
-fn rings(mesh: &TriMesh) -> Vec<Ring> {
-    let all = mesh.boundary_loops().into_iter().map(|halfedges| Ring::new(mesh, halfedges));
+fn rings(mesh: &TriMesh) -> Vec<BoundaryLoop> {
+    let all = mesh.boundary_loops().into_iter().map(|halfedges| BoundaryLoop::new(mesh, halfedges));
     all.filter(|r| r.length > 0.0 && r.halfedges.len() > 3).collect()
 }
 
-impl Ring {
+impl BoundaryLoop {
     /// How far the loop turns at each vertex over ±`window`, in degrees, positive to the surface's side.
     fn turning(&self, mesh: &TriMesh, window: f64) -> Vec<f64> {
         let turn = |(&h, &s): (&u32, &f64)| {
@@ -109,13 +109,13 @@ impl Ring {
 
 /// The input's loop on which the mapped loop lies.
 fn nearest_ring<'a>(
-    own: &Ring,
-    there: &'a [Ring],
+    own: &BoundaryLoop,
+    there: &'a [BoundaryLoop],
     mesh: &TriMesh,
     cross: &CrossMap,
     input: &Chart,
-) -> Option<&'a Ring> {
-    let away = |ring: &Ring| {
+) -> Option<&'a BoundaryLoop> {
+    let away = |ring: &BoundaryLoop| {
         let far = |&h: &u32| {
             let x = cross.positions[mesh.tail(h) as usize];
             ring.nearest(&input.mesh, x).1
@@ -140,7 +140,7 @@ fn difference(a: f64, b: f64, length: f64) -> f64 {
 }
 
 /// Pairs of corners, in the order of `from`; none if they don't follow each other in the same order.
-fn matches(own: &[Corner], at: &[f64], there: &[Corner], ring: &Ring) -> Vec<Pair> {
+fn matches(own: &[Corner], at: &[f64], there: &[Corner], ring: &BoundaryLoop) -> Vec<Pair> {
     let place = |c: &Corner| ring.starts[c.number];
     let nearest = |from: f64, turn: f64| {
         let fits = |c: &&Corner| (c.turn_deg > 0.0) == (turn > 0.0);

@@ -6,7 +6,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::lines::{Lines, bend};
+use super::lines::{SharpLines, bend};
 use super::{CrossMap, Targets};
 use crate::encode::index::Location;
 use crate::mesh::Vec3;
@@ -25,11 +25,11 @@ const BEND_MIN_DEG: f64 = 15.0;
 const RUN_MIN: usize = 4;
 
 /// Places for vertices on the example's lines `own`.
-pub fn targets(mesh: &TriMesh, own: &Lines, cross: &CrossMap, input: &Chart) -> Targets {
+pub fn targets(mesh: &TriMesh, own: &SharpLines, cross: &CrossMap, input: &Chart) -> Targets {
     if own.edges.is_empty() {
         return Targets::new();
     }
-    let there = Lines::of(&input.mesh, &[]);
+    let there = SharpLines::of(&input.mesh, &[]);
     let segments = Segments::new(&input.mesh, &there);
     let on_boundary = mesh.boundary_vertices();
     let mut targets = corner_targets(own, &there, cross, input);
@@ -52,7 +52,7 @@ pub fn targets(mesh: &TriMesh, own: &Lines, cross: &CrossMap, input: &Chart) -> 
 }
 
 /// Leaves out the places of vertices that are not in a connected row of at least [`RUN_MIN`].
-pub fn in_rows(own: &Lines, targets: &mut Targets) {
+pub fn in_rows(own: &SharpLines, targets: &mut Targets) {
     let mut seen = BTreeSet::new();
     let mut short = BTreeSet::new();
     for &start in targets.keys() {
@@ -73,7 +73,7 @@ pub fn in_rows(own: &Lines, targets: &mut Targets) {
 }
 
 /// How much the surface bends at a vertex of a line, positive on a ridge.
-fn bend_of(lines: &Lines, v: u32) -> f64 {
+fn bend_of(lines: &SharpLines, v: u32) -> f64 {
     lines.bend_at.get(&v).copied().unwrap_or(0.0)
 }
 
@@ -83,7 +83,7 @@ fn alike(own: f64, there: f64) -> bool {
 }
 
 /// Places for corners: the nearest corner, if each is the other's nearest.
-fn corner_targets(own: &Lines, there: &Lines, cross: &CrossMap, input: &Chart) -> Targets {
+fn corner_targets(own: &SharpLines, there: &SharpLines, cross: &CrossMap, input: &Chart) -> Targets {
     let mut best: BTreeMap<u32, (f64, u32)> = BTreeMap::new();
     for &v in &own.corners {
         let x = cross.positions[v as usize];
@@ -108,7 +108,7 @@ fn corner_targets(own: &Lines, there: &Lines, cross: &CrossMap, input: &Chart) -
 /// The input's sharp edges in buckets.
 struct Segments<'a> {
     mesh: &'a TriMesh,
-    lines: &'a Lines,
+    lines: &'a SharpLines,
     buckets: BTreeMap<[i64; 3], Vec<u32>>,
     cell: f64,
 }
@@ -119,7 +119,7 @@ const CELLS: f64 = 64.0;
 const CELLS_AROUND_MAX: i64 = 4;
 
 impl<'a> Segments<'a> {
-    fn new(mesh: &'a TriMesh, lines: &'a Lines) -> Self {
+    fn new(mesh: &'a TriMesh, lines: &'a SharpLines) -> Self {
         let cell = (mesh.total_area().sqrt() / CELLS).max(f64::MIN_POSITIVE);
         let mut buckets: BTreeMap<[i64; 3], Vec<u32>> = BTreeMap::new();
         for (k, &h) in lines.edges.iter().enumerate() {

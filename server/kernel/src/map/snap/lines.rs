@@ -27,7 +27,7 @@ const SHARE_MAX: f64 = 0.2;
 
 /// Sharp edges, connected.
 #[derive(Clone, Debug, Default)]
-pub struct Lines {
+pub struct SharpLines {
     /// A halfedge of each edge.
     pub edges: Vec<u32>,
     /// Vertices on the lines, with their neighbours along them.
@@ -40,7 +40,7 @@ pub struct Lines {
     pub corners: BTreeSet<u32>,
 }
 
-impl Lines {
+impl SharpLines {
     /// The lines of a surface. `given` edges are sharp whatever the surface does there.
     pub fn of(mesh: &TriMesh, given: &[[u32; 2]]) -> Self {
         let mut sharp = sharp_edges(mesh, given);
@@ -183,7 +183,7 @@ pub(super) mod tests {
     #[test]
     fn a_fold_is_a_line_with_two_ends() {
         let mesh = folded(20, 0.0);
-        let lines = Lines::of(&mesh, &[]);
+        let lines = SharpLines::of(&mesh, &[]);
         assert_eq!((lines.edges.len(), lines.corners.len()), (20, 2));
         // The right half stands up: seen from above it is a valley.
         assert!(lines.bend_at.values().all(|bend| (bend + 90.0).abs() < 1e-9), "{:?}", lines.bend_at);
@@ -194,8 +194,8 @@ pub(super) mod tests {
     fn noise_makes_no_lines_and_given_edges_are_lines() {
         let mut mesh = folded(20, 0.35);
         mesh.positions.iter_mut().for_each(|p| *p = Vec3::new(p.x + p.z, p.y, 0.3 * (p.x * 40.0).fract() / 20.0));
-        assert!(Lines::of(&mesh, &[]).edges.is_empty());
+        assert!(SharpLines::of(&mesh, &[]).edges.is_empty());
         let given: Vec<[u32; 2]> = (0..20).map(|k| [21 * k + 4, 21 * (k + 1) + 4]).collect();
-        assert_eq!(Lines::of(&mesh, &given).edges.len(), 20);
+        assert_eq!(SharpLines::of(&mesh, &given).edges.len(), 20);
     }
 }

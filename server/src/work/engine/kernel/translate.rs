@@ -32,9 +32,9 @@ pub(super) fn outcome<T>(result: Result<T, PipelineError>, stop: &Stop) -> Resul
 pub(super) fn cut(of: &Cut) -> pipeline::Cut {
     pipeline::Cut {
         way: match of.way {
-            Segmentation::Auto => pipeline::Way::Auto,
-            Segmentation::Whole => pipeline::Way::Whole,
-            Segmentation::Groups => pipeline::Way::Groups,
+            Segmentation::Auto => pipeline::CutMethod::Auto,
+            Segmentation::Whole => pipeline::CutMethod::Whole,
+            Segmentation::Groups => pipeline::CutMethod::Groups,
         },
         labels: of.labels.clone(),
         components: match of.components {

@@ -5,7 +5,7 @@ use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
 
 /// A boundary loop of a mesh.
-pub(super) struct Ring {
+pub(super) struct BoundaryLoop {
     /// Its halfedges in order.
     pub(super) halfedges: Vec<u32>,
     /// Arc length at each halfedge's tail.
@@ -14,7 +14,7 @@ pub(super) struct Ring {
     pub(super) length: f64,
 }
 
-impl Ring {
+impl BoundaryLoop {
     /// The loop of these halfedges.
     pub(super) fn new(mesh: &TriMesh, halfedges: Vec<u32>) -> Self {
         let (mut starts, mut length) = (Vec::with_capacity(halfedges.len()), 0.0);
@@ -72,7 +72,7 @@ mod tests {
     #[test]
     fn places_and_arc_lengths_of_a_square_are_each_others_inverse() {
         let mesh = grid(4, 4, false, false);
-        let ring = Ring::new(&mesh, mesh.boundary_loops().remove(0));
+        let ring = BoundaryLoop::new(&mesh, mesh.boundary_loops().remove(0));
         assert!((ring.length - 4.0).abs() < 1e-12);
         for s in [0.0, 0.3, 1.0, 2.9, 3.99] {
             let (back, away) = ring.nearest(&mesh, ring.at(&mesh, s));

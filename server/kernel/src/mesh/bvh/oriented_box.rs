@@ -29,14 +29,14 @@ fn is_needle([a, b, c]: &[Vec3; 3]) -> bool {
 
 /// A box along axes of its own.
 #[derive(Clone, Debug)]
-pub(super) struct Turned {
+pub(super) struct OrientedBox {
     /// Orthonormal.
     axes: [Vec3; 3],
     low: [f64; 3],
     high: [f64; 3],
 }
 
-impl Turned {
+impl OrientedBox {
     /// The box of some triangles: along their longest edges, across these, and along their normal. One that holds everything
     /// where they have no such direction.
     pub(super) fn of<'a>(triangles: impl Iterator<Item = &'a [Vec3; 3]> + Clone) -> Self {
