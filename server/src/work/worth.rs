@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn few_segments_are_all_worth_it_and_of_a_rag_those_of_most_faces() {
+    fn few_segments_are_all_worth_it_and_of_a_ragged_scan_those_of_most_faces() {
         assert_eq!(worth(&[1; 8]), 8);
         assert_eq!(worth(&[1; 118]), 0);
         assert_eq!(worth(&[18; 118]), 0);

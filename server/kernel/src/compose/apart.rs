@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_rag_the_largest_components_are_worth_it() {
+    fn of_a_ragged_input_the_largest_components_are_worth_it() {
         let (surface, owner) = two_sheets();
         let found = apart(Input { surface: &surface, owner: &owner, count: 4 });
         assert_eq!(worth(&found, 3, 1), [true, true]);

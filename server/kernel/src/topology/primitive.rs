@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_rag_all_loops_but_the_longest_are_gaps() {
+    fn of_a_ragged_surface_all_loops_but_the_longest_are_gaps() {
         // One window, a fifth of the sheet, alone and among pinholes.
         let window = |t: &u32| matches!(t / 2 % 20, 2..11) && (4..14).contains(&(t / 40));
         let with = |pinholes: usize| -> Vec<u32> {
