@@ -51,16 +51,17 @@ impl Sound {
     }
 
     /// Tells whether a regular layout is sound, follows the scan as well as another result, and, where that is regular, too, has no
-    /// more extraordinary vertices a quad. Of a result that is not sound nothing is asked; of the scan's own triangles, which
-    /// nothing follows as well, only that they have more extraordinary vertices.
+    /// more extraordinary vertices a quad. Beside a result that is not sound nothing more is asked, and beside the scan's own
+    /// triangles, which nothing follows as well, not that it lies as near.
     pub(super) fn is_layout_no_worse_than(&self, other: &Self) -> bool {
         let (own, others) = (&self.appraisal, &other.appraisal);
         let extraordinary =
             |sound: &Self| sound.made.extraordinary_vertices as f64 / sound.made.mesh.faces.len().max(1) as f64;
-        let follows = own.covered >= others.covered - COVERED_LESS && own.away <= AWAY_MORE * others.away;
+        let is_near = own.away <= AWAY_MORE * others.away || others.own > OWN_MAX;
+        let follows = own.covered >= others.covered - COVERED_LESS && is_near;
         let has_examples = others.examples.iter().any(|share| *share > 0.0);
         let is_as_regular = has_examples || extraordinary(self) <= extraordinary(other);
-        own.flaws.is_empty() && (!others.flaws.is_empty() || ((follows || others.own > OWN_MAX) && is_as_regular))
+        own.flaws.is_empty() && (!others.flaws.is_empty() || (follows && is_as_regular))
     }
 
     /// Tells whether it covers more of the scan by layouts than another, and keeps its examples.
@@ -112,4 +113,28 @@ pub(super) fn stitched_sound(
         }
     }
     Ok(Sound::of(made, appraisal))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use quadmuse_kernel::mesh::PolyMesh;
+
+    /// A result with so many extraordinary vertices, as far from the scan.
+    fn sound(extraordinary_vertices: u64, away: f64, own: f64) -> Sound {
+        let made = Stitched::as_it_is(Arc::new(PolyMesh::default()), Vec::new());
+        let appraisal = Appraisal { away, own, covered: 1.0, ..Appraisal::default() };
+        Sound::of(Stitched { extraordinary_vertices, ..made }, appraisal)
+    }
+
+    #[test]
+    fn a_regular_layout_is_no_worse_than_a_scans_own_triangles_which_lie_nearer() {
+        let regular = sound(100, 0.001, 0.0);
+        assert!(!regular.is_layout_no_worse_than(&sound(1000, 0.0001, 0.0)), "another layout lies nearer");
+        assert!(regular.is_layout_no_worse_than(&sound(1000, 0.0001, 1.0)));
+        assert!(!regular.is_layout_no_worse_than(&sound(50, 0.0001, 1.0)), "its triangles are more regular");
+        let mut bare = sound(100, 0.001, 0.0);
+        bare.appraisal.covered = 0.9;
+        assert!(!bare.is_layout_no_worse_than(&sound(1000, 0.0001, 1.0)));
+    }
 }
