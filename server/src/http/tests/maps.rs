@@ -419,12 +419,12 @@ async fn where_no_mesh_of_the_whole_is_sound_the_map_of_most_of_it_is_delivered_
     // Nor does one stand that leaves more than half of its segment bare.
     let little = Bench::new();
     little.add("ear", "segment disc 2\nlies fair 0.4").await;
-    let path = little.query("", "segment disc 9\nsegment disc 2\nrag").await;
+    let path = little.query("", "segment disc 9\nsegment disc 2\nragged").await;
     little.ended(&path).await;
     let made = little.post_json(&format!("{path}/compositions?wait=60"), json!({})).await.json();
     assert_ne!(made["verdict"], json!("fair"), "{made}");
     // Of three alike none is most of it.
-    let path = bench.query("", "segment disc 2\nsegment disc 9\nsegment disc 9\nrag").await;
+    let path = bench.query("", "segment disc 2\nsegment disc 9\nsegment disc 9\nragged").await;
     bench.ended(&path).await;
     let broken = bench.post_json(&format!("{path}/compositions?wait=60"), json!({})).await.json();
     assert_eq!(broken["verdict"], json!("broken"), "{broken}");
