@@ -14,7 +14,7 @@ use std::fmt::Display;
 /// The word for the last query that was started.
 pub const LAST: &str = "@last";
 
-/// Candidates of a name that is not clear which are listed.
+/// Candidates that are listed where a name is ambiguous.
 const CANDIDATES_LISTED: usize = 8;
 
 /// Something that a text may stand for.

@@ -215,15 +215,14 @@ async fn made(
         }
     };
     let mut job = job;
-    let mut found: Result<Sound, WorkError> =
-        work.pool.run(&job, Lane::Lay, stitch).await.map_err(WorkError::from).and_then(|found| Ok(found?));
+    let mut found: Result<Sound, WorkError> = WorkError::joined(work.pool.run(&job, Lane::Lay, stitch).await);
     if found.as_ref().err().and_then(WorkError::stop_reason) == Some(StopReason::Memory) {
         // Of a mesh of very many handles the estimate is too low. What it takes is paid for, if there is as much.
         drop(job);
         job = work.admit(live.caller.user, needed * MEMORY_TIMES, REQUEST_TIME_MAX)?;
         let (engine, model, parts, instead) = again;
         let plainly = move |stop: &Stop| stitched_sound(&*engine, &model, (parts, &instead), (how, allowed), stop);
-        found = work.pool.run(&job, Lane::Lay, plainly).await.map_err(WorkError::from).and_then(|found| Ok(found?));
+        found = WorkError::joined(work.pool.run(&job, Lane::Lay, plainly).await);
     }
     let mut found = found?;
     // What could not be stitched may be laid out around the map that is most of it.
@@ -322,7 +321,7 @@ async fn laid_around(
     let Some(surrounded) = Surrounded::of(work, live, (map, maps), job).await? else { return Ok(None) };
     let (job, engine) = (job.renew(Some(REQUEST_TIME_MAX / 2)), Arc::clone(&work.engine));
     let stitch = move |stop: &Stop| surrounded.stitched(&*engine, (how, allowed), stop);
-    match work.pool.run(&job, Lane::Lay, stitch).await.map_err(WorkError::from).and_then(|found| Ok(found?)) {
+    match WorkError::joined(work.pool.run(&job, Lane::Lay, stitch).await) {
         Err(error) if may_fail && error.stop_reason().is_some_and(|reason| reason != StopReason::Cancelled) => Ok(None),
         found => found,
     }

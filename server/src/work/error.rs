@@ -154,6 +154,14 @@ impl WorkError {
         }
     }
 
+    /// Joins the failure of a computation and that of the pool it ran in.
+    ///
+    /// # Errors
+    /// Either's.
+    pub fn joined<T>(found: Result<Result<T, EngineError>, PoolError>) -> Result<T, Self> {
+        Ok(found??)
+    }
+
     /// A value outside its range.
     pub fn parameter(name: &'static str, expected: impl Into<String>, found: impl ToString) -> Self {
         Self::Parameter { name, expected: expected.into(), found: found.to_string() }

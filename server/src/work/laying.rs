@@ -84,11 +84,7 @@ pub async fn best_map(
             Some(map) => Ok(map),
             None => mapping::create(work, live, new).await,
         };
-        map.inspect_err(|error| {
-            if error.is_of_one_example() {
-                live.passed_over(example, error);
-            }
-        })
+        (example, map)
     };
     // The first is mostly good enough. Where it is not, two at a time are laid, and looked at in order.
     let (first, others) = entries.split_at(entries.len().min(1));
@@ -96,12 +92,15 @@ pub async fn best_map(
     let others = stream::iter(others.iter().copied()).map(one).buffered(AT_A_TIME);
     let mut found = std::pin::pin!(first.chain(others).enumerate());
     let mut best: Option<Arc<LiveMap>> = None;
-    while let Some((tried, found)) = found.next().await {
-        let map = match found {
+    while let Some((tried, (example, map))) = found.next().await {
+        let map = match map {
             Ok(map) => map,
             // Another would take as long.
             Err(error) if best.is_some() && is_late(&error) => break,
-            Err(error) if error.is_of_one_example() => continue,
+            Err(error) if error.is_of_one_example() => {
+                live.passed_over(example, &error);
+                continue;
+            }
             Err(error) => return Err(error),
         };
         let best = match &mut best {

@@ -131,7 +131,7 @@ impl Awaited {
         Self(Some(Arc::clone(making)))
     }
 
-    /// They know of it: from now on it goes on without them.
+    /// Notes that the callers know of it: from now on it goes on without them.
     pub fn announced(mut self) {
         self.0 = None;
     }

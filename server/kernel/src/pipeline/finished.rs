@@ -297,7 +297,7 @@ const SHEARED: [f64; 2] = [12.0, 22.0];
 /// on a gnome and on a bust (tests/records/other-makers-2026-11-29.md).
 const LIMBS_MIN: usize = 2;
 
-/// What is looked at to judge whether an example is like a scan.
+/// Names the features by which an example is judged to be like a scan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum JudgedBy {
     /// Its limbs, and those of a scan that ends nowhere either.

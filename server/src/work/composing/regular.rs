@@ -60,7 +60,7 @@ pub(super) async fn regular(
     };
     let engine = Arc::clone(&work.engine);
     let stitch = move |stop: &Stop| stitched_sound(&*engine, &model, (parts, &[]), (how, Allowed::default()), stop);
-    match work.pool.run(&job, Lane::Lay, stitch).await.map_err(WorkError::from).and_then(|found| Ok(found?)) {
+    match WorkError::joined(work.pool.run(&job, Lane::Lay, stitch).await) {
         Err(error) if error.stop_reason().is_some_and(|reason| reason != StopReason::Cancelled) => Ok(None),
         found => Ok(Some(found?).filter(|regular| regular.is_layout_no_worse_than(composed))),
     }

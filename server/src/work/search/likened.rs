@@ -6,9 +6,9 @@
 
 use super::clusters::{Clusters, Key, Kind};
 use super::{SegmentSearch, caught_up};
-use crate::pool::{Lane, PoolError, Stop};
+use crate::pool::{Lane, Stop};
 use crate::work::WorkError;
-use crate::work::engine::{EngineError, Model, Opaque, Rough, RoughLead, Stage};
+use crate::work::engine::{Model, Opaque, Rough, RoughLead, Stage};
 use crate::work::ingest;
 use crate::work::query::ms_since;
 use crate::work::ranking::{Candidate, SURE_FROM, by_fit, by_likeness, is_worth_a_map};
@@ -200,7 +200,7 @@ impl SegmentSearch<'_> {
         };
         let is_led = lead.is_some();
         let found = self.work.pool.run(&self.live.job, Lane::Fine, quantum).await;
-        let found = self.usable(candidate, flat(found))?.flatten();
+        let found = self.usable(candidate, WorkError::joined(found))?.flatten();
         if let Some(Rough { agreement, covered, off, .. }) = &found {
             let example = &candidate.resident.example.name;
             let on = self.segment;
@@ -257,7 +257,7 @@ impl SegmentSearch<'_> {
             posed.map_or_else(|| Ok(Likeness::default()), |posed| engine.likeness(&posed, &own, stop))
         };
         let found = self.work.pool.run(&self.live.job, Lane::Fine, quantum).await;
-        Ok(self.usable(candidate, flat(found))?.unwrap_or_default())
+        Ok(self.usable(candidate, WorkError::joined(found))?.unwrap_or_default())
     }
 
     /// Whether the pictures leave it open who is best.
@@ -304,11 +304,6 @@ impl SegmentSearch<'_> {
         self.live.publish(self.segment, level, candidates, timing);
         Ok(())
     }
-}
-
-/// Makes one result of a task's own and its pool's.
-fn flat<T>(found: Result<Result<T, EngineError>, PoolError>) -> Result<T, WorkError> {
-    found.map_err(WorkError::from).and_then(|found| Ok(found?))
 }
 
 fn alike(candidate: &Candidate) -> f64 {
