@@ -114,6 +114,33 @@ impl EditableMesh {
         }
     }
 
+    /// True where more than `most` halfedges leave a vertex. Looks at no more of them.
+    pub(super) fn has_more_edges(&self, v: u32, most: usize) -> bool {
+        let first = self.out[v as usize];
+        let mut left = most;
+        let mut h = first;
+        while h != NONE {
+            if left == 0 {
+                return true;
+            }
+            left -= 1;
+            h = self.twin(prev(h));
+            if h == first {
+                return false;
+            }
+        }
+        // A boundary ends the walk: the rest lies on the other side of the first.
+        let mut g = if first == NONE { NONE } else { self.twin(first) };
+        while g != NONE {
+            if left == 0 {
+                return true;
+            }
+            left -= 1;
+            g = self.twin(next(g));
+        }
+        false
+    }
+
     /// The vertices beside a vertex whose star this is.
     pub(super) fn ring(&self, star: &[u32], ring: &mut Vec<u32>) {
         ring.clear();
@@ -350,6 +377,20 @@ mod tests {
                 assert_eq!([mesh.tail(h), mesh.head(h)], [d, c]);
             }
             assert_whole(mesh, euler);
+        }
+    }
+
+    #[test]
+    fn edges_are_counted_up_to_a_number_wherever_the_walk_starts() {
+        let mut mesh = EditableMesh::new(&grid(3, 3, false, false), &[]);
+        let mut star = Vec::new();
+        for v in 0..mesh.positions.len() as u32 {
+            mesh.star(v, &mut star);
+            for &first in &star {
+                mesh.out[v as usize] = first;
+                let counted = (0..9).find(|&most| !mesh.has_more_edges(v, most));
+                assert_eq!(counted, Some(star.len()), "{v}");
+            }
         }
     }
 

@@ -18,6 +18,9 @@ const SHORT: f64 = 4.0 / 5.0;
 const ROUNDS: usize = 5;
 /// Passes over all edges in a round: each halves what is too long.
 const PASSES_MAX: usize = 24;
+/// Edges of a vertex that has more are not collapsed: those about it are first, and leave it fewer. Each would be looked at
+/// for each other. *Untuned.*
+const EDGES_MAX: usize = 64;
 /// Cosine to its old normal that a triangle has to keep where its corners move: *untuned*.
 const TURN_MIN: f64 = 0.5;
 
@@ -146,6 +149,9 @@ impl State {
     fn collapse(&mut self, h: u32, long: f64) -> bool {
         let mesh = &self.mesh;
         let (a, b, g) = (mesh.tail(h), mesh.head(h), mesh.twin(h));
+        if mesh.has_more_edges(a, EDGES_MAX) || mesh.has_more_edges(b, EDGES_MAX) {
+            return false;
+        }
         mesh.star(a, &mut self.star);
         mesh.star(b, &mut self.other);
         let (free_a, free_b) = (mesh.freedom(&self.star), mesh.freedom(&self.other));
