@@ -17,7 +17,7 @@ pub const LEVEL_SIDES: [usize; 5] = [32, 64, 128, 256, 512];
 pub const SIDE_FINEST: usize = LEVEL_SIDES[LEVEL_SIDES.len() - 1];
 
 /// Version of everything below [`Encoding`], and of what is kept beside it: stored encodings of another version are made anew.
-pub const ENCODER_VERSION: u32 = 4;
+pub const ENCODER_VERSION: u32 = 5;
 
 /// A square picture over the domain: `values[row · side + column]`, rows along v from 0, columns along u.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -4,11 +4,13 @@
 //! at most ℓ²/4π; where that is little of the surface's area, or ℓ is short beside the longest loop, it is a hole and no
 //! end of the surface. Of a ragged surface, which has many loops, all but the longest are holes. Holes are filled where the
 //! surface is unfolded, and only there: the patch keeps its own triangles.
-//! A tube one of whose two loops is a hole is a disc: a face with a gap. Else a surface that is a primitive as it is stays so, whatever
-//! its loops; of a scan, [`closed`] counts the only loop as a hole, too. *Ours, not the paper's.*
+//! A tube one of whose two loops is a hole is a disc: a face with a gap. One both of whose loops are holes is closed, if it widens
+//! around them: a body that is open at its eyes. Else a surface that is a primitive as it is stays so, whatever its loops; of a
+//! scan, [`closed`] counts the only loop as a hole, too. *Ours, not the paper's.*
 
 use super::holes::filled;
 use super::{Patch, Topology, TopologyError, classify, components, invariants, submesh};
+use crate::mesh::geodesic::Marcher;
 use crate::mesh::tri::TriMesh;
 
 /// Loops that could enclose at most this share of the area are holes.
@@ -19,6 +21,10 @@ const HOLE_LENGTH_SHARE: f64 = 0.2;
 const RAGGED_LOOPS: usize = 12;
 /// Components beside the largest are small components if together they have at most this share of the area.
 const SMALL_COMPONENTS_SHARE: f64 = 0.1;
+
+/// A surface widens around a loop if, as far from it as it is long, it has this many times the area of a square on its length: a tube
+/// has once that area, and a plane 1 + π times.
+const WIDENS: f64 = 2.0;
 
 /// What to do with several components.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -58,7 +64,7 @@ fn with_most(mesh: &TriMesh, policy: Components, ends_max: usize) -> Result<Patc
     };
     let (part, vertex_of) = submesh(mesh, &triangle_of);
     let (topology, holes) = match classify(&part) {
-        Ok(topology) => with_gap(&part, topology),
+        Ok(topology) => with_gaps(&part, topology),
         Err(TopologyError::Unsupported(_)) => {
             let (mut holes, ends) = gaps(&part, &|_| false);
             if ends > ends_max {
@@ -74,25 +80,36 @@ fn with_most(mesh: &TriMesh, policy: Components, ends_max: usize) -> Result<Patc
     Ok(Patch { topology, mesh: part, vertex_of, triangle_of, holes, left_out: count.saturating_sub(1) })
 }
 
-/// The topology of a primitive once a gap in it is filled, and the gap. A tube one of whose loops is a hole is a disc. A tube
-/// both of whose loops are holes may be a long tube, and stays one.
-fn with_gap(mesh: &TriMesh, topology: Topology) -> (Topology, Vec<Vec<u32>>) {
+/// The topology of a primitive once the gaps in it are filled, and these. A tube one of whose loops is a hole is a disc. A tube
+/// both of whose loops are holes may be a long tube, and stays one unless it widens around both.
+fn with_gaps(mesh: &TriMesh, topology: Topology) -> (Topology, Vec<Vec<u32>>) {
     match topology {
         Topology::Annulus => match gaps(mesh, &|_| false) {
             (holes, 1) => (Topology::Disc, holes),
+            (holes, 0) if holes.iter().all(|hole| widens_around(mesh, hole)) => (Topology::Sphere, holes),
             _ => (topology, Vec::new()),
         },
         _ => (topology, Vec::new()),
     }
 }
 
-/// The primitive that all of a mesh is, but for a gap.
+/// Tells whether a surface widens around a loop, as around a hole in it and not as behind the end of a tube.
+fn widens_around(mesh: &TriMesh, edges: &[u32]) -> bool {
+    let length = length(mesh, edges);
+    let on_loop: Vec<u32> = edges.iter().map(|&h| mesh.tail(h)).collect();
+    let distance = Marcher::new(mesh).distances_within(&on_loop, 2.0 * length);
+    let away = |t: &usize| mesh.triangles[*t].iter().map(|&v| distance[v as usize]).sum::<f64>() / 3.0;
+    let near = (0..mesh.triangles.len()).filter(|t| away(t) <= length);
+    near.map(|t| mesh.area(t)).sum::<f64>() >= WIDENS * length * length
+}
+
+/// The primitive that all of a mesh is, but for gaps.
 ///
 /// # Errors
 /// [`TopologyError`] where it is none.
 pub fn gapped(mesh: &TriMesh) -> Result<Patch, TopologyError> {
     let patch = super::whole(mesh)?;
-    let (topology, holes) = with_gap(&patch.mesh, patch.topology);
+    let (topology, holes) = with_gaps(&patch.mesh, patch.topology);
     Ok(Patch { topology, holes, ..patch })
 }
 
@@ -204,6 +221,8 @@ mod tests {
         let mut long = grid(20, 20, true, false);
         long.positions.iter_mut().for_each(|p| p.z *= 400.0);
         assert_eq!(taken_as(&long), (Topology::Annulus, vec![]));
+        // A body that is open at both eyes is closed.
+        assert_eq!(taken_as(&without(&ball(24), &[7, 500])), (Topology::Sphere, vec![3, 3]));
         let window: Vec<u32> =
             (0..800).filter(|t| matches!(t / 2 % 20, 5..14) && (4..14).contains(&(t / 40))).collect();
         assert_eq!(taken_as(&without(&sheet, &window)), (Topology::Annulus, vec![]));

@@ -201,10 +201,10 @@ impl SegmentSearch<'_> {
         let is_led = lead.is_some();
         let found = self.work.pool.run(&self.live.job, Lane::Fine, quantum).await;
         let found = self.usable(candidate, WorkError::joined(found))?.flatten();
-        if let Some(Rough { agreement, covered, off, .. }) = &found {
+        if let Some(Rough { agreement, covered, off, apart, start, .. }) = &found {
             let example = &candidate.resident.example.name;
-            let on = self.segment;
-            tracing::debug!(query = %self.live.id, on, %example, segment, agreement, covered, off, is_led, "laid roughly");
+            let (on, by_tips) = (self.segment, start.is_none());
+            tracing::debug!(query = %self.live.id, on, %example, segment, agreement, covered, off, apart, by_tips, is_led, "laid roughly");
         }
         Ok(found)
     }
