@@ -123,7 +123,7 @@ mod tests {
         };
         assert_eq!([tries(&[]), tries(&[1]), tries(&[12]), tries(&[100]), tries(&[50_000])], [0, 0, 0, 1, TRIES]);
         assert_eq!([tries(&[1000, 2001]), tries(&[1, 1000]), tries(&[1000, 2000])], [1, 0, TRIES]);
-        assert_eq!([tries(&[1023]), tries(&[1024]), tries(&[300, 300])], [1, TRIES, 1]);
+        assert_eq!([tries(&[511]), tries(&[512]), tries(&[250, 250])], [1, TRIES, 1]);
     }
 
     #[test]

@@ -17,8 +17,9 @@ use std::sync::{Arc, OnceLock};
 pub const FACES_CHOSEN_MIN: u64 = 256;
 /// A larger share of a scan's area is most of it. *Untuned.*
 const MOST: f64 = 0.5;
-/// Faces of a mesh, of the same kind, that may be a scan. One of fewer is laid on with less care, and one example is tried.
-pub const FACES_OF_SCAN_MIN: u64 = 1024;
+/// Faces of a mesh, of the same kind, that may be a scan: enough for two segments. One of fewer is laid on with less care, and one
+/// example is tried.
+pub const FACES_OF_SCAN_MIN: u64 = 2 * FACES_CHOSEN_MIN;
 /// Most segments: each costs memory and time, however few its faces are. Labels may ask for no more.
 pub const SEGMENTS_MAX: usize = 128;
 
