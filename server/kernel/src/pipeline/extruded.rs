@@ -11,13 +11,16 @@ use std::sync::Arc;
 /// How the reason ends that faces were extruded.
 const EXTRUDED: &str = "the example has no horn, tail or the like there";
 
-/// Extrudes faces of a map of some use along what it misses of the scan, unless that breaks the mesh. Gives the share of the scan's
-/// area that is missed all the same.
+/// Extrudes faces of a map of some use, but for what it misses, along what it misses of the scan, unless that breaks the mesh. Gives the
+/// share of the scan's area that is missed all the same.
 pub(crate) fn extrude(mapped: &mut Mapped, query: &Side) -> f64 {
     // After an edit it is told anew.
     mapped.reasons.retain(|why| !why.ends_with(EXTRUDED));
     let surface = &query.encoded.query.chart.mesh;
-    if !is_wanted(mapped, query) {
+    // A map that is broken by what it misses alone is not broken once it reaches that.
+    let reaching = mapped.stitched.clone().filter(|_| mapped.verdict == Verdict::Broken);
+    let verdict = reaching.as_ref().map_or(mapped.verdict, |reaching| reaching.verdict);
+    if !is_wanted(verdict, query) {
         return 0.0;
     }
     let Extruded { mesh, missed } = extruded(&mapped.mesh, surface);
@@ -28,6 +31,9 @@ pub(crate) fn extrude(mapped: &mut Mapped, query: &Side) -> f64 {
     let own = mapped.reach.own.map_or(mapped.mesh.faces.len(), |own| own.1 as usize);
     grown.reach.inspired = Some(area(own) / area(mesh.faces.len()).max(f64::MIN_POSITIVE));
     grown.reach.unextruded = Some(Arc::clone(&mapped.mesh));
+    if let Some(reaching) = reaching {
+        (grown.verdict, grown.reasons) = (reaching.verdict, reaching.reasons);
+    }
     grown.reasons.retain(|why| !why.starts_with(MISSED_LIMBS));
     grown.stitched = None;
     sound::check(&mut grown, query);
@@ -44,13 +50,13 @@ pub(crate) fn extrude(mapped: &mut Mapped, query: &Side) -> f64 {
 
 /// The share of the scan's area that horns and the like have which a map misses, 0–1.
 pub(crate) fn missed(mapped: &Mapped, query: &Side) -> f64 {
-    if !is_wanted(mapped, query) {
+    if !is_wanted(mapped.verdict, query) {
         return 0.0;
     }
     extrude::missed(&mapped.mesh, &query.encoded.query.chart.mesh)
 }
 
 /// Tells whether what a map misses is looked for. On a part stitching moves vertices there.
-fn is_wanted(mapped: &Mapped, query: &Side) -> bool {
-    mapped.verdict < Verdict::Poor && query.model.is_most(query.segment) && Stage::Extrude.is_on()
+fn is_wanted(verdict: Verdict, query: &Side) -> bool {
+    verdict < Verdict::Poor && query.model.is_most(query.segment) && Stage::Extrude.is_on()
 }

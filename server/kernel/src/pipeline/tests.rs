@@ -144,14 +144,14 @@ fn a_scan_with_a_window_takes_an_example_without_one_to_its_place() {
     assert!(off < 0.1, "{off}");
 }
 
-#[test]
-fn a_scan_with_a_horn_that_the_example_lacks_gets_one_before_and_after_an_edit() {
+/// The dome as a scan with a horn of a height and a radius.
+fn with_horn(height: f64, radius: f64) -> Side {
     let mut text = String::new();
     for line in dome(80).lines() {
         let numbers: Vec<f64> = line.split(' ').skip(1).filter_map(|word| word.parse().ok()).collect();
         let _ = match (line.starts_with("v "), &numbers[..]) {
             (true, &[x, y, z]) => {
-                let horn = 0.6 * (1.0 - (x - 0.25).hypot(y + 0.3) / 0.08).max(0.0);
+                let horn = height * (1.0 - (x - 0.25).hypot(y + 0.3) / radius).max(0.0);
                 writeln!(text, "v {x} {y} {}", z + horn)
             }
             _ => writeln!(text, "{line}"),
@@ -160,7 +160,25 @@ fn a_scan_with_a_horn_that_the_example_lacks_gets_one_before_and_after_an_edit()
     let scan = read(text.as_bytes(), Some(Format::Obj), &Cut::default(), &Limits::default()).expect("a scan");
     let model = Arc::new(scan);
     let encoded = Arc::new(encode(&model, 0, GO_ON).expect("encodable"));
-    let (example, query) = (side(12), Side { model, segment: 0, encoded });
+    Side { model, segment: 0, encoded }
+}
+
+#[test]
+fn a_map_that_is_broken_by_a_horn_that_it_misses_is_not_once_it_has_one() {
+    let (example, query) = (side(12), with_horn(0.9, 0.12));
+    let fitted = |beyond| {
+        let wishes = Wishes { beyond, ..Wishes::default() };
+        fit(None, &example, &query, &wishes, GO_ON).expect("a map").mapped
+    };
+    let (bare, extended) = (fitted(Beyond::Leave), fitted(Beyond::Extend));
+    assert_eq!(bare.verdict, Verdict::Broken, "{:?}", bare.reasons);
+    assert!(extended.verdict < Verdict::Poor, "{:?}", extended.reasons);
+    assert!(extended.mesh.faces.len() > bare.mesh.faces.len() && extended.stitched.is_none());
+}
+
+#[test]
+fn a_scan_with_a_horn_that_the_example_lacks_gets_one_before_and_after_an_edit() {
+    let (example, query) = (side(12), with_horn(0.6, 0.08));
     let fitted = |beyond| {
         let wishes = Wishes { beyond, ..Wishes::default() };
         fit(None, &example, &query, &wishes, GO_ON).expect("a map")
