@@ -11,8 +11,8 @@ use std::sync::Arc;
 /// How the reason ends that faces were extruded.
 const EXTRUDED: &str = "the example has no horn, tail or the like there";
 
-/// Extrudes faces of a map of some use, but for what it misses, along what it misses of the scan, unless that breaks the mesh. Gives the
-/// share of the scan's area that is missed all the same.
+/// Extrudes faces of a map along what it misses of the scan, where it is of some use but for that, unless the mesh breaks. Gives the share
+/// of the scan's area that is missed all the same.
 pub(crate) fn extrude(mapped: &mut Mapped, query: &Side) -> f64 {
     // After an edit it is told anew.
     mapped.reasons.retain(|why| !why.ends_with(EXTRUDED));
