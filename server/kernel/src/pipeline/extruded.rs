@@ -15,7 +15,8 @@ const EXTRUDED: &str = "the example has no horn, tail or the like there";
 /// of the scan's area that is missed all the same.
 pub(crate) fn extrude(mapped: &mut Mapped, query: &Side) -> f64 {
     // After an edit it is told anew.
-    mapped.reasons.retain(|why| !why.ends_with(EXTRUDED));
+    let of_stitched = mapped.stitched.iter_mut().map(|stitched| &mut stitched.reasons);
+    of_stitched.chain([&mut mapped.reasons]).for_each(|reasons| reasons.retain(|why| !why.ends_with(EXTRUDED)));
     let surface = &query.encoded.query.chart.mesh;
     // A map that is broken by what it misses alone is not broken once it reaches that.
     let reaching = mapped.stitched.clone().filter(|_| mapped.verdict == Verdict::Broken);

@@ -168,12 +168,18 @@ fn a_map_that_is_broken_by_a_horn_that_it_misses_is_not_once_it_has_one() {
     let (example, query) = (side(12), with_horn(0.9, 0.12));
     let fitted = |beyond| {
         let wishes = Wishes { beyond, ..Wishes::default() };
-        fit(None, &example, &query, &wishes, GO_ON).expect("a map").mapped
+        fit(None, &example, &query, &wishes, GO_ON).expect("a map")
     };
-    let (bare, extended) = (fitted(Beyond::Leave), fitted(Beyond::Extend));
+    let bare = fitted(Beyond::Leave).mapped;
     assert_eq!(bare.verdict, Verdict::Broken, "{:?}", bare.reasons);
-    assert!(extended.verdict < Verdict::Poor, "{:?}", extended.reasons);
-    assert!(extended.mesh.faces.len() > bare.mesh.faces.len() && extended.stitched.is_none());
+    let Fitted { mapped, example, query } = fitted(Beyond::Extend);
+    let after = edited(&mapped.registration, &before_edit(&mapped), &example, &query, GO_ON).expect("a map");
+    for extended in [mapped, after] {
+        assert!(extended.verdict < Verdict::Poor, "{:?}", extended.reasons);
+        assert!(extended.mesh.faces.len() > bare.mesh.faces.len() && extended.stitched.is_none());
+        let extruded = extended.reasons.iter().filter(|why| why.contains("extruded")).count();
+        assert_eq!(extruded, 1, "{:?}", extended.reasons);
+    }
 }
 
 #[test]

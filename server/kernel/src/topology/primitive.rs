@@ -21,7 +21,6 @@ const HOLE_LENGTH_SHARE: f64 = 0.2;
 const RAGGED_LOOPS: usize = 12;
 /// Components beside the largest are small components if together they have at most this share of the area.
 const SMALL_COMPONENTS_SHARE: f64 = 0.1;
-
 /// A surface widens around a loop if, as far from it as it is long, it has this many times the area of a square on its length: a tube
 /// has once that area, and a plane 1 + π times.
 const WIDENS: f64 = 2.0;
