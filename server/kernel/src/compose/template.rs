@@ -22,7 +22,7 @@ use super::net::Net;
 use super::smooth::{Plan, Target};
 use crate::encode::index::PlanarIndex;
 use crate::mesh::{PolyMesh, Vec3};
-use crate::numerics::stop;
+use crate::numerics::{in_halves, stop};
 use crate::topology::Topology;
 use crate::unfold::Chart;
 use even::even_out;
@@ -105,21 +105,19 @@ pub fn regular(ground: LayoutSurface<'_>, edge: f64, ends: Ends) -> Regular {
     if ground.chart.topology == Topology::Torus {
         return torus(ground, edge);
     }
-    let rectangles = rectangles(ground, &ends, edge);
-    let rings = Builder::new(ground, edge, ends).run();
-    let even = |mut laid: Regular| {
+    let mut drawn = rectangles(ground, &ends, edge);
+    drawn.push(Builder::new(ground, edge, ends).run());
+    let evened = in_halves(&drawn, |drawn| {
+        let mut laid = drawn.clone();
         let quads = laid.net.faces().count();
         if quads <= EVENED_QUADS_MAX || quads as f64 <= EVENED_TIMES_MAX * area / (edge * edge) {
             even_out(&mut laid.net, ground.chart, ground.target);
         }
-        laid
-    };
-    let cost = |laid: &Regular| {
         let extraordinary = extraordinary(&laid.net.clone().into_mesh().0);
-        badness(&laid.net, area, Some(edge)) + EXTRAORDINARY_DEG * extraordinary as f64
-    };
-    let all = rectangles.into_iter().chain([rings]).map(even).map(|laid| (cost(&laid), laid));
-    all.min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Regular::default, |best| best.1)
+        let cost = badness(&laid.net, area, Some(edge)) + EXTRAORDINARY_DEG * extraordinary as f64;
+        (cost, laid)
+    });
+    evened.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Regular::default, |best| best.1)
 }
 
 /// A disc as rectangles, an annulus as such with a hole, if the surface is prepared for that and all ends are given.

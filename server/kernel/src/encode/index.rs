@@ -152,7 +152,7 @@ impl PlanarIndex {
         // Most triangles of a cell can be told by their boxes not to hold the point.
         for &entry in self.at(cy as usize * self.cells + cx as usize) {
             let t = entry & !POLAR;
-            if entry & POLAR == 0 && !may_hold(&chart.corners[t as usize], [u, v], torus) {
+            if !may_hold(chart, entry, [u, v]) {
                 continue;
             }
             let (inside, location) = locate_in(chart, t, [u, v]);
@@ -224,15 +224,25 @@ impl PlanarIndex {
     }
 }
 
-/// Tells whether the box of a triangle that is at no pole holds a point, in some period.
-fn may_hold(c: &[Uv; 3], uv: Uv, is_periodic_v: bool) -> bool {
-    let holds = |k: usize, is_periodic: bool| {
-        let (low, high) = (c[0][k].min(c[1][k]).min(c[2][k]), c[0][k].max(c[1][k]).max(c[2][k]));
+/// Tells whether the box of a triangle holds a point, in some period; of one at a pole, whether what is between the sides that meet
+/// there does.
+fn may_hold(chart: &Chart, entry: u32, uv: Uv) -> bool {
+    let triangle = entry & !POLAR;
+    let [a, b, c] = &chart.corners[triangle as usize];
+    let holds = |corners: [&Uv; 3], k: usize, is_periodic: bool| {
+        let [x, y, z] = corners.map(|corner| corner[k]);
+        let (low, high) = (x.min(y).min(z), x.max(y).max(z));
         let beyond = uv[k] - (low - BESIDE);
         let beyond = if is_periodic { beyond - beyond.floor() } else { beyond };
         (0.0..=high - low + 2.0 * BESIDE).contains(&beyond)
     };
-    holds(1, is_periodic_v) && holds(0, true)
+    let pole = if entry & POLAR == 0 { None } else { pole_corner(chart, triangle) };
+    match pole {
+        Some((0, _)) => holds([b, b, c], 0, true),
+        Some((1, _)) => holds([a, a, c], 0, true),
+        Some(_) => holds([a, a, b], 0, true),
+        None => holds([a, b, c], 1, chart.topology.is_periodic_v()) && holds([a, b, c], 0, true),
+    }
 }
 
 /// Barycentric coordinates made non-negative.

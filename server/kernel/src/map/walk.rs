@@ -17,11 +17,10 @@ const ON_EDGE: f64 = 1e-12;
 /// there. Walks through a vertex leave it by the triangle next to it.
 pub fn walk(mesh: &TriMesh, place: Location, step: Vec3) -> Location {
     let mut at = place;
-    let Some(frame) = Frame::new(mesh, at.triangle) else { return place };
+    let Some(mut frame) = Frame::new(mesh, at.triangle) else { return place };
     let mut direction = frame.flat(step);
     let mut entered = NONE;
     for _ in 0..CROSSINGS_MAX {
-        let Some(frame) = Frame::new(mesh, at.triangle) else { return at };
         let rates = frame.rates(direction);
         // How far along `direction` each edge (opposite to corner k) is.
         let reach = |k: usize| match rates[k] < 0.0 && 3 * at.triangle + (k as u32 + 1) % 3 != entered {
@@ -53,7 +52,7 @@ pub fn walk(mesh: &TriMesh, place: Location, step: Vec3) -> Location {
         at = Location { triangle: twin / 3, barycentric };
         let Some(next) = Frame::new(mesh, at.triangle) else { return at };
         direction = next.across(twin as usize % 3, along);
-        entered = twin;
+        (frame, entered) = (next, twin);
     }
     at
 }

@@ -127,7 +127,7 @@ impl Bvh {
                 let node = &self.nodes[child as usize];
                 let mut bounds = node.bounds(&above, &below);
                 if !self.turned.is_empty() {
-                    self.raise(&mut bounds, node, &point);
+                    self.raise(&mut bounds, node, (&point, bar));
                 }
                 let mut nearest = 0;
                 for slot in 1..WIDTH {
@@ -164,9 +164,10 @@ impl Bvh {
         many_in_halves(points, |&p| self.closest(p))
     }
 
-    /// Raises lower bounds of the squared distances from a point to a node's children by their turned boxes.
-    fn raise(&self, bounds: &mut [f32; WIDTH], node: &Node, point: &Vec3) {
-        for (bound, &child) in bounds.iter_mut().zip(&node.children) {
+    /// Raises lower bounds of the squared distances from a point to a node's children by their turned boxes, where they are not
+    /// above the bar already.
+    fn raise(&self, bounds: &mut [f32; WIDTH], node: &Node, (point, bar): (&Vec3, f32)) {
+        for (bound, &child) in bounds.iter_mut().zip(&node.children).filter(|(bound, _)| **bound <= bar) {
             let turned = self.turned.get(child as usize);
             *bound = turned.map_or(*bound, |turned| bound.max(single_below(turned.distance_squared(point))));
         }
