@@ -14,7 +14,7 @@
 //! above it would be left. `cargo run --release -p quadmuse-server --example means -- STORE INPUT.obj…`
 
 use quadmuse_kernel::rank::coarse::{CoarseQuery, Facts};
-use quadmuse_kernel::rank::{Shape, score};
+use quadmuse_kernel::rank::{SegmentShape, score};
 use quadmuse_kernel::register::Flip;
 use quadmuse_kernel::register::spectra::{Row, SIDE, Spectrum, VALUES};
 use quadmuse_kernel::topology::Topology as Shaped;
@@ -96,9 +96,9 @@ impl Few {
 }
 
 /// The sides of a query, as it is and with its rows reversed.
-fn sides(query: &CoarseQuery) -> Vec<(Few, Shape)> {
+fn sides(query: &CoarseQuery) -> Vec<(Few, SegmentShape)> {
     let flips: &[bool] = if query.topology() == Shaped::Disc { &[false] } else { &[false, true] };
-    let both = |(spectrum, shape): (&Spectrum, Shape)| -> Vec<(Few, Shape)> {
+    let both = |(spectrum, shape): (&Spectrum, SegmentShape)| -> Vec<(Few, SegmentShape)> {
         flips.iter().map(|&v| (Few::of_query(&spectrum.turned(Flip { u: false, v })), shape)).collect()
     };
     query.spectra().flat_map(both).collect()

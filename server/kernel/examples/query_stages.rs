@@ -5,7 +5,7 @@
 
 use quadmuse_kernel::encode::{Encoding, encode};
 use quadmuse_kernel::mesh::{self, Limits};
-use quadmuse_kernel::rank::{Shape, score};
+use quadmuse_kernel::rank::{SegmentShape, score};
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
 use quadmuse_kernel::segment::Segmented;
 use quadmuse_kernel::topology::{Components, Patch, Topology};
@@ -39,7 +39,7 @@ fn patch_of(file: &str) -> Option<Patch> {
 
 fn score_of(entry: &Entry, example: &Encoding) -> f64 {
     let best = entry.best();
-    let shape = |modulus| Shape { modulus, bending: None };
+    let shape = |modulus| SegmentShape { modulus, bending: None };
     score(best.cost(), shape(example.modulus), shape(best.unfolded.encoding.modulus), 3.0)
 }
 

@@ -280,7 +280,7 @@ pub struct Miss {
 /// of the input's topology.
 pub fn miss(input: Input<'_>, mesh: &PolyMesh) -> Option<Miss> {
     let owned = apart::owned(input);
-    check::check(mesh, check::Shape::of(&owned)).ok()?;
+    check::check(mesh, check::TopologyCounts::of(&owned)).ok()?;
     let diagonal = apart::scale(&owned).diagonal;
     let [out, back] = Measured::new(&owned).distances(mesh);
     let passed = back.iter().filter(|(_, away)| *away > following::UNCOVERED_MAX * diagonal).count();
@@ -343,6 +343,6 @@ fn by_input(stitching: &Stitching<'_>, report: &mut Report, times: usize) -> Res
     report.subdivided = vec![0; stitching.segments()];
     let net = (0..times).fold(own_quads(surface), |net, _| subdivide::subdivide(&net));
     let (mesh, _) = net.into_mesh();
-    check_structure(&mesh, check::Shape::of(surface))?;
+    check_structure(&mesh, check::TopologyCounts::of(surface))?;
     Ok(mesh)
 }

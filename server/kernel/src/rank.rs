@@ -19,7 +19,7 @@ const BENDING_MIN: f64 = 0.354;
 
 /// What is compared of two segments beside their pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Shape {
+pub struct SegmentShape {
     /// The modulus.
     pub modulus: f64,
     /// How it bends ([`bending::bending`]); `None` where it isn't known: then it isn't compared.
@@ -27,7 +27,7 @@ pub struct Shape {
 }
 
 /// E′, the lower the better. `cost` is E / (var √λ₁ + var √λ₂).
-pub fn score(cost: f64, example: Shape, query: Shape, relevance: f64) -> f64 {
+pub fn score(cost: f64, example: SegmentShape, query: SegmentShape, relevance: f64) -> f64 {
     let squared = |ratio: f64| if ratio.is_finite() { ratio * ratio } else { 0.0 };
     let moduli = squared((example.modulus / query.modulus).ln());
     let bending = match (example.bending, query.bending) {
@@ -44,7 +44,7 @@ mod tests {
 
     #[test]
     fn relevance_halves_at_most_and_another_shape_costs() {
-        let of = |modulus, bending| Shape { modulus, bending };
+        let of = |modulus, bending| SegmentShape { modulus, bending };
         let plain = |one, two, relevance| score(0.2, of(one, None), of(two, Some(3.0)), relevance);
         assert_eq!(plain(0.4, 0.4, 0.0), 0.2);
         assert_eq!(plain(0.4, 0.4, 5.0), 0.1);

@@ -5,7 +5,7 @@
 
 use crate::pool::{Stop, StopReason};
 pub use quadmuse_kernel::mesh::PolyMesh;
-use quadmuse_kernel::rank::Shape;
+use quadmuse_kernel::rank::SegmentShape;
 use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::spectra::Row;
 use quadmuse_kernel::settle::Likeness;
@@ -146,8 +146,8 @@ pub struct SegmentFacts {
 
 impl SegmentFacts {
     /// What is compared of it beside its picture.
-    pub fn shape(&self) -> Shape {
-        Shape { modulus: self.k, bending: self.bending }
+    pub fn shape(&self) -> SegmentShape {
+        SegmentShape { modulus: self.k, bending: self.bending }
     }
 }
 

@@ -14,7 +14,7 @@ use quadmuse_kernel::encode::{Encoding, encode, index::PlanarIndex};
 use quadmuse_kernel::map::{assemble::Winding, cross_map, untangle::untangle};
 use quadmuse_kernel::mesh::{self, Format, Limits, PolyMesh, TriMesh};
 use quadmuse_kernel::numerics::stop;
-use quadmuse_kernel::rank::{Shape, score};
+use quadmuse_kernel::rank::{SegmentShape, score};
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
 use quadmuse_kernel::segment::{PartCount, Segmented, segment};
 use quadmuse_kernel::topology::Patch;
@@ -115,7 +115,7 @@ fn one(
     let made = compose::compose(input, &pieces, Options::default(), stopped).map_err(|e| e.to_string())?;
     let (steps, seconds) = (stop::steps() - steps, begun.elapsed().as_secs_f64());
     eprintln!("{file}: {steps} steps in {seconds:.1} s");
-    check::check(&made.mesh, check::Shape::of(&apart::owned(input))).map_err(|e| e.to_string())?;
+    check::check(&made.mesh, check::TopologyCounts::of(&apart::owned(input))).map_err(|e| e.to_string())?;
     let bytes = mesh::write(&made.mesh, Format::Obj).map_err(|e| e.to_string())?;
     std::fs::write(format!("{out}/{}.obj", stem(file)), bytes).map_err(|e| e.to_string())?;
     let r = &made.report;
@@ -186,6 +186,6 @@ fn lay(patch: &Patch, examples: &[ExamplePart], stopped: Stopped<'_>) -> (Option
 
 fn rated(entry: &Entry, example: &ExamplePart) -> f64 {
     let best = entry.best();
-    let shape = |modulus| Shape { modulus, bending: None };
+    let shape = |modulus| SegmentShape { modulus, bending: None };
     score(best.cost(), shape(example.encoding.modulus), shape(best.unfolded.encoding.modulus), RELEVANCE)
 }

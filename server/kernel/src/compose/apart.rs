@@ -232,6 +232,6 @@ mod tests {
         assert_eq!((made.report.way, &made.report.replaced[..]), (Way::PartsReplaced, &[1][..]));
         let first = |mesh: &PolyMesh| mesh.positions.iter().filter(|p| p.x < 2.0).copied().collect::<Vec<Vec3>>();
         assert_eq!(first(&made.mesh), first(&whole.mesh));
-        assert_eq!(check::check(&made.mesh, check::Shape::of(&surface)), Ok(()));
+        assert_eq!(check::check(&made.mesh, check::TopologyCounts::of(&surface)), Ok(()));
     }
 }

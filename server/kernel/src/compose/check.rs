@@ -13,7 +13,7 @@ const AREA_MIN: f64 = 1e-13;
 
 /// The topology that a composition must have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shape {
+pub struct TopologyCounts {
     /// Connected components.
     pub components: usize,
     /// Boundary loops.
@@ -22,7 +22,7 @@ pub struct Shape {
     pub euler: i64,
 }
 
-impl Shape {
+impl TopologyCounts {
     /// That of a surface.
     pub fn of(mesh: &TriMesh) -> Self {
         let found = topology::invariants(mesh);
@@ -67,9 +67,9 @@ pub enum Broken {
     #[error("expected {expected:?}, found {found:?}")]
     Shape {
         /// What was asked for.
-        expected: Shape,
+        expected: TopologyCounts,
         /// What is there.
-        found: Shape,
+        found: TopologyCounts,
     },
 }
 
@@ -114,7 +114,7 @@ fn groups(parent: &mut [u32], of: impl Iterator<Item = u32>) -> usize {
 ///
 /// # Errors
 /// The first [`Broken`] theorem.
-pub fn check_structure(mesh: &PolyMesh, expected: Shape) -> Result<(), Broken> {
+pub fn check_structure(mesh: &PolyMesh, expected: TopologyCounts) -> Result<(), Broken> {
     let n = mesh.positions.len();
     for (face, c) in mesh.faces.iter().enumerate() {
         if c.len() != 4 {
@@ -149,7 +149,7 @@ pub fn check_structure(mesh: &PolyMesh, expected: Shape) -> Result<(), Broken> {
     }
     one_fan_each(mesh, &degree, &on_border)?;
     let border: Vec<u32> = (0..n as u32).filter(|&v| on_border[v as usize]).collect();
-    let found = Shape {
+    let found = TopologyCounts {
         components: groups(&mut vertex_roots, 0..n as u32),
         boundary_loops: groups(&mut border_roots, border.into_iter()),
         euler: n as i64 - distinct + mesh.faces.len() as i64,
@@ -191,7 +191,7 @@ fn one_fan_each(mesh: &PolyMesh, degree: &[u32], on_border: &[bool]) -> Result<(
 ///
 /// # Errors
 /// The first [`Broken`] theorem.
-pub fn check(mesh: &PolyMesh, expected: Shape) -> Result<(), Broken> {
+pub fn check(mesh: &PolyMesh, expected: TopologyCounts) -> Result<(), Broken> {
     check_structure(mesh, expected)?;
     if let Some(v) = mesh.positions.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
         return Err(Broken::NotFinite(v as u32));
@@ -240,16 +240,16 @@ mod tests {
     use super::*;
     use crate::compose::net::{Net, tests::sheet};
 
-    const DISC: Shape = Shape { components: 1, boundary_loops: 1, euler: 1 };
+    const DISC: TopologyCounts = TopologyCounts { components: 1, boundary_loops: 1, euler: 1 };
 
-    fn checked(net: Net, shape: Shape) -> Result<(), Broken> {
+    fn checked(net: Net, shape: TopologyCounts) -> Result<(), Broken> {
         check(&net.into_mesh().0, shape)
     }
 
     #[test]
     fn a_sheet_passes_as_a_disc_and_as_nothing_else() {
         assert_eq!(checked(sheet(3, 2), DISC), Ok(()));
-        let other = Shape { boundary_loops: 2, ..DISC };
+        let other = TopologyCounts { boundary_loops: 2, ..DISC };
         assert!(matches!(checked(sheet(3, 2), other), Err(Broken::Shape { .. })));
     }
 

@@ -262,7 +262,7 @@ impl<'a> Snapper<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compose::check::{Shape, check};
+    use crate::compose::check::{TopologyCounts, check};
     use crate::map::snap::lines::sharp_edges;
     use std::collections::BTreeMap;
 
@@ -322,7 +322,7 @@ mod tests {
             assert_eq!(on.iter().filter(|p| (**p - corner).norm() < 1e-9).count(), 1);
         }
         let (mesh, _) = net.into_mesh();
-        assert_eq!(check(&mesh, Shape::of(&surface)), Ok(()));
+        assert_eq!(check(&mesh, TopologyCounts::of(&surface)), Ok(()));
         // No face is cut by an edge of the box.
         let is_flat = |c: &[u32]| (0..3).any(|k| c.iter().all(|&v| mesh.positions[v as usize][k].abs() > 1.0 - 1e-9));
         assert!(mesh.faces.iter().all(is_flat));

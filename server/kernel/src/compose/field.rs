@@ -65,7 +65,7 @@ pub(super) fn field_layout((surface, tree): (&TriMesh, &Bvh), sharp: &[u32], h: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compose::check::{Shape, check_structure, extraordinary};
+    use crate::compose::check::{TopologyCounts, check_structure, extraordinary};
     use crate::mesh::Vec3;
     use crate::topology::tests::grid;
 
@@ -102,7 +102,7 @@ mod tests {
     fn a_torus_is_a_grid() {
         let surface = grid(72, 36, true, true);
         let mesh = made(&surface, (surface.total_area() / 1500.0).sqrt());
-        assert_eq!(check_structure(&mesh, Shape::of(&surface)), Ok(()));
+        assert_eq!(check_structure(&mesh, TopologyCounts::of(&surface)), Ok(()));
         assert_eq!(extraordinary(&mesh), 0);
         assert!((1350..=1650).contains(&mesh.faces.len()), "{}", mesh.faces.len());
     }
@@ -111,7 +111,7 @@ mod tests {
     fn a_square_is_a_grid_with_its_corners() {
         let surface = grid(24, 24, false, false);
         let mesh = made(&surface, 0.1);
-        assert_eq!(check_structure(&mesh, Shape::of(&surface)), Ok(()));
+        assert_eq!(check_structure(&mesh, TopologyCounts::of(&surface)), Ok(()));
         assert_eq!((mesh.faces.len(), extraordinary(&mesh)), (100, 0));
         for corner in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
             let away = |p: &Vec3| (p - Vec3::new(corner.0, corner.1, 0.0)).norm();
@@ -124,7 +124,7 @@ mod tests {
         let surface = egg();
         let h = (surface.total_area() / 2000.0).sqrt();
         let mesh = made(&surface, h);
-        assert_eq!(check_structure(&mesh, Shape::of(&surface)), Ok(()));
+        assert_eq!(check_structure(&mesh, TopologyCounts::of(&surface)), Ok(()));
         assert!((8..=12).contains(&extraordinary(&mesh)), "{}", extraordinary(&mesh));
         assert!((1800..=2200).contains(&mesh.faces.len()), "{}", mesh.faces.len());
         assert_eq!(made(&surface, h), mesh);

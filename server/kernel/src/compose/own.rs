@@ -3,7 +3,7 @@
 //! Triangles are joined in pairs, the best first, as an artist's quads were cut before, and those that are left are resolved as any
 //! others. Where that leaves one over, or makes no such mesh, each triangle is cut into three quads. *Ours, not the paper's.*
 
-use super::check::{Shape, check_structure};
+use super::check::{TopologyCounts, check_structure};
 use super::net::Net;
 use super::resolve::resolve;
 use super::subdivide::subdivide;
@@ -22,7 +22,7 @@ pub(super) fn own_quads(surface: &TriMesh) -> Net {
         resolve(&mut net);
         net
     });
-    let holds = |net: &Net| check_structure(&net.clone().into_mesh().0, Shape::of(surface)).is_ok();
+    let holds = |net: &Net| check_structure(&net.clone().into_mesh().0, TopologyCounts::of(surface)).is_ok();
     joined.filter(holds).unwrap_or_else(|| subdivide(&triangles))
 }
 

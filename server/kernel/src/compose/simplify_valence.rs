@@ -279,11 +279,11 @@ impl<'a> ValenceSimplifier<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compose::check::{Shape, check, extraordinary};
+    use crate::compose::check::{TopologyCounts, check, extraordinary};
     use crate::compose::net::tests::sheet;
     use crate::topology::tests::grid;
 
-    const DISC: Shape = Shape { components: 1, boundary_loops: 1, euler: 1 };
+    const DISC: TopologyCounts = TopologyCounts { components: 1, boundary_loops: 1, euler: 1 };
 
     fn flat() -> (Net, Target) {
         let mut net = sheet(8, 8);

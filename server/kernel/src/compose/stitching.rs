@@ -1,6 +1,6 @@
 //! The stitching of what stands on the segments, again and again until it holds.
 
-use super::check::{self, Broken, Shape, check, extraordinary};
+use super::check::{self, Broken, TopologyCounts, check, extraordinary};
 use super::fit::Measured;
 use super::following::WHOLE_QUADS_MAX;
 use super::glue::{Glued, Misfit, glue, rims};
@@ -50,7 +50,7 @@ pub(super) struct Stitching<'a> {
     input: Input<'a>,
     pub(super) options: Options,
     pub(super) layout: Layout,
-    pub(super) shape: Shape,
+    pub(super) shape: TopologyCounts,
     pub(super) target: Target,
     pub(super) measured: Measured,
     pub(super) scale: Scale,
@@ -66,7 +66,7 @@ impl<'a> Stitching<'a> {
         let target = Target::new(input.surface);
         Self {
             layout: layout(input.surface, input.owner, input.count),
-            shape: Shape::of(input.surface),
+            shape: TopologyCounts::of(input.surface),
             measured: Measured::with_tree(input.surface, Arc::clone(target.tree())),
             target,
             sharp: OnceLock::new(),

@@ -332,11 +332,11 @@ fn border_place(p: f64, q: f64, a: usize, b: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compose::check::{Shape, check, extraordinary};
+    use crate::compose::check::{TopologyCounts, check, extraordinary};
     use crate::topology::{tests::grid, whole};
     use crate::unfold::{UnfoldOptions, unfold};
 
-    const DISC: Shape = Shape { components: 1, boundary_loops: 1, euler: 1 };
+    const DISC: TopologyCounts = TopologyCounts { components: 1, boundary_loops: 1, euler: 1 };
 
     fn on(mesh: crate::mesh::tri::TriMesh, edge: f64, columns: [Option<usize>; 2]) -> (PolyMesh, [usize; 2]) {
         let chart = unfold(&whole(&mesh).expect("a primitive"), &UnfoldOptions::default()).expect("solvable");
@@ -366,7 +366,7 @@ mod tests {
 
     #[test]
     fn an_annulus_takes_any_two_numbers_of_like_parity() {
-        let annulus = Shape { components: 1, boundary_loops: 2, euler: 0 };
+        let annulus = TopologyCounts { components: 1, boundary_loops: 2, euler: 0 };
         for (n, m) in [(12, 12), (12, 20), (7, 9), (4, 30), (30, 4)] {
             let (mesh, found) = on(grid(24, 16, true, false), 0.2, [Some(n), Some(m)]);
             assert_eq!(check(&mesh, annulus), Ok(()), "{n}, {m}");
@@ -379,7 +379,7 @@ mod tests {
     #[test]
     fn a_torus_is_regular_throughout() {
         let (mesh, _) = on(grid(24, 16, true, true), 0.3, [None, None]);
-        let torus = Shape { components: 1, boundary_loops: 0, euler: 0 };
+        let torus = TopologyCounts { components: 1, boundary_loops: 0, euler: 0 };
         assert_eq!((check(&mesh, torus), extraordinary(&mesh)), (Ok(()), 0));
     }
 

@@ -3,7 +3,7 @@
 use super::*;
 use crate::mesh::Vec3;
 use crate::topology::tests::grid;
-use check::{Shape, check};
+use check::{TopologyCounts, check};
 use layout::Curve;
 use smooth::Target;
 
@@ -90,7 +90,7 @@ fn of_discs(mesh: &TriMesh, owner: &[u32], sizes: &[u32]) -> Composed {
         sizes.iter().enumerate().map(|(s, &k)| disc(&found.curves[s][0], k, 0.013 * s as f64, &target)).collect();
     let input = Input { surface: mesh, owner, count: sizes.len() };
     let made = laid(input, &parts).expect("valid parts");
-    assert_eq!(check(&made.mesh, Shape::of(mesh)), Ok(()));
+    assert_eq!(check(&made.mesh, TopologyCounts::of(mesh)), Ok(()));
     made
 }
 
@@ -169,7 +169,7 @@ fn rings_make_a_torus_of_genus_one() {
             let parts: Vec<PolyMesh> = (0..cuts.len()).map(|s| ring(columns[s], rows, ends(s), ends(s + 1))).collect();
             let input = Input { surface: &mesh, owner: &owner, count: cuts.len() };
             let made = laid(input, &parts).expect("valid parts");
-            assert_eq!(check(&made.mesh, Shape::of(&mesh)), Ok(()));
+            assert_eq!(check(&made.mesh, TopologyCounts::of(&mesh)), Ok(()));
             let is_even = columns.iter().take(cuts.len()).all(|c| *c == columns[0]);
             if is_even && rows > 1 {
                 assert_eq!(made.report.extraordinary_after, 0, "{cuts:?} {columns:?}: {:?}", made.report);
@@ -195,7 +195,7 @@ fn a_part_turned_inside_out_is_turned_back() {
         .collect();
     let input = Input { surface: &mesh, owner: &owner, count: 2 };
     let made = laid(input, &parts).expect("valid parts");
-    assert_eq!((check(&made.mesh, Shape::of(&mesh)), made.report.way), (Ok(()), Way::Direct));
+    assert_eq!((check(&made.mesh, TopologyCounts::of(&mesh)), made.report.way), (Ok(()), Way::Direct));
 }
 
 #[test]
@@ -220,7 +220,7 @@ fn triangles_and_polygons_of_the_parts_are_resolved() {
     parts[0] = net.into_mesh().0;
     let input = Input { surface: &mesh, owner: &owner, count: 2 };
     let made = laid(input, &parts).expect("valid parts");
-    assert_eq!(check(&made.mesh, Shape::of(&mesh)), Ok(()));
+    assert_eq!(check(&made.mesh, TopologyCounts::of(&mesh)), Ok(()));
     assert!(made.report.way <= Way::PartsSubdivided);
 }
 
@@ -234,7 +234,7 @@ fn a_part_of_another_topology_gives_way_to_a_regular_layout_and_the_others_stay(
     let made = laid(input, &[good, ring(8, 2, 0.0, 0.3)]).expect("a valid surface");
     let report = &made.report;
     assert_eq!((report.way, &report.replaced[..], &report.own[..]), (Way::PartsReplaced, &[1][..], &[][..]));
-    assert_eq!(check(&made.mesh, Shape::of(&mesh)), Ok(()));
+    assert_eq!(check(&made.mesh, TopologyCounts::of(&mesh)), Ok(()));
     // The layout ends in the part's own vertices.
     assert_eq!((report.filled, report.resolved.cuts, report.subdivided[0]), (0, 0, 0));
     assert!(report.extraordinary_after <= report.extraordinary_before + 8, "{report:?}");
@@ -247,7 +247,7 @@ fn nothing_but_regular_layouts_closes_and_follows_the_surface() {
     let input = Input { surface: &mesh, owner: &eight, count: 8 };
     let options = Options { edge_scale: 4.0, ..Options::default() };
     let made = compose(input, &[Piece::Nothing; 8], options, &|| false).expect("a valid surface");
-    assert_eq!(check(&made.mesh, Shape::of(&mesh)), Ok(()));
+    assert_eq!(check(&made.mesh, TopologyCounts::of(&mesh)), Ok(()));
     assert_eq!((made.report.way, made.report.filled), (Way::Direct, 0), "{:?}", made.report);
     assert!(made.report.fit.worst() < 0.0025, "{:?}", made.report);
 }
@@ -352,11 +352,11 @@ fn holes_smaller_than_a_quad_are_closed_where_no_layout_goes_around_them() {
     };
     let coarse = laid(4.0);
     assert_eq!((coarse.report.closed, coarse.report.way), (holes, Way::Direct));
-    assert_eq!(check::check(&coarse.mesh, check::Shape::of(&whole)), Ok(()));
+    assert_eq!(check::check(&coarse.mesh, check::TopologyCounts::of(&whole)), Ok(()));
     assert!(coarse.mesh.faces.len() < 500, "{}", coarse.mesh.faces.len());
     // What is fine enough goes around them.
     let fine = laid(0.5);
-    assert_eq!((fine.report.closed, check::check(&fine.mesh, check::Shape::of(&mesh))), (0, Ok(())));
+    assert_eq!((fine.report.closed, check::check(&fine.mesh, check::TopologyCounts::of(&mesh))), (0, Ok(())));
 }
 
 #[test]

@@ -4,7 +4,7 @@
 //! disagree, is the arbiter ([`Evidence::confidence`]): of right maps it is high, of wrong ones low, whatever the shapes.
 
 use super::limbs::{Tipped, axis_points};
-use super::ways::{MatchedTips, Way, likely, twins};
+use super::ways::{MatchedTips, TipPairing, likely, twins};
 use crate::mesh::Vec3;
 use crate::mesh::bvh::{Bvh, Closest};
 use crate::mesh::tri::{NONE, TriMesh};
@@ -370,8 +370,8 @@ impl<'a> PlaceSearch<'a> {
     }
 
     /// Lays the example by some ways, side by side, and keeps what comes of them until one is convincing.
-    fn tries_ways(&mut self, ways: &[Way], start: Option<&Start>, stop: Stop<'_>) {
-        let tried = in_halves(ways, |Way { landmarks, mirrored }| {
+    fn tries_ways(&mut self, ways: &[TipPairing], start: Option<&Start>, stop: Stop<'_>) {
+        let tried = in_halves(ways, |TipPairing { landmarks, mirrored }| {
             let held = start.and_then(|start| self.held(landmarks, start, stop));
             [self.led(landmarks, &[], *mirrored, stop), held]
         });
@@ -391,7 +391,7 @@ impl<'a> PlaceSearch<'a> {
         if !Stage::Limbs.is_on() || self.lies_well() {
             return;
         }
-        let tried = in_halves(&self.likely(matches), |Way { landmarks, mirrored }| {
+        let tried = in_halves(&self.likely(matches), |TipPairing { landmarks, mirrored }| {
             let [example, input] = &self.tipped;
             let axes = axis_points(example, input, landmarks);
             // Of few limbs with axes too little is told of the rest.
@@ -415,13 +415,13 @@ impl<'a> PlaceSearch<'a> {
 
     /// The ways that the pictures speak for. What is not symmetric may be the mirror image of what matches mirrored, or lie on its back:
     /// tips decide.
-    fn likely(&self, matches: &[MatchedTips]) -> Vec<Way> {
+    fn likely(&self, matches: &[MatchedTips]) -> Vec<TipPairing> {
         if let Some(symmetry) = self.symmetry() {
             return likely(matches, symmetry);
         }
         let oriented = |tips: &MatchedTips| {
             let [plain, mirrored] = self.missed(&tips.landmarks)?;
-            Some(Way { landmarks: tips.landmarks.clone(), mirrored: mirrored < plain })
+            Some(TipPairing { landmarks: tips.landmarks.clone(), mirrored: mirrored < plain })
         };
         matches.iter().filter_map(oriented).collect()
     }

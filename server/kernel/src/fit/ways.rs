@@ -20,7 +20,7 @@ pub struct MatchedTips {
 
 /// A way to lay an example after its tips.
 #[derive(Clone, Debug)]
-pub(super) struct Way {
+pub(super) struct TipPairing {
     /// Points of the example with theirs on the input.
     pub(super) landmarks: Vec<Landmark>,
     /// True where the example lies mirrored.
@@ -28,20 +28,25 @@ pub(super) struct Way {
 }
 
 /// The ways that the pictures speak for, one a match: what is symmetric need never lie mirrored.
-pub(super) fn likely(matches: &[MatchedTips], symmetry: &Symmetry) -> Vec<Way> {
+pub(super) fn likely(matches: &[MatchedTips], symmetry: &Symmetry) -> Vec<TipPairing> {
     matches.iter().map(|tips| way(tips, symmetry, tips.mirrored)).collect()
 }
 
 /// The twins of the `likely` ways, less those that are likely themselves. `example`: the mesh that is laid.
-pub(super) fn twins(matches: &[MatchedTips], symmetry: &Symmetry, example: &TriMesh, likely: &[Way]) -> Vec<Way> {
+pub(super) fn twins(
+    matches: &[MatchedTips],
+    symmetry: &Symmetry,
+    example: &TriMesh,
+    likely: &[TipPairing],
+) -> Vec<TipPairing> {
     let reach = SAME * example.total_area().sqrt();
     let at = |tip: &Landmark| example.positions[tip.vertex() as usize];
     let same = |a: &Landmark, b: &Landmark| a.to.point == b.to.point && (at(a) - at(b)).norm() <= reach;
-    let is_one = |one: &Way, other: &Way| {
+    let is_one = |one: &TipPairing, other: &TipPairing| {
         let has = |tip: &Landmark| other.landmarks.iter().any(|known| same(tip, known));
         one.landmarks.len() == other.landmarks.len() && one.landmarks.iter().all(has)
     };
-    let mut twins: Vec<Way> = Vec::new();
+    let mut twins: Vec<TipPairing> = Vec::new();
     for twin in matches.iter().map(|tips| way(tips, symmetry, !tips.mirrored)) {
         if likely.iter().chain(&twins).all(|known| !is_one(known, &twin)) {
             twins.push(twin);
@@ -50,9 +55,9 @@ pub(super) fn twins(matches: &[MatchedTips], symmetry: &Symmetry, example: &TriM
     twins
 }
 
-fn way(tips: &MatchedTips, symmetry: &Symmetry, is_swapped: bool) -> Way {
+fn way(tips: &MatchedTips, symmetry: &Symmetry, is_swapped: bool) -> TipPairing {
     let swapped = |tip: &Landmark| if is_swapped { symmetry.swapped_landmark(tip) } else { *tip };
-    Way { landmarks: tips.landmarks.iter().map(swapped).collect(), mirrored: false }
+    TipPairing { landmarks: tips.landmarks.iter().map(swapped).collect(), mirrored: false }
 }
 
 #[cfg(test)]
@@ -78,7 +83,7 @@ mod tests {
         let ways = likely(std::slice::from_ref(&one), &symmetry);
         let found = twins(std::slice::from_ref(&one), &symmetry, &mesh, &ways);
         assert_eq!((ways.len(), found.len()), (1, 1));
-        let side = |way: &Way, k: usize| mesh.positions[way.landmarks[k].vertex() as usize].x;
+        let side = |way: &TipPairing, k: usize| mesh.positions[way.landmarks[k].vertex() as usize].x;
         assert_eq!(ways[0].landmarks, landmarks);
         assert!(side(&ways[0], 0) * side(&found[0], 0) < -0.5, "left for right");
         assert!(found[0].landmarks.iter().zip(&landmarks).all(|(a, b)| a.to == b.to));

@@ -7,7 +7,7 @@
 //! *Source:* paper §5.2, Eq. 8; METHOD §5, §6. *Ours, not the paper's:* that the coarsest level is ranked by translations
 //! alone, before any feature moves.
 
-use crate::rank::{Shape, score};
+use crate::rank::{SegmentShape, score};
 use crate::register::Flip;
 use crate::register::entry::MIRROR_MARGIN;
 use crate::register::query::{Query, Unfolded};
@@ -33,7 +33,7 @@ pub struct CoarseQuery {
 struct Side {
     pole: usize,
     flip_v: bool,
-    shape: Shape,
+    shape: SegmentShape,
     spectrum: Spectrum,
     narrow: Narrow,
 }
@@ -42,7 +42,7 @@ struct Side {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Facts {
     /// Its modulus and how it bends.
-    pub shape: Shape,
+    pub shape: SegmentShape,
     /// Mean of √λ.
     pub mean: f64,
     /// Variance of √λ.
@@ -53,7 +53,7 @@ pub struct Facts {
 
 impl Facts {
     /// Of a row.
-    pub fn of(row: &Row, shape: Shape) -> Self {
+    pub fn of(row: &Row, shape: SegmentShape) -> Self {
         Self { shape, mean: f64::from(row.mean), variance: row.variance, symmetric: row.symmetric }
     }
 }
@@ -103,19 +103,19 @@ impl CoarseQuery {
         let spectrum = |unfolded: &Arc<Unfolded>| {
             // How a part bends isn't known.
             let bending = bending.filter(|_| unfolded.is_whole());
-            let shape = Shape { modulus: unfolded.encoding.modulus, bending };
+            let shape = SegmentShape { modulus: unfolded.encoding.modulus, bending };
             Some((Spectrum::new(unfolded.images.first()?)?, shape))
         };
         Self::from_spectra(topology, query.candidates_for(topology).iter().filter_map(spectrum).collect())
     }
 
     /// Prepares a query of these spectra and shapes, one for each choice of poles.
-    pub fn from_spectra(topology: Topology, spectra: Vec<(Spectrum, Shape)>) -> Self {
+    pub fn from_spectra(topology: Topology, spectra: Vec<(Spectrum, SegmentShape)>) -> Self {
         let flips: &[Flip] = match topology {
             Topology::Disc => &[Flip { u: false, v: false }],
             _ => &[Flip { u: false, v: false }, Flip { u: false, v: true }],
         };
-        let side = |pole: usize, spectrum: &Spectrum, shape: Shape, flip: Flip| {
+        let side = |pole: usize, spectrum: &Spectrum, shape: SegmentShape, flip: Flip| {
             let spectrum = spectrum.turned(flip);
             Side { pole, flip_v: flip.v, shape, narrow: spectrum.narrow(), spectrum }
         };
@@ -125,7 +125,7 @@ impl CoarseQuery {
     }
 
     /// What [`CoarseQuery::from_spectra`] makes the same query of.
-    pub fn spectra(&self) -> impl Iterator<Item = (&Spectrum, Shape)> {
+    pub fn spectra(&self) -> impl Iterator<Item = (&Spectrum, SegmentShape)> {
         self.sides.iter().filter(|side| !side.flip_v).map(|side| (&side.spectrum, side.shape))
     }
 
@@ -159,7 +159,7 @@ impl CoarseQuery {
     }
 
     /// The best translation of an example, in f64; `None` for a query without a picture.
-    pub fn translation(&self, row: &Row, shape: Shape, relevance: f64) -> Option<Translation> {
+    pub fn translation(&self, row: &Row, shape: SegmentShape, relevance: f64) -> Option<Translation> {
         let facts = Facts::of(row, shape);
         let mut best: Option<(f64, Translation)> = None;
         for side in &self.sides {
@@ -238,18 +238,22 @@ mod tests {
 
     struct Segment {
         row: Row,
-        shape: Shape,
+        shape: SegmentShape,
         relevance: f64,
     }
 
     fn segment(picture: &Picture, topology: Topology, k: u64) -> Segment {
         let row = Row::new(&Image::new(picture, Flip::default(), false), topology).expect("of 32²");
         let bending = (!k.is_multiple_of(4)).then_some(2.0 + (k % 5) as f32);
-        Segment { row, shape: Shape { modulus: 0.2 + 0.05 * (k % 7) as f64, bending }, relevance: (k % 6) as f64 }
+        Segment {
+            row,
+            shape: SegmentShape { modulus: 0.2 + 0.05 * (k % 7) as f64, bending },
+            relevance: (k % 6) as f64,
+        }
     }
 
     /// E′ straight from the definition: every pixel of every shift of every flip against every candidate of the query.
-    fn exhaustive(queries: &[(Image, Shape)], topology: Topology, s: &Segment) -> f64 {
+    fn exhaustive(queries: &[(Image, SegmentShape)], topology: Topology, s: &Segment) -> f64 {
         let mut best = (f64::INFINITY, f64::INFINITY);
         for (query, shape) in queries {
             for &flip in Flip::all(topology) {
@@ -293,8 +297,8 @@ mod tests {
 
     fn compare(pictures: &[Picture], topology: Topology) {
         let corpus: Vec<Segment> = (0u64..).zip(pictures).map(|(k, p)| segment(p, topology, k)).collect();
-        let shape = |modulus| Shape { modulus, bending: Some(3.5) };
-        let queries: Vec<(Image, Shape)> =
+        let shape = |modulus| SegmentShape { modulus, bending: Some(3.5) };
+        let queries: Vec<(Image, SegmentShape)> =
             [(3, 0.3), (1003, 0.42)].map(|(s, m)| (Image::new(&picture(s), Flip::default(), false), shape(m))).into();
         let spectra = queries.iter().map(|(image, m)| (Spectrum::new(image).expect("of 32²"), *m)).collect();
         let query = CoarseQuery::from_spectra(topology, spectra);
@@ -339,7 +343,8 @@ mod tests {
     fn equal_pictures_have_equal_scores_whatever_their_lane() {
         let corpus: Vec<Segment> = (0..40).map(|_| segment(&picture(8), Topology::Disc, 2)).collect();
         let query = Spectrum::new(&Image::new(&picture(2), Flip::default(), false)).expect("of 32²");
-        let query = CoarseQuery::from_spectra(Topology::Disc, vec![(query, Shape { modulus: 0.4, bending: None })]);
+        let query =
+            CoarseQuery::from_spectra(Topology::Disc, vec![(query, SegmentShape { modulus: 0.4, bending: None })]);
         let ranked = ranked(&query, &corpus, 10);
         assert!(ranked.iter().all(|r| r.1.to_bits() == ranked[0].1.to_bits()));
         assert_eq!(ranked.iter().map(|r| r.0).collect::<Vec<_>>(), (0..10).collect::<Vec<_>>());

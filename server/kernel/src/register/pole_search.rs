@@ -152,7 +152,7 @@ impl<'a> Search<'a> {
         score: &dyn Fn(&Hypothesis) -> f64,
     ) -> Option<Hypothesis> {
         let mesh = self.query.unfolder().mesh();
-        let (surroundings, scale) = (Surroundings::new(mesh), mesh.total_area().sqrt());
+        let (surroundings, scale) = (VertexSurroundings::new(mesh), mesh.total_area().sqrt());
         let (mut best, mut coarse) = self.attempt(start, NEVER_HOPELESS)?;
         let mut least = score(&best);
         for radius in radii {
@@ -186,13 +186,13 @@ impl<'a> Search<'a> {
 }
 
 /// The surface about its vertices, prepared once a search.
-pub struct Surroundings<'a> {
+pub struct VertexSurroundings<'a> {
     mesh: &'a TriMesh,
     outgoing: Vec<u32>,
     on_boundary: Vec<bool>,
 }
 
-impl<'a> Surroundings<'a> {
+impl<'a> VertexSurroundings<'a> {
     /// Prepares a surface.
     pub fn new(mesh: &'a TriMesh) -> Self {
         Self { mesh, outgoing: mesh.outgoing(), on_boundary: mesh.boundary_vertices() }

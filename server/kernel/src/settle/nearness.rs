@@ -31,7 +31,7 @@ pub(super) struct Nearness {
 }
 
 /// A row of cells along an axis: the number of each, its squared distance, and its nearness along that axis.
-type Row = Vec<(usize, f64, f32)>;
+type CellRow = Vec<(usize, f64, f32)>;
 
 impl Nearness {
     pub(super) fn new(samples: &Samples) -> Self {
@@ -74,7 +74,7 @@ impl Nearness {
     }
 
     /// The cells along an axis whose middles may be within reach.
-    fn row(&self, point: &Vec3, axis: usize) -> Row {
+    fn row(&self, point: &Vec3, axis: usize) -> CellRow {
         let (at, reach) = ((point[axis] - self.low[axis]) / self.cell, REACH / self.cell);
         let (first, last) = ((at - reach).max(0.0) as usize, (at + reach) as usize);
         let cell = |k: usize| {

@@ -4,7 +4,7 @@
 //! goes on seeing what was there.
 
 use super::Resident;
-use quadmuse_kernel::rank::Shape;
+use quadmuse_kernel::rank::SegmentShape;
 use quadmuse_kernel::rank::coarse::Facts;
 use quadmuse_kernel::register::spectra::{Block, LANES, Row};
 use std::sync::Arc;
@@ -63,7 +63,12 @@ impl RowBlocks {
     }
 
     /// Puts a segment in: `resident` is made once its place is known.
-    pub(super) fn put(&mut self, row: &Row, shape: Shape, resident: impl FnOnce(Slot) -> Resident) -> Arc<Resident> {
+    pub(super) fn put(
+        &mut self,
+        row: &Row,
+        shape: SegmentShape,
+        resident: impl FnOnce(Slot) -> Resident,
+    ) -> Arc<Resident> {
         let place = self.free.pop().unwrap_or_else(|| {
             let chunk = self.chunks.len() as u32;
             self.chunks.push(Arc::default());

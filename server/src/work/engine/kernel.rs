@@ -14,7 +14,7 @@ use quadmuse_kernel as kernel;
 use quadmuse_kernel::encode::Feature;
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_kernel::pipeline::{self, Registered, Regular};
-use quadmuse_kernel::rank::Shape;
+use quadmuse_kernel::rank::SegmentShape;
 use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::image::Image;
 use quadmuse_kernel::register::spectra::Row;
@@ -226,7 +226,7 @@ impl Engine for KernelEngine {
         let best = registration.inner.open::<Registered>().map(|r| r.entry().best().clone());
         best.map_or(f64::MAX, |best| {
             let bending = query.facts.bending.filter(|_| best.unfolded.is_whole());
-            let shape = Shape { modulus: best.unfolded.encoding.modulus, bending };
+            let shape = SegmentShape { modulus: best.unfolded.encoding.modulus, bending };
             kernel::rank::score(best.cost(), example.shape(), shape, relevance)
         })
     }

@@ -13,7 +13,7 @@ use crate::work::ranking::REGISTERED_MAX;
 use crate::work::{REQUEST_TIME_MAX, Work, WorkError};
 use bytes::Bytes;
 use futures_util::future::join_all;
-use quadmuse_kernel::rank::Shape;
+use quadmuse_kernel::rank::SegmentShape;
 use quadmuse_kernel::rank::coarse::{CoarseQuery, Translation};
 use quadmuse_kernel::register::Flip;
 use quadmuse_kernel::register::spectra::{Row, Spectrum, VALUES};
@@ -193,7 +193,7 @@ impl Prepared {
     fn of(examples: Topology, query: &CoarseQuery) -> Self {
         const ALL: [Topology; 4] = [Topology::Disc, Topology::Annulus, Topology::Sphere, Topology::Torus];
         let topology = ALL.into_iter().find(|topology| topology_in(*topology) == query.topology());
-        let picture = |(spectrum, shape): (&Spectrum, Shape)| Picture {
+        let picture = |(spectrum, shape): (&Spectrum, SegmentShape)| Picture {
             values: spectrum.values().iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>().into(),
             mean: spectrum.mean,
             variance: spectrum.variance,
@@ -209,7 +209,7 @@ impl Prepared {
             let values: Vec<f64> = eights.iter().map(|&eight| f64::from_le_bytes(eight)).collect();
             let is_sound = rest.is_empty() && values.iter().all(|value| value.is_finite());
             let values: Box<[f64; VALUES]> = values.try_into().ok().filter(|_| is_sound)?;
-            let shape = Shape { modulus: picture.modulus, bending: picture.bending };
+            let shape = SegmentShape { modulus: picture.modulus, bending: picture.bending };
             Some((Spectrum::from_values(values, picture.mean, picture.variance), shape))
         };
         if self.pictures.len() > PICTURES_MAX {
@@ -254,7 +254,7 @@ mod tests {
     fn query(topology: Topology) -> CoarseQuery {
         let values = |seed: f64| Box::new(std::array::from_fn(|k| (k as f64 * seed).sin() / 3.0));
         let spectra = [(0.7, 0.4), (1.3, 0.9)].map(|(seed, modulus)| {
-            (Spectrum::from_values(values(seed), seed / 7.0, 0.1 / 3.0), Shape { modulus, bending: Some(1.5) })
+            (Spectrum::from_values(values(seed), seed / 7.0, 0.1 / 3.0), SegmentShape { modulus, bending: Some(1.5) })
         });
         CoarseQuery::from_spectra(topology_in(topology), spectra.into())
     }

@@ -197,7 +197,7 @@ pub fn place(columns: &[f64], length: f64, whole: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compose::check::{Shape, check_structure};
+    use crate::compose::check::{TopologyCounts, check_structure};
     use crate::compose::net::Net;
     use crate::mesh::Vec3;
 
@@ -216,7 +216,7 @@ mod tests {
         let hole = Hole::new(Corners::new(1, 3, 5).expect("3 by 2"), [2, 1], outer).expect("it fits");
         let grid = Frame { outer, hole: Some(hole) }.grid();
         let net = Net::new(vec![Vec3::zeros(); grid.vertices], grid.quads());
-        let annulus = Shape { components: 1, boundary_loops: 2, euler: 0 };
+        let annulus = TopologyCounts { components: 1, boundary_loops: 2, euler: 0 };
         assert_eq!(check_structure(&net.clone().into_mesh().0, annulus), Ok(()));
         let loops = net.loops().expect("two");
         assert_eq!(loops[0], (0..24).collect::<Vec<u32>>());

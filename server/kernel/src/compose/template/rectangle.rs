@@ -435,7 +435,7 @@ fn weights(p: &[[f64; 2]; 3], q: [f64; 2]) -> Option<[f64; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compose::check::{Shape, check, extraordinary};
+    use crate::compose::check::{TopologyCounts, check, extraordinary};
     use crate::compose::layout::layout;
     use crate::compose::template::border::{Border, Unwound};
     use crate::topology::{tests::grid, whole};
@@ -475,7 +475,7 @@ mod tests {
         assert!(mean_deviation_deg(&net) < 3.0, "{}", mean_deviation_deg(&net));
         assert_eq!(net.faces().count(), 48);
         let made = net.into_mesh().0;
-        let disc = Shape { components: 1, boundary_loops: 1, euler: 1 };
+        let disc = TopologyCounts { components: 1, boundary_loops: 1, euler: 1 };
         assert_eq!((check(&made, disc), extraordinary(&made)), (Ok(()), 0));
         assert_eq!(made.positions[..32], points[..]);
         for c in made.faces.iter() {

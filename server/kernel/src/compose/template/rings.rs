@@ -120,7 +120,7 @@ pub fn rings_min(n: usize, m: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compose::check::{Shape, check_structure, extraordinary};
+    use crate::compose::check::{TopologyCounts, check_structure, extraordinary};
     use crate::compose::net::Net;
     use crate::mesh::Vec3;
 
@@ -141,7 +141,7 @@ mod tests {
     fn a_transition_of_two_columns_makes_two_extraordinary_vertices() {
         for counts in [vec![12, 12, 10, 10], vec![10, 10, 12, 12], vec![16, 16, 10, 10, 16, 16], vec![9, 9, 7, 7]] {
             let mesh = tube(&counts).into_mesh().0;
-            let annulus = Shape { components: 1, boundary_loops: 2, euler: 0 };
+            let annulus = TopologyCounts { components: 1, boundary_loops: 2, euler: 0 };
             assert_eq!(check_structure(&mesh, annulus), Ok(()), "{counts:?}");
             let changed: usize = counts.windows(2).map(|w| w[0].abs_diff(w[1])).sum();
             assert_eq!(extraordinary(&mesh), changed, "{counts:?}");
