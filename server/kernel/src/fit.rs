@@ -4,6 +4,7 @@
 //! left out, and folds are mended ([`mend`]); what the input has beyond the example is continued ([`beyond`]).
 
 pub mod beyond;
+mod crescent;
 pub mod extrude;
 pub mod flat;
 pub mod limbs;
@@ -89,7 +90,8 @@ pub fn without(surface: &Surface, lost: &[bool], least: f64) -> Option<Cropped> 
 }
 
 /// Where an input goes on beyond an example that was laid on it: a value a vertex of the input, positive within the example,
-/// about as large as the distance from the example's rim. `None` for an example without a rim.
+/// about as large as the distance from the example's rim. Beyond are vertices that are nearest to the rim, and beside these such as
+/// have no face near them that looks their way: the front of a thin neck is near to its back. `None` for an example without a rim.
 pub fn within(example: &TriMesh, positions: &[Vec3], input: &TriMesh) -> Option<Vec<f64>> {
     let laid = TriMesh { positions: positions.to_vec(), ..example.clone() };
     let rim: Vec<[Vec3; 2]> = (0..laid.twins.len() as u32)
@@ -104,8 +106,30 @@ pub fn within(example: &TriMesh, positions: &[Vec3], input: &TriMesh) -> Option<
         let of = |edge: &[Vec3; 2]| (edge[0].lerp(&edge[1], nearest_share(*edge, x)) - x).norm();
         rim.iter().map(of).fold(f64::INFINITY, f64::min)
     };
-    let signed = |&x: &Vec3| if is_on_rim(&laid, &on_rim, &tree.closest(x)) { -away(x) } else { away(x) };
-    Some(input.positions.iter().map(signed).collect())
+    let nearest = tree.closest_to_all(&input.positions);
+    let normals = input.vertex_area_vectors();
+    let alike = |v: usize| laid.area_vector(nearest[v].triangle as usize).dot(&normals[v]);
+    // An example may lie mirrored.
+    let way = (0..nearest.len()).map(alike).sum::<f64>();
+    let size = |t: u32| {
+        let [a, b, c] = laid.triangles[t as usize].map(|v| laid.positions[v as usize]);
+        (b - a).norm().max((c - b).norm()).max((a - c).norm())
+    };
+    let is_apart = |v: usize| alike(v) * way < 0.0 || nearest[v].distance > size(nearest[v].triangle);
+    let mut is_beyond: Vec<bool> = nearest.iter().map(|near| is_on_rim(&laid, &on_rim, near)).collect();
+    let neighbours = input.neighbours();
+    let mut todo: Vec<usize> = (0..is_beyond.len()).filter(|&v| is_beyond[v]).collect();
+    while let Some(v) = todo.pop() {
+        for &next in &neighbours[v] {
+            let next = next as usize;
+            if !is_beyond[next] && is_apart(next) {
+                is_beyond[next] = true;
+                todo.push(next);
+            }
+        }
+    }
+    let signed = |(v, &x): (usize, &Vec3)| if is_beyond[v] { -away(x) } else { away(x) };
+    Some(input.positions.iter().enumerate().map(signed).collect())
 }
 
 /// Tells whether a point of a mesh lies on its boundary, or on that part of it whose vertices are `on_rim`: on one of its edges, or

@@ -25,6 +25,7 @@ use crate::mesh::{PolyMesh, Vec3};
 use crate::numerics::{in_halves, stop};
 use crate::topology::Topology;
 use crate::unfold::Chart;
+use border::{Border, End, Unwound};
 use even::even_out;
 use levels::Levels;
 use rectangle::{Harmonics, badness};
@@ -118,6 +119,21 @@ pub fn regular(ground: LayoutSurface<'_>, edge: f64, ends: Ends) -> Regular {
         (cost, laid)
     });
     evened.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Regular::default, |best| best.1)
+}
+
+/// The layout of a disc of edges about `edge` long between vertices that are given all around it: lengths along the loop of its
+/// `border`, and where they stand. `None` where they are too few or odd in number, or the disc has no such loop.
+pub fn disc_between(
+    (chart, index): (&Chart, &PlanarIndex),
+    border: &Border,
+    edge: f64,
+    (at, points): (&[f64], Vec<Vec3>),
+) -> Option<Regular> {
+    let Unwound { end, u, along } = border.unwound(border.only_loop()?, at)?;
+    let (levels, target, harmonics) = (Levels::new(chart), Target::new(&chart.mesh), Harmonics::new(chart));
+    let ground = LayoutSurface { chart, index, levels: &levels, target: &target, harmonics: harmonics.as_ref() };
+    let laid = regular(ground, edge, [Some(Given { u, along, points }), None]);
+    (end == End::Bottom && laid.ends[0].len() == at.len()).then_some(laid)
 }
 
 /// A disc as rectangles, an annulus as such with a hole, if the surface is prepared for that and all ends are given.

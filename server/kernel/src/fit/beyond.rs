@@ -1,17 +1,20 @@
 //! Rows of quads that continue a laid example to where the input ends.
 //!
-//! What the example leaves of the input is an annulus about its rim, or, on a closed input, a disc. It is unfolded; each
+//! What the example leaves of the input is an annulus about a rim of it, or, on a closed input, a disc. It is unfolded; each
 //! vertex of the rim gets a line of constant u, and rows follow at levels of v. So the rim's loops go on outward without an
 //! extraordinary vertex. On a disc the last row is filled by a grid, whose four corners are the only ones. Where the disc has a
-//! flat end ([`flat`](super::flat)), a row runs along its edge. *Ours, not the paper's.*
+//! flat end ([`flat`](super::flat)), a row runs along its edge. A disc that ends
+//! where the input does is a [`crescent`](super::crescent). *Ours, not the paper's.*
 
+use super::crescent::Crescent;
 use super::flat::flat_end;
 use crate::encode::index::PlanarIndex;
-use crate::mesh::tri::{TriMesh, nearest_share};
+use crate::mesh::tri::{NONE, TriMesh, nearest_share};
 use crate::mesh::{PolyMesh, Vec3};
 use crate::register::Query;
 use crate::topology::{Patch, Topology};
 use crate::unfold::{Chart, UnfoldOptions, Uv};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Rows at most.
 const ROWS_MAX: usize = 200;
@@ -25,9 +28,16 @@ const EVEN_AFTER: f64 = 2.0;
 const ROWS_SHARE: f64 = 0.8;
 
 /// Continues `mesh`, which lies on one part of a surface, over `rest`, the part beside it. The mesh's vertices and faces stay
-/// and come first; labels are continued by the last face's. `None` where the rest is neither annulus nor disc, or does
-/// not border on the mesh's only rim.
-pub fn continued(mesh: &PolyMesh, rest: &Patch) -> Option<PolyMesh> {
+/// and come first; labels are continued by the last face's. `None` where the rest is neither annulus nor disc, or the mesh has no
+/// rim.
+pub fn continued(mesh: &PolyMesh, rest: &Patch, surface: &TriMesh) -> Option<PolyMesh> {
+    if rest.topology == Topology::Disc && surface.twins.contains(&NONE) {
+        let query = Query::new(rest, &UnfoldOptions::default()).ok()?;
+        let crescent = Crescent::of(&query.chart, surface);
+        if let Some(grown) = crescent.and_then(|it| it.filled(mesh, &rims(mesh.faces.iter())?, query.index())) {
+            return Some(grown);
+        }
+    }
     let ends = if rest.topology == Topology::Disc { flat_end(&rest.mesh) } else { None };
     let by_ends = ends.and_then(|[around, end]| continued_evenly(&continued_evenly(mesh, &around)?, &end));
     by_ends.or_else(|| continued_evenly(mesh, rest))
@@ -35,11 +45,13 @@ pub fn continued(mesh: &PolyMesh, rest: &Patch) -> Option<PolyMesh> {
 
 /// The same without regard to what is flat.
 fn continued_evenly(mesh: &PolyMesh, rest: &Patch) -> Option<PolyMesh> {
-    let rim = only_rim(mesh.faces.iter())?;
+    let rims = rims(mesh.faces.iter())?;
     let query = Query::new(rest, &UnfoldOptions::default()).ok()?;
     let chart = &query.chart;
     let ground = UnfoldedRest { chart, index: query.index() };
-    let along = ground.along(mesh, &rim)?;
+    // Of a head that is open at its eyes, too, the neck borders on the rest.
+    let borders = rims.into_iter().filter_map(|rim| Some((ground.along(mesh, &rim)?, rim)));
+    let (along, rim) = borders.min_by(|(a, _), (b, _)| a.away.total_cmp(&b.away))?;
     let quads = match rest.topology {
         Topology::Annulus => ground.rows(mesh, &rim, &along, RowsEnd::Depth(1.0)),
         Topology::Disc => ground.rows(mesh, &rim, &along, RowsEnd::Depth(ROWS_SHARE)),
@@ -55,32 +67,36 @@ fn continued_evenly(mesh: &PolyMesh, rest: &Patch) -> Option<PolyMesh> {
 
 /// The vertices of the boundary of some faces, in the order in which its edges run on them; `None` unless it is one loop.
 pub(super) fn only_rim<'a>(faces: impl Iterator<Item = &'a [u32]>) -> Option<Vec<u32>> {
-    let mut next = std::collections::BTreeMap::new();
+    let mut rims = rims(faces)?;
+    if rims.len() == 1 { rims.pop() } else { None }
+}
+
+/// The same of each loop of the boundary; `None` where two meet in a vertex, or an edge has several faces on one side.
+fn rims<'a>(faces: impl Iterator<Item = &'a [u32]>) -> Option<Vec<Vec<u32>>> {
+    let mut open = BTreeSet::new();
     for face in faces {
         for (k, &a) in face.iter().enumerate() {
             let b = face[(k + 1) % face.len()];
-            if next.remove(&(b, a)).is_none() {
-                next.insert((a, b), ());
+            if !open.remove(&(b, a)) {
+                open.insert((a, b));
             }
         }
     }
-    // An edge of the rim runs a → b on its only face.
-    let edges: std::collections::BTreeMap<u32, u32> = next.keys().map(|&(a, b)| (a, b)).collect();
-    if edges.len() != next.len() {
+    // An edge of a rim runs a → b on its only face.
+    let mut next: BTreeMap<u32, u32> = open.iter().copied().collect();
+    if next.len() != open.len() {
         return None;
     }
-    let (&first, _) = edges.first_key_value()?;
-    let mut rim = vec![first];
-    while let Some(&v) = rim.last().and_then(|v| edges.get(v)) {
-        if v == first {
-            break;
+    let mut rims = Vec::new();
+    while let Some((first, second)) = next.pop_first() {
+        let (mut rim, mut v) = (vec![first], second);
+        while v != first {
+            rim.push(v);
+            v = next.remove(&v)?;
         }
-        if rim.len() > edges.len() {
-            return None;
-        }
-        rim.push(v);
+        rims.push(rim);
     }
-    (rim.len() == edges.len()).then_some(rim)
+    Some(rims)
 }
 
 /// The unfolded rest.
@@ -274,7 +290,7 @@ impl Grown {
         Self { mesh, rim, like }
     }
 
-    fn vertex(&mut self, at: Vec3) -> u32 {
+    pub(super) fn vertex(&mut self, at: Vec3) -> u32 {
         self.mesh.positions.push(at);
         if let Some(colors) = &mut self.mesh.attributes.colors {
             let color = colors.last().copied().unwrap_or_default();
@@ -283,7 +299,7 @@ impl Grown {
         self.mesh.positions.len() as u32 - 1
     }
 
-    fn face(&mut self, corners: [u32; 4]) {
+    pub(super) fn face(&mut self, corners: [u32; 4]) {
         self.mesh.faces.push(&corners);
         let a = &mut self.mesh.attributes;
         if let Some(uvs) = &mut a.uvs {
@@ -374,7 +390,6 @@ mod tests {
     use crate::mesh::{Polygons, prepare};
     use crate::segment::segment_above;
     use crate::topology::tests::grid;
-    use std::collections::BTreeMap;
 
     /// A square of n × n quads in the middle of the unit square, about half as wide.
     fn cage(n: u32) -> PolyMesh {
@@ -396,7 +411,7 @@ mod tests {
         let field = within(&surface, &surface.positions, &sheet).expect("a rim");
         assert!(field[41 * 20 + 20] > 0.2 && field[0] < -0.3, "{} {}", field[41 * 20 + 20], field[0]);
         let rest = segment_above(&sheet, &field).expect("a cut").parts.swap_remove(1);
-        let grown = continued(&mesh, &rest).expect("an annulus");
+        let grown = continued(&mesh, &rest, &sheet).expect("an annulus");
         assert_eq!(&grown.positions[..81], &mesh.positions[..]);
         assert!(grown.faces.iter().take(64).eq(mesh.faces.iter()));
         let (rows, rest) = ((grown.faces.len() - 64) / 32, (grown.faces.len() - 64) % 32);
@@ -413,6 +428,22 @@ mod tests {
             p.x.min(1.0 - p.x).min(p.y).min(1.0 - p.y)
         };
         assert!(open.iter().all(|(a, _)| end(*a) < 1e-6), "the last row lies where the sheet ends");
+    }
+
+    #[test]
+    fn a_cage_with_an_opening_is_continued_from_the_rim_beside_the_rest() {
+        let (mut mesh, sheet) = (cage(8), grid(40, 40, false, false));
+        let surface = prepare(&mesh).expect("quads").mesh;
+        let field = within(&surface, &surface.positions, &sheet).expect("a rim");
+        let rest = segment_above(&sheet, &field).expect("a cut").parts.swap_remove(1);
+        let mut faces = Polygons::default();
+        mesh.faces.iter().enumerate().filter(|(f, _)| ![27, 28].contains(f)).for_each(|(_, face)| faces.push(face));
+        mesh.faces = faces;
+        let grown = continued(&mesh, &rest, &sheet).expect("an annulus");
+        assert_eq!((grown.faces.len() - 62) % 32, 0);
+        let mut loops: Vec<usize> = rims(grown.faces.iter()).expect("loops").iter().map(Vec::len).collect();
+        loops.sort_unstable();
+        assert_eq!(loops, [6, 32], "the opening stays");
     }
 
     #[test]
@@ -444,7 +475,7 @@ mod tests {
         // The upper rim is closed by one face.
         faces.push(&(n..2 * n).collect::<Vec<_>>());
         let strip = PolyMesh { positions, faces, ..PolyMesh::default() };
-        let grown = continued(&strip, rest).expect("a disc");
+        let grown = continued(&strip, rest, &cup).expect("a disc");
         let crosses = |mesh: &PolyMesh| {
             let rows = mesh.faces.iter().skip(strip.faces.len());
             let is_low = |v: &u32| mesh.positions[*v as usize].z < 1e-6;

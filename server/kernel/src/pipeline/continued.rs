@@ -57,9 +57,10 @@ pub(crate) fn own_faces(mesh: &PolyMesh, own: Option<(u64, u64)>) -> Option<Arc<
 pub(crate) fn extend(fitted: &mut Fitted, rest: Option<&Patch>) {
     let found = rest.and_then(|rest| primitive(&rest.mesh, Components::Largest).ok());
     let rest = found.filter(|rest| matches!(rest.topology, Topology::Annulus | Topology::Disc));
+    let input = fitted.query.model.patch(fitted.query.segment).map(|patch| &patch.mesh);
     let mapped = &mut fitted.mapped;
     let own = &mapped.mesh;
-    let Some(grown) = rest.and_then(|rest| beyond::continued(own, &rest)) else {
+    let Some(grown) = rest.zip(input.ok()).and_then(|(rest, input)| beyond::continued(own, &rest, input)) else {
         mapped.reasons.push(format!("{BARE}: rows of quads can't go round its openings"));
         return;
     };

@@ -82,6 +82,14 @@ impl Border {
         Self { bvh, edges, loops }
     }
 
+    /// Its loop; `None` where it has none, or several.
+    pub fn only_loop(&self) -> Option<&Curve> {
+        match &self.loops[..] {
+            [(curve, _)] => Some(curve),
+            _ => None,
+        }
+    }
+
     /// The boundary's point nearest to one given; `None` where there is no boundary.
     fn nearest(&self, p: Vec3) -> Option<Place> {
         let edge = self.edges.get(self.bvh.closest(p).triangle as usize)?;
