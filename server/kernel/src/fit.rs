@@ -90,8 +90,8 @@ pub fn without(surface: &Surface, lost: &[bool], least: f64) -> Option<Cropped> 
 }
 
 /// Where an input goes on beyond an example that was laid on it: a value a vertex of the input, positive within the example,
-/// about as large as the distance from the example's rim. Beyond are vertices that are nearest to the rim, and beside these such as
-/// have no face near them that looks their way: the front of a thin neck is near to its back. `None` for an example without a rim.
+/// about as large as the distance from the example's rim. Beyond are vertices that are nearest to the rim, and what borders on these
+/// and has no face near it that looks its way: the front of a thin neck is near to its back. `None` for an example without a rim.
 pub fn within(example: &TriMesh, positions: &[Vec3], input: &TriMesh) -> Option<Vec<f64>> {
     let laid = TriMesh { positions: positions.to_vec(), ..example.clone() };
     let rim: Vec<[Vec3; 2]> = (0..laid.twins.len() as u32)

@@ -3,8 +3,8 @@
 //! What the example leaves of the input is an annulus about a rim of it, or, on a closed input, a disc. It is unfolded; each
 //! vertex of the rim gets a line of constant u, and rows follow at levels of v. So the rim's loops go on outward without an
 //! extraordinary vertex. On a disc the last row is filled by a grid, whose four corners are the only ones. Where the disc has a
-//! flat end ([`flat`](super::flat)), a row runs along its edge. A disc that ends
-//! where the input does is a [`crescent`](super::crescent). *Ours, not the paper's.*
+//! flat end ([`flat`](super::flat)), a row runs along its edge. A disc that ends in part where the input does is a
+//! [`crescent`](super::crescent). *Ours, not the paper's.*
 
 use super::crescent::Crescent;
 use super::flat::flat_end;
@@ -27,7 +27,7 @@ const EVEN_AFTER: f64 = 2.0;
 /// Share of a disc's depth that its rows take; a grid fills the rest.
 const ROWS_SHARE: f64 = 0.8;
 
-/// Continues `mesh`, which lies on one part of a surface, over `rest`, the part beside it. The mesh's vertices and faces stay
+/// Continues `mesh`, which lies on one part of a `surface`, over `rest`, the part beside it. The mesh's vertices and faces stay
 /// and come first; labels are continued by the last face's. `None` where the rest is neither annulus nor disc, or the mesh has no
 /// rim.
 pub fn continued(mesh: &PolyMesh, rest: &Patch, surface: &TriMesh) -> Option<PolyMesh> {
