@@ -1,6 +1,6 @@
 //! Rows of quads that continue a laid example to where the input ends.
 //!
-//! What the example leaves of the input is an annulus about a rim of it, or, on a closed input, a disc. It is unfolded; each
+//! The rest of the input is an annulus about a rim of the example, or, on a closed input, a disc. It is unfolded; each
 //! vertex of the rim gets a line of constant u, and rows follow at levels of v. So the rim's loops go on outward without an
 //! extraordinary vertex. On a disc the last row is filled by a grid, whose four corners are the only ones. Where the disc has a
 //! flat end ([`flat`](super::flat)), a row runs along its edge. A disc that ends in part where the input does is a
@@ -8,13 +8,14 @@
 
 use super::crescent::Crescent;
 use super::flat::flat_end;
+use crate::compose::net::Net;
 use crate::encode::index::PlanarIndex;
 use crate::mesh::tri::{NONE, TriMesh, nearest_share};
 use crate::mesh::{PolyMesh, Vec3};
 use crate::register::Query;
 use crate::topology::{Patch, Topology};
 use crate::unfold::{Chart, UnfoldOptions, Uv};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// Rows at most.
 const ROWS_MAX: usize = 200;
@@ -34,7 +35,7 @@ pub fn continued(mesh: &PolyMesh, rest: &Patch, surface: &TriMesh) -> Option<Pol
     if rest.topology == Topology::Disc && surface.twins.contains(&NONE) {
         let query = Query::new(rest, &UnfoldOptions::default()).ok()?;
         let crescent = Crescent::of(&query.chart, surface);
-        if let Some(grown) = crescent.and_then(|it| it.filled(mesh, &rims(mesh.faces.iter())?, query.index())) {
+        if let Some(grown) = crescent.and_then(|it| it.filled(mesh, &Net::from_mesh(mesh).loops()?, query.index())) {
             return Some(grown);
         }
     }
@@ -45,7 +46,7 @@ pub fn continued(mesh: &PolyMesh, rest: &Patch, surface: &TriMesh) -> Option<Pol
 
 /// The same without regard to what is flat.
 fn continued_evenly(mesh: &PolyMesh, rest: &Patch) -> Option<PolyMesh> {
-    let rims = rims(mesh.faces.iter())?;
+    let rims = Net::from_mesh(mesh).loops()?;
     let query = Query::new(rest, &UnfoldOptions::default()).ok()?;
     let chart = &query.chart;
     let ground = UnfoldedRest { chart, index: query.index() };
@@ -67,36 +68,32 @@ fn continued_evenly(mesh: &PolyMesh, rest: &Patch) -> Option<PolyMesh> {
 
 /// The vertices of the boundary of some faces, in the order in which its edges run on them; `None` unless it is one loop.
 pub(super) fn only_rim<'a>(faces: impl Iterator<Item = &'a [u32]>) -> Option<Vec<u32>> {
-    let mut rims = rims(faces)?;
-    if rims.len() == 1 { rims.pop() } else { None }
-}
-
-/// The same of each loop of the boundary; `None` where two meet in a vertex, or an edge has several faces on one side.
-fn rims<'a>(faces: impl Iterator<Item = &'a [u32]>) -> Option<Vec<Vec<u32>>> {
-    let mut open = BTreeSet::new();
+    let mut next = BTreeMap::new();
     for face in faces {
         for (k, &a) in face.iter().enumerate() {
             let b = face[(k + 1) % face.len()];
-            if !open.remove(&(b, a)) {
-                open.insert((a, b));
+            if next.remove(&(b, a)).is_none() {
+                next.insert((a, b), ());
             }
         }
     }
-    // An edge of a rim runs a → b on its only face.
-    let mut next: BTreeMap<u32, u32> = open.iter().copied().collect();
-    if next.len() != open.len() {
+    // An edge of the rim runs a → b on its only face.
+    let edges: BTreeMap<u32, u32> = next.keys().map(|&(a, b)| (a, b)).collect();
+    if edges.len() != next.len() {
         return None;
     }
-    let mut rims = Vec::new();
-    while let Some((first, second)) = next.pop_first() {
-        let (mut rim, mut v) = (vec![first], second);
-        while v != first {
-            rim.push(v);
-            v = next.remove(&v)?;
+    let (&first, _) = edges.first_key_value()?;
+    let mut rim = vec![first];
+    while let Some(&v) = rim.last().and_then(|v| edges.get(v)) {
+        if v == first {
+            break;
         }
-        rims.push(rim);
+        if rim.len() > edges.len() {
+            return None;
+        }
+        rim.push(v);
     }
-    Some(rims)
+    (rim.len() == edges.len()).then_some(rim)
 }
 
 /// The unfolded rest.
@@ -441,7 +438,7 @@ mod tests {
         mesh.faces = faces;
         let grown = continued(&mesh, &rest, &sheet).expect("an annulus");
         assert_eq!((grown.faces.len() - 62) % 32, 0);
-        let mut loops: Vec<usize> = rims(grown.faces.iter()).expect("loops").iter().map(Vec::len).collect();
+        let mut loops: Vec<usize> = Net::from_mesh(&grown).loops().expect("loops").iter().map(Vec::len).collect();
         loops.sort_unstable();
         assert_eq!(loops, [6, 32], "the opening stays");
     }

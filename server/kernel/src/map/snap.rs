@@ -37,7 +37,7 @@ pub enum Snap {
 
 /// What came of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct SnappedMap {
+pub struct SnapCounts {
     /// Corners of the boundary that lie on corners of the input's now.
     pub corners: usize,
     /// Vertices on sharp edges that lie on sharp edges of the input's now.
@@ -74,8 +74,8 @@ pub fn snap(
     input: &Chart,
     mirror: f64,
     what: Snap,
-) -> SnappedMap {
-    let mut snapped = SnappedMap::default();
+) -> SnapCounts {
+    let mut snapped = SnapCounts::default();
     if matches!(what, Snap::Corners | Snap::All) {
         let matched = corners::targets(mesh, cross, input);
         let (done, refused) = moved(mesh, cross, input, mirror, matched.targets, |_| ());

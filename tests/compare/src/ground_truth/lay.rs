@@ -7,7 +7,7 @@ use quadmuse_kernel::encode::index::PlanarIndex;
 use quadmuse_kernel::map::atlas::Atlas;
 use quadmuse_kernel::map::reembed::{InputChart, settle};
 use quadmuse_kernel::map::snap::lines::SharpLines;
-use quadmuse_kernel::map::snap::{SnappedMap, creases_on, snap};
+use quadmuse_kernel::map::snap::{SnapCounts, creases_on, snap};
 use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, folded_faces};
 use quadmuse_kernel::measure::coverage::{coverage, feature_points};
@@ -42,7 +42,7 @@ pub struct Outcome {
     /// Distortion as one number.
     pub badness: f64,
     /// What was snapped.
-    pub snapped: SnappedMap,
+    pub snapped: SnapCounts,
     /// Mean distance of the example's sharp edges from the input's, in % of √area; `None` where one has none.
     pub edges_off_pct: Option<f64>,
     /// Seconds for unfolding both, registration, and mapping.
@@ -57,7 +57,7 @@ struct UnmeasuredMap {
     distortion: Distortion,
     /// 95th percentile of the angle distortion before the polish.
     laid_angle_deg: f64,
-    snapped: SnappedMap,
+    snapped: SnapCounts,
 }
 
 /// Maps a case by a method.
@@ -202,7 +202,7 @@ fn by_atlas(example: &Loaded, one: &Query, two: &Query, method: Method) -> Resul
     }))
 }
 
-fn snapped(method: Method, example: &Loaded, cross: &mut CrossMap, input: &Chart, sign: f64) -> SnappedMap {
+fn snapped(method: Method, example: &Loaded, cross: &mut CrossMap, input: &Chart, sign: f64) -> SnapCounts {
     let given = creases_on(&example.poly.attributes.creases, &example.prepared.vertex_of, &example.patch);
     snap(&example.patch.mesh, &given, cross, input, sign, method.snaps())
 }

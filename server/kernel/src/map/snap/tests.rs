@@ -34,7 +34,7 @@ fn a_fold_that_was_missed_by_half_a_face_is_hit() {
     };
     assert!(off(&cross) > 0.02);
     let before = cross.clone();
-    assert_eq!(snap(&mesh, &[], &mut cross, &chart, 1.0, Snap::Off), SnappedMap::default());
+    assert_eq!(snap(&mesh, &[], &mut cross, &chart, 1.0, Snap::Off), SnapCounts::default());
     assert_eq!(cross, before);
     let snapped = snap(&mesh, &[], &mut cross, &chart, 1.0, Snap::Creases);
     assert!(snapped.creased >= 12 && snapped.refused == 0, "{snapped:?}");
