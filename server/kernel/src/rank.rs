@@ -17,6 +17,11 @@ const BENDING_WEIGHT: f64 = 2.0;
 /// Less bending than this, a tenth of a sphere's, is none: a surface that bends inward as much as outward.
 const BENDING_MIN: f64 = 0.354;
 
+/// Tells whether a surface with such a [`bending`](bending::bending) bends to one side: a flat one does not.
+pub fn bends(bending: f32) -> bool {
+    f64::from(bending).abs() >= BENDING_MIN
+}
+
 /// What is compared of two segments beside their pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SegmentShape {

@@ -127,6 +127,8 @@ pub struct ModelSegment {
     pub holes: u32,
     /// Its share of the surface's area.
     pub share: f64,
+    /// Whether it is flat.
+    pub is_flat: bool,
 }
 
 /// What is known of an encoded segment.

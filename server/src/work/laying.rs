@@ -2,7 +2,6 @@
 
 use super::mapping::{self, LiveMap};
 use super::query::LiveQuery;
-use super::ranking::turns;
 use super::worth::tries;
 use super::{Work, WorkError};
 use crate::pool::StopReason;
@@ -61,7 +60,7 @@ pub async fn in_turn(live: &LiveQuery, segment: u32, tries: usize) -> Vec<(Examp
         return Vec::new();
     }
     let board = live.wait_for(|_| false).await;
-    board.rankings.get(segment as usize).map_or(Vec::new(), |ranking| turns(&ranking.candidates, tries))
+    board.rankings.get(segment as usize).map_or(Vec::new(), |ranking| live.turns(segment, &ranking.candidates, tries))
 }
 
 /// Lays the entries of a segment's ranking in their turns until a map is good enough, and finds the map that is worth most, of

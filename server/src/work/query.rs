@@ -10,7 +10,7 @@ use super::ingest::counts_of;
 use super::making::Makings;
 use super::mapping::LiveMap;
 use super::naming::Names;
-use super::ranking::{Candidate, entries, levels_up_to, template_entry};
+use super::ranking::{Candidate, entries, levels_up_to, template_entry, turns};
 use super::worth::tries;
 use super::{Caller, WorkError};
 use crate::pool::{Job, Stop};
@@ -368,7 +368,7 @@ impl LiveQuery {
     pub fn ranking(&self, board: &Board, segment: u32, limit: usize) -> Result<Ranking, WorkError> {
         let (of, count) = ("the query", board.rankings.len());
         let ranking = board.rankings.get(segment as usize).ok_or(WorkError::NoSuchSegment { of, count, segment })?;
-        let mut shown = self.entries(board, &ranking.candidates, limit, tries(&self.model.segments, segment as usize));
+        let mut shown = self.entries(board, segment, &ranking.candidates, limit);
         // Nobody goes away empty-handed: the regular layout stands last, once there is a ranking, where all are shown.
         if ranking.revision > 0 && shown.len() == ranking.candidates.len() && shown.len() < limit {
             let topology = self.model.segments.get(segment as usize).map(|s| s.topology);
@@ -388,9 +388,16 @@ impl LiveQuery {
         })
     }
 
+    /// The candidates of a segment that are laid where nobody chooses, in turn until one fits.
+    pub fn turns(&self, segment: u32, candidates: &[Candidate], tries: usize) -> Vec<(ExampleId, u32)> {
+        let is_flat = self.model.segments.get(segment as usize).is_some_and(|s| s.is_flat);
+        turns(candidates, tries, is_flat)
+    }
+
     /// Entries as they go over the wire: once the query has ended nothing goes on by itself any more.
-    fn entries(&self, board: &Board, candidates: &[Candidate], limit: usize, tries: usize) -> Vec<Entry> {
-        let mut entries = entries(candidates, limit, tries);
+    fn entries(&self, board: &Board, segment: u32, candidates: &[Candidate], limit: usize) -> Vec<Entry> {
+        let turns = self.turns(segment, candidates, tries(&self.model.segments, segment as usize));
+        let mut entries = entries(candidates, limit, &turns);
         if board.state.is_final() {
             let going = entries.iter_mut().filter(|entry| entry.state == EntryState::Refining);
             going.for_each(|entry| entry.state = EntryState::Locked);

@@ -10,6 +10,7 @@
 
 use super::catalogue::{LEVEL_COARSEST, Resident};
 use super::engine::{Registration, Rough};
+use quadmuse_kernel::rank::bends;
 use quadmuse_kernel::settle::Likeness;
 use quadmuse_proto::query::LEVELS;
 use quadmuse_proto::{Entry, EntryState, ExampleId, Flip, Topology};
@@ -245,12 +246,14 @@ pub fn is_worth_a_map(rough: &Rough) -> bool {
 /// The candidates that are laid where nobody chooses, in turn until one fits: the first `tries` that are no near-duplicates of one
 /// above. Where some were laid roughly, these are what the query is like, or nothing is: those that fitted, and those that another
 /// leads; if none of them lies all over the query, the last turn is left to one that does. Else as many more follow, those that lie on
-/// the input best.
-pub fn turns(candidates: &[Candidate], tries: usize) -> Vec<(ExampleId, u32)> {
+/// the input best. On what is flat nothing is laid that bends: such a map is poor.
+pub fn turns(candidates: &[Candidate], tries: usize, is_flat: bool) -> Vec<(ExampleId, u32)> {
     let places = places(candidates);
     let is_above = |key, place: usize| places.get(&key).is_some_and(|&at| at < place);
     let is_own = |(place, c): &(usize, &Candidate)| c.similar_to.is_none_or(|key| !is_above(key, *place));
-    let mut own: Vec<&Candidate> = candidates.iter().enumerate().filter(is_own).map(|(_, c)| c).collect();
+    let may_fit = |c: &&Candidate| !(is_flat && c.resident.facts.bending.is_some_and(bends));
+    let own = candidates.iter().enumerate().filter(is_own).map(|(_, c)| c);
+    let mut own: Vec<&Candidate> = own.filter(may_fit).collect();
     if candidates.iter().any(|c| c.rough.is_some()) {
         let is_enough = |rough: &Rough| match tries {
             0 | 1 => rough.agreement >= ONE_TRY_FROM,
@@ -280,9 +283,8 @@ fn places(candidates: &[Candidate]) -> HashMap<(ExampleId, u32), usize> {
     candidates.iter().map(Candidate::key).zip(0..).collect()
 }
 
-/// The first `limit` candidates as they go over the wire, where `tries` may be laid in turn.
-pub fn entries(candidates: &[Candidate], limit: usize, tries: usize) -> Vec<Entry> {
-    let turns = turns(candidates, tries);
+/// The first `limit` candidates as they go over the wire, with those that are laid in [`turns`].
+pub fn entries(candidates: &[Candidate], limit: usize, turns: &[(ExampleId, u32)]) -> Vec<Entry> {
     let turn = |key| turns.iter().zip(1u32..).find(|(turn, _)| **turn == key).map(|(_, turn)| turn);
     let shown = &candidates[..limit.min(candidates.len())];
     let places = places(shown);
@@ -423,10 +425,11 @@ pub(in crate::work) mod tests {
         mark(&mut all, 32, Some(2), 4);
         use EntryState::{Locked, Refining};
         assert_eq!(all.iter().map(|c| c.state).collect::<Vec<_>>(), [Refining, Locked, Refining, Locked]);
-        let similar_to = |limit| entries(&all, limit, 1).iter().map(|e| e.similar_to).collect::<Vec<_>>();
+        let similar_to =
+            |limit| entries(&all, limit, &turns(&all, 1, false)).iter().map(|e| e.similar_to).collect::<Vec<_>>();
         assert_eq!(similar_to(9), [None, Some(1), None, None]);
         all.swap(0, 1);
-        assert_eq!(entries(&all, 9, 1)[0].similar_to, None);
+        assert_eq!(entries(&all, 9, &turns(&all, 1, false))[0].similar_to, None);
     }
 
     #[test]
@@ -523,7 +526,7 @@ pub(in crate::work) mod tests {
         all[1].similar_to = Some(all[0].key());
         let names = |all: &[Candidate], tries| {
             let name = |key| all.iter().find(|c| c.key() == key).map_or("", |c| c.resident.example.hash.as_str());
-            turns(all, tries).into_iter().map(name).collect::<String>()
+            turns(all, tries, false).into_iter().map(name).collect::<String>()
         };
         assert_eq!([1, 2].map(|tries| names(&all, tries)), ["ae", "aced"]);
         let rough = |agreement| Some(Rough { agreement, covered: 0.5, ..Rough::default() });
@@ -549,9 +552,24 @@ pub(in crate::work) mod tests {
             assert_eq!(names(&all, 3), "ace");
         }
         all[3].rough = Some(Rough { are_wholes: false, ..body });
-        let turns: Vec<Option<u32>> = entries(&all, 9, 3).iter().map(|e| e.turn).collect();
+        let turns: Vec<Option<u32>> = entries(&all, 9, &turns(&all, 3, false)).iter().map(|e| e.turn).collect();
         assert_eq!(turns, [Some(1), None, Some(2), None, Some(3)]);
         assert_eq!(template_entry(&[], Topology::Disc).turn, Some(1));
+    }
+
+    #[test]
+    fn on_what_is_flat_nothing_is_laid_that_bends() {
+        let mut all = ["a", "b", "c"].map(|hash| candidate(hash, 1.0));
+        for (c, bending) in all.iter_mut().zip([Some(3.5), Some(0.1), None]) {
+            let Resident { example, segment, facts, place } = &*c.resident;
+            let facts = SegmentFacts { bending, ..*facts };
+            c.resident = Arc::new(Resident { example: Arc::clone(example), segment: *segment, facts, place: *place });
+        }
+        let names = |is_flat| {
+            let name = |key| all.iter().find(|c| c.key() == key).map_or("", |c| c.resident.example.hash.as_str());
+            turns(&all, 3, is_flat).into_iter().map(name).collect::<String>()
+        };
+        assert_eq!([false, true].map(names), ["abc", "bc"]);
     }
 
     #[test]

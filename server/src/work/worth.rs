@@ -53,10 +53,10 @@ pub fn is_worth_an_example(segments: &[ModelSegment], segment: usize) -> bool {
     own >= own_min && share >= SHARE_WORTH && segments.iter().enumerate().filter(is_before).count() < most
 }
 
-/// Whether a segment is a third of a scan at least, with enough form to choose an example by.
+/// Whether a segment is a third of a scan at least, with enough form to choose an example by. A flat one has but an outline.
 pub fn is_much_of_scan(segments: &[ModelSegment], segment: usize) -> bool {
     let all = segments.iter().map(|s| s.form).sum::<u64>();
-    let faces = segments.get(segment).map_or(0, |s| s.form);
+    let faces = segments.get(segment).filter(|s| !s.is_flat).map_or(0, |s| s.form);
     3 * faces >= all && faces >= FACES_CHOSEN_MIN && all >= FACES_OF_SCAN_MIN
 }
 
@@ -73,10 +73,10 @@ pub fn tries(segments: &[ModelSegment], segment: usize) -> usize {
 }
 
 /// How many of the best of a segment's ranking have their poles sought before anybody chooses among them, of the `top` that are
-/// shown. A search costs some forty pictures of all faces, whatever they tell: where hardly any tells of a form, only the best is
-/// finished; another is when it is chosen.
+/// shown. A search costs some forty pictures of all faces, whatever they tell: where hardly any tells of a form, or all lie flat, only
+/// the best is finished; another is when it is chosen.
 pub fn choices(segments: &[ModelSegment], segment: usize, top: usize) -> usize {
-    let is_worth_it = segments.get(segment).is_some_and(|s| FACES_PER_FORM * s.form >= s.faces);
+    let is_worth_it = segments.get(segment).is_some_and(|s| !s.is_flat && FACES_PER_FORM * s.form >= s.faces);
     if is_worth_it { top } else { top.min(1) }
 }
 
@@ -85,9 +85,12 @@ mod tests {
     use super::*;
     use quadmuse_proto::Topology;
 
+    fn whole(faces: u64, form: u64) -> ModelSegment {
+        ModelSegment { topology: Topology::Disc, faces, form, holes: 0, share: 1.0, is_flat: false }
+    }
+
     fn worth(faces: &[u64]) -> usize {
-        let segment =
-            |&faces: &u64| ModelSegment { topology: Topology::Disc, faces, form: faces, holes: 0, share: 1.0 };
+        let segment = |&faces: &u64| whole(faces, faces);
         let segments: Vec<ModelSegment> = faces.iter().map(segment).collect();
         (0..segments.len()).filter(|&s| is_worth_an_example(&segments, s)).count()
     }
@@ -108,7 +111,7 @@ mod tests {
 
     #[test]
     fn of_many_segments_one_with_hardly_any_area_is_not_worth_it() {
-        let of = |share| ModelSegment { topology: Topology::Sphere, faces: 264, form: 264, holes: 0, share };
+        let of = |share| ModelSegment { share, ..whole(264, 264) };
         let worth =
             |segments: &[ModelSegment]| (0..segments.len()).filter(|&s| is_worth_an_example(segments, s)).count();
         assert_eq!((worth(&[of(0.3), of(0.001)]), worth(&[of(0.1); 10]), worth(&[of(0.001); 10])), (2, 10, 0));
@@ -117,8 +120,7 @@ mod tests {
     #[test]
     fn examples_are_laid_on_what_has_form_and_tried_where_there_is_something_to_choose_by() {
         let tries = |faces: &[u64]| {
-            let segment =
-                |&faces: &u64| ModelSegment { topology: Topology::Disc, faces, form: faces, holes: 0, share: 1.0 };
+            let segment = |&faces: &u64| whole(faces, faces);
             tries(&faces.iter().map(segment).collect::<Vec<_>>(), 0)
         };
         assert_eq!([tries(&[]), tries(&[1]), tries(&[12]), tries(&[100]), tries(&[50_000])], [0, 0, 0, 1, TRIES]);
@@ -128,14 +130,16 @@ mod tests {
 
     #[test]
     fn one_choice_is_finished_where_most_faces_tell_nothing_and_all_of_a_scan_however_coarse() {
-        let of = |faces, form| ModelSegment { topology: Topology::Disc, faces, form, holes: 0, share: 1.0 };
+        let of = whole;
         let segments = [of(300_000, 700), of(20, 20), of(40_000, 40_000), of(40_000, 2_499)];
         assert_eq!([0, 1, 2, 3].map(|s| choices(&segments, s, 4)), [1, 4, 4, 1]);
+        let flat = [ModelSegment { is_flat: true, ..of(40_000, 40_000) }];
+        assert_eq!((choices(&flat, 0, 4), tries(&flat, 0), is_much_of_scan(&flat, 0)), (1, 1, false));
     }
 
     #[test]
     fn faces_that_tell_nothing_of_a_form_count_for_nothing() {
-        let of = |faces, form| ModelSegment { topology: Topology::Disc, faces, form, holes: 0, share: 1.0 };
+        let of = whole;
         let needles = [of(100_000, 4)];
         assert_eq!((tries(&needles, 0), is_worth_an_example(&needles, 0)), (0, false));
         let strip = [of(100_000, 200)];

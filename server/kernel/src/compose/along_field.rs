@@ -10,7 +10,7 @@
 use super::Input;
 use super::check::{check_structure, extraordinary};
 use super::field::field_layout;
-use super::following::Near;
+use super::following::{Near, WHOLE_QUADS_MAX};
 use super::net::Net;
 use super::placement::LayoutOrigin;
 use super::resolve::resolve;
@@ -31,8 +31,11 @@ const SHORTEST: f64 = 0.5;
 const EXPECTED: f64 = 0.9;
 /// A hole with a shorter rim, in edges, may be closed: that of two by two quads is as long. *Untuned.*
 const HOLE_EDGES: f64 = 8.0;
-/// Edges around what is thinner than a quad.
+/// Edges around what is thinner than a quad, and fewest around anything.
 const EDGES_AROUND: f64 = 4.0;
+const EDGES_AROUND_MIN: f64 = 3.0;
+/// Most quads of a layout whose edges are as short as that: templates on its segments have fewer. *Untuned.*
+const THIN_QUADS_MAX: f64 = WHOLE_QUADS_MAX as f64 / 2.0;
 /// Fewer quads than this are no layout of a surface: a template has more of its form. *Untuned.*
 const QUADS_MIN: usize = 24;
 
@@ -43,8 +46,14 @@ impl Stitching<'_> {
             return None;
         }
         let h = (self.scale.area / REGULAR_QUADS).sqrt() * self.options.edge_scale;
-        let shorter = self.thin_edge().map_or(h * SHORTER, |thin| thin.min(h * SHORTER));
-        for h in [h, shorter] {
+        let edges = match self.thin_edge(h) {
+            // What two quads go around they lie flat on.
+            Some(thin) if EDGES_AROUND * thin < EDGES_AROUND_MIN * h => {
+                [None, Some(thin).filter(|thin| self.surface().total_area() / (thin * thin) <= THIN_QUADS_MAX)]
+            }
+            thin => [Some(h), Some(thin.map_or(h * SHORTER, |thin| thin.min(h * SHORTER)))],
+        };
+        for h in edges.into_iter().flatten() {
             if let Some(mesh) = self.along_field_at(h, report) {
                 return Some(mesh);
             }
@@ -59,11 +68,13 @@ impl Stitching<'_> {
         None
     }
 
-    /// The length of edges of which [`EDGES_AROUND`] go around a closed surface, were it a tube: of its volume V and area A, r = 2V/A.
-    /// `None` where the surface is open, or its own triangles are as few as such quads.
-    fn thin_edge(&self) -> Option<f64> {
-        let surface = self.surface();
-        if self.shape.boundary_loops > 0 {
+    /// The length of edges of which [`EDGES_AROUND`] go around the surface, were it a tube: of its volume V and area A, r = 2V/A.
+    /// `None` where it stays open when holes are closed that are small for quads with edges of length `h`, or its own triangles are as
+    /// few as such quads.
+    fn thin_edge(&self, h: f64) -> Option<f64> {
+        let filled = self.without_small_holes(h);
+        let surface = filled.as_ref().map_or(self.surface(), |(filled, ..)| filled);
+        if !surface.boundary_loops().is_empty() {
             return None;
         }
         let (area, first) = (surface.total_area(), surface.positions.first()?);

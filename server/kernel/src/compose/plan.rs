@@ -18,10 +18,12 @@ pub struct Wish {
     pub edge: f64,
     /// Fewest edges on an arc: more keep narrow places apart.
     pub edges_min: usize,
+    /// Most edges on an arc of the true boundary.
+    pub edges_max: usize,
 }
 
 /// Most edges on an arc.
-const EDGES_MAX: usize = 1200;
+pub const EDGES_MAX: usize = 1200;
 
 /// Places on a run: from its start on, both ends included where it is open.
 pub type Places = Vec<f64>;
@@ -110,7 +112,8 @@ impl Planner<'_> {
         let least = wishes.iter().map(|w| w.edges_min).max().unwrap_or(1).max(if closed { 4 } else { 1 });
         if self.is_free(arc) {
             let edge = wishes.iter().map(|w| w.edge).fold(f64::INFINITY, f64::min);
-            let n = ((self.planned_length(arc, first) / edge).round() as usize).clamp(least, EDGES_MAX);
+            let most = if let ([wish], 1) = (&wishes[..], arc.sides.len()) { wish.edges_max } else { EDGES_MAX };
+            let n = ((self.planned_length(arc, first) / edge).round() as usize).min(most).max(least);
             return [n, n];
         }
         let given = arc.sides.iter().find_map(|&s| self.given(s)).unwrap_or(least);
@@ -265,7 +268,7 @@ mod tests {
             .collect();
         let found = layout(&mesh, &owner, 3);
         for edge in [0.31, 0.21, 0.17, 0.13, 0.11, 0.09] {
-            let sides = [Side::Free(Wish { edge, edges_min: 1 }); 3];
+            let sides = [Side::Free(Wish { edge, edges_min: 1, edges_max: EDGES_MAX }); 3];
             let places = plan(&found, &sides);
             for s in 0..3 {
                 assert_eq!(totals(&places, s) % 2, 0, "segment {s}, edge {edge}");
@@ -292,7 +295,8 @@ mod tests {
                 starts: Vec::new(),
             })
             .collect();
-        let places = plan(&found, &[Side::Given(&rims), Side::Free(Wish { edge: 1.0, edges_min: 1 })]);
+        let places =
+            plan(&found, &[Side::Given(&rims), Side::Free(Wish { edge: 1.0, edges_min: 1, edges_max: EDGES_MAX })]);
         let shared =
             (0..2).find(|&l| found.arcs[found.curves[1][l].runs[0].arc as usize].sides.len() == 2).expect("one");
         let length = found.curves[1][shared].length();

@@ -7,14 +7,14 @@
 use super::layout::Curve;
 use super::net::Net;
 use super::own::own_quads;
-use super::plan::{Places, Wish};
+use super::plan::{EDGES_MAX, Places, Wish};
 use super::rim::{self, Rim};
 use super::smooth::Target;
 use super::subdivide::subdivide;
 use super::template::border::{Border, End, Unwound};
 use super::template::levels::Levels;
 use super::template::rectangle::Harmonics;
-use super::template::{Ends, Given, LayoutSurface, regular};
+use super::template::{Ends, Given, LayoutSurface, regular, wanted_share};
 use super::{Input, Piece};
 use crate::encode::index::PlanarIndex;
 use crate::mesh::Vec3;
@@ -122,7 +122,7 @@ impl<'a> Site<'a> {
     pub fn new(input: Input<'_>, segment: usize, piece: Piece<'a>, net: Net, edge: f64) -> Self {
         let triangles =
             (0..input.owner.len() as u32).filter(|&t| input.owner[t as usize] as usize == segment).collect();
-        let wish = Wish { edge, edges_min: EDGES_MIN };
+        let wish = Wish { edge, edges_min: EDGES_MIN, edges_max: EDGES_MAX };
         let stands = match piece {
             Piece::Mapped(_) | Piece::Kept(_) => Use::Part,
             Piece::Regular(..) | Piece::Nothing => Use::Regular,
@@ -224,13 +224,27 @@ impl<'a> Site<'a> {
         self.times += 1;
         match self.stands {
             Use::Regular => {
-                self.wish = Wish { edge: self.wish.edge * FINER, edges_min: self.wish.edges_min + EDGES_MORE };
+                self.wish.edge *= FINER;
+                self.wish.edges_min += EDGES_MORE;
             }
             Use::Part | Use::Own => {
                 self.subdivided += usize::from(self.stands == Use::Part);
                 self.net = on_surface(subdivide(&self.net), self.net.positions.len(), target);
             }
         }
+    }
+
+    /// Asks for fewer edges on the true boundary where these make a layout of far more quads than are wanted: a jagged boundary is
+    /// longer than quads of that size can follow. False where there are no more, or that was asked for already.
+    pub fn coarsen(&mut self, made: &Net, places: &[Vec<Places>]) -> bool {
+        let Some(charted) = &self.charted else { return false };
+        let share = wanted_share(made, charted.chart.mesh.total_area(), self.wish.edge);
+        if share >= 1.0 || self.wish.edges_max < EDGES_MAX {
+            return false;
+        }
+        let longest = places.iter().flatten().map(Vec::len).max().unwrap_or(EDGES_MAX);
+        self.wish.edges_max = ((longest as f64 * share.sqrt()) as usize).clamp(self.wish.edges_min, EDGES_MAX - 1);
+        true
     }
 
     fn take_own(&mut self, whole: &TriMesh) {

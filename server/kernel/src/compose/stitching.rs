@@ -254,6 +254,7 @@ impl<'a> Stitching<'a> {
             .collect();
         let places = plan(&self.layout, &sides);
         let mut nets: Vec<Net> = Vec::with_capacity(sites.len());
+        let mut is_coarser = false;
         for (segment, site) in sites.iter_mut().enumerate() {
             if site.stands != Use::Regular {
                 nets.push(site.net.clone());
@@ -261,8 +262,12 @@ impl<'a> Stitching<'a> {
             }
             let laid = site.lay_out(&self.layout.curves[segment], &places[segment]);
             let (net, rims) = laid.ok_or(Misfit::Loops { segment })?;
+            is_coarser |= site.coarsen(&net, &places[segment]);
             nets.push(net);
             all[segment] = rims;
+        }
+        if is_coarser {
+            return self.attempt(sites, report);
         }
         report.extraordinary_before = nets.iter().map(|net| extraordinary(&net.clone().into_mesh().0)).sum();
         let stands: Vec<Use> = sites.iter().map(|site| site.stands).collect();

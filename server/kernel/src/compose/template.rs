@@ -17,6 +17,7 @@ pub mod ramps;
 pub mod rectangle;
 pub mod rings;
 
+use super::REGULAR_QUADS;
 use super::check::extraordinary;
 use super::net::Net;
 use super::smooth::{Plan, Target};
@@ -33,8 +34,9 @@ use rings::{Ring, counts, rings_min, strip};
 
 /// Fewest columns of a ring that nothing prescribes, and of one that carries a cap.
 const COLUMNS_MIN: usize = 8;
-/// Most columns of such a ring, and most rings.
+/// Most columns of such a ring, and most rings: of a tube that is no wider than an edge as many as a whole has quads.
 const COLUMNS_MAX: usize = 400;
+const RINGS_MAX: usize = REGULAR_QUADS as usize;
 /// The number of columns stays while edges are not longer or shorter than wanted by more than this factor.
 const SLACK: f64 = 1.8;
 /// A cap begins where what is left to the pole is no higher than this share of the level's length (a flat disc has
@@ -47,8 +49,8 @@ const EVENING: f64 = 0.5;
 const ROUNDS: u32 = 12;
 /// A layout of more quads than these, and of more than this factor times those that are wanted, stays as it is drawn: it stands
 /// between a boundary that a few vertices thrown far off draw out, and evening it out would take minutes.
-const EVENED_QUADS_MAX: usize = 5000;
-const EVENED_TIMES_MAX: f64 = 4.0;
+const TOO_MANY_QUADS: usize = 5000;
+const TOO_MANY_TIMES: f64 = 4.0;
 /// Degrees that an extraordinary vertex counts for, where rings and a rectangle are compared.
 const EXTRAORDINARY_DEG: f64 = 0.03;
 
@@ -110,8 +112,7 @@ pub fn regular(ground: LayoutSurface<'_>, edge: f64, ends: Ends) -> Regular {
     drawn.push(Builder::new(ground, edge, ends).run());
     let evened = in_halves(&drawn, |drawn| {
         let mut laid = drawn.clone();
-        let quads = laid.net.faces().count();
-        if quads <= EVENED_QUADS_MAX || quads as f64 <= EVENED_TIMES_MAX * area / (edge * edge) {
+        if wanted_share(&laid.net, area, edge) >= 1.0 {
             even_out(&mut laid.net, ground.chart, ground.target);
         }
         let extraordinary = extraordinary(&laid.net.clone().into_mesh().0);
@@ -119,6 +120,12 @@ pub fn regular(ground: LayoutSurface<'_>, edge: f64, ends: Ends) -> Regular {
         (cost, laid)
     });
     evened.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Regular::default, |best| best.1)
+}
+
+/// The quads with edges of length `edge` that an area has, as a share of those of a layout that has far more; 1 where it has not.
+pub fn wanted_share(net: &Net, area: f64, edge: f64) -> f64 {
+    let (quads, wanted) = (net.faces().count(), area / (edge * edge));
+    if quads > TOO_MANY_QUADS && quads as f64 > TOO_MANY_TIMES * wanted { wanted / quads as f64 } else { 1.0 }
 }
 
 /// The layout of a disc of edges about `edge` long between vertices that are given all around it: lengths along the loop of its
@@ -214,7 +221,7 @@ impl<'a> Builder<'a> {
     fn run(mut self) -> Regular {
         let (levels, [n, m], [low, high]) = (self.ground.levels, self.columns, self.heights);
         let wanted = ((high - low) / self.edge).round() as usize;
-        let rings = wanted.clamp(1, COLUMNS_MAX).max(rings_min(n, m));
+        let rings = wanted.clamp(1, RINGS_MAX).max(rings_min(n, m));
         let height = |r: usize| low + (high - low) * r as f64 / rings as f64;
         let all = counts(n, m, rings, SLACK, |r| levels.around(height(r)) / self.edge);
         let mut ring = Ring { columns: (0..n).map(|i| i as f64 / n as f64).collect(), first: 0 };

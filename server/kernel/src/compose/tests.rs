@@ -328,12 +328,22 @@ fn an_example_of_many_faces_that_is_to_keep_its_density_does_not_become_finer_to
 }
 
 #[test]
-fn a_mesh_of_slivers_that_has_no_layout_is_cut_into_quads_as_it_is() {
+fn a_mesh_of_slivers_has_a_layout_of_as_few_quads_as_it_has_area_for() {
     let mut mesh = grid(101, 101, false, false);
     mesh.positions.iter_mut().for_each(|p| p.y *= 1e-8);
-    let owner = vec![0; mesh.triangles.len()];
-    let input = Input { surface: &mesh, owner: &owner, count: 1 };
+    let input = Input { surface: &mesh, owner: &vec![0; mesh.triangles.len()], count: 1 };
     let made = compose(input, &[Piece::Nothing], Options::default(), &|| false).expect("a mesh");
+    assert_eq!((made.report.way, &made.report.own[..]), (Way::Direct, &[][..]));
+    assert!(made.mesh.faces.len() < 4 * REGULAR_QUADS as usize, "{}", made.mesh.faces.len());
+}
+
+#[test]
+fn slivers_of_segments_that_have_no_layout_are_cut_into_quads_as_they_are() {
+    let mut mesh = grid(90, 90, false, false);
+    mesh.positions.iter_mut().for_each(|p| p.y *= 1e-8);
+    let owner: Vec<u32> = (0..mesh.triangles.len() as u32).map(|t| (t / 2 + t / 180) % 2).collect();
+    let input = Input { surface: &mesh, owner: &owner, count: 2 };
+    let made = compose(input, &[Piece::Nothing; 2], Options::default(), &|| false).expect("a mesh");
     assert_eq!((made.report.way, made.mesh.faces.len()), (Way::InputSubdivided, 3 * mesh.triangles.len()));
     assert_eq!(made.mesh.positions[..mesh.positions.len()], mesh.positions);
 }
@@ -376,6 +386,30 @@ fn what_is_thinner_than_a_quad_has_quads_around_it() {
     let made = compose(input, &[Piece::Nothing; 2], options, &|| false).expect("a composition");
     assert_eq!((made.report.way, &made.report.own[..]), (Way::Direct, &[][..]));
     assert!(made.mesh.faces.len() < thin, "{}", made.mesh.faces.len());
+}
+
+#[test]
+fn a_tube_that_is_thinner_than_a_quad_is_not_laid_flat() {
+    let (rows, girth) = (400u32, 4u32);
+    let at = |row: u32, k: u32| girth * row + k % girth;
+    let angle = |k: u32| std::f64::consts::TAU * f64::from(k) / f64::from(girth);
+    let corners = (0..=rows).flat_map(|row| (0..girth).map(move |k| (row, k)));
+    let positions = corners.map(|(row, k)| Vec3::new(angle(k).cos(), angle(k).sin(), f64::from(row))).collect();
+    let cells = (0..rows).flat_map(|row| (0..girth).map(move |k| (row, k)));
+    let halves = |(i, k)| [[at(i, k), at(i, k + 1), at(i + 1, k + 1)], [at(i, k), at(i + 1, k + 1), at(i + 1, k)]];
+    let tube = TriMesh::from_triangles(positions, cells.flat_map(halves).collect()).expect("a tube");
+    let input = Input { surface: &tube, owner: &vec![0; tube.triangles.len()], count: 1 };
+    let options = Options { edge_scale: 3.0, ..Options::default() };
+    let made = compose(input, &[Piece::Nothing], options, &|| false).expect("a composition");
+    assert_eq!(check(&made.mesh, TopologyCounts::of(&tube)), Ok(()));
+    let area: f64 = made
+        .mesh
+        .faces
+        .iter()
+        .map(|c| check::quad_area([0, 1, 2, 3].map(|k| made.mesh.positions[c[k] as usize])))
+        .sum();
+    assert!(area > 0.8 * tube.total_area(), "{area} of {}", tube.total_area());
+    assert!(made.mesh.faces.len() < 2 * tube.triangles.len(), "{}", made.mesh.faces.len());
 }
 
 #[test]

@@ -36,6 +36,8 @@ pub struct Segment {
     pub holes: u32,
     /// Its share of the surface's area.
     pub share: f64,
+    /// Whether it is flat.
+    pub is_flat: bool,
 }
 
 /// A mesh that was read, checked, repaired and cut.
@@ -174,6 +176,7 @@ impl Model {
             form: self.form(number),
             holes: p.holes.len() as u32,
             share: p.mesh.total_area() / all,
+            is_flat: p.mesh.is_flat(),
         };
         (0..).zip(self.patches()).map(segment).collect()
     }

@@ -131,7 +131,7 @@ impl Engine for FakeEngine {
                 [kind, topology, value] if *kind == own => {
                     script.numbers.push(number(value)?);
                     let topology = topology.parse().map_err(|_| unreadable(at + 1, line))?;
-                    segments.push(ModelSegment { topology, faces, form: faces, holes: 0, share: 1.0 });
+                    segments.push(ModelSegment { topology, faces, form: faces, holes: 0, share: 1.0, is_flat: false });
                 }
                 ["segment" | "side" | "protrusion", _, _] | ["large"] => {}
                 ["lies", verdict, share] => {
@@ -146,13 +146,14 @@ impl Engine for FakeEngine {
                 ["rest", topology, value] => {
                     script.numbers.push(number(value)?);
                     let topology = topology.parse().map_err(|_| unreadable(at + 1, line))?;
-                    script.rest = Some(ModelSegment { topology, faces, form: faces, holes: 0, share: 1.0 });
+                    script.rest =
+                        Some(ModelSegment { topology, faces, form: faces, holes: 0, share: 1.0, is_flat: false });
                 }
                 ["agrees", share] => script.agrees = Some(number(share)?),
                 ["part", topology, value] if cut.besides != Besides::Nothing => {
                     script.numbers.push(number(value)?);
                     let topology = topology.parse().map_err(|_| unreadable(at + 1, line))?;
-                    segments.push(ModelSegment { topology, faces: 50, form: 50, holes: 0, share: 1.0 });
+                    segments.push(ModelSegment { topology, faces: 50, form: 50, holes: 0, share: 1.0, is_flat: false });
                     parts += 1;
                 }
                 ["part", _, _] => {}

@@ -22,20 +22,25 @@ const REGION_MAX: f64 = 4.0;
 /// All regions together may have so many times the triangles of the surface: solving for each takes about as long as it is
 /// large. *Untuned.*
 const SURFACES_MAX: usize = 6;
+/// All paths together may look at so many vertices for each triangle of the surface: those of scans look at 1 to 25, on a polygon of
+/// needles each looks at most of them. *Untuned.*
+const LOOKS_MAX: usize = 32;
 
 /// A surface on which regions are sought.
 pub(super) struct Surroundings<'a> {
     surface: &'a TriMesh,
     tree: &'a Bvh,
     outgoing: Vec<u32>,
-    /// Triangles that may still be looked at.
+    /// Triangles that may still be looked at, and vertices.
     left: Cell<usize>,
+    looks_left: Cell<usize>,
 }
 
 impl<'a> Surroundings<'a> {
     pub(super) fn new(surface: &'a TriMesh, tree: &'a Bvh) -> Self {
         let left = Cell::new(SURFACES_MAX * surface.triangles.len());
-        Self { surface, tree, outgoing: surface.outgoing(), left }
+        let looks_left = Cell::new(LOOKS_MAX * surface.triangles.len());
+        Self { surface, tree, outgoing: surface.outgoing(), left, looks_left }
     }
 
     /// The disc on the left of a closed polygon, for that share of some faces; `None` where there is none, or a far larger one.
@@ -87,7 +92,8 @@ impl<'a> Surroundings<'a> {
         corners.iter().map(|&v| (v, off(v))).min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
-    /// The halfedges of the shortest path along edges between two vertices; `None` where that is longer than `most`.
+    /// The halfedges of the shortest path along edges between two vertices; `None` where that is longer than `most`, or no more
+    /// vertices may be looked at.
     fn path(&self, from: u32, to: u32, most: f64) -> Option<Vec<u32>> {
         let at = |v: u32| self.surface.positions[v as usize];
         let mut reached: BTreeMap<u32, (f64, u32)> = BTreeMap::from([(from, (0.0, NONE))]);
@@ -95,6 +101,7 @@ impl<'a> Surroundings<'a> {
         let mut heap = BinaryHeap::from([Reverse((0u64, from))]);
         while let Some(Reverse((key, v))) = heap.pop() {
             stop::pass(1);
+            self.looks_left.set(self.looks_left.get().checked_sub(1)?);
             let d = f64::from_bits(key);
             if v == to {
                 break;

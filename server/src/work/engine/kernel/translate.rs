@@ -67,12 +67,13 @@ pub(super) fn model(inner: pipeline::Model) -> Model {
 }
 
 fn segments(model: &pipeline::Model) -> Vec<ModelSegment> {
-    let segment = |pipeline::Segment { topology, faces, form, holes, share }| ModelSegment {
+    let segment = |pipeline::Segment { topology, faces, form, holes, share, is_flat }| ModelSegment {
         topology: topology_out(topology),
         faces,
         form,
         holes,
         share,
+        is_flat,
     };
     model.segments().into_iter().map(segment).collect()
 }
