@@ -244,9 +244,10 @@ async fn made(
         found.made.notes.push(regular::gave_way(&regular::makes_up(share)));
     }
     let mut headline = headline_of(&found, &laid, &live.model);
-    if let Some(reason) = regular::reason(&headline)
+    let is_usable = headline.verdict < Verdict::Poor && headline.inspired >= INSPIRED_LEAST;
+    if let Some(reason) = regular::reason(&headline, &found.appraisal)
         && may_give_way(&laid_maps, &wanted, found.gave_way.len())
-        && let Some(mut instead) = regular::regular(work, live, &job, (&found, how)).await?
+        && let Some(mut instead) = regular::regular(work, live, &job, (&found, is_usable, how)).await?
     {
         instead.made.notes.push(regular::gave_way(&reason));
         headline = headline_of(&instead, &laid, &live.model);

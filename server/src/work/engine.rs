@@ -129,6 +129,16 @@ pub struct ModelSegment {
     pub share: f64,
     /// Whether it is flat.
     pub is_flat: bool,
+    /// Whether it borders on no other, and makes up most of the surface.
+    pub is_main: bool,
+}
+
+impl ModelSegment {
+    /// One of so many faces, all of which tell of its form, beside nothing else.
+    #[cfg(test)]
+    pub fn of(topology: Topology, faces: u64) -> Self {
+        Self { topology, faces, form: faces, holes: 0, share: 1.0, is_flat: false, is_main: false }
+    }
 }
 
 /// What is known of an encoded segment.

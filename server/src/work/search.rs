@@ -68,14 +68,18 @@ pub async fn start(
         _ => reading.renew(Some(time)),
     };
     let snapshot = work.catalogue.snapshot();
-    let stocks = stocks_for(&model);
-    let select = |topologies: &[Topology]| Selection::new(&snapshot, topologies, stocks, &options.tags);
+    let select =
+        |topologies: &[Topology], stocks: &[Stock]| Selection::new(&snapshot, topologies, stocks, &options.tags);
     let against = |(k, s): (usize, &ModelSegment)| {
-        select(&work.engine.ranked_against(s.topology, is_much_of_scan(&model.segments, k)))
+        let topologies = work.engine.ranked_against(s.topology, is_much_of_scan(&model.segments, k));
+        // What is whole has the wholes for it, as has a figure that was parted from its base, and a body beside its eyes; a part of
+        // an example has less to tell it by.
+        let is_whole = model.segments.len() == 1 || model.is_waist || s.is_main;
+        select(&topologies, if is_whole { &[Stock::Wholes] } else { &ALL_STOCK })
     };
     let corpus: Vec<Selection> = model.segments.iter().enumerate().map(against).collect();
     // A segment for which there is no example takes a regular layout; a corpus without any is a mistake to be told.
-    if select(&TOPOLOGIES).size == 0 {
+    if select(&TOPOLOGIES, &ALL_STOCK).size == 0 {
         let mut wanted: Vec<&str> = model.segments.iter().map(|s| s.topology.as_str()).collect();
         wanted.sort_unstable();
         wanted.dedup();
@@ -89,6 +93,9 @@ pub async fn start(
     work.background.spawn(run(Arc::clone(work), Arc::clone(&live), corpus, 0).instrument(traced));
     Ok(live)
 }
+
+/// What a part of a scan is ranked against.
+const ALL_STOCK: [Stock; 2] = [Stock::Wholes, Stock::Parts];
 
 /// Of what a map leaves of a scan so many parts, those of most faces, are ranked.
 const RANKED_OF_REST: usize = 4;
@@ -113,11 +120,10 @@ pub(super) async fn of_rest(
     ranked.sort_by_key(|&segment| std::cmp::Reverse(cut.segments[segment].faces));
     ranked.truncate(RANKED_OF_REST);
     ranked.retain(|&segment| cut.segments[segment].faces as f64 >= RANKED_SHARE_MIN * all as f64);
-    let stocks = [Stock::Wholes, Stock::Parts];
     let select = |segment: usize| {
         let against = work.engine.ranked_against(cut.segments[segment].topology, false);
         match ranked.contains(&segment) {
-            true => Selection::new(&snapshot, &against, &stocks, &live.options.tags),
+            true => Selection::new(&snapshot, &against, &ALL_STOCK, &live.options.tags),
             false => Selection::default(),
         }
     };
@@ -129,16 +135,6 @@ pub(super) async fn of_rest(
     rest.set_corpus_sizes(&corpus.iter().map(|c| c.size as u64).collect::<Vec<_>>());
     run(Arc::clone(work), Arc::clone(&rest), corpus, 1).await;
     Ok(rest)
-}
-
-/// What a query is ranked against: one that falls into parts, against parts too. One that is whole has the wholes for it, as a figure
-/// has that was parted from its base, and a part of an example has less to tell it by.
-fn stocks_for(model: &Model) -> &'static [Stock] {
-    match model.segments.as_slice() {
-        [_] => &[Stock::Wholes],
-        _ if model.is_waist => &[Stock::Wholes],
-        _ => &[Stock::Wholes, Stock::Parts],
-    }
 }
 
 /// Reads an upload and cuts it: as `like` is, if an example is named.

@@ -86,7 +86,7 @@ mod tests {
     use quadmuse_proto::Topology;
 
     fn whole(faces: u64, form: u64) -> ModelSegment {
-        ModelSegment { topology: Topology::Disc, faces, form, holes: 0, share: 1.0, is_flat: false }
+        ModelSegment { form, ..ModelSegment::of(Topology::Disc, faces) }
     }
 
     fn worth(faces: &[u64]) -> usize {

@@ -255,17 +255,16 @@ impl ReferenceSurface {
         }
     }
 
-    /// Share of a mesh's area that looks more than 60° away from the surface, 0–1: spikes and crumples, which are ugly and no reason
+    /// How much of each face of a mesh looks more than 60° away from the surface: spikes and crumples, which are ugly and no reason
     /// by themselves to call it broken. Faces that are `bridging` a gap, in order, count for nothing.
-    pub fn turned(&self, mesh: &PolyMesh, bridging: &[u32]) -> f64 {
+    pub(crate) fn turned(&self, mesh: &PolyMesh, bridging: &[u32]) -> Vec<TurnedArea> {
         let usual = usual_edges(mesh.positions.len(), mesh.faces.iter().flat_map(sides), &mesh.positions);
         let facing = Facing::new(&self.surface, &self.tree, middle_of(&usual));
-        let mut turned = TurnedArea::default();
-        for (face, _) in mesh.faces.iter().zip(0u32..).filter(|(_, f)| bridging.binary_search(f).is_err()) {
-            let corners: Vec<Vec3> = face.iter().map(|&v| mesh.positions[v as usize]).collect();
-            turned.add(facing.turned(&corners));
-        }
-        turned.share()
+        let of_face = |(face, f): (&[u32], u32)| match bridging.binary_search(&f) {
+            Ok(_) => TurnedArea::default(),
+            Err(_) => facing.turned(&face.iter().map(|&v| mesh.positions[v as usize]).collect::<Vec<Vec3>>()),
+        };
+        mesh.faces.iter().zip(0u32..).map(of_face).collect()
     }
 
     /// Whether an edge leaves the surface by more than a length.
@@ -509,15 +508,16 @@ mod tests {
     #[test]
     fn what_looks_away_is_measured_and_what_bridges_a_gap_is_not() {
         let mut mesh = bent(40);
-        assert_eq!(grounds().turned(&mesh, &[]), 0.0);
+        let turned = |mesh: &PolyMesh, bridging: &[u32]| TurnedArea::of(grounds().turned(mesh, bridging)).share();
+        assert_eq!(turned(&mesh, &[]), 0.0);
         // The middle of row 2 is drawn out to a spike of four faces.
         mesh.positions[2 * 11 + 5].x = -0.8;
-        let spiked = grounds().turned(&mesh, &[]);
+        let spiked = turned(&mesh, &[]);
         let faces: Vec<u32> =
             (0u32..).zip(mesh.faces.iter()).filter(|(_, c)| c.contains(&27)).map(|(f, _)| f).collect();
         assert_eq!(faces.len(), 4);
         assert!(spiked > 0.02, "{spiked}");
-        assert_eq!(grounds().turned(&mesh, &faces), 0.0);
+        assert_eq!(turned(&mesh, &faces), 0.0);
     }
 
     #[test]

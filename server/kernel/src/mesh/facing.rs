@@ -29,6 +29,18 @@ pub(crate) struct TurnedArea {
 }
 
 impl TurnedArea {
+    /// Several together.
+    pub(crate) fn of(all: impl IntoIterator<Item = Self>) -> Self {
+        let mut sum = Self::default();
+        all.into_iter().for_each(|one| sum.add(one));
+        sum
+    }
+
+    /// The part of the area that looks away, as a share of the area of `all`.
+    pub(crate) fn share_of(self, all: Self) -> f64 {
+        self.away / all.area.max(f64::MIN_POSITIVE)
+    }
+
     /// Adds others.
     pub(crate) fn add(&mut self, other: Self) {
         (self.area, self.away) = (self.area + other.area, self.away + other.away);
@@ -36,7 +48,7 @@ impl TurnedArea {
 
     /// The share of the area that looks away.
     pub(crate) fn share(self) -> f64 {
-        self.away / self.area.max(f64::MIN_POSITIVE)
+        self.share_of(self)
     }
 }
 

@@ -38,6 +38,8 @@ pub struct Segment {
     pub share: f64,
     /// Whether it is flat.
     pub is_flat: bool,
+    /// Whether it borders on no other, and makes up most of the surface: eyes, teeth or a belt lie beside it.
+    pub is_main: bool,
 }
 
 /// A mesh that was read, checked, repaired and cut.
@@ -177,6 +179,7 @@ impl Model {
             holes: p.holes.len() as u32,
             share: p.mesh.total_area() / all,
             is_flat: p.mesh.is_flat(),
+            is_main: self.is_most(number) && self.segmented.seams.iter().all(|seam| !seam.parts.contains(&number)),
         };
         (0..).zip(self.patches()).map(segment).collect()
     }
@@ -464,6 +467,20 @@ mod tests {
         assert_eq!(labels.len(), 2);
         assert_ne!(labels[0], labels[1]);
         assert!(model.mesh.attributes.segments.is_none(), "the input itself stays as it was read");
+    }
+
+    #[test]
+    fn what_borders_on_no_other_and_is_most_of_the_surface_is_its_main_segment() {
+        let is_main = |text: &str, groups: &str| {
+            let cut = Cut { way: CutMethod::Groups, ..Cut::default() };
+            let text = format!("{text}{groups}");
+            let model = read(text.as_bytes(), None, &cut, &Limits::default()).expect("a model of two groups");
+            model.segments().iter().map(|segment| (segment.is_main, segment.is_flat)).collect::<Vec<_>>()
+        };
+        let joined = "v 0 0 0\nv 3 0 0\nv 4 0 0\nv 0 1 0\nv 3 1 0\nv 4 1 0\n";
+        assert_eq!(is_main(joined, "g a\nf 1 2 5 4\ng b\nf 2 3 6 5\n"), [(false, true); 2], "they share an edge");
+        let apart = "v 0 0 0\nv 3 0 0\nv 3 1 0\nv 0 1 0\nv 5 0 0\nv 6 0 0\nv 6 1 1\nv 5 1 0\n";
+        assert_eq!(is_main(apart, "g a\nf 1 2 3 4\ng b\nf 5 6 7 8\n"), [(true, true), (false, false)]);
     }
 
     #[test]

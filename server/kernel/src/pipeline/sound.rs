@@ -7,6 +7,7 @@ use super::stitched::{Standing, Stitched};
 use crate::compose::apart::{owned, scale};
 use crate::measure::sound::{Flaws, ReferenceSurface};
 use crate::mesh::bvh::Bvh;
+use crate::mesh::facing::TurnedArea;
 use crate::mesh::{NONE, PolyMesh, TriMesh, Vec3};
 use crate::topology::with_gaps_filled;
 use std::sync::Arc;
@@ -34,6 +35,8 @@ pub struct Appraisal {
     pub away: f64,
     /// Share of its area that looks more than 60° away from the input, 0–1: spikes and crumples.
     pub turned: f64,
+    /// The same of faces of examples alone, as a share of all of its area.
+    pub turned_of_examples: f64,
     /// What makes it no use as it is, a sentence each; none of a mesh that is sound.
     pub flaws: Vec<String>,
     /// Segments on which the faces stand that make it so.
@@ -98,6 +101,7 @@ pub fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Appraisal {
     };
     let mut examples = vec![0.0; made.standing.len()];
     let (mut all, mut own, mut away, mut lying) = (0.0, 0.0, 0.0, 0.0);
+    let mut of_examples = TurnedArea::default();
     for (f, face) in (0u32..).zip(made.mesh.faces.iter()) {
         let area = area(&made.mesh, face);
         all += area;
@@ -107,7 +111,10 @@ pub fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Appraisal {
         }
         let segment = segment.map(|segment| segment as usize);
         match segment.and_then(|segment| Some((segment, made.standing.get(segment)?))) {
-            Some((segment, Standing::Example)) => examples[segment] += area,
+            Some((segment, Standing::Example)) => {
+                examples[segment] += area;
+                of_examples.add(turned[f as usize]);
+            }
             Some((_, Standing::Own)) => own += area,
             _ => {}
         }
@@ -119,7 +126,10 @@ pub fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Appraisal {
     flawed.dedup();
     let away = away / f64::max(lying * scale(ground.input().surface).diagonal, f64::MIN_POSITIVE);
     let (covered, flaws) = (1.0 - flaws.bare, flaws.reasons(allowed.bare, allowed.spanned));
-    Appraisal { examples, own: own / all, covered, away, turned, flaws, flawed }
+    let turned = TurnedArea::of(turned);
+    let turned_of_examples = of_examples.share_of(turned);
+    let turned = turned.share();
+    Appraisal { examples, own: own / all, covered, away, turned, turned_of_examples, flaws, flawed }
 }
 
 /// The mean of a face's corners.

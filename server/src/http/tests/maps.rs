@@ -360,6 +360,16 @@ async fn examples_that_make_a_poor_composition_give_way_to_a_regular_layout_unle
 }
 
 #[tokio::test]
+async fn examples_stay_where_a_regular_layout_of_all_of_it_is_as_crumpled_beside_them() {
+    let bench = Bench::stocked().await;
+    let path = bench.query("", "segment disc 2\nbristles").await;
+    bench.ended(&path).await;
+    let made = bench.post_json(&format!("{path}/compositions?wait=60"), json!({})).await.json();
+    assert_eq!((&made["verdict"], &made["inspired"]), (&json!("fair"), &json!(1.0)), "{made}");
+    assert!(made["reasons"][0].as_str().expect("a reason").starts_with("50 % of its area is crumpled"), "{made}");
+}
+
+#[tokio::test]
 async fn a_map_is_delivered_alone_where_what_is_laid_around_it_is_crumpled() {
     for (flaw, is_laid_out_around) in [("", true), ("\nwrinkles", false)] {
         let bench = Bench::new();

@@ -84,7 +84,9 @@ pub(super) fn headline(brought: &[Option<BroughtMap>], appraisal: &Appraisal) ->
         reasons.extend(laid.reasons.iter().take(REASONS_EACH).map(|reason| format!("{of}{reason}")));
     }
     if is_crumpled(appraisal) && verdict < Verdict::Broken {
-        verdict = Verdict::Poor;
+        // Where it is the rest that is, nothing speaks against the examples.
+        let is_by_examples = appraisal.turned_of_examples > CRUMPLED_MIN;
+        verdict = verdict.max(if is_by_examples { Verdict::Poor } else { Verdict::Fair });
         let percent = 100.0 * appraisal.turned;
         reasons.insert(0, format!("{percent:.0} % of its area is crumpled: quads stand off the scan's surface"));
     }
@@ -163,9 +165,12 @@ mod tests {
 
     #[test]
     fn what_is_crumpled_is_poor_whatever_its_maps_are() {
-        let crumpled = |turned: f64| headline(&[laid(Verdict::Good)], &Appraisal { turned, ..of(&[1.0]) });
-        assert_eq!(crumpled(0.05).verdict, Verdict::Good);
-        let made = crumpled(0.12);
+        let crumpled = |turned: f64, turned_of_examples: f64| {
+            headline(&[laid(Verdict::Good)], &Appraisal { turned, turned_of_examples, ..of(&[1.0]) })
+        };
+        assert_eq!(crumpled(0.05, 0.05).verdict, Verdict::Good);
+        assert_eq!(crumpled(0.12, 0.02).verdict, Verdict::Fair, "antlers beside a deer");
+        let made = crumpled(0.12, 0.12);
         assert_eq!((made.verdict, made.inspired), (Verdict::Poor, 1.0));
         assert!(made.reasons[0].starts_with("12 % of its area is crumpled"), "{made:?}");
     }

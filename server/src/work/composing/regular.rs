@@ -1,23 +1,26 @@
 //! A regular layout of all of a scan, in place of a composition that examples make worse than that.
 
 use super::INSPIRED_LEAST;
-use super::headline::Headline;
+use super::headline::{Headline, is_crumpled};
 use super::sound::{Sound, stitched_sound};
 use super::waist;
 use crate::pool::{Job, Lane, Stop, StopReason};
-use crate::work::engine::{Allowed, Part, Stitching};
+use crate::work::engine::{Allowed, Appraisal, Part, Stitching};
 use crate::work::query::LiveQuery;
 use crate::work::{REQUEST_TIME_MAX, Work, WorkError};
 use quadmuse_proto::Verdict;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Why a composition is worse than a regular layout of all of the scan; `None` where it is not known to be.
-pub(super) fn reason(composed: &Headline) -> Option<String> {
+/// A regular layout takes the place of a usable composition if no more than this share of the crumpled area is left. *Untuned.*
+const SMOOTHER: f64 = 0.5;
+
+/// Why a composition may be worse than a regular layout of all of the scan; `None` where nothing speaks for that.
+pub(super) fn reason(composed: &Headline, appraisal: &Appraisal) -> Option<String> {
     if composed.inspired <= 0.0 {
         return Some("none of what was laid could be joined".into());
     }
-    if composed.verdict >= Verdict::Poor {
+    if composed.verdict >= Verdict::Poor || is_crumpled(appraisal) {
         return Some(composed.reasons.first().cloned().unwrap_or_else(|| "it is poor".into()));
     }
     (composed.inspired < INSPIRED_LEAST).then(|| makes_up(composed.inspired))
@@ -42,13 +45,13 @@ pub(super) async fn templates(live: &LiveQuery, segments: Range<u32>) -> Result<
     Ok(parts)
 }
 
-/// The scan of a query in a regular layout, where that is sound and no worse than what examples made; `None` where it takes more than
-/// half of a composition's time, too.
+/// The scan of a query in a regular layout, where that is sound and no worse than what examples made: beside what is `usable`, though
+/// crumpled, half as crumpled. `None` where it takes more than half of a composition's time, too.
 pub(super) async fn regular(
     work: &Arc<Work>,
     live: &LiveQuery,
     job: &Job,
-    (composed, how): (&Sound, Stitching),
+    (composed, is_usable, how): (&Sound, bool, Stitching),
 ) -> Result<Option<Sound>, WorkError> {
     let job = job.renew(Some(REQUEST_TIME_MAX / 2));
     let (model, parts) = match live.model.is_waist {
@@ -62,6 +65,11 @@ pub(super) async fn regular(
     let stitch = move |stop: &Stop| stitched_sound(&*engine, &model, (parts, &[]), (how, Allowed::default()), stop);
     match WorkError::joined(work.pool.run(&job, Lane::Lay, stitch).await) {
         Err(error) if error.stop_reason().is_some_and(|reason| reason != StopReason::Cancelled) => Ok(None),
-        found => Ok(Some(found?).filter(|regular| regular.is_layout_no_worse_than(composed))),
+        found => {
+            let most = if is_usable { SMOOTHER * composed.appraisal.turned } else { f64::INFINITY };
+            let is_better =
+                |regular: &Sound| regular.is_layout_no_worse_than(composed) && regular.appraisal.turned <= most;
+            Ok(Some(found?).filter(is_better))
+        }
     }
 }

@@ -3,14 +3,15 @@
 //! An upload is text, one directive a line: `segment TOPOLOGY NUMBER` (a segment whose encoding is NUMBER), `part TOPOLOGY
 //! NUMBER` (the same of a part besides the one segment, where parts are wanted; one of NaN can't be encoded),
 //! `slow MS` (every registration takes so long), `encode-slow MS`, `panic WHERE` with `WHERE` one of `read`, `encode`,
-//! `refine`, `tears` (a composition on it is broken where an example stands), `crumples` (one is crumpled there), `ragged` (one
-//! is broken but for a map as it is), `wrinkles` (one is crumpled but for a map as it is), `coarse` (its
-//! faces leave what they lie on, by a quarter as much each time that they are split), `lies VERDICT SHARE` (as an example
-//! it lies so on that share of an input; `short`: broken, but fair where it is stitched), `large` (its segments have so
-//! many faces that several examples are tried), `rest TOPOLOGY NUMBER` (what lies around a map
-//! on its one segment), `agrees SHARE` (it can be laid roughly on what has this directive, too, and agrees by so
-//! much there), `side TOPOLOGY NUMBER` and `protrusion TOPOLOGY NUMBER` (its segments where it is cut
-//! at its waist, and into protrusions), and `refuse CODE`. Anything else is unreadable. The mesh is a unit square, one quad a segment.
+//! `refine`, `tears` (a composition on it is broken where an example stands), `crumples` (one is crumpled there),
+//! `bristles` (one is crumpled where no example stands), `ragged` (one is broken but for a map as it is), `wrinkles`
+//! (one is crumpled but for a map as it is), `coarse` (its faces leave what they lie on, by a quarter as much each time
+//! that they are split), `lies VERDICT SHARE` (as an example it lies so on that share of an input; `short`: broken, but
+//! fair where it is stitched), `large` (its segments have so many faces that several examples are tried), `rest
+//! TOPOLOGY NUMBER` (what lies around a map on its one segment), `agrees SHARE` (it can be laid roughly on what has
+//! this directive, too, and agrees by so much there), `side TOPOLOGY NUMBER` and `protrusion TOPOLOGY NUMBER` (its
+//! segments where it is cut at its waist, and into protrusions), and `refuse CODE`. Anything else is unreadable. The
+//! mesh is a unit square, one quad a segment.
 
 use super::*;
 use quadmuse_kernel::encode::Picture;
@@ -33,6 +34,7 @@ struct Script {
     panics: Vec<String>,
     tears: bool,
     crumples: bool,
+    bristles: bool,
     ragged: bool,
     wrinkles: bool,
     coarse: bool,
@@ -131,7 +133,7 @@ impl Engine for FakeEngine {
                 [kind, topology, value] if *kind == own => {
                     script.numbers.push(number(value)?);
                     let topology = topology.parse().map_err(|_| unreadable(at + 1, line))?;
-                    segments.push(ModelSegment { topology, faces, form: faces, holes: 0, share: 1.0, is_flat: false });
+                    segments.push(ModelSegment::of(topology, faces));
                 }
                 ["segment" | "side" | "protrusion", _, _] | ["large"] => {}
                 ["lies", verdict, share] => {
@@ -146,14 +148,13 @@ impl Engine for FakeEngine {
                 ["rest", topology, value] => {
                     script.numbers.push(number(value)?);
                     let topology = topology.parse().map_err(|_| unreadable(at + 1, line))?;
-                    script.rest =
-                        Some(ModelSegment { topology, faces, form: faces, holes: 0, share: 1.0, is_flat: false });
+                    script.rest = Some(ModelSegment::of(topology, faces));
                 }
                 ["agrees", share] => script.agrees = Some(number(share)?),
                 ["part", topology, value] if cut.besides != Besides::Nothing => {
                     script.numbers.push(number(value)?);
                     let topology = topology.parse().map_err(|_| unreadable(at + 1, line))?;
-                    segments.push(ModelSegment { topology, faces: 50, form: 50, holes: 0, share: 1.0, is_flat: false });
+                    segments.push(ModelSegment::of(topology, 50));
                     parts += 1;
                 }
                 ["part", _, _] => {}
@@ -161,6 +162,7 @@ impl Engine for FakeEngine {
                 ["encode-slow", ms] => script.encode_slow = Duration::from_secs_f64(number(ms)? / 1e3),
                 ["tears"] => script.tears = true,
                 ["crumples"] => script.crumples = true,
+                ["bristles"] => script.bristles = true,
                 ["ragged"] => script.ragged = true,
                 ["wrinkles"] => script.wrinkles = true,
                 ["coarse"] => script.coarse = true,
@@ -370,8 +372,10 @@ impl Engine for FakeEngine {
         let flaws = if is_torn { vec!["it is torn".into()] } else { Vec::new() };
         let flawed = if is_torn { (0..count as u32).collect() } else { Vec::new() };
         let is_crumpled = (script.crumples || script.wrinkles && is_stitched) && is_any;
-        let turned = if is_crumpled { 0.5 } else { 0.0 };
-        Ok(Appraisal { examples, covered: 1.0, away, turned, flaws, flawed, ..Appraisal::default() })
+        let [turned, turned_of_examples] =
+            [is_crumpled || script.bristles, is_crumpled].map(|is| if is { 0.5 } else { 0.0 });
+        let crumpled = Appraisal { turned, turned_of_examples, ..Appraisal::default() };
+        Ok(Appraisal { examples, covered: 1.0, away, flaws, flawed, ..crumpled })
     }
 
     fn split(&self, _: &Model, made: &Stitched, splits: u32) -> Result<Option<Stitched>, EngineError> {

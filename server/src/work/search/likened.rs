@@ -64,8 +64,9 @@ impl SegmentSearch<'_> {
         let segments = &self.live.model.segments;
         if is_small_part(segments, self.segment) || !self.is_open(&newest.candidates) {
             let agrees = self.lay_first(newest.candidates.clone(), start).await?;
-            // Of a part there are others. A scan in one piece has this chance alone.
-            if agrees || segments.len() > 1 {
+            // Of a part there are others. What is all of a scan, or most of it, has this chance alone.
+            let is_main = segments.get(self.segment).is_some_and(|s| s.is_main);
+            if agrees || segments.len() > 1 && !is_main {
                 return Ok(());
             }
         }

@@ -67,13 +67,14 @@ pub(super) fn model(inner: pipeline::Model) -> Model {
 }
 
 fn segments(model: &pipeline::Model) -> Vec<ModelSegment> {
-    let segment = |pipeline::Segment { topology, faces, form, holes, share, is_flat }| ModelSegment {
+    let segment = |pipeline::Segment { topology, faces, form, holes, share, is_flat, is_main }| ModelSegment {
         topology: topology_out(topology),
         faces,
         form,
         holes,
         share,
         is_flat,
+        is_main,
     };
     model.segments().into_iter().map(segment).collect()
 }
