@@ -47,9 +47,10 @@ impl Stitching<'_> {
         }
         let h = (self.scale.area / REGULAR_QUADS).sqrt() * self.options.edge_scale;
         let edges = match self.thin_edge(h) {
-            // What two quads go around they lie flat on.
+            // What two quads go around they lie flat on. An open tube has fewer quads of its ends' vertices.
             Some(thin) if EDGES_AROUND * thin < EDGES_AROUND_MIN * h => {
-                [None, Some(thin).filter(|thin| self.surface().total_area() / (thin * thin) <= THIN_QUADS_MAX)]
+                let is_worth_it = |thin: &f64| self.surface().total_area() / (thin * thin) <= THIN_QUADS_MAX;
+                [None, Some(thin).filter(|thin| self.shape.boundary_loops == 0 && is_worth_it(thin))]
             }
             thin => [Some(h), Some(thin.map_or(h * SHORTER, |thin| thin.min(h * SHORTER)))],
         };

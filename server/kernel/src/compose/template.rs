@@ -34,6 +34,8 @@ use rings::{Ring, counts, rings_min, strip};
 
 /// Fewest columns of a ring that nothing prescribes, and of one that carries a cap.
 const COLUMNS_MIN: usize = 8;
+/// Columns that go around a tube that is thinner than as many: three make a prism with sharp edges.
+const COLUMNS_OF_TUBE: f64 = 4.0;
 /// Most columns of such a ring, and most rings: of a tube that is no wider than an edge as many as a whole has quads.
 const COLUMNS_MAX: usize = 400;
 const RINGS_MAX: usize = REGULAR_QUADS as usize;
@@ -223,7 +225,8 @@ impl<'a> Builder<'a> {
         let wanted = ((high - low) / self.edge).round() as usize;
         let rings = wanted.clamp(1, RINGS_MAX).max(rings_min(n, m));
         let height = |r: usize| low + (high - low) * r as f64 / rings as f64;
-        let all = counts(n, m, rings, SLACK, |r| levels.around(height(r)) / self.edge);
+        let least = if self.ground.chart.topology == Topology::Annulus { COLUMNS_OF_TUBE } else { 1.0 };
+        let all = counts(n, m, rings, SLACK, |r| (levels.around(height(r)) / self.edge).max(least));
         let mut ring = Ring { columns: (0..n).map(|i| i as f64 / n as f64).collect(), first: 0 };
         if let Some(given) = self.ends[0].take() {
             ring.columns = given.u;

@@ -4,9 +4,6 @@
 //! and none of the shorter: each has one vertex of three edges there and one of five here, and nothing else is
 //! extraordinary (3 : 1 transitions would make four). *Ours, not the paper's.*
 
-/// Columns that go around what is thinner than as many, where its ends have them: three make a prism with sharp edges.
-const COLUMNS_AROUND: f64 = 4.0;
-
 /// A ring: where its columns stand, increasing over one period of u; and the number of its first vertex.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ring {
@@ -87,7 +84,7 @@ pub fn strip(lower: &Ring, count: usize, first: u32, turn: usize, quads: &mut Ve
 /// long as it is not missed by a factor of `slack` the number stays. Ring r + 1 is within reach of ring r.
 pub fn counts(n: usize, m: usize, rings: usize, slack: f64, ideal: impl Fn(usize) -> f64) -> Vec<usize> {
     let follow = |now: usize, r: usize| {
-        let wanted = ideal(r).max(COLUMNS_AROUND);
+        let wanted = ideal(r).max(1.0);
         let ratio = now as f64 / wanted;
         if ratio > slack || ratio < 1.0 / slack { within_reach(now, wanted.round() as usize) } else { now }
     };
