@@ -32,10 +32,11 @@ const SHARE_WORTH: f64 = 0.002;
 /// A segment with less of the faces is a small part of its scan.
 const SHARE_MIN: f64 = 0.25;
 
-/// Tells whether a segment has less than a quarter of the faces that tell of a scan's form.
+/// Tells whether a segment has less than a quarter of the faces that tell of a scan's form, and is not most of its surface, as one full
+/// of holes may be.
 pub fn is_small_part(segments: &[ModelSegment], segment: usize) -> bool {
     let all = segments.iter().map(|s| s.form).sum::<u64>();
-    segments.get(segment).is_some_and(|own| (own.form as f64) < SHARE_MIN * all as f64)
+    segments.get(segment).is_some_and(|own| !own.is_main && (own.form as f64) < SHARE_MIN * all as f64)
 }
 
 /// Whether a segment, by its number, is worth it.
@@ -147,5 +148,6 @@ mod tests {
         assert!(!is_much_of_scan(&[of(100_000, 4), of(2_000, 300)], 1), "few of all that count");
         let parts = [of(100_000, 249), of(751, 751)];
         assert!(is_small_part(&parts, 0) && !is_small_part(&parts, 1) && !is_small_part(&[], 0));
+        assert!(!is_small_part(&[ModelSegment { is_main: true, ..parts[0] }, parts[1]], 0));
     }
 }

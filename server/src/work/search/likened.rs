@@ -35,11 +35,11 @@ const REPRESENTED_MAX: usize = 24;
 /// *Untuned.*
 const ROUGH_FIRST: usize = 4;
 const ROUGH_ALIKE: usize = 6;
-/// So many at a time, until some explain so much of the query: if the map of the first fails, there is another. *Untuned:* of wrong
-/// fits it is below .1.
+/// So many at a time, until as many as are tried explain so much of the query: the best of them is mapped first, and if that fails there
+/// are others. *Untuned:* of wrong fits it is below .1.
 const ROUGH_AT_A_TIME: usize = 2;
 const ROUGH_ENOUGH: f64 = 0.15;
-const ROUGH_WANTED: usize = 2;
+const ROUGH_WANTED: usize = 3;
 /// Up to this score the best picture is sure: those of the same part of another scan have up to .01. *Untuned.*
 const SURE: f64 = 0.04;
 /// Examples that are laid roughly on a small part of a scan, or where the pictures leave less open: the first that are finished.
