@@ -235,7 +235,7 @@ impl<'a> Site<'a> {
     }
 
     /// Asks for fewer edges on the true boundary where these make a layout of far more quads than are wanted: a jagged boundary is
-    /// longer than quads of that size can follow. False where there are no more, or that was asked for already.
+    /// longer than quads of that size can follow. False where it has not far more, or that was asked for already.
     pub fn coarsen(&mut self, made: &Net, places: &[Vec<Places>]) -> bool {
         let Some(charted) = &self.charted else { return false };
         let share = wanted_share(made, charted.chart.mesh.total_area(), self.wish.edge);

@@ -267,6 +267,7 @@ impl<'a> Stitching<'a> {
             all[segment] = rims;
         }
         if is_coarser {
+            // Each is asked once.
             return self.attempt(sites, report);
         }
         report.extraordinary_before = nets.iter().map(|net| extraordinary(&net.clone().into_mesh().0)).sum();

@@ -172,14 +172,18 @@ impl Model {
     /// The segments as they are told, numbered from 0: where it has parts besides its whole, the whole first.
     pub fn segments(&self) -> Vec<Segment> {
         let all = self.surface().total_area().max(f64::MIN_POSITIVE);
-        let segment = |(number, p): (u32, &Patch)| Segment {
-            topology: p.topology,
-            faces: count_polygons(&self.segmented, p),
-            form: self.form(number),
-            holes: p.holes.len() as u32,
-            share: p.mesh.total_area() / all,
-            is_flat: p.mesh.is_flat(),
-            is_main: self.is_most(number) && self.segmented.seams.iter().all(|seam| !seam.parts.contains(&number)),
+        let segment = |(number, p): (u32, &Patch)| {
+            let share = p.mesh.total_area() / all;
+            let is_alone = || self.segmented.seams.iter().all(|seam| !seam.parts.contains(&number));
+            Segment {
+                topology: p.topology,
+                faces: count_polygons(&self.segmented, p),
+                form: self.form(number),
+                holes: p.holes.len() as u32,
+                share,
+                is_flat: p.mesh.is_flat(),
+                is_main: share > MOST && is_alone(),
+            }
         };
         (0..).zip(self.patches()).map(segment).collect()
     }
