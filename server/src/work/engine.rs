@@ -127,9 +127,9 @@ pub struct ModelSegment {
     pub holes: u32,
     /// Its share of the surface's area.
     pub share: f64,
-    /// Whether it is flat.
+    /// Tells whether it is flat.
     pub is_flat: bool,
-    /// Whether it borders on no other, and makes up most of the surface.
+    /// Tells whether it borders on no other, and makes up most of the surface.
     pub is_main: bool,
 }
 

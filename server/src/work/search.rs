@@ -94,7 +94,7 @@ pub async fn start(
     Ok(live)
 }
 
-/// What a part of a scan is ranked against.
+/// A part of a scan is ranked against wholes and parts.
 const ALL_STOCK: [Stock; 2] = [Stock::Wholes, Stock::Parts];
 
 /// Of what a map leaves of a scan so many parts, those of most faces, are ranked.

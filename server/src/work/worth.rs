@@ -54,7 +54,7 @@ pub fn is_worth_an_example(segments: &[ModelSegment], segment: usize) -> bool {
     own >= own_min && share >= SHARE_WORTH && segments.iter().enumerate().filter(is_before).count() < most
 }
 
-/// Whether a segment is a third of a scan at least, with enough form to choose an example by. A flat one has but an outline.
+/// Tells whether a segment is a third of a scan at least, with enough form to choose an example by. A flat one has but an outline.
 pub fn is_much_of_scan(segments: &[ModelSegment], segment: usize) -> bool {
     let all = segments.iter().map(|s| s.form).sum::<u64>();
     let faces = segments.get(segment).filter(|s| !s.is_flat).map_or(0, |s| s.form);

@@ -16,7 +16,7 @@ use super::placement::LayoutOrigin;
 use super::resolve::resolve;
 use super::simplify_valence::ValenceSimplifier;
 use super::stitching::{MISS_MAX, Stitching};
-use super::{Closeness, REGULAR_QUADS, Report};
+use super::{Closeness, Report};
 use crate::mesh::PolyMesh;
 use crate::mesh::tri::TriMesh;
 use crate::numerics::stage::Stage;
@@ -45,16 +45,17 @@ impl Stitching<'_> {
         if !Stage::Field.is_on() || self.is_late() {
             return None;
         }
-        let h = (self.scale.area / REGULAR_QUADS).sqrt() * self.options.edge_scale;
+        let h = self.whole_edge();
         let edges = match self.thin_edge(h) {
-            // What two quads go around they lie flat on. An open tube has fewer quads of its ends' vertices.
+            // Two quads around a tube would lie flat on each other. An open one is left to templates, which need fewer quads.
             Some(thin) if EDGES_AROUND * thin < EDGES_AROUND_MIN * h => {
-                let is_worth_it = |thin: &f64| self.surface().total_area() / (thin * thin) <= THIN_QUADS_MAX;
-                [None, Some(thin).filter(|thin| self.shape.boundary_loops == 0 && is_worth_it(thin))]
+                let quads = self.surface().total_area() / (thin * thin);
+                let is_worth_it = self.shape.boundary_loops == 0 && quads <= THIN_QUADS_MAX;
+                if is_worth_it { vec![thin] } else { Vec::new() }
             }
-            thin => [Some(h), Some(thin.map_or(h * SHORTER, |thin| thin.min(h * SHORTER)))],
+            thin => vec![h, thin.map_or(h * SHORTER, |thin| thin.min(h * SHORTER))],
         };
-        for h in edges.into_iter().flatten() {
+        for h in edges {
             if let Some(mesh) = self.along_field_at(h, report) {
                 return Some(mesh);
             }

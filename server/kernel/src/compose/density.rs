@@ -67,7 +67,7 @@ impl Stitching<'_> {
     }
 
     /// The edge of a whole of regular layouts.
-    fn whole_edge(&self) -> f64 {
+    pub(super) fn whole_edge(&self) -> f64 {
         (self.scale.area / REGULAR_QUADS).sqrt() * self.options.edge_scale
     }
 

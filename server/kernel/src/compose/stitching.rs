@@ -14,7 +14,7 @@ use super::simplify_valence::ValenceSimplifier;
 use super::site::{Site, Use, Why, on_surface, way};
 use super::smooth::{OPENING_ROUNDS, Plan, Target};
 use super::subdivide::subdivide;
-use super::{Input, Options, Piece, REGULAR_QUADS, Report, Way};
+use super::{Input, Options, Piece, Report, Way};
 use crate::map::snap::lines::sharp_edges;
 use crate::mesh::tri::TriMesh;
 use crate::mesh::{PolyMesh, Vec3};
@@ -203,7 +203,7 @@ impl<'a> Stitching<'a> {
                 Piece::Regular(..) | Piece::Nothing => Net::default(),
             })
             .collect();
-        let edge = (self.scale.area / REGULAR_QUADS).sqrt() * self.options.edge_scale;
+        let edge = self.whole_edge();
         let sites = pieces.iter().zip(nets).enumerate();
         let mut sites: Vec<Site<'p>> =
             sites.map(|(s, (piece, net))| Site::new(self.input, s, *piece, net, edge)).collect();

@@ -11,6 +11,7 @@ use super::way::Ways;
 use crate::compose::fit::Measured;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::facing::{Facing, TurnedArea};
+use crate::mesh::poly::sides;
 use crate::mesh::tri::{NONE, TriMesh};
 use crate::mesh::{PolyMesh, Vec3, diagonal};
 use crate::topology::holes::is_filling;
@@ -307,11 +308,6 @@ fn middle_of(lengths: &[f64]) -> f64 {
     let mut lengths: Vec<f64> = lengths.iter().copied().filter(|e| *e > 0.0).collect();
     let middle = lengths.len() / 2;
     if lengths.is_empty() { 0.0 } else { *lengths.select_nth_unstable_by(middle, f64::total_cmp).1 }
-}
-
-/// The sides of a polygon.
-fn sides(face: &[u32]) -> impl Iterator<Item = [u32; 2]> + '_ {
-    face.iter().enumerate().map(|(k, &a)| [a, face[(k + 1) % face.len()]])
 }
 
 /// The area vector of a polygon; its length is the area.

@@ -129,3 +129,8 @@ pub struct Crease {
     /// Sharpness as in OpenSubdiv: 0 smooth, 10 or more infinitely sharp.
     pub sharpness: f32,
 }
+
+/// The sides of a polygon, each as it runs.
+pub(crate) fn sides(face: &[u32]) -> impl Iterator<Item = [u32; 2]> + '_ {
+    face.iter().enumerate().map(|(k, &a)| [a, face[(k + 1) % face.len()]])
+}

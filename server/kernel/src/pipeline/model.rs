@@ -36,9 +36,9 @@ pub struct Segment {
     pub holes: u32,
     /// Its share of the surface's area.
     pub share: f64,
-    /// Whether it is flat.
+    /// Tells whether it is flat.
     pub is_flat: bool,
-    /// Whether it borders on no other, and makes up most of the surface: eyes, teeth or a belt lie beside it.
+    /// Tells whether it borders on no other, and makes up most of the surface: eyes, teeth or a belt lie beside it.
     pub is_main: bool,
 }
 

@@ -5,6 +5,7 @@
 //! go to what is not covered. *Ours, not the paper's.*
 
 use super::super::net::Net;
+use crate::mesh::poly::sides;
 use crate::numerics::stop;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -53,14 +54,14 @@ fn doubled(net: &Net) -> Vec<[u32; 2]> {
     let mut faces: BTreeMap<[u32; 2], usize> = BTreeMap::new();
     for (_, c) in net.faces() {
         stop::pass(c.len());
-        sides(c).for_each(|edge| *faces.entry(edge).or_default() += 1);
+        edges(c).for_each(|edge| *faces.entry(edge).or_default() += 1);
     }
     faces.into_iter().filter(|(_, count)| *count > 2).map(|(edge, _)| edge).collect()
 }
 
 /// The edges of a face, each from its lower vertex.
-fn sides(c: &[u32]) -> impl Iterator<Item = [u32; 2]> {
-    c.iter().zip(c.iter().cycle().skip(1)).map(|(&a, &b)| [a.min(b), a.max(b)])
+fn edges(face: &[u32]) -> impl Iterator<Item = [u32; 2]> + '_ {
+    sides(face).map(|[a, b]| [a.min(b), a.max(b)])
 }
 
 /// The faces along an edge, in order; one that has it twice is there twice.
@@ -68,7 +69,7 @@ fn faces_along(net: &Net, edge: [u32; 2]) -> Vec<u32> {
     let mut at: Vec<u32> = net.at(edge[0]).to_vec();
     at.sort_unstable();
     at.dedup();
-    let times = |f: u32| sides(net.face(f)).filter(|&side| side == edge).count();
+    let times = |f: u32| edges(net.face(f)).filter(|&own| own == edge).count();
     at.into_iter().flat_map(|f| std::iter::repeat_n(f, times(f))).collect()
 }
 
