@@ -53,12 +53,12 @@ use crate::numerics::stop::{self, Stop};
 use crate::unfold::Chart;
 use apart::Component;
 use check::{Broken, check_structure, extraordinary};
-use fit::{Fit, Measured};
+use fit::{Fit, MeasuredSurface};
 use net::Net;
 use own::own_quads;
 use resolve::Resolved;
 use smooth::Target;
-use stitching::{Scale, Stitching};
+use stitching::{InputSize, Stitching};
 
 /// Quads of a whole input of regular layouts, if nothing else is asked for.
 const REGULAR_QUADS: f64 = 4000.0;
@@ -262,7 +262,7 @@ pub fn compose(
     let made = made.into_iter().map(|(k, one)| (components[k].segments.clone(), one)).collect();
     let (mesh, mut report) = apart::together(made, pieces.len());
     report.extraordinary_after = extraordinary(&mesh);
-    let fit = Measured::new(&apart::owned(input)).fit(&mesh);
+    let fit = MeasuredSurface::new(&apart::owned(input)).fit(&mesh);
     report.fit = Fit { out: fit.out / scale.diagonal, back: fit.back / scale.diagonal };
     Ok(Composed { mesh, report })
 }
@@ -282,7 +282,7 @@ pub fn miss(input: Input<'_>, mesh: &PolyMesh) -> Option<Miss> {
     let owned = apart::owned(input);
     check::check(mesh, check::TopologyCounts::of(&owned)).ok()?;
     let diagonal = apart::scale(&owned).diagonal;
-    let [out, back] = Measured::new(&owned).distances(mesh);
+    let [out, back] = MeasuredSurface::new(&owned).distances(mesh);
     let passed = back.iter().filter(|(_, away)| *away > following::UNCOVERED_MAX * diagonal).count();
     let mean = Fit::of(&out, &back).worst() / diagonal;
     Some(Miss { mean, passed: passed as f64 / back.len().max(1) as f64 })
@@ -312,7 +312,7 @@ fn composed(
     input: Input<'_>,
     pieces: &[Piece<'_>],
     options: Options,
-    scale: Scale,
+    scale: InputSize,
     late_at: u64,
     stop: &dyn Fn() -> bool,
 ) -> Result<Composed, ComposeError> {

@@ -5,7 +5,7 @@ use super::negotiate::{choose, has_tag, if_none_match, tagged};
 use super::params::Params;
 use super::upload::format_named;
 use crate::app::App;
-use crate::work::engine::{PolyMesh, Wanted};
+use crate::work::engine::{PolyMesh, SizeTarget};
 use crate::work::query::LiveQuery;
 use crate::work::{ingest, resized};
 use axum::http::{HeaderMap, HeaderValue, header};
@@ -37,7 +37,7 @@ const QUADS: std::ops::RangeInclusive<usize> = 6..=1_000_000;
 ///
 /// # Errors
 /// [`HttpError::Parameter`].
-pub fn wanted_size(params: &Params) -> Result<Option<Wanted>, HttpError> {
+pub fn wanted_size(params: &Params) -> Result<Option<SizeTarget>, HttpError> {
     let (of_quads, of_tolerance) = ("from 6 to 1000000", "in % of the scan's diagonal, from 0.001 to 100");
     let quads: Option<usize> = params.get("quads", of_quads)?;
     let tolerance: Option<f64> = params.get("tolerance", of_tolerance)?;
@@ -47,8 +47,8 @@ pub fn wanted_size(params: &Params) -> Result<Option<Wanted>, HttpError> {
         (None, Some(percent)) if !(0.001..=100.0).contains(&percent) => {
             Err(HttpError::parameter("tolerance", of_tolerance, percent))
         }
-        (Some(quads), None) => Ok(Some(Wanted::Quads(quads))),
-        (None, tolerance) => Ok(tolerance.map(|percent| Wanted::Within(percent / 100.0))),
+        (Some(quads), None) => Ok(Some(SizeTarget::Quads(quads))),
+        (None, tolerance) => Ok(tolerance.map(|percent| SizeTarget::Within(percent / 100.0))),
     }
 }
 
@@ -75,8 +75,8 @@ pub async fn result_answer(
         .await;
     };
     let tag = match wanted {
-        Wanted::Quads(count) => format!("\"{tag}-{format}-{count}\""),
-        Wanted::Within(share) => format!("\"{tag}-{format}-within-{share}\""),
+        SizeTarget::Quads(count) => format!("\"{tag}-{format}-{count}\""),
+        SizeTarget::Within(share) => format!("\"{tag}-{format}-within-{share}\""),
     };
     let mut size_made = None;
     let mut response = mesh_answer(format, &tag, if_none_match.as_deref(), name, async || {

@@ -25,7 +25,7 @@ mod rough;
 pub use cut::{Besides, Cut, Grain};
 pub use mapped::{Fitted, Judgement, Lead, Mapped, Wishes};
 pub use packed::{Packed, PackedFeature};
-pub use quadmuse_kernel::compose::rows::{Resized, Wanted, faces_within_max};
+pub use quadmuse_kernel::compose::rows::{Resized, SizeTarget, faces_within_max};
 pub use quadmuse_kernel::numerics::stage::{Stage, leave_out};
 pub use quadmuse_kernel::pipeline::{
     AS_MAPPED, Allowed, Appraisal, BARE, OnePart, Reach, Refusal, Rough, Standing, Stitched, Stitching,
@@ -269,7 +269,7 @@ pub trait Engine: Send + Sync + 'static {
     ///
     /// # Errors
     /// [`EngineError::Stopped`], [`EngineError::Internal`].
-    fn resized(&self, scan: &Model, mesh: &PolyMesh, wanted: Wanted, stop: &Stop) -> Result<Resized, EngineError> {
+    fn resized(&self, scan: &Model, mesh: &PolyMesh, wanted: SizeTarget, stop: &Stop) -> Result<Resized, EngineError> {
         let _ = (scan, wanted, stop);
         Ok(Resized { mesh: mesh.clone(), within: 0.0 })
     }

@@ -1,6 +1,6 @@
 //! Results with more or fewer rows of quads than their examples have, made for whoever downloads them.
 
-use super::engine::{Model, Resized, Wanted, faces_within_max};
+use super::engine::{Model, Resized, SizeTarget, faces_within_max};
 use super::{REQUEST_TIME_MAX, Work, WorkError, ingest};
 use crate::pool::{Lane, User};
 use bytes::Bytes;
@@ -19,13 +19,13 @@ pub async fn file(
     work: &Arc<Work>,
     user: User,
     (scan, mesh): (&Arc<Model>, &Arc<PolyMesh>),
-    wanted: Wanted,
+    wanted: SizeTarget,
     format: MeshFormat,
 ) -> Result<(Bytes, u64, f64), WorkError> {
     let own = mesh.faces.len();
     let most = match wanted {
-        Wanted::Quads(count) => own.max(count),
-        Wanted::Within(_) => faces_within_max(own),
+        SizeTarget::Quads(count) => own.max(count),
+        SizeTarget::Within(_) => faces_within_max(own),
     };
     let faces = (most + scan.mesh.faces.len()) as u64;
     let job = work.admit(user, faces * MEMORY_PER_FACE, REQUEST_TIME_MAX)?;

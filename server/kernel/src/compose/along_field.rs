@@ -10,7 +10,7 @@
 use super::Input;
 use super::check::{check_structure, extraordinary};
 use super::field::field_layout;
-use super::following::{Near, WHOLE_QUADS_MAX};
+use super::following::{NearMesh, WHOLE_QUADS_MAX};
 use super::net::Net;
 use super::placement::LayoutOrigin;
 use super::resolve::resolve;
@@ -120,7 +120,7 @@ impl Stitching<'_> {
     }
 
     /// The layout with edges of length `h`, optimised and near the input.
-    fn field_near(&self, h: f64) -> Option<Near> {
+    fn field_near(&self, h: f64) -> Option<NearMesh> {
         let mut net = field_layout((self.surface(), self.target.tree()), self.sharp_edges(), h)?;
         resolve(&mut net);
         check_structure(&net.clone().into_mesh().0, self.shape).ok()?;

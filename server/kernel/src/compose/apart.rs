@@ -1,7 +1,7 @@
 //! The components of an input are composed apart: a small component that can't be stitched costs the others nothing.
 //! *Ours, not the paper's:* its inputs are connected.
 
-use super::stitching::Scale;
+use super::stitching::InputSize;
 use super::{Composed, Input, Report, Way};
 use crate::mesh::tri::TriMesh;
 use crate::mesh::{PolyMesh, diagonal};
@@ -166,8 +166,8 @@ pub fn alone(input: Input<'_>) -> Vec<bool> {
 }
 
 /// What distances and lengths of edges are measured by: the whole input, also for one of its components.
-pub fn scale(surface: &TriMesh) -> Scale {
-    Scale { area: surface.total_area(), diagonal: diagonal(&surface.positions).max(f64::MIN_POSITIVE) }
+pub fn scale(surface: &TriMesh) -> InputSize {
+    InputSize { area: surface.total_area(), diagonal: diagonal(&surface.positions).max(f64::MIN_POSITIVE) }
 }
 
 #[cfg(test)]

@@ -80,7 +80,7 @@ fn follow(net: &mut Net, moved: &[u32], held: &[bool], target: &Target) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compose::fit::Measured;
+    use crate::compose::fit::MeasuredSurface;
     use crate::compose::net::tests::sheet;
     use crate::topology::tests::grid;
 
@@ -92,7 +92,7 @@ mod tests {
         surface.positions.iter_mut().for_each(|p| p.z = height(p));
         let mut net = sheet(10, 10);
         net.positions.iter_mut().for_each(|p| *p /= 10.0);
-        let (measured, target) = (Measured::new(&surface), Target::new(&surface));
+        let (measured, target) = (MeasuredSurface::new(&surface), Target::new(&surface));
         let before = measured.fit(&net.clone().into_mesh().0);
         assert!(cover(&mut net, measured.points(), &target, 0.02).contains(&true));
         let after = measured.fit(&net.clone().into_mesh().0);

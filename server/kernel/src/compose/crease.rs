@@ -15,8 +15,8 @@ use super::smooth::Target;
 use super::square::deviation_deg;
 use crate::mesh::Vec3;
 use crate::mesh::tri::TriMesh;
-use lines::{Corner, Line, Lines, Place};
-use path::{Taken, path};
+use lines::{InteriorOrBorder, Line, LineCorner, Lines};
+use path::{Occupancy, path};
 use settle::{LaidLine, settle};
 
 /// How far a corner's vertex may be, in edges of the net.
@@ -38,9 +38,9 @@ const LINES_MAX: usize = 600;
 /// Starts of a closed path that are tried.
 const STARTS: usize = 6;
 
-/// What was snapped.
+/// Tells which vertices lie on sharp lines after snapping, and how much of the lines' length has edges on it.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Snapped {
+pub struct SnappedLines {
     /// Whether each vertex lies on a line or a corner now.
     pub on_line: Vec<bool>,
     /// Length of the lines.
@@ -51,7 +51,13 @@ pub struct Snapped {
 
 /// Snaps a net to the sharp lines of its input, whose sharp edges are given by a halfedge of each; vertices for which `stays`
 /// holds don't move.
-pub fn snap(net: &mut Net, surface: &TriMesh, sharp: &[u32], target: &Target, stays: &dyn Fn(u32) -> bool) -> Snapped {
+pub fn snap(
+    net: &mut Net,
+    surface: &TriMesh,
+    sharp: &[u32],
+    target: &Target,
+    stays: &dyn Fn(u32) -> bool,
+) -> SnappedLines {
     let found = Lines::of(surface, sharp, net);
     let mut snapper = Snapper::new(net, surface, target, stays);
     if found.lines.is_empty() || found.lines.len() > LINES_MAX {
@@ -77,10 +83,10 @@ struct Snapper<'a> {
     net: &'a mut Net,
     surface: &'a TriMesh,
     target: &'a Target,
-    taken: Vec<Taken>,
+    taken: Vec<Occupancy>,
     stays: Vec<bool>,
     met: Vec<LaidLine>,
-    snapped: Snapped,
+    snapped: SnappedLines,
 }
 
 /// How good the faces at some vertices are.
@@ -94,20 +100,20 @@ impl<'a> Snapper<'a> {
     fn new(net: &'a mut Net, surface: &'a TriMesh, target: &'a Target, stays: &dyn Fn(u32) -> bool) -> Self {
         let count = net.positions.len() as u32;
         let stays: Vec<bool> = (0..count).map(|v| net.at(v).is_empty() || stays(v)).collect();
-        let taken = |v: u32| if stays[v as usize] || net.on_boundary(v) { Taken::Taken } else { Taken::Free };
+        let taken = |v: u32| if stays[v as usize] || net.on_boundary(v) { Occupancy::Taken } else { Occupancy::Free };
         let taken = (0..count).map(taken).collect();
-        let snapped = Snapped { on_line: vec![false; count as usize], ..Snapped::default() };
+        let snapped = SnappedLines { on_line: vec![false; count as usize], ..SnappedLines::default() };
         Self { net, surface, target, taken, stays, met: Vec::new(), snapped }
     }
 
     /// Gives each corner the nearest free vertex, the nearest pairs first.
-    fn corners(&mut self, corners: &[Corner]) -> Vec<Option<u32>> {
+    fn corners(&mut self, corners: &[LineCorner]) -> Vec<Option<u32>> {
         let border: Vec<bool> = (0..self.net.positions.len() as u32).map(|v| self.net.on_boundary(v)).collect();
         let mut pairs: Vec<(f64, usize, u32)> = Vec::new();
         for (c, corner) in corners.iter().enumerate() {
             for (v, p) in self.net.positions.iter().enumerate() {
                 let away = (p - corner.point).norm();
-                let fits = border[v] == (corner.place == Place::Border) && !self.stays[v];
+                let fits = border[v] == (corner.place == InteriorOrBorder::Border) && !self.stays[v];
                 if fits && away <= CORNER_REACH * corner.edge {
                     pairs.push((away, c, v as u32));
                 }
@@ -122,7 +128,7 @@ impl<'a> Snapper<'a> {
             }
             used[v as usize] = true;
             given[c] = Some(v);
-            self.taken[v as usize] = Taken::Taken;
+            self.taken[v as usize] = Occupancy::Taken;
         }
         given
     }
@@ -142,7 +148,7 @@ impl<'a> Snapper<'a> {
         }
         let middle = 0.5 * line.length();
         let Some(v) = self.nearest_free(line.point(middle), CORNER_REACH * line.edge) else { return 0.0 };
-        let old = std::mem::replace(&mut self.taken[v as usize], Taken::Taken);
+        let old = std::mem::replace(&mut self.taken[v as usize], Occupancy::Taken);
         let at = line.nearest(self.net.positions[v as usize]).at.clamp(0.5 * middle, 1.5 * middle);
         let first = self.open_line(&line.part(0.0, at), [ends[0], Some(v)], splits - 1);
         let second = self.open_line(&line.part(at, line.length()), [Some(v), ends[1]], splits - 1);
@@ -154,7 +160,7 @@ impl<'a> Snapper<'a> {
 
     fn nearest_free(&self, x: Vec3, reach: f64) -> Option<u32> {
         let away = |v: u32| (self.net.positions[v as usize] - x).norm_squared();
-        let free = (0..self.net.positions.len() as u32).filter(|&v| self.taken[v as usize] == Taken::Free);
+        let free = (0..self.net.positions.len() as u32).filter(|&v| self.taken[v as usize] == Occupancy::Free);
         free.min_by(|&a, &b| away(a).total_cmp(&away(b))).filter(|&v| away(v) <= reach * reach)
     }
 
@@ -179,7 +185,7 @@ impl<'a> Snapper<'a> {
         path.iter().for_each(|&v| self.snapped.on_line[v as usize] = true);
         let is_laid = self.tried(LaidLine::new(self.net, line, path.clone()));
         if is_laid {
-            path.iter().for_each(|&v| self.taken[v as usize] = Taken::Taken);
+            path.iter().for_each(|&v| self.taken[v as usize] = Occupancy::Taken);
         } else {
             self.snapped.on_line = before;
         }
@@ -249,7 +255,7 @@ impl<'a> Snapper<'a> {
     }
 
     /// All lines come to rest together, if that is no worse.
-    fn finish(mut self) -> Snapped {
+    fn finish(mut self) -> SnappedLines {
         let on: Vec<u32> = (0..).zip(&self.snapped.on_line).filter(|(_, on)| **on).map(|(v, _)| v).collect();
         let mut met = std::mem::take(&mut self.met);
         self.settled_if(&mut met, &on, LAST_ROUNDS, |before, after| {

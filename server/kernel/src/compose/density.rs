@@ -8,10 +8,10 @@
 //! judged with their faces fitted to the surface ([`fit_surface`]), as the result will have them.
 //! *Ours, not the paper's.*
 
-use super::fit::Measured;
+use super::fit::MeasuredSurface;
 use super::fit_surface::{FixedVertices, fit_surface};
 use super::layout::Arc;
-use super::site::{Site, Use, Why};
+use super::site::{LayoutKind, ReplacementReason, Site};
 use super::stitching::{KEPT_MISS_MAX, MISS_MAX, Stitching, border_edge};
 use super::{Closeness, REGULAR_QUADS};
 use std::collections::BTreeMap;
@@ -39,7 +39,7 @@ const QUADS_PER_EDGE: usize = 40;
 
 /// A segment on which a part stands that may be subdivided.
 struct RefinedPart {
-    measured: Measured,
+    measured: MeasuredSurface,
     /// Mean distance between the part and the segment.
     miss: f64,
     /// Whether subdividing has not helped.
@@ -47,7 +47,7 @@ struct RefinedPart {
 }
 
 fn may_refine(site: &Site<'_>) -> bool {
-    site.stands == Use::Part && !site.is_kept() && site.times < TIMES_MAX && !site.has_most_quads()
+    site.stands == LayoutKind::Part && !site.is_kept() && site.times < TIMES_MAX && !site.has_most_quads()
 }
 
 impl Stitching<'_> {
@@ -75,7 +75,7 @@ impl Stitching<'_> {
     /// beside it, within bounds.
     fn edges_beside(&self, sites: &[Site<'_>]) -> Vec<f64> {
         let overall = self.whole_edge();
-        let border = |site: &Site<'_>| if site.stands == Use::Part { border_edge(&site.net) } else { None };
+        let border = |site: &Site<'_>| if site.stands == LayoutKind::Part { border_edge(&site.net) } else { None };
         let border: Vec<Option<f64>> = sites.iter().map(border).collect();
         (0..sites.len() as u32)
             .map(|segment| {
@@ -93,7 +93,7 @@ impl Stitching<'_> {
 
     fn give_up_too_dense(&self, sites: &mut [Site<'_>], areas: &[f64]) {
         let edge = |s: usize| (areas[s] / sites[s].net.faces().count().max(1) as f64).sqrt();
-        let parts = || (0..sites.len()).filter(|&s| sites[s].stands == Use::Part);
+        let parts = || (0..sites.len()).filter(|&s| sites[s].stands == LayoutKind::Part);
         let area: f64 = parts().map(|s| areas[s]).sum();
         let mean = (parts().map(|s| areas[s] * edge(s).max(f64::MIN_POSITIVE).ln()).sum::<f64>() / area).exp();
         let least = TOO_DENSE * mean.min(self.whole_edge());
@@ -101,7 +101,7 @@ impl Stitching<'_> {
         // Where all stands alone nothing is in proportion or out of it.
         if sites.len() > 1 {
             for s in dense {
-                sites[s].give_up(self.surface(), Why::TooDense);
+                sites[s].give_up(self.surface(), ReplacementReason::TooDense);
             }
         }
     }
@@ -113,13 +113,14 @@ impl Stitching<'_> {
         let mut grounds: Vec<Option<RefinedPart>> = sites
             .iter()
             .map(|site| {
-                let is_asked = site.stands == Use::Part && !site.is_kept();
-                let measured = is_asked.then(|| Measured::new(&site.surface(self.surface())))?;
+                let is_asked = site.stands == LayoutKind::Part && !site.is_kept();
+                let measured = is_asked.then(|| MeasuredSurface::new(&site.surface(self.surface())))?;
                 let miss = self.missed(site, &measured);
                 Some(RefinedPart { measured, miss, is_stuck: false })
             })
             .collect();
-        let regular: f64 = sites.iter().zip(areas).filter(|(site, _)| site.stands == Use::Regular).map(|s| s.1).sum();
+        let regular: f64 =
+            sites.iter().zip(areas).filter(|(site, _)| site.stands == LayoutKind::Regular).map(|s| s.1).sum();
         let others = (REGULAR_MISS * most * regular, regular);
         loop {
             let asked = grounds.iter().zip(areas).filter_map(|(ground, area)| Some((ground.as_ref()?.miss, area)));
@@ -142,12 +143,12 @@ impl Stitching<'_> {
         let passes = |g: &Option<RefinedPart>| g.as_ref().is_some_and(|g| g.miss > MISSED_MAX * self.scale.diagonal);
         if sites.len() > 1 {
             for (site, _) in sites.iter_mut().zip(&grounds).filter(|(_, ground)| passes(ground)) {
-                site.give_up(self.surface(), Why::Missing);
+                site.give_up(self.surface(), ReplacementReason::Missing);
             }
         }
     }
 
-    fn missed(&self, site: &Site<'_>, measured: &Measured) -> f64 {
+    fn missed(&self, site: &Site<'_>, measured: &MeasuredSurface) -> f64 {
         let mut net = site.net.clone();
         fit_surface(&mut net, measured.points(), (self.surface(), &self.target), FixedVertices::Nothing);
         measured.fit(&net.into_mesh().0).worst()
@@ -159,8 +160,8 @@ impl Stitching<'_> {
         while sites.len() > 1 {
             let faces = |s: usize| sites[s].net.faces().count();
             let quads = |s: usize| match sites[s].stands {
-                Use::Regular => areas[s] / (whole * whole),
-                Use::Part | Use::Own => faces(s) as f64,
+                LayoutKind::Regular => areas[s] / (whole * whole),
+                LayoutKind::Part | LayoutKind::Own => faces(s) as f64,
             };
             let total: f64 = (0..sites.len()).map(quads).sum();
             let fits = |s: &usize| {

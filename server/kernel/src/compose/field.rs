@@ -45,7 +45,7 @@ pub(super) fn field_layout((surface, tree): (&TriMesh, &Bvh), sharp: &[u32], h: 
     let planes = Planes::new(mesh);
     let field = cross::cross_field(mesh, &planes, sharp, h)?;
     let map = grid_map::grid_map(mesh, &planes, &field, sharp, h)?;
-    let unfolded = unfolded::Unfolded::new(mesh, sharp, &map, 2 * TRIANGLES_MAX)?;
+    let unfolded = unfolded::UnfoldedTriangles::new(mesh, sharp, &map, 2 * TRIANGLES_MAX)?;
     let mut net = extract::quads(&unfolded);
     // A doublet that goes may leave two edges between the same vertices, and the other way round.
     for _ in 0..MENDING_ROUNDS {

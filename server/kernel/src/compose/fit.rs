@@ -37,12 +37,12 @@ impl Fit {
 
 /// A surface prepared for measuring.
 #[derive(Clone, Debug)]
-pub struct Measured {
+pub struct MeasuredSurface {
     points: Vec<Vec3>,
     bvh: Arc<Bvh>,
 }
 
-impl Measured {
+impl MeasuredSurface {
     /// Of a surface.
     pub fn new(surface: &TriMesh) -> Self {
         Self::with_tree(surface, Arc::new(Bvh::new(surface)))
@@ -113,7 +113,7 @@ mod tests {
         let surface = grid(8, 8, false, false);
         let mut net = sheet(4, 4);
         net.positions.iter_mut().for_each(|p| *p = Vec3::new(p.x / 8.0, p.y / 4.0, 0.0));
-        let fit = Measured::new(&surface).fit(&net.into_mesh().0);
+        let fit = MeasuredSurface::new(&surface).fit(&net.into_mesh().0);
         assert!(fit.out < 1e-12, "{fit:?}");
         // Half of the surface lies 0 to 1/2 away.
         assert!((fit.back - 0.125).abs() < 0.005, "{fit:?}");

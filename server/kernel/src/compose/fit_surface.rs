@@ -46,15 +46,15 @@ pub enum FixedVertices<'a> {
     BoundaryAnd(&'a [bool]),
 }
 
-/// Collects what the points ask of a vertex: the least of Σ_k w_k |r_k − d|²_k is where the quadric times d is the sum.
+/// Sums up what the points ask of a vertex: the least of Σ_k w_k |r_k − d|²_k is where the quadric times d is the sum.
 #[derive(Clone, Copy, Default)]
-struct Asked {
+struct QuadricSum {
     quadric: Matrix3<f64>,
     sum: Vec3,
     weight: f64,
 }
 
-impl Asked {
+impl QuadricSum {
     /// Adds a point that misses by `r`, where the input has the normal `n`.
     fn add(&mut self, r: Vec3, n: Vec3, weight: f64) {
         let along = n.dot(&r);
@@ -93,7 +93,7 @@ pub fn fit_surface(net: &mut Net, points: &[Vec3], on: (&TriMesh, &Target), held
     let count = net.positions.len() as u32;
     let moving: Vec<u32> = (0..count).filter(|&v| !net.at(v).is_empty() && !is_held(v)).collect();
     let beside: Vec<Vec<u32>> = moving.iter().map(|&v| net.neighbours(v)).collect();
-    let input = Input::new(points, on);
+    let input = InputSamples::new(points, on);
     let start = net.positions.clone();
     let mut moved = vec![Vec3::zeros(); net.positions.len()];
     for _ in 0..ROUNDS {
@@ -109,15 +109,15 @@ pub fn fit_surface(net: &mut Net, points: &[Vec3], on: (&TriMesh, &Target), held
     }
 }
 
-/// The input: its surface with the search tree, and points of it with their normals.
-struct Input<'a> {
+/// Samples of the input with their normals, and its surface with the search tree.
+struct InputSamples<'a> {
     surface: &'a TriMesh,
     target: &'a Target,
     points: &'a [Vec3],
     at_points: Vec<Vec3>,
 }
 
-impl<'a> Input<'a> {
+impl<'a> InputSamples<'a> {
     fn new(points: &'a [Vec3], (surface, target): (&'a TriMesh, &'a Target)) -> Self {
         let mut input = Self { surface, target, points, at_points: Vec::new() };
         input.at_points = target.tree().closest_to_all(points).iter().map(|near| input.normal(near)).collect();
@@ -133,8 +133,8 @@ impl<'a> Input<'a> {
 }
 
 /// Points of the faces look for the surface; returns what they ask of each vertex.
-fn by_faces(net: &Net, input: &Input<'_>) -> Vec<Asked> {
-    let mut asked = vec![Asked::default(); net.positions.len()];
+fn by_faces(net: &Net, input: &InputSamples<'_>) -> Vec<QuadricSum> {
+    let mut asked = vec![QuadricSum::default(); net.positions.len()];
     let of_quads: Vec<Vec<f64>> = GAUSS.iter().flat_map(|&s| GAUSS.map(|t| bilinear(s, t))).collect();
     let samples = |c: &[u32]| match c.len() {
         4 => of_quads.clone(),
@@ -165,8 +165,8 @@ fn bilinear(s: f64, t: f64) -> Vec<f64> {
 }
 
 /// Points of the surface look for the net; returns what they ask of each vertex.
-fn by_points(net: &Net, input: &Input<'_>) -> Vec<Asked> {
-    let mut asked = vec![Asked::default(); net.positions.len()];
+fn by_points(net: &Net, input: &InputSamples<'_>) -> Vec<QuadricSum> {
+    let mut asked = vec![QuadricSum::default(); net.positions.len()];
     let fans = net.fans();
     let areas: Vec<f64> = fans.face.iter().map(|&f| area_vector(net, net.face(f)).norm()).collect();
     let share = fans.mesh.total_area() / input.points.len().max(1) as f64;
@@ -193,7 +193,7 @@ fn area_vector(net: &Net, c: &[u32]) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compose::fit::Measured;
+    use crate::compose::fit::MeasuredSurface;
     use crate::compose::net::tests::sheet;
     use crate::topology::tests::grid;
 
@@ -211,7 +211,7 @@ mod tests {
     #[test]
     fn faces_of_a_dome_come_to_lie_on_both_sides_of_it() {
         let (surface, net) = dome();
-        let (measured, target) = (Measured::new(&surface), Target::new(&surface));
+        let (measured, target) = (MeasuredSurface::new(&surface), Target::new(&surface));
         let before = measured.fit(&net.clone().into_mesh().0).worst();
         for (held, left) in [(FixedVertices::Nothing, 0.45), (FixedVertices::Boundary, 0.8)] {
             let mut moved = net.clone();
@@ -234,7 +234,7 @@ mod tests {
             .iter_mut()
             .for_each(|p| *p = Vec3::new(p.x / 8.0 + 0.04 * (1.0 - (p.x / 4.0 - 1.0).abs()), p.y / 8.0, 0.0));
         net.positions.iter_mut().for_each(|p| p.z = height(p));
-        let (measured, target) = (Measured::new(&surface), Target::new(&surface));
+        let (measured, target) = (MeasuredSurface::new(&surface), Target::new(&surface));
         let before = net.clone();
         fit_surface(&mut net, measured.points(), (&surface, &target), FixedVertices::Boundary);
         let x = |net: &Net, column: usize, row: usize| net.positions[row * 9 + column].x;

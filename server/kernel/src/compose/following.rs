@@ -9,7 +9,7 @@ use super::fit_surface::{FixedVertices, fit_surface};
 use super::net::Net;
 use super::placement::{Draft, LayoutOrigin, Marks};
 use super::reembed::reembed;
-use super::site::{Site, Use, on_surface};
+use super::site::{LayoutKind, Site, on_surface};
 use super::square;
 use super::stitching::{KEPT_MISS_MAX, MISS_MAX, Stitching};
 use super::subdivide::subdivide;
@@ -37,8 +37,8 @@ const CREASED_WORSE_DEG: [(f64, f64); 2] = [(0.97, 4.0), (1.02, 1.0)];
 /// Rounds of optimisation between sharp lines.
 const CREASED_ROUNDS: u32 = 30;
 
-/// A stitched mesh near its input.
-pub(super) struct Near {
+/// A stitched mesh that was moved near its input, with what is known of its segments.
+pub(super) struct NearMesh {
     /// The mesh.
     pub(super) laid: Draft,
     /// Where each segment's layout comes from.
@@ -49,34 +49,34 @@ pub(super) struct Near {
 
 impl Stitching<'_> {
     /// What is stitched, [near](Self::near) its input.
-    pub(super) fn stitched_near(&self, mesh: PolyMesh, sites: &[Site<'_>]) -> Near {
+    pub(super) fn stitched_near(&self, mesh: PolyMesh, sites: &[Site<'_>]) -> NearMesh {
         self.near(mesh, sites.iter().map(LayoutOrigin::of).collect(), self.allowed(sites))
     }
 
     /// The mesh optimised, and moved to cover the input if it is to follow it; `allowed` is by how much it may miss it.
-    pub(super) fn near(&self, mesh: PolyMesh, origins: Vec<LayoutOrigin>, allowed: f64) -> Near {
+    pub(super) fn near(&self, mesh: PolyMesh, origins: Vec<LayoutOrigin>, allowed: f64) -> NearMesh {
         let fit = self.measured.fit(&mesh);
         let laid =
             self.optimised(Draft { mesh, fit, tips: Vec::new(), on_line: Vec::new() }, &origins, OPTIMISE_ROUNDS);
         if self.options.closeness != Closeness::Followed || self.is_late() {
-            return Near { laid, origins, is_missed: false };
+            return NearMesh { laid, origins, is_missed: false };
         }
         let is_missed = laid.fit.worst() > allowed;
-        Near { laid: self.nearer(laid, &origins), origins, is_missed }
+        NearMesh { laid: self.nearer(laid, &origins), origins, is_missed }
     }
 
     /// By how much what stands on the segments may miss the input.
     fn allowed(&self, sites: &[Site<'_>]) -> f64 {
         let share = match sites {
             _ if sites.iter().any(Site::is_kept) => f64::INFINITY,
-            [site] if site.stands == Use::Part => KEPT_MISS_MAX,
+            [site] if site.stands == LayoutKind::Part => KEPT_MISS_MAX,
             _ => MISS_MAX,
         };
         share * self.scale.diagonal
     }
 
     /// Subdivided until it follows the input, if that is asked for and it misses it.
-    pub(super) fn followed(&self, near: Near, report: &mut Report) -> PolyMesh {
+    pub(super) fn followed(&self, near: NearMesh, report: &mut Report) -> PolyMesh {
         let (mut now, origins) = (near.laid, &near.origins[..]);
         if self.options.closeness == Closeness::Followed && !self.is_late() {
             while near.is_missed

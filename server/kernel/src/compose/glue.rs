@@ -8,7 +8,7 @@
 use super::layout::{Curve, Layout};
 use super::net::Net;
 use super::rim::{Rim, lay, pair_loops, place_junctions};
-use super::seam::{Row, match_closed, match_open};
+use super::seam::{ArcRow, match_closed, match_open};
 use crate::mesh::Vec3;
 use crate::mesh::tri::NONE;
 use crate::numerics::stop;
@@ -92,7 +92,7 @@ pub fn glue(parts: &[Net], rims: &[Vec<Rim>], layout: &Layout, junction_points: 
             let (vertices, at) = rims[s as usize][l as usize].run(curve, r as usize);
             let edges = vertices.iter().map(|&v| parts[s as usize].at(v).len() as u32 + 1).collect();
             let vertices: Vec<u32> = vertices.into_iter().map(|v| first[s as usize] + v).collect();
-            (vertices, Row { at, edges }, curve.runs[r as usize].length)
+            (vertices, ArcRow { at, edges }, curve.runs[r as usize].length)
         };
         let ((a, s, length), (mut b, mut t, other)) = (side(x), side(y));
         b.reverse();
@@ -105,8 +105,8 @@ pub fn glue(parts: &[Net], rims: &[Vec<Rim>], layout: &Layout, junction_points: 
         let (_, pairs) = found.ok_or(Misfit::TooCoarse { segment: coarser as usize })?;
         let pairs = zipped(
             &pairs,
-            &Sided::new(&parts[x[0] as usize], &a, first[x[0] as usize]),
-            &Sided::new(&parts[y[0] as usize], &b, first[y[0] as usize]),
+            &ArcSide::new(&parts[x[0] as usize], &a, first[x[0] as usize]),
+            &ArcSide::new(&parts[y[0] as usize], &b, first[y[0] as usize]),
         );
         merged += pairs.len() - 1;
         let (n, m) = (a.len(), b.len());
@@ -130,13 +130,13 @@ pub fn glue(parts: &[Net], rims: &[Vec<Rim>], layout: &Layout, junction_points: 
 }
 
 /// One side of an arc: its vertices, and the part that they belong to.
-struct Sided<'a> {
+struct ArcSide<'a> {
     part: &'a Net,
     vertices: &'a [u32],
     first: u32,
 }
 
-impl<'a> Sided<'a> {
+impl<'a> ArcSide<'a> {
     fn new(part: &'a Net, vertices: &'a [u32], first: u32) -> Self {
         Self { part, vertices, first }
     }
@@ -157,11 +157,11 @@ impl<'a> Sided<'a> {
 
 /// Blocks of three or more edges against one, with pairs of edges folded onto each other where that can be done: of two
 /// faces beside them one is left, and two vertices are extraordinary instead of four.
-fn zipped(pairs: &[(usize, usize)], a: &Sided<'_>, b: &Sided<'_>) -> Vec<(usize, usize)> {
+fn zipped(pairs: &[(usize, usize)], a: &ArcSide<'_>, b: &ArcSide<'_>) -> Vec<(usize, usize)> {
     let mut all = vec![pairs[0]];
     for w in pairs.windows(2) {
         let ((i, j), (i1, j1)) = (w[0], w[1]);
-        let mut fold = |side: &Sided<'_>, k: usize, to: usize, pair: &dyn Fn(usize, usize) -> (usize, usize)| {
+        let mut fold = |side: &ArcSide<'_>, k: usize, to: usize, pair: &dyn Fn(usize, usize) -> (usize, usize)| {
             let (early, late) = (side.fold(k + 1), side.fold(to - 1));
             match (to - k, early, late) {
                 (3, Some(x), y) if y.is_none_or(|y| x <= y) => all.push(pair(k + 2, 0)),

@@ -2,8 +2,8 @@
 //! everywhere, at four times the quads, for a few places. *Ours, not the paper's.*
 
 use super::fit::Fit;
-use super::following::Near;
-use super::site::{Site, Use};
+use super::following::NearMesh;
+use super::site::{LayoutKind, Site};
 use super::stitching::{MISS_MAX, Stitching};
 use crate::numerics::stage::Stage;
 
@@ -25,9 +25,9 @@ struct Gain {
 impl Stitching<'_> {
     /// The segments that are made finer next: for the quads that it takes, what helps most first, until enough is expected
     /// of it; none where the whole follows the input, or one example stands on all of it.
-    pub(super) fn missing(&self, sites: &[Site<'_>], near: &Near) -> Vec<usize> {
+    pub(super) fn missing(&self, sites: &[Site<'_>], near: &NearMesh) -> Vec<usize> {
         let (now, most) = (&near.laid, MISS_MAX * self.scale.diagonal);
-        let is_one_part = matches!(sites, [site] if site.stands != Use::Regular);
+        let is_one_part = matches!(sites, [site] if site.stands != LayoutKind::Regular);
         if !Stage::Refine.is_on() || !near.is_missed || is_one_part || now.fit.worst() <= most {
             return Vec::new();
         }

@@ -87,8 +87,8 @@ pub fn optimise(net: &mut Net, target: &Target, stiffness: &[f64], rounds: u32) 
     }
 }
 
-/// The state of the vertices where they are: E, minus half its gradient with r_q held, and the normals.
-struct Asked {
+/// E where the vertices are, minus half its gradient with r_q held, and their normals.
+struct EnergyGradient {
     energy: f64,
     pull: Vec<Vec3>,
     normals: Vec<Vec3>,
@@ -176,7 +176,7 @@ impl State {
         })
     }
 
-    fn ask(&self) -> Asked {
+    fn ask(&self) -> EnergyGradient {
         let positions = &self.positions;
         let normals = self.normals();
         let missing = |quad: &Quad| {
@@ -197,7 +197,7 @@ impl State {
             pull[v] += back * self.springs[v];
             energy += self.springs[v] * back.norm_squared();
         }
-        Asked { energy, pull, normals }
+        EnergyGradient { energy, pull, normals }
     }
 
     /// Unit normals; zero where there is none.
@@ -211,7 +211,7 @@ impl State {
     }
 
     /// One global step; `asked` is for where the vertices are.
-    fn go(&mut self, asked: Asked, target: &Target) {
+    fn go(&mut self, asked: EnergyGradient, target: &Target) {
         if asked.energy > self.energy {
             self.last.iter_mut().for_each(|d| *d = Vec3::zeros());
             self.step = (SHORTER * self.step).max(STEP_MIN);

@@ -4,7 +4,7 @@ use super::fit::Fit;
 use super::fit_surface::{FixedVertices, fit_surface};
 use super::net::Net;
 use super::optimise::optimise;
-use super::site::{Site, Use};
+use super::site::{LayoutKind, Site};
 use super::square::{deviations_at_deg, mean_deviation_deg};
 use super::stitching::{MISS_MAX, Stitching};
 use crate::mesh::PolyMesh;
@@ -40,9 +40,9 @@ impl LayoutOrigin {
     /// That of a site.
     pub(super) fn of(site: &Site<'_>) -> Self {
         match site.stands {
-            Use::Part if site.is_kept() => Self::Kept,
-            Use::Part => Self::Example,
-            Use::Regular | Use::Own => Self::Generated,
+            LayoutKind::Part if site.is_kept() => Self::Kept,
+            LayoutKind::Part => Self::Example,
+            LayoutKind::Regular | LayoutKind::Own => Self::Generated,
         }
     }
 }

@@ -28,9 +28,9 @@ pub const EDGES_MAX: usize = 1200;
 /// Places on a run: from its start on, both ends included where it is open.
 pub type Places = Vec<f64>;
 
-/// What stands on a segment: an example's boundary, or a regular layout to be made.
+/// The boundary of a segment: an example's, which is given, or that of a regular layout to be made.
 #[derive(Clone, Copy, Debug)]
-pub enum Side<'a> {
+pub enum SegmentBoundary<'a> {
     /// A part's boundary loops, on the segment's curves.
     Given(&'a [Rim]),
     /// A regular layout.
@@ -38,7 +38,7 @@ pub enum Side<'a> {
 }
 
 /// For each regular segment, loop and run, where its vertices stand; nothing for the others.
-pub fn plan(layout: &Layout, sides: &[Side<'_>]) -> Vec<Vec<Vec<Places>>> {
+pub fn plan(layout: &Layout, sides: &[SegmentBoundary<'_>]) -> Vec<Vec<Vec<Places>>> {
     stop::ask();
     let mut planner = Planner { layout, sides, counts: vec![[0, 0]; layout.arcs.len()] };
     for a in 0..layout.arcs.len() {
@@ -47,8 +47,8 @@ pub fn plan(layout: &Layout, sides: &[Side<'_>]) -> Vec<Vec<Vec<Places>>> {
     planner.pair_odd_segments();
     (0..sides.len())
         .map(|s| match sides[s] {
-            Side::Given(_) => Vec::new(),
-            Side::Free(_) => layout.curves[s]
+            SegmentBoundary::Given(_) => Vec::new(),
+            SegmentBoundary::Free(_) => layout.curves[s]
                 .iter()
                 .enumerate()
                 .map(|(l, curve)| {
@@ -61,7 +61,7 @@ pub fn plan(layout: &Layout, sides: &[Side<'_>]) -> Vec<Vec<Vec<Places>>> {
 
 struct Planner<'a> {
     layout: &'a Layout,
-    sides: &'a [Side<'a>],
+    sides: &'a [SegmentBoundary<'a>],
     /// Edges on each side of each arc.
     counts: Vec<[usize; 2]>,
 }
@@ -87,15 +87,15 @@ impl Planner<'_> {
 
     fn wish(&self, [s, ..]: Occurrence) -> Option<Wish> {
         match self.sides[s as usize] {
-            Side::Free(wish) => Some(wish),
-            Side::Given(_) => None,
+            SegmentBoundary::Free(wish) => Some(wish),
+            SegmentBoundary::Given(_) => None,
         }
     }
 
     fn given(&self, [s, l, r]: Occurrence) -> Option<usize> {
         match self.sides[s as usize] {
-            Side::Given(rims) => rims.get(l as usize).map(|rim| rim.run_edges(r as usize)),
-            Side::Free(_) => None,
+            SegmentBoundary::Given(rims) => rims.get(l as usize).map(|rim| rim.run_edges(r as usize)),
+            SegmentBoundary::Free(_) => None,
         }
     }
 
@@ -142,7 +142,8 @@ impl Planner<'_> {
     }
 
     fn pair_odd_segments(&mut self) {
-        let regular: Vec<usize> = (0..self.sides.len()).filter(|&s| matches!(self.sides[s], Side::Free(_))).collect();
+        let regular: Vec<usize> =
+            (0..self.sides.len()).filter(|&s| matches!(self.sides[s], SegmentBoundary::Free(_))).collect();
         for &s in &regular {
             if self.total(s).is_multiple_of(2) {
                 continue;
@@ -220,11 +221,11 @@ impl Planner<'_> {
         let (n, length, closed) = (self.counts[a][k], self.length(at), self.is_closed(at));
         let other = arc.sides.iter().find(|side| **side != at);
         let known = other.and_then(|&[s, l, r]| match self.sides[s as usize] {
-            Side::Given(rims) => {
+            SegmentBoundary::Given(rims) => {
                 let curve = self.layout.curves[s as usize].get(l as usize)?;
                 Some((rims.get(l as usize)?.run(curve, r as usize).1, curve.runs.get(r as usize)?.length))
             }
-            Side::Free(_) => None,
+            SegmentBoundary::Free(_) => None,
         });
         let even = |k: usize| length * k as f64 / n as f64;
         let Some((theirs, of)) = known.filter(|(p, _)| p.len() > 1) else {
@@ -268,7 +269,7 @@ mod tests {
             .collect();
         let found = layout(&mesh, &owner, 3);
         for edge in [0.31, 0.21, 0.17, 0.13, 0.11, 0.09] {
-            let sides = [Side::Free(Wish { edge, edges_min: 1, edges_max: EDGES_MAX }); 3];
+            let sides = [SegmentBoundary::Free(Wish { edge, edges_min: 1, edges_max: EDGES_MAX }); 3];
             let places = plan(&found, &sides);
             for s in 0..3 {
                 assert_eq!(totals(&places, s) % 2, 0, "segment {s}, edge {edge}");
@@ -295,8 +296,13 @@ mod tests {
                 starts: Vec::new(),
             })
             .collect();
-        let places =
-            plan(&found, &[Side::Given(&rims), Side::Free(Wish { edge: 1.0, edges_min: 1, edges_max: EDGES_MAX })]);
+        let places = plan(
+            &found,
+            &[
+                SegmentBoundary::Given(&rims),
+                SegmentBoundary::Free(Wish { edge: 1.0, edges_min: 1, edges_max: EDGES_MAX }),
+            ],
+        );
         let shared =
             (0..2).find(|&l| found.arcs[found.curves[1][l].runs[0].arc as usize].sides.len() == 2).expect("one");
         let length = found.curves[1][shared].length();

@@ -52,7 +52,7 @@ pub(super) fn reembed(
     passed: f64,
     stays: &dyn Fn(Vec3) -> bool,
 ) {
-    let looks = Looks::new(net, surface, target, passed);
+    let looks = FlawFinder::new(net, surface, target, passed);
     let surroundings = Surroundings::new(surface, target.tree());
     for _ in 0..PASSES {
         let (flawed, nearest) = looks.flawed(net, points);
@@ -64,7 +64,7 @@ pub(super) fn reembed(
             // The flaw goes with a rim that lies well: of one farther out more of the layout moves.
             for rings in RINGS {
                 stop::ask();
-                let Some(patch) = Patch::around(net, &faces, rings) else { continue };
+                let Some(patch) = FaceDisc::around(net, &faces, rings) else { continue };
                 if patch.inner.iter().any(|&v| stays(net.positions[v as usize])) {
                     break;
                 }
@@ -79,14 +79,14 @@ pub(super) fn reembed(
     }
 }
 
-/// Tells what of a net is flawed.
-struct Looks<'a> {
+/// Finds the faces of a net that are flawed.
+struct FlawFinder<'a> {
     facing: Facing<'a>,
     /// Distance from which on a point of the surface is passed over.
     passed: f64,
 }
 
-impl<'a> Looks<'a> {
+impl<'a> FlawFinder<'a> {
     fn new(net: &Net, surface: &'a TriMesh, target: &'a Target, passed: f64) -> Self {
         let edge = (surface.total_area() / net.faces().count().max(1) as f64).sqrt();
         Self { facing: Facing::new(surface, target.tree(), edge), passed }
@@ -127,7 +127,7 @@ impl<'a> Looks<'a> {
 }
 
 /// A disc of a net's faces.
-struct Patch {
+struct FaceDisc {
     faces: BTreeSet<u32>,
     /// Its rim, with the faces on the left.
     rim: Vec<u32>,
@@ -173,7 +173,7 @@ fn enclosed(net: &Net, faces: &BTreeSet<u32>) -> BTreeSet<u32> {
     found
 }
 
-impl Patch {
+impl FaceDisc {
     /// Some faces, widened by some rings, and what they enclose; `None` where that is no disc, or too wide.
     fn around(net: &Net, faces: &BTreeSet<u32>, rings: usize) -> Option<Self> {
         let most = REGION_MAX * net.faces().count() as f64;
@@ -231,7 +231,7 @@ impl Patch {
         &self,
         net: &mut Net,
         points: &[Vec3],
-        (target, looks, surroundings): (&Target, &Looks<'_>, &Surroundings<'_>),
+        (target, looks, surroundings): (&Target, &FlawFinder<'_>, &Surroundings<'_>),
     ) -> bool {
         let rim: Vec<Vec3> = self.rim.iter().map(|&v| net.positions[v as usize]).collect();
         let Some(sheet) = surroundings.left_of(&rim, self.faces.len() as f64 / net.faces().count().max(1) as f64)
@@ -308,7 +308,7 @@ impl Patch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compose::fit::Measured;
+    use crate::compose::fit::MeasuredSurface;
     use crate::compose::net::tests::sheet;
     use crate::topology::tests::grid;
 
@@ -325,7 +325,7 @@ mod tests {
 
     fn share(net: &Net, surface: &TriMesh, target: &Target) -> f64 {
         let faces = net.faces().map(|(f, _)| f).collect();
-        Looks::new(net, surface, target, f64::INFINITY).flaw(net, &faces, &[])
+        FlawFinder::new(net, surface, target, f64::INFINITY).flaw(net, &faces, &[])
     }
 
     #[test]
@@ -340,7 +340,7 @@ mod tests {
         let before = std::mem::replace(&mut net.positions, crumpled);
         let flawed = share(&net, &surface, &target);
         assert!(flawed > smooth + 0.02, "{smooth} {flawed}");
-        let measured = Measured::new(&surface);
+        let measured = MeasuredSurface::new(&surface);
         reembed(&mut net, measured.points(), (&surface, &target), 0.02, &|_| false);
         let left = share(&net, &surface, &target);
         assert!(left - smooth < 0.2 * (flawed - smooth), "{smooth} {flawed} {left}");
@@ -354,8 +354,8 @@ mod tests {
     fn faces_around_a_hole_are_no_disc() {
         let net = sheet(3, 3);
         let ring: BTreeSet<u32> = (0..9).filter(|f| *f != 4).collect();
-        assert!(Patch::of(&net, ring).is_none());
-        let all = Patch::of(&net, (0..9).collect()).expect("a disc");
+        assert!(FaceDisc::of(&net, ring).is_none());
+        let all = FaceDisc::of(&net, (0..9).collect()).expect("a disc");
         assert_eq!((all.rim.len(), all.inner), (12, vec![5, 6, 9, 10]));
     }
 }

@@ -8,7 +8,7 @@
 mod merge;
 mod split;
 
-use super::fit::Measured;
+use super::fit::MeasuredSurface;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::disjoint::Sets;
 use crate::mesh::tri::TriMesh;
@@ -17,9 +17,9 @@ use crate::numerics::stop;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// What is wanted of a mesh's size.
+/// The size that is wanted of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Wanted {
+pub enum SizeTarget {
     /// About so many faces.
     Quads(usize),
     /// 95 % of the mesh as near to the surface, and of the surface as near to the mesh, as this share of the surface's diagonal.
@@ -52,16 +52,16 @@ pub fn faces_within_max(own: usize) -> usize {
 }
 
 /// Splits rows of a mesh that lies on a surface, or takes some out.
-pub fn resized(mesh: &PolyMesh, surface: &TriMesh, wanted: Wanted) -> Resized {
+pub fn resized(mesh: &PolyMesh, surface: &TriMesh, wanted: SizeTarget) -> Resized {
     let tree = Arc::new(Bvh::new(surface));
-    let measured = Measured::with_tree(surface, Arc::clone(&tree));
+    let measured = MeasuredSurface::with_tree(surface, Arc::clone(&tree));
     let diagonal = diagonal(&surface.positions).max(f64::MIN_POSITIVE);
     let within =
         |mesh: &PolyMesh| measured.distances(mesh).map(|found| p95(&found)).into_iter().fold(0.0, f64::max) / diagonal;
     let of = |mesh: PolyMesh| Resized { within: within(&mesh), mesh };
     let most = match wanted {
-        Wanted::Quads(count) => return of(with_faces(mesh, &tree, count)),
-        Wanted::Within(most) => most,
+        SizeTarget::Quads(count) => return of(with_faces(mesh, &tree, count)),
+        SizeTarget::Within(most) => most,
     };
     let mut best = of(mesh.clone());
     let mut count = mesh.faces.len() as f64;
@@ -234,7 +234,7 @@ mod tests {
     fn any_count_is_reached_and_the_layout_stays() {
         let (mesh, surface) = (ball(8), surface());
         for count in [70, 96, 200, 384, 500, 1000, 1700, 5000] {
-            let found = resized(&mesh, &surface, Wanted::Quads(count)).mesh;
+            let found = resized(&mesh, &surface, SizeTarget::Quads(count)).mesh;
             let off = found.faces.len() as f64 / count as f64 - 1.0;
             assert!(off.abs() <= 0.1, "{count}: {}", found.faces.len());
             assert_eq!(extraordinary(&found), [3; 8], "{count}");
@@ -249,11 +249,11 @@ mod tests {
     #[test]
     fn rows_are_split_until_the_mesh_is_near_enough() {
         let (mesh, surface) = (ball(3), surface());
-        let [coarse, fine] = [0.02, 0.002].map(|most| resized(&mesh, &surface, Wanted::Within(most)));
+        let [coarse, fine] = [0.02, 0.002].map(|most| resized(&mesh, &surface, SizeTarget::Within(most)));
         assert!(coarse.within <= 0.02 && fine.within <= 0.002, "{} {}", coarse.within, fine.within);
         assert!(coarse.mesh.faces.len() < fine.mesh.faces.len() && fine.mesh.faces.len() < 4000);
         // What is near enough stays as it is.
-        assert!(resized(&mesh, &surface, Wanted::Within(1.0)).mesh == mesh);
+        assert!(resized(&mesh, &surface, SizeTarget::Within(1.0)).mesh == mesh);
     }
 
     #[test]
@@ -273,14 +273,14 @@ mod tests {
         mesh.attributes.uvs = Some(CornerLayer { values, corners });
         let of_face = (0..faces as u32).map(|f| f % 2).collect();
         mesh.attributes.groups = Some(FaceLabels { names: vec!["a".into(), "b".into()], of_face });
-        let found = resized(&mesh, &surface(), Wanted::Quads(4 * faces)).mesh;
+        let found = resized(&mesh, &surface(), SizeTarget::Quads(4 * faces)).mesh;
         let (uvs, groups) = (found.attributes.uvs.expect("uvs"), found.attributes.groups.expect("groups"));
         assert_eq!((found.faces.len(), uvs.corners.len(), groups.of_face.len()), (4 * faces, 16 * faces, 4 * faces));
         for (&v, &uv) in found.faces.corners().iter().zip(&uvs.corners) {
             let (p, uv) = (found.positions[v as usize], uvs.values[uv as usize]);
             assert!((p.x - uv[0]).abs() < 0.1 && (p.y - uv[1]).abs() < 0.1, "{p} {uv:?}");
         }
-        let fewer = resized(&mesh, &surface(), Wanted::Quads(60)).mesh;
+        let fewer = resized(&mesh, &surface(), SizeTarget::Quads(60)).mesh;
         let uvs = fewer.attributes.uvs.expect("uvs");
         assert!((54..=66).contains(&fewer.faces.len()), "{}", fewer.faces.len());
         assert_eq!(uvs.corners.len(), 4 * fewer.faces.len());
@@ -293,7 +293,7 @@ mod tests {
         let triangles = kept[1..].iter().map(Vec::as_slice).chain([&kept[0][..3]]).chain([]);
         let last = [kept[0][0], kept[0][2], kept[0][3]];
         mesh.faces = triangles.chain([&last[..]]).collect();
-        let found = resized(&mesh, &surface(), Wanted::Quads(300)).mesh;
+        let found = resized(&mesh, &surface(), SizeTarget::Quads(300)).mesh;
         assert!(found.faces.len() > 200);
         assert_eq!(found.faces.iter().filter(|face| face.len() == 3).count(), 2);
         assert!(prepare(&found).expect("a surface").repairs.is_empty());

@@ -32,14 +32,14 @@ pub type Pairs = Vec<(usize, usize)>;
 
 /// A row of vertices on one side of an arc.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Row {
+pub struct ArcRow {
     /// Length along the arc up to each.
     pub at: Vec<f64>,
     /// Edges that each has in its part.
     pub edges: Vec<u32>,
 }
 
-impl Row {
+impl ArcRow {
     /// Of n + 1 vertices of an open row, n edges.
     fn count(&self) -> Option<usize> {
         self.at.len().min(self.edges.len()).checked_sub(1)
@@ -70,7 +70,7 @@ fn block_cost(p: usize) -> f64 {
 }
 
 /// Matches two rows that begin together and end together. `None` if one has more than [`BLOCK_MAX`] times the edges.
-pub fn match_open(s: &Row, t: &Row) -> Option<(f64, Pairs)> {
+pub fn match_open(s: &ArcRow, t: &ArcRow) -> Option<(f64, Pairs)> {
     let (n, m) = (s.count()?, t.count()?);
     if n == 0 || m == 0 {
         return None;
@@ -135,7 +135,7 @@ fn block_max(n: usize, m: usize) -> usize {
 
 /// Matches two closed rows of vertices with lengths from a common point of a curve of `length`. The first pair comes again
 /// at the end, with places beyond the counts.
-pub fn match_closed(s: &Row, t: &Row, length: f64) -> Option<(f64, Pairs)> {
+pub fn match_closed(s: &ArcRow, t: &ArcRow, length: f64) -> Option<(f64, Pairs)> {
     let (n, m) = (s.at.len(), t.at.len());
     if n == 0 || m == 0 {
         return None;
@@ -173,8 +173,8 @@ pub fn match_closed(s: &Row, t: &Row, length: f64) -> Option<(f64, Pairs)> {
 mod tests {
     use super::*;
 
-    fn even(n: usize, length: f64, offset: f64) -> Row {
-        Row { at: (0..n).map(|k| offset + length * k as f64 / n as f64).collect(), edges: vec![3; n] }
+    fn even(n: usize, length: f64, offset: f64) -> ArcRow {
+        ArcRow { at: (0..n).map(|k| offset + length * k as f64 / n as f64).collect(), edges: vec![3; n] }
     }
 
     fn blocks(pairs: &Pairs) -> Vec<(usize, usize)> {
@@ -214,8 +214,10 @@ mod tests {
 
     #[test]
     fn ends_of_an_open_arc_stay_together() {
-        let row =
-            |n: u32| Row { at: (0..=n).map(|k| f64::from(k) / f64::from(n)).collect(), edges: vec![3; n as usize + 1] };
+        let row = |n: u32| ArcRow {
+            at: (0..=n).map(|k| f64::from(k) / f64::from(n)).collect(),
+            edges: vec![3; n as usize + 1],
+        };
         let (s, t) = (row(7), row(5));
         let (_, pairs) = match_open(&s, &t).expect("matched");
         assert_eq!((pairs[0], pairs[pairs.len() - 1]), ((0, 0), (7, 5)));

@@ -14,7 +14,7 @@ use super::subdivide::subdivide;
 use super::template::border::{Border, End, Unwound};
 use super::template::levels::Levels;
 use super::template::rectangle::Harmonics;
-use super::template::{Ends, Given, LayoutSurface, regular, wanted_share};
+use super::template::{Ends, GivenVertices, LayoutSurface, regular, wanted_share};
 use super::{Input, Piece};
 use crate::encode::index::PlanarIndex;
 use crate::mesh::Vec3;
@@ -35,9 +35,9 @@ const EDGES_MORE: usize = 3;
 /// Edges of a regular layout on an arc, at least.
 const EDGES_MIN: usize = 2;
 
-/// What stands on a segment.
+/// The kind of layout that stands on a segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Use {
+pub enum LayoutKind {
     /// A mapped example.
     Part,
     /// A regular layout.
@@ -46,18 +46,18 @@ pub enum Use {
     Own,
 }
 
-/// What comes of making finer what stands on a segment, about.
+/// An estimate of what is gained, and paid in quads, if the layout on a segment is made finer.
 #[derive(Clone, Copy, Debug)]
-pub struct Finer {
+pub struct RefinementGain {
     /// Quads more.
     pub quads: f64,
     /// Share of its distance from the segment that goes: it is that of a chord, h²κ/8.
     pub less: f64,
 }
 
-/// Why what was brought for a segment does not stand on it.
+/// The reason why what was brought for a segment does not stand on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Why {
+pub enum ReplacementReason {
     /// It could not be joined to its neighbours.
     NotJoined,
     /// It is far denser than everything else.
@@ -66,9 +66,9 @@ pub enum Why {
     Missing,
 }
 
-/// A segment's chart, and what is made of it once.
+/// A segment's chart, with what is made of it once.
 #[derive(Debug)]
-struct Charted<'a> {
+struct SegmentChart<'a> {
     chart: Cow<'a, Chart>,
     index: Cow<'a, PlanarIndex>,
     levels: Levels,
@@ -77,7 +77,7 @@ struct Charted<'a> {
     harmonics: OnceLock<Option<Harmonics>>,
 }
 
-impl Charted<'_> {
+impl SegmentChart<'_> {
     fn harmonics(&self) -> Option<&Harmonics> {
         self.harmonics.get_or_init(|| Harmonics::new(&self.chart)).as_ref()
     }
@@ -92,20 +92,20 @@ impl Charted<'_> {
 #[derive(Debug)]
 pub struct Site<'a> {
     /// Which kind it is.
-    pub stands: Use,
+    pub stands: LayoutKind,
     /// Times it was subdivided, or made finer, since it is of this kind.
     pub times: usize,
     /// Times the example was subdivided.
     pub subdivided: usize,
     /// Why what was brought was given up.
-    pub given_up: Option<Why>,
+    pub given_up: Option<ReplacementReason>,
     /// The part, where it is no regular layout.
     pub net: Net,
     /// What a regular layout is to have.
     pub wish: Wish,
     piece: Piece<'a>,
     triangles: Vec<u32>,
-    charted: Option<Charted<'a>>,
+    charted: Option<SegmentChart<'a>>,
     laid: Option<RegularLayout>,
 }
 
@@ -124,8 +124,8 @@ impl<'a> Site<'a> {
             (0..input.owner.len() as u32).filter(|&t| input.owner[t as usize] as usize == segment).collect();
         let wish = Wish { edge, edges_min: EDGES_MIN, edges_max: EDGES_MAX };
         let stands = match piece {
-            Piece::Mapped(_) | Piece::Kept(_) => Use::Part,
-            Piece::Regular(..) | Piece::Nothing => Use::Regular,
+            Piece::Mapped(_) | Piece::Kept(_) => LayoutKind::Part,
+            Piece::Regular(..) | Piece::Nothing => LayoutKind::Regular,
         };
         let mut site = Self {
             stands,
@@ -139,7 +139,7 @@ impl<'a> Site<'a> {
             charted: None,
             laid: None,
         };
-        if stands == Use::Regular && !site.chart(input.surface) {
+        if stands == LayoutKind::Regular && !site.chart(input.surface) {
             site.take_own(input.surface);
         }
         site
@@ -154,24 +154,24 @@ impl<'a> Site<'a> {
 
     /// Whether an example stands on it that is to keep its density.
     pub fn is_kept(&self) -> bool {
-        self.stands == Use::Part && matches!(self.piece, Piece::Kept(_))
+        self.stands == LayoutKind::Part && matches!(self.piece, Piece::Kept(_))
     }
 
     /// What it would be, made finer once more to follow the input; `None` where it may not be.
-    pub fn finer(&self) -> Option<Finer> {
+    pub fn finer(&self) -> Option<RefinementGain> {
         let less = match self.stands {
-            Use::Part | Use::Own => 0.75,
-            Use::Regular => 1.0 - FINER * FINER,
+            LayoutKind::Part | LayoutKind::Own => 0.75,
+            LayoutKind::Regular => 1.0 - FINER * FINER,
         };
-        (self.may_be_finer() && !self.is_kept()).then(|| Finer { quads: self.quads_more(), less })
+        (self.may_be_finer() && !self.is_kept()).then(|| RefinementGain { quads: self.quads_more(), less })
     }
 
     /// Tells whether it may be made finer to fit its neighbours. An example that is to keep its density and has many faces may not:
     /// scraps of the input beside it stand on their own triangles instead.
     pub fn may_be_finer(&self) -> bool {
         let times_max = match self.stands {
-            Use::Part | Use::Own => SUBDIVISIONS_MAX,
-            Use::Regular => FINER_MAX,
+            LayoutKind::Part | LayoutKind::Own => SUBDIVISIONS_MAX,
+            LayoutKind::Regular => FINER_MAX,
         };
         self.times < times_max && !(self.is_kept() && self.has_most_quads())
     }
@@ -184,7 +184,7 @@ impl<'a> Site<'a> {
     /// Quads more that it has when it is made finer, about.
     pub fn quads_more(&self) -> f64 {
         match (self.stands, &self.charted) {
-            (Use::Regular, Some(charted)) => {
+            (LayoutKind::Regular, Some(charted)) => {
                 (1.0 / (FINER * FINER) - 1.0) * charted.chart.mesh.total_area() / self.wish.edge.powi(2)
             }
             _ => 3.0 * self.net.faces().count() as f64,
@@ -202,19 +202,19 @@ impl<'a> Site<'a> {
             self.refine(target);
             return true;
         }
-        self.give_up(surface, Why::NotJoined)
+        self.give_up(surface, ReplacementReason::NotJoined)
     }
 
     /// Gives up at once what stands on it, for a reason.
-    pub fn give_up(&mut self, surface: &TriMesh, why: Why) -> bool {
+    pub fn give_up(&mut self, surface: &TriMesh, why: ReplacementReason) -> bool {
         let stands = self.stands;
-        if stands == Use::Part {
+        if stands == LayoutKind::Part {
             self.given_up = Some(why);
         }
         match stands {
-            Use::Own => return false,
-            Use::Part if self.chart(surface) => (self.stands, self.times) = (Use::Regular, 0),
-            Use::Part | Use::Regular => self.take_own(surface),
+            LayoutKind::Own => return false,
+            LayoutKind::Part if self.chart(surface) => (self.stands, self.times) = (LayoutKind::Regular, 0),
+            LayoutKind::Part | LayoutKind::Regular => self.take_own(surface),
         }
         true
     }
@@ -223,12 +223,12 @@ impl<'a> Site<'a> {
     pub fn refine(&mut self, target: &Target) {
         self.times += 1;
         match self.stands {
-            Use::Regular => {
+            LayoutKind::Regular => {
                 self.wish.edge *= FINER;
                 self.wish.edges_min += EDGES_MORE;
             }
-            Use::Part | Use::Own => {
-                self.subdivided += usize::from(self.stands == Use::Part);
+            LayoutKind::Part | LayoutKind::Own => {
+                self.subdivided += usize::from(self.stands == LayoutKind::Part);
                 self.net = on_surface(subdivide(&self.net), self.net.positions.len(), target);
             }
         }
@@ -249,7 +249,7 @@ impl<'a> Site<'a> {
 
     fn take_own(&mut self, whole: &TriMesh) {
         self.net = own_quads(&self.surface(whole));
-        (self.stands, self.times) = (Use::Own, 0);
+        (self.stands, self.times) = (LayoutKind::Own, 0);
     }
 
     /// Sees to it that there is a chart; false if the segment can't be unfolded.
@@ -269,7 +269,7 @@ impl<'a> Site<'a> {
         let (levels, target) = (Levels::new(&chart), Target::new(&chart.mesh));
         let border = Border::new(&chart);
         let harmonics = OnceLock::new();
-        self.charted = Some(Charted { chart, index, levels, target, border, harmonics });
+        self.charted = Some(SegmentChart { chart, index, levels, target, border, harmonics });
         true
     }
 
@@ -309,7 +309,7 @@ impl<'a> Site<'a> {
                 along.reverse();
                 points.reverse();
             }
-            if ends[k].replace(Given { u, along, points }).is_some() {
+            if ends[k].replace(GivenVertices { u, along, points }).is_some() {
                 return None;
             }
             loop_at[k] = Some(l);

@@ -1,17 +1,17 @@
 //! The stitching of what stands on the segments, again and again until it holds.
 
 use super::check::{self, Broken, TopologyCounts, check, extraordinary};
-use super::fit::Measured;
+use super::fit::MeasuredSurface;
 use super::following::WHOLE_QUADS_MAX;
 use super::glue::{Glued, Misfit, glue, rims};
 use super::layout::{Layout, layout};
 use super::net::Net;
 use super::open::open_flat;
-use super::plan::{Side, plan};
+use super::plan::{SegmentBoundary, plan};
 use super::resolve::{self, Resolved, resolve};
 use super::rim::{LoopDirection, Rim, even_out};
 use super::simplify_valence::ValenceSimplifier;
-use super::site::{Site, Use, Why, on_surface, way};
+use super::site::{LayoutKind, ReplacementReason, Site, on_surface, way};
 use super::smooth::{OPENING_ROUNDS, Plan, Target};
 use super::subdivide::subdivide;
 use super::{Input, Options, Piece, Report, Way};
@@ -37,9 +37,9 @@ const FLAT_SHARE: f64 = 1e-4;
 /// Faces are opened to this many times the area up to which they have none.
 const HELD_AREAS: f64 = 4.0;
 
-/// What lengths are measured by.
+/// The size of an input, by which lengths and areas are measured.
 #[derive(Clone, Copy, Debug)]
-pub struct Scale {
+pub struct InputSize {
     /// Area of the whole input.
     pub area: f64,
     /// Diagonal of its bounding box.
@@ -52,8 +52,8 @@ pub(super) struct Stitching<'a> {
     pub(super) layout: Layout,
     pub(super) shape: TopologyCounts,
     pub(super) target: Target,
-    pub(super) measured: Measured,
-    pub(super) scale: Scale,
+    pub(super) measured: MeasuredSurface,
+    pub(super) scale: InputSize,
     sharp: OnceLock<Vec<u32>>,
     /// The thread's count of steps from which on it is late.
     pub(super) late_at: u64,
@@ -62,12 +62,12 @@ pub(super) struct Stitching<'a> {
 impl<'a> Stitching<'a> {
     /// For an input that is measured by a scale: its own, or that of what it is a component of. From `late_at` steps of
     /// this thread on it is late.
-    pub(super) fn new(input: Input<'a>, options: Options, scale: Scale, late_at: u64) -> Self {
+    pub(super) fn new(input: Input<'a>, options: Options, scale: InputSize, late_at: u64) -> Self {
         let target = Target::new(input.surface);
         Self {
             layout: layout(input.surface, input.owner, input.count),
             shape: TopologyCounts::of(input.surface),
-            measured: Measured::with_tree(input.surface, Arc::clone(target.tree())),
+            measured: MeasuredSurface::with_tree(input.surface, Arc::clone(target.tree())),
             target,
             sharp: OnceLock::new(),
             late_at,
@@ -106,7 +106,7 @@ impl<'a> Stitching<'a> {
         if is_bare && let Some(mesh) = self.along_field(report) {
             return Some(mesh);
         }
-        let all_gave_way = |sites: &[Site<'_>]| !is_bare && sites.iter().all(|site| site.stands == Use::Regular);
+        let all_gave_way = |sites: &[Site<'_>]| !is_bare && sites.iter().all(|site| site.stands == LayoutKind::Regular);
         let mut sites = self.sites(pieces);
         self.settle_density(&mut sites);
         let is_tried = all_gave_way(&sites);
@@ -166,7 +166,7 @@ impl<'a> Stitching<'a> {
             let culprits = match self.attempt(sites, report) {
                 Ok(mesh) => return Some(mesh),
                 Err(Misfit::Loops { segment }) => {
-                    if !sites[segment].give_up(self.surface(), Why::NotJoined) {
+                    if !sites[segment].give_up(self.surface(), ReplacementReason::NotJoined) {
                         return None;
                     }
                     continue;
@@ -175,7 +175,9 @@ impl<'a> Stitching<'a> {
                 Err(Misfit::Pinched { segments }) => segments,
             };
             if attempts > ATTEMPTS_MAX || self.is_late() {
-                if culprits.iter().filter(|&&s| sites[s].give_up(self.surface(), Why::NotJoined)).count() == 0 {
+                if culprits.iter().filter(|&&s| sites[s].give_up(self.surface(), ReplacementReason::NotJoined)).count()
+                    == 0
+                {
                     return None;
                 }
                 continue;
@@ -191,7 +193,7 @@ impl<'a> Stitching<'a> {
     /// optimising them takes minutes, and makes no layout of them.
     fn is_beyond_layout(&self, sites: &[Site<'_>]) -> bool {
         let quads = || sites.iter().map(|site| site.net.faces().count()).sum::<usize>();
-        sites.iter().all(|site| site.stands == Use::Own) && quads() > WHOLE_QUADS_MAX
+        sites.iter().all(|site| site.stands == LayoutKind::Own) && quads() > WHOLE_QUADS_MAX
     }
 
     fn sites<'p>(&self, pieces: &[Piece<'p>]) -> Vec<Site<'p>> {
@@ -228,7 +230,7 @@ impl<'a> Stitching<'a> {
     /// none can, of all.
     fn first_to_give_way(&self, sites: &[Site<'_>], culprits: &[usize]) -> Option<usize> {
         let is_last = |s: &usize| !sites[*s].may_be_finer();
-        let can = culprits.iter().copied().filter(|s| sites[*s].stands != Use::Own || !is_last(s));
+        let can = culprits.iter().copied().filter(|s| sites[*s].stands != LayoutKind::Own || !is_last(s));
         can.min_by(|a, b| is_last(a).cmp(&is_last(b)).then(sites[*a].quads_more().total_cmp(&sites[*b].quads_more())))
     }
 
@@ -237,8 +239,8 @@ impl<'a> Stitching<'a> {
         let mut all = Vec::with_capacity(sites.len());
         for (segment, site) in sites.iter().enumerate() {
             all.push(match site.stands {
-                Use::Regular => Vec::new(),
-                Use::Part | Use::Own => rims(&site.net, &self.layout.curves[segment], segment)?,
+                LayoutKind::Regular => Vec::new(),
+                LayoutKind::Part | LayoutKind::Own => rims(&site.net, &self.layout.curves[segment], segment)?,
             });
         }
         even_out(&mut all, &self.layout);
@@ -247,16 +249,22 @@ impl<'a> Stitching<'a> {
 
     fn attempt(&self, sites: &mut [Site<'_>], report: &mut Report) -> Result<PolyMesh, Misfit> {
         let mut all = self.given_rims(sites)?;
-        let sides: Vec<Side<'_>> = sites
+        let sides: Vec<SegmentBoundary<'_>> = sites
             .iter()
             .zip(&all)
-            .map(|(site, rims)| if site.stands == Use::Regular { Side::Free(site.wish) } else { Side::Given(rims) })
+            .map(|(site, rims)| {
+                if site.stands == LayoutKind::Regular {
+                    SegmentBoundary::Free(site.wish)
+                } else {
+                    SegmentBoundary::Given(rims)
+                }
+            })
             .collect();
         let places = plan(&self.layout, &sides);
         let mut nets: Vec<Net> = Vec::with_capacity(sites.len());
         let mut is_coarser = false;
         for (segment, site) in sites.iter_mut().enumerate() {
-            if site.stands != Use::Regular {
+            if site.stands != LayoutKind::Regular {
                 nets.push(site.net.clone());
                 continue;
             }
@@ -271,14 +279,14 @@ impl<'a> Stitching<'a> {
             return self.attempt(sites, report);
         }
         report.extraordinary_before = nets.iter().map(|net| extraordinary(&net.clone().into_mesh().0)).sum();
-        let stands: Vec<Use> = sites.iter().map(|site| site.stands).collect();
+        let stands: Vec<LayoutKind> = sites.iter().map(|site| site.stands).collect();
         self.stitched(&nets, &stands, &all, report)
     }
 
     fn stitched(
         &self,
         nets: &[Net],
-        stands: &[Use],
+        stands: &[LayoutKind],
         rims: &[Vec<Rim>],
         report: &mut Report,
     ) -> Result<PolyMesh, Misfit> {
@@ -301,7 +309,7 @@ impl<'a> Stitching<'a> {
                 return Ok(mesh);
             }
             // Subdividing all does not open what lies flat within one segment, as long as that can give way.
-            Err(Unfinished::Flat { segments }) if segments.iter().any(|&s| stands.get(s) != Some(&Use::Own)) => {
+            Err(Unfinished::Flat { segments }) if segments.iter().any(|&s| stands.get(s) != Some(&LayoutKind::Own)) => {
                 return Err(Misfit::Pinched { segments });
             }
             Err(_) => {}
@@ -410,12 +418,12 @@ impl<'a> Stitching<'a> {
         report.subdivided = sites.iter().map(|site| site.subdivided).collect();
         for (s, (site, piece)) in sites.iter().zip(pieces).enumerate() {
             match (site.stands, piece) {
-                (Use::Regular, Piece::Mapped(_) | Piece::Kept(_)) => match site.given_up {
-                    Some(Why::TooDense) => report.too_dense.push(s),
-                    Some(Why::Missing) => report.missing.push(s),
-                    Some(Why::NotJoined) | None => report.replaced.push(s),
+                (LayoutKind::Regular, Piece::Mapped(_) | Piece::Kept(_)) => match site.given_up {
+                    Some(ReplacementReason::TooDense) => report.too_dense.push(s),
+                    Some(ReplacementReason::Missing) => report.missing.push(s),
+                    Some(ReplacementReason::NotJoined) | None => report.replaced.push(s),
                 },
-                (Use::Own, _) => report.own.push(s),
+                (LayoutKind::Own, _) => report.own.push(s),
                 _ => {}
             }
         }
@@ -465,12 +473,12 @@ fn culprits(net: &Net, faces: &[usize]) -> Vec<usize> {
 }
 
 /// For each face of glued parts whether it may be changed: it belongs to no mapped example, or has a corner on a seam.
-fn free_faces(glued: &Glued, faces: &[usize], stands: &[Use]) -> Vec<bool> {
+fn free_faces(glued: &Glued, faces: &[usize], stands: &[LayoutKind]) -> Vec<bool> {
     let mut on_seam = vec![false; glued.net.positions.len()];
     glued.seam.iter().for_each(|&v| on_seam[v as usize] = true);
     let of_part = faces.iter().zip(stands).flat_map(|(&count, &use_)| std::iter::repeat_n(use_, count));
     let has_seam = |f: usize| glued.net.face(f as u32).iter().any(|&v| on_seam[v as usize]);
-    of_part.enumerate().map(|(f, stands)| stands != Use::Part || has_seam(f)).collect()
+    of_part.enumerate().map(|(f, stands)| stands != LayoutKind::Part || has_seam(f)).collect()
 }
 
 /// Whether the faces have distinct corners, share edges two by two, and form one fan at each vertex.

@@ -24,7 +24,7 @@ enum Goal {
 
 /// A path from a triangle to another, or to a boundary.
 #[derive(Clone, Debug)]
-pub struct Cut {
+pub struct SurgeryPath {
     vertices: Vec<u32>,
     from: u32,
     to: Goal,
@@ -32,7 +32,7 @@ pub struct Cut {
     pub cost: u32,
 }
 
-impl Cut {
+impl SurgeryPath {
     /// The triangle at which it ends, if it does not end at a boundary.
     pub fn partner(&self) -> Option<u32> {
         match self.to {
@@ -68,7 +68,7 @@ fn split_cost(fan: &[Step], from: Step, to: Step, ends: i64) -> u32 {
 type State = (u32, u32);
 
 /// The cheapest cut from a triangle to any other, or to a boundary. `None` if there is neither.
-pub fn cheapest(net: &Net, triangle: u32) -> Option<Cut> {
+pub fn cheapest(net: &Net, triangle: u32) -> Option<SurgeryPath> {
     let mut best: HashMap<State, (u32, State)> = HashMap::new();
     let mut heap = BinaryHeap::new();
     for &v in net.face(triangle) {
@@ -80,7 +80,7 @@ pub fn cheapest(net: &Net, triangle: u32) -> Option<Cut> {
         let state = (v, came);
         if kind > 0 {
             let to = if kind == 1 { Goal::Boundary } else { Goal::Triangle(kind - 2) };
-            return Some(Cut { vertices: trace(&best, state), from: triangle, to, cost });
+            return Some(SurgeryPath { vertices: trace(&best, state), from: triangle, to, cost });
         }
         if best.get(&state).is_none_or(|b| b.0 < cost) {
             continue;
@@ -123,7 +123,7 @@ fn trace(best: &HashMap<State, (u32, State)>, mut state: State) -> Vec<u32> {
 }
 
 /// Cuts and fills. Gives the vertices that were split, old and new; `None`, the net untouched, if the cut doesn't fit.
-pub fn apply(net: &mut Net, cut: &Cut) -> Option<Vec<u32>> {
+pub fn apply(net: &mut Net, cut: &SurgeryPath) -> Option<Vec<u32>> {
     let path = &cut.vertices;
     let mut distinct = path.clone();
     distinct.sort_unstable();

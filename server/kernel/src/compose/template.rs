@@ -73,7 +73,7 @@ pub struct LayoutSurface<'a> {
 
 /// Vertices on a boundary that are given, in the order of u.
 #[derive(Clone, Debug, Default)]
-pub struct Given {
+pub struct GivenVertices {
     /// u of each, increasing over one period.
     pub u: Vec<f64>,
     /// The length of each along the chart's boundary loop, in the loop's own direction.
@@ -83,11 +83,12 @@ pub struct Given {
 }
 
 /// The vertices on the boundaries at v = 0 and v = 1; `None` where a boundary's are free, or where there is none.
-pub type Ends = [Option<Given>; 2];
+pub type Ends = [Option<GivenVertices>; 2];
 
-/// A layout, with the vertices on the boundaries at v = 0 and v = 1 in the order in which they were asked for.
+/// A regular layout as a net, with its vertices on the boundaries at v = 0 and v = 1 in the order in which they were
+/// asked for.
 #[derive(Clone, Debug, Default)]
-pub struct Regular {
+pub struct TemplateNet {
     /// Quads.
     pub net: Net,
     /// Vertices on the boundaries.
@@ -103,7 +104,7 @@ pub fn template(chart: &Chart, index: &PlanarIndex, edge: f64) -> PolyMesh {
 
 /// The layout of edges about `edge` long between given ends. The ends of an annulus must be of like parity, that of a
 /// disc even, none shorter than 3; else triangles would be needed, and the ends are taken as free.
-pub fn regular(ground: LayoutSurface<'_>, edge: f64, ends: Ends) -> Regular {
+pub fn regular(ground: LayoutSurface<'_>, edge: f64, ends: Ends) -> TemplateNet {
     stop::ask();
     let area = ground.chart.mesh.total_area();
     let edge = if edge > 0.0 && edge.is_finite() { edge } else { area.sqrt() / 16.0 };
@@ -121,7 +122,7 @@ pub fn regular(ground: LayoutSurface<'_>, edge: f64, ends: Ends) -> Regular {
         let cost = badness(&laid.net, area, Some(edge)) + EXTRAORDINARY_DEG * extraordinary as f64;
         (cost, laid)
     });
-    evened.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Regular::default, |best| best.1)
+    evened.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(TemplateNet::default, |best| best.1)
 }
 
 /// The quads with edges of length `edge` that an area has, as a share of those of a layout that has far more; 1 where it has not.
@@ -137,18 +138,18 @@ pub fn disc_between(
     border: &Border,
     edge: f64,
     (at, points): (&[f64], Vec<Vec3>),
-) -> Option<Regular> {
+) -> Option<TemplateNet> {
     let Unwound { end, u, along } = border.unwound(border.only_loop()?, at)?;
     let (levels, target, harmonics) = (Levels::new(chart), Target::new(&chart.mesh), Harmonics::new(chart));
     let ground = LayoutSurface { chart, index, levels: &levels, target: &target, harmonics: harmonics.as_ref() };
-    let laid = regular(ground, edge, [Some(Given { u, along, points }), None]);
+    let laid = regular(ground, edge, [Some(GivenVertices { u, along, points }), None]);
     (end == End::Bottom && laid.ends[0].len() == at.len()).then_some(laid)
 }
 
 /// A disc as rectangles, an annulus as such with a hole, if the surface is prepared for that and all ends are given.
-fn rectangles(ground: LayoutSurface<'_>, ends: &Ends, edge: f64) -> Vec<Regular> {
+fn rectangles(ground: LayoutSurface<'_>, ends: &Ends, edge: f64) -> Vec<TemplateNet> {
     let Some(harmonics) = ground.harmonics else { return Vec::new() };
-    let given: Vec<&Given> = ends.iter().flatten().collect();
+    let given: Vec<&GivenVertices> = ends.iter().flatten().collect();
     harmonics.best(ground.chart, &given, edge)
 }
 
@@ -156,7 +157,7 @@ fn place(ground: LayoutSurface<'_>, u: f64, v: f64) -> Vec3 {
     ground.index.locate(ground.chart, [u.rem_euclid(1.0), v.clamp(0.0, 1.0)]).point(ground.chart)
 }
 
-fn torus(ground: LayoutSurface<'_>, edge: f64) -> Regular {
+fn torus(ground: LayoutSurface<'_>, edge: f64) -> TemplateNet {
     let modulus = ground.chart.modulus.max(1e-3);
     let around = (ground.chart.mesh.total_area() / (edge * edge) / modulus).sqrt();
     let n = 2 * ((around / 2.0).round() as usize).clamp(COLUMNS_MIN / 2, COLUMNS_MAX / 2);
@@ -165,7 +166,7 @@ fn torus(ground: LayoutSurface<'_>, edge: f64) -> Regular {
     let cells = (0..rows).flat_map(|j| (0..n).map(move |i| (i, j)));
     let positions = cells.clone().map(|(i, j)| place(ground, i as f64 / n as f64, j as f64 / rows as f64)).collect();
     let quads = cells.map(|(i, j)| vec![at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]).collect();
-    Regular { net: Net::new(positions, quads), ends: Default::default() }
+    TemplateNet { net: Net::new(positions, quads), ends: Default::default() }
 }
 
 struct Builder<'a> {
@@ -220,7 +221,7 @@ impl<'a> Builder<'a> {
         Self { ground, ends, columns, heights, edge, positions: Vec::new(), quads: Vec::new() }
     }
 
-    fn run(mut self) -> Regular {
+    fn run(mut self) -> TemplateNet {
         let (levels, [n, m], [low, high]) = (self.ground.levels, self.columns, self.heights);
         let wanted = ((high - low) / self.edge).round() as usize;
         let rings = wanted.clamp(1, RINGS_MAX).max(rings_min(n, m));
@@ -274,7 +275,7 @@ impl<'a> Builder<'a> {
             Topology::Annulus => [bottom, top],
             Topology::Sphere | Topology::Torus => [Vec::new(), Vec::new()],
         };
-        Regular { net, ends }
+        TemplateNet { net, ends }
     }
 
     /// Puts the vertices of a ring on the surface.
@@ -373,7 +374,7 @@ mod tests {
             columns[end].map(|n| {
                 let u: Vec<f64> = (0..n).map(|i| 0.137 + i as f64 / n as f64).collect();
                 let points = u.iter().map(|&u| place(ground, u, end as f64)).collect();
-                Given { u, points, ..Given::default() }
+                GivenVertices { u, points, ..GivenVertices::default() }
             })
         };
         let made = regular(ground, edge, [given(0), given(1)]);

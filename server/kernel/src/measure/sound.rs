@@ -8,7 +8,7 @@
 use std::sync::{Arc, OnceLock};
 
 use super::way::Ways;
-use crate::compose::fit::Measured;
+use crate::compose::fit::MeasuredSurface;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::facing::{Facing, TurnedArea};
 use crate::mesh::poly::sides;
@@ -44,7 +44,7 @@ const COLLAPSED: f64 = 1e-3;
 pub struct ReferenceSurface {
     surface: TriMesh,
     tree: Arc<Bvh>,
-    measured: Measured,
+    measured: MeasuredSurface,
     diagonal: f64,
     ways: OnceLock<Ways>,
 }
@@ -153,7 +153,7 @@ impl ReferenceSurface {
     pub fn with_tree(surface: TriMesh, tree: Arc<Bvh>) -> Self {
         let finite = surface.positions.iter().filter(|p| p.iter().all(|x| x.is_finite()));
         let diagonal = diagonal(finite).max(f64::MIN_POSITIVE);
-        let measured = Measured::with_tree(&surface, Arc::clone(&tree));
+        let measured = MeasuredSurface::with_tree(&surface, Arc::clone(&tree));
         Self { tree, measured, diagonal, surface, ways: OnceLock::new() }
     }
 

@@ -7,7 +7,7 @@ mod translate;
 use super::{
     Allowed, Appraisal, ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Fitted, Mapped, Model, OnePart,
     Opaque, Packed, PackedFeature, Part, Reach, Refusal, Registration, Resized, Rough, RoughLead, SegmentFacts, Side,
-    Stitched, Stitching, Wanted, Wishes,
+    SizeTarget, Stitched, Stitching, Wishes,
 };
 use crate::pool::Stop;
 use quadmuse_kernel as kernel;
@@ -116,7 +116,7 @@ impl Engine for KernelEngine {
         Ok(Arc::new(model_in(model)?.labelled_by_segment()))
     }
 
-    fn resized(&self, scan: &Model, mesh: &PolyMesh, wanted: Wanted, stop: &Stop) -> Result<Resized, EngineError> {
+    fn resized(&self, scan: &Model, mesh: &PolyMesh, wanted: SizeTarget, stop: &Stop) -> Result<Resized, EngineError> {
         going_on(stop)?;
         Ok(kernel::compose::rows::resized(mesh, model_in(scan)?.surface(), wanted))
     }

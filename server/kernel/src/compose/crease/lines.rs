@@ -40,18 +40,18 @@ const ROOM: f64 = 1e-9;
 
 /// Where lines meet, end or turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Corner {
+pub struct LineCorner {
     /// Where.
     pub point: Vec3,
     /// The net's edge length there.
     pub edge: f64,
     /// Whether the input ends there.
-    pub place: Place,
+    pub place: InteriorOrBorder,
 }
 
-/// Where on the input something lies.
+/// Tells whether a place of the input lies inside it or on its true boundary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum InteriorOrBorder {
     /// Inside.
     Inside,
     /// On its true boundary.
@@ -73,7 +73,7 @@ pub struct Line {
 
 /// The nearest point of a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Near {
+pub struct NearestOnLine {
     /// Arc length.
     pub at: f64,
     /// Distance.
@@ -111,7 +111,7 @@ impl Line {
     }
 
     /// The nearest point to `x`, of several the first.
-    pub fn nearest(&self, x: Vec3) -> Near {
+    pub fn nearest(&self, x: Vec3) -> NearestOnLine {
         let away = |[low, high]: &[Vec3; 2]| (low - x).sup(&(x - high)).sup(&Vec3::zeros()).norm_squared();
         let least: Vec<f64> = self.boxes.iter().map(away).collect();
         let first = (0..least.len()).min_by(|&a, &b| least[a].total_cmp(&least[b]));
@@ -121,22 +121,22 @@ impl Line {
         self.nearest_of(blocks, x)
     }
 
-    fn nearest_of(&self, blocks: impl Iterator<Item = usize>, x: Vec3) -> Near {
-        let none = Near { at: 0.0, distance: f64::INFINITY };
+    fn nearest_of(&self, blocks: impl Iterator<Item = usize>, x: Vec3) -> NearestOnLine {
+        let none = NearestOnLine { at: 0.0, distance: f64::INFINITY };
         let nearest = blocks.map(|block| self.nearest_in(block, x));
         nearest.fold(none, |best, near| if near.distance < best.distance { near } else { best })
     }
 
     /// The nearest point to `x` of a block of segments.
-    fn nearest_in(&self, block: usize, x: Vec3) -> Near {
-        let mut best = Near { at: 0.0, distance: f64::INFINITY };
+    fn nearest_in(&self, block: usize, x: Vec3) -> NearestOnLine {
+        let mut best = NearestOnLine { at: 0.0, distance: f64::INFINITY };
         let segments = self.points.windows(2).zip(&self.starts).skip(block * BLOCK).take(BLOCK);
         for (pair, start) in segments {
             let d = pair[1] - pair[0];
             let share = nearest_share([pair[0], pair[1]], x);
             let distance = (pair[0] + d * share - x).norm();
             if distance < best.distance {
-                best = Near { at: start + share * d.norm(), distance };
+                best = NearestOnLine { at: start + share * d.norm(), distance };
             }
         }
         best
@@ -171,7 +171,7 @@ impl Line {
 #[derive(Clone, Debug, Default)]
 pub struct Lines {
     /// Where they meet, end or turn.
-    pub corners: Vec<Corner>,
+    pub corners: Vec<LineCorner>,
     /// The lines.
     pub lines: Vec<Line>,
 }
@@ -207,11 +207,11 @@ impl Lines {
     fn between_corners(surface: &TriMesh, chains: &[Chain], size: &Size, border: &[bool]) -> Self {
         let mut found = Self::default();
         let mut number: BTreeMap<u32, usize> = BTreeMap::new();
-        let mut corner = |v: u32, corners: &mut Vec<Corner>| {
+        let mut corner = |v: u32, corners: &mut Vec<LineCorner>| {
             *number.entry(v).or_insert_with(|| {
                 let point = surface.positions[v as usize];
-                let place = if border[v as usize] { Place::Border } else { Place::Inside };
-                corners.push(Corner { point, edge: size.at(point).edge, place });
+                let place = if border[v as usize] { InteriorOrBorder::Border } else { InteriorOrBorder::Inside };
+                corners.push(LineCorner { point, edge: size.at(point).edge, place });
                 corners.len() - 1
             })
         };
@@ -415,7 +415,7 @@ pub(super) mod tests {
         assert_eq!((lines.lines.len(), lines.corners.len()), (1, 2));
         let line = &lines.lines[0];
         assert!((line.length() - 1.0).abs() < 1e-12 && (line.edge - 1.0 / 12.0).abs() < 1e-9, "{line:?}");
-        assert!(lines.corners.iter().all(|c| c.place == Place::Border && (c.point.x - 0.5).abs() < 1e-12));
+        assert!(lines.corners.iter().all(|c| c.place == InteriorOrBorder::Border && (c.point.x - 0.5).abs() < 1e-12));
         let near = line.nearest(Vec3::new(0.6, 0.25, 0.0));
         assert!((near.distance - 0.1).abs() < 1e-12);
         assert!((line.point(near.at) - Vec3::new(0.5, 0.25, 0.0)).norm() < 1e-12);

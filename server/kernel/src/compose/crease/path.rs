@@ -9,7 +9,7 @@ use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
 
 use super::super::net::Net;
-use super::lines::{Line, Near};
+use super::lines::{Line, NearestOnLine};
 
 /// How far a path may be from its line, in h.
 const TUBE: f64 = 1.7;
@@ -20,9 +20,9 @@ const TURN: f64 = 1.5;
 /// A path's edges are within this factor of h on average.
 const EDGE_RANGE: [f64; 2] = [0.35, 3.0];
 
-/// Which vertices a path may not pass.
+/// Tells whether a path may pass a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Taken {
+pub enum Occupancy {
     /// It is free.
     Free,
     /// It lies on a corner or another line, or has to stay.
@@ -57,7 +57,7 @@ impl Ord for State {
 }
 
 /// A path between two vertices, or around a closed line from a vertex to itself (then the vertex stands at both ends).
-pub fn path(net: &Net, line: &Line, [from, to]: [u32; 2], taken: &[Taken]) -> Option<Vec<u32>> {
+pub fn path(net: &Net, line: &Line, [from, to]: [u32; 2], taken: &[Occupancy]) -> Option<Vec<u32>> {
     let tube = tube(net, line, from);
     tube.get(&to)?;
     let search = Search { net, line, tube, ends: [from, to], taken };
@@ -68,7 +68,7 @@ pub fn path(net: &Net, line: &Line, [from, to]: [u32; 2], taken: &[Taken]) -> Op
 }
 
 /// The vertices near a line that can be reached from one without leaving it, with their nearest points.
-fn tube(net: &Net, line: &Line, from: u32) -> BTreeMap<u32, Near> {
+fn tube(net: &Net, line: &Line, from: u32) -> BTreeMap<u32, NearestOnLine> {
     let near = |v: u32| line.nearest(net.positions[v as usize]);
     let mut found = BTreeMap::from([(from, near(from))]);
     let mut front = vec![from];
@@ -97,9 +97,9 @@ fn edge_at(net: &Net, v: u32) -> f64 {
 struct Search<'a> {
     net: &'a Net,
     line: &'a Line,
-    tube: BTreeMap<u32, Near>,
+    tube: BTreeMap<u32, NearestOnLine>,
     ends: [u32; 2],
-    taken: &'a [Taken],
+    taken: &'a [Occupancy],
 }
 
 impl Search<'_> {
@@ -143,7 +143,7 @@ impl Search<'_> {
     fn cost(&self, v: u32, w: u32) -> Option<f64> {
         let [from, to] = self.ends;
         let (a, b) = (self.tube.get(&v)?, self.tube.get(&w)?);
-        let is_free = |x: u32| x == to || self.taken.get(x as usize) == Some(&Taken::Free);
+        let is_free = |x: u32| x == to || self.taken.get(x as usize) == Some(&Occupancy::Free);
         if !is_free(w) || (w == from && from != to) {
             return None;
         }
@@ -165,7 +165,7 @@ impl Search<'_> {
             }
         }
         let edge = (self.net.positions[w as usize] - self.net.positions[v as usize]).norm();
-        let away = |x: u32, at: &Near| if x == from || x == to { 0.0 } else { at.distance };
+        let away = |x: u32, at: &NearestOnLine| if x == from || x == to { 0.0 } else { at.distance };
         let d = 0.5 * (away(v, a) + away(w, b)) / self.line.edge.max(edge);
         Some(edge * (1.0 + AWAY * d * d) + (edge - (end - start)).max(0.0))
     }
@@ -207,7 +207,7 @@ mod tests {
     #[test]
     fn a_path_follows_the_column_beside_its_line() {
         let (net, line) = fold();
-        let free = vec![Taken::Free; net.positions.len()];
+        let free = vec![Occupancy::Free; net.positions.len()];
         let middle = column(SIDE / 2);
         let ends = if line.nearest(net.positions[middle[0] as usize]).at < 0.5 { [0, 12] } else { [12, 0] };
         let mut wanted = middle.clone();
@@ -220,15 +220,15 @@ mod tests {
     #[test]
     fn a_path_goes_around_what_is_taken_and_is_none_where_all_is() {
         let (net, line) = fold();
-        let mut taken = vec![Taken::Free; net.positions.len()];
+        let mut taken = vec![Occupancy::Free; net.positions.len()];
         let middle = column(SIDE / 2);
-        taken[middle[6] as usize] = Taken::Taken;
+        taken[middle[6] as usize] = Occupancy::Taken;
         let ends = [middle[0], middle[12]];
         let ends = if line.nearest(net.positions[ends[0] as usize]).at < 0.5 { ends } else { [ends[1], ends[0]] };
         let around = path(&net, &line, ends, &taken).expect("a way beside");
         assert!(!around.contains(&middle[6]) && around.len() > 13, "{around:?}");
         assert!(around.windows(2).all(|pair| net.joined(pair[0], pair[1])));
-        (0..=SIDE).for_each(|x| taken[column(x)[6] as usize] = Taken::Taken);
+        (0..=SIDE).for_each(|x| taken[column(x)[6] as usize] = Occupancy::Taken);
         assert_eq!(path(&net, &line, ends, &taken), None);
     }
 }

@@ -1,6 +1,6 @@
 //! The quads of an integer-grid map.
 //!
-//! With the nearest grid point at each corner ([`Unfolded`]) a triangle is a point, a side or half of a quad. Halves are
+//! With the nearest grid point at each corner ([`UnfoldedTriangles`]) a triangle is a point, a side or half of a quad. Halves are
 //! glued to each other through the sides between them; two that share a diagonal are a quad. So the faces are quads, save
 //! where a diagonal ends at a boundary, and the net is a manifold, whatever the map; where that turned over a quad may be
 //! folded. *Ours, not the paper's;* contracting what is nearest to a grid point is the extraction of Huang, Zhou, Niessner,
@@ -8,7 +8,7 @@
 
 use super::super::net::Net;
 use super::editable::Freedom;
-use super::unfolded::Unfolded;
+use super::unfolded::UnfoldedTriangles;
 use crate::mesh::Vec3;
 use crate::mesh::disjoint::Sets;
 use crate::mesh::tri::{NONE, next, prev};
@@ -22,7 +22,7 @@ const SINGULAR_WEIGHT: f64 = 20.0;
 const CORNER_WEIGHT: f64 = 1e9;
 
 /// The net of an unfolded surface.
-pub(super) fn quads(unfolded: &Unfolded) -> Net {
+pub(super) fn quads(unfolded: &UnfoldedTriangles) -> Net {
     let mesh = &unfolded.mesh;
     let halves: Vec<u32> = (0..mesh.triangles.len() as u32).filter(|&t| is_half(unfolded, t)).collect();
     let mut corners = Sets::new(mesh.twins.len());
@@ -81,12 +81,12 @@ fn reduced(mut face: Vec<u32>) -> Vec<u32> {
     face
 }
 
-fn is_half(unfolded: &Unfolded, t: u32) -> bool {
+fn is_half(unfolded: &UnfoldedTriangles, t: u32) -> bool {
     (3 * t..3 * t + 3).all(|h| unfolded.span(h) != [0, 0])
 }
 
 /// The halfedge of another half that is glued to one, through triangles that are sides; [`NONE`] at a boundary.
-fn across(unfolded: &Unfolded, h: u32) -> u32 {
+fn across(unfolded: &UnfoldedTriangles, h: u32) -> u32 {
     let mut g = unfolded.mesh.twin(h);
     // Each side is passed once, so this ends.
     while g != NONE && !is_half(unfolded, g / 3) {
@@ -98,7 +98,7 @@ fn across(unfolded: &Unfolded, h: u32) -> u32 {
 }
 
 /// For each vertex the place of the grid point that is nearest to it.
-fn places(unfolded: &Unfolded) -> Vec<Vec3> {
+fn places(unfolded: &UnfoldedTriangles) -> Vec<Vec3> {
     let mesh = &unfolded.mesh;
     let n = mesh.positions.len();
     let mut sets = Sets::new(n);

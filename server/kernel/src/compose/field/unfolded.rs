@@ -22,16 +22,16 @@ const LONGEST_FROM: usize = 8;
 
 /// A corner's place in its triangle's frame, and the grid point nearest to it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Corner {
+pub(super) struct UnfoldedCorner {
     pub(super) at: [f64; 2],
     pub(super) point: [i64; 2],
 }
 
 /// The triangles.
-pub(super) struct Unfolded {
+pub(super) struct UnfoldedTriangles {
     pub(super) mesh: EditableMesh,
     /// Of each halfedge the corner at its tail.
-    pub(super) corners: Vec<Corner>,
+    pub(super) corners: Vec<UnfoldedCorner>,
     /// The quarters by which a vector turns from a halfedge's triangle to that of its twin.
     turn: Vec<u8>,
     /// Vertices at singular points.
@@ -54,10 +54,10 @@ struct Step {
 }
 
 impl Step {
-    fn on(&self, c: Corner) -> Corner {
+    fn on(&self, c: UnfoldedCorner) -> UnfoldedCorner {
         let (at, point) = (turned(self.turn, c.at), applied(quarter_turn(self.turn), c.point));
         let [x, y] = self.shift;
-        Corner { at: [at[0] + x as f64, at[1] + y as f64], point: [point[0] + x, point[1] + y] }
+        UnfoldedCorner { at: [at[0] + x as f64, at[1] + y as f64], point: [point[0] + x, point[1] + y] }
     }
 
     fn back(&self) -> Self {
@@ -66,10 +66,11 @@ impl Step {
     }
 }
 
-impl Unfolded {
+impl UnfoldedTriangles {
     /// Of a map; `None` where its triangles would become more than `triangles_max`.
     pub(super) fn new(mesh: &TriMesh, sharp: &[u32], map: &GridMap, triangles_max: usize) -> Option<Self> {
-        let own: Vec<Corner> = map.at.iter().map(|&at| Corner { at, point: at.map(|x| x.round() as i64) }).collect();
+        let own: Vec<UnfoldedCorner> =
+            map.at.iter().map(|&at| UnfoldedCorner { at, point: at.map(|x| x.round() as i64) }).collect();
         let step = |h: u32| Step { turn: map.jumps.turn[h as usize], shift: map.jumps.shift_at(h, &map.pairs) };
         let corner = |v: u32| own[v as usize];
         let mut corners = Vec::with_capacity(3 * mesh.triangles.len());
@@ -117,7 +118,7 @@ impl Unfolded {
         &mut self,
         h: u32,
         point: [i64; 2],
-        (around, own): (&[Step; 3], &[Corner]),
+        (around, own): (&[Step; 3], &[UnfoldedCorner]),
         outer: &mut BTreeMap<u32, u8>,
     ) {
         let (t, rotated) = (h / 3, (h % 3) as usize);
@@ -126,13 +127,13 @@ impl Unfolded {
         let m = self.mesh.split_triangle(t, p);
         self.singular.push(m);
         let first = self.mesh.triangles.len() as u32 - 2;
-        self.corners.resize(3 * self.mesh.triangles.len(), Corner::default());
+        self.corners.resize(3 * self.mesh.triangles.len(), UnfoldedCorner::default());
         self.turn.resize(3 * self.mesh.triangles.len(), 0);
         let seen = singular_seen(around, point);
         for (corner, new) in [(0, t), (1, first), (2, first + 1)] {
             let k = (corner + 3 - rotated) % 3;
             let (a, b) = (own[vertices[k] as usize], own[vertices[(k + 1) % 3] as usize]);
-            let centre = Corner { at: seen[k].map(|x| x as f64), point: seen[k] };
+            let centre = UnfoldedCorner { at: seen[k].map(|x| x as f64), point: seen[k] };
             let at = 3 * new as usize;
             self.corners[at..at + 3].copy_from_slice(&[a, around[k].on(b), centre]);
             outer.insert(3 * new, around[k].turn);
@@ -191,14 +192,14 @@ impl Unfolded {
         let g = self.mesh.twin(h);
         let [a, b] = [self.corners[h as usize], self.corners[next(h) as usize]];
         let at = [0, 1].map(|k| 0.5 * (a.at[k] + b.at[k]));
-        let middle = Corner { at, point: at.map(|x| x.round() as i64) };
+        let middle = UnfoldedCorner { at, point: at.map(|x| x.round() as i64) };
         let across = (g != NONE).then(|| {
             // By the turn, and the grid point of the vertex that both have.
             let k = self.turn[h as usize];
             let there = self.corners[next(g) as usize];
             let way = applied(quarter_turn(k), minus(middle.point, a.point));
             let at = turned(k, [0, 1].map(|k| middle.at[k] - a.at[k]));
-            Corner {
+            UnfoldedCorner {
                 at: [there.at[0] + at[0], there.at[1] + at[1]],
                 point: [there.point[0] + way[0], there.point[1] + way[1]],
             }
@@ -212,7 +213,7 @@ impl Unfolded {
     }
 
     /// Brings corners and turns up to date where the triangle of a halfedge was split at its middle.
-    fn split_side(&mut self, h: u32, head: Corner, middle: Corner) {
+    fn split_side(&mut self, h: u32, head: UnfoldedCorner, middle: UnfoldedCorner) {
         let (apex, outer) = (self.corners[prev(h) as usize], self.turn[next(h) as usize]);
         // The new triangle is (middle, head, apex), in the same frame.
         self.corners.extend([middle, head, apex]);
@@ -224,15 +225,15 @@ impl Unfolded {
 
 /// The singular point as each corner of its triangle sees it.
 fn singular_seen(around: &[Step; 3], point: [i64; 2]) -> [[i64; 2]; 3] {
-    let in_b = around[0].back().on(Corner { point, ..Corner::default() }).point;
+    let in_b = around[0].back().on(UnfoldedCorner { point, ..UnfoldedCorner::default() }).point;
     // From a by the last step, which goes from c to a.
-    let in_c = around[2].on(Corner { point, ..Corner::default() }).point;
+    let in_c = around[2].on(UnfoldedCorner { point, ..UnfoldedCorner::default() }).point;
     [point, in_b, in_c]
 }
 
 /// The point that the turn around a triangle leaves where it is; `None` where it is no grid point.
 fn fixed_point(around: &[Step; 3]) -> Option<[i64; 2]> {
-    let zero = Corner::default();
+    let zero = UnfoldedCorner::default();
     let [x, y] = around[0].on(around[1].on(around[2].on(zero))).point;
     let twice = match (around[0].turn + around[1].turn + around[2].turn) % 4 {
         1 => [x - y, x + y],
@@ -259,9 +260,9 @@ mod tests {
         let mesh = TriMesh::from_triangles(positions, triangles.clone()).expect("a strip");
         let corner = |v: u32| {
             let at = [0, 1].map(|k| from[k] + thirds[v as usize] * (to[k] - from[k]));
-            Corner { at, point: at.map(|x| x.round() as i64) }
+            UnfoldedCorner { at, point: at.map(|x| x.round() as i64) }
         };
-        let mut unfolded = Unfolded {
+        let mut unfolded = UnfoldedTriangles {
             mesh: EditableMesh::new(&mesh, &[]),
             corners: triangles.iter().flatten().map(|&v| corner(v)).collect(),
             turn: vec![0; 3 * triangles.len()],

@@ -23,7 +23,7 @@ pub(super) fn merged(mesh: &PolyMesh, tree: &Bvh, count: usize) -> PolyMesh {
     while mesh.faces.len() as f64 > count as f64 * (1.0 + NEAR) {
         stop::ask();
         let chords = Chords::of(&mesh);
-        let about = About::of(&mesh, &chords);
+        let about = MeshIncidence::of(&mesh, &chords);
         let mut order: Vec<usize> = (0..chords.quads.len()).collect();
         order.sort_by(|&a, &b| chords.lengths[a].total_cmp(&chords.lengths[b]).then(a.cmp(&b)));
         let mean = mean_edge(&mesh, &chords);
@@ -49,8 +49,8 @@ fn mean_edge(mesh: &PolyMesh, chords: &Chords) -> f64 {
     chords.ends.iter().map(length).sum::<f64>() / chords.ends.len().max(1) as f64
 }
 
-/// What is known of vertices and edges.
-struct About {
+/// Counts the faces at vertices, and tells which vertices and edges lie on the boundary.
+struct MeshIncidence {
     /// Faces at each vertex.
     faces: Vec<u32>,
     on_boundary: Vec<bool>,
@@ -58,7 +58,7 @@ struct About {
     is_boundary: Vec<bool>,
 }
 
-impl About {
+impl MeshIncidence {
     fn of(mesh: &PolyMesh, chords: &Chords) -> Self {
         let mut faces = vec![0; mesh.positions.len()];
         mesh.faces.corners().iter().for_each(|&v| faces[v as usize] += 1);
@@ -77,7 +77,7 @@ impl About {
 }
 
 /// The mesh without the row that a chord crosses; `None` where that may not be.
-fn without(mesh: &PolyMesh, chords: &Chords, about: &About, chord: usize, tree: &Bvh) -> Option<PolyMesh> {
+fn without(mesh: &PolyMesh, chords: &Chords, about: &MeshIncidence, chord: usize, tree: &Bvh) -> Option<PolyMesh> {
     let row = &chords.quads[chord];
     if chords.is_fixed[chord] || row.is_empty() {
         return None;

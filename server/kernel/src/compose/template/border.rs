@@ -22,15 +22,15 @@ struct Edge {
 }
 
 impl Edge {
-    fn at(&self, share: f64) -> Place {
+    fn at(&self, share: f64) -> BorderPoint {
         let [u, v] = between(self.uv, share);
-        Place { u, v, along: self.along[0] + share * (self.along[1] - self.along[0]) }
+        BorderPoint { u, v, along: self.along[0] + share * (self.along[1] - self.along[0]) }
     }
 }
 
-/// A place on the boundary.
+/// A point on the boundary.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct BorderPoint {
     u: f64,
     v: f64,
     /// Length along the loop.
@@ -91,14 +91,14 @@ impl Border {
     }
 
     /// The boundary's point nearest to one given; `None` where there is no boundary.
-    fn nearest(&self, p: Vec3) -> Option<Place> {
+    fn nearest(&self, p: Vec3) -> Option<BorderPoint> {
         let edge = self.edges.get(self.bvh.closest(p).triangle as usize)?;
         Some(edge.at(nearest_share(edge.ends, p)))
     }
 
     /// Places on a curve, told by lengths along it: where a boundary nearly touches itself, points alone could not tell on
     /// which side they lie. `None` if the curve is no loop of the chart.
-    fn along(&self, curve: &Curve, at: &[f64]) -> Option<Vec<Place>> {
+    fn along(&self, curve: &Curve, at: &[f64]) -> Option<Vec<BorderPoint>> {
         let (length, start) = (curve.length(), *curve.points.first()?);
         let is_same = |p: Vec3, q: Vec3| (p - q).norm() <= SAME * length;
         let found = self.loops.iter().filter(|(ring, _)| (ring.length() - length).abs() <= SAME * length);

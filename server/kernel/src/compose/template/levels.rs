@@ -35,10 +35,10 @@ pub struct Levels {
 }
 
 /// A height between two levels: the lower one, and how far it is to the next.
-type Place = (usize, f64);
+type LevelPosition = (usize, f64);
 
 /// A level within a triangle: from u to u, of a length.
-type Piece = [f64; 3];
+type LevelPiece = [f64; 3];
 
 fn mixed(a: f64, b: f64, t: f64) -> f64 {
     a + (b - a) * t
@@ -84,7 +84,7 @@ impl Levels {
     pub fn new(chart: &Chart) -> Self {
         let v = levels_of(chart);
         let count = v.len() - 1;
-        let mut pieces: Vec<Vec<Piece>> = vec![Vec::new(); count + 1];
+        let mut pieces: Vec<Vec<LevelPiece>> = vec![Vec::new(); count + 1];
         let mut bands = vec![0.0; count];
         for (t, corners) in chart.corners.iter().enumerate() {
             let [low, high] = reach(corners);
@@ -114,7 +114,7 @@ impl Levels {
         self.height[self.height.len() - 1]
     }
 
-    fn place(&self, height: f64) -> Place {
+    fn place(&self, height: f64) -> LevelPosition {
         let l = self.height.partition_point(|&x| x <= height).clamp(1, self.height.len() - 1) - 1;
         let step = self.height[l + 1] - self.height[l];
         (l, if step > 0.0 { ((height - self.height[l]) / step).clamp(0.0, 1.0) } else { 0.0 })
@@ -133,13 +133,13 @@ impl Levels {
     }
 
     /// The share of the level's length up to u; a period of u is one of the share.
-    fn share(&self, (l, t): Place, u: f64) -> f64 {
+    fn share(&self, (l, t): LevelPosition, u: f64) -> f64 {
         let turn = u.floor();
         turn + mixed(up_to(&self.share[l], u - turn), up_to(&self.share[l + 1], u - turn), t)
     }
 
     /// The u up to which a share of the level's length lies.
-    fn u(&self, place: Place, share: f64) -> f64 {
+    fn u(&self, place: LevelPosition, share: f64) -> f64 {
         let turn = share.floor();
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..HALVINGS {
@@ -170,7 +170,7 @@ fn up_to(pairs: &[[f64; 2]], u: f64) -> f64 {
 }
 
 /// Where a level crosses a triangle, within one period: one piece, or two where it goes over the end of the period.
-fn crossing(mesh: &TriMesh, t: usize, corners: &[Uv; 3], v: f64) -> Vec<Piece> {
+fn crossing(mesh: &TriMesh, t: usize, corners: &[Uv; 3], v: f64) -> Vec<LevelPiece> {
     let p = mesh.triangles[t].map(|v| mesh.positions[v as usize]);
     let mut ends: Vec<(f64, Vec3)> = Vec::with_capacity(2);
     for k in 0..3 {
@@ -191,7 +191,7 @@ fn crossing(mesh: &TriMesh, t: usize, corners: &[Uv; 3], v: f64) -> Vec<Piece> {
 }
 
 /// The length of a level, and the shares of it, from its pieces in any order. A level without length is even in u.
-fn shares(mut pieces: Vec<Piece>) -> (f64, Vec<[f64; 2]>) {
+fn shares(mut pieces: Vec<LevelPiece>) -> (f64, Vec<[f64; 2]>) {
     pieces.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
     let total: f64 = pieces.iter().map(|p| p[2]).sum();
     if total <= 0.0 || !total.is_finite() {

@@ -14,7 +14,7 @@ use super::super::square::mean_deviation_deg;
 use super::even::unevenness;
 use super::frame::{Corners, Frame, Hole, place};
 use super::ramps::Ramps;
-use super::{Given, Regular};
+use super::{GivenVertices, TemplateNet};
 use crate::mesh::Vec3;
 use crate::numerics::{Factored, in_halves, stop};
 use crate::topology::Topology;
@@ -58,21 +58,21 @@ pub struct Harmonics {
     /// With all boundaries given; and for annuli with one of them, by end.
     inverse: Factored,
     one_given: Vec<Factored>,
-    rims: Vec<Rim>,
+    rims: Vec<EndLoop>,
     on_rim: Vec<bool>,
     area: f64,
 }
 
-/// The boundary at an end: its vertices in the order of u, and the length up to each and in all.
+/// The boundary loop at an end: its vertices in the order of u, and the length up to each and in all.
 #[derive(Clone, Debug)]
-struct Rim {
+struct EndLoop {
     vertices: Vec<u32>,
     along: Vec<f64>,
     /// Where the loop of the mesh starts, if u runs against it.
     against: Option<f64>,
 }
 
-impl Rim {
+impl EndLoop {
     fn new(chart: &Chart, mut vertices: Vec<u32>, end: usize) -> Self {
         // At v = 1 u runs against the boundary.
         if end == 1 {
@@ -132,9 +132,9 @@ fn smallest_share(net: &Net) -> f64 {
     if sum > 0.0 { least * count / sum } else { 0.0 }
 }
 
-/// A frame and how bad the layout on it is.
+/// A frame that was tried, and how bad the layout on it is.
 #[derive(Clone, Copy, Debug)]
-struct Tried {
+struct TriedFrame {
     badness: f64,
     frame: Frame,
 }
@@ -173,19 +173,19 @@ impl Harmonics {
             Topology::Annulus => 2,
             Topology::Sphere | Topology::Torus => return None,
         };
-        let mut rims: Vec<Option<Rim>> = vec![None; ends];
+        let mut rims: Vec<Option<EndLoop>> = vec![None; ends];
         for ring in mesh.boundary_loops() {
             let vertices: Vec<u32> = ring.iter().map(|&h| mesh.tail(h)).collect();
             let v = vertices.iter().filter_map(|&v| chart.uv.get(v as usize)).map(|uv| uv[1]);
             let end = usize::from(v.sum::<f64>() > 0.5 * vertices.len() as f64);
-            *rims.get_mut(end)? = Some(Rim::new(chart, vertices, end));
+            *rims.get_mut(end)? = Some(EndLoop::new(chart, vertices, end));
         }
-        let rims: Vec<Rim> = rims.into_iter().collect::<Option<_>>()?;
+        let rims: Vec<EndLoop> = rims.into_iter().collect::<Option<_>>()?;
         let on_rim = mesh.boundary_vertices();
         let laplacian = Laplacian::new(mesh).ok()?;
         let factor = |fixed: &[bool]| laplacian.factor(fixed, 0.0, |_| false).ok();
         let inverse = factor(&on_rim)?;
-        let of = |rim: &Rim| {
+        let of = |rim: &EndLoop| {
             let mut fixed = vec![false; on_rim.len()];
             rim.vertices.iter().for_each(|&v| fixed[v as usize] = true);
             factor(&fixed)
@@ -197,7 +197,7 @@ impl Harmonics {
     /// The best layouts between given vertices, by angles and like sizes, and if that has by far more or fewer quads than
     /// are wanted, by sizes that are near to `edge`. An even number is given at each end, of an annulus those of one end
     /// fewer by 8 at least.
-    pub fn best(&self, chart: &Chart, given: &[&Given], edge: f64) -> Vec<Regular> {
+    pub fn best(&self, chart: &Chart, given: &[&GivenVertices], edge: f64) -> Vec<TemplateNet> {
         let count = |end: usize| given[end].points.len();
         let is_sound =
             |end: usize| count(end) >= 4 && count(end).is_multiple_of(2) && count(end) == given[end].along.len();
@@ -257,7 +257,7 @@ impl Harmonics {
         } else {
             [(0..n).collect(), (n..n + m).collect()]
         };
-        nets.into_iter().map(|net| Regular { net, ends: ends.clone() }).collect()
+        nets.into_iter().map(|net| TemplateNet { net, ends: ends.clone() }).collect()
     }
 
     /// What a function of the place gives on a boundary, and 0 elsewhere.
@@ -317,7 +317,7 @@ impl Search<'_> {
         turns.into_iter().map(|(_, turn)| turn).collect()
     }
 
-    fn climb(&mut self, mut now: Tried, mut step: usize) {
+    fn climb(&mut self, mut now: TriedFrame, mut step: usize) {
         while step > 0 {
             let Frame { outer, hole } = now.frame;
             let moved = outer.moved(step).into_iter().flatten();
@@ -348,8 +348,8 @@ impl Search<'_> {
     }
 
     /// Tries frames, two at a time, and returns the best; `None` if all have been tried, or fit nowhere, or too much was tried.
-    fn best_of(&mut self, frames: Vec<Frame>) -> Option<Tried> {
-        let (ground, mut best) = (self.ground, None::<Tried>);
+    fn best_of(&mut self, frames: Vec<Frame>) -> Option<TriedFrame> {
+        let (ground, mut best) = (self.ground, None::<TriedFrame>);
         for pair in frames.chunks(2) {
             let mut maps: Vec<(Frame, [Vec<f64>; 2])> = Vec::new();
             for &frame in pair {
@@ -375,7 +375,7 @@ impl Search<'_> {
                     self.best = Some((badness, net));
                 }
                 if best.is_none_or(|b| badness < b.badness) {
-                    best = Some(Tried { badness, frame });
+                    best = Some(TriedFrame { badness, frame });
                 }
             }
         }
@@ -443,7 +443,7 @@ mod tests {
 
     /// Layouts of a sheet of so much by 1, with vertices an edge apart on its boundary, from the middle of the first side on;
     /// and those vertices.
-    fn laid(length: f64, edge: f64) -> (Vec<Regular>, Vec<Vec3>) {
+    fn laid(length: f64, edge: f64) -> (Vec<TemplateNet>, Vec<Vec3>) {
         let mut mesh = grid(10 * length as u32, 10, false, false);
         mesh.positions.iter_mut().for_each(|p| p.x *= length);
         let chart = unfold(&whole(&mesh).expect("a disc"), &UnfoldOptions::default()).expect("solvable");
@@ -460,7 +460,7 @@ mod tests {
         let curve = &found.curves[0][0];
         let at: Vec<f64> = points.iter().map(|&p| curve.nearest(p).0).collect();
         let Unwound { u, along, .. } = Border::new(&chart).unwound(curve, &at).expect("a boundary");
-        let given = Given { u, along, points: points.clone() };
+        let given = GivenVertices { u, along, points: points.clone() };
         (harmonics.best(&chart, &[&given], edge), points)
     }
 
