@@ -13,7 +13,7 @@
 //! The rows of a store are ranked exactly, and the bound is compared with the score of the last of the best K: what is not
 //! above it would be left. `cargo run --release -p quadmuse-server --example means -- STORE INPUT.obj…`
 
-use quadmuse_kernel::rank::coarse::{CoarseQuery, Facts};
+use quadmuse_kernel::rank::coarse::{CoarseQuery, RowFacts};
 use quadmuse_kernel::rank::{SegmentShape, score};
 use quadmuse_kernel::register::Flip;
 use quadmuse_kernel::register::spectra::{Row, SIDE, Spectrum, VALUES};
@@ -106,7 +106,7 @@ fn sides(query: &CoarseQuery) -> Vec<(Few, SegmentShape)> {
 
 struct Known {
     row: Row,
-    facts: Facts,
+    facts: RowFacts,
     few: Few,
 }
 
@@ -125,7 +125,7 @@ fn main() {
         let Some(blocks) = snapshot.row_blocks(topology, Stock::Wholes) else { return Vec::new() };
         let rows = blocks.chunks().iter().flat_map(|chunk| (0..16).filter_map(|lane| chunk.row(lane)));
         rows.map(|(row, resident)| {
-            let facts = Facts::of(&row, resident.facts.shape());
+            let facts = RowFacts::of(&row, resident.facts.shape());
             Known { few: Few::of_row(&row), row: row.clone(), facts }
         })
         .collect()

@@ -4,7 +4,7 @@
 //! The rows of a store (see `quadmuse-server bench-corpus`) are repeated until there are N of them.
 //! `cargo run --release -p quadmuse-server --example sweep -- STORE INPUT.obj N`
 
-use quadmuse_kernel::rank::coarse::{Bounds, CoarseQuery, Facts, could_be_kept};
+use quadmuse_kernel::rank::coarse::{Bounds, CoarseQuery, RowFacts, could_be_kept};
 use quadmuse_kernel::register::spectra::{Block, LANES, Row, SIDE, VALUES};
 use quadmuse_proto::Topology;
 use quadmuse_server::pool::Stop;
@@ -22,7 +22,7 @@ const THREADS: usize = 2;
 
 struct Lanes {
     block: Block,
-    facts: [Option<Facts>; LANES],
+    facts: [Option<RowFacts>; LANES],
 }
 
 fn resident_mib() -> f64 {
@@ -67,9 +67,9 @@ fn main() {
     let snapshot = catalogue.snapshot();
     let blocks = snapshot.row_blocks(Topology::Disc, Stock::Wholes).expect("discs");
     let chunks = blocks.chunks().iter();
-    let known: Vec<(Row, Facts)> = chunks
+    let known: Vec<(Row, RowFacts)> = chunks
         .flat_map(|chunk| (0..LANES).filter_map(|lane| chunk.row(lane)))
-        .map(|(row, resident)| (row.clone(), Facts::of(&row, resident.facts.shape())))
+        .map(|(row, resident)| (row.clone(), RowFacts::of(&row, resident.facts.shape())))
         .collect();
     let before = resident_mib();
     let mut corpus: Vec<Lanes> = Vec::with_capacity(count.div_ceil(LANES));
@@ -91,7 +91,7 @@ fn main() {
     bound(&known, &query);
 }
 
-fn time(corpus: &[Lanes], query: &CoarseQuery, known: &[(Row, Facts)]) {
+fn time(corpus: &[Lanes], query: &CoarseQuery, known: &[(Row, RowFacts)]) {
     let begun = Instant::now();
     let parts = std::thread::scope(|scope| {
         let sweep = |part: &[Lanes]| -> Vec<Bounds> {
@@ -119,12 +119,12 @@ fn time(corpus: &[Lanes], query: &CoarseQuery, known: &[(Row, Facts)]) {
 }
 
 /// How many rows, and how many whole blocks, the bound alone would spare, if the best were known beforehand.
-fn bound(known: &[(Row, Facts)], query: &CoarseQuery) {
+fn bound(known: &[(Row, RowFacts)], query: &CoarseQuery) {
     let mut scores: Vec<f64> =
         known.iter().filter_map(|(row, facts)| Some(query.translation(row, facts.shape, 3.0)?.score)).collect();
     scores.sort_by(f64::total_cmp);
     // The nearest example stands for the query: the bound needs pictures, and a query's are not told.
-    let exact = |(row, facts): &(Row, Facts)| query.translation(row, facts.shape, 3.0).map_or(f64::MAX, |t| t.score);
+    let exact = |(row, facts): &(Row, RowFacts)| query.translation(row, facts.shape, 3.0).map_or(f64::MAX, |t| t.score);
     let nearest = known.iter().min_by(|a, b| exact(a).total_cmp(&exact(b))).expect("a row");
     let own = magnitudes(&nearest.0);
     let bounds: Vec<f64> = known

@@ -212,9 +212,9 @@ fn quantile(samples: &[(f64, f64)], weight: f64) -> f64 {
     reached.or(samples.last()).map_or(0.0, |s| s.0)
 }
 
-/// One plain word for a map.
+/// The grade of a map, in one plain word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Verdict {
+pub enum Grade {
     /// Use it.
     Good,
     /// Look at it.
@@ -223,9 +223,9 @@ pub enum Verdict {
     Poor,
 }
 
-/// What the verdict is made of.
+/// The measurements from which a map's grade is told.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Evidence {
+pub struct MapMeasurements {
     /// E / variance at the finest level reached.
     pub cost: f64,
     /// log of the ratio of the moduli.
@@ -273,7 +273,7 @@ pub fn may_be_good(cost: f64, laid_angle_p95_deg: f64, is_ring: bool) -> bool {
 /// The verdict with a sentence for each measure that is not good. Doubts add up: with each measure as a share of the way from where
 /// it is good to where it is fair, a map is fair within the unit ball. Of maps with no measure beyond its limit right ones had a norm
 /// of up to .85, and wrong ones 1.04 and 1.32 (tests/records/corpus-2026-11-29.md).
-pub fn verdict(evidence: &Evidence) -> (Verdict, Vec<String>) {
+pub fn verdict(evidence: &MapMeasurements) -> (Grade, Vec<String>) {
     let of_pictures = |value: f64| if evidence.is_ring { 0.0 } else { value };
     let values = [
         of_pictures(evidence.cost),
@@ -288,10 +288,10 @@ pub fn verdict(evidence: &Evidence) -> (Verdict, Vec<String>) {
     if evidence.is_ring {
         (limits[1].1, limits[1].2) = RING_LIMITS;
     }
-    let (mut word, mut reasons, mut doubt) = (Verdict::Good, Vec::new(), 0.0);
+    let (mut word, mut reasons, mut doubt) = (Grade::Good, Vec::new(), 0.0);
     let (flat, other) = if evidence.is_flat[0] { ("example", "scan") } else { ("scan", "example") };
     if evidence.is_flat[0] != evidence.is_flat[1] {
-        word = Verdict::Poor;
+        word = Grade::Poor;
         reasons.push(format!("the {flat} is flat, and the {other} is not"));
     }
     for ((text, good, fair), value) in limits.into_iter().zip(values) {
@@ -299,13 +299,13 @@ pub fn verdict(evidence: &Evidence) -> (Verdict, Vec<String>) {
             continue;
         }
         let poor = value > fair || value.is_nan();
-        word = word.max(if poor { Verdict::Poor } else { Verdict::Fair });
+        word = word.max(if poor { Grade::Poor } else { Grade::Fair });
         doubt += ((value - good) / (fair - good)).powi(2);
         let shown = if value < 1.0 { format!("{value:.3}") } else { format!("{value:.0}") };
         reasons.push(format!("{} (good up to {good}, fair up to {fair})", text.replace("{}", &shown)));
     }
-    if word == Verdict::Fair && doubt > 1.0 {
-        word = Verdict::Poor;
+    if word == Grade::Fair && doubt > 1.0 {
+        word = Grade::Poor;
         reasons.push(TOGETHER.to_owned());
     }
     (word, reasons)
@@ -354,7 +354,7 @@ mod tests {
     #[test]
     fn a_ring_may_be_longer_than_the_example() {
         let coverage = Coverage { uncovered_share: 0.0, features: 4, missing: 4 };
-        let longer = Evidence {
+        let longer = MapMeasurements {
             cost: 0.9,
             modulus_log: 0.7,
             turned_share: 0.0,
@@ -364,14 +364,14 @@ mod tests {
             is_flat: [false; 2],
             is_ring: true,
         };
-        assert_eq!(verdict(&longer).0, Verdict::Fair);
-        assert_eq!(verdict(&Evidence { modulus_log: 1.4, ..longer }).0, Verdict::Poor);
-        assert_eq!(verdict(&Evidence { is_ring: false, ..longer }).0, Verdict::Poor);
+        assert_eq!(verdict(&longer).0, Grade::Fair);
+        assert_eq!(verdict(&MapMeasurements { modulus_log: 1.4, ..longer }).0, Grade::Poor);
+        assert_eq!(verdict(&MapMeasurements { is_ring: false, ..longer }).0, Grade::Poor);
     }
 
     #[test]
     fn a_bad_match_is_called_poor_with_its_reason() {
-        let good = Evidence {
+        let good = MapMeasurements {
             cost: 0.05,
             modulus_log: 0.02,
             turned_share: 0.0,
@@ -381,20 +381,20 @@ mod tests {
             is_flat: [false; 2],
             is_ring: false,
         };
-        assert_eq!(verdict(&good), (Verdict::Good, Vec::new()));
-        let (word, reasons) = verdict(&Evidence { cost: 0.9, ..good });
-        assert_eq!((word, reasons.len()), (Verdict::Poor, 1));
+        assert_eq!(verdict(&good), (Grade::Good, Vec::new()));
+        let (word, reasons) = verdict(&MapMeasurements { cost: 0.9, ..good });
+        assert_eq!((word, reasons.len()), (Grade::Poor, 1));
         assert!(reasons[0].contains("0.900"), "{}", reasons[0]);
-        assert_eq!(verdict(&Evidence { laid_angle_p95_deg: 30.0, ..good }).0, Verdict::Fair);
-        let doubtful = Evidence { cost: 0.3, ..good };
-        assert_eq!(verdict(&doubtful).0, Verdict::Fair);
-        let (word, reasons) = verdict(&Evidence { modulus_log: -0.35, ..doubtful });
-        assert_eq!((word, reasons.last().map(String::as_str)), (Verdict::Poor, Some(TOGETHER)), "doubts add up");
-        let flat = |is_flat| verdict(&Evidence { is_flat, ..good });
-        assert_eq!((flat([true; 2]).0, flat([true, false]).0), (Verdict::Good, Verdict::Poor));
+        assert_eq!(verdict(&MapMeasurements { laid_angle_p95_deg: 30.0, ..good }).0, Grade::Fair);
+        let doubtful = MapMeasurements { cost: 0.3, ..good };
+        assert_eq!(verdict(&doubtful).0, Grade::Fair);
+        let (word, reasons) = verdict(&MapMeasurements { modulus_log: -0.35, ..doubtful });
+        assert_eq!((word, reasons.last().map(String::as_str)), (Grade::Poor, Some(TOGETHER)), "doubts add up");
+        let flat = |is_flat| verdict(&MapMeasurements { is_flat, ..good });
+        assert_eq!((flat([true; 2]).0, flat([true, false]).0), (Grade::Good, Grade::Poor));
         assert_eq!(flat([false, true]).1, ["the scan is flat, and the example is not"]);
         let bare = Coverage { uncovered_share: 0.3, ..good.coverage };
-        assert_eq!(verdict(&Evidence { coverage: bare, ..good }).0, Verdict::Poor);
+        assert_eq!(verdict(&MapMeasurements { coverage: bare, ..good }).0, Grade::Poor);
     }
 
     #[test]
@@ -402,7 +402,7 @@ mod tests {
         let judged = |cost, laid_angle_p95_deg, is_ring| {
             let coverage = Coverage { uncovered_share: 0.0, features: 4, missing: 0 };
             let (modulus_log, turned_share, angle_p95_deg, is_flat) = (0.0, 0.0, 20.0, [false; 2]);
-            let all = Evidence {
+            let all = MapMeasurements {
                 cost,
                 modulus_log,
                 turned_share,
@@ -412,7 +412,7 @@ mod tests {
                 is_flat,
                 is_ring,
             };
-            verdict(&all).0 == Verdict::Good
+            verdict(&all).0 == Grade::Good
         };
         for (cost, angle) in [(0.1, 24.0), (0.13, 24.0), (0.1, 26.0), (0.9, 90.0)] {
             for is_ring in [false, true] {

@@ -27,7 +27,7 @@ mod validate;
 mod weld;
 mod write;
 
-pub use error::{MeshError, MeshErrorKind, Place};
+pub use error::{FileLocation, MeshError, MeshErrorKind};
 pub use format::Format;
 pub use limits::Limits;
 pub use poly::{Attributes, CornerLayer, Crease, FaceLabels, PolyMesh, Polygons};

@@ -106,14 +106,15 @@ pub struct Level<'a> {
     /// λ₁ at this level.
     picture: &'a Picture,
     /// What follows from the example alone.
-    ready: Arc<Ready>,
+    ready: Arc<LevelCache>,
     /// √λ₂ at this level.
     query: &'a Image,
 }
 
-/// What a level of an example gives for any query: its pictures, and the nodes of ψ̂ for the controls asked for so far.
+/// Caches what a level of an example gives for any query: its pictures, and the nodes of ψ̂ for the controls asked for
+/// so far.
 #[derive(Debug)]
-struct Ready {
+struct LevelCache {
     /// √λ₁ for each flip of [`Flip::all`], when it is asked for.
     flipped: Vec<OnceLock<Image>>,
     nodes: Mutex<Vec<Arc<Nodes>>>,
@@ -127,7 +128,7 @@ impl<'a> Level<'a> {
     pub fn new(example: &'a Encoding, query: &'a Image) -> Option<Self> {
         let picture = example.level(query.side)?;
         let flipped = Flip::all(example.topology).iter().map(|_| OnceLock::new()).collect();
-        Some(Self { example, picture, ready: Arc::new(Ready { flipped, nodes: Mutex::default() }), query })
+        Some(Self { example, picture, ready: Arc::new(LevelCache { flipped, nodes: Mutex::default() }), query })
     }
 
     /// The same level of the example against another image; `None` where that has another side.

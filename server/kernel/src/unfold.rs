@@ -24,7 +24,7 @@ use crate::numerics::SolveError;
 use crate::topology::holes::filled;
 use crate::topology::{Patch, Topology};
 use area_fraction::{AreaFraction, MODULUS_SHARES};
-use harmonic::{Harmonic, Solver};
+use harmonic::{Harmonic, HarmonicSolver};
 use laplacian::Laplacian;
 use moebius::Conformal;
 use pole::{Breadth, Smoother};
@@ -121,7 +121,7 @@ enum Fields {
 #[derive(Debug)]
 pub struct Unfolder {
     patch_vertices: usize,
-    solver: Solver,
+    solver: HarmonicSolver,
 }
 
 /// The mesh on which a patch is unfolded: holes filled, chords split, coarse meshes subdivided.
@@ -161,7 +161,7 @@ impl Unfolder {
         let given = wanted > 0 && options.poles.len() == wanted;
         let seeks = topology == Topology::Disc && !given;
         let smoother = |laplacian: &Laplacian| seeks.then(|| Smoother::for_poles(laplacian));
-        let (solver, smoother) = Solver::beside(mesh, topology, smoother)?;
+        let (solver, smoother) = HarmonicSolver::beside(mesh, topology, smoother)?;
         let smoother = smoother.flatten().transpose()?;
         let poles = match topology {
             _ if given => vec![options.poles.clone()],
@@ -256,7 +256,7 @@ impl Unfolder {
 
     fn assemble(&self, poles: &[u32], harmonic: &Harmonic, u: &[f64], s: &[i32], v: &[f64], modulus: f64) -> Chart {
         let mesh = &self.solver.mesh;
-        let (u, v) = relax::relaxed(&relax::Plane { mesh, jumps: s, poles }, u, v);
+        let (u, v) = relax::relaxed(&relax::ChartStructure { mesh, jumps: s, poles }, u, v);
         let corners: Vec<[Uv; 3]> = (0..mesh.triangles.len())
             .map(|t| corner_uvs(mesh.triangles[t], &u, &s[3 * t..3 * t + 3], &v, poles))
             .collect();

@@ -6,7 +6,7 @@
 
 use crate::map::CrossMap;
 use crate::map::polish::{Faces, PolishOptions, flat, settle};
-use crate::map::untangle::{Spoiled, inward};
+use crate::map::untangle::{FaceFlaws, inward};
 use crate::measure::sound::ReferenceSurface;
 use crate::mesh::Vec3;
 use crate::mesh::disjoint::Sets;
@@ -109,7 +109,7 @@ pub fn mend(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64) {
         let before = cross.clone();
         settle(faces, cross, input, &PolishOptions { size_freedom: 1.0, ..PolishOptions::default() });
         let after = inward(mesh, cross, input, mirror);
-        let [is, was] = [Spoiled::of(mesh, cross, &after), Spoiled::of(mesh, &before, &turned)];
+        let [is, was] = [FaceFlaws::of(mesh, cross, &after), FaceFlaws::of(mesh, &before, &turned)];
         // A region that did not get better by it stays as it was.
         for region in connected(mesh, &inside).into_iter().filter(|set| inside[set[0] as usize]) {
             let polygons = || region.iter().map(|t| mesh.polygon_of[*t as usize]);

@@ -15,10 +15,10 @@ use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use cap::Course;
-use matching::{Match, Matcher, Which, tip_controls};
+use matching::{Match, Matcher, WhichSurface, tip_controls};
 
 use super::edit::EditError;
-use super::reembed::{InputChart, Picture};
+use super::reembed::{EqualAreaDisc, InputChart};
 use super::{CrossMap, turns_over, vertex_uv};
 use crate::encode::index::{Location, PlanarIndex};
 use crate::encode::{Encoding, encode_to};
@@ -42,14 +42,14 @@ const FINER_WITHIN: f64 = 1.02;
 /// How fast a chart's say falls with its compression.
 const BLEND_POWER: f64 = 2.0;
 
-/// A surface's side of a pair of charts.
+/// A chart of one of the surfaces, with its encoding.
 #[derive(Debug)]
-struct Side {
+struct EncodedChart {
     chart: Arc<Chart>,
     encoding: Encoding,
 }
 
-impl Side {
+impl EncodedChart {
     /// Where a tip lies; `None` for one that is a pole.
     fn place(&self, tip: u32) -> Option<Uv> {
         let is_free = self.chart.poles.iter().all(|pole| pole.vertex != tip);
@@ -142,8 +142,10 @@ impl Atlas {
         let Some((matcher, found)) = matched(example, query, solver, stop) else { return Ok(None) };
         let matches = matcher.vertices(&found.assignment.pairs);
         let flip = found.flip;
-        let poles_at =
-            |k: usize| [Which::Example, Which::Query].map(|which| matcher.poles_at(&found.assignment.pairs, k, which));
+        let poles_at = |k: usize| {
+            [WhichSurface::Example, WhichSurface::Query]
+                .map(|which| matcher.poles_at(&found.assignment.pairs, k, which))
+        };
         let poles: Vec<[Vec<u32>; 2]> = (0..matches.len()).map(poles_at).collect();
         let sheet = |k: usize| {
             let (one, two) = (side_at(example, &poles[k][0])?, side_at(query, &poles[k][1])?);
@@ -189,7 +191,7 @@ impl Atlas {
         let laid = in_halves(&self.sheets, |sheet| SheetMap::new(sheet, constraints, n));
         let laid: Vec<SheetMap> = laid.into_iter().collect::<Result<_, EditError>>()?;
         let on_boundary = first.example.mesh.boundary_vertices();
-        let rim = Rim::new(&input.mesh);
+        let rim = InputBoundary::new(&input.mesh);
         let vertices: Vec<usize> = (0..n).collect();
         let locations = many_in_halves(&vertices, |&v| {
             let place = blended(&laid, v);
@@ -300,12 +302,12 @@ impl<'a> SheetMap<'a> {
     }
 }
 
-/// The mean of the places to which the sheets send vertex `v`, taken on the surface: in the [`Picture`] about the nearer
+/// The mean of the places to which the sheets send vertex `v`, taken on the surface: in the [`EqualAreaDisc`] about the nearer
 /// end of the chart that has most say, so that no place between two fingers is ever passed.
 fn blended(laid: &[SheetMap], v: usize) -> Location {
     let strongest = laid.iter().reduce(|a, b| if b.weights[v] > a.weights[v] { b } else { a });
     let Some(chart) = strongest else { return Location { triangle: 0, barycentric: [1.0, 0.0, 0.0] } };
-    let picture = Picture::about(chart.input, chart.images[v][1]);
+    let picture = EqualAreaDisc::about(chart.input, chart.images[v][1]);
     let (mut sum, mut all) = ([0.0; 2], 0.0);
     for sheet in laid {
         let uv = if std::ptr::eq(sheet, chart) { chart.images[v] } else { sheet.places[v].uv(chart.input) };
@@ -317,20 +319,20 @@ fn blended(laid: &[SheetMap], v: usize) -> Location {
     chart.index.locate(chart.input, picture.uv(sum.map(|s| s / all.max(1e-300))))
 }
 
-fn side_at(query: &Query, poles: &[u32]) -> Result<Side, UnfoldError> {
+fn side_at(query: &Query, poles: &[u32]) -> Result<EncodedChart, UnfoldError> {
     let chart = match query.quick_chart(poles) {
         Some(chart) => Arc::new(chart),
         None => query.chart_for(poles)?,
     };
     let encoding = encode_to(&chart, CHART_SIDE);
-    Ok(Side { chart, encoding })
+    Ok(EncodedChart { chart, encoding })
 }
 
 impl Sheet {
     /// Registers a pair of charts, the other matched tips as controls.
     fn new(
-        one: Side,
-        two: Side,
+        one: EncodedChart,
+        two: EncodedChart,
         matches: &[(u32, u32)],
         flip: Flip,
         solver: &dyn Solver,
@@ -410,11 +412,11 @@ fn compression(chart: &Chart) -> Vec<f64> {
 }
 
 /// The input's boundary, for vertices that must stay on it.
-struct Rim {
+struct InputBoundary {
     halfedges: Vec<u32>,
 }
 
-impl Rim {
+impl InputBoundary {
     fn new(mesh: &TriMesh) -> Self {
         Self { halfedges: (0..mesh.twins.len() as u32).filter(|&h| mesh.twin(h) == NONE).collect() }
     }

@@ -6,7 +6,7 @@
 
 mod follow;
 
-use self::follow::{Follow, HoldingCorner, Moved, shares};
+use self::follow::{Follow, HoldingCorner, MovedPoint, shares};
 use super::CrossMap;
 use super::polish::{PolishOptions, polish_within};
 use super::untangle::{inward, turned_in_domain, untangle_within};
@@ -88,7 +88,7 @@ pub fn bend(
     let border = mesh.boundary_vertices();
     let laid = TriMesh { positions: cross.positions.clone(), ..mesh.clone() };
     let follow = Follow { cross, input, bvh, marcher: &Marcher::new(&laid) };
-    let mut moved: Vec<Moved> = Vec::new();
+    let mut moved: Vec<MovedPoint> = Vec::new();
     let mut reach = 0.0f64;
     for pin in pins {
         let Some(held) = corners(mesh, &border, &pin.on_example) else { continue };

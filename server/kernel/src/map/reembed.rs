@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 
 use super::CrossMap;
 use super::polish::{PolishOptions, polish};
-use super::untangle::{Spoiled, inward, untangle};
+use super::untangle::{FaceFlaws, inward, untangle};
 use crate::encode::index::PlanarIndex;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::TriMesh;
@@ -87,7 +87,7 @@ fn lay_anew(mesh: &TriMesh, cross: &mut CrossMap, grounds: &[InputChart], mirror
             region.lay(mesh, cross, grounds);
         }
         let after = inward(mesh, cross, first.chart, mirror);
-        let [is, was] = [Spoiled::of(mesh, cross, &after), Spoiled::of(mesh, &before, &turned)];
+        let [is, was] = [FaceFlaws::of(mesh, cross, &after), FaceFlaws::of(mesh, &before, &turned)];
         regions.retain(|region| {
             let polygons = region.polygons(mesh);
             is.among(polygons.iter().copied()) >= was.among(polygons.iter().copied())
@@ -102,13 +102,13 @@ fn lay_anew(mesh: &TriMesh, cross: &mut CrossMap, grounds: &[InputChart], mirror
 }
 
 /// A connected part of the example about faces that look inward.
-struct Region {
+struct InwardRegion {
     triangles: Vec<u32>,
     /// Vertices that may move, in order: no triangle outside the region touches them.
     inner: Vec<u32>,
 }
 
-fn regions(mesh: &TriMesh, turned: &[u32], rings: usize) -> Vec<Region> {
+fn regions(mesh: &TriMesh, turned: &[u32], rings: usize) -> Vec<InwardRegion> {
     let mut inside: Vec<bool> = mesh.polygon_of.iter().map(|f| turned.binary_search(f).is_ok()).collect();
     topology::widen(mesh, &mut inside, rings);
     let mut fixed = mesh.boundary_vertices();
@@ -120,12 +120,12 @@ fn regions(mesh: &TriMesh, turned: &[u32], rings: usize) -> Vec<Region> {
         let mut inner: Vec<u32> = corners.filter(|&v| !fixed[v as usize]).collect();
         inner.sort_unstable();
         inner.dedup();
-        Region { triangles, inner }
+        InwardRegion { triangles, inner }
     };
     topology::connected(mesh, &inside).into_iter().filter(|set| inside[set[0] as usize]).map(region).collect()
 }
 
-impl Region {
+impl InwardRegion {
     /// Its polygons, in order.
     fn polygons(&self, mesh: &TriMesh) -> Vec<u32> {
         let mut own: Vec<u32> = self.triangles.iter().map(|&t| mesh.polygon_of[t as usize]).collect();
@@ -171,10 +171,10 @@ impl Region {
         self.inner.iter().map(of).sum::<f64>() / self.inner.len().max(1) as f64
     }
 
-    fn picture(&self, cross: &CrossMap, chart: &Chart) -> Picture {
+    fn picture(&self, cross: &CrossMap, chart: &Chart) -> EqualAreaDisc {
         let height = |v: &u32| cross.locations[*v as usize].uv(chart)[1];
         let mean = self.inner.iter().map(height).sum::<f64>() / self.inner.len().max(1) as f64;
-        Picture::about(chart, mean)
+        EqualAreaDisc::about(chart, mean)
     }
 
     /// Mean value weights of the neighbours of each inner vertex.
@@ -201,11 +201,11 @@ impl Region {
 }
 
 /// The equal-area picture about one end of a chart: r² is the share of the area nearer to that end.
-pub(super) struct Picture {
+pub(super) struct EqualAreaDisc {
     about_top: bool,
 }
 
-impl Picture {
+impl EqualAreaDisc {
     /// About the end of a disc's or sphere's chart that is nearer to `v`; discs have but one.
     pub(super) fn about(chart: &Chart, v: f64) -> Self {
         Self { about_top: chart.topology == Topology::Disc || v >= 0.5 }

@@ -54,9 +54,9 @@ pub fn rejoin(
         }
     }
     let mirrored = winding(example, part_of, mapped)?;
-    let pieces: Vec<Piece<'_>> =
-        parts.iter().zip(mapped).map(|(vertices, mesh)| Piece { vertices, positions: &mesh.positions }).collect();
-    let net = Net::new(example.positions.len(), example.faces.iter());
+    let pieces: Vec<MappedPart<'_>> =
+        parts.iter().zip(mapped).map(|(vertices, mesh)| MappedPart { vertices, positions: &mesh.positions }).collect();
+    let net = VertexAdjacency::new(example.positions.len(), example.faces.iter());
     let positions = blend(&example.positions, &net, &pieces, &Bvh::new(input));
     let mut mesh = PolyMesh { positions, faces: example.faces.clone(), attributes: example.attributes.clone() };
     mesh.attributes.normals = None;
@@ -68,21 +68,21 @@ pub fn rejoin(
 
 /// A mapped part: its vertices among the whole's, and where each goes.
 #[derive(Clone, Copy, Debug)]
-pub struct Piece<'a> {
+pub struct MappedPart<'a> {
     /// Vertices of the whole.
     pub vertices: &'a [u32],
     /// Where they go.
     pub positions: &'a [Vec3],
 }
 
-/// What blending needs of a mesh: who is beside whom, and who lies on its rim.
+/// Tells which vertices of a mesh are neighbours, and which lie on its rim.
 #[derive(Clone, Debug)]
-pub struct Net {
+pub struct VertexAdjacency {
     around: Vec<Vec<u32>>,
     rim: Vec<bool>,
 }
 
-impl Net {
+impl VertexAdjacency {
     /// The net of some faces over `count` vertices.
     pub fn new<'a>(count: usize, faces: impl Iterator<Item = &'a [u32]> + Clone) -> Self {
         Self { around: neighbours(count, faces.clone()), rim: rim(count, faces) }
@@ -96,7 +96,7 @@ impl Net {
 
 /// Where the vertices of a mesh go that was mapped in pieces. Those of several pieces go to the mean of their places,
 /// those near them follow; `at_rest` is for vertices of none.
-pub fn blend(at_rest: &[Vec3], net: &Net, pieces: &[Piece<'_>], input: &Bvh) -> Vec<Vec3> {
+pub fn blend(at_rest: &[Vec3], net: &VertexAdjacency, pieces: &[MappedPart<'_>], input: &Bvh) -> Vec<Vec3> {
     let mut sums = vec![(Vec3::zeros(), 0u32); at_rest.len()];
     for piece in pieces {
         for (&v, x) in piece.vertices.iter().zip(piece.positions) {
@@ -174,7 +174,7 @@ fn rim<'a>(count: usize, faces: impl Iterator<Item = &'a [u32]>) -> Vec<bool> {
 }
 
 /// Moves the vertices of a part near its seams by what the seam's vertices were moved, less and less.
-fn correct(piece: &Piece<'_>, on_seam: &[bool], around: &[Vec<u32>], positions: &mut [Vec3]) {
+fn correct(piece: &MappedPart<'_>, on_seam: &[bool], around: &[Vec<u32>], positions: &mut [Vec3]) {
     let (part, own) = (piece.vertices, piece.positions);
     let mut number = vec![NONE; positions.len()];
     part.iter().enumerate().for_each(|(k, &v)| number[v as usize] = k as u32);
@@ -200,7 +200,7 @@ fn correct(piece: &Piece<'_>, on_seam: &[bool], around: &[Vec<u32>], positions: 
 
 /// Averages the vertices around the seams with their neighbours and puts all of them back on the input. The example's
 /// boundary stays where it is.
-fn relax(on_seam: &[bool], Net { around, rim }: &Net, bvh: &Bvh, positions: &mut [Vec3]) {
+fn relax(on_seam: &[bool], VertexAdjacency { around, rim }: &VertexAdjacency, bvh: &Bvh, positions: &mut [Vec3]) {
     let mut ring: Vec<usize> = on_seam.iter().map(|s| if *s { 0 } else { usize::MAX }).collect();
     for depth in 1..=RINGS {
         for v in 0..ring.len() {

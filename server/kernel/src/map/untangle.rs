@@ -21,7 +21,7 @@ const ROUNDS_ALONE: usize = 15;
 /// turn every face. Boundary vertices stay. `tree` is that of the input's mesh, made where it is needed and is not there yet.
 /// Returns how many polygons still look inward, beside those whose vertices all lie on the boundary.
 pub fn untangle(mesh: &TriMesh, cross: &mut CrossMap, input: &Chart, mirror: f64, tree: &OnceLock<Bvh>) -> usize {
-    let facing = Facing::new(mesh, cross, input, mirror);
+    let facing = PolygonFacing::new(mesh, cross, input, mirror);
     if facing.inward().next().is_none() {
         return 0;
     }
@@ -37,19 +37,19 @@ pub fn untangle_within(
     mirror: f64,
     (fixed, bvh): (&[bool], &Bvh),
 ) {
-    turn_out(Facing::new(mesh, cross, input, mirror), (mesh, cross), input, fixed, bvh);
+    turn_out(PolygonFacing::new(mesh, cross, input, mirror), (mesh, cross), input, fixed, bvh);
 }
 
 /// Moves the vertices that are not `fixed` until no polygon that has one looks inward, or the rounds are spent; keeps the best.
 fn turn_out(
-    mut facing: Facing,
+    mut facing: PolygonFacing,
     (mesh, cross): (&TriMesh, &mut CrossMap),
     input: &Chart,
     fixed: &[bool],
     bvh: &Bvh,
 ) -> usize {
     let neighbours = neighbours(mesh);
-    let may_turn = |facing: &Facing| -> Vec<u32> {
+    let may_turn = |facing: &PolygonFacing| -> Vec<u32> {
         facing.inward().filter(|&f| facing.corners(mesh, f).any(|v| !fixed[v as usize])).collect()
     };
     let mut best: Option<(usize, CrossMap)> = None;
@@ -100,13 +100,13 @@ const CRUMPLED: f64 = 0.05;
 /// none, a limb may not be drawn into its root. *Untuned.*
 const INWARD_COUNTS: usize = 8;
 
-/// What is wrong with the polygons of a map.
-pub struct Spoiled<'a> {
+/// Polygons of a map that look inward or are crumpled.
+pub struct FaceFlaws<'a> {
     inward: &'a [u32],
     crumpled: Vec<u32>,
 }
 
-impl<'a> Spoiled<'a> {
+impl<'a> FaceFlaws<'a> {
     /// Finds the polygons that are crumpled, beside those that look `inward`, in order.
     pub fn of(mesh: &TriMesh, cross: &CrossMap, inward: &'a [u32]) -> Self {
         Self { inward, crumpled: crumpled(mesh, cross) }
@@ -133,7 +133,7 @@ fn crumpled(mesh: &TriMesh, cross: &CrossMap) -> Vec<u32> {
 }
 
 /// How far each polygon looks out of the input: kept while vertices move, so that a round costs what it moves.
-struct Facing {
+struct PolygonFacing {
     mirror: f64,
     /// The input's normal at each vertex.
     normals: Vec<Vec3>,
@@ -144,7 +144,7 @@ struct Facing {
     triangles: Vec<u32>,
 }
 
-impl Facing {
+impl PolygonFacing {
     fn new(mesh: &TriMesh, cross: &CrossMap, input: &Chart, mirror: f64) -> Self {
         let count = mesh.polygon_of.iter().max().map_or(0, |&f| f as usize + 1);
         let mut starts = vec![0u32; count + 1];
@@ -200,7 +200,7 @@ impl Facing {
 
 /// Polygons that look into the input, in order.
 pub fn inward(mesh: &TriMesh, cross: &CrossMap, input: &Chart, mirror: f64) -> Vec<u32> {
-    Facing::new(mesh, cross, input, mirror).inward().collect()
+    PolygonFacing::new(mesh, cross, input, mirror).inward().collect()
 }
 
 /// Normal of the input's triangle at a place.

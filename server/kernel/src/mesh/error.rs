@@ -16,7 +16,7 @@ pub enum MeshError {
         /// Format that was being read.
         format: Format,
         /// Where in the file.
-        place: Place,
+        place: FileLocation,
         /// What the format demands there.
         expected: Cow<'static, str>,
         /// What is there (escaped and cut).
@@ -33,7 +33,7 @@ pub enum MeshError {
         /// Format that was being read.
         format: Format,
         /// Where in the file.
-        place: Place,
+        place: FileLocation,
         /// What is indexed, with its article.
         what: &'static str,
         /// The index as the file counts.
@@ -201,9 +201,9 @@ impl MeshError {
     }
 }
 
-/// Where in a file.
+/// A location in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum FileLocation {
     /// A line, counted from 1.
     Line(u64),
     /// A byte offset.
@@ -214,7 +214,7 @@ pub enum Place {
     Element(&'static str, u64),
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for FileLocation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Line(line) => write!(f, "line {line}"),

@@ -13,13 +13,13 @@ pub(super) use scene::read;
 pub(super) use write::write;
 
 use super::Format;
-use super::error::{MeshError, Place};
+use super::error::{FileLocation, MeshError};
 
 /// Name of the extension by which polygons are kept.
 const NGON_EXTENSION: &str = "FB_ngon_encoding";
 
 /// An error without a line.
-fn malformed(place: Place, expected: &'static str, found: String) -> MeshError {
+fn malformed(place: FileLocation, expected: &'static str, found: String) -> MeshError {
     let remedy = "the file is damaged: export it again";
     MeshError::Malformed { format: Format::Glb, place, expected: expected.into(), found, remedy }
 }

@@ -3,9 +3,9 @@
 //! The header word may be missing, counts may stand on its line, and `#` starts a comment anywhere. Four-dimensional,
 //! n-dimensional and binary files are refused. Colours of faces are not kept.
 
-use super::error::{MeshError, Place, quoted};
+use super::error::{FileLocation, MeshError, quoted};
 use super::format::is_off_header;
-use super::text::{At, Lines, Words, decoded, number, push_integer, push_number, within};
+use super::text::{Lines, TextPosition, Words, decoded, number, push_integer, push_number, within};
 use super::{Attributes, CornerLayer, Format, Limits, PolyMesh, Polygons, Vec3};
 
 /// Reads an OFF file.
@@ -45,10 +45,10 @@ struct Rows<'a> {
 }
 
 impl<'a> Rows<'a> {
-    fn next(&mut self, expected: &'static str) -> Result<(At, Words<'a>), MeshError> {
+    fn next(&mut self, expected: &'static str) -> Result<(TextPosition, Words<'a>), MeshError> {
         loop {
             let line = self.lines.next();
-            let at = At { format: Format::Off, line: self.lines.number() };
+            let at = TextPosition { format: Format::Off, line: self.lines.number() };
             let Some(line) = line else {
                 return Err(at.error(expected, "the end of the file".into(), "the file is cut short: export it again"));
             };
@@ -69,7 +69,7 @@ struct Layout {
 }
 
 impl Layout {
-    fn new(at: At, word: &[u8]) -> Result<Self, MeshError> {
+    fn new(at: TextPosition, word: &[u8]) -> Result<Self, MeshError> {
         let prefix = word.strip_suffix(b"OFF").unwrap_or(word);
         let (uvs, rest) = match prefix.strip_prefix(b"ST") {
             Some(rest) => (true, rest),
@@ -95,7 +95,7 @@ fn whole(word: &[u8]) -> Option<u64> {
 }
 
 /// Numbers of vertices and faces, which the file must be long enough for.
-fn counts(at: At, words: &mut Words<'_>, bytes: usize, limits: &Limits) -> Result<[usize; 2], MeshError> {
+fn counts(at: TextPosition, words: &mut Words<'_>, bytes: usize, limits: &Limits) -> Result<[usize; 2], MeshError> {
     let mut counts = [0; 2];
     for (k, (what, limit)) in [("vertices", limits.vertices_max), ("faces", limits.faces_max)].into_iter().enumerate() {
         let word = words.next().unwrap_or_default();
@@ -124,7 +124,7 @@ struct Parts {
 }
 
 impl Parts {
-    fn vertex(&mut self, at: At, mut words: Words<'_>, layout: Layout) -> Result<(), MeshError> {
+    fn vertex(&mut self, at: TextPosition, mut words: Words<'_>, layout: Layout) -> Result<(), MeshError> {
         self.positions.push(at.point(&mut words, "three coordinates of a vertex")?);
         if layout.normals {
             self.normals.push(at.point(&mut words, "a normal after the position")?.into());
@@ -149,7 +149,7 @@ impl Parts {
         Ok(())
     }
 
-    fn face(&mut self, at: At, mut words: Words<'_>, limits: &Limits) -> Result<(), MeshError> {
+    fn face(&mut self, at: TextPosition, mut words: Words<'_>, limits: &Limits) -> Result<(), MeshError> {
         let word = words.next().unwrap_or_default();
         let degree = whole(word).ok_or_else(|| at.error("a number of corners", quoted(word), REMEDY))?;
         if degree < 3 {
@@ -165,7 +165,7 @@ impl Parts {
             if index >= self.positions.len() as u64 {
                 return Err(MeshError::IndexOutOfRange {
                     format: Format::Off,
-                    place: Place::Line(at.line),
+                    place: FileLocation::Line(at.line),
                     what: "a vertex",
                     found: format!("{index} (OFF counts from 0)"),
                     available: self.positions.len(),

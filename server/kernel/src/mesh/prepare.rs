@@ -28,7 +28,7 @@ use super::repair::{Repair, RepairKind, Repairs};
 use super::tri::{NONE, TriMesh, pair_halfedges};
 use super::{PolyMesh, Vec3, diagonal, read};
 use crate::numerics::stop;
-use surface::Surface;
+use surface::CornerRows;
 
 /// A mesh ready for computation.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -68,7 +68,7 @@ fn prepared(poly: &PolyMesh, is_scan: bool) -> Result<Prepared, MeshError> {
     stop::ask();
     let mut repairs = Repairs::default();
     let diagonal = check(poly, &mut repairs)?;
-    let mut surface = Surface::cleaned(poly, &mut repairs);
+    let mut surface = CornerRows::cleaned(poly, &mut repairs);
     if is_scan {
         surface = copies::leave_out(surface, &poly.positions, &mut repairs);
     }

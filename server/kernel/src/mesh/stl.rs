@@ -3,8 +3,8 @@
 //! The triangles of the file share no vertices. Equal points are joined in order of first use, except where that would
 //! make an edge with more than two faces; nearly equal ones are left to [`prepare`](super::prepare()), which reports them.
 
-use super::error::{MeshError, Place, quoted};
-use super::text::{At, Lines, Words, within};
+use super::error::{FileLocation, MeshError, quoted};
+use super::text::{Lines, TextPosition, Words, within};
 use super::weld::weld;
 use super::{Attributes, FaceLabels, Format, Limits, NONE, PolyMesh, Polygons, Vec3};
 
@@ -64,7 +64,7 @@ fn binary(bytes: &[u8], count: usize, limits: &Limits) -> Result<Soup, MeshError
     if count > room {
         return Err(MeshError::Malformed {
             format: Format::Stl,
-            place: Place::Byte(HEADER_BYTES as u64 - 4),
+            place: FileLocation::Byte(HEADER_BYTES as u64 - 4),
             expected: "as many triangles as announced".into(),
             found: format!("{count} triangles announced and room for {room}"),
             remedy: "the file is cut short or no STL: export it again",
@@ -85,7 +85,7 @@ fn ascii(bytes: &[u8], limits: &Limits) -> Result<Soup, MeshError> {
     let mut name = NONE;
     let mut lines = Lines::new(bytes);
     while let Some(line) = lines.next() {
-        let at = At { format: Format::Stl, line: lines.number() };
+        let at = TextPosition { format: Format::Stl, line: lines.number() };
         let mut words = Words::new(line);
         // Keywords may share a line.
         while let Some(word) = words.next() {
@@ -126,7 +126,7 @@ fn ascii(bytes: &[u8], limits: &Limits) -> Result<Soup, MeshError> {
         }
     }
     if soup.points.len() != 3 * soup.name_of.len() {
-        let at = At { format: Format::Stl, line: lines.number() };
+        let at = TextPosition { format: Format::Stl, line: lines.number() };
         return Err(at.error("`endloop`", "the end of the file".into(), "the file is cut short: export it again"));
     }
     soup.keep_used_names();

@@ -1,6 +1,6 @@
 //! Lines, words and numbers of the text formats.
 
-use super::error::{MeshError, Place, quoted};
+use super::error::{FileLocation, MeshError, quoted};
 use super::{Format, Vec3};
 
 /// The lines of a text, numbered from 1. `\n`, `\r\n` and a lone `\r` end a line.
@@ -125,26 +125,26 @@ pub(super) fn decoded(format: Format, bytes: &[u8]) -> Result<&[u8], MeshError> 
     }
     Err(MeshError::Malformed {
         format,
-        place: Place::Byte(nul as u64),
+        place: FileLocation::Byte(nul as u64),
         expected: "text".into(),
         found: "a NUL byte".into(),
         remedy: "the file is binary or damaged: export it again",
     })
 }
 
-/// Where a text reader stands, for its messages.
+/// The line that a text reader is at, for its messages.
 #[derive(Clone, Copy)]
-pub(super) struct At {
+pub(super) struct TextPosition {
     pub(super) format: Format,
     pub(super) line: u64,
 }
 
-impl At {
+impl TextPosition {
     /// An error at this line.
     pub(super) fn error(self, expected: &'static str, found: String, remedy: &'static str) -> MeshError {
         MeshError::Malformed {
             format: self.format,
-            place: Place::Line(self.line),
+            place: FileLocation::Line(self.line),
             expected: expected.into(),
             found,
             remedy,

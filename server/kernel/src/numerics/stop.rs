@@ -32,10 +32,10 @@ thread_local! {
 /// Threads that run a computation now.
 static COMPUTING: AtomicUsize = AtomicUsize::new(0);
 
-/// Puts back what was asked before, also when the computation unwinds.
-struct Before(Option<Ask>);
+/// Puts back what was asked before when it is dropped, also when the computation unwinds.
+struct RestoreOnDrop(Option<Ask>);
 
-impl Drop for Before {
+impl Drop for RestoreOnDrop {
     fn drop(&mut self) {
         COMPUTING.fetch_sub(1, Ordering::Relaxed);
         ASK.with(|now| *now.borrow_mut() = self.0.take());
@@ -50,7 +50,7 @@ pub fn within<T>(ask: Ask, work: impl FnOnce() -> T) -> T {
 /// Runs a computation whose polls, on this thread, ask what those of another thread ask, as [`asked`] there.
 pub(super) fn asking<T>(ask: Option<Ask>, work: impl FnOnce() -> T) -> T {
     COMPUTING.fetch_add(1, Ordering::Relaxed);
-    let _before = Before(ASK.with(|now| std::mem::replace(&mut *now.borrow_mut(), ask)));
+    let _before = RestoreOnDrop(ASK.with(|now| std::mem::replace(&mut *now.borrow_mut(), ask)));
     work()
 }
 

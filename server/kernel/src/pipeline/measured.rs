@@ -7,7 +7,7 @@ use super::side::Side;
 use crate::map::untangle::turned_in_domain;
 use crate::map::{CrossMap, folded_faces, leave_fillings};
 use crate::measure::coverage::{Coverage, coverage, feature_points};
-use crate::measure::{self, Evidence};
+use crate::measure::{self, MapMeasurements};
 use crate::mesh::TriMesh;
 use crate::numerics::side_by_side;
 use crate::register::Flip;
@@ -51,7 +51,7 @@ pub(crate) fn measured(
         Some(faces) => faces.iter().filter(|f| distortion.inward.binary_search(f).is_ok()).count(),
         None => distortion.inward.len(),
     };
-    let evidence = Evidence {
+    let evidence = MapMeasurements {
         cost: laid.cost,
         modulus_log: laid.modulus_log,
         turned_share: distortion.inward.len() as f64 / distortion.faces.max(1) as f64,
@@ -78,9 +78,9 @@ pub(crate) fn measured(
         folds: (folds as u64).saturating_sub(from.turned_there),
         distortion,
         verdict: match word {
-            measure::Verdict::Good => Verdict::Good,
-            measure::Verdict::Fair => Verdict::Fair,
-            measure::Verdict::Poor => Verdict::Poor,
+            measure::Grade::Good => Verdict::Good,
+            measure::Grade::Fair => Verdict::Fair,
+            measure::Grade::Poor => Verdict::Poor,
         },
         reasons,
         stitched: None,

@@ -24,13 +24,13 @@ const SLACK: f64 = 1e-6;
 #[derive(Clone, Debug)]
 pub struct CoarseQuery {
     topology: Topology,
-    sides: Vec<Side>,
+    sides: Vec<QueryUnfolding>,
     arch: pulp::Arch,
 }
 
 /// The query unfolded with some poles, its rows as they are or reversed.
 #[derive(Clone, Debug)]
-struct Side {
+struct QueryUnfolding {
     pole: usize,
     flip_v: bool,
     shape: SegmentShape,
@@ -38,9 +38,9 @@ struct Side {
     narrow: Narrow,
 }
 
-/// What is known of an example beside its row.
+/// The facts that are known of an example beside its row.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Facts {
+pub struct RowFacts {
     /// Its modulus and how it bends.
     pub shape: SegmentShape,
     /// Mean of √λ.
@@ -51,7 +51,7 @@ pub struct Facts {
     pub symmetric: bool,
 }
 
-impl Facts {
+impl RowFacts {
     /// Of a row.
     pub fn of(row: &Row, shape: SegmentShape) -> Self {
         Self { shape, mean: f64::from(row.mean), variance: row.variance, symmetric: row.symmetric }
@@ -89,9 +89,9 @@ pub struct Translation {
     pub pole: usize,
 }
 
-/// One hypothesis, bounded.
+/// One hypothesis, with the bounds of its score.
 #[derive(Clone, Copy)]
-struct Bounded {
+struct BoundedHypothesis {
     handicapped: [f64; 2],
     score: [f64; 2],
 }
@@ -117,7 +117,7 @@ impl CoarseQuery {
         };
         let side = |pole: usize, spectrum: &Spectrum, shape: SegmentShape, flip: Flip| {
             let spectrum = spectrum.turned(flip);
-            Side { pole, flip_v: flip.v, shape, narrow: spectrum.narrow(), spectrum }
+            QueryUnfolding { pole, flip_v: flip.v, shape, narrow: spectrum.narrow(), spectrum }
         };
         let all = spectra.iter().enumerate();
         let sides = all.flat_map(|(pole, (s, shape))| flips.iter().map(move |&flip| side(pole, s, *shape, flip)));
@@ -135,7 +135,7 @@ impl CoarseQuery {
     }
 
     /// Bounds of E′ for the pictures of a block; lanes without facts are none.
-    pub fn sweep(&self, block: &Block, facts: &[Option<Facts>], relevance: &[f64]) -> [Bounds; LANES] {
+    pub fn sweep(&self, block: &Block, facts: &[Option<RowFacts>], relevance: &[f64]) -> [Bounds; LANES] {
         let peaks: Vec<[[f32; LANES]; 2]> = self.sides.iter().map(|s| block.peaks(&s.narrow, self.arch)).collect();
         let mut bounds = [Bounds::NONE; LANES];
         let mut hypotheses = Vec::with_capacity(2 * self.sides.len());
@@ -160,7 +160,7 @@ impl CoarseQuery {
 
     /// The best translation of an example, in f64; `None` for a query without a picture.
     pub fn translation(&self, row: &Row, shape: SegmentShape, relevance: f64) -> Option<Translation> {
-        let facts = Facts::of(row, shape);
+        let facts = RowFacts::of(row, shape);
         let mut best: Option<(f64, Translation)> = None;
         for side in &self.sides {
             let peaks = row.peaks(&side.spectrum);
@@ -191,25 +191,25 @@ fn cost(energy: f64, variance: f64) -> f64 {
     energy / variance.max(VARIANCE_MIN)
 }
 
-impl Side {
+impl QueryUnfolding {
     /// E and var A + var B.
-    fn energy(&self, facts: &Facts, peak: f64) -> (f64, f64) {
+    fn energy(&self, facts: &RowFacts, peak: f64) -> (f64, f64) {
         let variance = facts.variance + self.spectrum.variance;
         let gap = facts.mean - self.spectrum.mean;
         ((gap * gap + variance - 2.0 * peak).max(0.0), variance)
     }
 
     /// `factor` is what E′ has beside the cost.
-    fn bounded(&self, facts: &Facts, peak: f64, flip: Flip, factor: f64) -> Bounded {
+    fn bounded(&self, facts: &RowFacts, peak: f64, flip: Flip, factor: f64) -> BoundedHypothesis {
         let (energy, variance) = self.energy(facts, peak);
         let error = PEAK_ERROR * variance + SLACK * energy;
         let costs = [(energy - error).max(0.0), energy + error].map(|e| cost(e, variance));
-        Bounded { handicapped: costs.map(|c| c * handicap(flip)), score: costs.map(|c| c * factor) }
+        BoundedHypothesis { handicapped: costs.map(|c| c * handicap(flip)), score: costs.map(|c| c * factor) }
     }
 }
 
 /// E′ is that of one of the hypotheses that could be the best.
-fn combined(hypotheses: &[Bounded]) -> Bounds {
+fn combined(hypotheses: &[BoundedHypothesis]) -> Bounds {
     let least = hypotheses.iter().map(|h| h.handicapped[1]).fold(f64::INFINITY, f64::min);
     let could = hypotheses.iter().filter(|h| h.handicapped[0] <= least);
     let (low, high) = could.fold((f64::INFINITY, 0.0f64), |(low, high), h| (low.min(h.score[0]), high.max(h.score[1])));
@@ -279,7 +279,7 @@ mod tests {
             let (mut block, mut facts, mut relevance) = (Block::default(), [None; LANES], [0.0; LANES]);
             for (lane, s) in lanes.iter().enumerate() {
                 block.put(lane, &s.row);
-                (facts[lane], relevance[lane]) = (Some(Facts::of(&s.row, s.shape)), s.relevance);
+                (facts[lane], relevance[lane]) = (Some(RowFacts::of(&s.row, s.shape)), s.relevance);
             }
             bounds.extend(query.sweep(&block, &facts, &relevance));
         }

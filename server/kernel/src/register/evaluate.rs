@@ -49,7 +49,7 @@ pub(super) fn roughly_moved(domain: Domain, p: &[Uv], q: &[Uv], side: usize, row
         for k in 0..LANES {
             u[k] = (from + k) as f32 / side as f32;
         }
-        let sums = Rough::of(domain, p, q, &u, row as f32 / side as f32);
+        let sums = RoughDisplacements::of(domain, p, q, &u, row as f32 / side as f32);
         for k in 0..LANES.min(side - from) {
             all.push([sums.0[0][k], sums.0[1][k]]);
         }
@@ -58,9 +58,9 @@ pub(super) fn roughly_moved(domain: Domain, p: &[Uv], q: &[Uv], side: usize, row
 }
 
 /// Displacements at points side by side, from W, D, Q and C there.
-struct Rough([[f32; LANES]; 2]);
+struct RoughDisplacements([[f32; LANES]; 2]);
 
-impl Rough {
+impl RoughDisplacements {
     #[inline(always)]
     fn of(domain: Domain, p: &[Uv], q: &[Uv], u: &[f32; LANES], v: f32) -> Self {
         let (aspect, last) = (domain.aspect as f32, u[LANES - 1]);

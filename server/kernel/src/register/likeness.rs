@@ -12,13 +12,13 @@ const SLACK: f64 = 1e-9;
 
 /// A picture that others are compared with.
 #[derive(Clone, Debug)]
-pub struct Likeness {
+pub struct ReferencePicture {
     spectrum: Spectrum,
     /// |A_r(f)|·√(w_f/n³).
     magnitudes: Box<[f64; MAGNITUDES]>,
 }
 
-impl Likeness {
+impl ReferencePicture {
     /// Prepares a picture.
     pub fn new(row: &Row) -> Self {
         let spectrum = row.spectrum();
@@ -73,7 +73,7 @@ mod tests {
         };
         let pictures = (0..24).flat_map(|k| [picture(k), moved(&picture(k), k as usize)]);
         let rows: Vec<Row> = pictures.map(|p| row(&p).expect("of 32²")).collect();
-        let all: Vec<Likeness> = rows.iter().map(Likeness::new).collect();
+        let all: Vec<ReferencePicture> = rows.iter().map(ReferencePicture::new).collect();
         let mut seen = [0; 2];
         for (row, other) in rows.iter().zip(&all) {
             for one in &all {

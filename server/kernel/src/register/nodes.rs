@@ -114,7 +114,7 @@ struct Fixed {
 pub struct Displacements(pub [Vec<f64>; 2]);
 
 /// ψ of nodes side by side, as far as derivatives need it.
-struct At {
+struct NodeValues {
     psi: [Lanes; 2],
     /// e^{iθ} and i·z·e^{iθ}/|M|.
     turn: [Lanes; 2],
@@ -146,7 +146,7 @@ impl Nodes {
     }
 
     #[inline(always)]
-    fn evaluate(&self, all: &[Influence], fixed: &Fixed, q: &[Uv]) -> At {
+    fn evaluate(&self, all: &[Influence], fixed: &Fixed, q: &[Uv]) -> NodeValues {
         let (mut star, mut m) = (fixed.base, fixed.turn);
         for ([share_u, share_v, u_re, u_im, v_re, v_im], q) in all.iter().zip(q) {
             for k in 0..LANES {
@@ -156,7 +156,7 @@ impl Nodes {
                 m[1][k] += u_im[k] * q[0] + v_im[k] * q[1];
             }
         }
-        let mut at = At { psi: star, turn: [[1.0; LANES], [0.0; LANES]], spin: [[0.0; LANES]; 2] };
+        let mut at = NodeValues { psi: star, turn: [[1.0; LANES], [0.0; LANES]], spin: [[0.0; LANES]; 2] };
         for k in 0..LANES {
             let size = (m[0][k] * m[0][k] + m[1][k] * m[1][k]).sqrt();
             let turns = size > ROTATION_MIN;
@@ -174,7 +174,7 @@ impl Nodes {
     }
 
     #[inline(always)]
-    fn place(&self, at: &At, [column, row]: [usize; 2], to: &mut Displacements) {
+    fn place(&self, at: &NodeValues, [column, row]: [usize; 2], to: &mut Displacements) {
         let (unit, first) = (self.unit(), self.grid.at(column, row));
         for k in 0..LANES {
             to.0[0][first + k] = at.psi[0][k] - (column + k) as f64 * unit;
@@ -199,7 +199,7 @@ impl Nodes {
         let (length, aspect) = (self.grid.size(), self.domain.aspect);
         let mut fields = vec![0.0f32; 4 * self.p.len() * length];
         for (influences, fixed, [column, row]) in self.chunks() {
-            let At { turn: e, spin, .. } = self.evaluate(influences, fixed, q);
+            let NodeValues { turn: e, spin, .. } = self.evaluate(influences, fixed, q);
             let first = self.grid.at(column, row);
             for (one, four) in influences.iter().zip(fields.chunks_exact_mut(4 * length)) {
                 let [share_u, share_v, u_re, u_im, v_re, v_im] = one;

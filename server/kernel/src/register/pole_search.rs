@@ -31,9 +31,9 @@ const ROUNDS_MAX: usize = 4;
 /// Poles at which the coarsest level costs more than so many times what it does at the best so far are left at that: first by
 /// translation alone, then with the features moved. *Ours:* three of five are, and of 72 moves that were taken, in 1,233
 /// trials on 17 inputs, the largest were 1.44 and 1.76 (tests/records).
-const HOPELESS: Coarse = Coarse { translated: 1.6, registered: 2.0 };
+const HOPELESS: TrialCost = TrialCost { translated: 1.6, registered: 2.0 };
 /// Nothing is.
-const NEVER_HOPELESS: Coarse = Coarse { translated: f64::INFINITY, registered: f64::INFINITY };
+const NEVER_HOPELESS: TrialCost = TrialCost { translated: f64::INFINITY, registered: f64::INFINITY };
 /// A move must lower the cost by this share.
 const GAIN_MIN: f64 = 0.005;
 
@@ -87,9 +87,9 @@ pub fn unburden(
     search.descend(&start.unfolded.poles, &RADII_BURDEN, NEVER_HOPELESS, &score).unwrap_or_else(|| start.clone())
 }
 
-/// What a trial costs at the coarsest level, or how many times as much it may.
+/// The cost of a trial at the coarsest level, or how many times as much it may cost.
 #[derive(Clone, Copy, Debug)]
-struct Coarse {
+struct TrialCost {
     /// By the best translation.
     translated: f64,
     /// With the features moved.
@@ -121,7 +121,7 @@ impl<'a> Search<'a> {
     }
 
     /// Registers with these poles; `None` if the coarsest level costs more than `most`. Told too is what it costs.
-    fn attempt(&self, poles: &[u32], most: Coarse) -> Option<(Hypothesis, Coarse)> {
+    fn attempt(&self, poles: &[u32], most: TrialCost) -> Option<(Hypothesis, TrialCost)> {
         let unfolded = self.query.tried(poles)?;
         let mut levels = self.levels.iter().zip(&unfolded.images);
         let (coarsest, image) = levels.next()?;
@@ -132,7 +132,7 @@ impl<'a> Search<'a> {
         }
         let registration = coarse_flip(&coarsest, self.flip, self.solver, self.stop);
         let mut trial = Hypothesis { registration, unfolded: Arc::clone(&unfolded) };
-        let coarse = Coarse { translated, registered: trial.cost() };
+        let coarse = TrialCost { translated, registered: trial.cost() };
         if coarse.registered > most.registered {
             return None;
         }
@@ -148,7 +148,7 @@ impl<'a> Search<'a> {
         &self,
         start: &[u32],
         radii: &[f64],
-        hopeless: Coarse,
+        hopeless: TrialCost,
         score: &dyn Fn(&Hypothesis) -> f64,
     ) -> Option<Hypothesis> {
         let mesh = self.query.unfolder().mesh();
@@ -165,7 +165,7 @@ impl<'a> Search<'a> {
                         }
                         let mut poles = best.unfolded.poles.clone();
                         poles[which] = neighbour;
-                        let most = Coarse {
+                        let most = TrialCost {
                             translated: hopeless.translated * coarse.translated,
                             registered: hopeless.registered * coarse.registered,
                         };

@@ -57,17 +57,17 @@ impl Unfolded {
     }
 }
 
-/// What was made for some poles, so that it is made once; what doesn't fit is made anew.
+/// Caches what was made for some poles; what doesn't fit is made anew.
 #[derive(Debug)]
-pub(super) struct Kept<T>(Mutex<BTreeMap<Vec<u32>, Arc<OnceLock<T>>>>);
+pub(super) struct PoleCache<T>(Mutex<BTreeMap<Vec<u32>, Arc<OnceLock<T>>>>);
 
-impl<T> Default for Kept<T> {
+impl<T> Default for PoleCache<T> {
     fn default() -> Self {
         Self(Mutex::default())
     }
 }
 
-impl<T: Clone> Kept<T> {
+impl<T: Clone> PoleCache<T> {
     pub(super) fn get_or(&self, poles: &[u32], most: usize, make: impl FnOnce() -> T) -> T {
         let slot = {
             let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -105,8 +105,8 @@ pub struct Query {
     /// A disc with its boundary filled, or an annulus with the shorter of its boundaries; `None` where that can't be unfolded.
     filled: OnceLock<Option<Box<Query>>>,
     trials: OnceLock<Trials>,
-    tried: Kept<Option<Arc<Unfolded>>>,
-    solved: Kept<Result<Arc<Unfolded>, UnfoldError>>,
+    tried: PoleCache<Option<Arc<Unfolded>>>,
+    solved: PoleCache<Result<Arc<Unfolded>, UnfoldError>>,
 }
 
 impl Query {
@@ -137,8 +137,8 @@ impl Query {
             parts: OnceLock::new(),
             filled: OnceLock::new(),
             trials: OnceLock::new(),
-            tried: Kept::default(),
-            solved: Kept::default(),
+            tried: PoleCache::default(),
+            solved: PoleCache::default(),
         })
     }
 

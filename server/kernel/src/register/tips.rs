@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::query::{Kept, Query};
+use super::query::{PoleCache, Query};
 use crate::encode::{Encoding, encode_to};
 use crate::mesh::geodesic::Marcher;
 use crate::topology::Topology;
@@ -27,7 +27,7 @@ pub struct Tips {
     pub between: Vec<Vec<f64>>,
     /// u of tip t in the chart with its lower pole at tip p and its upper at q, at p n² + q n + t for n tips.
     pub angles: Vec<f64>,
-    views: Kept<Option<Arc<TipView>>>,
+    views: PoleCache<Option<Arc<TipView>>>,
 }
 
 /// A surface unfolded about tips, coarsely.
@@ -49,7 +49,7 @@ impl Tips {
     pub(super) fn new(side: &Query, breadth: Breadth) -> Self {
         let vertices = side.tips(breadth).to_vec();
         let (between, angles) = (distances_between(side, &vertices), angles_between(side, &vertices));
-        Self { vertices, between, angles, views: Kept::default() }
+        Self { vertices, between, angles, views: PoleCache::default() }
     }
 
     /// The surface unfolded about tips; `None` where its poles are fixed. `side` is the one of which these are the tips.

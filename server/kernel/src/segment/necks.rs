@@ -85,7 +85,7 @@ impl Necks {
     pub(super) fn of(mesh: &TriMesh, least: Prominence) -> Self {
         let f = centrality(mesh);
         let (neighbours, scale) = (mesh.neighbours(), Scale::of(&f));
-        let surface = Surface { mesh, f: &f, neighbours: &neighbours, scale: &scale };
+        let surface = SurfaceFunction { mesh, f: &f, neighbours: &neighbours, scale: &scale };
         let (tree, profiles) = surface.standing_out(least.times(ASKED[0]));
         let strength = |a| strength(&tree, &profiles[a as usize], &scale, least, a);
         let strengths = (0..tree.arcs.len() as u32).filter(|&a| tree.is_live(a) && is_leaf(&tree, a)).map(strength);
@@ -119,15 +119,15 @@ impl Necks {
     }
 }
 
-/// A surface with its function.
-struct Surface<'a> {
+/// A function on a surface.
+struct SurfaceFunction<'a> {
     mesh: &'a TriMesh,
     f: &'a [f64],
     neighbours: &'a [Vec<u32>],
     scale: &'a Scale,
 }
 
-impl Surface<'_> {
+impl SurfaceFunction<'_> {
     /// The tree of the tips that stand out, and what is measured of its arcs.
     fn standing_out(&self, least: Prominence) -> (Tree, Vec<Profile>) {
         let mut dropped = vec![false; self.f.len()];

@@ -14,7 +14,7 @@ pub(super) const LEVELS: usize = 384;
 
 /// A stretch of the surface between a tip or saddle above and a saddle below.
 #[derive(Clone, Debug)]
-pub(super) struct Arc {
+pub(super) struct TreeArc {
     /// f at its upper end.
     pub(super) high: f64,
     /// f at its lower end.
@@ -30,7 +30,7 @@ pub(super) struct Arc {
 /// The tree, and the arc on which each vertex lies.
 #[derive(Debug)]
 pub(super) struct Tree {
-    pub(super) arcs: Vec<Arc>,
+    pub(super) arcs: Vec<TreeArc>,
     pub(super) arc_of: Vec<u32>,
     /// Whether each arc stands out, rather than flowing into an elder somewhere along it.
     live: Vec<bool>,
@@ -52,7 +52,7 @@ struct Sweep<'a> {
     persistence_min: f64,
     leader: Vec<u32>,
     arc: Vec<u32>,
-    arcs: Vec<Arc>,
+    arcs: Vec<TreeArc>,
     /// Arcs that do not stand out: they flow into an elder somewhere along it.
     twig: Vec<bool>,
 }
@@ -209,7 +209,7 @@ impl Sweep<'_> {
 
     fn new_arc(&mut self, high: f64, tip: u32) -> u32 {
         let arc = self.arcs.len() as u32;
-        self.arcs.push(Arc { high, low: f64::NEG_INFINITY, tip, below: NONE, above: Vec::new() });
+        self.arcs.push(TreeArc { high, low: f64::NEG_INFINITY, tip, below: NONE, above: Vec::new() });
         self.twig.push(false);
         arc
     }
@@ -277,7 +277,7 @@ mod tests {
     fn two_tips_stand_out_and_the_third_is_absorbed() {
         let (mesh, f) = bumps();
         let tree = Tree::new(&f, &mesh.neighbours(), &vec![false; f.len()], 0.1);
-        let leaves: Vec<&Arc> = (0..tree.arcs.len() as u32)
+        let leaves: Vec<&TreeArc> = (0..tree.arcs.len() as u32)
             .filter(|&a| tree.is_live(a))
             .map(|a| &tree.arcs[a as usize])
             .filter(|a| a.above.is_empty())

@@ -38,10 +38,10 @@ const SAMPLES_PER_TRIANGLE: usize = 2000;
 /// The scan with its views fused; `None` where no two sheets are views of one thing.
 pub fn fused(scan: &Prepared) -> Option<Prepared> {
     let mesh = &scan.mesh;
-    let (sets, views): (Vec<Vec<u32>>, Vec<View>) = views(mesh)?.into_iter().unzip();
+    let (sets, views): (Vec<Vec<u32>>, Vec<ScanView>) = views(mesh)?.into_iter().unzip();
     let of_scan: Vec<u32> = sets.iter().flatten().copied().collect();
     let cell = usual_edge(mesh);
-    let drawn = Net::new(&views, cell)?.drawn(&views);
+    let drawn = DistanceGrid::new(&views, cell)?.drawn(&views);
     let fused = prepare(&drawn).ok()?.mesh;
     if lost_share(&views, &fused, cell) > LOST_MAX {
         return None;
@@ -60,7 +60,7 @@ pub fn fused(scan: &Prepared) -> Option<Prepared> {
 }
 
 /// The sheets that are views of one thing, each with its triangles, the largest sheet among them; `None` where that one stands alone.
-fn views(mesh: &TriMesh) -> Option<Vec<(Vec<u32>, View)>> {
+fn views(mesh: &TriMesh) -> Option<Vec<(Vec<u32>, ScanView)>> {
     let area = |set: &[u32]| set.iter().map(|&t| mesh.area(t as usize)).sum::<f64>();
     let all = mesh.total_area();
     let is_open = |set: &[u32]| set.iter().any(|t| (0..3).any(|side| mesh.twin(3 * t + side) == NONE));
@@ -71,7 +71,7 @@ fn views(mesh: &TriMesh) -> Option<Vec<(Vec<u32>, View)>> {
     }
     sheets.sort_by(|a, b| area(b).total_cmp(&area(a)).then(a.cmp(b)));
     let near = ON * usual_edge(mesh);
-    let views: Vec<View> = sheets.iter().map(|set| View::new(submesh(mesh, set).0)).collect();
+    let views: Vec<ScanView> = sheets.iter().map(|set| ScanView::new(submesh(mesh, set).0)).collect();
     let mut together = Sets::new(sheets.len());
     for k in 0..views.len() {
         for other in k + 1..views.len() {
@@ -92,8 +92,8 @@ fn views(mesh: &TriMesh) -> Option<Vec<(Vec<u32>, View)>> {
 }
 
 /// The share of the views' area that the surface drawn of them does not come near, facing as they do.
-fn lost_share(views: &[View], drawn: &TriMesh, cell: f64) -> f64 {
-    let drawn = View::new(drawn.clone());
+fn lost_share(views: &[ScanView], drawn: &TriMesh, cell: f64) -> f64 {
+    let drawn = ScanView::new(drawn.clone());
     let (mut all, mut lost) = (0.0, 0.0);
     for view in views {
         for (t, corners) in view.mesh.triangles.iter().enumerate() {
@@ -101,7 +101,8 @@ fn lost_share(views: &[View], drawn: &TriMesh, cell: f64) -> f64 {
             let middle = corners.iter().map(|&v| view.mesh.positions[v as usize]).sum::<Vec3>() / 3.0;
             let across = view.mesh.area_vector(t);
             all += across.norm();
-            let is_near = |seen: &Seen| (middle - seen.at).norm() <= LOST_FROM * cell && across.dot(&seen.normal) > 0.0;
+            let is_near =
+                |seen: &ViewSample| (middle - seen.at).norm() <= LOST_FROM * cell && across.dot(&seen.normal) > 0.0;
             if !drawn.seen_from(middle).is_some_and(|seen| is_near(&seen)) {
                 lost += across.norm();
             }
@@ -115,16 +116,16 @@ fn usual_edge(mesh: &TriMesh) -> f64 {
     mesh.median_length(0..mesh.twins.len() as u32)
 }
 
-/// One sheet.
-struct View {
+/// A view of a scanner: one sheet of the scan.
+struct ScanView {
     mesh: TriMesh,
     tree: Bvh,
     /// Of its vertices, by the areas about them.
     normals: Vec<Vec3>,
 }
 
-/// A point as a view sees it.
-struct Seen {
+/// The point of a view that is nearest to a point, and how far that is.
+struct ViewSample {
     /// The point of the view that is nearest, and the normal there.
     at: Vec3,
     normal: Vec3,
@@ -134,19 +135,19 @@ struct Seen {
     beside: f64,
 }
 
-impl View {
+impl ScanView {
     fn new(mesh: TriMesh) -> Self {
         Self { tree: Bvh::new(&mesh), normals: mesh.vertex_area_vectors(), mesh }
     }
 
-    fn seen_from(&self, x: Vec3) -> Option<Seen> {
+    fn seen_from(&self, x: Vec3) -> Option<ViewSample> {
         let near = self.tree.closest(x);
         let corners = self.mesh.triangles.get(near.triangle as usize)?;
         let normal: Vec3 = (0..3).map(|k| self.normals[corners[k] as usize] * near.barycentric[k]).sum();
         let normal = normal.try_normalize(0.0)?;
         let way = x - near.point;
         let distance = way.dot(&normal);
-        Some(Seen { at: near.point, normal, distance, beside: (way - normal * distance).norm() })
+        Some(ViewSample { at: near.point, normal, distance, beside: (way - normal * distance).norm() })
     }
 
     /// The share of its rim's vertices that lie on another view.
@@ -165,10 +166,10 @@ impl View {
 }
 
 /// Averages what the views say of a point: its signed distance, and the place on them.
-fn mean(views: &[View], x: Vec3, reach: f64, cell: f64) -> Option<(f64, Vec3)> {
+fn mean(views: &[ScanView], x: Vec3, reach: f64, cell: f64) -> Option<(f64, Vec3)> {
     stop::poll();
-    let is_over = |seen: &Seen| seen.distance.abs() <= reach && seen.beside <= BESIDE * cell;
-    let seen: Vec<Seen> = views.iter().filter_map(|view| view.seen_from(x)).filter(is_over).collect();
+    let is_over = |seen: &ViewSample| seen.distance.abs() <= reach && seen.beside <= BESIDE * cell;
+    let seen: Vec<ViewSample> = views.iter().filter_map(|view| view.seen_from(x)).filter(is_over).collect();
     let nearest = seen.iter().min_by(|a, b| a.distance.abs().total_cmp(&b.distance.abs()))?;
     let (mut weight, mut distance, mut at) = (0.0, 0.0, Vec3::zeros());
     for one in seen.iter().filter(|one| one.normal.dot(&nearest.normal) >= ALIKE) {
@@ -184,8 +185,8 @@ fn mean(views: &[View], x: Vec3, reach: f64, cell: f64) -> Option<(f64, Vec3)> {
 /// A place of the grid.
 type Cell = [i32; 3];
 
-/// The distances on the grid.
-struct Net {
+/// A grid of signed distances.
+struct DistanceGrid {
     low: Vec3,
     cell: f64,
     /// By place, only where views are near.
@@ -203,9 +204,9 @@ fn moved(at: Cell, by: Cell) -> Cell {
     [at[0] + by[0], at[1] + by[1], at[2] + by[2]]
 }
 
-impl Net {
+impl DistanceGrid {
     /// Samples the distances; `None` where that takes far more than it does for a range scan.
-    fn new(views: &[View], cell: f64) -> Option<Self> {
+    fn new(views: &[ScanView], cell: f64) -> Option<Self> {
         let [low, _] = bounding_box(views.iter().flat_map(|view| &view.mesh.positions))?;
         let low = low.add_scalar(-2.0 * REACH * cell);
         let triangles: usize = views.iter().map(|view| view.mesh.triangles.len()).sum();
@@ -240,7 +241,7 @@ impl Net {
     }
 
     /// The surface where the distance is 0.
-    fn drawn(&self, views: &[View]) -> PolyMesh {
+    fn drawn(&self, views: &[ScanView]) -> PolyMesh {
         let mut positions = Vec::new();
         let mut vertex_of: HashMap<Cell, u32> = HashMap::new();
         for at in &self.places {
@@ -408,7 +409,7 @@ mod tests {
         let mesh = |window| prepare(&view(window, 0.0, Vec3::zeros())).expect("a sheet").mesh;
         let whole = mesh([0.0, 2.4]);
         let cell = usual_edge(&whole);
-        let lost = |drawn: &TriMesh| lost_share(&[View::new(whole.clone())], drawn, cell);
+        let lost = |drawn: &TriMesh| lost_share(&[ScanView::new(whole.clone())], drawn, cell);
         assert!(lost(&whole) < 1e-9);
         assert!((lost(&mesh([0.0, 1.2])) - 0.5).abs() < 0.1, "{}", lost(&mesh([0.0, 1.2])));
         let mut behind = view([0.0, 2.4], 0.0, Vec3::zeros());

@@ -29,9 +29,9 @@ pub struct Harmonic {
 /// is wanted again is made anew. *Untuned.*
 const VERTICES_OF_TWO_FACTORS: usize = 250_000;
 
-/// What is prepared once a surface: the Laplacian, and its factor under the boundary conditions.
+/// Solves for harmonic functions on one surface: its Laplacian, and the factor of that under the boundary conditions.
 #[derive(Debug)]
-pub struct Solver {
+pub struct HarmonicSolver {
     /// The (refined) mesh.
     pub mesh: Arc<TriMesh>,
     /// What it is.
@@ -48,7 +48,7 @@ pub struct Solver {
     ground: u32,
 }
 
-impl Solver {
+impl HarmonicSolver {
     /// Factors the surface's Dirichlet Laplacian (closed surfaces: grounded at one vertex), and beside it makes something
     /// else of the Laplacian; neither, and `None`, where the surface is too large for both at a time.
     ///
@@ -323,7 +323,7 @@ mod tests {
     #[test]
     fn a_factor_that_was_let_go_is_made_anew_and_solves_the_same() {
         let mesh = Arc::new(grid(14, 11, false, false));
-        let (solver, beside) = Solver::beside(mesh, Topology::Disc, |_| ()).expect("solvable");
+        let (solver, beside) = HarmonicSolver::beside(mesh, Topology::Disc, |_| ()).expect("solvable");
         assert_eq!(beside, Some(()), "a small surface holds both");
         let before = solver.v(&[80]).expect("solvable");
         solver.make_room();

@@ -10,15 +10,16 @@ use robust::{Coord, orient2d};
 const FRAME: [[f64; 3]; 3] = [[0.5731, -0.6090, 0.5483], [0.7403, 0.6716, -0.0279], [-0.3513, 0.4219, 0.8358]];
 
 /// A projected point: along the picture, and height above it.
-type Seen = ([f64; 2], f64);
+type ProjectedPoint = ([f64; 2], f64);
 
 /// The linking number of two disjoint closed polylines.
 pub fn linking_number(a: &[Vec3], b: &[Vec3]) -> i64 {
-    let seen = |p: &Vec3| -> Seen {
+    let seen = |p: &Vec3| -> ProjectedPoint {
         let along = |k: usize| FRAME[k][0] * p.x + FRAME[k][1] * p.y + FRAME[k][2] * p.z;
         ([along(0), along(1)], along(2))
     };
-    let (a, b): (Vec<Seen>, Vec<Seen>) = (a.iter().map(seen).collect(), b.iter().map(seen).collect());
+    let (a, b): (Vec<ProjectedPoint>, Vec<ProjectedPoint>) =
+        (a.iter().map(seen).collect(), b.iter().map(seen).collect());
     let mut number = 0;
     for i in 0..a.len() {
         let (p0, p1) = (a[i], a[(i + 1) % a.len()]);
@@ -43,9 +44,9 @@ fn upper(p: [f64; 2], q: [f64; 2]) -> [f64; 2] {
 }
 
 /// ±1 where the segments cross and the first is above, else 0. Points on a line count to its left.
-fn crossing(p0: Seen, p1: Seen, q0: Seen, q1: Seen) -> i64 {
+fn crossing(p0: ProjectedPoint, p1: ProjectedPoint, q0: ProjectedPoint, q1: ProjectedPoint) -> i64 {
     let coord = |p: [f64; 2]| Coord { x: p[0], y: p[1] };
-    let side = |a: Seen, b: Seen, c: Seen| orient2d(coord(a.0), coord(b.0), coord(c.0));
+    let side = |a: ProjectedPoint, b: ProjectedPoint, c: ProjectedPoint| orient2d(coord(a.0), coord(b.0), coord(c.0));
     let (s0, s1) = (side(p0, p1, q0), side(p0, p1, q1));
     if (s0 >= 0.0) == (s1 >= 0.0) {
         return 0;

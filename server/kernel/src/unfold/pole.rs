@@ -7,7 +7,7 @@
 //! *Source:* paper §4.2 ("maximum of the conformal factor induced by a singularity-free parameterization");
 //! *ours:* the smoothing and the Möbius invariance (METHOD §2).
 
-use super::harmonic::{Harmonic, Solver};
+use super::harmonic::{Harmonic, HarmonicSolver};
 use super::laplacian::Laplacian;
 use super::path::{distances, for_each_spoke};
 use crate::mesh::tri::{NONE, TriMesh, next};
@@ -47,7 +47,7 @@ pub enum Breadth {
 ///
 /// # Errors
 /// [`SolveError`] when a system cannot be factored.
-pub fn disc_candidates(solver: &Solver, smoother: Option<Smoother>) -> Result<Vec<u32>, SolveError> {
+pub fn disc_candidates(solver: &HarmonicSolver, smoother: Option<Smoother>) -> Result<Vec<u32>, SolveError> {
     let first = torsion_centre(solver)?;
     let harmonic = solver.v(&[first])?;
     let raw = log_scale(solver, &harmonic, &[first]);
@@ -75,7 +75,7 @@ pub fn disc_candidates(solver: &Solver, smoother: Option<Smoother>) -> Result<Ve
 ///
 /// # Errors
 /// [`SolveError`] when a system cannot be factored.
-pub fn protrusions(solver: &Solver, poles: &[u32], breadth: Breadth) -> Result<Vec<u32>, SolveError> {
+pub fn protrusions(solver: &HarmonicSolver, poles: &[u32], breadth: Breadth) -> Result<Vec<u32>, SolveError> {
     let time = match breadth {
         Breadth::Limbs => LIMB_SMOOTHING,
         Breadth::Fingers => FINGER_SMOOTHING,
@@ -138,7 +138,7 @@ fn prominent_maxima(mesh: &TriMesh, value: &[f64], prominence: f64) -> Vec<u32> 
 }
 
 /// The interior vertex at which the solution of −Δx = 1, x = 0 on the boundary, is largest.
-fn torsion_centre(solver: &Solver) -> Result<u32, SolveError> {
+fn torsion_centre(solver: &HarmonicSolver) -> Result<u32, SolveError> {
     let x = solver.poisson(solver.laplacian.masses.clone())?;
     let inside = (0..x.len() as u32).filter(|&v| !solver.on_boundary[v as usize]);
     Ok(inside.max_by(|&a, &b| x[a as usize].total_cmp(&x[b as usize]).then(b.cmp(&a))).unwrap_or(0))
@@ -147,7 +147,7 @@ fn torsion_centre(solver: &Solver) -> Result<u32, SolveError> {
 /// log √(A₃/A₂) at each vertex: how much larger its faces are on the surface than on the unit disc (or, closed
 /// surfaces, on the unit sphere). log w is conformal with |∇ log w| = 2π|∇v|/P, so that v alone tells both areas. Where
 /// 1 − |w|² is below [`GAP_MIN`], √(A₃/A₂) is taken down as far as that is.
-fn log_scale(solver: &Solver, harmonic: &Harmonic, poles: &[u32]) -> Vec<f64> {
+fn log_scale(solver: &HarmonicSolver, harmonic: &Harmonic, poles: &[u32]) -> Vec<f64> {
     let t = &solver.laplacian.triangulation;
     let closed = solver.topology == Topology::Sphere;
     let rate = std::f64::consts::TAU / harmonic.energy;
@@ -184,7 +184,7 @@ fn log_scale(solver: &Solver, harmonic: &Harmonic, poles: &[u32]) -> Vec<f64> {
 }
 
 /// The values, each that is missing replaced by the mean of its neighbours', or of all.
-fn filled_in(solver: &Solver, values: Vec<Option<f64>>) -> Vec<f64> {
+fn filled_in(solver: &HarmonicSolver, values: Vec<Option<f64>>) -> Vec<f64> {
     let t = &solver.laplacian.triangulation;
     let mut around = vec![[0.0f64; 2]; values.len()];
     for h in 0..t.tails.len() {
@@ -202,13 +202,13 @@ fn filled_in(solver: &Solver, values: Vec<Option<f64>>) -> Vec<f64> {
 }
 
 /// Angle of a corner of the intrinsic triangulation, in radians.
-fn angle(solver: &Solver, corner: usize) -> f64 {
+fn angle(solver: &HarmonicSolver, corner: usize) -> f64 {
     let opposite = next(corner as u32);
     1.0f64.atan2(solver.laplacian.triangulation.cotangent(opposite))
 }
 
 /// The sum of the angles about each pole.
-fn angles_at<'a>(solver: &Solver, poles: &'a [u32]) -> impl Fn(u32) -> f64 + 'a {
+fn angles_at<'a>(solver: &HarmonicSolver, poles: &'a [u32]) -> impl Fn(u32) -> f64 + 'a {
     let tails = &solver.laplacian.triangulation.tails;
     let about = |p: u32| (0..tails.len()).filter(|&c| tails[c] == p).map(|c| angle(solver, c)).sum::<f64>();
     let sums: Vec<f64> = poles.iter().map(|&p| about(p)).collect();
@@ -262,7 +262,7 @@ impl Smoother {
 }
 
 /// The highest local maxima, best first.
-fn local_maxima(solver: &Solver, value: &[f64]) -> Vec<u32> {
+fn local_maxima(solver: &HarmonicSolver, value: &[f64]) -> Vec<u32> {
     let mut is_peak: Vec<bool> = value.iter().map(|x| x.is_finite()).collect();
     for h in 0..solver.mesh.twins.len() as u32 {
         let (a, b) = (solver.mesh.tail(h) as usize, solver.mesh.head(h) as usize);
@@ -282,7 +282,7 @@ fn local_maxima(solver: &Solver, value: &[f64]) -> Vec<u32> {
 }
 
 /// Two poles of a sphere, far apart: `[v = 0, v = 1]`.
-pub fn sphere_poles(solver: &Solver) -> [u32; 2] {
+pub fn sphere_poles(solver: &HarmonicSolver) -> [u32; 2] {
     let farthest = |from: u32| {
         let (d, _) = distances(&solver.mesh, &[from]);
         (0..d.len() as u32).max_by(|&a, &b| d[a as usize].total_cmp(&d[b as usize]).then(b.cmp(&a))).unwrap_or(from)
@@ -308,7 +308,7 @@ mod tests {
     fn a_triangle_between_three_boundary_vertices_is_not_infinitely_large() {
         // Two corners of a grid are such triangles: v is 0 on them.
         let (solver, _) =
-            Solver::beside(Arc::new(grid(12, 12, false, false)), Topology::Disc, |_| ()).expect("solvable");
+            HarmonicSolver::beside(Arc::new(grid(12, 12, false, false)), Topology::Disc, |_| ()).expect("solvable");
         let middle = 13 * 6 + 6;
         let scale = log_scale(&solver, &solver.v(&[middle]).expect("solvable"), &[middle]);
         assert!(scale.iter().all(|x| x.abs() < 20.0), "{scale:?}");

@@ -20,9 +20,9 @@ const SWEEPS_BETWEEN: usize = 6;
 /// Beyond this share of turned triangles something else is wrong, and nothing is moved.
 const TURNED_SHARE_MAX: f64 = 0.1;
 
-/// What of a chart stays as it is.
+/// What stays of a chart while its vertices move.
 #[derive(Clone, Copy, Debug)]
-pub struct Plane<'a> {
+pub struct ChartStructure<'a> {
     /// The mesh.
     pub mesh: &'a TriMesh,
     /// Along halfedge a → b, u grows by u_b − u_a − jump.
@@ -33,7 +33,7 @@ pub struct Plane<'a> {
 
 /// u and v of each vertex with as few triangles turned over as can be had. Boundary, poles and the vertices next to them
 /// stay.
-pub fn relaxed(plane: &Plane, u: &[f64], v: &[f64]) -> (Vec<f64>, Vec<f64>) {
+pub fn relaxed(plane: &ChartStructure, u: &[f64], v: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let mut at = Places { u: u.to_vec(), v: v.to_vec() };
     let all = 0..plane.mesh.triangles.len() as u32;
     let mut turned: Vec<u32> = all.filter(|&t| plane.is_turned(t, &at)).collect();
@@ -58,7 +58,7 @@ struct Places {
     v: Vec<f64>,
 }
 
-impl Plane<'_> {
+impl ChartStructure<'_> {
     fn is_turned(&self, t: u32, at: &Places) -> bool {
         let jumps = &self.jumps[3 * t as usize..3 * t as usize + 3];
         let corners = self.mesh.triangles[t as usize];
@@ -76,21 +76,21 @@ impl Plane<'_> {
 }
 
 /// A connected part of the mesh about turned triangles, in order.
-struct Region {
+struct TurnedRegion {
     triangles: Vec<u32>,
 }
 
-fn regions(mesh: &TriMesh, turned: &[u32], rings: usize) -> Vec<Region> {
+fn regions(mesh: &TriMesh, turned: &[u32], rings: usize) -> Vec<TurnedRegion> {
     let mut inside = vec![false; mesh.triangles.len()];
     turned.iter().for_each(|&t| inside[t as usize] = true);
     topology::widen(mesh, &mut inside, rings);
     let sets = topology::connected(mesh, &inside).into_iter().filter(|set| inside[set[0] as usize]);
-    sets.map(|triangles| Region { triangles }).collect()
+    sets.map(|triangles| TurnedRegion { triangles }).collect()
 }
 
-impl Region {
+impl TurnedRegion {
     /// Lays the region anew, unless it has no fewer turned triangles by it.
-    fn lay(&self, plane: &Plane, fixed: &[bool], at: &mut Places) {
+    fn lay(&self, plane: &ChartStructure, fixed: &[bool], at: &mut Places) {
         let turned = |at: &Places| self.triangles.iter().filter(|&&t| plane.is_turned(t, at)).count();
         let movable = self.neighbours(plane, fixed);
         let mut best = turned(at);
@@ -121,7 +121,7 @@ impl Region {
     }
 
     /// The vertices that may move, in order, each with its neighbours. All their triangles belong to the region.
-    fn neighbours(&self, plane: &Plane, fixed: &[bool]) -> Vec<(u32, Vec<Neighbour>)> {
+    fn neighbours(&self, plane: &ChartStructure, fixed: &[bool]) -> Vec<(u32, Vec<Neighbour>)> {
         let mesh = plane.mesh;
         let own = &self.triangles;
         let is_own = |h: u32| own.binary_search(&(h / 3)).is_ok();
@@ -181,7 +181,7 @@ mod tests {
             .collect();
         let (low, high) = mesh.positions.iter().fold((f64::MAX, f64::MIN), |(l, h), p| (l.min(p.z), h.max(p.z)));
         let v: Vec<f64> = mesh.positions.iter().map(|p| (p.z - low) / (high - low)).collect();
-        let plane = Plane { mesh: &mesh, jumps: &jumps, poles: &[] };
+        let plane = ChartStructure { mesh: &mesh, jumps: &jumps, poles: &[] };
         let count = |u: &[f64], v: &[f64]| {
             let at = Places { u: u.to_vec(), v: v.to_vec() };
             let turned = (0..mesh.triangles.len() as u32).filter(|&t| plane.is_turned(t, &at)).count();

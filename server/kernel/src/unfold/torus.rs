@@ -19,7 +19,7 @@
 //! *Ours, not the paper's:* its prototype has no tori (§5.1, Fig. 6 names their flips).
 
 use super::UnfoldError;
-use super::harmonic::Solver;
+use super::harmonic::HarmonicSolver;
 use super::homology::{Generator, generators};
 use super::linking::linking_number;
 use crate::mesh::Vec3;
@@ -49,7 +49,7 @@ type Class = [i64; 2];
 ///
 /// # Errors
 /// [`UnfoldError::NotTorus`] when the surface has not exactly two generators.
-pub fn lattice(solver: &Solver) -> Result<Lattice, UnfoldError> {
+pub fn lattice(solver: &HarmonicSolver) -> Result<Lattice, UnfoldError> {
     let mesh = &solver.mesh;
     let found = generators(mesh).ok_or(UnfoldError::NotTorus)?;
     let forms = [Form::new(solver, &found[0])?, Form::new(solver, &found[1])?];
@@ -88,7 +88,7 @@ struct Form {
 
 impl Form {
     /// The harmonic form with the periods of a generator's crossings.
-    fn new(solver: &Solver, generator: &Generator) -> Result<Self, SolveError> {
+    fn new(solver: &HarmonicSolver, generator: &Generator) -> Result<Self, SolveError> {
         let t = &solver.laplacian.triangulation;
         let mut carried: Vec<i32> = generator.crossings.iter().map(|c| -c).collect();
         t.carry(&solver.mesh, &mut carried, &[]);
@@ -107,7 +107,7 @@ impl Form {
 }
 
 /// ∫ ∇f·∇g.
-fn inner(solver: &Solver, f: &Form, g: &Form) -> f64 {
+fn inner(solver: &HarmonicSolver, f: &Form, g: &Form) -> f64 {
     let t = &solver.laplacian.triangulation;
     let weights = solver.laplacian.half_weights.iter().enumerate();
     let term = |(h, w): (usize, &f64)| {

@@ -5,7 +5,7 @@
 
 use super::Resident;
 use quadmuse_kernel::rank::SegmentShape;
-use quadmuse_kernel::rank::coarse::Facts;
+use quadmuse_kernel::rank::coarse::RowFacts;
 use quadmuse_kernel::register::spectra::{Block, LANES, Row};
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ pub struct Slot {
 #[derive(Clone, Debug, Default)]
 pub struct Chunk {
     block: Block,
-    facts: [Option<Facts>; LANES],
+    facts: [Option<RowFacts>; LANES],
     residents: [Option<Arc<Resident>>; LANES],
 }
 
@@ -31,7 +31,7 @@ impl Chunk {
     }
 
     /// What else a sweep needs of each.
-    pub fn facts(&self) -> &[Option<Facts>; LANES] {
+    pub fn facts(&self) -> &[Option<RowFacts>; LANES] {
         &self.facts
     }
 
@@ -44,7 +44,7 @@ impl Chunk {
     pub fn row(&self, lane: usize) -> Option<(Row, &Arc<Resident>)> {
         let (facts, resident) = (self.facts.get(lane)?.as_ref()?, self.residents.get(lane)?.as_ref()?);
         let (codes, scale) = self.block.codes(lane);
-        let Facts { mean, variance, symmetric, .. } = *facts;
+        let RowFacts { mean, variance, symmetric, .. } = *facts;
         Some((Row { codes, scale, mean: mean as f32, variance, symmetric }, resident))
     }
 }
@@ -78,7 +78,7 @@ impl RowBlocks {
         let resident = Arc::new(resident(place));
         if let Some((chunk, lane)) = self.at(place) {
             chunk.block.put(lane, row);
-            chunk.facts[lane] = Some(Facts::of(row, shape));
+            chunk.facts[lane] = Some(RowFacts::of(row, shape));
             chunk.residents[lane] = Some(Arc::clone(&resident));
         }
         resident

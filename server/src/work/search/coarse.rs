@@ -15,7 +15,7 @@ use crate::work::ranking::{Candidate, Depth, RANKED_MAX, REGISTERED_MAX, order};
 use crate::work::{Work, WorkError};
 use futures_util::{StreamExt, stream};
 use quadmuse_kernel::rank::coarse::{Bounds, CoarseQuery, Translation};
-use quadmuse_kernel::register::likeness::Likeness;
+use quadmuse_kernel::register::likeness::ReferencePicture;
 use quadmuse_kernel::register::spectra::{LANES, Row, SIDE};
 use quadmuse_proto::{EntryState, ExampleId, Flip, Share, Topology};
 use std::cmp::Ordering;
@@ -272,7 +272,7 @@ fn grouped(ranked: &[Ranked], stop: &Stop) -> Vec<Option<(ExampleId, u32)>> {
     let mut choices: Vec<usize> = Vec::new();
     // Whoever is among the best of all is among the best of its share, and has its row.
     let rows: Vec<&Row> = ranked.iter().take(REGISTERED_MAX).map_while(|r| r.row.as_ref()).collect();
-    let all: Vec<Likeness> = rows.iter().map(|row| Likeness::new(row)).collect();
+    let all: Vec<ReferencePicture> = rows.iter().map(|row| ReferencePicture::new(row)).collect();
     for k in 0..all.len() {
         if stop.reason().is_some() {
             break;

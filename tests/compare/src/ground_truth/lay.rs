@@ -11,7 +11,7 @@ use quadmuse_kernel::map::snap::{SnapCounts, creases_on, snap};
 use quadmuse_kernel::map::untangle::untangle;
 use quadmuse_kernel::map::{CrossMap, cross_map, folded_faces};
 use quadmuse_kernel::measure::coverage::{coverage, feature_points};
-use quadmuse_kernel::measure::{self, BURDENED_DEG, Distortion, Evidence, Verdict};
+use quadmuse_kernel::measure::{self, BURDENED_DEG, Distortion, Grade, MapMeasurements};
 use quadmuse_kernel::mesh::Vec3;
 use quadmuse_kernel::register::entry::{Hypothesis, PROTRUSIONS_MANY};
 use quadmuse_kernel::register::{Entry, Query, Solver};
@@ -36,9 +36,9 @@ pub struct Outcome {
     /// Faces turned over in the domain and in space.
     pub folds: usize,
     /// What the verdict is made of.
-    pub evidence: Evidence,
+    pub evidence: MapMeasurements,
     /// The verdict.
-    pub verdict: Verdict,
+    pub verdict: Grade,
     /// Distortion as one number.
     pub badness: f64,
     /// What was snapped.
@@ -91,7 +91,7 @@ pub fn lay(case: &Case, method: Method) -> Result<Outcome, String> {
     let badness = laid.distortion.badness();
     let seconds = [unfolded - begun, registered - unfolded, registered.elapsed()].map(|d| d.as_secs_f64());
     let folds = laid.in_domain.iter().filter(|f| laid.distortion.inward.binary_search(f).is_ok()).count();
-    let evidence = Evidence {
+    let evidence = MapMeasurements {
         cost: laid.cost,
         modulus_log: (one.chart.modulus / two.chart.modulus).ln(),
         turned_share: laid.distortion.inward.len() as f64 / laid.distortion.faces.max(1) as f64,

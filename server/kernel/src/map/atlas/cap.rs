@@ -78,7 +78,7 @@ impl Course {
         if rooms.iter().all(|&room| room > ROOM_MIN) {
             let shapes = [above_all(example, REACH * rooms[0]), above_all(input, rooms[1])];
             let (whole, topology) = (&course.registration, example.topology);
-            course.cap = Grown { whole, topology, shapes, rooms, solver, stop }.cap();
+            course.cap = CapGrowth { whole, topology, shapes, rooms, solver, stop }.cap();
         }
         course
     }
@@ -136,8 +136,8 @@ fn lifted(w: f64, a: f64) -> f64 {
     1.0 - (1.0 - w) * a
 }
 
-/// What caps are grown from.
-struct Grown<'a> {
+/// Holds what is needed to grow caps.
+struct CapGrowth<'a> {
     whole: &'a Registration,
     topology: Topology,
     /// What lies in the highest caps there can be, on either surface, and its shares of the area.
@@ -148,7 +148,7 @@ struct Grown<'a> {
     stop: &'a dyn Fn() -> bool,
 }
 
-impl Grown<'_> {
+impl CapGrowth<'_> {
     /// The highest cap; `None` where one on the way to it finds no room on the input, or folds: they would not hold.
     fn cap(&self) -> Option<Cap> {
         let mut found: Option<Cap> = None;

@@ -40,8 +40,9 @@ pub(super) struct Match {
     pub(super) cost: f64,
 }
 
+/// Names one of the two surfaces.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Which {
+pub(super) enum WhichSurface {
     Example,
     Query,
 }
@@ -74,7 +75,7 @@ impl<'a> Matcher<'a> {
         let mirror_wins = match (&plain, &mirror) {
             (Some(plain), Some(mirror)) => {
                 mirror.cost * MIRROR_MARGIN < plain.cost
-                    && ![Which::Example, Which::Query].into_iter().any(|which| self.is_symmetric(which))
+                    && ![WhichSurface::Example, WhichSurface::Query].into_iter().any(|which| self.is_symmetric(which))
             }
             (plain, _) => plain.is_none(),
         };
@@ -83,10 +84,10 @@ impl<'a> Matcher<'a> {
 
     /// Whether a surface matches its own mirror image without bending: a hand's palm bends onto its back, a body's
     /// left side lies on its right as it is.
-    fn is_symmetric(&self, which: Which) -> bool {
+    fn is_symmetric(&self, which: WhichSurface) -> bool {
         let (surface, s) = match which {
-            Which::Example => (self.example, 0),
-            Which::Query => (self.query, 1),
+            WhichSurface::Example => (self.example, 0),
+            WhichSurface::Query => (self.query, 1),
         };
         let tips = [Arc::clone(&self.tips[s]), Arc::clone(&self.tips[s])];
         let own = Matcher { example: surface, query: surface, tips, solver: &Rigid, ..*self };
@@ -184,8 +185,8 @@ impl<'a> Matcher<'a> {
             let pairs = &finalist.assignment.pairs;
             let mut costs = Vec::new();
             for k in self.spread(pairs) {
-                let one = self.tips[0].view(self.example, &self.poles_at(pairs, k, Which::Example));
-                let two = self.tips[1].view(self.query, &self.poles_at(pairs, k, Which::Query));
+                let one = self.tips[0].view(self.example, &self.poles_at(pairs, k, WhichSurface::Example));
+                let two = self.tips[1].view(self.query, &self.poles_at(pairs, k, WhichSurface::Query));
                 if let (Some(one), Some(two)) = (one, two) {
                     costs.push(self.cost(&finalist.assignment, finalist.flip, &one, &two));
                 }
@@ -214,16 +215,16 @@ impl<'a> Matcher<'a> {
         chosen
     }
 
-    fn tip(&self, which: Which, k: usize) -> u32 {
+    fn tip(&self, which: WhichSurface, k: usize) -> u32 {
         match which {
-            Which::Example => self.tips[0].vertices[k],
-            Which::Query => self.tips[1].vertices[k],
+            WhichSurface::Example => self.tips[0].vertices[k],
+            WhichSurface::Query => self.tips[1].vertices[k],
         }
     }
 
     /// The poles of the chart for pair `k`: its tip at the top, and on spheres the matched tip furthest from it below.
-    pub(super) fn poles_at(&self, pairs: &[(usize, usize)], k: usize, which: Which) -> Vec<u32> {
-        let tip = |j: usize| self.tip(which, if which == Which::Example { pairs[j].0 } else { pairs[j].1 });
+    pub(super) fn poles_at(&self, pairs: &[(usize, usize)], k: usize, which: WhichSurface) -> Vec<u32> {
+        let tip = |j: usize| self.tip(which, if which == WhichSurface::Example { pairs[j].0 } else { pairs[j].1 });
         if self.is_disc() { vec![tip(k)] } else { vec![tip(self.opposite(pairs, k)), tip(k)] }
     }
 

@@ -38,7 +38,7 @@ pub(super) fn shares(held: &[HoldingCorner; 3]) -> f64 {
 
 /// A point that was moved.
 #[derive(Clone, Debug)]
-pub(super) struct Moved {
+pub(super) struct MovedPoint {
     /// Direction in which it leaves, times the length of its way along the surface.
     pub(super) way: Vec3,
     /// The input's normal where it leaves.
@@ -59,8 +59,8 @@ pub(super) struct Follow<'a> {
     pub(super) marcher: &'a Marcher<'a>,
 }
 
-/// How vertices would follow one point.
-struct Following {
+/// Tells how vertices would follow one point.
+struct PointInfluence {
     /// Distance of each from the point along the surface; infinite beyond its reach.
     distances: Vec<f64>,
     /// The point's way, carried to each vertex.
@@ -70,7 +70,7 @@ struct Following {
 impl Follow<'_> {
     /// Moves a point with the corners that hold it. They walk along the surface, so that none jumps to a sheet that is near in space only;
     /// where there is no way, they jump.
-    pub(super) fn moved(&self, held: &[HoldingCorner; 3], to: Vec3) -> Moved {
+    pub(super) fn moved(&self, held: &[HoldingCorner; 3], to: Vec3) -> MovedPoint {
         let start = held.map(|corner| self.cross.locations[corner.vertex as usize]);
         let share = shares(held);
         let left = |at: &[Location; 3]| to - (0..3).map(|k| at[k].point(self.input) * held[k].share).sum::<Vec3>();
@@ -104,7 +104,7 @@ impl Follow<'_> {
             }
         }
         let corners = (0..3).filter(|k| held[*k].moves).map(|k| (held[k].vertex, at[k])).collect();
-        Moved { way: way_there, normal, corners }
+        MovedPoint { way: way_there, normal, corners }
     }
 
     /// The way from a place to a point, if always going towards it gets there.
@@ -145,14 +145,14 @@ impl Follow<'_> {
 
     /// The map with what was moved where it goes, and those within `reach` moved along; and where what was moved is. Each vertex
     /// follows every point, the nearest most; the boundary is one that stays.
-    pub(super) fn all(&self, moved: &[Moved], border: &[bool], reach: f64) -> (CrossMap, Targets) {
+    pub(super) fn all(&self, moved: &[MovedPoint], border: &[bool], reach: f64) -> (CrossMap, Targets) {
         let targets: Targets = moved.iter().flat_map(|one| one.corners.iter().copied()).collect();
         let rim: Vec<u32> = (0..border.len() as u32).filter(|&v| border[v as usize]).collect();
-        let stays = Following {
+        let stays = PointInfluence {
             distances: self.marcher.distances_within(&rim, reach),
             ways: vec![Vec3::zeros(); border.len()],
         };
-        let all: Vec<Following> = moved.iter().map(|one| self.following(one, reach)).chain([stays]).collect();
+        let all: Vec<PointInfluence> = moved.iter().map(|one| self.following(one, reach)).chain([stays]).collect();
         let mut out = self.cross.clone();
         for (&v, place) in &targets {
             (out.locations[v as usize], out.positions[v as usize]) = (*place, place.point(self.input));
@@ -160,7 +160,7 @@ impl Follow<'_> {
         let is_free = |v: &usize| !border[*v] && !targets.contains_key(&(*v as u32));
         for v in (0..border.len()).filter(is_free) {
             let (mut sum, mut weights) = (Vec3::zeros(), 0.0);
-            for Following { distances, ways } in all.iter().filter(|of| of.distances[v].is_finite()) {
+            for PointInfluence { distances, ways } in all.iter().filter(|of| of.distances[v].is_finite()) {
                 let (x, weight) = (1.0 - distances[v] / reach, distances[v].powi(2).max(f64::MIN_POSITIVE).recip());
                 sum += ways[v] * (weight * x * x * (3.0 - 2.0 * x));
                 weights += weight;
@@ -175,7 +175,7 @@ impl Follow<'_> {
 
     /// How what is within `reach` of a point would follow it. Each vertex carries the mean of what its nearer neighbours carry, turned as
     /// the input's normal turns from them to it.
-    fn following(&self, moved: &Moved, reach: f64) -> Following {
+    fn following(&self, moved: &MovedPoint, reach: f64) -> PointInfluence {
         let normal = |v: u32| normal_at(self.input, self.cross.locations[v as usize]);
         let group: Vec<u32> = moved.corners.iter().map(|(v, _)| *v).collect();
         let distances = self.marcher.distances_within(&group, reach);
@@ -184,7 +184,7 @@ impl Follow<'_> {
             ways[v as usize] = turned(moved.way, moved.normal, normal(v));
         }
         if moved.way == Vec3::zeros() {
-            return Following { distances, ways };
+            return PointInfluence { distances, ways };
         }
         let near: Vec<u32> = (0..distances.len() as u32).filter(|&v| distances[v as usize].is_finite()).collect();
         let around = neighbours(self.marcher.mesh(), &near);
@@ -197,6 +197,6 @@ impl Follow<'_> {
             let nearer = || around[i].iter().filter(|&&w| distances[w as usize] < distances[v as usize]);
             ways[v as usize] = nearer().map(carried).sum::<Vec3>() / nearer().count().max(1) as f64;
         }
-        Following { distances, ways }
+        PointInfluence { distances, ways }
     }
 }

@@ -23,9 +23,9 @@ const CORNERS_MAX: usize = 12;
 /// Farthest that a corner is moved, as a share of the loop's length.
 const REACH: f64 = 0.06;
 
-/// Places for boundary vertices, and the vertices that are corners.
+/// Says where boundary vertices go, and which of them go to a corner.
 #[derive(Clone, Debug, Default)]
-pub struct Matched {
+pub struct CornerTargets {
     /// Where boundary vertices go.
     pub targets: Targets,
     /// Those that go to a corner.
@@ -33,9 +33,9 @@ pub struct Matched {
 }
 
 /// Places for the boundary vertices of every loop of which corners are matched.
-pub fn targets(mesh: &TriMesh, cross: &CrossMap, input: &Chart) -> Matched {
+pub fn targets(mesh: &TriMesh, cross: &CrossMap, input: &Chart) -> CornerTargets {
     let there: Vec<BoundaryLoop> = rings(&input.mesh);
-    let mut matched = Matched::default();
+    let mut matched = CornerTargets::default();
     for own in rings(mesh) {
         let corners = own.corners(mesh);
         let Some(ring) = nearest_ring(&own, &there, mesh, cross, input) else { continue };

@@ -3,7 +3,7 @@
 use super::container::Document;
 use super::malformed;
 use crate::mesh::Limits;
-use crate::mesh::error::{MeshError, Place, quoted};
+use crate::mesh::error::{FileLocation, MeshError, quoted};
 use ::gltf::json::accessor::{Accessor, ComponentType};
 use ::gltf::json::validation::Checked;
 use ::gltf::json::{Index, buffer};
@@ -52,7 +52,7 @@ impl<'a> Numbers<'a> {
     /// What is missing, out of range or too large.
     pub(super) fn values(&self, index: Index<Accessor>) -> Result<Values, MeshError> {
         let accessor = self.accessor(index)?;
-        let place = Place::Element("accessor", index.value() as u64);
+        let place = FileLocation::Element("accessor", index.value() as u64);
         let (Checked::Valid(component), Checked::Valid(kind)) = (accessor.component_type, accessor.type_) else {
             return Err(malformed(place, "a known component type and type", "another".into()));
         };
@@ -105,7 +105,7 @@ impl<'a> Numbers<'a> {
         Ok(Values { width: layout.width, numbers })
     }
 
-    fn elements(&self, place: Place, view: Index<buffer::View>, layout: Layout) -> Result<Vec<f64>, MeshError> {
+    fn elements(&self, place: FileLocation, view: Index<buffer::View>, layout: Layout) -> Result<Vec<f64>, MeshError> {
         let views = &self.document.root.buffer_views;
         let view = views.get(view.value()).ok_or_else(|| missing("buffer view", view.value(), views.len()))?;
         let buffer = self.buffer(view.buffer.value())?;
@@ -151,7 +151,7 @@ impl<'a> Numbers<'a> {
         if let Some(bytes) = cell.get() {
             return Ok(bytes);
         }
-        let place = Place::Element("buffer", index as u64);
+        let place = FileLocation::Element("buffer", index as u64);
         let bytes = match &buffer.uri {
             Some(uri) => Cow::Owned(embedded(place, uri)?),
             None => match self.document.binary {
@@ -164,7 +164,7 @@ impl<'a> Numbers<'a> {
 }
 
 fn missing(what: &'static str, found: usize, available: usize) -> MeshError {
-    malformed(Place::File, "references to what is in the file", format!("{what} {found} of {available}"))
+    malformed(FileLocation::File, "references to what is in the file", format!("{what} {found} of {available}"))
 }
 
 /// A component from exactly its bytes.
@@ -184,7 +184,7 @@ fn decode(layout: Layout, bytes: &[u8]) -> f64 {
 }
 
 /// The bytes of a `data:` URI.
-fn embedded(place: Place, uri: &str) -> Result<Vec<u8>, MeshError> {
+fn embedded(place: FileLocation, uri: &str) -> Result<Vec<u8>, MeshError> {
     let external = || MeshError::External { uri: quoted(uri.as_bytes()) };
     let data = uri.strip_prefix("data:").ok_or_else(external)?;
     let Some((_, base64)) = data.split_once(";base64,") else {

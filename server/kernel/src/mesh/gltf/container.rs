@@ -2,7 +2,7 @@
 
 use super::malformed;
 use crate::mesh::Limits;
-use crate::mesh::error::{MeshError, Place, quoted};
+use crate::mesh::error::{FileLocation, MeshError, quoted};
 use crate::mesh::text::within;
 use ::gltf::json::Root;
 
@@ -30,7 +30,7 @@ pub(super) fn open<'a>(bytes: &'a [u8], limits: &Limits) -> Result<Document<'a>,
     check_json(json, limits)?;
     let root = ::gltf::json::deserialize::from_slice(json).map_err(|error| {
         let found = quoted(error.to_string().as_bytes());
-        malformed(Place::Line(error.line() as u64), "JSON as glTF 2.0 demands", found)
+        malformed(FileLocation::Line(error.line() as u64), "JSON as glTF 2.0 demands", found)
     })?;
     check_extensions(&root)?;
     Ok(Document { root, binary })
@@ -40,26 +40,26 @@ pub(super) fn open<'a>(bytes: &'a [u8], limits: &Limits) -> Result<Document<'a>,
 fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), MeshError> {
     let version = word(bytes, 4)?;
     if version != 2 {
-        return Err(malformed(Place::Byte(4), "glTF version 2", format!("version {version}")));
+        return Err(malformed(FileLocation::Byte(4), "glTF version 2", format!("version {version}")));
     }
     let length = word(bytes, 8)? as usize;
     if length > bytes.len() {
         let found = format!("{length} bytes announced and {} there", bytes.len());
-        return Err(malformed(Place::Byte(8), "as many bytes as announced", found));
+        return Err(malformed(FileLocation::Byte(8), "as many bytes as announced", found));
     }
     let (mut json, mut binary, mut at) = (None, None, 12);
     while at + 8 <= length && (json.is_none() || binary.is_none()) {
         let (size, kind) = (word(bytes, at)? as usize, word(bytes, at + 4)?);
         let Some(chunk) = bytes.get(at + 8..).and_then(|rest| rest.get(..size)) else {
             let found = format!("{size} bytes announced and {} there", bytes.len() - at - 8);
-            return Err(malformed(Place::Byte(at as u64), "as many bytes as the chunk announces", found));
+            return Err(malformed(FileLocation::Byte(at as u64), "as many bytes as the chunk announces", found));
         };
         match kind {
             JSON_CHUNK if json.is_none() => json = Some(chunk),
             BINARY_CHUNK if json.is_some() => binary = Some(chunk),
             _ if json.is_none() => {
                 return Err(malformed(
-                    Place::Byte(at as u64),
+                    FileLocation::Byte(at as u64),
                     "a JSON chunk first",
                     format!("a chunk of kind {kind:#010x}"),
                 ));
@@ -70,14 +70,18 @@ fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), MeshError> {
     }
     match json {
         Some(json) => Ok((json, binary)),
-        None => Err(malformed(Place::Byte(12), "a JSON chunk", "the end of the file".into())),
+        None => Err(malformed(FileLocation::Byte(12), "a JSON chunk", "the end of the file".into())),
     }
 }
 
 fn word(bytes: &[u8], at: usize) -> Result<u32, MeshError> {
     match bytes.get(at..at + 4).map(<[u8; 4]>::try_from) {
         Some(Ok(word)) => Ok(u32::from_le_bytes(word)),
-        _ => Err(malformed(Place::Byte(at as u64), "a header of 12 bytes and a chunk", "the end of the file".into())),
+        _ => Err(malformed(
+            FileLocation::Byte(at as u64),
+            "a header of 12 bytes and a chunk",
+            "the end of the file".into(),
+        )),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::accessor::{Numbers, Values};
 use super::{NGON_EXTENSION, container, malformed};
-use crate::mesh::error::{MeshError, Place};
+use crate::mesh::error::{FileLocation, MeshError};
 use crate::mesh::text::within;
 use crate::mesh::weld::weld;
 use crate::mesh::{Attributes, CornerLayer, FaceLabels, Limits, NONE, PolyMesh, Polygons, Vec3};
@@ -25,7 +25,7 @@ pub(in crate::mesh) fn read(bytes: &[u8], limits: &Limits) -> Result<PolyMesh, M
     for (mesh, transform, name) in instances(&numbers) {
         let Some(found) = numbers.document.root.meshes.get(mesh) else {
             let found = format!("mesh {mesh} of {}", numbers.document.root.meshes.len());
-            return Err(malformed(Place::File, "references to what is in the file", found));
+            return Err(malformed(FileLocation::File, "references to what is in the file", found));
         };
         let name = name.or(found.name.clone()).unwrap_or_else(|| format!("mesh {mesh}"));
         for primitive in &found.primitives {
@@ -235,14 +235,14 @@ fn label(labels: &mut FaceLabels, name: String, count: usize) {
 
 fn triples(accessor: usize, values: Values) -> Result<Vec<Vec3>, MeshError> {
     if values.width != 3 {
-        let place = Place::Element("accessor", accessor as u64);
+        let place = FileLocation::Element("accessor", accessor as u64);
         return Err(malformed(place, "positions of 3 components", format!("{} components", values.width)));
     }
     Ok(values.numbers.chunks_exact(3).map(|p| Vec3::new(p[0], p[1], p[2])).collect())
 }
 
 fn vertex_indices(accessor: usize, values: &Values, available: usize) -> Result<Vec<u32>, MeshError> {
-    let place = Place::Element("accessor", accessor as u64);
+    let place = FileLocation::Element("accessor", accessor as u64);
     if values.width != 1 {
         return Err(malformed(place, "scalar indices", format!("{} components", values.width)));
     }

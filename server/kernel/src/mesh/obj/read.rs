@@ -1,7 +1,7 @@
 //! The OBJ reader.
 
-use crate::mesh::error::{MeshError, Place, quoted};
-use crate::mesh::text::{At, Lines, Words, decoded, number, within};
+use crate::mesh::error::{FileLocation, MeshError, quoted};
+use crate::mesh::text::{Lines, TextPosition, Words, decoded, number, within};
 use crate::mesh::{Attributes, CornerLayer, Crease, FaceLabels, Format, Limits, NONE, PolyMesh, Polygons, Vec3};
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -15,7 +15,7 @@ pub(in crate::mesh) fn read(bytes: &[u8], limits: &Limits) -> Result<PolyMesh, M
     let mut reader = Reader::new(limits);
     let mut lines = Lines::new(bytes);
     while let Some(line) = lines.next() {
-        let at = At { format: Format::Obj, line: lines.number() };
+        let at = TextPosition { format: Format::Obj, line: lines.number() };
         let line = continued(line, &mut lines);
         reader.statement(at, &line)?;
     }
@@ -40,7 +40,7 @@ fn continued<'a>(line: &'a [u8], lines: &mut Lines<'a>) -> Cow<'a, [u8]> {
 
 /// The largest index used of a pool, and where.
 #[derive(Clone, Copy, Default)]
-struct Reach {
+struct LargestIndex {
     index: i64,
     line: u64,
 }
@@ -54,7 +54,7 @@ struct Reader<'l> {
     faces: Polygons,
     uv_corners: Vec<u32>,
     normal_corners: Vec<u32>,
-    reach: [Reach; 3],
+    reach: [LargestIndex; 3],
     face: Vec<u32>,
     groups: Labels,
     objects: Labels,
@@ -73,7 +73,7 @@ impl<'l> Reader<'l> {
             faces: Polygons::default(),
             uv_corners: Vec::new(),
             normal_corners: Vec::new(),
-            reach: [Reach::default(); 3],
+            reach: [LargestIndex::default(); 3],
             face: Vec::new(),
             groups: Labels::default(),
             objects: Labels::default(),
@@ -82,7 +82,7 @@ impl<'l> Reader<'l> {
         }
     }
 
-    fn statement(&mut self, at: At, line: &[u8]) -> Result<(), MeshError> {
+    fn statement(&mut self, at: TextPosition, line: &[u8]) -> Result<(), MeshError> {
         let mut words = Words::new(line);
         match words.next() {
             Some(b"v") => self.vertex(at, words),
@@ -107,7 +107,7 @@ impl<'l> Reader<'l> {
         }
     }
 
-    fn vertex(&mut self, at: At, mut words: Words<'_>) -> Result<(), MeshError> {
+    fn vertex(&mut self, at: TextPosition, mut words: Words<'_>) -> Result<(), MeshError> {
         self.positions.push(at.point(&mut words, "three numbers after `v`")?);
         within("vertices", self.positions.len(), self.limits.vertices_max)?;
         let (mut more, mut found) = ([f64::NAN; 4], 0);
@@ -126,7 +126,7 @@ impl<'l> Reader<'l> {
         Ok(())
     }
 
-    fn uv(&mut self, at: At, mut words: Words<'_>) -> Result<(), MeshError> {
+    fn uv(&mut self, at: TextPosition, mut words: Words<'_>) -> Result<(), MeshError> {
         let u = at.number(&mut words, "one to three numbers after `vt`")?;
         let v = match words.next() {
             Some(word) => number(word).ok_or_else(|| at.no_number(word, "one to three numbers after `vt`"))?,
@@ -136,7 +136,7 @@ impl<'l> Reader<'l> {
         within("texture coordinates", self.uvs.len(), self.limits.vertices_max)
     }
 
-    fn face(&mut self, at: At, words: Words<'_>) -> Result<(), MeshError> {
+    fn face(&mut self, at: TextPosition, words: Words<'_>) -> Result<(), MeshError> {
         let mut face = std::mem::take(&mut self.face);
         face.clear();
         for word in words.take_while(|word| !word.starts_with(b"#")) {
@@ -162,7 +162,7 @@ impl<'l> Reader<'l> {
 
     /// One corner `v`, `v/t`, `v//n` or `v/t/n` as indices from 0.
     #[inline]
-    fn corner(&mut self, at: At, word: &[u8]) -> Result<[u32; 3], MeshError> {
+    fn corner(&mut self, at: TextPosition, word: &[u8]) -> Result<[u32; 3], MeshError> {
         let counts = [self.positions.len(), self.uvs.len(), self.normals.len()];
         let mut indices = [NONE; 3];
         for (k, part) in word.split(|b| *b == b'/').enumerate() {
@@ -178,7 +178,7 @@ impl<'l> Reader<'l> {
     }
 
     #[inline]
-    fn index(&mut self, at: At, pool: usize, part: &[u8], available: usize) -> Result<u32, MeshError> {
+    fn index(&mut self, at: TextPosition, pool: usize, part: &[u8], available: usize) -> Result<u32, MeshError> {
         let index = integer(part).ok_or_else(|| {
             at.error("whole numbers as indices", quoted(part), "correct the line or export the file again")
         })?;
@@ -187,13 +187,13 @@ impl<'l> Reader<'l> {
             return Err(out_of_range(pool, at.line, quoted(part), available));
         }
         if from_zero >= self.reach[pool].index {
-            self.reach[pool] = Reach { index: from_zero + 1, line: at.line };
+            self.reach[pool] = LargestIndex { index: from_zero + 1, line: at.line };
         }
         Ok(from_zero as u32)
     }
 
     /// OpenSubdiv's tag `t crease 2/1/0 a b sharpness` (vertices from 0); other tags are not read.
-    fn tag(&mut self, at: At, mut words: Words<'_>) -> Result<(), MeshError> {
+    fn tag(&mut self, at: TextPosition, mut words: Words<'_>) -> Result<(), MeshError> {
         if words.next() != Some(b"crease") || words.next().is_none_or(|counts| !counts.starts_with(b"2/1/")) {
             return Ok(());
         }
@@ -211,7 +211,7 @@ impl<'l> Reader<'l> {
     fn finish(mut self) -> Result<PolyMesh, MeshError> {
         let available = [self.positions.len(), self.uvs.len(), self.normals.len()];
         for pool in 0..3 {
-            let Reach { index, line } = self.reach[pool];
+            let LargestIndex { index, line } = self.reach[pool];
             // Some programs leave out all UVs or normals, but not what faces say of them.
             let is_left_out = pool > 0 && available[pool] == 0;
             if !is_left_out && index > available[pool] as i64 {
@@ -256,7 +256,7 @@ fn unit_colors(mut colors: Vec<[f32; 4]>) -> Vec<[f32; 4]> {
 
 fn out_of_range(pool: usize, line: u64, found: String, available: usize) -> MeshError {
     let what = ["a vertex", "a texture coordinate", "a normal"][pool];
-    MeshError::IndexOutOfRange { format: Format::Obj, place: Place::Line(line), what, found, available }
+    MeshError::IndexOutOfRange { format: Format::Obj, place: FileLocation::Line(line), what, found, available }
 }
 
 /// A decimal integer with optional sign; numbers beyond `i64` count as its ends.

@@ -1,5 +1,5 @@
 use super::{read, write};
-use crate::mesh::{Crease, Limits, MeshError, NONE, Place, PolyMesh};
+use crate::mesh::{Crease, FileLocation, Limits, MeshError, NONE, PolyMesh};
 
 fn parse(text: &str) -> Result<PolyMesh, MeshError> {
     read(text.as_bytes(), &Limits::default())
@@ -92,7 +92,7 @@ fn other_encodings_are_named() {
         MeshError::Encoding { found: "UTF-16 without a byte order mark" }
     );
     let binary = read(b"v 0 0 0\n\0\n", &Limits::default()).unwrap_err();
-    assert!(matches!(binary, MeshError::Malformed { place: Place::Byte(8), .. }));
+    assert!(matches!(binary, MeshError::Malformed { place: FileLocation::Byte(8), .. }));
 }
 
 #[test]

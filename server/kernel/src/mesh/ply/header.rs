@@ -1,7 +1,7 @@
 //! The header of a PLY file.
 
 use crate::mesh::error::{MeshError, quoted};
-use crate::mesh::text::{At, Lines, Words};
+use crate::mesh::text::{Lines, TextPosition, Words};
 use crate::mesh::{Format, Limits};
 
 /// How the body is encoded.
@@ -113,7 +113,7 @@ const REMEDY: &str = "correct the header or export the file again";
 /// The line that breaks the grammar; a count above its limit or above what the bytes after the header can hold.
 pub(super) fn read<'a>(bytes: &'a [u8], limits: &Limits) -> Result<Header<'a>, MeshError> {
     let mut lines = Lines::after(bytes, 0);
-    let mut at = At { format: Format::Ply, line: 1 };
+    let mut at = TextPosition { format: Format::Ply, line: 1 };
     let magic = lines.next().unwrap_or_default();
     if magic.trim_ascii() != b"ply" {
         return Err(at.error("`ply`", quoted(magic), "send a PLY file or name the right format"));
@@ -163,7 +163,7 @@ impl Header<'_> {
             let row = element.row_bytes_min(self.encoding) as u64;
             let need = element.count.saturating_mul(row);
             if need > room.saturating_add(1) {
-                let at = At { format: Format::Ply, line: element.line };
+                let at = TextPosition { format: Format::Ply, line: element.line };
                 let found =
                     format!("{} rows of `{}` announced and room for {}", element.count, element.name, room / row);
                 return Err(at.error("as many rows as announced", found, "the file is cut short: export it again"));
@@ -174,7 +174,7 @@ impl Header<'_> {
     }
 }
 
-fn encoding_of(at: At, mut words: Words<'_>) -> Result<Encoding, MeshError> {
+fn encoding_of(at: TextPosition, mut words: Words<'_>) -> Result<Encoding, MeshError> {
     let word = words.next().unwrap_or_default();
     match word {
         b"ascii" => Ok(Encoding::Ascii),
@@ -184,7 +184,7 @@ fn encoding_of(at: At, mut words: Words<'_>) -> Result<Encoding, MeshError> {
     }
 }
 
-fn element(at: At, mut words: Words<'_>, limits: &Limits) -> Result<Element, MeshError> {
+fn element(at: TextPosition, mut words: Words<'_>, limits: &Limits) -> Result<Element, MeshError> {
     let name = String::from_utf8_lossy(words.next().unwrap_or_default()).into_owned();
     let word = words.next().unwrap_or_default();
     let count: Option<u64> = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
@@ -202,7 +202,7 @@ fn element(at: At, mut words: Words<'_>, limits: &Limits) -> Result<Element, Mes
     Ok(Element { name, count, properties: Vec::new(), line: at.line })
 }
 
-fn property(at: At, mut words: Words<'_>) -> Result<Property, MeshError> {
+fn property(at: TextPosition, mut words: Words<'_>) -> Result<Property, MeshError> {
     let scalar = |word: &[u8]| {
         let expected = "char, uchar, short, ushort, int, uint, float or double";
         Scalar::from_name(word).ok_or_else(|| at.error(expected, quoted(word), REMEDY))

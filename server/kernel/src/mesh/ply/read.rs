@@ -2,8 +2,8 @@
 
 use super::header::{self, Element, Encoding, Header, Scalar};
 use super::strips;
-use crate::mesh::error::{MeshError, Place, quoted};
-use crate::mesh::text::{At, Lines, Words, number, within};
+use crate::mesh::error::{FileLocation, MeshError, quoted};
+use crate::mesh::text::{Lines, TextPosition, Words, number, within};
 use crate::mesh::{Attributes, CornerLayer, Format, Limits, PolyMesh, Polygons, Vec3};
 
 /// Reads a PLY file.
@@ -48,7 +48,7 @@ impl<'a> Body<'a> {
         match self {
             Self::Ascii { lines, words } => loop {
                 let Some(line) = lines.next() else {
-                    let at = At { format: Format::Ply, line: lines.number() };
+                    let at = TextPosition { format: Format::Ply, line: lines.number() };
                     let found =
                         format!("the end of the file after {row} of {} rows of `{}`", element.count, element.name);
                     return Err(at.error("a row", found, "the file is cut short: export it again"));
@@ -72,7 +72,7 @@ impl<'a> Body<'a> {
             Self::Ascii { lines, words } => {
                 let word = words.next().unwrap_or_default();
                 number(word).ok_or_else(|| {
-                    let at = At { format: Format::Ply, line: lines.number() };
+                    let at = TextPosition { format: Format::Ply, line: lines.number() };
                     at.no_number(word, "as many numbers as the header declares")
                 })
             }
@@ -122,18 +122,18 @@ impl<'a> Body<'a> {
 
     fn error(&self, expected: &'static str, found: String, remedy: &'static str) -> MeshError {
         let place = match self {
-            Self::Ascii { lines, .. } => Place::Line(lines.number()),
+            Self::Ascii { lines, .. } => FileLocation::Line(lines.number()),
             Self::Binary { row: (name, row), .. } => place(name, *row),
         };
         MeshError::Malformed { format: Format::Ply, place, expected: expected.into(), found, remedy }
     }
 }
 
-fn place(name: &str, row: u64) -> Place {
+fn place(name: &str, row: u64) -> FileLocation {
     match name {
-        "vertex" => Place::Element("vertex", row),
-        "face" => Place::Element("face", row),
-        _ => Place::Element("row of another element", row),
+        "vertex" => FileLocation::Element("vertex", row),
+        "face" => FileLocation::Element("face", row),
+        _ => FileLocation::Element("row of another element", row),
     }
 }
 
@@ -206,7 +206,7 @@ impl Parts {
         let find = |name: &str| element.property(&[name]).filter(|p| element.properties[*p].list.is_none());
         let all = |names: &[&str]| names.iter().map(|name| find(name)).collect::<Option<Vec<_>>>();
         let Some(xyz) = all(&["x", "y", "z"]) else {
-            let at = At { format: Format::Ply, line: element.line };
+            let at = TextPosition { format: Format::Ply, line: element.line };
             let names: Vec<_> = element.properties.iter().map(|p| p.name.as_str()).collect();
             let found = quoted(names.join(" ").as_bytes());
             return Err(at.error("the vertex properties x, y and z", found, "export the positions as x, y, z"));
@@ -242,7 +242,7 @@ impl Parts {
             if element.count == 0 {
                 return Ok(());
             }
-            let at = At { format: Format::Ply, line: element.line };
+            let at = TextPosition { format: Format::Ply, line: element.line };
             let found = format!("a face element with {} other properties", element.properties.len());
             return Err(at.error("the list property vertex_indices", found, "export the faces as vertex_indices"));
         };
@@ -293,7 +293,7 @@ impl Parts {
             if let Some(vertex) = face.iter().find(|v| **v as usize >= positions.len()) {
                 return Err(MeshError::IndexOutOfRange {
                     format: Format::Ply,
-                    place: Place::Element("face", f as u64),
+                    place: FileLocation::Element("face", f as u64),
                     what: "a vertex",
                     found: format!("{} (PLY counts from 0)", vertex),
                     available: positions.len(),

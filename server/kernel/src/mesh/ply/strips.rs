@@ -3,7 +3,7 @@
 use super::header::Element;
 use super::read::Body;
 use crate::mesh::error::{MeshError, quoted};
-use crate::mesh::text::{At, within};
+use crate::mesh::text::{TextPosition, within};
 use crate::mesh::{Format, Limits, Polygons};
 
 /// This value ends a strip where a list holds several.
@@ -21,7 +21,7 @@ pub(super) fn read<'a>(
     limits: &Limits,
 ) -> Result<(), MeshError> {
     let Some(indices) = element.property(&["vertex_indices", "vertex_index"]) else {
-        let at = At { format: Format::Ply, line: element.line };
+        let at = TextPosition { format: Format::Ply, line: element.line };
         let names: Vec<_> = element.properties.iter().map(|p| p.name.as_str()).collect();
         let found = quoted(names.join(" ").as_bytes());
         return Err(at.error("the list property vertex_indices", found, "export faces in place of strips"));

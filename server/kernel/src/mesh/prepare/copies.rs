@@ -3,7 +3,7 @@
 //! A piece (faces joined by common vertices) goes where each of its faces runs over the same points, in the same sense, as a face of
 //! a piece before it that stays. A piece of which only some faces do stays whole.
 
-use super::surface::Surface;
+use super::surface::CornerRows;
 use crate::mesh::Vec3;
 use crate::mesh::disjoint::Sets;
 use crate::mesh::repair::{RepairKind, Repairs};
@@ -11,7 +11,7 @@ use crate::mesh::weld::equal_points;
 use std::collections::HashSet;
 
 /// Leaves out pieces that repeat others.
-pub(super) fn leave_out(surface: Surface, positions: &[Vec3], repairs: &mut Repairs) -> Surface {
+pub(super) fn leave_out(surface: CornerRows, positions: &[Vec3], repairs: &mut Repairs) -> CornerRows {
     let Some(pieces) = pieces(&surface, positions.len()) else { return surface };
     let class_of = equal_points(positions);
     let mut keep = vec![true; surface.rows.len()];
@@ -31,7 +31,7 @@ pub(super) fn leave_out(surface: Surface, positions: &[Vec3], repairs: &mut Repa
 }
 
 /// The rows of each piece, in the order of their first rows; `None` where there is one piece.
-fn pieces(surface: &Surface, vertices: usize) -> Option<Vec<Vec<u32>>> {
+fn pieces(surface: &CornerRows, vertices: usize) -> Option<Vec<Vec<u32>>> {
     let mut sets = Sets::new(vertices);
     for r in 0..surface.rows.len() {
         surface.rows.face(r).windows(2).for_each(|two| sets.join(two[0], two[1]));
@@ -66,7 +66,7 @@ mod tests {
         let positions = points.iter().map(|x| Vec3::new(f64::from(*x), f64::from(x * x), 0.0)).collect();
         let poly = PolyMesh { positions, faces: faces.iter().copied().collect(), ..PolyMesh::default() };
         let mut repairs = Repairs::default();
-        leave_out(Surface::cleaned(&poly, &mut repairs), &poly.positions, &mut repairs).face_of
+        leave_out(CornerRows::cleaned(&poly, &mut repairs), &poly.positions, &mut repairs).face_of
     }
 
     #[test]

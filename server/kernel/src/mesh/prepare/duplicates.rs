@@ -3,12 +3,12 @@
 //! Copies with the same winding are left out. Of a face and its reverse one is left out where the two are a sheet drawn
 //! from both sides, and both where they are a wall between two closed parts.
 
-use super::surface::Surface;
+use super::surface::CornerRows;
 use crate::mesh::disjoint::Sets;
 use crate::mesh::repair::{RepairKind, Repairs};
 
 /// Leaves out rows that repeat another.
-pub(super) fn leave_out(surface: Surface, repairs: &mut Repairs) -> Surface {
+pub(super) fn leave_out(surface: CornerRows, repairs: &mut Repairs) -> CornerRows {
     let mut keep = vec![true; surface.rows.len()];
     let mut opposed = Vec::new();
     for (forward, backward) in groups(&surface) {
@@ -31,7 +31,7 @@ pub(super) fn leave_out(surface: Surface, repairs: &mut Repairs) -> Surface {
 }
 
 /// Rows with the same ring of vertices: those that run forward and those that run backward. Only where there are several.
-fn groups(surface: &Surface) -> Vec<(Vec<u32>, Vec<u32>)> {
+fn groups(surface: &CornerRows) -> Vec<(Vec<u32>, Vec<u32>)> {
     let mut hashed: Vec<(u64, u32)> =
         surface.rows.iter().enumerate().map(|(r, row)| (ring_hash(row), r as u32)).collect();
     hashed.sort_unstable();
@@ -74,7 +74,7 @@ fn ring(row: &[u32]) -> (Vec<u32>, bool) {
 
 /// Whether each pair of a face and its reverse belongs to a wall: a patch of such pairs with an edge at which exactly two
 /// other faces meet.
-fn walls(surface: &Surface, keep: &[bool], opposed: &[[u32; 2]]) -> Vec<bool> {
+fn walls(surface: &CornerRows, keep: &[bool], opposed: &[[u32; 2]]) -> Vec<bool> {
     if opposed.is_empty() {
         return Vec::new();
     }
@@ -108,7 +108,7 @@ mod tests {
     fn left(faces: &[&[u32]]) -> Vec<u32> {
         let poly = PolyMesh { faces: faces.iter().copied().collect(), ..PolyMesh::default() };
         let mut repairs = Repairs::default();
-        leave_out(Surface::cleaned(&poly, &mut repairs), &mut repairs).face_of
+        leave_out(CornerRows::cleaned(&poly, &mut repairs), &mut repairs).face_of
     }
 
     #[test]

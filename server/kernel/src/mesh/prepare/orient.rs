@@ -1,6 +1,6 @@
 //! Which rows are turned: those against their neighbours, and closed components that are inside out.
 
-use super::surface::Surface;
+use super::surface::CornerRows;
 use crate::mesh::disjoint::Sides;
 use crate::mesh::error::MeshError;
 use crate::mesh::repair::{RepairKind, Repairs};
@@ -16,7 +16,7 @@ const VOLUME_MIN: f64 = 1e-6;
 ///
 /// # Errors
 /// [`MeshError::OneSided`] where they do and it may not be cut.
-pub(super) fn sides(surface: &mut Surface, may_cut: bool, repairs: &mut Repairs) -> Result<Sides, MeshError> {
+pub(super) fn sides(surface: &mut CornerRows, may_cut: bool, repairs: &mut Repairs) -> Result<Sides, MeshError> {
     let mut sides = Sides::new(surface.rows.len());
     let Some(first) = joined(surface, &mut sides, &edges(surface)).next() else { return Ok(sides) };
     if !may_cut {
@@ -36,14 +36,14 @@ pub(super) fn sides(surface: &mut Surface, may_cut: bool, repairs: &mut Repairs)
 }
 
 /// A halfedge of each edge of two faces.
-fn edges(surface: &Surface) -> Vec<u32> {
+fn edges(surface: &CornerRows) -> Vec<u32> {
     let is_first = |c: &u32| surface.twins[*c as usize] != NONE && surface.twins[*c as usize] > *c;
     (0..surface.corner_count()).filter(is_first).collect()
 }
 
 /// The same in the order in which a front from the first row of each component comes across them: first those over which it
 /// spreads.
-fn spreading(surface: &Surface) -> Vec<u32> {
+fn spreading(surface: &CornerRows) -> Vec<u32> {
     let rows = surface.rows.len();
     let mut is_reached = vec![false; rows];
     let mut is_crossed = vec![false; surface.twins.len()];
@@ -74,7 +74,7 @@ fn spreading(surface: &Surface) -> Vec<u32> {
 }
 
 /// Joins the rows at edges in order; those at which the sides contradict what was demanded before.
-fn joined<'a>(surface: &'a Surface, sides: &'a mut Sides, edges: &'a [u32]) -> impl Iterator<Item = u32> + 'a {
+fn joined<'a>(surface: &'a CornerRows, sides: &'a mut Sides, edges: &'a [u32]) -> impl Iterator<Item = u32> + 'a {
     edges.iter().copied().filter(|&c| {
         let d = surface.twins[c as usize];
         let (row_c, row_d) = (surface.row_of[c as usize], surface.row_of[d as usize]);
@@ -84,7 +84,7 @@ fn joined<'a>(surface: &'a Surface, sides: &'a mut Sides, edges: &'a [u32]) -> i
 
 /// Turns the fewer rows of each component that disagree, then closed components whose volume is negative. Returns whether
 /// each row was turned.
-pub(super) fn turn(surface: &mut Surface, mut sides: Sides, positions: &[Vec3], repairs: &mut Repairs) -> Vec<bool> {
+pub(super) fn turn(surface: &mut CornerRows, mut sides: Sides, positions: &[Vec3], repairs: &mut Repairs) -> Vec<bool> {
     let rows = surface.rows.len();
     let placed: Vec<(u32, bool)> = (0..rows as u32).map(|r| sides.root(r)).collect();
     let mut on_side = vec![[0u32; 2]; rows];
@@ -107,14 +107,14 @@ pub(super) fn turn(surface: &mut Surface, mut sides: Sides, positions: &[Vec3], 
     turned
 }
 
-fn note(kind: RepairKind, rows: &[bool], surface: &Surface, repairs: &mut Repairs) {
+fn note(kind: RepairKind, rows: &[bool], surface: &CornerRows, repairs: &mut Repairs) {
     if let Some(first) = rows.iter().position(|turned| *turned) {
         repairs.note_many(kind, rows.iter().filter(|turned| **turned).count() as u64, surface.face_of[first]);
     }
 }
 
 /// Whether the component of each root is closed and has a negative volume.
-fn inside_out(surface: &Surface, placed: &[(u32, bool)], turned: &[bool], positions: &[Vec3]) -> Vec<bool> {
+fn inside_out(surface: &CornerRows, placed: &[(u32, bool)], turned: &[bool], positions: &[Vec3]) -> Vec<bool> {
     let mut closed = vec![true; placed.len()];
     for c in (0..surface.corner_count()).filter(|c| surface.twins[*c as usize] == NONE) {
         closed[placed[surface.row_of[c as usize] as usize].0 as usize] = false;

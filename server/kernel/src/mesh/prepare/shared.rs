@@ -8,7 +8,7 @@
 
 use super::orient;
 use super::stitch::take_back_bad;
-use super::surface::Surface;
+use super::surface::CornerRows;
 use crate::mesh::disjoint::Sides;
 use crate::mesh::error::MeshError;
 use crate::mesh::repair::{RepairKind, Repairs};
@@ -44,11 +44,11 @@ impl Pair {
 /// # Errors
 /// Edges of more than [`FACES_MAX`] faces, of a scan [`FACES_OF_SCAN_MAX`], and examples with one side.
 pub(super) fn paired(
-    mut surface: Surface,
+    mut surface: CornerRows,
     positions: &[Vec3],
     is_scan: bool,
     repairs: &mut Repairs,
-) -> Result<(Surface, Sides), MeshError> {
+) -> Result<(CornerRows, Sides), MeshError> {
     let most = if is_scan { FACES_OF_SCAN_MAX } else { FACES_MAX };
     let shared = surface.pair(most, positions)?;
     let mut sides = orient::sides(&mut surface, is_scan, repairs)?;
@@ -83,7 +83,7 @@ struct Sheets {
 }
 
 impl Sheets {
-    fn new(surface: &Surface, sides: &mut Sides, positions: &[Vec3]) -> Self {
+    fn new(surface: &CornerRows, sides: &mut Sides, positions: &[Vec3]) -> Self {
         let of_row: Vec<u32> = (0..surface.rows.len() as u32).map(|r| sides.root(r).0).collect();
         let mut area = vec![0.0; of_row.len()];
         for (r, row) in surface.rows.iter().enumerate() {
@@ -94,12 +94,12 @@ impl Sheets {
         Self { of_row, area }
     }
 
-    fn of(&self, surface: &Surface, halfedge: u32) -> usize {
+    fn of(&self, surface: &CornerRows, halfedge: u32) -> usize {
         self.of_row[surface.row_of[halfedge as usize] as usize] as usize
     }
 
     /// For each row whether it is kept: not where all its small sheet's faces at shared edges came off.
-    fn kept(&self, surface: &Surface, shared: &[Vec<u32>]) -> Vec<bool> {
+    fn kept(&self, surface: &CornerRows, shared: &[Vec<u32>]) -> Vec<bool> {
         let total: f64 = self.area.iter().sum();
         let mut came_off = vec![false; self.area.len()];
         shared.iter().flatten().for_each(|&c| came_off[self.of(surface, c)] = true);
@@ -110,7 +110,7 @@ impl Sheets {
 }
 
 /// Joins faces at edges of more than two, given by their halfedges, which are open so far.
-fn mend(surface: &mut Surface, sides: &mut Sides, sheets: &Sheets, edges: &[Vec<u32>], positions: &[Vec3]) {
+fn mend(surface: &mut CornerRows, sides: &mut Sides, sheets: &Sheets, edges: &[Vec<u32>], positions: &[Vec3]) {
     let mut made = Vec::new();
     for run in edges {
         let mut pairs = Vec::new();
@@ -131,7 +131,7 @@ fn mend(surface: &mut Surface, sides: &mut Sides, sheets: &Sheets, edges: &[Vec<
     take_back_bad(surface, sides, made);
 }
 
-fn pair(surface: &Surface, sheets: &Sheets, halfedges: [u32; 2], positions: &[Vec3]) -> Option<Pair> {
+fn pair(surface: &CornerRows, sheets: &Sheets, halfedges: [u32; 2], positions: &[Vec3]) -> Option<Pair> {
     let rows = halfedges.map(|h| surface.row_of[h as usize]);
     let [one, other] = halfedges.map(|h| sheets.of(surface, h));
     let area = if one == other { f64::INFINITY } else { sheets.area[one].min(sheets.area[other]) };
@@ -140,7 +140,7 @@ fn pair(surface: &Surface, sheets: &Sheets, halfedges: [u32; 2], positions: &[Ve
 }
 
 /// The direction in which a row lies of its halfedge, of length 1; zero where it has no extent.
-fn away_from(surface: &Surface, halfedge: u32, positions: &[Vec3]) -> Vec3 {
+fn away_from(surface: &CornerRows, halfedge: u32, positions: &[Vec3]) -> Vec3 {
     let at = |v: u32| positions[v as usize];
     let row = surface.rows.face(surface.row_of[halfedge as usize] as usize);
     let (from, to) = (at(surface.tail(halfedge)), at(surface.head(halfedge)));

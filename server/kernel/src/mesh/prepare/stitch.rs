@@ -4,7 +4,7 @@
 //! between equal positions are joined when they are the only two there, or the only two there of one component. A stitch
 //! that would contradict the surface's two sides, or lead to two edges between the same vertices, is not made.
 
-use super::surface::{Surface, edge_key};
+use super::surface::{CornerRows, edge_key};
 use super::umbrella::fans;
 use crate::mesh::disjoint::Sides;
 use crate::mesh::weld::{equal_points, near_points};
@@ -17,7 +17,7 @@ const NEAR: f64 = 1e-6;
 const ROUNDS_MAX: usize = 6;
 
 /// Stitches equal, then nearly equal boundaries.
-pub(super) fn stitch(surface: &mut Surface, sides: &mut Sides, positions: &[Vec3], diagonal: f64) {
+pub(super) fn stitch(surface: &mut CornerRows, sides: &mut Sides, positions: &[Vec3], diagonal: f64) {
     for near in [None, Some(NEAR * diagonal)] {
         let open = open_vertices(surface);
         if open.is_empty() {
@@ -40,7 +40,7 @@ pub(super) fn stitch(surface: &mut Surface, sides: &mut Sides, positions: &[Vec3
 }
 
 /// Vertices of the upload on open edges, sorted.
-fn open_vertices(surface: &Surface) -> Vec<u32> {
+fn open_vertices(surface: &CornerRows) -> Vec<u32> {
     let open = (0..surface.corner_count()).filter(|c| surface.twins[*c as usize] == NONE);
     let mut vertices: Vec<u32> = open.flat_map(|c| [surface.tail(c), surface.head(c)]).collect();
     vertices.sort_unstable();
@@ -50,12 +50,12 @@ fn open_vertices(surface: &Surface) -> Vec<u32> {
 
 /// Joins open edges that are the only two of their group between two classes of points; returns the joined halfedges.
 fn join_edges(
-    surface: &mut Surface,
+    surface: &mut CornerRows,
     sides: &mut Sides,
     class_of: &[u32],
     mut group: impl FnMut(&mut Sides, u32) -> u32,
 ) -> Vec<[u32; 2]> {
-    let ends = |surface: &Surface, c| [surface.tail(c), surface.head(c)].map(|v| class_of[v as usize]);
+    let ends = |surface: &CornerRows, c| [surface.tail(c), surface.head(c)].map(|v| class_of[v as usize]);
     let mut keyed: Vec<(u64, u32, u32)> = (0..surface.corner_count())
         .filter(|c| surface.twins[*c as usize] == NONE)
         .filter_map(|c| {
@@ -79,14 +79,14 @@ fn join_edges(
 }
 
 /// Takes back the stitches at vertices that they made bad, until none is.
-pub(super) fn take_back_bad(surface: &mut Surface, sides: &mut Sides, mut made: Vec<[u32; 2]>) {
+pub(super) fn take_back_bad(surface: &mut CornerRows, sides: &mut Sides, mut made: Vec<[u32; 2]>) {
     for round in 0.. {
         let fan_of = fans(surface, |c, d| sides.opposed(surface.row_of[c as usize], surface.row_of[d as usize]));
         let bad = bad_fans(surface, &fan_of);
         if made.is_empty() || bad.iter().all(|bad| !bad) {
             return;
         }
-        let is_bad = |surface: &Surface, c: u32| {
+        let is_bad = |surface: &CornerRows, c: u32| {
             [c, surface.next(c)].iter().any(|corner| bad[fan_of[*corner as usize] as usize])
         };
         made.retain(|[c, d]| {
@@ -101,7 +101,7 @@ pub(super) fn take_back_bad(surface: &mut Surface, sides: &mut Sides, mut made: 
 }
 
 /// Fans with two edges to the same other fan, fans that meet a row twice, and fans of triangles that coincide.
-fn bad_fans(surface: &Surface, fan_of: &[u32]) -> Vec<bool> {
+fn bad_fans(surface: &CornerRows, fan_of: &[u32]) -> Vec<bool> {
     let mut bad = vec![false; fan_of.len()];
     let ends = |c: u32| [fan_of[c as usize], fan_of[surface.next(c) as usize]];
     let mut edges: Vec<u64> = (0..surface.corner_count())

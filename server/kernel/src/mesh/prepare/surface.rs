@@ -7,8 +7,8 @@ use crate::mesh::repair::{RepairKind, Repairs};
 use crate::mesh::{NONE, PolyMesh, Polygons, Vec3};
 use crate::numerics::stop;
 
-/// Rows of corners. A row is what is left of a face of the upload.
-pub(super) struct Surface {
+/// Rows of corners with their twins. A row is what is left of a face of the upload.
+pub(super) struct CornerRows {
     pub(super) rows: Polygons,
     /// Face of the upload, a row.
     pub(super) face_of: Vec<u32>,
@@ -18,7 +18,7 @@ pub(super) struct Surface {
     pub(super) twins: Vec<u32>,
 }
 
-impl Surface {
+impl CornerRows {
     /// The faces without repeated corners; what has no three corners left is left out.
     pub(super) fn cleaned(poly: &PolyMesh, repairs: &mut Repairs) -> Self {
         let (mut rows, mut face_of, mut row) = (Polygons::default(), Vec::new(), Vec::new());
@@ -199,7 +199,7 @@ mod tests {
     fn turning_a_row_keeps_its_neighbours() {
         let faces: Polygons = [[0, 1, 2, 3].as_slice(), &[1, 2, 4]].into_iter().collect();
         let poly = PolyMesh { positions: vec![Vec3::zeros(); 5], faces, ..PolyMesh::default() };
-        let mut surface = Surface::cleaned(&poly, &mut Repairs::default());
+        let mut surface = CornerRows::cleaned(&poly, &mut Repairs::default());
         surface.pair(2, &poly.positions).expect("manifold");
         surface.turn(&[false, true]);
         assert_eq!(surface.rows.face(1), [4, 2, 1]);

@@ -6,7 +6,7 @@
 //! edge already, the polygon is cut from a new vertex at its centre.
 
 use super::ears::{self, Point};
-use super::surface::{Surface, edge_key};
+use super::surface::{CornerRows, edge_key};
 use super::umbrella::Vertices;
 use crate::mesh::Vec3;
 use crate::mesh::error::MeshError;
@@ -27,7 +27,11 @@ pub(super) struct Triangles {
 ///
 /// # Errors
 /// [`MeshError::FaceRepeats`] for a polygon that runs through a vertex twice and cannot be cut.
-pub(super) fn cut(surface: &Surface, vertices: &mut Vertices, repairs: &mut Repairs) -> Result<Triangles, MeshError> {
+pub(super) fn cut(
+    surface: &CornerRows,
+    vertices: &mut Vertices,
+    repairs: &mut Repairs,
+) -> Result<Triangles, MeshError> {
     let mut cutter = Cutter { edges: Edges::new(surface, vertices), triangles: Triangles::default() };
     for r in 0..surface.rows.len() {
         let start = surface.rows.start(r);
@@ -67,7 +71,7 @@ struct Edges {
 }
 
 impl Edges {
-    fn new(surface: &Surface, vertices: &Vertices) -> Self {
+    fn new(surface: &CornerRows, vertices: &Vertices) -> Self {
         let key = |c: u32| edge_key(vertices.of_corner[c as usize], vertices.of_corner[surface.next(c) as usize]);
         let mut given = Vec::new();
         if surface.rows.iter().any(|row| row.len() > 3) {

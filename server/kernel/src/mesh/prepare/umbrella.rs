@@ -3,14 +3,14 @@
 //! A vertex of the prepared mesh is a set of corners that are connected across edges: so a vertex of the upload at which
 //! several fans touch becomes several, and vertices along a stitched seam become one.
 
-use super::surface::Surface;
+use super::surface::CornerRows;
 use crate::mesh::disjoint::Sets;
 use crate::mesh::repair::{RepairKind, Repairs};
 use crate::mesh::{NONE, Vec3};
 use crate::numerics::stop;
 
 /// For each corner, the smallest corner of its fan. `same_way` tells whether two paired halfedges run the same way.
-pub(super) fn fans(surface: &Surface, mut same_way: impl FnMut(u32, u32) -> bool) -> Vec<u32> {
+pub(super) fn fans(surface: &CornerRows, mut same_way: impl FnMut(u32, u32) -> bool) -> Vec<u32> {
     let mut sets = Sets::new(surface.corner_count() as usize);
     for c in 0..surface.corner_count() {
         stop::pass(1);
@@ -37,7 +37,7 @@ pub(super) struct Vertices {
 }
 
 /// Numbers the fans of a surface of which all rows agree, in the order of the upload's vertices.
-pub(super) fn number(surface: &Surface, positions: &[Vec3], repairs: &mut Repairs) -> Vertices {
+pub(super) fn number(surface: &CornerRows, positions: &[Vec3], repairs: &mut Repairs) -> Vertices {
     let fan_of = fans(surface, |_, _| false);
     let mut lowest = vec![NONE; fan_of.len()];
     for (c, fan) in fan_of.iter().enumerate() {
@@ -59,7 +59,7 @@ pub(super) fn number(surface: &Surface, positions: &[Vec3], repairs: &mut Repair
     vertices
 }
 
-fn of_upload(surface: &Surface, of_corner: &[u32], upload_count: usize) -> Vec<u32> {
+fn of_upload(surface: &CornerRows, of_corner: &[u32], upload_count: usize) -> Vec<u32> {
     let mut of_upload = vec![NONE; upload_count];
     for (c, vertex) in of_corner.iter().enumerate() {
         let slot = &mut of_upload[surface.tail(c as u32) as usize];
@@ -69,7 +69,7 @@ fn of_upload(surface: &Surface, of_corner: &[u32], upload_count: usize) -> Vec<u
 }
 
 /// Notes which vertices were joined and which doubled.
-fn report(surface: &Surface, vertices: &Vertices, order: &[(u32, u32)], positions: &[Vec3], repairs: &mut Repairs) {
+fn report(surface: &CornerRows, vertices: &Vertices, order: &[(u32, u32)], positions: &[Vec3], repairs: &mut Repairs) {
     let mut pairs: Vec<(u32, u32)> =
         vertices.of_corner.iter().enumerate().map(|(c, vertex)| (surface.tail(c as u32), *vertex)).collect();
     pairs.sort_unstable();
