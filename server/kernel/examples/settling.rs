@@ -9,7 +9,7 @@ mod asked;
 use quadmuse_kernel::fit::places::{PlaceSearch, Start};
 use quadmuse_kernel::mesh::{self, Format, Limits, TriMesh};
 use quadmuse_kernel::numerics::stop::Stop;
-use quadmuse_kernel::settle::{Sought, poses};
+use quadmuse_kernel::settle::{Thoroughness, poses};
 use std::path::Path;
 
 /// Poses that are settled.
@@ -23,7 +23,7 @@ fn surface(name: &str) -> Option<TriMesh> {
 
 fn settled(example: &TriMesh, input: &TriMesh, stopped: Stop<'_>) -> Option<f64> {
     let mut search = PlaceSearch::new(example, input)?;
-    for (_, pose) in poses(example, input, [true, true], Sought::Thoroughly, stopped).iter().take(POSED) {
+    for (_, pose) in poses(example, input, [true, true], Thoroughness::Thoroughly, stopped).iter().take(POSED) {
         let positions = example.positions.iter().map(|x| pose.apply(x)).collect();
         search.tries(&Start { positions, mirrored: false, apart: 0.0 }, stopped);
     }

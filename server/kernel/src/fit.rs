@@ -25,16 +25,16 @@ use crate::segment::{Segmented, segment_labels};
 use crate::topology::{Components, Patch, Topology, connected, primitive};
 use crate::unfold::{UnfoldError, UnfoldOptions};
 
-/// A surface that can be fitted.
+/// A patch with its unfolding: a surface that can be fitted.
 #[derive(Clone, Debug)]
-pub struct Surface {
+pub struct UnfoldedPatch {
     /// Its mesh.
     pub patch: Arc<Patch>,
     /// The same, unfolded.
     pub query: Arc<Query>,
 }
 
-impl Surface {
+impl UnfoldedPatch {
     /// Unfolds a patch.
     ///
     /// # Errors
@@ -45,18 +45,18 @@ impl Surface {
     }
 }
 
-/// A surface with what is kept of it in front.
+/// A surface that was cut in two, and the part of it that stays.
 #[derive(Debug)]
-pub struct Cropped {
+pub struct CroppedSurface {
     /// The surface cut in two: the part that stays, and the rest.
     pub segmented: Segmented,
     /// The part that stays, unfolded.
-    pub surface: Surface,
+    pub surface: UnfoldedPatch,
 }
 
 /// What is left of an example's surface without the polygons most of whose vertices are `lost`; `None` where that is no
 /// disc, or no more goes than a share `least` of the area. Lost pieces that are surrounded by what stays, stay.
-pub fn without(surface: &Surface, lost: &[bool], least: f64) -> Option<Cropped> {
+pub fn without(surface: &UnfoldedPatch, lost: &[bool], least: f64) -> Option<CroppedSurface> {
     let mesh = &surface.patch.mesh;
     let mut counts: BTreeMap<u32, [u32; 2]> = BTreeMap::new();
     for (corners, f) in mesh.triangles.iter().zip(&mesh.polygon_of) {
@@ -86,7 +86,7 @@ pub fn without(surface: &Surface, lost: &[bool], least: f64) -> Option<Cropped> 
     let found = primitive(&part.mesh, Components::SmallLeftOut).ok().filter(|p| p.topology == Topology::Disc)?;
     let patch = Patch { topology: found.topology, holes: found.holes, ..part.clone() };
     segmented.parts[0] = patch.clone();
-    Some(Cropped { segmented, surface: Surface::new(patch).ok()? })
+    Some(CroppedSurface { segmented, surface: UnfoldedPatch::new(patch).ok()? })
 }
 
 /// Where an input goes on beyond an example that was laid on it: a value a vertex of the input, positive within the example,

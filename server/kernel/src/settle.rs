@@ -26,13 +26,13 @@ mod stretch;
 mod symmetry;
 mod tree;
 
-pub use effort::Sought;
+pub use effort::Thoroughness;
 pub use evidence::Evidence;
-pub use held::{AxisPoint, Landmark};
-pub use poses::{Likeness, Posed, poses, poses_on};
+pub use held::{AxisPoint, VertexLandmark};
+pub use poses::{Likeness, PosedSurface, poses, poses_on};
 pub use similarity::Similarity;
 pub use span::spanned;
-pub use stretch::{Bare, BareTip};
+pub use stretch::{BareArea, BareTip};
 pub use symmetry::Symmetry;
 
 use crate::mesh::Vec3;
@@ -40,12 +40,12 @@ use crate::mesh::bvh::{Bvh, Closest};
 use crate::mesh::tri::TriMesh;
 use crate::numerics::Pattern;
 use crate::numerics::stop::Stop;
-use align::Rigid;
-use between::Between;
-use elastic::{Body, View};
-use evidence::Judged;
+use align::RigidPoints;
+use between::AddedVertices;
+use elastic::{Body, ScaleView};
+use evidence::JudgedMap;
 use held::{FramedLandmark, HELD_AS_WHOLE};
-use input_surface::{InputSurface, Known, Samples, Seen};
+use input_surface::{FramedSamples, InputProperties, InputSurface, Samples};
 use matches::Partners;
 use rest::{Nodes, Pose, Rest};
 use std::cell::OnceCell;
@@ -118,8 +118,9 @@ pub struct Aligned {
     found: Similarity,
 }
 
-/// An example that has bent halfway from where it rests as a whole: enough to tell which of several starts are worth more.
-pub struct Halfway {
+/// The pose of an example that has bent halfway from where it rests as a whole: enough to tell which of several starts
+/// are worth more.
+pub struct HalfwayPose {
     pose: Pose,
     /// The evidence that speaks for it so far.
     pub evidence: Evidence,
@@ -172,21 +173,21 @@ const ROBUST_SIGMA: f64 = 1.5;
 #[derive(Clone, Debug)]
 pub struct Settler<'a> {
     options: Options,
-    between: Between,
+    between: AddedVertices,
     rest: Rest,
     nodes: [Nodes; 3],
     /// Of the systems of each set of nodes, analysed when it first bends.
     patterns: [OnceLock<Option<Pattern>>; 3],
-    rigid: Rigid,
+    rigid: RigidPoints,
     ground: InputSurface<'a>,
     input: Arc<PreparedInput>,
-    landmarks: Vec<Landmark>,
+    landmarks: Vec<VertexLandmark>,
 }
 
 /// An input made ready once for all examples that are laid on it, and their mirror images.
 #[derive(Debug)]
 pub struct PreparedInput {
-    known: Arc<Known>,
+    known: Arc<InputProperties>,
     coarse: Samples,
     fine: Samples,
     sent: Samples,
@@ -214,7 +215,7 @@ impl PreparedInput {
 struct Setting {
     frame: Similarity,
     weights: Vec<f64>,
-    coarse: Seen,
+    coarse: FramedSamples,
     sent: Samples,
     /// The input's area.
     area: f64,
@@ -256,10 +257,10 @@ impl<'a> Settler<'a> {
         mirror: f64,
         options: &Options,
     ) -> Option<Self> {
-        let (refined, between) = Between::of(example);
+        let (refined, between) = AddedVertices::of(example);
         let rest = Rest::new(&refined, mirror)?;
         let nodes = options.nodes.map(|count| rest.nodes(count));
-        let rigid = Rigid::new(&rest, &nodes[1]);
+        let rigid = RigidPoints::new(&rest, &nodes[1]);
         let ground = InputSurface::of(mesh, &input.known);
         let patterns = Default::default();
         Some(Self { options: *options, between, rest, nodes, patterns, rigid, ground, input, landmarks: Vec::new() })
@@ -271,13 +272,13 @@ impl<'a> Settler<'a> {
     }
 
     /// The same, with landmarks held on their places.
-    pub fn holding(self, landmarks: &[Landmark]) -> Self {
+    pub fn holding(self, landmarks: &[VertexLandmark]) -> Self {
         Self { landmarks: landmarks.to_vec(), ..self }
     }
 
     /// By how much landmarks are missed when they carry the example as a whole, in parts of their spread; `None` where they are one
     /// point.
-    pub fn missed(&self, landmarks: &[Landmark]) -> Option<f64> {
+    pub fn missed(&self, landmarks: &[VertexLandmark]) -> Option<f64> {
         held::carried(&self.rest, &self.ground, landmarks).map(|found| found.1)
     }
 
@@ -306,15 +307,19 @@ impl<'a> Settler<'a> {
     }
 
     /// Bends the example halfway.
-    pub fn halfway(&self, from: &Aligned, stop: Stop<'_>) -> Option<Halfway> {
+    pub fn halfway(&self, from: &Aligned, stop: Stop<'_>) -> Option<HalfwayPose> {
         let (mut pose, mut level) = (self.carried_by(&from.setting, &from.found, stop)?, 0);
         self.bent(&from.setting, (&mut pose, &mut level), [HALFWAY, f64::INFINITY], stop)?;
         let evidence = self.judged(&from.setting, &pose, level, Manner::Whole).evidence;
-        Some(Halfway { pose, evidence })
+        Some(HalfwayPose { pose, evidence })
     }
 
     /// Lays roughly what has bent halfway.
-    pub fn rough_from(&self, (from, halfway): (&Aligned, &Halfway), stop: Stop<'_>) -> Option<(Settled, LaidRoughly)> {
+    pub fn rough_from(
+        &self,
+        (from, halfway): (&Aligned, &HalfwayPose),
+        stop: Stop<'_>,
+    ) -> Option<(Settled, LaidRoughly)> {
         let scales = [ROUGH, BELOW_HALFWAY];
         self.bend(Arc::clone(&from.setting), (halfway.pose.clone(), 0), scales, Manner::Whole, stop)
     }
@@ -332,7 +337,7 @@ impl<'a> Settler<'a> {
         let positions: Vec<Vec3> = start.iter().map(|x| setting.frame.undo(x)).collect();
         let places = self.input.tree.closest_to_all(start);
         let nodes = &self.nodes[1];
-        let judged = Judged {
+        let judged = JudgedMap {
             rest: &self.rest,
             ground: &self.ground,
             frame: &setting.frame,
@@ -408,7 +413,7 @@ impl<'a> Settler<'a> {
     /// for tips that may have been matched wrongly.
     pub fn led_roughly(
         &self,
-        landmarks: &[Landmark],
+        landmarks: &[VertexLandmark],
         axes: &[AxisPoint],
         stop: Stop<'_>,
     ) -> Option<(Settled, LaidRoughly)> {
@@ -427,7 +432,12 @@ impl<'a> Settler<'a> {
     }
 
     /// Lays the example roughly after a start that is nearly right, its tips held on those that they match.
-    pub fn held_roughly(&self, start: &[Vec3], tips: &[Landmark], stop: Stop<'_>) -> Option<(Settled, LaidRoughly)> {
+    pub fn held_roughly(
+        &self,
+        start: &[Vec3],
+        tips: &[VertexLandmark],
+        stop: Stop<'_>,
+    ) -> Option<(Settled, LaidRoughly)> {
         let start = &*self.between.all(start);
         let mut setting = self.setting(start)?;
         setting.held = tips.iter().map(|tip| tip.seen_from(&setting.frame)).collect();
@@ -494,13 +504,13 @@ impl<'a> Settler<'a> {
         stop: Stop<'_>,
     ) -> Option<()> {
         let fine = OnceCell::new();
-        let see_finely = || Seen::new(self.input.fine.seen_from(&setting.frame));
+        let see_finely = || FramedSamples::new(self.input.fine.seen_from(&setting.frame));
         let mut body: Body<'s> = self.body(*level)?;
         let mut partners = Partners::default();
         for (r, rounds, wanted) in SCALES.into_iter().filter(|s| (finest..=from).contains(&s.0)) {
             self.change(pose, &mut body, level, wanted)?;
             let seen = if r < FINE_BELOW { fine.get_or_init(see_finely) } else { &setting.coarse };
-            let view = View { seen, sent: &setting.sent, share: self.share(setting), held: &setting.held };
+            let view = ScaleView { seen, sent: &setting.sent, share: self.share(setting), held: &setting.held };
             body.bend(pose, (view, &mut partners), (r, rounds), stop)?;
         }
         Some(())
@@ -515,7 +525,7 @@ impl<'a> Settler<'a> {
             place::places(&self.ground, &self.input.tree, &beyond, &self.rest.edge_lengths(&beyond));
         let mut lost = place::with_hidden(&self.rest, (&self.ground, setting.frame.scale), &beyond, &places, lost);
         let mut off = place::off(&self.rest, setting.frame.scale, &places);
-        let judged = Judged {
+        let judged = JudgedMap {
             rest: &self.rest,
             ground: &self.ground,
             frame: &setting.frame,
@@ -547,7 +557,7 @@ impl<'a> Settler<'a> {
         let weights = self.counted(start);
         let frame = self.robust(start, &weights)?;
         let area = self.ground.area / (frame.scale * frame.scale);
-        let coarse = Seen::new(self.input.coarse.seen_from(&frame));
+        let coarse = FramedSamples::new(self.input.coarse.seen_from(&frame));
         let sent = self.input.sent.seen_from(&frame);
         let held = self.landmarks.iter().map(|l| l.seen_from(&frame)).collect();
         Some(Setting { frame, weights, coarse, sent, area, held })

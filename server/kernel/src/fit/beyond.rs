@@ -58,7 +58,7 @@ fn continued_evenly(mesh: &PolyMesh, rest: &Patch) -> Option<PolyMesh> {
         Topology::Disc => ground.rows(mesh, &rim, &along, RowsEnd::Depth(ROWS_SHARE)),
         Topology::Sphere | Topology::Torus => return None,
     };
-    let mut grown = Grown::new(mesh, rim, mesh.faces.len().saturating_sub(1));
+    let mut grown = GrownMesh::new(mesh, rim, mesh.faces.len().saturating_sub(1));
     quads.rows.iter().for_each(|row| grown.row(row));
     if rest.topology == Topology::Disc {
         grown.close(&ground, &quads)?;
@@ -128,8 +128,8 @@ impl Rows {
     }
 }
 
-/// Where the rim lies on the rest: u of each of its vertices, and whether v falls from the rim on.
-pub(super) struct Along {
+/// Tells where the rim lies on the rest: u of each of its vertices, and whether v falls from the rim on.
+pub(super) struct RimOnRest {
     u: Vec<f64>,
     falls: bool,
     /// How far the rim's vertices are from the boundary, on average.
@@ -148,7 +148,7 @@ impl UnfoldedRest<'_> {
     }
 
     /// u of the rim's vertices, by the nearest place on the rest's boundary.
-    pub(super) fn along(&self, mesh: &PolyMesh, rim: &[u32]) -> Option<Along> {
+    pub(super) fn along(&self, mesh: &PolyMesh, rim: &[u32]) -> Option<RimOnRest> {
         let surface: &TriMesh = &self.chart.mesh;
         let points: Vec<Vec3> = rim.iter().map(|&v| mesh.positions[v as usize]).collect();
         let nearest = |edges: &[u32], x: Vec3| -> Option<(f64, f64)> {
@@ -170,11 +170,11 @@ impl UnfoldedRest<'_> {
             Some((away, found.into_iter().map(|f| f.1).collect(), v > 0.5))
         };
         let (away, u, falls) = loops.iter().filter_map(fits).min_by(|a, b| a.0.total_cmp(&b.0))?;
-        Some(Along { u: untwisted(&u), falls, away: away / rim.len() as f64 })
+        Some(RimOnRest { u: untwisted(&u), falls, away: away / rim.len() as f64 })
     }
 
     /// Rows about as far apart as the rim's vertices.
-    pub(super) fn rows(&self, mesh: &PolyMesh, rim: &[u32], along: &Along, end: RowsEnd) -> Rows {
+    pub(super) fn rows(&self, mesh: &PolyMesh, rim: &[u32], along: &RimOnRest, end: RowsEnd) -> Rows {
         let (to, left) = match end {
             RowsEnd::Depth(to) => (to, 0.0),
             RowsEnd::BeforePole(left) => (1.0, left),
@@ -270,8 +270,8 @@ pub(super) fn from_polar([x, y]: [f64; 2]) -> Uv {
     [y.atan2(x) / std::f64::consts::TAU, 1.0 - (x * x + y * y)]
 }
 
-/// The mesh as it grows.
-pub(super) struct Grown {
+/// A mesh that grows by rows of quads, and its outer loop.
+pub(super) struct GrownMesh {
     pub(super) mesh: PolyMesh,
     /// Its outer loop.
     pub(super) rim: Vec<u32>,
@@ -279,7 +279,7 @@ pub(super) struct Grown {
     like: usize,
 }
 
-impl Grown {
+impl GrownMesh {
     pub(super) fn new(mesh: &PolyMesh, rim: Vec<u32>, like: usize) -> Self {
         let mut mesh = mesh.clone();
         // New corners have no place in a layer of texture coordinates; the layer would end before them.

@@ -5,7 +5,7 @@
 //! have no place there. The crescent is laid out regularly instead; its vertices along the rim are the rim's, and those on the
 //! other side as many as edges of that length ask for. *Ours, not the paper's.*
 
-use super::beyond::Grown;
+use super::beyond::GrownMesh;
 use crate::compose::layout::Curve;
 use crate::compose::smooth::Target;
 use crate::compose::template::border::Border;
@@ -29,7 +29,7 @@ pub(super) struct Crescent<'a> {
 }
 
 /// A part of the rim, in the order of the crescent's loop.
-struct Part {
+struct RimPart {
     vertices: Vec<u32>,
     /// Where on the loop each lies.
     at: Vec<f64>,
@@ -74,7 +74,7 @@ impl<'a> Crescent<'a> {
         points.extend(beyond.iter().map(|&s| curve.point(s)));
         let at: Vec<f64> = part.at.iter().copied().chain(beyond).collect();
         let laid = disc_between((self.chart, index), &self.border, part.edge, (&at, points))?;
-        let mut grown = Grown::new(mesh, Vec::new(), mesh.faces.len().saturating_sub(1));
+        let mut grown = GrownMesh::new(mesh, Vec::new(), mesh.faces.len().saturating_sub(1));
         let mut number: Vec<Option<u32>> = vec![None; laid.net.positions.len()];
         laid.ends[0].iter().zip(&part.vertices).for_each(|(&v, &of_rim)| number[v as usize] = Some(of_rim));
         let mut faces: Vec<[u32; 4]> = Vec::new();
@@ -100,7 +100,7 @@ impl<'a> Crescent<'a> {
 
     /// The part of a rim from one end of the crescent's side along the rim to the other. `None` where it has less than two edges, or
     /// all in one point.
-    fn part(&self, curve: &Curve, mesh: &PolyMesh, rim: &[u32]) -> Option<Part> {
+    fn part(&self, curve: &Curve, mesh: &PolyMesh, rim: &[u32]) -> Option<RimPart> {
         let point = |k: usize| mesh.positions[rim[k] as usize];
         let nearest = |x: Vec3| (0..rim.len()).min_by(|&a, &b| (point(a) - x).norm().total_cmp(&(point(b) - x).norm()));
         let ends = [self.along_rim.first()?, self.along_rim.last()?].map(|&k| nearest(curve.points[k]));
@@ -118,7 +118,7 @@ impl<'a> Crescent<'a> {
         let ends = part.windows(2).map(|ends| (point(ends[1]) - point(ends[0])).norm());
         let edge = ends.sum::<f64>() / (part.len() - 1) as f64;
         let vertices = part.into_iter().map(|k| rim[k]).collect();
-        (count > 2 && edge > 0.0).then_some(Part { vertices, at, edge, away })
+        (count > 2 && edge > 0.0).then_some(RimPart { vertices, at, edge, away })
     }
 
     /// How far a point is from the side along the rim, and where on the loop it is nearest, from that side's first point on.

@@ -7,7 +7,7 @@
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
-use super::beyond::{Grown, Rows, RowsEnd, UnfoldedRest, from_polar, only_rim};
+use super::beyond::{GrownMesh, Rows, RowsEnd, UnfoldedRest, from_polar, only_rim};
 use crate::encode::index::PlanarIndex;
 use crate::mesh::bvh::{Bvh, Closest};
 use crate::mesh::tri::{NONE, TriMesh, nearest_share};
@@ -45,7 +45,7 @@ const STEPS: usize = 200;
 
 /// Tells what became of the protrusions of a surface that a laid mesh misses.
 #[derive(Clone, Debug, Default)]
-pub struct Extruded {
+pub struct Extrusion {
     /// The mesh with faces extruded along them, and how many they are; `None` where no faces were. Vertices and faces keep their numbers;
     /// new ones follow.
     pub mesh: Option<(PolyMesh, usize)>,
@@ -54,8 +54,8 @@ pub struct Extruded {
 }
 
 /// Extrudes the faces of a mesh that lies on `surface` along the protrusions of the surface that it misses.
-pub fn extruded(mesh: &PolyMesh, surface: &TriMesh) -> Extruded {
-    let Some(laid) = Laid::new(mesh, surface) else { return Extruded::default() };
+pub fn extruded(mesh: &PolyMesh, surface: &TriMesh) -> Extrusion {
+    let Some(laid) = LaidMesh::new(mesh, surface) else { return Extrusion::default() };
     let mut grown: Option<(PolyMesh, usize)> = None;
     let (mut taken, mut missed) = (BTreeSet::new(), 0.0);
     for protrusion in laid.protrusions() {
@@ -75,12 +75,12 @@ pub fn extruded(mesh: &PolyMesh, surface: &TriMesh) -> Extruded {
             None => missed += protrusion.missed,
         }
     }
-    Extruded { mesh: grown, missed: missed / surface.total_area() }
+    Extrusion { mesh: grown, missed: missed / surface.total_area() }
 }
 
 /// The share of a surface's area, 0–1, that the protrusions have which a laid mesh misses.
 pub fn missed(mesh: &PolyMesh, surface: &TriMesh) -> f64 {
-    let Some(laid) = Laid::new(mesh, surface) else { return 0.0 };
+    let Some(laid) = LaidMesh::new(mesh, surface) else { return 0.0 };
     laid.protrusions().iter().map(|one| one.missed).sum::<f64>() / surface.total_area()
 }
 
@@ -99,7 +99,7 @@ struct Foot {
 }
 
 /// A laid mesh beside the surface that it lies on.
-struct Laid<'a> {
+struct LaidMesh<'a> {
     mesh: &'a PolyMesh,
     surface: &'a TriMesh,
     /// The face of each triangle of the laid mesh.
@@ -118,7 +118,7 @@ struct Laid<'a> {
     on_rim: BTreeSet<u32>,
 }
 
-impl<'a> Laid<'a> {
+impl<'a> LaidMesh<'a> {
     fn new(mesh: &'a PolyMesh, surface: &'a TriMesh) -> Option<Self> {
         let (mut triangles, mut face_of) = (Vec::new(), Vec::new());
         let mut about = vec![Vec::new(); mesh.positions.len()];
@@ -324,7 +324,7 @@ impl<'a> Laid<'a> {
         // The faces of a square foot reach an eighth of its rim inward.
         let rows = ground.rows(mesh, rim, &along, RowsEnd::BeforePole(rim.len() as f64 / 8.0));
         let like = *foot.first()? as usize;
-        let mut grown = Grown::new(mesh, rim.clone(), like);
+        let mut grown = GrownMesh::new(mesh, rim.clone(), like);
         rows.rows.iter().for_each(|row| grown.row(row));
         let moved: BTreeMap<u32, u32> = rim.iter().copied().zip(grown.rim.iter().copied()).collect();
         let places = self.at_tip(foot, rim, &rows.edge());
@@ -515,7 +515,7 @@ mod tests {
         let (mesh, surface) = (cage(8), horned(&[[0.35, 0.35], [0.6, 0.6]], 0.5));
         let missed_before = missed(&mesh, &surface);
         assert!((0.03..0.3).contains(&missed_before), "{missed_before}");
-        let Extruded { mesh: Some((grown, 2)), missed } = extruded(&mesh, &surface) else { panic!("two horns") };
+        let Extrusion { mesh: Some((grown, 2)), missed } = extruded(&mesh, &surface) else { panic!("two horns") };
         assert!(missed < 1e-12);
         assert!(halfedges(&grown).values().all(|count| *count == 1), "it is manifold, and its faces turn alike");
         let open = |mesh: &PolyMesh| {
@@ -542,7 +542,7 @@ mod tests {
     fn hollows_low_bumps_and_what_stands_beside_the_mesh_are_left_as_they_are() {
         let mesh = cage(8);
         let left = |points: &[[f64; 2]], height: f64| {
-            let Extruded { mesh: grown, missed } = extruded(&mesh, &horned(points, height));
+            let Extrusion { mesh: grown, missed } = extruded(&mesh, &horned(points, height));
             (grown.is_none(), missed > 0.02)
         };
         assert_eq!(left(&[[0.35, 0.35]], -0.5), (true, false), "a hollow");

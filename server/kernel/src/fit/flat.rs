@@ -45,7 +45,7 @@ struct Plane {
 }
 
 /// A flat region.
-struct Region {
+struct FlatRegion {
     plane: Plane,
     is_in: Vec<bool>,
 }
@@ -70,8 +70,8 @@ impl<'a> Plain<'a> {
     }
 
     /// The largest flat region that does not reach the rim, with its area.
-    fn largest(&self) -> Option<(f64, Region)> {
-        let mut best: Option<(f64, Region)> = None;
+    fn largest(&self) -> Option<(f64, FlatRegion)> {
+        let mut best: Option<(f64, FlatRegion)> = None;
         let (mut sum, mut next) = (0.0, 0.5);
         for t in 0..self.areas.len() {
             sum += self.areas[t];
@@ -93,12 +93,12 @@ impl<'a> Plain<'a> {
         best
     }
 
-    fn triangles<'r>(&self, region: &'r Region) -> impl Iterator<Item = usize> + 'r {
+    fn triangles<'r>(&self, region: &'r FlatRegion) -> impl Iterator<Item = usize> + 'r {
         (0..region.is_in.len()).filter(|&t| region.is_in[t])
     }
 
     /// Grows a region from a triangle over all that is joined to it and lies in a plane.
-    fn grown(&self, seed: usize, plane: Plane) -> Region {
+    fn grown(&self, seed: usize, plane: Plane) -> FlatRegion {
         let off = OFF_MAX * self.area.sqrt();
         let fits = |t: usize| {
             self.normals[t].dot(&plane.normal) > ALIKE && (self.middles[t] - plane.point).dot(&plane.normal).abs() < off
@@ -117,11 +117,11 @@ impl<'a> Plain<'a> {
                 }
             }
         }
-        Region { plane, is_in }
+        FlatRegion { plane, is_in }
     }
 
     /// Returns the mean plane of a region.
-    fn fitted(&self, region: &Region) -> Plane {
+    fn fitted(&self, region: &FlatRegion) -> Plane {
         let (mut area, mut point, mut normal) = (0.0, Vec3::zeros(), Vec3::zeros());
         for t in self.triangles(region) {
             area += self.areas[t];
@@ -131,12 +131,12 @@ impl<'a> Plain<'a> {
         Plane { point: point / area.max(f64::MIN_POSITIVE), normal: normal.try_normalize(0.0).unwrap_or_default() }
     }
 
-    fn reaches_rim(&self, region: &Region) -> bool {
+    fn reaches_rim(&self, region: &FlatRegion) -> bool {
         self.triangles(region).any(|t| (3 * t as u32..3 * t as u32 + 3).any(|h| self.mesh.twin(h) == NONE))
     }
 
     /// Tells whether what lies beside a region bends away from it sharply, not as a dome does.
-    fn is_sharp(&self, region: &Region, area: f64) -> bool {
+    fn is_sharp(&self, region: &FlatRegion, area: f64) -> bool {
         let near = BESIDE * area.sqrt();
         let Plane { point, normal } = region.plane;
         let is_beside = |&t: &usize| !region.is_in[t] && (self.middles[t] - point).dot(&normal).abs() < near;

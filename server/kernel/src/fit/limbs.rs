@@ -12,7 +12,7 @@ use crate::mesh::Vec3;
 use crate::mesh::disjoint::Sets;
 use crate::mesh::geodesic::Marcher;
 use crate::mesh::tri::{NONE, TriMesh};
-use crate::settle::{AxisPoint, Landmark};
+use crate::settle::{AxisPoint, VertexLandmark};
 
 /// Rings are so far apart, and the last is so far from its tip at most, in √area of the example.
 const STEP: f64 = 0.06;
@@ -25,13 +25,13 @@ const NARROW: f64 = 4.0;
 const ALIKE: f64 = 2.5;
 
 /// A surface with distances along it from its tips, each found once.
-pub struct Tipped<'a> {
+pub struct TipDistances<'a> {
     pub(super) mesh: &'a TriMesh,
     marcher: Marcher<'a>,
     known: Mutex<BTreeMap<u32, Arc<Vec<f64>>>>,
 }
 
-impl<'a> Tipped<'a> {
+impl<'a> TipDistances<'a> {
     /// Prepares a surface.
     pub fn new(mesh: &'a TriMesh) -> Self {
         Self { mesh, marcher: Marcher::new(mesh), known: Mutex::default() }
@@ -49,7 +49,7 @@ impl<'a> Tipped<'a> {
 }
 
 /// A ring about a limb: all its points are as far from the limb's tip.
-struct Ring {
+struct LimbRing {
     middle: Vec3,
     length: f64,
     /// Vertices beside it.
@@ -57,7 +57,7 @@ struct Ring {
 }
 
 /// Points of the axes of an example's limbs, with those of an input's, by tips that match.
-pub fn axis_points(example: &Tipped<'_>, input: &Tipped<'_>, tips: &[Landmark]) -> Vec<AxisPoint> {
+pub fn axis_points(example: &TipDistances<'_>, input: &TipDistances<'_>, tips: &[VertexLandmark]) -> Vec<AxisPoint> {
     let ends: Vec<(u32, u32)> = tips.iter().filter_map(|tip| ends(tip, input.mesh)).collect();
     let sizes = [example, input].map(|side| side.mesh.total_area().sqrt());
     let mut found = Vec::new();
@@ -71,7 +71,7 @@ pub fn axis_points(example: &Tipped<'_>, input: &Tipped<'_>, tips: &[Landmark]) 
         }
         let levels: Vec<f64> = (1..=RINGS).map(|n| n as f64 * STEP * sizes[0]).collect();
         let about = rings(example.mesh, &from_own, &levels);
-        let with_corners: Vec<(Ring, [(u32, f64); 3], f64)> = about
+        let with_corners: Vec<(LimbRing, [(u32, f64); 3], f64)> = about
             .into_iter()
             .flatten()
             .filter_map(|ring| {
@@ -94,12 +94,12 @@ pub fn axis_points(example: &Tipped<'_>, input: &Tipped<'_>, tips: &[Landmark]) 
 }
 
 /// The vertices of example and input at which a tip is.
-fn ends(tip: &Landmark, input: &TriMesh) -> Option<(u32, u32)> {
+fn ends(tip: &VertexLandmark, input: &TriMesh) -> Option<(u32, u32)> {
     Some((tip.vertex(), tip.to.vertex(input)?))
 }
 
 /// The rings at some distances from a tip; `None` where what is as far is more than one, or nothing.
-fn rings(mesh: &TriMesh, distance: &[f64], levels: &[f64]) -> Vec<Option<Ring>> {
+fn rings(mesh: &TriMesh, distance: &[f64], levels: &[f64]) -> Vec<Option<LimbRing>> {
     // Of each level the segments in which it crosses triangles: the edges at their ends, and the ends.
     let mut crossed: Vec<Vec<([u32; 2], [Vec3; 2])>> = vec![Vec::new(); levels.len()];
     for (t, corners) in mesh.triangles.iter().enumerate() {
@@ -129,7 +129,7 @@ fn rings(mesh: &TriMesh, distance: &[f64], levels: &[f64]) -> Vec<Option<Ring>> 
     crossed.iter().map(|segments| ring(mesh, segments)).collect()
 }
 
-fn ring(mesh: &TriMesh, segments: &[([u32; 2], [Vec3; 2])]) -> Option<Ring> {
+fn ring(mesh: &TriMesh, segments: &[([u32; 2], [Vec3; 2])]) -> Option<LimbRing> {
     let mut number: BTreeMap<u32, u32> = BTreeMap::new();
     for edge in segments.iter().flat_map(|s| s.0) {
         let next = number.len() as u32;
@@ -147,7 +147,7 @@ fn ring(mesh: &TriMesh, segments: &[([u32; 2], [Vec3; 2])]) -> Option<Ring> {
     if !(longest >= ONE_RING * all && longest > 0.0) {
         return None;
     }
-    let mut ring = Ring { middle: Vec3::zeros(), length: longest, beside: Vec::new() };
+    let mut ring = LimbRing { middle: Vec3::zeros(), length: longest, beside: Vec::new() };
     for (edges, ends) in segments {
         if sets.root(number[&edges[0]]) == root {
             ring.middle += (ends[0] + ends[1]) * (0.5 * length(ends) / longest);
@@ -158,7 +158,7 @@ fn ring(mesh: &TriMesh, segments: &[([u32; 2], [Vec3; 2])]) -> Option<Ring> {
 }
 
 /// Three vertices beside a ring with weights that bring them near its middle; `None` where they are no triangle.
-fn spanning(mesh: &TriMesh, ring: &Ring) -> Option<[(u32, f64); 3]> {
+fn spanning(mesh: &TriMesh, ring: &LimbRing) -> Option<[(u32, f64); 3]> {
     let at = |v: u32| mesh.positions[v as usize];
     let farthest =
         |from: &dyn Fn(Vec3) -> f64| ring.beside.iter().copied().max_by(|&a, &b| from(at(a)).total_cmp(&from(at(b))));
@@ -205,11 +205,11 @@ mod tests {
         TriMesh::from_triangles(flat.positions.iter().map(place).collect(), flat.triangles.clone()).expect("a tube")
     }
 
-    fn tips(example: &TriMesh, input: &TriMesh) -> Vec<Landmark> {
+    fn tips(example: &TriMesh, input: &TriMesh) -> Vec<VertexLandmark> {
         let trees = (Bvh::new(example), Bvh::new(input));
         let tip = |s: f64| {
             let end = |bent: bool| along(s, bent).0 + along(s, bent).1 * RADIUS;
-            Landmark::between(example, &trees.0.closest(end(false)), trees.1.closest(end(true)))
+            VertexLandmark::between(example, &trees.0.closest(end(false)), trees.1.closest(end(true)))
         };
         [0.0, 1.0].into_iter().filter_map(tip).collect()
     }
@@ -218,7 +218,7 @@ mod tests {
     fn axes_go_around_an_elbow() {
         let (example, input) = (tube(12, 24, false), tube(20, 70, true));
         let tips = tips(&example, &input);
-        let found = axis_points(&Tipped::new(&example), &Tipped::new(&input), &tips);
+        let found = axis_points(&TipDistances::new(&example), &TipDistances::new(&input), &tips);
         assert!(found.len() >= 8, "{}", found.len());
         for point in found {
             let s: f64 = point.corners.iter().map(|(v, w)| example.positions[*v as usize].x * w).sum();
@@ -232,7 +232,7 @@ mod tests {
     fn what_is_two_rings_has_no_axis() {
         // As far from the middle of a tube are two rings.
         let tube = tube(12, 40, false);
-        let side = Tipped::new(&tube);
+        let side = TipDistances::new(&tube);
         let middle = (0..tube.positions.len() as u32).min_by(|&a, &b| {
             let away = |v: u32| (tube.positions[v as usize] - Vec3::new(0.5, RADIUS, 0.0)).norm();
             away(a).total_cmp(&away(b))

@@ -3,7 +3,7 @@
 //! How well the relief of the example agrees with that of the input where it lies, less what the map bends and how far normals
 //! disagree, is the arbiter ([`Evidence::confidence`]): of right maps it is high, of wrong ones low, whatever the shapes.
 
-use super::limbs::{Tipped, axis_points};
+use super::limbs::{TipDistances, axis_points};
 use super::ways::{MatchedTips, TipPairing, likely, twins};
 use crate::mesh::Vec3;
 use crate::mesh::bvh::{Bvh, Closest};
@@ -12,8 +12,8 @@ use crate::numerics::stage::Stage;
 use crate::numerics::stop::Stop;
 use crate::numerics::{in_halves, side_by_side};
 use crate::settle::{
-    Aligned, AxisPoint, Bare, Evidence, Halfway, LaidRoughly, Landmark, Manner, Options, PreparedInput, Settled,
-    Settler, Similarity, Symmetry,
+    Aligned, AxisPoint, BareArea, Evidence, HalfwayPose, LaidRoughly, Manner, Options, PreparedInput, Settled, Settler,
+    Similarity, Symmetry, VertexLandmark,
 };
 use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
@@ -135,7 +135,7 @@ pub struct PlaceSearch<'a> {
     plain: Settler<'a>,
     mirrored: Settler<'a>,
     /// Example and input with distances from their tips.
-    tipped: [Tipped<'a>; 2],
+    tipped: [TipDistances<'a>; 2],
     /// What has been laid roughly.
     laid: Vec<TriedPlace>,
     /// The input's area.
@@ -171,13 +171,13 @@ impl<'a> PlaceSearch<'a> {
         let settler = |mirror| Settler::on(example, (input, Arc::clone(&ready)), mirror, options);
         let (plain, mirrored) = side_by_side(|| settler(1.0), || settler(-1.0));
         let (symmetry, area) = (OnceLock::new(), input.total_area());
-        let tipped = [example, input].map(Tipped::new);
+        let tipped = [example, input].map(TipDistances::new);
         let are_closed = [example, input].iter().all(|mesh| !mesh.twins.contains(&NONE));
         Some(Self { symmetry, plain: plain?, mirrored: mirrored?, tipped, laid: Vec::new(), area, are_closed })
     }
 
     /// The same, with landmarks held on their places.
-    pub fn holding(self, landmarks: &[Landmark]) -> Self {
+    pub fn holding(self, landmarks: &[VertexLandmark]) -> Self {
         let (plain, mirrored) = (self.plain.holding(landmarks), self.mirrored.holding(landmarks));
         Self { plain, mirrored, ..self }
     }
@@ -235,7 +235,7 @@ impl<'a> PlaceSearch<'a> {
         let least = self.worth(&best) - REACHING_MARGIN;
         let mut bare = settler.bare(&laid);
         for _ in 0..STRETCHES {
-            let Bare { share: before, tips } = bare.clone();
+            let BareArea { share: before, tips } = bare.clone();
             let all = (tips.len() > 1).then_some(tips.as_slice());
             for tips in all.into_iter().chain(tips.chunks(1)) {
                 let (settled, made) = settler.stretched(&laid, tips, stop)?;
@@ -325,9 +325,9 @@ impl<'a> PlaceSearch<'a> {
             }
         }
         let halfway = in_halves(&apart, |(_, aligned)| settler.halfway(aligned, stop));
-        let sure = |halfway: &Halfway| halfway.evidence.confidence();
+        let sure = |halfway: &HalfwayPose| halfway.evidence.confidence();
         let best = halfway.iter().flatten().map(sure).fold(f64::NEG_INFINITY, f64::max);
-        let near: Vec<(&(&Start, Aligned), &Halfway)> = (apart.iter().zip(halfway.iter()))
+        let near: Vec<(&(&Start, Aligned), &HalfwayPose)> = (apart.iter().zip(halfway.iter()))
             .filter_map(|(start, halfway)| Some((start, halfway.as_ref()?)))
             .filter(|(_, halfway)| sure(halfway) >= best - NEAR_HALFWAY)
             .collect();
@@ -427,13 +427,13 @@ impl<'a> PlaceSearch<'a> {
     }
 
     /// By how much landmarks are missed by the similarity that carries them best, unmirrored and mirrored.
-    fn missed(&self, landmarks: &[Landmark]) -> Option<[f64; 2]> {
+    fn missed(&self, landmarks: &[VertexLandmark]) -> Option<[f64; 2]> {
         Some([self.plain.missed(landmarks)?, self.mirrored.missed(landmarks)?])
     }
 
     /// Lays the example after a start that lays tips near their matches, with the tips held there: a limb that is near another slides
     /// along it otherwise.
-    fn held(&self, tips: &[Landmark], start: &Start, stop: Stop<'_>) -> Option<TriedPlace> {
+    fn held(&self, tips: &[VertexLandmark], start: &Start, stop: Stop<'_>) -> Option<TriedPlace> {
         if self.apart(tips, &start.positions) > AGREES {
             return None;
         }
@@ -442,14 +442,14 @@ impl<'a> PlaceSearch<'a> {
     }
 
     /// Lays the example after tips that are matched, and after axes of its limbs, if there are any.
-    fn led(&self, tips: &[Landmark], axes: &[AxisPoint], mirrored: bool, stop: Stop<'_>) -> Option<TriedPlace> {
+    fn led(&self, tips: &[VertexLandmark], axes: &[AxisPoint], mirrored: bool, stop: Stop<'_>) -> Option<TriedPlace> {
         let found = TriedPlace::of(self.settler(mirrored).led_roughly(tips, axes, stop)?, mirrored);
         let apart = self.apart(tips, &found.positions);
         Some(found.with_tips(apart))
     }
 
     /// How far an example whose vertices have these positions has its tips from their matches in the mean, in √area of the input.
-    fn apart(&self, tips: &[Landmark], positions: &[Vec3]) -> f64 {
+    fn apart(&self, tips: &[VertexLandmark], positions: &[Vec3]) -> f64 {
         let apart = tips.iter().map(|tip| tip.distance(positions)).sum::<f64>();
         apart / (self.area.sqrt() * tips.len() as f64)
     }
@@ -531,12 +531,12 @@ mod tests {
     fn tips_are_held_where_a_start_lays_them_near() {
         let (example, input) = (sheet(24, 1.0), sheet(60, 1.0));
         let tree = Bvh::new(&input);
-        let tip = |v: &usize| Landmark {
+        let tip = |v: &usize| VertexLandmark {
             corners: [(*v as u32, 1.0), (*v as u32, 0.0), (*v as u32, 0.0)],
             to: tree.closest(example.positions[*v]),
         };
         let n = example.positions.len();
-        let tips: Vec<Landmark> = [30, n / 2 + 7, n - 40, n - 27].iter().map(tip).collect();
+        let tips: Vec<VertexLandmark> = [30, n / 2 + 7, n - 40, n - 27].iter().map(tip).collect();
         let moved = |by: f64| Start {
             positions: example.positions.iter().map(|p| p + Vec3::new(by, 0.0, 0.0)).collect(),
             mirrored: false,
@@ -578,12 +578,12 @@ mod tests {
             let input = sheet(60, sign);
             let tree = Bvh::new(&input);
             let place = |p: &Vec3| Vec3::new(sign * p.x, p.y, p.z);
-            let tip = |v: &usize| Landmark {
+            let tip = |v: &usize| VertexLandmark {
                 corners: [(*v as u32, 1.0), (*v as u32, 0.0), (*v as u32, 0.0)],
                 to: tree.closest(place(&example.positions[*v])),
             };
             let n = example.positions.len();
-            let tips: Vec<Landmark> = [30, n / 2 + 7, n - 40, n - 27].iter().map(tip).collect();
+            let tips: Vec<VertexLandmark> = [30, n / 2 + 7, n - 40, n - 27].iter().map(tip).collect();
             let mut search = PlaceSearch::new(&example, &input).expect("areas");
             search.tries_tips(&[MatchedTips { landmarks: tips.clone(), mirrored: false }], None, &|| false);
             assert!(search.is_convincing());

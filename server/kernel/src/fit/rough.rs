@@ -9,7 +9,7 @@ use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::tri::TriMesh;
 use crate::numerics::stop::Stop;
-use crate::settle::{Landmark, Posed, PreparedInput, Similarity, Sought, poses, poses_on};
+use crate::settle::{PosedSurface, PreparedInput, Similarity, Thoroughness, VertexLandmark, poses, poses_on};
 use std::sync::Arc;
 
 /// Poses that are laid.
@@ -31,9 +31,9 @@ pub struct Shape<'a> {
     pub is_closed: bool,
 }
 
-/// An example that lies on an input, to lead others there of which it is a part: a face, for a head.
+/// The mesh of an example that lies on an input, which leads others there of which it is a part: a face leads a head.
 #[derive(Clone, Copy, Debug)]
-pub struct Lead<'a> {
+pub struct LeadMesh<'a> {
     /// Its mesh.
     pub mesh: &'a TriMesh,
     /// Where each of its vertices lies on the input.
@@ -44,14 +44,14 @@ pub struct Lead<'a> {
 #[derive(Debug)]
 pub struct RoughInput {
     ready: Arc<PreparedInput>,
-    posed: Posed,
+    posed: PosedSurface,
 }
 
 impl RoughInput {
     /// Prepares; `None` where the input has no area.
     pub fn new(input: Shape<'_>) -> Option<Self> {
         let ready = Arc::new(PlaceSearch::ready_roughly(input.mesh)?);
-        Some(Self { ready, posed: Posed::sought(input.mesh, !input.is_closed, Sought::Roughly) })
+        Some(Self { ready, posed: PosedSurface::sought(input.mesh, !input.is_closed, Thoroughness::Roughly) })
     }
 }
 
@@ -80,7 +80,7 @@ pub fn rough(
     example: Shape<'_>,
     (input, ready): (&TriMesh, &RoughInput),
     tips: &[MatchedTips],
-    lead: Option<Lead<'_>>,
+    lead: Option<LeadMesh<'_>>,
     stop: Stop<'_>,
 ) -> Option<RoughFit> {
     let mut search = PlaceSearch::roughly(example.mesh, (input, Arc::clone(&ready.ready)))?;
@@ -127,9 +127,9 @@ impl RoughFit {
 
 /// Points of an example with where they belong on the input, by a part of the example that lies there; `None` where that is no
 /// part of it.
-fn leading(lead: Lead<'_>, example: Shape<'_>, input: &TriMesh, stop: Stop<'_>) -> Option<Vec<Landmark>> {
+fn leading(lead: LeadMesh<'_>, example: Shape<'_>, input: &TriMesh, stop: Stop<'_>) -> Option<Vec<VertexLandmark>> {
     let may_be_part = [true, false];
-    let found = poses(lead.mesh, example.mesh, may_be_part, Sought::Roughly, stop);
+    let found = poses(lead.mesh, example.mesh, may_be_part, Thoroughness::Roughly, stop);
     let share = |pose: &Similarity| pose.scale.powi(2) * lead.mesh.total_area() / example.mesh.total_area();
     let (_, pose) = found.first().filter(|(score, pose)| *score >= PART_FROM && share(pose) <= PART_MAX)?;
     let pairs: Vec<(Vec3, Vec3)> =
@@ -138,14 +138,18 @@ fn leading(lead: Lead<'_>, example: Shape<'_>, input: &TriMesh, stop: Stop<'_>) 
 }
 
 /// Landmarks from points near the example to points near the input.
-pub fn between(example: &TriMesh, input: &TriMesh, pairs: &[(Vec3, Vec3)]) -> Vec<Landmark> {
+pub fn between(example: &TriMesh, input: &TriMesh, pairs: &[(Vec3, Vec3)]) -> Vec<VertexLandmark> {
     between_by((example, &Bvh::new(example)), &Bvh::new(input), pairs)
 }
 
 /// The same by the trees of both.
-pub fn between_by((example, on_example): (&TriMesh, &Bvh), on_input: &Bvh, pairs: &[(Vec3, Vec3)]) -> Vec<Landmark> {
+pub fn between_by(
+    (example, on_example): (&TriMesh, &Bvh),
+    on_input: &Bvh,
+    pairs: &[(Vec3, Vec3)],
+) -> Vec<VertexLandmark> {
     let landmark =
-        |(from, to): &(Vec3, Vec3)| Landmark::between(example, &on_example.closest(*from), on_input.closest(*to));
+        |(from, to): &(Vec3, Vec3)| VertexLandmark::between(example, &on_example.closest(*from), on_input.closest(*to));
     pairs.iter().filter_map(landmark).collect()
 }
 
@@ -191,7 +195,7 @@ mod tests {
         Shape { mesh, is_closed: true }
     }
 
-    fn on(example: Shape<'_>, input: &TriMesh, lead: Option<Lead<'_>>) -> Option<RoughFit> {
+    fn on(example: Shape<'_>, input: &TriMesh, lead: Option<LeadMesh<'_>>) -> Option<RoughFit> {
         rough(example, (input, &RoughInput::new(open(input))?), &[], lead, &|| false)
     }
 
@@ -209,13 +213,13 @@ mod tests {
     #[test]
     fn a_part_leads_the_whole_to_its_place() {
         let (input, whole, part) = (sheet(56, 0.0, 1.0), sheet(36, 0.0, 1.0), sheet(24, 0.0, 0.5));
-        let lead = Lead { mesh: &part, places: &part.positions };
+        let lead = LeadMesh { mesh: &part, places: &part.positions };
         let fit = on(open(&whole), &input, Some(lead)).expect("a part of it");
         let off: f64 = fit.places.iter().zip(&whole.positions).map(|(at, p)| (at - p).norm()).sum();
         assert!(off / (whole.positions.len() as f64) < 0.02, "{off}");
         let mut other = sheet(24, 0.0, 1.0);
         other.positions.iter_mut().for_each(|p| p.z = 0.4 * (9.0 * p.x).cos() * (8.0 * p.y + 1.0).sin());
-        let lead = Lead { mesh: &other, places: &other.positions };
+        let lead = LeadMesh { mesh: &other, places: &other.positions };
         assert!(on(open(&whole), &input, Some(lead)).is_none());
     }
 

@@ -4,7 +4,7 @@
 //! way it lies. So each match has a likely way and its twin. *Ours, not a paper's.*
 
 use crate::mesh::TriMesh;
-use crate::settle::{Landmark, Symmetry};
+use crate::settle::{Symmetry, VertexLandmark};
 
 /// Ways that match an input's tips with places of the example less apart than this, in its √area, are one.
 const SAME: f64 = 0.03;
@@ -13,7 +13,7 @@ const SAME: f64 = 0.03;
 #[derive(Clone, Debug)]
 pub struct MatchedTips {
     /// Points of the example with theirs on the input.
-    pub landmarks: Vec<Landmark>,
+    pub landmarks: Vec<VertexLandmark>,
     /// True where the pictures match mirrored.
     pub mirrored: bool,
 }
@@ -22,7 +22,7 @@ pub struct MatchedTips {
 #[derive(Clone, Debug)]
 pub(super) struct TipPairing {
     /// Points of the example with theirs on the input.
-    pub(super) landmarks: Vec<Landmark>,
+    pub(super) landmarks: Vec<VertexLandmark>,
     /// True where the example lies mirrored.
     pub(super) mirrored: bool,
 }
@@ -40,10 +40,10 @@ pub(super) fn twins(
     likely: &[TipPairing],
 ) -> Vec<TipPairing> {
     let reach = SAME * example.total_area().sqrt();
-    let at = |tip: &Landmark| example.positions[tip.vertex() as usize];
-    let same = |a: &Landmark, b: &Landmark| a.to.point == b.to.point && (at(a) - at(b)).norm() <= reach;
+    let at = |tip: &VertexLandmark| example.positions[tip.vertex() as usize];
+    let same = |a: &VertexLandmark, b: &VertexLandmark| a.to.point == b.to.point && (at(a) - at(b)).norm() <= reach;
     let is_one = |one: &TipPairing, other: &TipPairing| {
-        let has = |tip: &Landmark| other.landmarks.iter().any(|known| same(tip, known));
+        let has = |tip: &VertexLandmark| other.landmarks.iter().any(|known| same(tip, known));
         one.landmarks.len() == other.landmarks.len() && one.landmarks.iter().all(has)
     };
     let mut twins: Vec<TipPairing> = Vec::new();
@@ -56,7 +56,7 @@ pub(super) fn twins(
 }
 
 fn way(tips: &MatchedTips, symmetry: &Symmetry, is_swapped: bool) -> TipPairing {
-    let swapped = |tip: &Landmark| if is_swapped { symmetry.swapped_landmark(tip) } else { *tip };
+    let swapped = |tip: &VertexLandmark| if is_swapped { symmetry.swapped_landmark(tip) } else { *tip };
     TipPairing { landmarks: tips.landmarks.iter().map(swapped).collect(), mirrored: false }
 }
 
@@ -74,11 +74,11 @@ mod tests {
         let mesh = TriMesh::from_triangles(flat.positions.iter().map(place).collect(), flat.triangles.clone())
             .expect("a sheet");
         let (symmetry, tree) = (Symmetry::of(&mesh).expect("symmetric"), Bvh::new(&mesh));
-        let tip = |v: usize| Landmark {
+        let tip = |v: usize| VertexLandmark {
             corners: [(v as u32, 1.0), (v as u32, 0.0), (v as u32, 0.0)],
             to: tree.closest(mesh.positions[v]),
         };
-        let landmarks: Vec<Landmark> = [0, 20, 330].map(tip).to_vec();
+        let landmarks: Vec<VertexLandmark> = [0, 20, 330].map(tip).to_vec();
         let one = MatchedTips { landmarks: landmarks.clone(), mirrored: false };
         let ways = likely(std::slice::from_ref(&one), &symmetry);
         let found = twins(std::slice::from_ref(&one), &symmetry, &mesh, &ways);

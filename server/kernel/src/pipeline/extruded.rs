@@ -3,7 +3,7 @@
 use super::mapped::{Mapped, Verdict};
 use super::side::Side;
 use super::sound;
-use crate::fit::extrude::{self, Extruded, extruded};
+use crate::fit::extrude::{self, Extrusion, extruded};
 use crate::measure::sound::MISSED_LIMBS;
 use crate::numerics::stage::Stage;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ pub(crate) fn extrude(mapped: &mut Mapped, query: &Side) -> f64 {
     if !is_wanted(verdict, query) {
         return 0.0;
     }
-    let Extruded { mesh, missed } = extruded(&mapped.mesh, surface);
+    let Extrusion { mesh, missed } = extruded(&mapped.mesh, surface);
     let Some((mesh, count)) = mesh else { return missed };
     let mesh = Arc::new(mesh);
     let mut grown = Mapped { part: Arc::clone(&mesh), mesh: Arc::clone(&mesh), ..mapped.clone() };

@@ -11,7 +11,7 @@ use super::spanned::span;
 use crate::encode::index::Location;
 use crate::fit::mend::{fray, islands, leaps, mend};
 use crate::fit::places::Placement;
-use crate::fit::{Surface, within, without};
+use crate::fit::{UnfoldedPatch, within, without};
 use crate::map::CrossMap;
 use crate::map::bend::{Pin, bend, is_inside};
 use crate::map::reembed::{InputChart, turn_back};
@@ -55,7 +55,7 @@ const FRAYED_MAX: usize = 4;
 /// Holds what is left of an example on its way to a map.
 struct Left {
     example: Side,
-    surface: Surface,
+    surface: UnfoldedPatch,
     cross: CrossMap,
     /// Vertices for which the input has nothing.
     bare: Vec<bool>,
@@ -81,8 +81,8 @@ impl Left {
 /// Finishes the map of an example that has settled.
 pub(crate) fn finish(
     placement: Placement,
-    (example, one): (&Side, &Surface),
-    (query, two): (&Side, &Surface),
+    (example, one): (&Side, &UnfoldedPatch),
+    (query, two): (&Side, &UnfoldedPatch),
     Asked { beyond, held, are_wholes }: Asked<'_>,
     stop: Stop,
 ) -> Result<Fitted, PipelineError> {
@@ -171,8 +171,8 @@ fn numbers(faces: &[u32], patch: &TriMesh, mapped: &PolyMesh) -> Vec<u32> {
 /// boundary, or that would fold the map.
 fn pinned(
     held: &[LocatedLandmark],
-    (one, cross): (&Surface, &CrossMap),
-    two: &Surface,
+    (one, cross): (&UnfoldedPatch, &CrossMap),
+    two: &UnfoldedPatch,
     mirrored: bool,
 ) -> (Vec<Pinned>, Vec<String>) {
     if held.is_empty() {
@@ -205,8 +205,8 @@ fn pinned(
 
 /// A registration that stands for a map given by places.
 fn described(
-    one: &Surface,
-    two: &Surface,
+    one: &UnfoldedPatch,
+    two: &UnfoldedPatch,
     (cross, pinned): (CrossMap, Vec<Pinned>),
     mirrored: bool,
 ) -> Result<Registered, PipelineError> {
@@ -310,7 +310,7 @@ pub(super) enum JudgedBy {
 
 impl JudgedBy {
     /// `are_wholes`: whether both are closed, and the input is most of its scan.
-    pub(super) fn of(example: &Surface, are_wholes: bool) -> Self {
+    pub(super) fn of(example: &UnfoldedPatch, are_wholes: bool) -> Self {
         let is_closed = example.patch.topology == Topology::Sphere;
         match is_closed && example.query.protrusions().len() >= LIMBS_MIN {
             true if are_wholes => Self::AllLimbs,
@@ -405,7 +405,7 @@ mod tests {
         let surface = |mesh: &TriMesh| {
             let whole = Segmented::primitive(mesh, Components::SmallLeftOut).expect("closed").parts.swap_remove(0);
             assert_eq!(whole.topology, Topology::Sphere);
-            Surface::new(whole).expect("solvable")
+            UnfoldedPatch::new(whole).expect("solvable")
         };
         let is_solid = |[x, y, z]: [i32; 3]| {
             let (body, legs) =

@@ -15,7 +15,7 @@ use crate::encode::index::Location;
 use crate::fit::places::{PlaceSearch, Placement, Start};
 use crate::fit::rough::{between, between_by, spread};
 use crate::fit::ways::MatchedTips;
-use crate::fit::{Cropped, Surface};
+use crate::fit::{CroppedSurface, UnfoldedPatch};
 use crate::map::atlas::{TipMatch, likely_matches};
 use crate::mesh::bvh::Bvh;
 use crate::mesh::{TriMesh, Vec3};
@@ -23,7 +23,7 @@ use crate::numerics::side_by_side;
 use crate::numerics::stage::Stage;
 use crate::register::{Entry, LevenbergMarquardt, Query};
 use crate::segment::Segmented;
-use crate::settle::{Landmark as KernelLandmark, Sought, poses};
+use crate::settle::{Thoroughness, VertexLandmark, poses};
 use crate::topology::{Patch, Topology};
 use std::sync::{Arc, OnceLock};
 
@@ -155,7 +155,7 @@ struct Known<'a> {
     /// Points that are held.
     held: &'a [LocatedLandmark],
     /// Points that lead there: they are held while it settles, but not met exactly.
-    led: &'a [KernelLandmark],
+    led: &'a [VertexLandmark],
     /// How it lies when it is laid roughly.
     rough: Option<&'a Start>,
     /// The poses to settle from where it agrees when it is laid roughly, so that none need be sought: the one from which it was laid,
@@ -167,10 +167,10 @@ struct Known<'a> {
 /// lie on this example.
 fn led(
     lead: &Lead,
-    (example, one): (&Side, &Surface),
+    (example, one): (&Side, &UnfoldedPatch),
     input: &TriMesh,
     stop: Stop,
-) -> Result<Vec<KernelLandmark>, PipelineError> {
+) -> Result<Vec<VertexLandmark>, PipelineError> {
     let part = surface(&lead.example)?;
     let own = Arc::clone(&one.query.chart.mesh);
     let found = settled(None, (&lead.example, &part), (example, one), (&own, Known::default()), stop)?;
@@ -201,8 +201,8 @@ struct Best {
 /// do.
 fn settled(
     from: Option<&Registered>,
-    (example, one): (&Side, &Surface),
-    (query, two): (&Side, &Surface),
+    (example, one): (&Side, &UnfoldedPatch),
+    (query, two): (&Side, &UnfoldedPatch),
     (input, known): (&TriMesh, Known<'_>),
     stop: Stop,
 ) -> Result<Option<Best>, PipelineError> {
@@ -217,8 +217,8 @@ fn settled(
         search = search.holding(known.led);
     } else if !known.held.is_empty() {
         let trees = (Bvh::new(mesh), Bvh::new(input));
-        let at = |h: &LocatedLandmark| KernelLandmark::between(mesh, &trees.0.closest(h.from), trees.1.closest(h.at));
-        let landmarks: Vec<KernelLandmark> = known.held.iter().filter_map(at).collect();
+        let at = |h: &LocatedLandmark| VertexLandmark::between(mesh, &trees.0.closest(h.from), trees.1.closest(h.at));
+        let landmarks: Vec<VertexLandmark> = known.held.iter().filter_map(at).collect();
         search = search.holding(&landmarks);
     }
     // What three points or more say of the pose is not sought.
@@ -251,10 +251,10 @@ fn settled(
     };
     if is_open && Stage::Poses.is_on() {
         let (sought, most) = match on.is_scan() {
-            _ if are_closed => (Sought::Roughly, POSED_WHOLE),
-            true if on.is_most(query.segment) => (Sought::Thoroughly, POSED),
-            true => (Sought::ByMiddle, POSED),
-            false => (Sought::Quickly, POSED_FEW),
+            _ if are_closed => (Thoroughness::Roughly, POSED_WHOLE),
+            true if on.is_most(query.segment) => (Thoroughness::Thoroughly, POSED),
+            true => (Thoroughness::ByMiddle, POSED),
+            false => (Thoroughness::Quickly, POSED_FEW),
         };
         let find = || -> Vec<Start> {
             let found = poses(mesh, input, [!closed(example), !closed(query)], sought, stop);
@@ -329,13 +329,13 @@ pub(crate) fn registration(one: &Query, two: &Query, stop: Stop) -> Result<Optio
     registered::checked(entry, stop).map(Some)
 }
 
-fn surface(side: &Side) -> Result<Surface, PipelineError> {
+fn surface(side: &Side) -> Result<UnfoldedPatch, PipelineError> {
     let model = &*side.model;
-    Ok(Surface { patch: Arc::new(model.patch(side.segment)?.clone()), query: Arc::clone(&side.encoded.query) })
+    Ok(UnfoldedPatch { patch: Arc::new(model.patch(side.segment)?.clone()), query: Arc::clone(&side.encoded.query) })
 }
 
 /// The side that a part of an example is.
-pub(crate) fn of_example(whole: &Side, cropped: Cropped) -> Result<Side, PipelineError> {
+pub(crate) fn of_example(whole: &Side, cropped: CroppedSurface) -> Result<Side, PipelineError> {
     let model = &*whole.model;
     let patch = model.patch(whole.segment)?;
     let part = &cropped.surface.patch;

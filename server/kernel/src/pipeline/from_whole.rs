@@ -17,7 +17,7 @@ use crate::map::{CrossMap, leave_fillings};
 use crate::measure;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::{TriMesh, Vec3};
-use crate::settle::{Landmark, Manner, Options, Settler};
+use crate::settle::{Manner, Options, Settler, VertexLandmark};
 use crate::topology::Patch;
 use std::sync::{Arc, OnceLock};
 
@@ -219,9 +219,13 @@ impl Own<'_> {
     fn settled_anew(&self, pins: &[(Vec3, Place)], sign: f64, stop: Stop) -> Option<OfWhole> {
         let chart = &self.input.chart;
         let landmark = |(from, to): &(Vec3, Place)| {
-            Landmark::between(self.part, &self.of_whole.bvh.closest(*from), self.input.tree().closest(to.point(chart)))
+            VertexLandmark::between(
+                self.part,
+                &self.of_whole.bvh.closest(*from),
+                self.input.tree().closest(to.point(chart)),
+            )
         };
-        let held: Vec<Landmark> = pins.iter().filter_map(landmark).collect();
+        let held: Vec<VertexLandmark> = pins.iter().filter_map(landmark).collect();
         let options = Options { manner: Manner::Following, ..Options::default() };
         let settler = Settler::new(self.part, &chart.mesh, sign, &options)?.holding(&held);
         let found = settler.settle(&self.of_whole.cross.positions, stop)?;

@@ -4,7 +4,7 @@ use super::error::{PipelineError, Stop, stopped};
 use super::fitted::matched_tips;
 use super::model::Model;
 use crate::fit::places::Start;
-use crate::fit::rough::{Lead, RoughInput, Shape, rough};
+use crate::fit::rough::{LeadMesh, RoughInput, Shape, rough};
 use crate::mesh::Vec3;
 use crate::register::Query;
 use crate::topology::{Patch, Topology};
@@ -88,7 +88,9 @@ pub fn lay(
     let (Some(example), Some(input)) = (shape(one), shape(two)) else { return Ok(None) };
     let tips = encodings.map_or_else(Vec::new, |pair| matched_tips(pair, (example.mesh, input.mesh), MATCHED, stop));
     let part = match lead {
-        Some(lead) => Some(Lead { mesh: &lead.model.patch(lead.segment)?.mesh, places: lead.rough.places.as_slice() }),
+        Some(lead) => {
+            Some(LeadMesh { mesh: &lead.model.patch(lead.segment)?.mesh, places: lead.rough.places.as_slice() })
+        }
         None => None,
     };
     let are_wholes = query.are_wholes(of_query, [one.topology, two.topology]);

@@ -4,7 +4,7 @@
 //! turned round, over the input's samples. *Source:* Besl and McKay 1992; Chen and Medioni 1991 (planes). *Ours, not the
 //! papers':* both ways at once, without which a surface that ends inside the other slides off its place.
 
-use super::input_surface::{Samples, Seen, sixfold};
+use super::input_surface::{FramedSamples, Samples, sixfold};
 use super::matches::{Partners, back, onto, sigma};
 use super::rest::{Nodes, Rest};
 use super::similarity::Similarity;
@@ -19,9 +19,9 @@ const SIGMA_MIN: f64 = 0.01;
 /// A round that moves no point farther than this is the last.
 const STILL: f64 = 2e-3;
 
-/// Points of the example that stand for it in this stage, with a tree over them at rest.
+/// Points of the example that stand for it while it moves rigidly, with a tree over them at rest.
 #[derive(Clone, Debug)]
-pub(super) struct Rigid {
+pub(super) struct RigidPoints {
     points: Vec<Vec3>,
     normals: Vec<Vec3>,
     areas: Vec<f64>,
@@ -29,7 +29,7 @@ pub(super) struct Rigid {
     tree: KdTree<6>,
 }
 
-impl Rigid {
+impl RigidPoints {
     pub(super) fn new(rest: &Rest, nodes: &Nodes) -> Self {
         let of = |values: &[Vec3]| nodes.vertices.iter().map(|v| values[*v as usize]).collect::<Vec<_>>();
         let (points, normals) = (of(&rest.positions), of(&rest.normals));
@@ -46,7 +46,7 @@ impl Rigid {
     /// a sample of `sent` stands for; `held`: points at rest, where they go, and what they count.
     pub(super) fn align(
         &self,
-        seen: &Seen,
+        seen: &FramedSamples,
         (sent, share): (&Samples, f64),
         held: &[(Vec3, Vec3, f64)],
         rounds: usize,
@@ -72,7 +72,13 @@ impl Rigid {
         Some(found)
     }
 
-    fn onto(&self, seen: &Seen, points: &[Vec3], normals: &[Vec3], partners: &mut Partners) -> Vec<(Vec3, Vec3, f64)> {
+    fn onto(
+        &self,
+        seen: &FramedSamples,
+        points: &[Vec3],
+        normals: &[Vec3],
+        partners: &mut Partners,
+    ) -> Vec<(Vec3, Vec3, f64)> {
         let met = onto(seen, points, normals, SIGMA_MIN, &mut partners.onto);
         let pair = |i: usize| {
             let (way, n) = (met.targets[i] - points[i], met.normals[i]);

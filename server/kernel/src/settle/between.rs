@@ -11,15 +11,15 @@ const LONGEST: f64 = super::stretch::BARE;
 /// Rounds of halving at most: edges that are longer still belong to few faces.
 const ROUNDS: usize = 6;
 
-/// The vertices that were added, by the ends of the edges that they halve.
+/// Vertices that were added to the example, by the ends of the edges that they halve.
 #[derive(Clone, Debug)]
-pub(super) struct Between {
+pub(super) struct AddedVertices {
     /// Vertices of the example's own, which come first.
     pub(super) own: usize,
     ends: Vec<[u32; 2]>,
 }
 
-impl Between {
+impl AddedVertices {
     /// Halves the edges that are too long, until none is.
     pub(super) fn of(example: &TriMesh) -> (Cow<'_, TriMesh>, Self) {
         let mut mesh = Cow::Borrowed(example);
@@ -60,7 +60,7 @@ mod tests {
     #[test]
     fn edges_are_halved_until_none_is_long_and_places_follow() {
         let mesh = grid(4, 9, false, false);
-        let (all, between) = Between::of(&mesh);
+        let (all, between) = AddedVertices::of(&mesh);
         let long = |h: u32| (all.positions[all.tail(h) as usize] - all.positions[all.head(h) as usize]).norm();
         let longest = (0..all.twins.len() as u32).map(long).fold(0.0, f64::max);
         assert!(longest <= LONGEST * mesh.total_area().sqrt(), "{longest}");
@@ -75,7 +75,7 @@ mod tests {
     #[test]
     fn what_is_fine_stays_as_it_is() {
         let mesh = grid(60, 60, false, false);
-        let (all, between) = Between::of(&mesh);
+        let (all, between) = AddedVertices::of(&mesh);
         assert!(matches!(all, Cow::Borrowed(_)) && between.ends.is_empty());
     }
 }

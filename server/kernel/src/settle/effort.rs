@@ -50,9 +50,9 @@ pub(super) const QUICK: Effort = Effort {
     sifted_by: 24,
     refinements: &[(28, 64, 4), (5, 128, 6)],
 };
-/// How many poses are looked at.
+/// Says how many poses are looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sought {
+pub enum Thoroughness {
     /// As for a scan.
     Thoroughly,
     /// The same, but with a bulky surface laid by its middle alone: as for a part of a scan that was cut, which is no statue with

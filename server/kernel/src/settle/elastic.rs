@@ -11,8 +11,8 @@
 //! tr/3 of each vertex's term, which all three share, so that one factor serves a whole scale.
 
 use super::held::{FramedLandmark, HELD};
-use super::input_surface::{Samples, Seen, sixfold};
-use super::matches::{Back, Partners, back, onto};
+use super::input_surface::{FramedSamples, Samples, sixfold};
+use super::matches::{BackwardMatches, Partners, back, onto};
 use super::rest::{Nodes, Pose, Rest, vertex_normals};
 use super::similarity::nearest_scaled_rotation;
 use super::tree::KdTree;
@@ -58,10 +58,10 @@ pub(super) struct Body<'a> {
     pattern: Pattern,
 }
 
-/// What the input shows to one scale.
+/// Holds what the input shows to one scale.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct View<'a> {
-    pub(super) seen: &'a Seen,
+pub(super) struct ScaleView<'a> {
+    pub(super) seen: &'a FramedSamples,
     pub(super) sent: &'a Samples,
     /// Area, in the frame, that a sample sent stands for.
     pub(super) share: f64,
@@ -97,7 +97,7 @@ impl<'a> Body<'a> {
     pub(super) fn bend(
         &self,
         pose: &mut Pose,
-        (view, partners): (View<'_>, &mut Partners),
+        (view, partners): (ScaleView<'_>, &mut Partners),
         scale: (f64, usize),
         stop: Stop<'_>,
     ) -> Option<()> {
@@ -188,7 +188,7 @@ impl<'a> Body<'a> {
     }
 
     /// Partners both ways, gathered at the nodes. A vertex pulls at the node that it belongs to, from where it stands.
-    fn pull(&self, pose: &Pose, view: View<'_>, partners: &mut Partners) -> Pull {
+    fn pull(&self, pose: &Pose, view: ScaleView<'_>, partners: &mut Partners) -> Pull {
         let all = pose.deformed(self.rest, self.nodes);
         let (all_normals, _) = vertex_normals(&all, &self.rest.triangles);
         let of = |values: &[Vec3]| self.data.vertices.iter().map(|v| values[*v as usize]).collect::<Vec<_>>();
@@ -213,7 +213,12 @@ impl<'a> Body<'a> {
     }
 
     /// Finds the vertices that the input's samples meet; `last`: the partners of the last round.
-    fn met_by_samples(&self, view: View<'_>, (points, normals): (&[Vec3], &[Vec3]), mut last: Vec<u32>) -> Back {
+    fn met_by_samples(
+        &self,
+        view: ScaleView<'_>,
+        (points, normals): (&[Vec3], &[Vec3]),
+        mut last: Vec<u32>,
+    ) -> BackwardMatches {
         let tree = KdTree::new(points.iter().zip(normals).map(|(x, n)| sixfold(x, n)));
         let rim: Vec<bool> = self.data.vertices.iter().map(|v| self.rest.rim[*v as usize]).collect();
         back(view.sent, &tree, normals, &rim, &mut last)
@@ -222,7 +227,7 @@ impl<'a> Body<'a> {
     fn pull_back(
         &self,
         pose: &Pose,
-        (view, met): (View<'_>, &Back),
+        (view, met): (ScaleView<'_>, &BackwardMatches),
         (points, normals): (&[Vec3], &[Vec3]),
         sigma: f64,
         owner: &[usize],

@@ -45,9 +45,9 @@ const NORMAL_WEIGHT: f64 = 2.0;
 /// Distances count up to this.
 const RESIDUAL_MAX: f64 = 0.1;
 
-/// A settled map, to be judged. All but the ground in the example's frame.
+/// A settled map, to be judged. All but the ground is in the example's frame.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Judged<'a> {
+pub(super) struct JudgedMap<'a> {
     pub(super) rest: &'a Rest,
     pub(super) ground: &'a InputSurface<'a>,
     pub(super) frame: &'a Similarity,
@@ -75,7 +75,7 @@ impl Evidence {
     }
 }
 
-impl Judged<'_> {
+impl JudgedMap<'_> {
     /// `probes`: vertices at which the relief is compared; `samples` of the input, in the frame.
     pub(super) fn evidence(&self, probes: &Nodes, samples: &Samples) -> Evidence {
         let kept: Vec<f64> =
@@ -144,7 +144,7 @@ impl Judged<'_> {
             (true, false) | (false, true) => return 0.0,
             (false, false) => {}
         }
-        let (around, beyond) = (Around::new(&own), Around::new(samples));
+        let (around, beyond) = (ReliefSampler::new(&own), ReliefSampler::new(samples));
         let kept: Vec<usize> = (0..own.points.len()).filter(|k| !self.lost[probes.vertices[*k] as usize]).collect();
         let mut values = RELIEF_SCALES.map(|_| Vec::with_capacity(kept.len()));
         for k in kept {
@@ -160,14 +160,14 @@ impl Judged<'_> {
     }
 }
 
-/// How far points stand out from the mean of what is around them, in σ, for each of some σ.
+/// Tells how far points stand out from the mean of what is around them, in σ, for each of some σ.
 #[derive(Clone, Debug)]
-pub(super) struct Around {
+pub(super) struct ReliefSampler {
     /// x, y, z; the normal; the share: eight samples at a time, and what is left over counts nothing.
     blocks: Vec<[Lanes; 7]>,
 }
 
-impl Around {
+impl ReliefSampler {
     pub(super) fn new(samples: &Samples) -> Self {
         let mut blocks = vec![[[0.0; LANES]; 7]; samples.points.len().div_ceil(LANES)];
         for k in 0..samples.points.len() {
@@ -193,7 +193,7 @@ impl Around {
 
 /// Σ g, and Σ g (y − x).
 struct Heights<'a, const N: usize> {
-    around: &'a Around,
+    around: &'a ReliefSampler,
     at: &'a Vec3,
     normal: &'a Vec3,
     sigmas: [f64; N],

@@ -19,9 +19,9 @@ pub(super) const HELD_AS_WHOLE: f64 = 3.0;
 const NORMAL_COUNTS: f64 = 0.25;
 const NORMAL_LENGTH: f64 = 0.5;
 
-/// A point of the example that goes to a point of the input.
+/// A point of the example, by its vertices, that goes to a point of the input.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Landmark {
+pub struct VertexLandmark {
     /// Vertices of the example with their weights, whose sum is 1.
     pub corners: [(u32, f64); 3],
     /// The point of the input.
@@ -44,7 +44,7 @@ pub(super) struct FramedLandmark {
     pub(super) to: Vec3,
 }
 
-impl Landmark {
+impl VertexLandmark {
     /// Holds a place of the example's mesh on a point of the input; `None` where the place is none.
     pub fn between(example: &TriMesh, from: &Closest, to: Closest) -> Option<Self> {
         let corners = example.triangles.get(from.triangle as usize)?;
@@ -90,7 +90,11 @@ fn weighted(corners: &[(u32, f64); 3], values: &[Vec3]) -> Vec3 {
 
 /// The similarity that carries the landmarks from where the example rests to the input best, and by how much it misses them, in
 /// parts of their spread; `None` where they are one point.
-pub(super) fn carried(rest: &Rest, ground: &InputSurface<'_>, landmarks: &[Landmark]) -> Option<(Similarity, f64)> {
+pub(super) fn carried(
+    rest: &Rest,
+    ground: &InputSurface<'_>,
+    landmarks: &[VertexLandmark],
+) -> Option<(Similarity, f64)> {
     let ends: Vec<(Vec3, Vec3)> = landmarks.iter().map(|l| (l.of(&rest.positions), l.to.point)).collect();
     let first = Similarity::fit(ends.iter().map(|(p, q)| (*p, *q, 1.0)))?;
     let count = ends.len() as f64;

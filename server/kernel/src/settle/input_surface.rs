@@ -40,9 +40,9 @@ impl Samples {
     }
 }
 
-/// Samples in the example's frame, with their tree.
+/// Samples of the input in the example's frame, with their tree.
 #[derive(Clone, Debug)]
-pub(super) struct Seen {
+pub(super) struct FramedSamples {
     pub(super) samples: Samples,
     pub(super) tree: KdTree<6>,
 }
@@ -51,12 +51,12 @@ pub(super) struct Seen {
 #[derive(Clone, Debug)]
 pub(super) struct InputSurface<'a> {
     pub(super) mesh: &'a TriMesh,
-    known: Arc<Known>,
+    known: Arc<InputProperties>,
 }
 
-/// Normals, rim and area of the input.
+/// The input's normals, rim and area.
 #[derive(Debug)]
-pub(super) struct Known {
+pub(super) struct InputProperties {
     pub(super) normals: Vec<Vec3>,
     pub(super) rim: Vec<bool>,
     pub(super) area: f64,
@@ -82,17 +82,18 @@ impl<'a> InputSurface<'a> {
             ends.iter().for_each(|v| rim[*v] = true);
             along.extend((0..on_edge).map(|k| <[f64; 3]>::from(mesh.point_on(h, k as f64 / on_edge as f64))));
         }
-        let known = Known { normals, rim, area: mesh.total_area(), along_rim: KdTree::new(along.into_iter()) };
+        let known =
+            InputProperties { normals, rim, area: mesh.total_area(), along_rim: KdTree::new(along.into_iter()) };
         Self { mesh, known: Arc::new(known) }
     }
 
     /// A mesh of which all is known.
-    pub(super) fn of(mesh: &'a TriMesh, known: &Arc<Known>) -> Self {
+    pub(super) fn of(mesh: &'a TriMesh, known: &Arc<InputProperties>) -> Self {
         Self { mesh, known: Arc::clone(known) }
     }
 
     /// What is known of the mesh.
-    pub(super) fn known(&self) -> &Arc<Known> {
+    pub(super) fn known(&self) -> &Arc<InputProperties> {
         &self.known
     }
 
@@ -145,9 +146,9 @@ impl<'a> InputSurface<'a> {
 }
 
 impl Deref for InputSurface<'_> {
-    type Target = Known;
+    type Target = InputProperties;
 
-    fn deref(&self) -> &Known {
+    fn deref(&self) -> &InputProperties {
         &self.known
     }
 }
@@ -178,7 +179,7 @@ impl Samples {
     }
 }
 
-impl Seen {
+impl FramedSamples {
     pub(super) fn new(samples: Samples) -> Self {
         let tree = KdTree::new(samples.points.iter().zip(&samples.normals).map(|(x, n)| sixfold(x, n)));
         Self { samples, tree }

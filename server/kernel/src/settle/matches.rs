@@ -4,25 +4,25 @@
 //! ω = exp(−(d/σ)²) · max(cos, 0)², σ = 3 × the median distance; 0 where the partner lies on the other surface's
 //! rim, as it then may have none. *Source:* Zhang 1994 (σ from the distances); Chetverikov et al. 2005 (free ends).
 
-use super::input_surface::{Samples, Seen, sixfold};
+use super::input_surface::{FramedSamples, Samples, sixfold};
 use super::tree::KdTree;
 use crate::mesh::Vec3;
 
 /// σ in median distances.
 pub(super) const SIGMA: f64 = 3.0;
 
-/// For each of the example's points its target on the input.
+/// Holds for each of the example's points its target on the input.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Onto {
+pub(super) struct ForwardMatches {
     pub(super) targets: Vec<Vec3>,
     pub(super) normals: Vec<Vec3>,
     pub(super) weights: Vec<f64>,
     pub(super) sigma: f64,
 }
 
-/// For each of the input's samples the example's point that meets it.
+/// Holds for each of the input's samples the example's point that meets it.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Back {
+pub(super) struct BackwardMatches {
     pub(super) met: Vec<u32>,
     pub(super) weights: Vec<f64>,
 }
@@ -35,8 +35,14 @@ pub(super) struct Partners {
 }
 
 /// Targets of points with normals; σ is at least `floor`. `last` has their partners of the last round, and is given the new.
-pub(super) fn onto(seen: &Seen, points: &[Vec3], normals: &[Vec3], floor: f64, last: &mut Vec<u32>) -> Onto {
-    let mut found = Onto::default();
+pub(super) fn onto(
+    seen: &FramedSamples,
+    points: &[Vec3],
+    normals: &[Vec3],
+    floor: f64,
+    last: &mut Vec<u32>,
+) -> ForwardMatches {
+    let mut found = ForwardMatches::default();
     let mut distances = Vec::with_capacity(points.len());
     last.resize(points.len(), u32::MAX);
     for ((x, n), last) in points.iter().zip(normals).zip(last) {
@@ -55,8 +61,14 @@ pub(super) fn onto(seen: &Seen, points: &[Vec3], normals: &[Vec3], floor: f64, l
 
 /// What the samples meet: `tree` holds the points with their normals; `rim` says where the example ends. The weights are
 /// without the distance, which the stages judge each in its way. `last` as for [`onto`].
-pub(super) fn back(samples: &Samples, tree: &KdTree<6>, normals: &[Vec3], rim: &[bool], last: &mut Vec<u32>) -> Back {
-    let mut found = Back::default();
+pub(super) fn back(
+    samples: &Samples,
+    tree: &KdTree<6>,
+    normals: &[Vec3],
+    rim: &[bool],
+    last: &mut Vec<u32>,
+) -> BackwardMatches {
+    let mut found = BackwardMatches::default();
     last.resize(samples.points.len(), u32::MAX);
     for ((y, n), last) in samples.points.iter().zip(&samples.normals).zip(last) {
         *last = tree.nearest_from(&sixfold(y, n), *last).map_or(0, |f| f.0);

@@ -14,9 +14,9 @@ mod likeness;
 
 pub use likeness::Likeness;
 
-use super::effort::{Effort, FULL, MIDDLE, ON_A_PART, QUICK, Sought};
-use super::evidence::{Around, correlation};
-use super::input_surface::{InputSurface, Samples, Seen, sixfold};
+use super::effort::{Effort, FULL, MIDDLE, ON_A_PART, QUICK, Thoroughness};
+use super::evidence::{ReliefSampler, correlation};
+use super::input_surface::{FramedSamples, InputSurface, Samples, sixfold};
 use super::matches::sigma;
 use super::nearness::Nearness;
 use super::similarity::Similarity;
@@ -62,21 +62,21 @@ pub fn poses(
     example: &TriMesh,
     input: &TriMesh,
     may_be_small: [bool; 2],
-    sought: Sought,
+    sought: Thoroughness,
     stop: Stop<'_>,
 ) -> Vec<(f64, Similarity)> {
-    poses_on(example, may_be_small[0], &Posed::sought(input, may_be_small[1], sought), stop)
+    poses_on(example, may_be_small[0], &PosedSurface::sought(input, may_be_small[1], sought), stop)
 }
 
 /// The same on an input that is ready.
-pub fn poses_on(example: &TriMesh, may_be_small: bool, input: &Posed, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
+pub fn poses_on(example: &TriMesh, may_be_small: bool, input: &PosedSurface, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
     let ground = InputSurface::new(example);
     let found = match input.whole.as_ref().filter(|_| !may_be_small) {
-        Some(whole) => as_wholes(&Whole::new(&ground, input.effort), whole, input.effort, stop),
+        Some(whole) => as_wholes(&ClosedSurface::new(&ground, input.effort), whole, input.effort, stop),
         None => {
             // Nothing is laid on it where the input is no part.
             let shares = if input.small.is_some() { input.effort.shares } else { &[] };
-            found(&Posed::new(&ground, may_be_small, (input.effort, shares)), input, stop)
+            found(&PosedSurface::new(&ground, may_be_small, (input.effort, shares)), input, stop)
         }
     };
     let mut kept: Vec<(f64, Similarity)> = Vec::new();
@@ -91,36 +91,36 @@ pub fn poses_on(example: &TriMesh, may_be_small: bool, input: &Posed, stop: Stop
 
 /// A surface, made ready to be compared with many others by how well one lies on the other.
 #[derive(Debug)]
-pub struct Posed {
+pub struct PosedSurface {
     small: Option<Small>,
     large: Vec<Large>,
     /// Of a closed surface: as it is laid on others as a whole, and others on it.
-    whole: Option<Whole>,
+    whole: Option<ClosedSurface>,
     area: f64,
     effort: &'static Effort,
 }
 
-impl Posed {
+impl PosedSurface {
     /// Of a surface that may be a part of another, or, being closed, may not.
     pub fn quick(mesh: &TriMesh, may_be_small: bool) -> Self {
         Self::of(mesh, may_be_small, &QUICK)
     }
 
     /// An input that others are laid on, and, where it `may_be_small`, that is laid on them.
-    pub fn sought(input: &TriMesh, may_be_small: bool, sought: Sought) -> Self {
+    pub fn sought(input: &TriMesh, may_be_small: bool, sought: Thoroughness) -> Self {
         let effort = match sought {
             _ if input.triangles.len() < FULL_FROM_TRIANGLES => &QUICK,
-            Sought::Quickly => &QUICK,
-            Sought::Roughly => &MIDDLE,
-            Sought::Thoroughly => &FULL,
-            Sought::ByMiddle => &ON_A_PART,
+            Thoroughness::Quickly => &QUICK,
+            Thoroughness::Roughly => &MIDDLE,
+            Thoroughness::Thoroughly => &FULL,
+            Thoroughness::ByMiddle => &ON_A_PART,
         };
         Self::of(input, may_be_small, effort)
     }
 
     fn of(mesh: &TriMesh, may_be_small: bool, effort: &'static Effort) -> Self {
         let ground = InputSurface::new(mesh);
-        let whole = (!may_be_small).then(|| Whole::new(&ground, effort));
+        let whole = (!may_be_small).then(|| ClosedSurface::new(&ground, effort));
         Self { whole, ..Self::new(&ground, may_be_small, (effort, effort.shares)) }
     }
 
@@ -139,8 +139,9 @@ impl Posed {
 }
 
 /// All poses of `one` on `two`, best first.
-fn found(one: &Posed, two: &Posed, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
-    let tried = |of: &Posed, on: &Posed| of.small.as_ref().map_or(Vec::new(), |small| small.laid(on, stop));
+fn found(one: &PosedSurface, two: &PosedSurface, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
+    let tried =
+        |of: &PosedSurface, on: &PosedSurface| of.small.as_ref().map_or(Vec::new(), |small| small.laid(on, stop));
     let mut found = tried(one, two);
     found.extend(tried(two, one).into_iter().map(|(score, onto)| (score, inverse(&onto))));
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -148,7 +149,7 @@ fn found(one: &Posed, two: &Posed, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
 }
 
 /// All poses of a closed surface on another, best first.
-fn as_wholes(one: &Whole, two: &Whole, effort: &Effort, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
+fn as_wholes(one: &ClosedSurface, two: &ClosedSurface, effort: &Effort, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
     let mut found = one.small.tried_whole(&two.large, effort, stop);
     let onto = two.small.tried_whole(&one.large, effort, stop);
     found.extend(onto.into_iter().map(|(score, onto)| (score, inverse(&onto))));
@@ -188,12 +189,12 @@ struct Small {
 
 /// A closed surface, as it is laid on others as a whole, and others on it.
 #[derive(Debug)]
-struct Whole {
+struct ClosedSurface {
     small: Small,
     large: Large,
 }
 
-impl Whole {
+impl ClosedSurface {
     fn new(ground: &InputSurface<'_>, effort: &Effort) -> Self {
         Self { small: Small::new(ground, effort), large: Large::new(ground, 1.0, effort.large) }
     }
@@ -212,8 +213,8 @@ struct Anchor {
 #[derive(Debug)]
 struct Large {
     nearness: Nearness,
-    seen: Seen,
-    around: Around,
+    seen: FramedSamples,
+    around: ReliefSampler,
     /// The heights of each sample, made when it is first met: most never are.
     relief: Vec<OnceLock<[f64; 3]>>,
     /// ∫ height² over all of it, made when it is first asked for.
@@ -231,7 +232,7 @@ fn frame_of(samples: &Samples, size: f64) -> Similarity {
 }
 
 /// The heights of a sample among all of them.
-fn relief(around: &Around, samples: &Samples, k: usize) -> [f64; 3] {
+fn relief(around: &ReliefSampler, samples: &Samples, k: usize) -> [f64; 3] {
     around.heights(&samples.points[k], &samples.normals[k], RELIEF_SCALES)
 }
 
@@ -240,7 +241,7 @@ impl Small {
         let all = ground.spread(effort.large);
         let frame = frame_of(&all, ground.area.sqrt());
         let all = all.seen_from(&frame);
-        let (few, around) = (spread(&all.points, SMALL), Around::new(&all));
+        let (few, around) = (spread(&all.points, SMALL), ReliefSampler::new(&all));
         let points: Vec<Vec3> = few.iter().map(|k| all.points[*k]).collect();
         let normals: Vec<Vec3> = few.iter().map(|k| all.normals[*k]).collect();
         let relief = few.iter().map(|k| relief(&around, &all, *k)).collect();
@@ -283,9 +284,9 @@ impl Large {
     fn of(samples: &Samples, area: f64, share: f64) -> Self {
         let frame = frame_of(samples, (share * area).sqrt());
         let all = samples.seen_from(&frame);
-        let (around, relief) = (Around::new(&all), vec![OnceLock::new(); all.points.len()]);
+        let (around, relief) = (ReliefSampler::new(&all), vec![OnceLock::new(); all.points.len()]);
         let is_flat = all.is_flat();
-        let (nearness, seen, area) = (Nearness::new(&all), Seen::new(all), 1.0 / share);
+        let (nearness, seen, area) = (Nearness::new(&all), FramedSamples::new(all), 1.0 / share);
         Self { nearness, seen, around, relief, relief_sums: OnceLock::new(), area, frame, is_flat }
     }
 
@@ -345,7 +346,7 @@ fn axes(z: Vec3) -> Matrix3<f64> {
 
 /// A sample of the smaller surface that was laid on the larger, and its partner there.
 #[derive(Clone, Copy)]
-struct Met {
+struct MetSample {
     /// Where the sample lies.
     at: Vec3,
     /// The number of the sample of the larger that is nearest.
@@ -358,7 +359,7 @@ struct Met {
 struct Posing {
     score: f64,
     motion: Motion,
-    met: Vec<Met>,
+    met: Vec<MetSample>,
 }
 
 /// One of equal turns about z.
@@ -377,13 +378,13 @@ fn direction(k: usize, of: usize) -> Vec3 {
 
 impl Small {
     /// The best poses on a larger surface, with their scores. Empty when stopped.
-    fn laid(&self, whole: &Posed, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
+    fn laid(&self, whole: &PosedSurface, stop: Stop<'_>) -> Vec<(f64, Similarity)> {
         let found = whole.large.iter().zip(self.tried(whole, stop));
         found.flat_map(|(large, of_size)| of_size.into_iter().map(|p| (p.score, self.onto(large, &p.motion)))).collect()
     }
 
     /// The same by the size at which it is laid. Empty when stopped.
-    fn tried(&self, whole: &Posed, stop: Stop<'_>) -> Vec<Vec<Posing>> {
+    fn tried(&self, whole: &PosedSurface, stop: Stop<'_>) -> Vec<Vec<Posing>> {
         let effort = whole.effort;
         let on = |anchors: &[Anchor], times: usize, large: &Large| -> Option<Vec<Posing>> {
             if self.is_flat != large.is_flat {
@@ -483,13 +484,13 @@ impl Small {
     }
 
     /// Seeks the partners of the first samples. `last`: those of the round before, if there was one.
-    fn met(&self, large: &Large, samples: usize, motion: &Motion, last: &[Met]) -> Vec<Met> {
+    fn met(&self, large: &Large, samples: usize, motion: &Motion, last: &[MetSample]) -> Vec<MetSample> {
         let meets = |k: usize| {
             let (x, n) = self.moved(k, motion);
             let near = last.get(k).map_or(u32::MAX, |last| last.partner as u32);
             let found = large.seen.tree.near(&sixfold(&x, &n), near, (SLACK, f64::INFINITY));
             let partner = found.map_or(0, |f| f.0 as usize);
-            Met { at: x, partner, facing: n.dot(&large.seen.samples.normals[partner]).max(0.0) }
+            MetSample { at: x, partner, facing: n.dot(&large.seen.samples.normals[partner]).max(0.0) }
         };
         (0..samples.min(self.points.len())).map(meets).collect()
     }
@@ -505,10 +506,10 @@ impl Small {
     }
 
     /// Scores a pose by what its samples meet.
-    fn score(&self, large: &Large, met: &[Met]) -> f64 {
+    fn score(&self, large: &Large, met: &[MetSample]) -> f64 {
         let mut values = RELIEF_SCALES.map(|_| Vec::with_capacity(met.len()));
         let mut nearness = 0.0;
-        for (k, Met { at, partner, facing }) in met.iter().enumerate() {
+        for (k, MetSample { at, partner, facing }) in met.iter().enumerate() {
             let weight = facing * near(at, &large.seen.samples.points[*partner]);
             nearness += weight / met.len() as f64;
             let there = large.heights(*partner);
@@ -529,16 +530,16 @@ impl Small {
         &self,
         large: &Large,
         mut motion: Motion,
-        mut met: Vec<Met>,
+        mut met: Vec<MetSample>,
         rounds: usize,
-    ) -> (Motion, Vec<Met>) {
+    ) -> (Motion, Vec<MetSample>) {
         for _ in 0..rounds {
             let distances: Vec<f64> =
                 met.iter().map(|m| (m.at - large.seen.samples.points[m.partner]).norm()).collect();
             let facing: Vec<f64> = met.iter().map(|m| m.facing).collect();
             let sigma = sigma(&distances, &facing, NEAR);
             let pair = |k: usize| {
-                let Met { at, partner, facing } = met[k];
+                let MetSample { at, partner, facing } = met[k];
                 let (c, n) = (large.seen.samples.points[partner], large.seen.samples.normals[partner]);
                 let way = c - at;
                 let target = at + n * n.dot(&way) * (1.0 - TANGENTIAL) + way * TANGENTIAL;

@@ -34,7 +34,7 @@ const FROM: f64 = 0.051;
 
 /// The part of an input that an example leaves bare.
 #[derive(Clone, Debug, Default)]
-pub struct Bare {
+pub struct BareArea {
     /// The share of the input's area.
     pub share: f64,
     /// The tips of its pieces, the farthest from the example first.
@@ -54,7 +54,7 @@ pub struct BareTip {
 
 impl Settler<'_> {
     /// Finds what an example leaves bare where it came to rest, but for what lies beyond its rim.
-    pub fn bare(&self, laid: &LaidRoughly) -> Bare {
+    pub fn bare(&self, laid: &LaidRoughly) -> BareArea {
         let places = laid.pose.deformed(&self.rest, &self.nodes[laid.level]);
         bare(&self.rest, self.between.own, &laid.setting, &places)
     }
@@ -90,7 +90,7 @@ impl Settler<'_> {
 
 /// Finds what an example leaves bare whose vertices lie at `places`, in its frame. The first `own` are its own, and one of these is
 /// stretched to a tip: what is between them is not kept.
-fn bare(rest: &Rest, own: usize, setting: &Setting, places: &[Vec3]) -> Bare {
+fn bare(rest: &Rest, own: usize, setting: &Setting, places: &[Vec3]) -> BareArea {
     let samples = &setting.coarse.samples;
     let coordinates = |x: &Vec3| [x.x, x.y, x.z];
     let vertices = KdTree::new(places.iter().map(coordinates));
@@ -103,7 +103,7 @@ fn bare(rest: &Rest, own: usize, setting: &Setting, places: &[Vec3]) -> Bare {
         })
         .collect();
     let link = LINKED * (setting.area / samples.points.len().max(1) as f64).sqrt();
-    let mut found = Bare::default();
+    let mut found = BareArea::default();
     for piece in pieces(&points.iter().map(|(tip, _)| tip.at).collect::<Vec<_>>(), link) {
         let by_distance = |a: &&usize, b: &&usize| points[**a].0.away.total_cmp(&points[**b].0.away);
         let (Some(root), Some(tip)) = (piece.iter().min_by(by_distance), piece.iter().max_by(by_distance)) else {

@@ -4,7 +4,7 @@
 //! vertex where its mirror image was: which of the two is right is no question of evidence, which hardly tells them apart. *Ours,
 //! not a paper's.*
 
-use super::held::Landmark;
+use super::held::VertexLandmark;
 use super::similarity::eigen;
 use crate::mesh::Vec3;
 use crate::mesh::bvh::Bvh;
@@ -68,8 +68,8 @@ impl Symmetry {
     }
 
     /// The same of a landmark: the mirror image of its point goes where the point went.
-    pub fn swapped_landmark(&self, landmark: &Landmark) -> Landmark {
-        Landmark { corners: self.images[landmark.vertex() as usize], to: landmark.to }
+    pub fn swapped_landmark(&self, landmark: &VertexLandmark) -> VertexLandmark {
+        VertexLandmark { corners: self.images[landmark.vertex() as usize], to: landmark.to }
     }
 }
 
@@ -146,7 +146,7 @@ mod tests {
         let off = back.iter().zip(&mesh.positions).map(|(a, b)| (a - b).norm()).sum::<f64>() / back.len() as f64;
         assert!(off < 2e-3, "{off}");
         let to = Bvh::new(&mesh).closest(mesh.positions[0]);
-        let landmark = Landmark { corners: [(0, 1.0), (0, 0.0), (0, 0.0)], to };
+        let landmark = VertexLandmark { corners: [(0, 1.0), (0, 0.0), (0, 0.0)], to };
         let swapped = symmetry.swapped_landmark(&landmark);
         assert!(swapped.distance(&mirrored) < 1e-2 && swapped.distance(&mesh.positions) > 1.0);
     }

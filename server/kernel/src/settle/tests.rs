@@ -173,13 +173,13 @@ fn what_cannot_be_settled_is_refused_and_a_stop_is_heard() {
 }
 
 /// Points of the half sheet held on the same points of the large one, three on a line but one.
-fn landmarks(half: &TriMesh, large: &TriMesh) -> Vec<Landmark> {
+fn landmarks(half: &TriMesh, large: &TriMesh) -> Vec<VertexLandmark> {
     let tree = Bvh::new(large);
     let near = |x: f64, y: f64| {
         let away = |v: &usize| (half.positions[*v].xy() - nalgebra::Vector2::new(x, y)).norm();
         (0..half.positions.len()).min_by(|a, b| away(a).total_cmp(&away(b))).expect("vertices")
     };
-    let held = |v: usize| Landmark {
+    let held = |v: usize| VertexLandmark {
         corners: [(v as u32, 1.0), (v as u32, 0.0), (v as u32, 0.0)],
         to: tree.closest(half.positions[v]),
     };
@@ -212,7 +212,7 @@ fn a_landmark_pulls_the_example_from_where_it_would_rest() {
     let tree = Bvh::new(&mesh);
     let v = 12 * 31 + 15;
     let to = tree.closest(mesh.positions[v] + Vec3::new(0.15, 0.0, 0.0));
-    let held = Landmark { corners: [(v as u32, 1.0), (v as u32, 0.0), (v as u32, 0.0)], to };
+    let held = VertexLandmark { corners: [(v as u32, 1.0), (v as u32, 0.0), (v as u32, 0.0)], to };
     let plain = Settler::new(&mesh, &mesh, 1.0, &Options::default()).expect("areas");
     let free = plain.settle(&mesh.positions, &go).expect("to be settled");
     let pulled = plain.holding(&[held]).settle(&mesh.positions, &go).expect("to be settled");
@@ -245,12 +245,12 @@ fn a_part_is_found_on_a_larger_surface_whatever_its_pose_and_size() {
         let d = from.positions.iter().zip(&to.positions).map(|(a, b)| (pose.apply(a) - b).norm());
         d.sum::<f64>() / from.positions.len() as f64
     };
-    let found = poses(&moved, &whole, [true, false], Sought::Thoroughly, &go);
+    let found = poses(&moved, &whole, [true, false], Thoroughness::Thoroughly, &go);
     assert!(off(&found[0].1, &moved, &part) < 0.15, "{}", off(&found[0].1, &moved, &part));
     // The same with the roles changed: the scan shows a part of the example.
-    let found = poses(&whole, &moved, [false, true], Sought::Thoroughly, &go);
+    let found = poses(&whole, &moved, [false, true], Thoroughness::Thoroughly, &go);
     let back = found[0].1;
     let undone: f64 = part.positions.iter().zip(&moved.positions).map(|(a, b)| (back.apply(a) - b).norm()).sum();
     assert!(undone / (3.0 * part.positions.len() as f64) < 0.15, "{undone}");
-    assert!(poses(&moved, &whole, [true, false], Sought::Quickly, &|| true).is_empty());
+    assert!(poses(&moved, &whole, [true, false], Thoroughness::Quickly, &|| true).is_empty());
 }

@@ -21,20 +21,21 @@ pub(super) struct KdTree<const D: usize> {
     /// Lows and highs of the children of each inner node; those of node k are 8 k + 1 to 8 k + 8.
     boxes: Vec<[[Lanes; D]; 2]>,
     /// The points of the leaves, a leaf the same number of blocks; what is left over is infinitely far.
-    blocks: Vec<Block<D>>,
+    blocks: Vec<PointBlock<D>>,
     /// Blocks of a leaf.
     in_leaf: usize,
     /// In which lane of all blocks the point of each number is.
     places: Vec<u32>,
 }
 
+/// A block of points side by side, with their numbers.
 #[derive(Clone, Copy, Debug)]
-struct Block<const D: usize> {
+struct PointBlock<const D: usize> {
     points: [Lanes; D],
     numbers: [u32; LANES],
 }
 
-impl<const D: usize> Block<D> {
+impl<const D: usize> PointBlock<D> {
     const EMPTY: Self = Self { points: [[f64::INFINITY; LANES]; D], numbers: [u32::MAX; LANES] };
 }
 
@@ -51,8 +52,12 @@ impl<const D: usize> KdTree<D> {
             leaves *= LANES;
         }
         let in_leaf = count.div_ceil(leaves).div_ceil(LANES);
-        let mut tree =
-            Self { boxes: Vec::new(), blocks: vec![Block::EMPTY; leaves * in_leaf], in_leaf, places: vec![0; count] };
+        let mut tree = Self {
+            boxes: Vec::new(),
+            blocks: vec![PointBlock::EMPTY; leaves * in_leaf],
+            in_leaf,
+            places: vec![0; count],
+        };
         // Level by level, as the nodes are numbered.
         let mut level = vec![(0, count)];
         while level.len() < leaves {

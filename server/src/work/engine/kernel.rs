@@ -19,7 +19,7 @@ use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::image::Image;
 use quadmuse_kernel::register::spectra::Row;
 use quadmuse_kernel::register::{Entry, LevenbergMarquardt, Query};
-use quadmuse_kernel::settle::{Likeness, Posed};
+use quadmuse_kernel::settle::{Likeness, PosedSurface};
 use quadmuse_proto::composition::SMOOTHING_DEFAULT;
 use quadmuse_proto::{Distortion, Flip, Histogram, MeshFormat, Topology, Verdict};
 use std::sync::Arc;
@@ -260,11 +260,11 @@ impl Engine for KernelEngine {
         let patch = model.patch(segment).map_err(internal)?;
         let has_rim = patch.topology != kernel::topology::Topology::Sphere;
         let is_torus = patch.topology == kernel::topology::Topology::Torus;
-        Ok((!is_torus).then(|| Opaque::new(Posed::quick(&patch.mesh, has_rim))))
+        Ok((!is_torus).then(|| Opaque::new(PosedSurface::quick(&patch.mesh, has_rim))))
     }
 
     fn likeness(&self, one: &Opaque, two: &Opaque, stop: &Stop) -> Result<Likeness, EngineError> {
-        let found = one.open::<Posed>()?.likeness(two.open()?, &|| stop.reason().is_some());
+        let found = one.open::<PosedSurface>()?.likeness(two.open()?, &|| stop.reason().is_some());
         stop.reason().map_or(Ok(found), |reason| Err(EngineError::Stopped(reason)))
     }
 

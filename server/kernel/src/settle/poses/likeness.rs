@@ -1,6 +1,6 @@
 //! How well one of two surfaces lies on the other, over all poses that were looked at.
 
-use super::{Large, Met, Posed, Posing, RELIEF_SCALES, Small, near};
+use super::{Large, MetSample, PosedSurface, Posing, RELIEF_SCALES, Small, near};
 use crate::numerics::stop::Stop;
 use crate::settle::evidence::correlation;
 
@@ -40,7 +40,7 @@ enum Explained {
     Larger,
 }
 
-impl Posed {
+impl PosedSurface {
     /// How like another it is, of which it tells what is explained; not at all where there is no pose, or when stopped.
     pub fn likeness(&self, other: &Self, stop: Stop<'_>) -> Likeness {
         match (&self.whole, &other.whole) {
@@ -81,9 +81,9 @@ impl Posed {
 impl Small {
     /// The share of the relief of one of the two surfaces that a pose explains: the share of Σ height² that is met, times the
     /// correlation there, as in the score.
-    fn explained(&self, large: &Large, met: &[Met], of: &Explained) -> f64 {
+    fn explained(&self, large: &Large, met: &[MetSample], of: &Explained) -> f64 {
         let of_scale = |s: usize| {
-            let value = |(k, m): (usize, &Met)| {
+            let value = |(k, m): (usize, &MetSample)| {
                 let weight = m.facing * near(&m.at, &large.seen.samples.points[m.partner]);
                 (self.relief[k][s], large.heights(m.partner)[s], weight)
             };

@@ -35,7 +35,7 @@ fn what_is_bulky_is_laid_by_what_is_about_some_of_its_points() {
     let turn = axes(Vec3::new(0.3, -0.8, 0.5).normalize()) * turned(5, 12);
     let mut input = bust(56, -0.95);
     input.positions.iter_mut().for_each(|x| *x = turn * *x + Vec3::new(3.0, 1.0, -2.0));
-    let found = poses(&ground, &input, [true, true], Sought::Thoroughly, &|| false);
+    let found = poses(&ground, &input, [true, true], Thoroughness::Thoroughly, &|| false);
     let (score, best) = &found[0];
     let off = Vec3::new(1.3, 0.13, 0.26);
     let there = turn * off + Vec3::new(3.0, 1.0, -2.0);
@@ -56,9 +56,9 @@ fn a_part_with_relief_explains_more_than_a_smooth_one_of_its_size() {
         mesh.positions.iter_mut().for_each(|p| p.z = bumps(p) + 0.1 * p.x * p.x);
         mesh
     };
-    let whole = Posed::quick(&sheet(60, 0.0, 1.0), true);
+    let whole = PosedSurface::quick(&sheet(60, 0.0, 1.0), true);
     let explained = |corner: f64| {
-        let part = Posed::quick(&sheet(30, corner, 0.5), true);
+        let part = PosedSurface::quick(&sheet(30, corner, 0.5), true);
         let [on_whole, by_whole] = [part.likeness(&whole, &|| false), whole.likeness(&part, &|| false)];
         // The part is all of itself, whichever of the two is the other.
         assert!(by_whole.explained >= on_whole.explained, "{by_whole:?} {on_whole:?}");
@@ -94,7 +94,7 @@ fn what_is_flat_is_like_what_is_flat_and_like_nothing_else() {
     };
     assert_eq!([0.0, 0.001, 0.2].map(|bump| sheet(24, bump).is_flat()), [true, true, false]);
     let like = |one: f64, two: f64| {
-        let [one, two] = [sheet(24, one), sheet(40, two)].map(|mesh| Posed::quick(&mesh, true));
+        let [one, two] = [sheet(24, one), sheet(40, two)].map(|mesh| PosedSurface::quick(&mesh, true));
         one.likeness(&two, &|| false).score
     };
     assert!(like(0.0, 0.0) > 0.6, "{}", like(0.0, 0.0));
@@ -119,11 +119,11 @@ fn of_two_closed_surfaces_one_is_laid_on_the_other_as_a_whole() {
     let turn = axes(Vec3::new(0.3, -0.8, 0.5).normalize()) * turned(5, 12);
     let there = |x: &Vec3| turn * x * 2.0 + Vec3::new(3.0, 1.0, -2.0);
     input.positions.iter_mut().for_each(|x| *x = there(x));
-    for sought in [Sought::Thoroughly, Sought::Roughly] {
+    for sought in [Thoroughness::Thoroughly, Thoroughness::Roughly] {
         let found = poses(&example, &input, [false, false], sought, &|| false);
         let (score, best) = &found[0];
         let off = example.positions.iter().map(|x| (best.apply(x) - there(x)).norm()).fold(0.0, f64::max);
         assert!(off < 0.2, "{sought:?} {score} {off}");
     }
-    assert!(poses(&example, &input, [false, false], Sought::Roughly, &|| true).is_empty());
+    assert!(poses(&example, &input, [false, false], Thoroughness::Roughly, &|| true).is_empty());
 }
