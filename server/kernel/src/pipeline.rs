@@ -43,20 +43,22 @@ mod transfer;
 pub use crate::fit::rough::RoughInput;
 pub use around::around;
 pub use as_one::split;
-pub use constraint::{Constraint, ConstraintEdit, ConstraintOrigin, Landmark, Location, NewConstraint, OnFold, Place};
-pub use cut::{Besides, Cut, CutMethod, Grain};
+pub use constraint::{
+    Constraint, ConstraintEdit, ConstraintOrigin, Landmark, LocatedPoint, NewConstraint, OnFold, Place,
+};
+pub use cut::{Cut, CutMethod, ExtraParts, Grain};
 pub use error::{PipelineError, Refusal, Stop};
 pub use fitted::{ranked_against, reaches};
-pub use mapped::{Before, Beyond, Covers, Fitted, Judgement, Lead, Mapped, Reach, Verdict, Wishes};
+pub use mapped::{Beyond, Covers, Fitted, Judgement, Lead, MapBeforeEdit, MapExtent, Mapped, Verdict, Wishes};
 pub use model::{FACES_CHOSEN_MIN, FACES_OF_SCAN_MIN, Model, SEGMENTS_MAX, Segment, few, in_primitives, read};
 pub use of_segments::of_segments;
 pub use registered::Registered;
 pub use rejoined::{OnePart, rejoin};
-pub use roughly::{Rough, RoughLead, lay as rough, ready as ready_for_rough};
-pub use side::{Encoded, Facts, Side, encode};
-pub use sound::{Allowed, Appraisal, appraise};
-pub use stitch::{Part, Regular, Stitching, compose, template};
-pub use stitched::{AS_MAPPED, Standing, Stitched};
+pub use roughly::{RoughLead, RoughPlacement, lay as rough, ready as ready_for_rough};
+pub use side::{Encoded, SegmentFacts, Side, encode};
+pub use sound::{AllowedFlaws, Appraisal, appraise};
+pub use stitch::{Part, RegularMesh, StitchOptions, compose, template};
+pub use stitched::{AS_MAPPED, LayoutOwner, Stitched};
 pub use transfer::alike;
 
 /// How each reason begins why a map leaves some of the scan bare.
@@ -108,7 +110,7 @@ pub fn fit(
 /// [`PipelineError`].
 pub fn edited(
     from: &Registered,
-    before: &Before,
+    before: &MapBeforeEdit,
     example: &Side,
     query: &Side,
     stop: Stop,

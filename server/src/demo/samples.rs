@@ -1,7 +1,7 @@
 //! The samples as files: what a new corpus may begin with, and scans to try it with.
 
 use super::{Sample, corpus, inputs};
-use crate::work::engine::{Besides, Cut};
+use crate::work::engine::{Cut, ExtraParts};
 use crate::work::ingest::{self, Annotation, Upload};
 use crate::work::{Caller, Work};
 use bytes::Bytes;
@@ -66,7 +66,7 @@ async fn add(work: &Arc<Work>, sample: &SampleFile) -> Result<(), crate::work::W
     let SampleFile { name, mut tags, relevance, bytes, .. } = sample.clone();
     // So that all of them are found, and can be taken out again.
     tags.push("sample".into());
-    let cut = Cut { besides: Besides::Sought, ..Cut::default() };
+    let cut = Cut { besides: ExtraParts::Sought, ..Cut::default() };
     let upload = Upload { bytes, format: Some(MeshFormat::Obj), cut };
     ingest::add(work, Caller::default(), upload, Annotation { name, tags, relevance }).await.map(drop)
 }

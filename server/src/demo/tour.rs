@@ -5,7 +5,7 @@ use super::samples::upload;
 use crate::config::Config;
 use crate::service::{self, Running, StartError};
 use crate::work::engine::kernel::KernelEngine;
-use crate::work::engine::{Besides, Cut, EngineError, Registration};
+use crate::work::engine::{Cut, EngineError, ExtraParts, Registration};
 use crate::work::ingest::{self, Annotation, Upload};
 use crate::work::picture::{Palette, Picture, Poles, View, Wires, render, side_by_side_captioned};
 use crate::work::query::{Board, LiveQuery, QueryOptions};
@@ -83,7 +83,7 @@ async fn add_all(work: &Arc<Work>, samples: &[Sample]) -> Result<(), TourError> 
     for sample in samples {
         let annotation =
             Annotation { name: sample.name.clone(), tags: sample.tags.clone(), relevance: f64::from(sample.relevance) };
-        let cut = Cut { besides: Besides::Sought, ..Cut::default() };
+        let cut = Cut { besides: ExtraParts::Sought, ..Cut::default() };
         let upload = Upload { cut, ..upload(&sample.mesh)? };
         ingest::add(work, Caller::default(), upload, annotation).await?;
     }

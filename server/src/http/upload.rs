@@ -6,7 +6,7 @@ use super::error::HttpError;
 use super::params::Params;
 use crate::app::App;
 use crate::pool::{Stop, User};
-use crate::work::engine::{Besides, Cut, EngineError, Refusal};
+use crate::work::engine::{Cut, EngineError, ExtraParts, Refusal};
 use crate::work::ingest::{Upload, check_labels};
 use axum::body::Body;
 use axum::extract::{FromRequest, FromRequestParts, Multipart, Request};
@@ -27,7 +27,7 @@ pub struct MeshUpload {
     /// The mesh.
     pub upload: Upload,
     /// Which parts become segments beside the whole if it is added as an example.
-    pub besides: Besides,
+    pub besides: ExtraParts,
     /// Hash of the bytes and of the parameters.
     pub fingerprint: blake3::Hash,
 }
@@ -115,7 +115,8 @@ impl Asked {
         }
         let cut =
             Cut { way: self.way, labels: parts.labels, parts: count, components: self.components, ..Cut::default() };
-        let besides = if self.count.is_none() && !cut.is_asked_for() { Besides::Sought } else { Besides::Nothing };
+        let besides =
+            if self.count.is_none() && !cut.is_asked_for() { ExtraParts::Sought } else { ExtraParts::Nothing };
         let upload = Upload { bytes, format: self.format.or(parts.format), cut };
         Ok(MeshUpload { upload, besides, fingerprint: hasher.finalize() })
     }

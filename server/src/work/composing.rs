@@ -7,7 +7,7 @@ mod sound;
 mod surrounded;
 mod waist;
 
-use super::engine::{Allowed, BARE, Encoded, EngineError, Judgement, Model, OnePart, Part, Stitching};
+use super::engine::{AllowedFlaws, BARE, Encoded, EngineError, Judgement, Model, OnePart, Part, StitchOptions};
 use super::laying;
 use super::making::{self, Making, Tell};
 use super::mapping::{LiveMap, MapState, get};
@@ -135,7 +135,7 @@ async fn made(
     let job = work.admit(live.caller.user, needed, REQUEST_TIME_MAX)?;
     let (engine, mut model) = (Arc::clone(&work.engine), Arc::clone(&live.model));
     let mut allowed = allowed(&maps);
-    let how = Stitching { smoothing: wanted.smoothing, density: wanted.density };
+    let how = StitchOptions { smoothing: wanted.smoothing, density: wanted.density };
     let mut one = one_example(&maps).filter(|_| wanted.density == 0 && !model.is_waist);
     let lone = lone(&maps, allowed.bare);
     // Maps as they are have the density of their examples.
@@ -176,7 +176,7 @@ async fn made(
         parts = regular::templates(live, segments.clone()).await?;
         (instead, maps, laid) = (Vec::new(), Vec::new(), Vec::new());
         (summaries, templates) = (Vec::new(), segments.collect());
-        allowed = Allowed::default();
+        allowed = AllowedFlaws::default();
     }
     let again = (Arc::clone(&engine), Arc::clone(&model), parts.clone(), instead.clone());
     let (laid_maps, is_kept) = (maps.clone(), !wanted.keep.is_empty());
@@ -185,7 +185,7 @@ async fn made(
             return Ok(sound);
         }
         // What was chosen for its layout keeps its faces.
-        let split = |sound: Sound, allowed: Allowed| match is_kept {
+        let split = |sound: Sound, allowed: AllowedFlaws| match is_kept {
             true => Ok(sound),
             false => closer(&*engine, &model, sound, allowed),
         };
@@ -210,7 +210,7 @@ async fn made(
         let is_result = |beside: &Sound| beside.appraisal.covered >= ALONE_MIN && beside.appraisal.away <= AWAY_MAX;
         let is_smoother = |beside: &Sound| !sound.appraisal.flaws.is_empty() || !is_crumpled(&beside.appraisal);
         match beside.filter(|beside| is_result(beside) && is_smoother(beside)) {
-            Some(beside) => split(beside, Allowed { bare: 1.0, ..allowed }),
+            Some(beside) => split(beside, AllowedFlaws { bare: 1.0, ..allowed }),
             None => Ok(sound),
         }
     };
@@ -317,7 +317,7 @@ async fn laid_around(
     live: &Arc<LiveQuery>,
     (map, maps): (&LiveMap, &[Option<Arc<LiveMap>>]),
     job: &Job,
-    (how, allowed, may_fail): (Stitching, Allowed, bool),
+    (how, allowed, may_fail): (StitchOptions, AllowedFlaws, bool),
 ) -> Result<Option<Sound>, WorkError> {
     let Some(surrounded) = Surrounded::of(work, live, (map, maps), job).await? else { return Ok(None) };
     let (job, engine) = (job.renew(Some(REQUEST_TIME_MAX / 2)), Arc::clone(&work.engine));
@@ -346,13 +346,13 @@ fn lone(maps: &[Option<Arc<LiveMap>>], bare: f64) -> Option<Arc<LiveMap>> {
 
 /// What the maps of all segments are on purpose. A map that leaves some of the scan bare does so alone: beside others the rest is
 /// theirs.
-fn allowed(maps: &[Option<Arc<LiveMap>>]) -> Allowed {
+fn allowed(maps: &[Option<Arc<LiveMap>>]) -> AllowedFlaws {
     let spanned = maps.iter().flatten().map(|map| map.newest().mapped.reach.spanned).fold(0.0, f64::max);
     let bare = match maps {
         [Some(map)] => bare(map),
         _ => 0.0,
     };
-    Allowed { spanned, bare }
+    AllowedFlaws { spanned, bare }
 }
 
 /// The share of its segment that a map leaves bare, where no rows of quads continue it.

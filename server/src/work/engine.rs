@@ -22,13 +22,14 @@ mod mapped;
 mod packed;
 mod rough;
 
-pub use cut::{Besides, Cut, Grain};
+pub use cut::{Cut, ExtraParts, Grain};
 pub use mapped::{Fitted, Judgement, Lead, Mapped, Wishes};
 pub use packed::{Packed, PackedFeature};
 pub use quadmuse_kernel::compose::rows::{Resized, SizeTarget, faces_within_max};
 pub use quadmuse_kernel::numerics::stage::{Stage, leave_out};
 pub use quadmuse_kernel::pipeline::{
-    AS_MAPPED, Allowed, Appraisal, BARE, OnePart, Reach, Refusal, Rough, Standing, Stitched, Stitching,
+    AS_MAPPED, AllowedFlaws, Appraisal, BARE, LayoutOwner, MapExtent, OnePart, Refusal, RoughPlacement, StitchOptions,
+    Stitched,
 };
 pub use rough::RoughLead;
 
@@ -415,7 +416,7 @@ pub trait Engine: Send + Sync + 'static {
         encodings: Option<[&Encoding; 2]>,
         lead: Option<&RoughLead>,
         stop: &Stop,
-    ) -> Result<Option<Rough>, EngineError> {
+    ) -> Result<Option<RoughPlacement>, EngineError> {
         let _ = (example, query, encodings, lead);
         stop.reason().map_or(Ok(None), |reason| Err(reason.into()))
     }
@@ -507,7 +508,7 @@ pub trait Engine: Send + Sync + 'static {
     /// [`EngineError::Refused`] when the parts can't be stitched, [`EngineError::Stopped`].
     ///
     /// There is one part a segment, in their order.
-    fn compose(&self, query: &Model, parts: &[Part], how: Stitching, stop: &Stop) -> Result<Stitched, EngineError>;
+    fn compose(&self, query: &Model, parts: &[Part], how: StitchOptions, stop: &Stop) -> Result<Stitched, EngineError>;
 
     /// Tells of each segment whether it has its components of the input to itself, so that it needs no stitching.
     ///
@@ -534,7 +535,7 @@ pub trait Engine: Send + Sync + 'static {
     ///
     /// # Errors
     /// [`EngineError::Internal`].
-    fn appraise(&self, query: &Model, made: &Stitched, allowed: Allowed) -> Result<Appraisal, EngineError>;
+    fn appraise(&self, query: &Model, made: &Stitched, allowed: AllowedFlaws) -> Result<Appraisal, EngineError>;
 
     /// Splits the faces of maps that stand as they are, and were split so many times before; `None` where they would be too many.
     ///

@@ -1,7 +1,7 @@
 //! Examples: adding, annotating, removing, reading.
 
 use super::corpus::{NewExample, Put};
-use super::engine::{Besides, Cut, Encoded, EngineError, Grain, Model, Packed};
+use super::engine::{Cut, Encoded, EngineError, ExtraParts, Grain, Model, Packed};
 use super::{Caller, REQUEST_TIME_MAX, Work, WorkError, doubts, jobs, landmarks, texts};
 use crate::pool::{Job, Lane, User};
 use bytes::Bytes;
@@ -178,7 +178,7 @@ async fn encode_all(
     work: &Arc<Work>,
     job: &Job,
     model: &Arc<Model>,
-) -> Result<(Vec<Packed>, Vec<String>, Besides), WorkError> {
+) -> Result<(Vec<Packed>, Vec<String>, ExtraParts), WorkError> {
     let one = async |segment: u32| -> Result<(Packed, Vec<String>), WorkError> {
         let (engine, model) = (Arc::clone(&work.engine), Arc::clone(model));
         let pack = move |stop: &_| {
@@ -190,7 +190,7 @@ async fn encode_all(
     let Some(labels) = &model.besides else {
         let all = futures_util::future::try_join_all((0..model.segments.len() as u32).map(one)).await?;
         let (segments, mended): (Vec<_>, Vec<_>) = all.into_iter().unzip();
-        return Ok((segments, mended.concat(), Besides::Nothing));
+        return Ok((segments, mended.concat(), ExtraParts::Nothing));
     };
     let (whole, mended) = one(0).await?;
     let (mut segments, mut number_of) = (vec![whole], vec![0; model.segments.len()]);
@@ -206,10 +206,10 @@ async fn encode_all(
         }
     }
     if segments.len() == 1 {
-        return Ok((segments, mended, Besides::Nothing));
+        return Ok((segments, mended, ExtraParts::Nothing));
     }
     let number = |part: &i64| usize::try_from(*part).ok().and_then(|part| number_of.get(part)).copied().unwrap_or(0);
-    let besides = Besides::Known(labels.iter().map(number).collect());
+    let besides = ExtraParts::Known(labels.iter().map(number).collect());
     Ok((segments, mended, besides))
 }
 

@@ -8,7 +8,7 @@
 //! Kinds are by the encoder's version, so that servers with an older and a newer one work side by side, each on its own.
 
 use super::corpus::{CorpusError, Put};
-use super::engine::{Besides, Cut};
+use super::engine::{Cut, ExtraParts};
 use super::ingest::{self, Annotation, Upload};
 use super::{Caller, REQUEST_TIME_MAX, Scope, Work, WorkError, reencode};
 use crate::pool::User;
@@ -192,7 +192,7 @@ fn put_away(user: User, upload: &Upload, annotation: &Annotation) -> Option<Vec<
         labels: cut.labels.clone(),
         components: cut.components,
         parts: cut.parts.map(|parts| parts.to_string()),
-        parts_are_sought: cut.besides == Besides::Sought,
+        parts_are_sought: cut.besides == ExtraParts::Sought,
         length: bytes.len() as u64,
         mesh: zstd::bulk::compress(bytes, ZSTD_LEVEL).ok()?.into(),
     };
@@ -207,7 +207,7 @@ impl PutAway {
             labels: self.labels,
             components: self.components,
             parts: self.parts.and_then(|parts| parts.parse::<Parts>().ok()),
-            besides: if self.parts_are_sought { Besides::Sought } else { Besides::Nothing },
+            besides: if self.parts_are_sought { ExtraParts::Sought } else { ExtraParts::Nothing },
             ..Cut::default()
         };
         let annotation = Annotation { name: self.name, tags: self.tags, relevance: self.relevance };

@@ -9,7 +9,7 @@
 //! are as many choices: it would rank like it, if it were registered as finely.
 
 use super::catalogue::{LEVEL_COARSEST, Resident};
-use super::engine::{Registration, Rough};
+use super::engine::{Registration, RoughPlacement};
 use quadmuse_kernel::rank::bends;
 use quadmuse_kernel::settle::Likeness;
 use quadmuse_proto::query::LEVELS;
@@ -34,7 +34,7 @@ pub struct Candidate {
     /// How well the surface itself lies on the query's, where that was asked.
     pub likeness: Option<Likeness>,
     /// How it lies on the query when it is laid roughly, where that was tried.
-    pub rough: Option<Rough>,
+    pub rough: Option<RoughPlacement>,
     /// An example that lies on the query and on a part of this one: it tells where this one belongs.
     pub lead: Option<(ExampleId, u32)>,
     /// A better candidate that it nearly duplicates: only that one goes on.
@@ -189,7 +189,7 @@ pub fn by_likeness(laid: Vec<Candidate>, passed_over: Vec<Candidate>, query: Top
 /// leads come before it: they have all that it has, and more.
 pub fn by_fit(all: Vec<Candidate>) -> Vec<Candidate> {
     let alike = |c: &Candidate| c.likeness.map_or(0.0, |likeness| likeness.weighed);
-    let worth = |c: &Candidate| c.rough.as_ref().map_or(0.0, Rough::worth) * (1.0 + alike(c));
+    let worth = |c: &Candidate| c.rough.as_ref().map_or(0.0, RoughPlacement::worth) * (1.0 + alike(c));
     let fits = |c: &Candidate| c.lead.is_some() || worth(c) > 0.0;
     let (mut fitting, others): (Vec<Candidate>, Vec<Candidate>) = all.into_iter().partition(fits);
     if fitting.is_empty() {
@@ -239,7 +239,7 @@ pub const SURE_FROM: f64 = 0.25;
 const ONE_TRY_FROM: f64 = 0.2;
 
 /// Tells whether an example lies so well when it is laid roughly that it is worth a map that nobody asked for.
-pub fn is_worth_a_map(rough: &Rough) -> bool {
+pub fn is_worth_a_map(rough: &RoughPlacement) -> bool {
     rough.worth() >= WORTH_FROM || rough.agreement >= SURE_FROM
 }
 
@@ -255,13 +255,13 @@ pub fn turns(candidates: &[Candidate], tries: usize, is_flat: bool) -> Vec<(Exam
     let own = candidates.iter().enumerate().filter(is_own).map(|(_, c)| c);
     let mut own: Vec<&Candidate> = own.filter(may_fit).collect();
     if candidates.iter().any(|c| c.rough.is_some()) {
-        let is_enough = |rough: &Rough| match tries {
+        let is_enough = |rough: &RoughPlacement| match tries {
             0 | 1 => rough.agreement >= ONE_TRY_FROM,
             _ => is_worth_a_map(rough),
         };
         let fits = |c: &&Candidate| c.rough.as_ref().is_some_and(|rough| c.lead.is_some() || is_enough(rough));
         let mut chosen: Vec<&Candidate> = own.iter().copied().filter(fits).take(tries).collect();
-        let all_over = |c: &Candidate| c.rough.as_ref().and_then(Rough::all_over);
+        let all_over = |c: &Candidate| c.rough.as_ref().and_then(RoughPlacement::all_over);
         if tries > 1 && chosen.iter().all(|c| all_over(c).is_none()) {
             let likely = own.into_iter().filter_map(|c| Some((all_over(c)?, c)));
             if let Some((_, likeliest)) = likely.max_by(|a, b| a.0.total_cmp(&b.0)) {
@@ -498,7 +498,7 @@ pub(in crate::work) mod tests {
 
     #[test]
     fn what_explains_more_of_the_query_comes_first_and_what_explains_nothing_stays() {
-        let rough = |agreement, covered| Some(Rough { agreement, covered, ..Rough::default() });
+        let rough = |agreement, covered| Some(RoughPlacement { agreement, covered, ..RoughPlacement::default() });
         let mut all: Vec<Candidate> =
             [("a", 1.0), ("b", 2.0), ("c", 3.0), ("d", 4.0)].map(|(hash, score)| candidate(hash, score)).into();
         all[0].rough = rough(-0.2, 1.0);
@@ -529,10 +529,10 @@ pub(in crate::work) mod tests {
             turns(all, tries, false).into_iter().map(name).collect::<String>()
         };
         assert_eq!([1, 2].map(|tries| names(&all, tries)), ["ae", "aced"]);
-        let rough = |agreement| Some(Rough { agreement, covered: 0.5, ..Rough::default() });
+        let rough = |agreement| Some(RoughPlacement { agreement, covered: 0.5, ..RoughPlacement::default() });
         all[0].rough = rough(2.0 * WORTH_FROM - 0.01);
         assert_eq!(names(&all, 3), "");
-        all[0].rough = Some(Rough { agreement: SURE_FROM, covered: 0.1, ..Rough::default() });
+        all[0].rough = Some(RoughPlacement { agreement: SURE_FROM, covered: 0.1, ..RoughPlacement::default() });
         assert_eq!(names(&all, 3), "a", "a hand on an arm");
         all[0].rough = rough(0.0);
         (all[2].rough, all[4].rough) = (rough(2.0 * WORTH_FROM), rough(0.4));
@@ -544,14 +544,16 @@ pub(in crate::work) mod tests {
         all[0].lead = Some(all[4].key());
         assert_eq!(names(&all, 3), "ace");
         // A man in armour: hands lie on half of him, and a body all over.
-        let body = Rough { agreement: -0.1, covered: 0.9, are_wholes: true, ..Rough::default() };
+        let body = RoughPlacement { agreement: -0.1, covered: 0.9, are_wholes: true, ..RoughPlacement::default() };
         all[3].rough = Some(body.clone());
         assert_eq!([1, 2, 3, 4].map(|tries| names(&all, tries)), ["a", "ad", "acd", "aced"]);
-        for other in [Rough { agreement: -0.2, ..body.clone() }, Rough { covered: 0.5, ..body.clone() }] {
+        for other in
+            [RoughPlacement { agreement: -0.2, ..body.clone() }, RoughPlacement { covered: 0.5, ..body.clone() }]
+        {
             all[3].rough = Some(other);
             assert_eq!(names(&all, 3), "ace");
         }
-        all[3].rough = Some(Rough { are_wholes: false, ..body });
+        all[3].rough = Some(RoughPlacement { are_wholes: false, ..body });
         let turns: Vec<Option<u32>> = entries(&all, 9, &turns(&all, 3, false)).iter().map(|e| e.turn).collect();
         assert_eq!(turns, [Some(1), None, Some(2), None, Some(3)]);
         assert_eq!(template_entry(&[], Topology::Disc).turn, Some(1));

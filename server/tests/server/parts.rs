@@ -10,7 +10,7 @@ use quadmuse_server::pool::{Admission, Pool};
 use quadmuse_server::work::composing::{self, LiveComposition};
 use quadmuse_server::work::corpus::stored::StoredCorpus;
 use quadmuse_server::work::engine::kernel::KernelEngine;
-use quadmuse_server::work::engine::{Besides, Cut};
+use quadmuse_server::work::engine::{Cut, ExtraParts};
 use quadmuse_server::work::ingest::{self, Annotation, Upload};
 use quadmuse_server::work::query::{LiveQuery, QueryOptions};
 use quadmuse_server::work::{Caller, Work, mapping, search};
@@ -46,7 +46,7 @@ async fn opened(data: &Path) -> Arc<Work> {
 async fn added(work: &Arc<Work>, name: &str) -> Arc<Example> {
     let sample = demo::corpus().into_iter().find(|sample| sample.name == name).expect("a sample");
     let annotation = Annotation { name: name.into(), tags: Vec::new(), relevance: 3.0 };
-    let cut = Cut { besides: Besides::Sought, ..Cut::default() };
+    let cut = Cut { besides: ExtraParts::Sought, ..Cut::default() };
     ingest::add(work, Caller::default(), upload(&sample.mesh, cut), annotation).await.expect("added").0
 }
 

@@ -6,7 +6,9 @@ use quadmuse_proto::{ConstraintEdit, MeshFormat, NewConstraint, Parts, Place};
 use quadmuse_server::demo;
 use quadmuse_server::pool::Stop;
 use quadmuse_server::work::engine::kernel::KernelEngine;
-use quadmuse_server::work::engine::{Cut, Engine, EngineError, Grain, Mapped, Model, Part, Refusal, Side, Stitching};
+use quadmuse_server::work::engine::{
+    Cut, Engine, EngineError, Grain, Mapped, Model, Part, Refusal, Side, StitchOptions,
+};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -151,7 +153,7 @@ fn parts_of_that_example_lie_where_it_lies_whole_and_hang_together_beside_anothe
         false => Part::OfWhole(Arc::clone(&maps[s as usize].part)),
     };
     let parts: Vec<Part> = (0..count).map(part).collect();
-    let made = engine.compose(&query, &parts, Stitching { smoothing: 5, density: 0 }, &stop).expect("stitches");
+    let made = engine.compose(&query, &parts, StitchOptions { smoothing: 5, density: 0 }, &stop).expect("stitches");
     let kept = labels(&example).iter().filter(|l| **l != i64::from(given)).count();
     let found = made.mesh.faces.iter().filter(|f| f.len() == 4).count();
     assert_eq!(found, made.mesh.faces.len());

@@ -16,7 +16,7 @@ const PARTS_MAX: usize = 24;
 /// Segment 0 is the surface under the map, the others are the rest; other segments of the input stay as they are, unless it was cut
 /// at its waist. `None` where the map has no rim, nothing lies beyond it, or the rest is ragged.
 ///
-/// `segment` is the one that the map lies on, `mesh` the map's, `own` its [`Reach::own`](super::Reach::own).
+/// `segment` is the one that the map lies on, `mesh` the map's, `own` its [`MapExtent::own`](super::MapExtent::own).
 pub fn around(
     query: &Model,
     segment: u32,
@@ -73,7 +73,9 @@ fn at_cut(surface: &TriMesh, part: &Patch) -> Vec<bool> {
 mod tests {
     use super::*;
     use crate::mesh::{Format, Limits, Polygons, Vec3, write};
-    use crate::pipeline::{Allowed, Cut, Part, Standing, Stitching, appraise, compose, encode, in_primitives, read};
+    use crate::pipeline::{
+        AllowedFlaws, Cut, LayoutOwner, Part, StitchOptions, appraise, compose, encode, in_primitives, read,
+    };
     use crate::segment::PartCount;
     use crate::topology::tests::voxels;
 
@@ -101,12 +103,12 @@ mod tests {
         let regular = |segment| Part::Template(Arc::new(encode(&cut, segment, &|| false).expect("encodable")));
         let rest = (1..cut.segments().len() as u32).map(regular);
         let parts: Vec<Part> = [Part::Kept(own)].into_iter().chain(rest).collect();
-        let how = Stitching { smoothing: 5, density: 0 };
+        let how = StitchOptions { smoothing: 5, density: 0 };
         let made = compose(&cut, &parts, how, &|| false).expect("stitched");
         let [first, others @ ..] = &made.standing[..] else { panic!("no segments") };
-        assert!(*first == Standing::Example && !others.contains(first), "{:?}", made.standing);
+        assert!(*first == LayoutOwner::Example && !others.contains(first), "{:?}", made.standing);
         assert!(made.mesh.faces.iter().all(|face| face.len() == 4) && made.mesh.faces.len() > 150);
-        let found = appraise(&cut, &made, Allowed::default());
+        let found = appraise(&cut, &made, AllowedFlaws::default());
         assert!(found.flaws.is_empty() && found.covered > 0.99, "{found:?}");
         assert!((found.examples[0] - 0.2).abs() < 0.06, "{found:?}");
     }

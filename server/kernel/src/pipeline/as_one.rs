@@ -6,8 +6,8 @@ use super::error::{PipelineError, Stop};
 use super::grouped::Pieces;
 use super::model::Model;
 use super::notes::MISS_NOTED_PCT;
-use super::stitch::{Made, Part, Stitching, stitched};
-use super::stitched::{Standing, Stitched};
+use super::stitch::{Part, StitchOptions, StitchResult, stitched};
+use super::stitched::{LayoutOwner, Stitched};
 use crate::compose::{self, Miss, surface::ComposedSurface};
 use crate::mesh::PolyMesh;
 use std::iter::repeat_n;
@@ -32,7 +32,7 @@ const MOVED: &str = "the map's vertices were moved so that its faces lie on the 
 pub(crate) fn as_one(
     ground: &ComposedSurface<'_>,
     whole: &Arc<PolyMesh>,
-    how: Stitching,
+    how: StitchOptions,
     stop: Stop,
 ) -> Result<Option<Stitched>, PipelineError> {
     let split = |mesh: &PolyMesh| Arc::new(compose::split(ground.input(), mesh));
@@ -49,11 +49,11 @@ pub(crate) fn as_one(
         return Ok(None);
     };
     if splits == 0 && 100.0 * miss.mean <= CLOSE_PCT {
-        return Ok(Some(Stitched::as_it_is(Arc::clone(whole), vec![Standing::Example])));
+        return Ok(Some(Stitched::as_it_is(Arc::clone(whole), vec![LayoutOwner::Example])));
     }
     let follows = |miss: Miss| 100.0 * miss.mean <= MISS_NOTED_PCT;
     let as_it_is =
-        (splits == 0 && follows(miss)).then(|| Stitched::as_it_is(Arc::clone(whole), vec![Standing::Example]));
+        (splits == 0 && follows(miss)).then(|| Stitched::as_it_is(Arc::clone(whole), vec![LayoutOwner::Example]));
     let mut best: Option<(Miss, Stitched)> = None;
     loop {
         // What misses by more needs smaller quads at once.
@@ -99,11 +99,11 @@ fn moved(
     ground: &ComposedSurface<'_>,
     mesh: &Arc<PolyMesh>,
     splits: u32,
-    how: Stitching,
+    how: StitchOptions,
     stop: Stop,
 ) -> Result<Option<(Miss, Stitched)>, PipelineError> {
     let part = [Part::Mapped { part: Arc::clone(mesh), whole: Arc::clone(mesh) }];
-    let made: Made = stitched(ground, &part, &Pieces::single(1), how, stop)?;
+    let made: StitchResult = stitched(ground, &part, &Pieces::single(1), how, stop)?;
     if made.mesh.faces != mesh.faces {
         return Ok(None);
     }
@@ -164,7 +164,7 @@ mod tests {
         let ground = ComposedSurface::of(&segmented);
         let map = Arc::new(sheet(n, height));
         let miss_pct = |mesh: &PolyMesh| 100.0 * compose::miss(ground.input(), mesh).expect("a disc of quads").mean;
-        let how = Stitching { smoothing: 5, density: 0 };
+        let how = StitchOptions { smoothing: 5, density: 0 };
         let made = as_one(&ground, &map, how, &|| false).expect("a layout");
         let made = made.map(|made| (miss_pct(&made.mesh), made)).map(|(pct, made)| (made, pct));
         (Arc::clone(&map), miss_pct(&map), made)
@@ -213,7 +213,7 @@ mod tests {
             positions: quads.positions,
             ..PolyMesh::default()
         };
-        let how = Stitching { smoothing: 5, density: 0 };
+        let how = StitchOptions { smoothing: 5, density: 0 };
         let made = as_one(&ComposedSurface::of(&segmented), &Arc::new(map), how, &|| false).expect("a layout");
         let made = made.expect("it follows");
         assert_eq!((made.mesh.faces.len(), &made.notes[..]), (600, &[split_note(1, 600)][..]));
@@ -225,7 +225,7 @@ mod tests {
         let segmented = Segmented::primitive(&surface, Components::SmallLeftOut).expect("a disc");
         let map = Arc::new(sheet(10, dome));
         let part = [Part::Mapped { part: Arc::clone(&map), whole: map }];
-        let how = Stitching { smoothing: 5, density: 1 };
+        let how = StitchOptions { smoothing: 5, density: 1 };
         let made =
             stitched(&ComposedSurface::of(&segmented), &part, &Pieces::single(1), how, &|| false).expect("a layout");
         let groups = made.mesh.attributes.groups.expect("groups").of_face;

@@ -158,7 +158,7 @@ fn edit_pinned(
     for new in &wanted.set {
         let moved = new.id.as_deref().filter(|id| pinned.iter().all(|p| p.0 != *id)).and_then(feature);
         if let Some(moved) = moved {
-            let at = |place: &super::constraint::Location| Place::Point(place.point);
+            let at = |place: &super::constraint::LocatedPoint| Place::Point(place.point);
             let from = locate(&at(&moved.on_example), example, one, &bvhs.0, "on_example")?;
             pinned.push((moved.id.clone(), (from, locate(&at(&moved.on_input), query, two, &bvhs.1, "on_input")?)));
         }

@@ -26,9 +26,9 @@ pub enum Place {
     },
 }
 
-/// A point of a surface, as it is told: every way to name it at once.
+/// A point of a surface as it is told: every way to name it at once.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Location {
+pub struct LocatedPoint {
     /// The point, in the mesh's units.
     pub point: [f64; 3],
     /// Periodic, in periods.
@@ -52,9 +52,9 @@ pub struct Constraint {
     /// Its id, unique in the map.
     pub id: String,
     /// Its end on the example (S₁).
-    pub on_example: Location,
+    pub on_example: LocatedPoint,
     /// Its end on the input (S₂).
-    pub on_input: Location,
+    pub on_input: LocatedPoint,
     /// Where it comes from.
     pub origin: ConstraintOrigin,
 }

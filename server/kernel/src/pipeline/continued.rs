@@ -1,7 +1,7 @@
 //! Maps continued by rows of quads to where the input ends.
 
 use super::error::{PipelineError, Stop};
-use super::mapped::{Before, Fitted, Mapped};
+use super::mapped::{Fitted, MapBeforeEdit, Mapped};
 use super::registered::{self, Registered};
 use super::side::Side;
 use super::{BARE, sound};
@@ -22,7 +22,7 @@ pub(crate) fn rest_of(input: &TriMesh, field: &[f64]) -> Option<Patch> {
 /// The map after an edit, continued to where the input ends if it was before.
 pub(crate) fn edited(
     from: &Registered,
-    before: &Before,
+    before: &MapBeforeEdit,
     example: &Side,
     query: &Side,
     stop: Stop,

@@ -29,7 +29,7 @@ pub struct Cut {
     /// Where automatic cuts may run.
     pub grain: Grain,
     /// Which parts of a mesh that stays whole are segments, too.
-    pub besides: Besides,
+    pub besides: ExtraParts,
 }
 
 /// Where automatic cuts may run.
@@ -42,9 +42,9 @@ pub enum Grain {
     Faces,
 }
 
-/// Which parts of a mesh are segments besides its whole, which is segment 0.
+/// Says which parts of a mesh are segments besides its whole, which is segment 0.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum Besides {
+pub enum ExtraParts {
     /// None.
     #[default]
     Nothing,

@@ -3,8 +3,8 @@
 use super::continued::{extend, rest_of};
 use super::error::{PipelineError, Stop, internal};
 use super::fitted::{COVERED, LocatedLandmark, of_example};
-use super::from_whole::OfWhole;
-use super::mapped::{Beyond, Covers, Fitted, Reach, Verdict};
+use super::from_whole::PositionedMap;
+use super::mapped::{Beyond, Covers, Fitted, MapExtent, Verdict};
 use super::registered::{self, Registered};
 use super::side::Side;
 use super::spanned::span;
@@ -38,9 +38,9 @@ const LOST_MIN: f64 = 0.01;
 /// A constraint of the caller's: its name and ends.
 type Pinned = (String, (Location, Location));
 
-/// Parameters of a map, beside its surfaces.
+/// The parameters of a map, beside its surfaces.
 #[derive(Clone, Copy)]
-pub(crate) struct Asked<'a> {
+pub(crate) struct MapParameters<'a> {
     /// How the input is treated beyond the example.
     pub(crate) beyond: Beyond,
     /// Landmarks.
@@ -53,7 +53,7 @@ pub(crate) struct Asked<'a> {
 const FRAYED_MAX: usize = 4;
 
 /// Holds what is left of an example on its way to a map.
-struct Left {
+struct RemainingExample {
     example: Side,
     surface: UnfoldedPatch,
     cross: CrossMap,
@@ -61,7 +61,7 @@ struct Left {
     bare: Vec<bool>,
 }
 
-impl Left {
+impl RemainingExample {
     /// Takes away the faces most of whose vertices are `lost`, if these have more than a share `least` of the area. Tells whether it
     /// did.
     fn lose(&mut self, lost: &[bool], least: f64) -> Result<bool, PipelineError> {
@@ -83,7 +83,7 @@ pub(crate) fn finish(
     placement: Placement,
     (example, one): (&Side, &UnfoldedPatch),
     (query, two): (&Side, &UnfoldedPatch),
-    Asked { beyond, held, are_wholes }: Asked<'_>,
+    MapParameters { beyond, held, are_wholes }: MapParameters<'_>,
     stop: Stop,
 ) -> Result<Fitted, PipelineError> {
     let Placement { places, lost, off, mirrored, evidence, .. } = placement;
@@ -100,7 +100,7 @@ pub(crate) fn finish(
     islands(&one.patch.mesh, &leaps, &mut bare);
     let mut lost = with_turned(&one.patch.mesh, &cross, chart, sign, lost);
     fray(&one.patch.mesh, &leaps, &mut lost);
-    let mut left = Left { example: example.clone(), surface: one.clone(), cross, bare };
+    let mut left = RemainingExample { example: example.clone(), surface: one.clone(), cross, bare };
     left.lose(&lost, LOST_MIN)?;
     let spanned = span(&mut left.cross, &left.surface.patch.mesh, &left.bare, two.query.tree());
     if Stage::Mend.is_on() {
@@ -118,7 +118,7 @@ pub(crate) fn finish(
             break;
         }
     }
-    let Left { example, surface, cross, .. } = left;
+    let RemainingExample { example, surface, cross, .. } = left;
     let kept_share = surface.patch.mesh.total_area() / one.patch.mesh.total_area();
     let mut turned = inward(&surface.patch.mesh, &cross, chart, sign);
     let before = turned.len() as u64;
@@ -131,12 +131,12 @@ pub(crate) fn finish(
     let field = within(&surface.patch.mesh, &cross.positions, &two.patch.mesh);
     let rest = field.and_then(|field| rest_of(&two.patch.mesh, &field));
     let covered = rest.as_ref().map_or(1.0, |rest| 1.0 - rest.mesh.total_area() / two.patch.mesh.total_area());
-    mapped.reach = Reach {
+    mapped.reach = MapExtent {
         covers: Covers { example: kept_share, input: covered },
         kept: (kept_share < 1.0).then(|| kept(&example)).transpose()?,
         spanned: spanned.len() as f64 / mapped.mesh.faces.len().max(1) as f64,
         bridging: numbers(&spanned, &surface.patch.mesh, &mapped.mesh),
-        ..Reach::default()
+        ..MapExtent::default()
     };
     let judged_by = JudgedBy::of(one, are_wholes);
     let sureness = sureness(&evidence, judged_by);
@@ -228,7 +228,7 @@ fn described(
     let (p, q) = features.unzip();
     let entry = Entry::laid(&two.query, flip, SIDE, p, q).ok_or_else(|| internal("expected an unfolded query"))?;
     let of_whole = OnceLock::new();
-    let _ = of_whole.set(OfWhole::settled(&one.patch, cross, mirrored));
+    let _ = of_whole.set(PositionedMap::settled(&one.patch, cross, mirrored));
     Ok(Registered { of_whole: Arc::new(of_whole), pinned, ..Registered::of(entry) })
 }
 

@@ -7,10 +7,10 @@
 use super::constrain::{self, locate};
 use super::constraint::{ConstraintEdit, Landmark, NewConstraint, OnFold};
 use super::error::{PipelineError, Refusal, Stop, internal, stopped};
-use super::finished::{Asked, JudgedBy, finish, is_alike};
+use super::finished::{JudgedBy, MapParameters, finish, is_alike};
 use super::mapped::{Fitted, Lead, Verdict, Wishes};
 use super::registered::{self, Registered};
-use super::side::{Encoded, Facts, Side};
+use super::side::{Encoded, SegmentFacts, Side};
 use crate::encode::index::Location;
 use crate::fit::places::{PlaceSearch, Placement, Start};
 use crate::fit::rough::{between, between_by, spread};
@@ -110,13 +110,13 @@ pub(crate) fn fit(
     });
     let sure = rough.as_ref().filter(|rough| rough.agreement >= SURE_ROUGHLY);
     let posed = sure.map(|rough| rough.start.as_deref().map_or(&[][..], std::slice::from_ref));
-    let known = Known { held: &held, led: &led, rough: lies.as_ref(), posed };
+    let known = StartHints { held: &held, led: &led, rough: lies.as_ref(), posed };
     let settled = settled(from.as_ref(), (example, &one), (query, &two), (&input, known), stop)?;
     let are_wholes = on.are_wholes(query.segment, [one.patch.topology, two.patch.topology]);
-    let asked = Asked { beyond: *beyond, held: &held, are_wholes };
+    let asked = MapParameters { beyond: *beyond, held: &held, are_wholes };
     let finished = |placement| finish(placement, (example, &one), (query, &two), asked, stop);
     match (settled, &from) {
-        (Some(Best { placement, is_better: false }), Some(from)) => {
+        (Some(BestPlacement { placement, is_better: false }), Some(from)) => {
             // What settled may serve where the map of the charts does not.
             let charted = by_charts(from)?;
             if charted.mapped.verdict < Verdict::Poor {
@@ -125,7 +125,7 @@ pub(crate) fn fit(
             let fitted = finished(placement)?;
             Ok(if fitted.mapped.verdict < charted.mapped.verdict { fitted } else { charted })
         }
-        (Some(Best { placement, is_better: true }), from) => {
+        (Some(BestPlacement { placement, is_better: true }), from) => {
             let fitted = finished(placement)?;
             let covers = fitted.mapped.reach.covers;
             // Where boundary on boundary is a good map, the two surfaces end alike.
@@ -149,9 +149,9 @@ pub(crate) fn fit(
     }
 }
 
-/// What is known of where an example belongs, before anything is sought.
+/// Tells what is known of where an example belongs, before anything is sought.
 #[derive(Clone, Copy, Default)]
-struct Known<'a> {
+struct StartHints<'a> {
     /// Points that are held.
     held: &'a [LocatedLandmark],
     /// Points that lead there: they are held while it settles, but not met exactly.
@@ -173,7 +173,7 @@ fn led(
 ) -> Result<Vec<VertexLandmark>, PipelineError> {
     let part = surface(&lead.example)?;
     let own = Arc::clone(&one.query.chart.mesh);
-    let found = settled(None, (&lead.example, &part), (example, one), (&own, Known::default()), stop)?;
+    let found = settled(None, (&lead.example, &part), (example, one), (&own, StartHints::default()), stop)?;
     let found = found.map(|best| best.placement).filter(|found| found.evidence.relief >= DOUBTFUL);
     let Some(found) = found else { return Ok(Vec::new()) };
     let on_part = Bvh::new(&part.patch.mesh);
@@ -191,7 +191,7 @@ fn led(
 }
 
 /// The best place at which an example settles.
-struct Best {
+struct BestPlacement {
     placement: Placement,
     /// True where it is better than where the charts lay it.
     is_better: bool,
@@ -203,9 +203,9 @@ fn settled(
     from: Option<&Registered>,
     (example, one): (&Side, &UnfoldedPatch),
     (query, two): (&Side, &UnfoldedPatch),
-    (input, known): (&TriMesh, Known<'_>),
+    (input, known): (&TriMesh, StartHints<'_>),
     stop: Stop,
-) -> Result<Option<Best>, PipelineError> {
+) -> Result<Option<BestPlacement>, PipelineError> {
     if !Stage::Settle.is_on() {
         return Ok(None);
     }
@@ -225,7 +225,7 @@ fn settled(
     if let Some(carried) = search.carried() {
         search.tries(&carried, stop);
         stopped(stop)?;
-        return Ok(search.settle_best(|_| true, stop).map(|placement| Best { placement, is_better: true }));
+        return Ok(search.settle_best(|_| true, stop).map(|placement| BestPlacement { placement, is_better: true }));
     }
     let by_charts = || from.map(|from| registered::start(from, example, query, stop)).transpose();
     let of_rough = || known.rough.map(|rough| search.tried(rough, stop));
@@ -281,7 +281,7 @@ fn settled(
         }
         _ => true,
     };
-    Ok(Some(Best { placement, is_better }))
+    Ok(Some(BestPlacement { placement, is_better }))
 }
 
 /// The likeliest ways to match the tips of two surfaces, at most `most` of either orientation.
@@ -353,7 +353,7 @@ pub(crate) fn of_example(whole: &Side, cropped: CroppedSurface) -> Result<Side, 
 
 fn side(whole: &Side, segmented: Segmented, query: Arc<Query>) -> Side {
     let model = whole.model.recut(segmented, true);
-    let facts = Facts::of(query.encoding(), model.faces(0), 0.0);
+    let facts = SegmentFacts::of(query.encoding(), model.faces(0), 0.0);
     Side { model: Arc::new(model), segment: 0, encoded: Arc::new(Encoded { facts, query, repairs: Vec::new() }) }
 }
 

@@ -3,12 +3,12 @@
 //! A part alone knows less of where it belongs: one that is nearly its own mirror image may lie mirrored, and a trunk's half
 //! turned. The caller's constraints bend that map on the surface ([`bend`]), since it has no registration that they could.
 
-use super::constraint::{Location, OnFold};
+use super::constraint::{LocatedPoint, OnFold};
 use super::error::{PipelineError, Refusal, Stop};
 use super::model::WholeMap;
-use super::registered::{self, LaidBy, Registered, Surface, UnmeasuredMap};
+use super::registered::{self, IndexedChart, LaidBy, Registered, UnmeasuredMap};
 use super::side::Side;
-use crate::encode::index::Location as Place;
+use crate::encode::index::Location;
 use crate::map::bend::{BendError, Pin, bend};
 use crate::map::placed::placed;
 use crate::map::reembed::turn_back;
@@ -26,7 +26,7 @@ const SHARE_STEPS: usize = 5;
 
 /// A map that is given by where its vertices lie: that of a part where the whole was laid, or of an example that has settled.
 #[derive(Debug)]
-pub(crate) struct OfWhole {
+pub(crate) struct PositionedMap {
     /// Whether it lies mirrored.
     mirrored: bool,
     /// Cost of the registration, and log of the ratio of the moduli.
@@ -63,18 +63,19 @@ pub(crate) fn from_whole<'a>(
     }
     let Some(of_whole) = registered.of_whole.get() else { return Ok(None) };
     let source = &example.encoded.query;
-    let own = Own { part: &patch.mesh, of_whole, input: surface };
+    let own = PartOfWhole { part: &patch.mesh, of_whole, input: surface };
     let mut constraints = registered::constraints(registered.registration(), &registered.named(), source, surface);
     // A feature that the caller moved is one of the caller's.
     constraints.retain(|c| registered.pinned.iter().all(|p| p.0 != c.id) && !registered.removed.contains(&c.id));
     for c in &mut constraints {
         if let Some(there) = own.taken_to(Vec3::from(c.on_example.point)) {
             let [u, v] = there.uv(&surface.chart);
-            c.on_input = Location { point: there.point(&surface.chart).into(), u, v };
+            c.on_input = LocatedPoint { point: there.point(&surface.chart).into(), u, v };
         }
     }
     constraints.extend(registered::pinned(registered, &source.chart, &surface.chart));
-    let pins: Vec<(Vec3, Place)> = registered.pinned.iter().map(|(_, (a, b))| (a.point(&source.chart), *b)).collect();
+    let pins: Vec<(Vec3, Location)> =
+        registered.pinned.iter().map(|(_, (a, b))| (a.point(&source.chart), *b)).collect();
     let within = own.bent(&pins, registered::sign(of_whole.mirrored)).map_err(|error| refused(registered, error))?;
     // What the constraints leave alone is shown where the whole lies.
     let mut cross = of_whole.as_laid.clone();
@@ -103,7 +104,7 @@ pub(crate) fn keep(registered: &Registered, example: &Side, query: &Side, stop: 
     let atlas = registered.atlas(example, query, stop)?;
     let (laid, _) = registered::lay(atlas, registered, example, query, stop)?;
     let model = &*example.model;
-    let _ = registered.of_whole.set(OfWhole::settled(model.patch(example.segment)?, laid.cross, laid.mirrored));
+    let _ = registered.of_whole.set(PositionedMap::settled(model.patch(example.segment)?, laid.cross, laid.mirrored));
     Ok(())
 }
 
@@ -122,10 +123,13 @@ pub(crate) fn fitted(
     let (of, on) = (&*example.model, &*query.model);
     let patch = of.patch(example.segment)?;
     let Some(of_whole) = registered.of_whole.get() else { return Ok(registered) };
-    let own = Own { part: &patch.mesh, of_whole, input: surface };
+    let own = PartOfWhole { part: &patch.mesh, of_whole, input: surface };
     let sign = registered::sign(of_whole.mirrored);
-    let wanted: Vec<(Vec3, Place)> = registered.pinned.iter().map(|(_, (a, b))| (a.point(&source.chart), *b)).collect();
-    let fits = |made: &OfWhole| Own { part: &patch.mesh, of_whole: made, input: surface }.bent(&wanted, sign).is_ok();
+    let wanted: Vec<(Vec3, Location)> =
+        registered.pinned.iter().map(|(_, (a, b))| (a.point(&source.chart), *b)).collect();
+    let fits = |made: &PositionedMap| {
+        PartOfWhole { part: &patch.mesh, of_whole: made, input: surface }.bent(&wanted, sign).is_ok()
+    };
     // What made room goes back once there is no need for it.
     if let Some(first) = registered.before_room.clone().filter(|first| first.get().is_some_and(&fits)) {
         return Ok(Registered { of_whole: first, before_room: None, ..registered });
@@ -156,7 +160,7 @@ pub(crate) fn fitted(
 }
 
 /// The part of the whole on a segment's surface; `None` where a vertex has no place, or the boundaries differ.
-fn part_of(whole: &WholeMap, patch: &Patch, surface: &Surface) -> Option<OfWhole> {
+fn part_of(whole: &WholeMap, patch: &Patch, surface: &IndexedChart) -> Option<PositionedMap> {
     let points: Option<Vec<Vec3>> =
         patch.vertex_of.iter().map(|&v| whole.places.get(v as usize).copied().flatten()).collect();
     let (chart, mirror) = (&surface.chart, registered::sign(whole.mirrored));
@@ -167,10 +171,10 @@ fn part_of(whole: &WholeMap, patch: &Patch, surface: &Surface) -> Option<OfWhole
     let as_laid = CrossMap { locations: cross.locations.clone(), positions: points };
     let laid_angle_p95_deg = measure::angle_distortion(&patch.mesh, &as_laid).p95;
     let WholeMap { mirrored, cost, modulus_log, .. } = *whole;
-    Some(OfWhole { mirrored, cost, modulus_log, as_laid, cross, bvh: Bvh::new(&patch.mesh), laid_angle_p95_deg })
+    Some(PositionedMap { mirrored, cost, modulus_log, as_laid, cross, bvh: Bvh::new(&patch.mesh), laid_angle_p95_deg })
 }
 
-impl OfWhole {
+impl PositionedMap {
     /// A map that has settled.
     pub(crate) fn settled(patch: &Patch, cross: CrossMap, mirrored: bool) -> Self {
         Self::of(&patch.mesh, cross, mirrored)
@@ -197,16 +201,16 @@ fn refused(registered: &Registered, error: BendError) -> PipelineError {
     PipelineError::refused(refusal, format!("constraint {}: {error}", which.join(", ")))
 }
 
-/// A part with the map that the whole makes of it.
-struct Own<'a> {
+/// A part of an example, with the map that the whole makes of it.
+struct PartOfWhole<'a> {
     part: &'a TriMesh,
-    of_whole: &'a OfWhole,
-    input: &'a Surface,
+    of_whole: &'a PositionedMap,
+    input: &'a IndexedChart,
 }
 
-impl Own<'_> {
+impl PartOfWhole<'_> {
     /// Where a point of the example goes.
-    fn taken_to(&self, from: Vec3) -> Option<Place> {
+    fn taken_to(&self, from: Vec3) -> Option<Location> {
         let near = self.of_whole.bvh.closest(from);
         let corners = self.part.triangles.get(near.triangle as usize)?;
         let point: Vec3 =
@@ -216,9 +220,9 @@ impl Own<'_> {
     }
 
     /// The example settled anew from where it lies, held at its constraints; `None` when stopped.
-    fn settled_anew(&self, pins: &[(Vec3, Place)], sign: f64, stop: Stop) -> Option<OfWhole> {
+    fn settled_anew(&self, pins: &[(Vec3, Location)], sign: f64, stop: Stop) -> Option<PositionedMap> {
         let chart = &self.input.chart;
-        let landmark = |(from, to): &(Vec3, Place)| {
+        let landmark = |(from, to): &(Vec3, Location)| {
             VertexLandmark::between(
                 self.part,
                 &self.of_whole.bvh.closest(*from),
@@ -229,14 +233,14 @@ impl Own<'_> {
         let options = Options { manner: Manner::Following, ..Options::default() };
         let settler = Settler::new(self.part, &chart.mesh, sign, &options)?.holding(&held);
         let found = settler.settle(&self.of_whole.cross.positions, stop)?;
-        let locations: Vec<Place> = found.places.into_iter().map(Place::from).collect();
+        let locations: Vec<Location> = found.places.into_iter().map(Location::from).collect();
         let mut cross = CrossMap { positions: found.positions, locations };
         turn_back(self.part, &mut cross, &self.input.ground(), sign, &self.input.bvh);
-        Some(OfWhole::of(self.part, cross, self.of_whole.mirrored))
+        Some(PositionedMap::of(self.part, cross, self.of_whole.mirrored))
     }
 
     /// The share of the way to where they were set that the touched pins can go without a fold: a multiple of 1/32.
-    fn reached(&self, pins: &[(Vec3, Place)], touched: &[usize], sign: f64) -> f64 {
+    fn reached(&self, pins: &[(Vec3, Location)], touched: &[usize], sign: f64) -> f64 {
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..SHARE_STEPS {
             let share = 0.5 * (low + high);
@@ -247,9 +251,9 @@ impl Own<'_> {
     }
 
     /// The pins, of which the touched ones have gone a share of their way only.
-    fn on_the_way(&self, pins: &[(Vec3, Place)], touched: &[usize], share: f64) -> Vec<(Vec3, Place)> {
+    fn on_the_way(&self, pins: &[(Vec3, Location)], touched: &[usize], share: f64) -> Vec<(Vec3, Location)> {
         let chart = &self.input.chart;
-        let part_way = |(k, (from, to)): (usize, &(Vec3, Place))| {
+        let part_way = |(k, (from, to)): (usize, &(Vec3, Location))| {
             let start = self.taken_to(*from).filter(|_| touched.contains(&k));
             let end = start.map_or(*to, |start| {
                 let (a, b) = (start.point(chart), to.point(chart));
@@ -261,9 +265,9 @@ impl Own<'_> {
     }
 
     /// The map with points of the example taken to places on the input.
-    fn bent(&self, pins: &[(Vec3, Place)], mirror: f64) -> Result<CrossMap, BendError> {
+    fn bent(&self, pins: &[(Vec3, Location)], mirror: f64) -> Result<CrossMap, BendError> {
         let chart = &self.input.chart;
-        let pin = |(from, to): &(Vec3, Place)| Pin {
+        let pin = |(from, to): &(Vec3, Location)| Pin {
             on_example: self.of_whole.bvh.closest(*from).into(),
             to: to.point(chart),
         };

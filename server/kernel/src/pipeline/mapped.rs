@@ -2,7 +2,7 @@
 
 use super::constraint::{Constraint, Landmark};
 use super::registered::Registered;
-use super::roughly::Rough;
+use super::roughly::RoughPlacement;
 use super::side::Side;
 use crate::measure::Distortion;
 use crate::mesh::PolyMesh;
@@ -49,9 +49,9 @@ impl Default for Covers {
     }
 }
 
-/// The part of an example that lies on an input, and the part of the input that it covers.
+/// The extent of a map: the part of an example that lies on an input, and the part of the input that it covers.
 #[derive(Clone, Debug, Default)]
-pub struct Reach {
+pub struct MapExtent {
     /// Shares of the areas.
     pub covers: Covers,
     /// The example's vertices that the mesh has; `None`: all of them.
@@ -104,16 +104,16 @@ pub struct Mapped {
     /// The judgement of it where it is stitched, if that is another: stitching reaches what it leaves bare.
     pub stitched: Option<Judgement>,
     /// How much of each surface the other reaches.
-    pub reach: Reach,
+    pub reach: MapExtent,
     /// The measures behind the verdict, where the example has settled on the input.
     pub evidence: Option<Evidence>,
     /// How sure it is then, on one scale for closed and open examples: .1 where it is barely fair, .4 where it is good.
     pub sureness: Option<f64>,
 }
 
-/// The part of a map that stays as it is through an edit.
+/// Holds what is kept of a map through an edit: how it was judged before.
 #[derive(Clone, Debug)]
-pub struct Before {
+pub struct MapBeforeEdit {
     /// Its folds.
     pub folds: u64,
     /// Its verdict.
@@ -121,7 +121,7 @@ pub struct Before {
     /// Its reasons.
     pub reasons: Vec<String>,
     /// How much of each surface the other reached.
-    pub reach: Reach,
+    pub reach: MapExtent,
     /// The measures behind the verdict, where the example had settled.
     pub evidence: Option<Evidence>,
     /// How sure it was then.
@@ -132,13 +132,13 @@ impl Mapped {
     /// This map as an edit of another: what was kept of the example and how well the shapes agree stays; folds that the map before the
     /// first edit did not have make it worse.
     #[must_use]
-    pub(super) fn after(mut self, before: &Before) -> Self {
+    pub(super) fn after(mut self, before: &MapBeforeEdit) -> Self {
         let unedited = self.registration.unedited.get_or_insert_with(|| Arc::new(before.clone()));
-        self.reach = Reach {
+        self.reach = MapExtent {
             covers: before.reach.covers,
             kept: before.reach.kept.clone(),
             bridging: before.reach.bridging.clone(),
-            ..Reach::default()
+            ..MapExtent::default()
         };
         if before.evidence.is_some() {
             (self.evidence, self.sureness) = (before.evidence, before.sureness);
@@ -166,7 +166,7 @@ pub struct Wishes {
     /// A map of another example on the same segment, which tells where this one belongs.
     pub lead: Option<Lead>,
     /// Its rough pose, where the ranking tried one.
-    pub rough: Option<Rough>,
+    pub rough: Option<RoughPlacement>,
 }
 
 /// A map of an example that lies on a part of others, too.

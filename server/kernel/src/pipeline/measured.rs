@@ -1,7 +1,7 @@
 //! What was laid, measured: the map as the service tells it.
 
 use super::error::PipelineError;
-use super::mapped::{Mapped, Reach, Verdict};
+use super::mapped::{MapExtent, Mapped, Verdict};
 use super::registered::{LaidBy, Registered, UnmeasuredMap, assembled, sign, winding};
 use super::side::Side;
 use crate::map::untangle::turned_in_domain;
@@ -84,7 +84,7 @@ pub(crate) fn measured(
         },
         reasons,
         stitched: None,
-        reach: Reach::default(),
+        reach: MapExtent::default(),
         evidence: None,
         sureness: None,
     })

@@ -1,6 +1,6 @@
 //! Uploads: read, repaired, cut into primitives.
 
-use super::cut::{Besides, Cut, CutMethod, Grain};
+use super::cut::{Cut, CutMethod, ExtraParts, Grain};
 use super::error::{PipelineError, Refusal};
 use super::parts;
 use crate::compose::apart::alone;
@@ -312,12 +312,12 @@ fn besides(
     mesh: &PolyMesh,
     surface: &TriMesh,
     segmented: &Segmented,
-    wanted: &Besides,
+    wanted: &ExtraParts,
 ) -> Result<Option<(Vec<i64>, Vec<Patch>)>, PipelineError> {
     match (wanted, segmented.parts.as_slice()) {
-        (Besides::Known(labels), [_]) => Ok(Some((labels.clone(), parts::patches(surface, labels)?))),
+        (ExtraParts::Known(labels), [_]) => Ok(Some((labels.clone(), parts::patches(surface, labels)?))),
         // What can't be cut between its faces is kept whole, as it is then without them.
-        (Besides::Sought, [whole]) => Ok(parts::sought(whole, mesh.faces.len())
+        (ExtraParts::Sought, [whole]) => Ok(parts::sought(whole, mesh.faces.len())
             .and_then(|labels| parts::patches(surface, &labels).ok().map(|parts| (labels, parts)))),
         _ => Ok(None),
     }

@@ -5,9 +5,9 @@ use crate::compose::{Report, Way};
 /// Mean distance from the input, in % of the diagonal of its bounding box, from which on a note says so.
 pub(crate) const MISS_NOTED_PCT: f64 = 0.25;
 
-/// What was brought for segments, beside meshes as they were mapped.
+/// Notes on what was brought for segments, beside meshes as they were mapped.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Brought {
+pub(crate) struct SegmentNotes {
     /// Segments whose best map nobody chose and is poor.
     pub(crate) poor: Vec<usize>,
     /// Segments without a map.
@@ -17,7 +17,7 @@ pub(crate) struct Brought {
 }
 
 /// What was brought, as far as there is something to say.
-pub(crate) fn brought(of: &Brought) -> Vec<String> {
+pub(crate) fn brought(of: &SegmentNotes) -> Vec<String> {
     let mut notes = Vec::new();
     if let Some((segments, is_one)) = segments(&of.poor) {
         notes.push(match is_one {
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn segments_of_a_kind_share_a_sentence() {
-        let of = Brought { poor: vec![0, 1, 2, 5], regular: vec![3], too_fine: vec![(4, 0), (6, 1)] };
+        let of = SegmentNotes { poor: vec![0, 1, 2, 5], regular: vec![3], too_fine: vec![(4, 0), (6, 1)] };
         assert_eq!(
             brought(&of),
             [
@@ -109,7 +109,7 @@ mod tests {
                 "layouts could be coarsened less often than asked on these segments: 4 (0 times), 6 (1 times)",
             ]
         );
-        let of = Brought { poor: vec![7], regular: vec![1, 2], ..Brought::default() };
+        let of = SegmentNotes { poor: vec![7], regular: vec![1, 2], ..SegmentNotes::default() };
         assert_eq!(
             brought(&of),
             [
@@ -117,7 +117,7 @@ mod tests {
                 "segments 1 and 2 are regular layouts",
             ]
         );
-        assert!(brought(&Brought::default()).is_empty());
+        assert!(brought(&SegmentNotes::default()).is_empty());
     }
 
     #[test]

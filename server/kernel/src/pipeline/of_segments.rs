@@ -44,7 +44,7 @@ pub fn of_segments(query: &Model, made: &Stitched, segments: &[u32]) -> (PolyMes
 mod tests {
     use super::*;
     use crate::mesh::{Format, Limits, Polygons, write};
-    use crate::pipeline::{Cut, Standing, read};
+    use crate::pipeline::{Cut, LayoutOwner, read};
     use std::sync::Arc;
 
     /// Sheets of n × n quads of unit side, each at its own place along x.
@@ -66,7 +66,7 @@ mod tests {
     fn the_faces_of_one_segment_come_with_those_of_them_that_bridge_a_gap() {
         let bytes = write(&sheets(&[0.0, 2.0, 4.0], 6), Format::Obj).expect("writable");
         let query = read(&bytes, None, &Cut::default(), &Limits::default()).expect("three sheets");
-        let mut made = Stitched::as_it_is(Arc::new(sheets(&[4.0, 0.0, 2.0], 3)), vec![Standing::Regular; 3]);
+        let mut made = Stitched::as_it_is(Arc::new(sheets(&[4.0, 0.0, 2.0], 3)), vec![LayoutOwner::Regular; 3]);
         made.bridging = vec![0, 9, 10, 18];
         let ends = query.patch(1).expect("a sheet").mesh.positions.iter().map(|p| p.x);
         let from = ends.fold(f64::INFINITY, f64::min);

@@ -1,13 +1,13 @@
 //! Registrations, and the maps they make.
 
-use super::constraint::{Constraint, ConstraintOrigin, Location};
+use super::constraint::{Constraint, ConstraintOrigin, LocatedPoint};
 use super::error::{PipelineError, Refusal, Stop, internal, stopped};
-use super::from_whole::{OfWhole, from_whole};
-use super::mapped::{Before, Mapped, Verdict};
+use super::from_whole::{PositionedMap, from_whole};
+use super::mapped::{MapBeforeEdit, Mapped, Verdict};
 use super::measured::{distortion, measured};
-use super::settled::{Laying, Settled, settle};
+use super::settled::{Laying, PolishShift, settle};
 use super::side::Side;
-use crate::encode::index::{Location as Place, PlanarIndex};
+use crate::encode::index::{Location, PlanarIndex};
 use crate::map::assemble::{Winding, assemble};
 use crate::map::atlas::Atlas;
 use crate::map::reembed::InputChart;
@@ -33,30 +33,30 @@ pub struct Registered {
     /// Ids and origins of the constraints, in their order; empty until the first map.
     pub(crate) names: Vec<(String, ConstraintOrigin)>,
     /// The query's surface unfolded with the poles of this registration, made with the first map.
-    pub(crate) input: Arc<OnceLock<Surface>>,
+    pub(crate) input: Arc<OnceLock<IndexedChart>>,
     /// The example's tree of boxes, made with the first constraint that is given in space.
     pub(crate) example_bvh: Arc<OnceLock<Bvh>>,
     /// Where the surfaces have protrusions: the atlas that maps instead, made with the first map.
     pub(crate) atlas: Arc<OnceLock<Option<Atlas>>>,
     /// Where the query was cut as the example is: the map that the whole makes, made with the first map.
-    pub(crate) of_whole: Arc<OnceLock<OfWhole>>,
+    pub(crate) of_whole: Arc<OnceLock<PositionedMap>>,
     /// With an atlas, or where the whole was laid: the caller's constraints, each with its name.
-    pub(crate) pinned: Vec<(String, (Place, Place))>,
+    pub(crate) pinned: Vec<(String, (Location, Location))>,
     /// Features that the caller removed from such a map. They hold nothing, and are not listed.
     pub(crate) removed: Vec<String>,
     /// Where the example settled anew to make room for constraints: the map before that.
-    pub(crate) before_room: Option<Arc<OnceLock<OfWhole>>>,
+    pub(crate) before_room: Option<Arc<OnceLock<PositionedMap>>>,
     /// Where the polish took the vertices of the first map.
-    pub(crate) settled: Arc<OnceLock<Settled>>,
+    pub(crate) settled: Arc<OnceLock<PolishShift>>,
     /// Faces of the first map that look into the input where it spans gaps: they are no folds.
     pub(crate) turned_there: u64,
     /// After an edit: the map before the first one.
-    pub(crate) unedited: Option<Arc<Before>>,
+    pub(crate) unedited: Option<Arc<MapBeforeEdit>>,
 }
 
-/// A chart that points can be located on.
+/// A chart with its indices, so that points can be located on it.
 #[derive(Debug)]
-pub(crate) struct Surface {
+pub(crate) struct IndexedChart {
     /// The chart.
     pub(crate) chart: Arc<Chart>,
     /// Its planar index.
@@ -65,7 +65,7 @@ pub(crate) struct Surface {
     pub(crate) bvh: OnceLock<Bvh>,
 }
 
-impl Surface {
+impl IndexedChart {
     /// Its tree of boxes.
     pub(crate) fn tree(&self) -> &Bvh {
         self.bvh.get_or_init(|| Bvh::new(&self.chart.mesh))
@@ -108,11 +108,11 @@ impl Registered {
     }
 
     /// The query's surface for this registration.
-    pub(crate) fn surface(&self, query: &Side) -> Result<&Surface, PipelineError> {
+    pub(crate) fn surface(&self, query: &Side) -> Result<&IndexedChart, PipelineError> {
         if self.input.get().is_none() {
             let chart = query.encoded.query.chart_for(&self.entry.best().unfolded.poles).map_err(internal)?;
             let index = PlanarIndex::new(&chart);
-            let _ = self.input.set(Surface { chart, index, bvh: OnceLock::new() });
+            let _ = self.input.set(IndexedChart { chart, index, bvh: OnceLock::new() });
         }
         self.input.get().ok_or_else(|| PipelineError::Internal("expected the surface just made".into()))
     }
@@ -204,8 +204,8 @@ pub(crate) enum LaidBy<'a> {
     Whole,
 }
 
-/// An example laid whole.
-pub(crate) struct Whole {
+/// An example that was laid whole.
+pub(crate) struct LaidWhole {
     /// Where each vertex of the example's segment goes.
     pub(crate) positions: Vec<Vec3>,
     /// Its faces there.
@@ -218,13 +218,13 @@ pub(crate) struct Whole {
 }
 
 /// Lays an example whole.
-pub(crate) fn whole(from: &Registered, example: &Side, query: &Side, stop: Stop) -> Result<Whole, PipelineError> {
+pub(crate) fn whole(from: &Registered, example: &Side, query: &Side, stop: Stop) -> Result<LaidWhole, PipelineError> {
     let atlas = from.atlas(example, query, stop)?;
     let (mut laid, _) = lay(atlas, from, example, query, stop)?;
     let positions = laid.cross.positions.clone();
     leave_fillings(&mut laid.cross, laid.input, f64::INFINITY);
     let mesh = assembled(&laid, example)?;
-    Ok(Whole { positions, mesh, mirrored: laid.mirrored, cost: laid.cost, modulus_log: laid.modulus_log })
+    Ok(LaidWhole { positions, mesh, mirrored: laid.mirrored, cost: laid.cost, modulus_log: laid.modulus_log })
 }
 
 /// Where the vertices of the example's segment go before they settle, and whether they lie mirrored.
@@ -381,11 +381,11 @@ fn by_chart<'a>(registered: &'a Registered, example: &Side, query: &Side) -> Res
 
 /// The caller's constraints on two charts.
 pub(crate) fn pinned(registered: &Registered, example: &Chart, input: &Chart) -> Vec<Constraint> {
-    let at = |chart: &Chart, place: &Place| {
+    let at = |chart: &Chart, place: &Location| {
         let [u, v] = place.uv(chart);
-        Location { point: place.point(chart).into(), u, v }
+        LocatedPoint { point: place.point(chart).into(), u, v }
     };
-    let pin = |(id, (a, b)): &(String, (Place, Place))| Constraint {
+    let pin = |(id, (a, b)): &(String, (Location, Location))| Constraint {
         id: id.clone(),
         on_example: at(example, a),
         on_input: at(input, b),
@@ -401,7 +401,7 @@ fn by_atlas<'a>(
     example_side: &Side,
     query: &Side,
 ) -> Result<UnmeasuredMap<'a>, PipelineError> {
-    let pins: Vec<(Place, Place)> = registered.pinned.iter().map(|p| p.1).collect();
+    let pins: Vec<(Location, Location)> = registered.pinned.iter().map(|p| p.1).collect();
     let mut cross = atlas.cross_map(&pins).map_err(|e| {
         let which: Vec<&str> = registered.pinned.iter().map(|p| p.0.as_str()).collect();
         PipelineError::refused(Refusal::ConstraintFolds, format!("constraint {}: {e}", which.join(", ")))
@@ -413,7 +413,7 @@ fn by_atlas<'a>(
     let mirror = sign(atlas.mirrored);
     untangle(&model.patch(example_side.segment)?.mesh, &mut cross, input, mirror, &OnceLock::new());
     leave_fillings(&mut cross, input, f64::INFINITY);
-    let at_vertex = |chart: &Chart, v: u32| Location {
+    let at_vertex = |chart: &Chart, v: u32| LocatedPoint {
         point: chart.mesh.positions[v as usize].into(),
         u: chart.uv[v as usize][0],
         v: chart.uv[v as usize][1],
@@ -442,10 +442,13 @@ pub(crate) fn constraints(
     registration: &crate::register::Registration,
     named: &[(String, ConstraintOrigin)],
     example: &crate::register::Query,
-    input: &Surface,
+    input: &IndexedChart,
 ) -> Vec<Constraint> {
-    let at =
-        |chart: &Chart, place: Place, uv: [f64; 2]| Location { point: place.point(chart).into(), u: uv[0], v: uv[1] };
+    let at = |chart: &Chart, place: Location, uv: [f64; 2]| LocatedPoint {
+        point: place.point(chart).into(),
+        u: uv[0],
+        v: uv[1],
+    };
     edit::constraints(registration)
         .into_iter()
         .zip(named)

@@ -1,7 +1,7 @@
 //! One example on all segments of a query, put together again.
 
 use super::model::{Model, WholeMap};
-use super::stitched::{Standing, Stitched};
+use super::stitched::{LayoutOwner, Stitched};
 use crate::compose::check::extraordinary;
 use crate::map::{assemble::select, rejoin};
 use crate::mesh::PolyMesh;
@@ -69,7 +69,7 @@ pub fn rejoin(query: &Model, example: &Model, parts: &[OnePart]) -> Option<Stitc
 fn whole(mesh: PolyMesh, example: &Model, segments: usize) -> Stitched {
     Stitched {
         bridging: Vec::new(),
-        standing: vec![Standing::Example; segments],
+        standing: vec![LayoutOwner::Example; segments],
         extraordinary_vertices: extraordinary(&mesh) as u64,
         extraordinary_before: extraordinary(&example.mesh) as u64,
         notes: vec!["one example on all segments: its own faces, put together again whole".into()],

@@ -17,9 +17,9 @@ const ALL_OVER_FROM: f64 = -0.15;
 /// Ways to match tips that are tried, of either orientation.
 const MATCHED: usize = 1;
 
-/// How an example lies on a query, roughly.
+/// Tells how an example lies on a query, roughly.
 #[derive(Clone, Debug, Default)]
-pub struct Rough {
+pub struct RoughPlacement {
     /// How sure it is, below 1: relief, less what its bend counts.
     pub agreement: f64,
     /// Share of the query's area that it lies on.
@@ -38,7 +38,7 @@ pub struct Rough {
     pub start: Option<Arc<Start>>,
 }
 
-impl Rough {
+impl RoughPlacement {
     /// Rates it against others on the same query: how sure it is, times the share that it covers, less what is spanned.
     pub fn worth(&self) -> f64 {
         if self.agreement > 0.0 { self.agreement * self.covered * (1.0 - self.off) } else { self.agreement }
@@ -60,7 +60,7 @@ pub struct RoughLead<'a> {
     /// Its segment.
     pub segment: u32,
     /// How it lies.
-    pub rough: &'a Rough,
+    pub rough: &'a RoughPlacement,
 }
 
 /// A query's segment made ready for all examples that are laid on it roughly; `None` where it has no caps, or no area.
@@ -83,7 +83,7 @@ pub fn lay(
     encodings: Option<[&Query; 2]>,
     lead: Option<RoughLead<'_>>,
     stop: Stop,
-) -> Result<Option<Rough>, PipelineError> {
+) -> Result<Option<RoughPlacement>, PipelineError> {
     let (one, two) = (example.patch(of_example)?, query.patch(of_query)?);
     let (Some(example), Some(input)) = (shape(one), shape(two)) else { return Ok(None) };
     let tips = encodings.map_or_else(Vec::new, |pair| matched_tips(pair, (example.mesh, input.mesh), MATCHED, stop));
@@ -96,7 +96,7 @@ pub fn lay(
     let are_wholes = query.are_wholes(of_query, [one.topology, two.topology]);
     let found = rough(example, (input.mesh, ready), &tips, part, stop);
     stopped(stop)?;
-    Ok(found.map(|fit| Rough {
+    Ok(found.map(|fit| RoughPlacement {
         agreement: fit.agreement,
         covered: fit.covered,
         off: fit.off,

@@ -16,9 +16,9 @@ use std::sync::OnceLock;
 /// Within this distance of a caller's constraint (in √area) the polish fades out.
 const FADE: f64 = 0.15;
 
-/// Where the polish took each vertex of the first map.
+/// Tells where the polish took each vertex of the first map.
 #[derive(Debug)]
-pub(crate) struct Settled {
+pub(crate) struct PolishShift {
     before: Vec<Vec3>,
     after: CrossMap,
 }
@@ -36,7 +36,7 @@ pub(crate) struct Laying<'a> {
 /// Lets `cross`, the map of a surface onto the charts of `grounds`, come to rest, or moves it as the first map was moved.
 /// `mirror` is −1 for mirrored maps.
 pub(crate) fn settle(
-    kept: &OnceLock<Settled>,
+    kept: &OnceLock<PolishShift>,
     laying: &Laying,
     cross: &mut CrossMap,
     grounds: &[InputChart],
@@ -54,7 +54,7 @@ pub(crate) fn settle(
         if let Some(ground) = grounds.first() {
             snap(laying.mesh, &laying.creases, cross, ground.chart, mirror, laying.snap);
         }
-        let _ = kept.set(Settled { before, after: cross.clone() });
+        let _ = kept.set(PolishShift { before, after: cross.clone() });
         return;
     }
     let settled = kept.get().filter(|s| s.before.len() == cross.positions.len());
@@ -63,7 +63,7 @@ pub(crate) fn settle(
     }
 }
 
-fn follow(settled: &Settled, cross: &mut CrossMap, input: &Chart, callers: &[Vec3]) {
+fn follow(settled: &PolishShift, cross: &mut CrossMap, input: &Chart, callers: &[Vec3]) {
     let scale = input.mesh.total_area().sqrt();
     for v in 0..cross.positions.len() {
         let (at, there) = (cross.positions[v], settled.after.positions[v]);

@@ -12,9 +12,9 @@ use std::sync::Arc;
 /// Flips of so large a share of the edges are worth a word: a clean mesh needs fewer.
 const FLIPS_SHARE_NOTED: f64 = 0.05;
 
-/// What is known of an encoded segment.
+/// The facts that are known of an encoded segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Facts {
+pub struct SegmentFacts {
     /// Its topology.
     pub topology: Topology,
     /// Its modulus.
@@ -27,7 +27,7 @@ pub struct Facts {
     pub bending: f32,
 }
 
-impl Facts {
+impl SegmentFacts {
     pub(super) fn of(encoding: &Encoding, faces: u64, bending: f32) -> Self {
         Self {
             topology: encoding.topology,
@@ -43,7 +43,7 @@ impl Facts {
 #[derive(Debug)]
 pub struct Encoded {
     /// What is known of it.
-    pub facts: Facts,
+    pub facts: SegmentFacts,
     /// The unfolded segment with its pictures.
     pub query: Arc<Query>,
     /// What unfolding had to mend, a sentence each.
@@ -70,7 +70,7 @@ pub fn encode(model: &Model, segment: u32, stop: Stop) -> Result<Encoded, Pipeli
     stopped(stop)?;
     let query = Query::new(patch, &UnfoldOptions::default())
         .map_err(|e| PipelineError::refused(Refusal::NotEncodable, format!("segment {segment}: {e}")))?;
-    let facts = Facts::of(query.encoding(), model.faces(segment), bending(&patch.mesh) as f32);
+    let facts = SegmentFacts::of(query.encoding(), model.faces(segment), bending(&patch.mesh) as f32);
     let repairs = unfolding(segment, &query.chart);
     Ok(Encoded { facts, query: Arc::new(query), repairs })
 }

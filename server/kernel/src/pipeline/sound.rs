@@ -3,7 +3,7 @@
 use super::mapped::{Judgement, Mapped, Verdict};
 use super::model::Model;
 use super::side::Side;
-use super::stitched::{Standing, Stitched};
+use super::stitched::{LayoutOwner, Stitched};
 use crate::compose::apart::{owned, scale};
 use crate::measure::sound::{Flaws, ReferenceSurface};
 use crate::mesh::bvh::Bvh;
@@ -12,9 +12,9 @@ use crate::mesh::{NONE, PolyMesh, TriMesh, Vec3};
 use crate::topology::with_gaps_filled;
 use std::sync::Arc;
 
-/// What is no flaw of a composition, since its maps are so on purpose. Shares from 0 to 1.
+/// Flaws that a composition may have, since its maps have them on purpose. Shares from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Allowed {
+pub struct AllowedFlaws {
     /// Of the faces: those that are spanned flat where the scan has nothing.
     pub spanned: f64,
     /// Of the scan's area: what is left bare.
@@ -85,7 +85,7 @@ fn broken_by(flaws: Vec<String>, verdict: &mut Verdict, reasons: &mut Vec<String
 }
 
 /// Measures a composition against its input.
-pub fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Appraisal {
+pub fn appraise(query: &Model, made: &Stitched, allowed: AllowedFlaws) -> Appraisal {
     let ground = query.ground();
     let surface = owned(ground.input());
     let filled = query.segmented.parts.iter().filter_map(with_gaps_filled);
@@ -111,11 +111,11 @@ pub fn appraise(query: &Model, made: &Stitched, allowed: Allowed) -> Appraisal {
         }
         let segment = segment.map(|segment| segment as usize);
         match segment.and_then(|segment| Some((segment, made.standing.get(segment)?))) {
-            Some((segment, Standing::Example)) => {
+            Some((segment, LayoutOwner::Example)) => {
                 examples[segment] += area;
                 of_examples.add(turned[f as usize]);
             }
-            Some((_, Standing::Own)) => own += area,
+            Some((_, LayoutOwner::Own)) => own += area,
             _ => {}
         }
     }
@@ -177,7 +177,7 @@ mod tests {
     fn stitched(mesh: PolyMesh, is_example: bool) -> Stitched {
         Stitched {
             mesh: Arc::new(mesh),
-            standing: vec![if is_example { Standing::Example } else { Standing::Own }],
+            standing: vec![if is_example { LayoutOwner::Example } else { LayoutOwner::Own }],
             bridging: Vec::new(),
             extraordinary_vertices: 0,
             extraordinary_before: 0,
@@ -190,7 +190,7 @@ mod tests {
         let is_gone = |x: f64, y: f64| x.abs() < 0.2 && y.abs() < 0.2;
         let (input, layout) = (read(&dome_without(40, is_gone)), read(&dome(12)));
         assert_eq!(input.segments()[0].topology, crate::topology::Topology::Annulus);
-        let made = appraise(&input, &stitched((*layout.mesh).clone(), true), Allowed::default());
+        let made = appraise(&input, &stitched((*layout.mesh).clone(), true), AllowedFlaws::default());
         assert!(made.flaws.is_empty(), "{made:?}");
     }
 
@@ -198,16 +198,16 @@ mod tests {
     fn a_composition_is_measured_and_its_flaws_are_found_where_they_are() {
         let (input, layout) = (read(&dome(40)), read(&dome(12)));
         let mesh = (*layout.mesh).clone();
-        let sound = appraise(&input, &stitched(mesh.clone(), true), Allowed::default());
+        let sound = appraise(&input, &stitched(mesh.clone(), true), AllowedFlaws::default());
         assert!((sound.examples[0] - 1.0).abs() < 1e-9 && sound.covered > 0.999, "{sound:?}");
         assert!(sound.flaws.is_empty() && sound.flawed.is_empty(), "{sound:?}");
-        let own = appraise(&input, &stitched(mesh.clone(), false), Allowed::default());
+        let own = appraise(&input, &stitched(mesh.clone(), false), AllowedFlaws::default());
         assert_eq!((&own.examples[..], sound.own), (&[0.0][..], 0.0));
         assert!((own.own - 1.0).abs() < 1e-9, "{own:?}");
         // A vertex in one corner, drawn through below the dome to the other.
         let mut torn = mesh;
         torn.positions[14] = torn.positions[13 * 13 - 1];
-        let torn = appraise(&input, &stitched(torn, true), Allowed::default());
+        let torn = appraise(&input, &stitched(torn, true), AllowedFlaws::default());
         assert!(!torn.flaws.is_empty() && torn.flawed == [0], "{torn:?}");
     }
 }

@@ -6,8 +6,8 @@ use super::grouped::Pieces;
 use super::model::Model;
 use super::notes;
 use super::side::{Encoded, Side};
-use super::sound::{Allowed, appraise};
-use super::stitched::{Standing, Stitched};
+use super::sound::{AllowedFlaws, appraise};
+use super::stitched::{LayoutOwner, Stitched};
 use crate::compose::{
     self, Closeness, Options, Piece, layers, net::Net, subdivide, surface::ComposedSurface, template,
 };
@@ -36,9 +36,9 @@ pub enum Part {
     Template(Arc<Encoded>),
 }
 
-/// How to stitch.
+/// Says how to stitch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Stitching {
+pub struct StitchOptions {
     /// Rounds of smoothing.
     pub smoothing: u32,
     /// Times each part is subdivided (above 0) or coarsened where its layout allows (below 0).
@@ -65,15 +65,15 @@ enum Choice {
     Chosen,
 }
 
-/// What is brought for a segment.
-enum Brought<'a> {
+/// What is brought for a segment, to be composed.
+enum SegmentSource<'a> {
     /// A mapped example.
     Mesh(Box<PolyMesh>, Choice),
     /// A segment for a regular layout.
     Unfolded(&'a Query),
 }
 
-impl Brought<'_> {
+impl SegmentSource<'_> {
     fn piece(&self) -> Piece<'_> {
         match self {
             Self::Mesh(mesh, Choice::Open) => Piece::Mapped(mesh),
@@ -87,7 +87,7 @@ impl Brought<'_> {
 ///
 /// # Errors
 /// [`Refusal::CompositionInvalid`], [`PipelineError::Stopped`].
-pub fn compose(query: &Model, parts: &[Part], how: Stitching, stop: Stop) -> Result<Stitched, PipelineError> {
+pub fn compose(query: &Model, parts: &[Part], how: StitchOptions, stop: Stop) -> Result<Stitched, PipelineError> {
     let ground = query.ground();
     let grouped = Pieces::grouped(query, parts);
     if grouped.is_any_joined() {
@@ -106,26 +106,26 @@ pub fn compose(query: &Model, parts: &[Part], how: Stitching, stop: Stop) -> Res
     Ok(stitched(&ground, parts, &single, how, stop)?.with_notes())
 }
 
-/// A composition, and what its notes say of what was brought.
-pub(crate) struct Made {
+/// A composition with its report, and notes on what was brought.
+pub(crate) struct StitchResult {
     pub(crate) mesh: PolyMesh,
     pub(crate) report: compose::Report,
-    brought: notes::Brought,
+    brought: notes::SegmentNotes,
 }
 
-impl Made {
+impl StitchResult {
     /// Tells what stands on each segment: what was brought, if it did not give way.
-    fn standing(&self) -> Vec<Standing> {
+    fn standing(&self) -> Vec<LayoutOwner> {
         let report = &self.report;
         let is_input = report.way == compose::Way::InputSubdivided;
         let regular = [&self.brought.poor, &self.brought.regular, &report.replaced, &report.too_dense, &report.missing];
         let on = |segment: usize| {
             if is_input || report.own.contains(&segment) {
-                Standing::Own
+                LayoutOwner::Own
             } else if regular.iter().any(|list| list.contains(&segment)) {
-                Standing::Regular
+                LayoutOwner::Regular
             } else {
-                Standing::Example
+                LayoutOwner::Example
             }
         };
         (0..report.subdivided.len()).map(on).collect()
@@ -152,29 +152,29 @@ pub(crate) fn stitched(
     ground: &ComposedSurface<'_>,
     parts: &[Part],
     pieces: &Pieces,
-    how: Stitching,
+    how: StitchOptions,
     stop: Stop,
-) -> Result<Made, PipelineError> {
-    let mut for_notes = notes::Brought::default();
-    let mut brought: Vec<Brought<'_>> = Vec::new();
+) -> Result<StitchResult, PipelineError> {
+    let mut for_notes = notes::SegmentNotes::default();
+    let mut brought: Vec<SegmentSource<'_>> = Vec::new();
     for (segment, joined) in pieces.each() {
         let mut mesh = |part| at_density(part, segment, how.density, &mut for_notes).map(Box::new);
         brought.push(match &parts[segment] {
-            Part::OfWhole(part) => Brought::Mesh(mesh(joined.unwrap_or(part))?, Choice::Chosen),
-            Part::Mapped { part, .. } => Brought::Mesh(mesh(part)?, Choice::Open),
-            Part::Kept(part) => Brought::Mesh(mesh(part)?, Choice::Chosen),
+            Part::OfWhole(part) => SegmentSource::Mesh(mesh(joined.unwrap_or(part))?, Choice::Chosen),
+            Part::Mapped { part, .. } => SegmentSource::Mesh(mesh(part)?, Choice::Open),
+            Part::Kept(part) => SegmentSource::Mesh(mesh(part)?, Choice::Chosen),
             Part::Poor(instead) => {
                 for_notes.poor.push(segment);
-                Brought::Unfolded(&instead.query)
+                SegmentSource::Unfolded(&instead.query)
             }
             Part::Template(encoded) => {
                 for_notes.regular.push(segment);
-                Brought::Unfolded(&encoded.query)
+                SegmentSource::Unfolded(&encoded.query)
             }
         });
     }
     stopped(stop)?;
-    let all: Vec<Piece<'_>> = brought.iter().map(Brought::piece).collect();
+    let all: Vec<Piece<'_>> = brought.iter().map(SegmentSource::piece).collect();
     let options = Options {
         smoothing: how.smoothing,
         edge_scale: 0.5f64.powi(how.density) * (TEMPLATE_QUADS / quads_for(ground.input().surface)).sqrt(),
@@ -184,12 +184,12 @@ pub(crate) fn stitched(
     let made = compose::compose(ground.input(), &all, options, stop);
     stopped(stop)?;
     let mut made = made.map_err(|e| PipelineError::refused(Refusal::CompositionInvalid, e.to_string()))?;
-    if let [Brought::Mesh(mesh, _)] = &brought[..]
+    if let [SegmentSource::Mesh(mesh, _)] = &brought[..]
         && made.mesh.faces == mesh.faces
     {
         made.mesh.attributes = mesh.attributes.clone();
     }
-    Ok(Made { mesh: made.mesh, report: pieces.by_segment(made.report), brought: for_notes })
+    Ok(StitchResult { mesh: made.mesh, report: pieces.by_segment(made.report), brought: for_notes })
 }
 
 /// A part, subdivided or coarsened; its faces are counted before the work.
@@ -197,7 +197,7 @@ fn at_density(
     mesh: &PolyMesh,
     segment: usize,
     density: i32,
-    for_notes: &mut notes::Brought,
+    for_notes: &mut notes::SegmentNotes,
 ) -> Result<PolyMesh, PipelineError> {
     if density == 0 {
         return Ok(mesh.clone());
@@ -223,9 +223,9 @@ fn at_density(
     Ok(net.into_mesh().0)
 }
 
-/// A regular layout of one segment.
+/// A regular layout of one segment, as a mesh.
 #[derive(Clone, Debug)]
-pub struct Regular {
+pub struct RegularMesh {
     /// The layout.
     pub mesh: Arc<PolyMesh>,
     /// What makes it no use as a layout of the whole input, a sentence each; empty where it is one of several segments.
@@ -237,19 +237,19 @@ pub struct Regular {
 ///
 /// # Errors
 /// [`Refusal::CompositionInvalid`], [`PipelineError::Stopped`].
-pub fn template(query: &Side, smoothing: u32, stop: Stop) -> Result<Regular, PipelineError> {
+pub fn template(query: &Side, smoothing: u32, stop: Stop) -> Result<RegularMesh, PipelineError> {
     stopped(stop)?;
     if query.model.is_whole(query.segment) {
-        let how = Stitching { smoothing, density: 0 };
+        let how = StitchOptions { smoothing, density: 0 };
         let made = compose(&query.model, &[Part::Template(Arc::clone(&query.encoded))], how, stop)?;
-        let flaws = appraise(&query.model, &made, Allowed::default()).flaws;
-        return Ok(Regular { mesh: made.mesh, flaws });
+        let flaws = appraise(&query.model, &made, AllowedFlaws::default()).flaws;
+        return Ok(RegularMesh { mesh: made.mesh, flaws });
     }
     let surface = &query.model.segmented.mesh;
     let edge = (surface.total_area() / quads_for(surface)).sqrt();
     let unfolded = &query.encoded.query;
     let mesh = Arc::new(template::template(&unfolded.chart, unfolded.index(), edge));
-    Ok(Regular { mesh, flaws: Vec::new() })
+    Ok(RegularMesh { mesh, flaws: Vec::new() })
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ pub const AS_MAPPED: &str = "the map follows the input as it is";
 
 /// Tells whose layout stands on a segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Standing {
+pub enum LayoutOwner {
     /// An example's.
     Example,
     /// A regular layout.
@@ -24,7 +24,7 @@ pub struct Stitched {
     /// The mesh.
     pub mesh: Arc<PolyMesh>,
     /// Tells what stands on each segment, in order.
-    pub standing: Vec<Standing>,
+    pub standing: Vec<LayoutOwner>,
     /// Inner vertices with another number of edges than four.
     pub extraordinary_vertices: u64,
     /// Those that the parts had inside before.
@@ -38,11 +38,11 @@ pub struct Stitched {
 impl Stitched {
     /// Tells whether an example's layout stands on a segment.
     pub fn is_example(&self, segment: usize) -> bool {
-        self.standing.get(segment) == Some(&Standing::Example)
+        self.standing.get(segment) == Some(&LayoutOwner::Example)
     }
 
     /// A mesh that needed no stitching.
-    pub fn as_it_is(mesh: Arc<PolyMesh>, standing: Vec<Standing>) -> Self {
+    pub fn as_it_is(mesh: Arc<PolyMesh>, standing: Vec<LayoutOwner>) -> Self {
         let extraordinary = extraordinary(&mesh) as u64;
         Self {
             mesh,
@@ -55,7 +55,7 @@ impl Stitched {
     }
 
     /// The meshes of some maps, side by side as they are, each with the faces that bridge a gap.
-    pub fn as_mapped(maps: &[(&Arc<PolyMesh>, &[u32])], standing: Vec<Standing>) -> Self {
+    pub fn as_mapped(maps: &[(&Arc<PolyMesh>, &[u32])], standing: Vec<LayoutOwner>) -> Self {
         let mesh = match maps {
             [(mesh, _)] => Arc::clone(mesh),
             _ => Arc::new(side_by_side(maps.iter().map(|(mesh, _)| &***mesh))),

@@ -48,8 +48,8 @@ fn registered(example: &Side, query: &Side) -> Registered {
 }
 
 /// Takes from a map what an edit keeps of it.
-fn before_edit(mapped: &Mapped) -> Before {
-    Before {
+fn before_edit(mapped: &Mapped) -> MapBeforeEdit {
+    MapBeforeEdit {
         folds: mapped.folds,
         verdict: mapped.verdict,
         reasons: mapped.reasons.clone(),
@@ -214,11 +214,11 @@ fn a_scan_with_a_horn_that_the_example_lacks_gets_one_before_and_after_an_edit()
 fn what_an_edit_keeps_of_a_map_that_settled_is_the_evidence_and_new_folds_make_it_fair() {
     let (example, query) = (side(12), side(30));
     let mapped = map(&registered(&example, &query), &example, &query, GO_ON).expect("a map");
-    let before = |verdict, folds| Before {
+    let before = |verdict, folds| MapBeforeEdit {
         folds,
         verdict,
         reasons: vec!["as it was".into()],
-        reach: Reach { covers: Covers { example: 0.5, input: 0.25 }, own: Some((3, 1)), ..Reach::default() },
+        reach: MapExtent { covers: Covers { example: 0.5, input: 0.25 }, own: Some((3, 1)), ..MapExtent::default() },
         evidence: Some(crate::settle::Evidence::default()),
         sureness: Some(0.4),
     };
@@ -227,7 +227,7 @@ fn what_an_edit_keeps_of_a_map_that_settled_is_the_evidence_and_new_folds_make_i
     assert_eq!((after.verdict, after.reasons.len()), (Verdict::Fair, 2), "{:?}", after.reasons);
     assert_eq!((after.reach.covers.input, after.reach.own), (0.25, None), "rows are laid anew");
     let undone = Mapped { folds: 0, registration: after.registration.clone(), ..mapped.clone() };
-    let undone = undone.after(&Before { reasons: after.reasons, ..before(Verdict::Fair, 2) });
+    let undone = undone.after(&MapBeforeEdit { reasons: after.reasons, ..before(Verdict::Fair, 2) });
     assert_eq!(
         (undone.verdict, undone.reasons),
         (Verdict::Good, vec!["as it was".to_owned()]),
@@ -235,7 +235,7 @@ fn what_an_edit_keeps_of_a_map_that_settled_is_the_evidence_and_new_folds_make_i
     );
     let mended = mapped.clone().after(&before(Verdict::Broken, 0));
     assert_eq!(mended.verdict, Verdict::Poor, "whether it is broken is seen anew");
-    let plain = mapped.after(&Before { evidence: None, ..before(Verdict::Poor, 0) });
+    let plain = mapped.after(&MapBeforeEdit { evidence: None, ..before(Verdict::Poor, 0) });
     assert_eq!(plain.verdict, Verdict::Good, "a map of charts is judged by itself");
 }
 
@@ -258,7 +258,7 @@ fn an_input_that_is_cut_as_an_example_is_takes_it_whole() {
     let empty = Arc::clone(&example.mesh);
     let part = |segment| OnePart { segment, example_segment: segment, mesh: Arc::clone(&empty), is_edited: false };
     let whole = rejoin(&cut, &example, &[part(0), part(1)]).expect("whole");
-    assert!(whole.mesh.faces == example.mesh.faces && whole.standing == [Standing::Example; 2]);
+    assert!(whole.mesh.faces == example.mesh.faces && whole.standing == [LayoutOwner::Example; 2]);
     assert!(rejoin(&cut, &example, &[part(0)]).is_none(), "one part of two is no whole");
     is_refused(alike(&input, &input, GO_ON), Refusal::Unlike);
 }
@@ -280,7 +280,7 @@ fn each_stage_ends_when_it_is_told_to_stop() {
         map(&from, &example, &query, enough).map(|_| ()),
         fit(Some(&from), &example, &query, &Wishes::default(), enough).map(|_| ()),
         template(&query, 0, enough).map(|_| ()),
-        compose(&query.model, &regular, Stitching::default(), enough).map(|_| ()),
+        compose(&query.model, &regular, StitchOptions::default(), enough).map(|_| ()),
     ];
     assert!(ended.iter().all(|end| *end == Err(PipelineError::Stopped)), "{ended:?}");
 }
@@ -301,7 +301,7 @@ fn a_map_that_is_split_follows_its_input_more_closely_and_its_rims_stay_where_th
     let query = model(60, CutMethod::Whole);
     let text = dome_without(10, window);
     let coarse = read(text.as_bytes(), Some(Format::Obj), &Cut::default(), &Limits::default()).expect("a ring");
-    let whole = Stitched::as_it_is(Arc::clone(&coarse.mesh), vec![Standing::Example]);
+    let whole = Stitched::as_it_is(Arc::clone(&coarse.mesh), vec![LayoutOwner::Example]);
     let whole_bridging = Stitched { bridging: vec![0, 3], ..whole.clone() };
     let made = split(&query, &whole_bridging, 0).expect("few faces");
     assert!(split(&query, &made, 2).is_none(), "twice is enough");
@@ -316,7 +316,7 @@ fn a_map_that_is_split_follows_its_input_more_closely_and_its_rims_stay_where_th
     let is_at_rim = |p: &&Vec3| p.x.abs().max(p.y.abs()) > 1.0 - 1e-9;
     let at_rim = [&coarse.mesh, &made.mesh].map(|mesh| mesh.positions.iter().filter(is_at_rim).count());
     assert_eq!(at_rim, [40, 80]);
-    let away = |made: &Stitched| appraise(&query, made, Allowed::default()).away;
+    let away = |made: &Stitched| appraise(&query, made, AllowedFlaws::default()).away;
     let [before, after] = [away(&whole), away(&Stitched { bridging: Vec::new(), ..made })];
     assert!(before > 0.002 && after < 0.35 * before, "{before} {after}");
 }

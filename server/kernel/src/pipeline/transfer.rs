@@ -38,7 +38,7 @@ pub fn alike(query: &Model, example: &Arc<Model>, stop: Stop) -> Result<Model, P
     })?;
     let mut places = vec![None; example.segmented.mesh.positions.len()];
     patch.vertex_of.iter().zip(&whole.positions).for_each(|(&v, p)| places[v as usize] = Some(*p));
-    let registered::Whole { mesh, mirrored, cost, modulus_log, .. } = whole;
+    let registered::LaidWhole { mesh, mirrored, cost, modulus_log, .. } = whole;
     let laid = Some(WholeMap { example: Arc::clone(example), mesh, places, mirrored, cost, modulus_log });
     let cut = Model { laid, ..query.recut(segmented, false) };
     let labels = Some(cut.face_labels(query.mesh.faces.len()));

@@ -5,7 +5,7 @@ use super::headline::{Headline, is_crumpled};
 use super::sound::{Sound, stitched_sound};
 use super::waist;
 use crate::pool::{Job, Lane, Stop, StopReason};
-use crate::work::engine::{Allowed, Appraisal, Part, Stitching};
+use crate::work::engine::{AllowedFlaws, Appraisal, Part, StitchOptions};
 use crate::work::query::LiveQuery;
 use crate::work::{REQUEST_TIME_MAX, Work, WorkError};
 use quadmuse_proto::Verdict;
@@ -51,7 +51,7 @@ pub(super) async fn regular(
     work: &Arc<Work>,
     live: &LiveQuery,
     job: &Job,
-    (composed, is_usable, how): (&Sound, bool, Stitching),
+    (composed, is_usable, how): (&Sound, bool, StitchOptions),
 ) -> Result<Option<Sound>, WorkError> {
     let job = job.renew(Some(REQUEST_TIME_MAX / 2));
     let (model, parts) = match live.model.is_waist {
@@ -62,7 +62,8 @@ pub(super) async fn regular(
         }
     };
     let engine = Arc::clone(&work.engine);
-    let stitch = move |stop: &Stop| stitched_sound(&*engine, &model, (parts, &[]), (how, Allowed::default()), stop);
+    let stitch =
+        move |stop: &Stop| stitched_sound(&*engine, &model, (parts, &[]), (how, AllowedFlaws::default()), stop);
     match WorkError::joined(work.pool.run(&job, Lane::Lay, stitch).await) {
         Err(error) if error.stop_reason().is_some_and(|reason| reason != StopReason::Cancelled) => Ok(None),
         found => {

@@ -3,7 +3,7 @@
 use super::headline::is_crumpled;
 use super::sound::{KEPT, Sound};
 use super::{BARE_MIN, bare};
-use crate::work::engine::{Allowed, Engine, EngineError, Model, PolyMesh, Standing, Stitched};
+use crate::work::engine::{AllowedFlaws, Engine, EngineError, LayoutOwner, Model, PolyMesh, Stitched};
 use crate::work::mapping::{LiveMap, MapState};
 use quadmuse_proto::Verdict;
 use std::sync::Arc;
@@ -65,7 +65,7 @@ pub(super) fn unstitched(
     model: &Model,
     mut standing: Vec<(usize, Arc<LiveMap>)>,
     (stitched, alone): (&Stitched, &[bool]),
-    allowed: Allowed,
+    allowed: AllowedFlaws,
 ) -> Result<Option<Sound>, EngineError> {
     let stands = |standing: &[(usize, Arc<LiveMap>)], segment: u32| standing.iter().any(|(n, _)| *n as u32 == segment);
     let mut beside: Vec<u32> = (0u32..).zip(alone).filter(|(_, alone)| **alone).map(|(segment, _)| segment).collect();
@@ -75,7 +75,7 @@ pub(super) fn unstitched(
         let rest = Some(rest).filter(|(mesh, _)| !mesh.faces.is_empty());
         let mut made = as_mapped(&standing, rest.as_ref(), model.segments.len());
         beside.iter().map(|segment| *segment as usize).for_each(|k| made.standing[k] = stitched.standing[k]);
-        let appraisal = engine.appraise(model, &made, Allowed { bare: 1.0, ..allowed })?;
+        let appraisal = engine.appraise(model, &made, AllowedFlaws { bare: 1.0, ..allowed })?;
         if appraisal.flaws.is_empty() {
             let mut unstitched: Vec<u32> = standing.iter().map(|(number, _)| *number as u32).collect();
             unstitched.extend(&beside);
@@ -105,7 +105,7 @@ pub(super) fn closer(
     engine: &dyn Engine,
     model: &Model,
     mut best: Sound,
-    allowed: Allowed,
+    allowed: AllowedFlaws,
 ) -> Result<Sound, EngineError> {
     for splits in 0.. {
         if best.appraisal.away <= CLOSE || !best.appraisal.flaws.is_empty() {
@@ -134,6 +134,6 @@ pub(super) fn as_mapped(
     let beside = beside.map(|(mesh, bridging)| (mesh, &bridging[..]));
     let all: Vec<(&Arc<PolyMesh>, &[u32])> = mapped.chain(beside).collect();
     let is_map = |segment: usize| maps.iter().any(|(number, _)| *number == segment);
-    let standing = |segment| if is_map(segment) { Standing::Example } else { Standing::Regular };
+    let standing = |segment| if is_map(segment) { LayoutOwner::Example } else { LayoutOwner::Regular };
     Stitched::as_mapped(&all, (0..count).map(standing).collect())
 }

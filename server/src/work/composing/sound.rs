@@ -2,7 +2,9 @@
 
 use super::headline::{BroughtMap, OWN_MAX, is_crumpled};
 use crate::pool::Stop;
-use crate::work::engine::{Allowed, Appraisal, Encoded, Engine, EngineError, Model, Part, Stitched, Stitching};
+use crate::work::engine::{
+    AllowedFlaws, Appraisal, Encoded, Engine, EngineError, Model, Part, StitchOptions, Stitched,
+};
 use crate::work::mapping::LiveMap;
 use std::sync::Arc;
 
@@ -78,7 +80,7 @@ pub(super) fn stitched_sound(
     engine: &dyn Engine,
     model: &Model,
     (mut parts, instead): (Vec<Part>, &[Option<Arc<Encoded>>]),
-    (how, allowed): (Stitching, Allowed),
+    (how, allowed): (StitchOptions, AllowedFlaws),
     stop: &Stop,
 ) -> Result<Sound, EngineError> {
     let made = engine.compose(model, &parts, how, stop)?;

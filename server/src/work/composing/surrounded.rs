@@ -7,7 +7,7 @@ use super::headline::{BroughtMap, is_crumpled};
 use super::sound::Around;
 use super::{BARE_MIN, Sound, bare, laid, stitched_sound};
 use crate::pool::{Job, Lane, Stop, StopReason};
-use crate::work::engine::{Allowed, Encoded, Engine, EngineError, Model, Part, Stitching};
+use crate::work::engine::{AllowedFlaws, Encoded, Engine, EngineError, Model, Part, StitchOptions};
 use crate::work::laying::best_map;
 use crate::work::mapping::LiveMap;
 use crate::work::query::LiveQuery;
@@ -123,10 +123,10 @@ impl Surrounded {
     pub(super) fn stitched(
         self,
         engine: &dyn Engine,
-        (how, allowed): (Stitching, Allowed),
+        (how, allowed): (StitchOptions, AllowedFlaws),
         stop: &Stop,
     ) -> Result<Option<Sound>, EngineError> {
-        let allowed = Allowed { bare: 0.0, ..allowed };
+        let allowed = AllowedFlaws { bare: 0.0, ..allowed };
         let Sound { mut made, appraisal, .. } =
             stitched_sound(engine, &self.cut, (self.parts, &self.instead), (how, allowed), stop)?;
         tracing::debug!(flaws = ?appraisal.flaws, standing = ?made.standing, notes = ?made.notes, "what lies around a map");

@@ -1,7 +1,7 @@
 //! A corpus in memory, for tests.
 
 use super::*;
-use crate::work::engine::Besides;
+use crate::work::engine::ExtraParts;
 use crate::work::query::rfc3339;
 use quadmuse_proto::ExampleSegment;
 use quadmuse_store::{ChangeLog, Changed};
@@ -61,7 +61,7 @@ impl MemoryCorpus {
 
 fn described(new: &NewExample) -> Example {
     let id = ExampleId::generate();
-    let has_parts = matches!(new.cut.besides, Besides::Known(_));
+    let has_parts = matches!(new.cut.besides, ExtraParts::Known(_));
     let segment = |(segment, packed): (usize, &Packed)| ExampleSegment {
         segment: segment as u32,
         is_part: has_parts && segment > 0,
@@ -109,7 +109,7 @@ impl Corpus for MemoryCorpus {
     fn find(&self, bytes: &[u8], cut: &Cut) -> Option<Arc<Example>> {
         let rows = self.rows();
         // Whole and by its parts, or whole alone: it is one example.
-        let as_whole = |cut: &Cut| Cut { besides: Besides::Nothing, ..cut.clone() };
+        let as_whole = |cut: &Cut| Cut { besides: ExtraParts::Nothing, ..cut.clone() };
         let is_it = |row: &&Row| row.bytes == bytes && as_whole(&row.cut) == as_whole(cut);
         rows.values().find(is_it).map(|row| Arc::clone(&row.example))
     }

@@ -9,7 +9,7 @@ mod shaped;
 pub use row::without_picture;
 
 use super::{Corpus, CorpusCheck, CorpusError, CorpusHealth, KeptRow, NewExample, Put};
-use crate::work::engine::{Besides, Cut, Engine, Packed, SegmentFacts};
+use crate::work::engine::{Cut, Engine, ExtraParts, Packed, SegmentFacts};
 use crate::work::ingest::counts_of;
 use crate::work::query::rfc3339;
 use bytes::Bytes;
@@ -301,8 +301,8 @@ impl StoredCorpus {
 impl Corpus for StoredCorpus {
     fn put(&self, mut new: NewExample) -> Result<(Arc<Example>, Put), CorpusError> {
         // What is there whole, and damaged, is healed, not added beside itself.
-        if matches!(new.cut.besides, Besides::Known(_)) && self.store.is_damaged(&new.bytes, NewSegmentation::Auto) {
-            new.cut.besides = Besides::Nothing;
+        if matches!(new.cut.besides, ExtraParts::Known(_)) && self.store.is_damaged(&new.bytes, NewSegmentation::Auto) {
+            new.cut.besides = ExtraParts::Nothing;
             new.segments.truncate(1);
         }
         let shaped = Shaped::of(new);
@@ -359,7 +359,7 @@ impl Corpus for StoredCorpus {
             quadmuse_store::Segmentation::Auto => Cut::default(),
             quadmuse_store::Segmentation::Labels { .. } => Cut { labels, ..Cut::default() },
             quadmuse_store::Segmentation::Parted { .. } => {
-                Cut { besides: labels.map_or(Besides::Nothing, Besides::Known), ..Cut::default() }
+                Cut { besides: labels.map_or(ExtraParts::Nothing, ExtraParts::Known), ..Cut::default() }
             }
         })
     }

@@ -1,6 +1,6 @@
 //! How a mesh is to be cut.
 
-pub use quadmuse_kernel::pipeline::{Besides, Grain};
+pub use quadmuse_kernel::pipeline::{ExtraParts, Grain};
 use quadmuse_proto::{Components, Parts, Segmentation};
 
 /// How a mesh is to be cut.
@@ -17,7 +17,7 @@ pub struct Cut {
     /// Where automatic cuts may run.
     pub grain: Grain,
     /// Which parts of a mesh that stays whole are segments, too.
-    pub besides: Besides,
+    pub besides: ExtraParts,
 }
 
 impl Cut {

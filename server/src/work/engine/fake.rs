@@ -151,7 +151,7 @@ impl Engine for FakeEngine {
                     script.rest = Some(ModelSegment::of(topology, faces));
                 }
                 ["agrees", share] => script.agrees = Some(number(share)?),
-                ["part", topology, value] if cut.besides != Besides::Nothing => {
+                ["part", topology, value] if cut.besides != ExtraParts::Nothing => {
                     script.numbers.push(number(value)?);
                     let topology = topology.parse().map_err(|_| unreadable(at + 1, line))?;
                     segments.push(ModelSegment::of(topology, 50));
@@ -286,9 +286,9 @@ impl Engine for FakeEngine {
             verdict,
             reasons: Vec::new(),
             stitched: (verdict == Verdict::Broken).then(reached),
-            reach: Reach {
+            reach: MapExtent {
                 covers: quadmuse_kernel::pipeline::Covers { example: 1.0, input: share },
-                ..Reach::default()
+                ..MapExtent::default()
             },
             evidence: None,
             sureness: None,
@@ -343,11 +343,11 @@ impl Engine for FakeEngine {
         Ok(Registration { inner: Opaque::new(constraints), ..from.registration.clone() })
     }
 
-    fn compose(&self, _: &Model, parts: &[Part], _: Stitching, _: &Stop) -> Result<Stitched, EngineError> {
+    fn compose(&self, _: &Model, parts: &[Part], _: StitchOptions, _: &Stop) -> Result<Stitched, EngineError> {
         let mesh = Arc::new(square(parts.len()));
         let standing = |part: &Part| match part {
-            Part::Template(_) | Part::Poor(_) => Standing::Regular,
-            _ => Standing::Example,
+            Part::Template(_) | Part::Poor(_) => LayoutOwner::Regular,
+            _ => LayoutOwner::Example,
         };
         Ok(Stitched {
             mesh,
@@ -359,11 +359,11 @@ impl Engine for FakeEngine {
         })
     }
 
-    fn appraise(&self, query: &Model, made: &Stitched, _: Allowed) -> Result<Appraisal, EngineError> {
+    fn appraise(&self, query: &Model, made: &Stitched, _: AllowedFlaws) -> Result<Appraisal, EngineError> {
         let count = made.standing.len();
         let share = |k| if made.is_example(k) { 1.0 / count.max(1) as f64 } else { 0.0 };
         let examples: Vec<f64> = (0..count).map(share).collect();
-        let is_any = made.standing.contains(&Standing::Example);
+        let is_any = made.standing.contains(&LayoutOwner::Example);
         let script = query.inner.open::<Script>()?;
         let splits = made.notes.iter().find_map(|note| note.strip_prefix(SPLIT)?.parse::<i32>().ok());
         let is_stitched = splits.is_none() && !made.notes.iter().any(|note| note == AS_MAPPED);
@@ -399,9 +399,9 @@ impl Engine for FakeEngine {
         _: Option<[&Encoding; 2]>,
         _: Option<&RoughLead>,
         _: &Stop,
-    ) -> Result<Option<Rough>, EngineError> {
+    ) -> Result<Option<RoughPlacement>, EngineError> {
         let agrees = example.0.inner.open::<Script>()?.agrees;
-        Ok(agrees.map(|agreement| Rough { agreement, covered: 1.0, ..Rough::default() }))
+        Ok(agrees.map(|agreement| RoughPlacement { agreement, covered: 1.0, ..RoughPlacement::default() }))
     }
 
     /// One segment more than the map's own, where the query was cut at its waist, or is told to have a rest.
@@ -426,7 +426,7 @@ impl Engine for FakeEngine {
             verdict: Verdict::Fair,
             reasons: Vec::new(),
             stitched: None,
-            reach: Reach::default(),
+            reach: MapExtent::default(),
             evidence: None,
             sureness: None,
         })

@@ -5,15 +5,15 @@ mod tests;
 mod translate;
 
 use super::{
-    Allowed, Appraisal, ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Fitted, Mapped, Model, OnePart,
-    Opaque, Packed, PackedFeature, Part, Reach, Refusal, Registration, Resized, Rough, RoughLead, SegmentFacts, Side,
-    SizeTarget, Stitched, Stitching, Wishes,
+    AllowedFlaws, Appraisal, ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Fitted, MapExtent, Mapped,
+    Model, OnePart, Opaque, Packed, PackedFeature, Part, Refusal, Registration, Resized, RoughLead, RoughPlacement,
+    SegmentFacts, Side, SizeTarget, StitchOptions, Stitched, Wishes,
 };
 use crate::pool::Stop;
 use quadmuse_kernel as kernel;
 use quadmuse_kernel::encode::Feature;
 use quadmuse_kernel::mesh::PolyMesh;
-use quadmuse_kernel::pipeline::{self, Registered, Regular};
+use quadmuse_kernel::pipeline::{self, Registered, RegularMesh};
 use quadmuse_kernel::rank::SegmentShape;
 use quadmuse_kernel::rank::coarse::CoarseQuery;
 use quadmuse_kernel::register::image::Image;
@@ -280,7 +280,7 @@ impl Engine for KernelEngine {
         encodings: Option<[&Encoding; 2]>,
         lead: Option<&RoughLead>,
         stop: &Stop,
-    ) -> Result<Option<Rough>, EngineError> {
+    ) -> Result<Option<RoughPlacement>, EngineError> {
         let tips = match encodings {
             Some([one, two]) => Some([&*fresh(one)?.query, &*fresh(two)?.query]),
             None => None,
@@ -365,7 +365,7 @@ impl Engine for KernelEngine {
         Ok(Model { format: query.format, ..translate::model(cut) })
     }
 
-    fn compose(&self, query: &Model, parts: &[Part], how: Stitching, stop: &Stop) -> Result<Stitched, EngineError> {
+    fn compose(&self, query: &Model, parts: &[Part], how: StitchOptions, stop: &Stop) -> Result<Stitched, EngineError> {
         let parts: Vec<pipeline::Part> = parts.iter().map(translate::part).collect::<Result<_, _>>()?;
         outcome(pipeline::compose(model_in(query)?, &parts, how, &|| stop.reason().is_some()), stop)
     }
@@ -384,7 +384,7 @@ impl Engine for KernelEngine {
         Ok((Arc::new(mesh), bridging))
     }
 
-    fn appraise(&self, query: &Model, made: &Stitched, allowed: Allowed) -> Result<Appraisal, EngineError> {
+    fn appraise(&self, query: &Model, made: &Stitched, allowed: AllowedFlaws) -> Result<Appraisal, EngineError> {
         Ok(pipeline::appraise(model_in(query)?, made, allowed))
     }
 
@@ -394,7 +394,7 @@ impl Engine for KernelEngine {
 
     fn template(&self, query: &Side, stop: &Stop) -> Result<Mapped, EngineError> {
         let made = pipeline::template(&side_in(query)?, SMOOTHING_DEFAULT, &|| stop.reason().is_some());
-        let Regular { mesh, flaws } = outcome(made, stop)?;
+        let RegularMesh { mesh, flaws } = outcome(made, stop)?;
         let verdict = if flaws.is_empty() { Verdict::Fair } else { Verdict::Broken };
         let no_example = "no example was used: a regular layout was made for this segment".into();
         let none = || Histogram { edges: vec![0.0, 1.0], counts: vec![0], ..Histogram::default() };
@@ -410,7 +410,7 @@ impl Engine for KernelEngine {
             verdict,
             reasons: flaws.into_iter().chain([no_example]).collect(),
             stitched: None,
-            reach: Reach::default(),
+            reach: MapExtent::default(),
             evidence: None,
             sureness: None,
         })

@@ -1,6 +1,6 @@
 //! Maps as the engine makes them.
 
-use super::{Reach, Registration, Rough, Side};
+use super::{MapExtent, Registration, RoughPlacement, Side};
 use quadmuse_kernel::mesh::PolyMesh;
 use quadmuse_proto::{Beyond, Constraint, Distortion, Landmark, MapEvidence, Verdict};
 use std::sync::Arc;
@@ -30,7 +30,7 @@ pub struct Mapped {
     /// The judgement of it where it is stitched, if that is another: stitching reaches what it leaves bare.
     pub stitched: Option<Judgement>,
     /// How much of each surface the other reaches.
-    pub reach: Reach,
+    pub reach: MapExtent,
     /// The measures behind the verdict, where the example has settled on the input.
     pub evidence: Option<MapEvidence>,
     /// How sure it is then, on one scale for closed and open examples: .1 where it is barely fair, .4 where it is good.
@@ -76,7 +76,7 @@ pub struct Wishes {
     /// A map of another example on the same segment, which tells where this one belongs.
     pub lead: Option<Lead>,
     /// How it lies when it is laid roughly, where the ranking tried that.
-    pub rough: Option<Rough>,
+    pub rough: Option<RoughPlacement>,
 }
 
 /// A map of an example that lies on a part of others, too.

@@ -1,6 +1,6 @@
 //! An example on a query as it lies when it is laid roughly.
 
-use super::{Model, Rough};
+use super::{Model, RoughPlacement};
 use std::sync::Arc;
 
 /// An example that lies on a query, to lead another there of which it is a part.
@@ -11,5 +11,5 @@ pub struct RoughLead {
     /// Its segment.
     pub segment: u32,
     /// How it lies.
-    pub rough: Rough,
+    pub rough: RoughPlacement,
 }

@@ -8,7 +8,7 @@ use super::clusters::{Clusters, Key, Kind};
 use super::{SegmentSearch, caught_up};
 use crate::pool::{Lane, Stop};
 use crate::work::WorkError;
-use crate::work::engine::{Model, Opaque, Rough, RoughLead, Stage};
+use crate::work::engine::{Model, Opaque, RoughLead, RoughPlacement, Stage};
 use crate::work::ingest;
 use crate::work::query::ms_since;
 use crate::work::ranking::{Candidate, SURE_FROM, by_fit, by_likeness, is_worth_a_map};
@@ -119,7 +119,7 @@ impl SegmentSearch<'_> {
 
     /// Lays the best few roughly, and lets the best of these lead others.
     async fn fit_roughly(&self, candidates: &mut [Candidate], clusters: &Clusters) -> Result<(), WorkError> {
-        let worth = |c: &Candidate| c.rough.as_ref().map_or(f64::NEG_INFINITY, Rough::worth);
+        let worth = |c: &Candidate| c.rough.as_ref().map_or(f64::NEG_INFINITY, RoughPlacement::worth);
         let chosen = worth_laying(candidates, clusters);
         let Some(ready) = self.ready_for_rough().await? else { return Ok(()) };
         for some in chosen.chunks(ROUGH_AT_A_TIME) {
@@ -148,7 +148,7 @@ impl SegmentSearch<'_> {
         led = clusters.first_of_each(led, candidates);
         led.truncate(LED_MAX);
         let fits = self.all_rough(candidates, (&led, &ready), Some(lead)).await?;
-        let mut followers: Vec<(usize, Rough)> = led
+        let mut followers: Vec<(usize, RoughPlacement)> = led
             .into_iter()
             .zip(fits)
             .filter_map(|(at, fit)| Some((at, fit?)))
@@ -167,7 +167,7 @@ impl SegmentSearch<'_> {
         candidates: &[Candidate],
         (chosen, ready): (&[usize], &Opaque),
         lead: Option<RoughLead>,
-    ) -> Result<Vec<Option<Rough>>, WorkError> {
+    ) -> Result<Vec<Option<RoughPlacement>>, WorkError> {
         let lead = lead.map(Arc::new);
         let tasks: Vec<_> = chosen.iter().map(|&at| self.rough(&candidates[at], ready.clone(), lead.clone())).collect();
         stream::iter(tasks).buffered(self.window()).collect::<Vec<_>>().await.into_iter().collect()
@@ -179,7 +179,7 @@ impl SegmentSearch<'_> {
         candidate: &Candidate,
         ready: Opaque,
         lead: Option<Arc<RoughLead>>,
-    ) -> Result<Option<Rough>, WorkError> {
+    ) -> Result<Option<RoughPlacement>, WorkError> {
         let Some(model) = self.read(candidate).await? else { return Ok(None) };
         let closed = |topology| topology == Topology::Sphere;
         let both_closed = closed(candidate.resident.facts.topology) && closed(self.query.facts.topology);
@@ -202,7 +202,7 @@ impl SegmentSearch<'_> {
         let is_led = lead.is_some();
         let found = self.work.pool.run(&self.live.job, Lane::Fine, quantum).await;
         let found = self.usable(candidate, WorkError::joined(found))?.flatten();
-        if let Some(Rough { agreement, covered, off, apart, start, .. }) = &found {
+        if let Some(RoughPlacement { agreement, covered, off, apart, start, .. }) = &found {
             let example = &candidate.resident.example.name;
             let (on, by_tips) = (self.segment, start.is_none());
             tracing::debug!(query = %self.live.id, on, %example, segment, agreement, covered, off, apart, by_tips, is_led, "laid roughly");

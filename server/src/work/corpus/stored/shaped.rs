@@ -2,7 +2,7 @@
 
 use super::pack_counts;
 use crate::work::corpus::NewExample;
-use crate::work::engine::{Besides, Cut, Packed, PackedFeature};
+use crate::work::engine::{Cut, ExtraParts, Packed, PackedFeature};
 use quadmuse_proto::{ExamplePatch, MeshCounts, NamedPoint, Segmentation, Topology};
 use quadmuse_store::{
     ChartRecord, DerivedSegment, Feature, LandmarkRecord, Level, NewSegmentation, Patch, SegmentSummary,
@@ -71,8 +71,8 @@ pub(super) fn segmentation_in<'a>(cut: &Cut, labels: Option<&'a [u32]>) -> NewSe
 pub(super) fn labels_in(cut: &Cut) -> Option<Vec<u32>> {
     match (&cut.labels, &cut.besides) {
         (Some(labels), _) => Some(dense(labels)),
-        (None, Besides::Known(parts)) => Some(parts.iter().map(|&part| u32::try_from(part).unwrap_or(0)).collect()),
-        (None, Besides::Nothing | Besides::Sought) => None,
+        (None, ExtraParts::Known(parts)) => Some(parts.iter().map(|&part| u32::try_from(part).unwrap_or(0)).collect()),
+        (None, ExtraParts::Nothing | ExtraParts::Sought) => None,
     }
 }
 

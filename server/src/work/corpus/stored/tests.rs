@@ -46,7 +46,7 @@ fn an_example_is_told_the_same_before_and_after_a_restart() {
 /// Whole, and by as many parts as there are labels but 0.
 fn with_parts(bytes: &'static [u8], labels: Vec<i64>) -> NewExample {
     let count = labels.iter().max().map_or(0, |label| *label as usize);
-    let cut = Cut { besides: Besides::Known(labels), ..Cut::default() };
+    let cut = Cut { besides: ExtraParts::Known(labels), ..Cut::default() };
     NewExample { cut, segments: vec![packed(1.0); count + 1], ..new_example(bytes, None) }
 }
 
@@ -68,7 +68,7 @@ fn parts_besides_the_whole_are_told_the_same_after_a_restart_and_a_restore() {
         assert_eq!(corpus.list()[0].segments, example.segments);
         let id = corpus.list()[0].id;
         let cut = corpus.cut(id).expect("a cut");
-        assert_eq!(cut, Cut { besides: Besides::Known(vec![2, 0, 1]), ..Cut::default() });
+        assert_eq!(cut, Cut { besides: ExtraParts::Known(vec![2, 0, 1]), ..Cut::default() });
         assert_eq!(corpus.check().expect("checked").problems, Vec::<String>::new());
     }
 }
@@ -77,7 +77,7 @@ fn parts_besides_the_whole_are_told_the_same_after_a_restart_and_a_restore() {
 fn whole_or_with_any_parts_it_is_one_example_and_damage_to_it_is_healed() {
     let dir = tempfile::tempdir().expect("a directory");
     let corpus = open(dir.path());
-    let sought = Cut { besides: Besides::Sought, ..Cut::default() };
+    let sought = Cut { besides: ExtraParts::Sought, ..Cut::default() };
     let (both, _) = corpus.put(with_parts(b"both", vec![1, 2])).expect("added");
     for cut in [&sought, &Cut::default()] {
         assert_eq!(corpus.find(b"both", cut).map(|e| e.id), Some(both.id));
@@ -113,7 +113,7 @@ fn damaged_labels_of_parts_are_healed_by_the_same_parts_and_by_no_others() {
     assert!(matches!(corpus.put(with_parts(b"both", vec![2, 1])), Err(CorpusError::Damaged(_))));
     assert_eq!(corpus.health().quarantined, [both.id]);
     corpus.put(with_parts(b"both", vec![1, 2])).expect("healed");
-    assert_eq!(corpus.cut(both.id).expect("a cut").besides, Besides::Known(vec![1, 2]));
+    assert_eq!(corpus.cut(both.id).expect("a cut").besides, ExtraParts::Known(vec![1, 2]));
 }
 
 #[test]

@@ -111,7 +111,7 @@ pub(super) fn side(side: pipeline::Side, given: &Side) -> Result<Side, EngineErr
 }
 
 pub(super) fn encoded(inner: Arc<pipeline::Encoded>) -> Encoded {
-    let pipeline::Facts { topology, modulus, faces, features, bending } = inner.facts;
+    let pipeline::SegmentFacts { topology, modulus, faces, features, bending } = inner.facts;
     let facts = SegmentFacts { topology: topology_out(topology), k: modulus, faces, features, bending: Some(bending) };
     let repairs = inner.repairs.clone();
     Encoded { encoding: Encoding { facts, inner: Opaque::new(Source::Fresh(inner)) }, repairs }
@@ -162,9 +162,9 @@ pub(super) fn mapped(of: pipeline::Mapped) -> Mapped {
 }
 
 /// What an edit keeps of a map; of the evidence what was told of it. What it left bare is measured anew.
-pub(super) fn before(of: &Mapped) -> pipeline::Before {
+pub(super) fn before(of: &Mapped) -> pipeline::MapBeforeEdit {
     let kept = of.stitched();
-    pipeline::Before {
+    pipeline::MapBeforeEdit {
         folds: of.folds,
         verdict: match kept.verdict {
             Verdict::Good => pipeline::Verdict::Good,
@@ -241,7 +241,7 @@ fn place(of: &Place) -> pipeline::Place {
 }
 
 fn constraint(of: pipeline::Constraint) -> Constraint {
-    let at = |l: pipeline::Location| Location { point: l.point, u: l.u, v: l.v };
+    let at = |l: pipeline::LocatedPoint| Location { point: l.point, u: l.u, v: l.v };
     Constraint {
         id: of.id,
         on_example: at(of.on_example),
@@ -254,7 +254,7 @@ fn constraint(of: pipeline::Constraint) -> Constraint {
 }
 
 pub(super) fn constraints_in(of: &[Constraint]) -> Vec<pipeline::Constraint> {
-    let at = |l: &Location| pipeline::Location { point: l.point, u: l.u, v: l.v };
+    let at = |l: &Location| pipeline::LocatedPoint { point: l.point, u: l.u, v: l.v };
     let constraint = |c: &Constraint| pipeline::Constraint {
         id: c.id.clone(),
         on_example: at(&c.on_example),
