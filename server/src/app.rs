@@ -9,7 +9,7 @@ use crate::http::packed::Text;
 use crate::peers::Peers;
 use crate::rate::Rates;
 use crate::work::Work;
-use crate::work::kept::Kept;
+use crate::work::kept::KeptQueries;
 use crate::work::uploads::Uploads;
 use metrics_exporter_prometheus::PrometheusHandle;
 use std::ops::Deref;
@@ -33,10 +33,10 @@ pub struct Settings {
     pub rate_limit: u32,
 }
 
-/// What lets servers stand in for each other.
-pub struct Together {
+/// The handles by which servers stand in for each other.
+pub struct ClusterHandles {
     /// What queries were started with.
-    pub kept: Kept,
+    pub kept: KeptQueries,
     /// The servers that share the corpus, if this is one of several.
     pub peers: Option<Arc<Peers>>,
     /// Which of them were there when they were asked last.
@@ -58,7 +58,7 @@ pub struct Handles {
     /// Files that arrive piece by piece.
     pub uploads: Arc<Uploads>,
     /// What queries were started with.
-    pub kept: Arc<Kept>,
+    pub kept: Arc<KeptQueries>,
     /// The servers that share the corpus, if this is one of several.
     pub peers: Option<Arc<Peers>>,
     /// Which of them were there when they were asked last.
@@ -80,7 +80,7 @@ impl App {
         tokens: Arc<Tokens>,
         audit: Audit,
         uploads: Arc<Uploads>,
-        together: Together,
+        together: ClusterHandles,
         settings: Settings,
         stopping: CancellationToken,
     ) -> Self {

@@ -13,7 +13,7 @@ mod list;
 pub use list::TokenRecord;
 pub use quadmuse_proto::Role;
 
-use list::Place;
+use list::ListStorage;
 use quadmuse_proto::id::TokenId;
 use quadmuse_proto::{NewToken, TokenPatch};
 use quadmuse_store::{Documents, StoreError};
@@ -88,13 +88,13 @@ pub enum Access {
 
 /// The tokens of a store.
 pub struct Tokens {
-    files: Place,
-    seen: Mutex<Seen>,
+    files: ListStorage,
+    seen: Mutex<TokenCache>,
 }
 
-/// The service's view of the files.
+/// The tokens as they were read last, and when they were used.
 #[derive(Debug, Default)]
-struct Seen {
+struct TokenCache {
     by_hash: HashMap<String, TokenRecord>,
     /// Which file was read last; `None` if there was none.
     mark: Option<list::Mark>,
@@ -108,12 +108,12 @@ struct Seen {
 impl Tokens {
     /// The tokens beside the store in `data`.
     pub fn beside(data: &Path) -> Self {
-        Self { files: Place::beside(data), seen: Mutex::default() }
+        Self { files: ListStorage::beside(data), seen: Mutex::default() }
     }
 
     /// The tokens of all servers that share a corpus.
     pub fn shared(documents: Arc<dyn Documents>) -> Self {
-        Self { files: Place::Shared(documents), seen: Mutex::default() }
+        Self { files: ListStorage::Shared(documents), seen: Mutex::default() }
     }
 
     /// All tokens, as they stand in the file.
@@ -210,7 +210,7 @@ impl Tokens {
         })
     }
 
-    fn lock(&self) -> MutexGuard<'_, Seen> {
+    fn lock(&self) -> MutexGuard<'_, TokenCache> {
         self.seen.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -219,7 +219,7 @@ impl Tokens {
     }
 
     /// The newest view of the files. What can't be read lets in nobody.
-    fn now(&self) -> MutexGuard<'_, Seen> {
+    fn now(&self) -> MutexGuard<'_, TokenCache> {
         let mut seen = self.lock();
         if seen.looked.is_none_or(|looked| looked.elapsed() >= RELOAD) {
             seen.refresh(&self.files);
@@ -228,8 +228,8 @@ impl Tokens {
     }
 }
 
-impl Seen {
-    fn refresh(&mut self, files: &Place) {
+impl TokenCache {
+    fn refresh(&mut self, files: &ListStorage) {
         let first = self.looked.replace(Instant::now()).is_none();
         let mark = match files.mark() {
             Ok(mark) => mark,

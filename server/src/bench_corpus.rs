@@ -9,7 +9,7 @@ use crate::demo;
 use crate::pool::Stop;
 use crate::work::corpus::stored::StoredCorpus;
 use crate::work::corpus::{CorpusError, NewExample};
-use crate::work::engine::{Cut, Engine, EngineError, Packed};
+use crate::work::engine::{Cut, Engine, EngineError, PackedEncoding};
 use clap::Args;
 use quadmuse_kernel::mesh::{Format, write};
 use quadmuse_proto::query::{LEVELS, RESOLUTION_DEFAULT};
@@ -92,12 +92,12 @@ pub enum BenchCorpusError {
 /// An encoding to vary.
 struct Source {
     name: String,
-    packed: Packed,
+    packed: PackedEncoding,
 }
 
-/// What was made.
+/// Counts the encodings that were varied, and the segments before and after.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Made {
+pub struct BenchCorpusReport {
     /// Encodings that were varied; none where there were segments enough.
     pub sources: usize,
     /// Segments there were.
@@ -114,12 +114,12 @@ pub fn run(
     args: &BenchCorpusArgs,
     engine: &dyn Engine,
     say: &(dyn Fn(usize) + Sync),
-) -> Result<Made, BenchCorpusError> {
+) -> Result<BenchCorpusReport, BenchCorpusError> {
     let begun = Instant::now();
     let (corpus, report) = StoredCorpus::open(&args.data, &OpenOptions::default())?;
     let before = report.examples;
     if before >= args.count {
-        return Ok(Made { sources: 0, before, after: before });
+        return Ok(BenchCorpusReport { sources: 0, before, after: before });
     }
     let sources = sources(args, engine)?;
     let late = || args.time.is_some_and(|limit| begun.elapsed() > Duration::from_secs(limit));
@@ -138,7 +138,7 @@ pub fn run(
         after = round.end;
         say(after);
     }
-    Ok(Made { sources: sources.len(), before, after })
+    Ok(BenchCorpusReport { sources: sources.len(), before, after })
 }
 
 /// Example `number` of the corpus: the sources themselves first, then their variants, a run of each in turn.
@@ -237,10 +237,10 @@ mod tests {
             };
             run(&args, &KernelEngine::default(), &|_| ()).expect("made")
         };
-        assert_eq!(grow(one.path(), 5), Made { sources: 1, before: 0, after: 5 });
+        assert_eq!(grow(one.path(), 5), BenchCorpusReport { sources: 1, before: 0, after: 5 });
         grow(two.path(), 2);
-        assert_eq!(grow(two.path(), 5), Made { sources: 1, before: 2, after: 5 });
-        assert_eq!(grow(two.path(), 4), Made { sources: 0, before: 5, after: 5 });
+        assert_eq!(grow(two.path(), 5), BenchCorpusReport { sources: 1, before: 2, after: 5 });
+        assert_eq!(grow(two.path(), 4), BenchCorpusReport { sources: 0, before: 5, after: 5 });
         let listed = |data: &Path| {
             let (corpus, _) = StoredCorpus::open(data, &OpenOptions::default()).expect("a store");
             let level = |id| corpus.encoding(id, 0, 64).expect("an encoding");

@@ -32,19 +32,20 @@ impl ConnectionLimits {
 #[derive(Clone, Debug)]
 pub struct Connections {
     limits: ConnectionLimits,
-    now: Arc<Mutex<Now>>,
+    now: Arc<Mutex<OpenConnections>>,
 }
 
+/// Counts the connections that are open, and holds those of the reserve.
 #[derive(Debug, Default)]
-struct Now {
+struct OpenConnections {
     all: usize,
     of_address: HashMap<IpAddr, usize>,
     reserved: VecDeque<CancellationToken>,
 }
 
-/// Why a connection is in the reserve.
+/// The reason why a connection is in the reserve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Beyond {
+pub enum ReserveReason {
     /// There are as many as there may be.
     All,
     /// Its address has as many as it may have.
@@ -53,21 +54,21 @@ pub enum Beyond {
 
 /// A connection's place; given back on drop.
 #[derive(Debug)]
-pub enum Place {
+pub enum ConnectionPlace {
     /// Among those that are served.
-    Served(Served),
+    Served(ServedPlace),
     /// In the reserve, until it is over or another takes its place.
-    Reserved(CancellationToken, Beyond),
+    Reserved(CancellationToken, ReserveReason),
 }
 
 /// A place among those that are served.
 #[derive(Debug)]
-pub struct Served {
-    now: Arc<Mutex<Now>>,
+pub struct ServedPlace {
+    now: Arc<Mutex<OpenConnections>>,
     address: IpAddr,
 }
 
-fn lock(now: &Mutex<Now>) -> MutexGuard<'_, Now> {
+fn lock(now: &Mutex<OpenConnections>) -> MutexGuard<'_, OpenConnections> {
     now.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -78,16 +79,16 @@ impl Connections {
     }
 
     /// A place for a connection of an address.
-    pub fn place(&self, address: IpAddr) -> Place {
+    pub fn place(&self, address: IpAddr) -> ConnectionPlace {
         let mut now = lock(&self.now);
         let mine = now.of_address.get(&address).copied().unwrap_or(0);
         let beyond = match () {
-            () if now.all >= self.limits.all => Beyond::All,
-            () if mine >= self.limits.per_address => Beyond::Address,
+            () if now.all >= self.limits.all => ReserveReason::All,
+            () if mine >= self.limits.per_address => ReserveReason::Address,
             () => {
                 now.all += 1;
                 *now.of_address.entry(address).or_default() += 1;
-                return Place::Served(Served { now: Arc::clone(&self.now), address });
+                return ConnectionPlace::Served(ServedPlace { now: Arc::clone(&self.now), address });
             }
         };
         now.reserved.retain(|place| !place.is_cancelled());
@@ -98,7 +99,7 @@ impl Connections {
         }
         let place = CancellationToken::new();
         now.reserved.push_back(place.clone());
-        Place::Reserved(place, beyond)
+        ConnectionPlace::Reserved(place, beyond)
     }
 
     /// Connections that are served.
@@ -112,7 +113,7 @@ impl Connections {
     }
 }
 
-impl Drop for Served {
+impl Drop for ServedPlace {
     fn drop(&mut self) {
         let mut now = lock(&self.now);
         now.all = now.all.saturating_sub(1);
@@ -132,19 +133,19 @@ mod tests {
     const A: IpAddr = IpAddr::V4(std::net::Ipv4Addr::new(10, 0, 0, 1));
     const B: IpAddr = IpAddr::V4(std::net::Ipv4Addr::new(10, 0, 0, 2));
 
-    fn is_served(place: &Place) -> bool {
-        matches!(place, Place::Served(_))
+    fn is_served(place: &ConnectionPlace) -> bool {
+        matches!(place, ConnectionPlace::Served(_))
     }
 
     #[test]
     fn an_address_has_its_share_and_places_come_back() {
         let connections = Connections::new(ConnectionLimits { all: 4, per_address: 3 });
-        let mut places: Vec<Place> = (0..3).map(|_| connections.place(A)).collect();
+        let mut places: Vec<ConnectionPlace> = (0..3).map(|_| connections.place(A)).collect();
         assert!(places.iter().all(is_served));
-        assert!(matches!(connections.place(A), Place::Reserved(_, Beyond::Address)));
+        assert!(matches!(connections.place(A), ConnectionPlace::Reserved(_, ReserveReason::Address)));
         places.push(connections.place(B));
         assert!(is_served(&places[3]));
-        assert!(matches!(connections.place(B), Place::Reserved(_, Beyond::All)));
+        assert!(matches!(connections.place(B), ConnectionPlace::Reserved(_, ReserveReason::All)));
         places.remove(0);
         assert!(is_served(&connections.place(A)));
         drop(places);
@@ -155,8 +156,9 @@ mod tests {
     #[test]
     fn who_comes_when_the_reserve_is_full_takes_the_place_of_the_oldest() {
         let connections = Connections::new(ConnectionLimits { all: 0, per_address: 1 });
-        let places: Vec<Place> = (0..=RESERVE).map(|_| connections.place(A)).collect();
-        let cancelled = |place: &Place| matches!(place, Place::Reserved(token, _) if token.is_cancelled());
+        let places: Vec<ConnectionPlace> = (0..=RESERVE).map(|_| connections.place(A)).collect();
+        let cancelled =
+            |place: &ConnectionPlace| matches!(place, ConnectionPlace::Reserved(token, _) if token.is_cancelled());
         assert!(cancelled(&places[0]) && !places[1..].iter().any(cancelled));
     }
 }

@@ -51,7 +51,7 @@ pub fn router(app: App) -> Router {
     let (documented, api) = documented().split_for_parts();
     // Set once: the routes are the same however often this is called.
     let _ = app.openapi.set(packed::Text::kept(openapi::finished(&api)));
-    let known = known::Known::of(&serde_json::to_value(&api).unwrap_or_default());
+    let known = known::KnownParameters::of(&serde_json::to_value(&api).unwrap_or_default());
     // The body is limited on the wire here, and unpacked and limited again where it is read.
     let layers = ServiceBuilder::new()
         .layer(from_fn_with_state(app.clone(), forward::receive))

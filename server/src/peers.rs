@@ -47,9 +47,9 @@ pub enum Whereabouts {
     Unknown,
 }
 
-/// Where a server keeps what an id leads to.
+/// Says where a server keeps what an id leads to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kept {
+pub enum StorageMedium {
     /// In its memory: it ends with the process.
     InMemory,
     /// On its disk: whoever starts there again has it.
@@ -77,12 +77,12 @@ pub struct Peers {
     address: String,
     share: Option<Share>,
     secret: blake3::Hash,
-    seen: Mutex<Seen>,
+    seen: Mutex<PeerListCache>,
 }
 
-/// The document as it was read last.
+/// The list of servers as it was read last.
 #[derive(Default)]
-struct Seen {
+struct PeerListCache {
     revision: u64,
     list: List,
     signs: Signs,
@@ -120,7 +120,7 @@ impl Peers {
             expected: "in hex".into(),
             found: "another text".into(),
         })?;
-        let mut seen = Seen { list, ..Seen::default() };
+        let mut seen = PeerListCache { list, ..PeerListCache::default() };
         seen.signs.note(&seen.list, Instant::now(), now_s());
         let seen = Mutex::new(seen);
         Ok(Self { documents, own, address: address.to_owned(), share, secret, seen })
@@ -132,15 +132,15 @@ impl Peers {
     }
 
     /// Where what a server keeps is, as far as this one knows without asking anybody.
-    pub fn place_of(&self, number: ServerNumber, kept: Kept) -> Whereabouts {
+    pub fn place_of(&self, number: ServerNumber, kept: StorageMedium) -> Whereabouts {
         if number == self.own {
             return Whereabouts::Here;
         }
         let seen = self.now();
         let Some(found) = seen.list.record(number) else { return Whereabouts::Unknown };
         let stands = match kept {
-            Kept::InMemory => Some(found),
-            Kept::OnDisk => seen.list.newest_at(&found.address),
+            StorageMedium::InMemory => Some(found),
+            StorageMedium::OnDisk => seen.list.newest_at(&found.address),
         };
         match stands {
             Some(record) if record.number == self.own => Whereabouts::Here,
@@ -151,7 +151,7 @@ impl Peers {
 
     /// Asks the engine for the document, as one may have come that is not known yet; not more often than makes sense. Blocks.
     pub fn look_again(&self) {
-        let is_soon = |seen: &Seen| seen.looked.is_some_and(|looked| looked.elapsed() < LOOK_EVERY);
+        let is_soon = |seen: &PeerListCache| seen.looked.is_some_and(|looked| looked.elapsed() < LOOK_EVERY);
         {
             let mut seen = lock(&self.seen);
             if is_soon(&seen) {
@@ -193,7 +193,7 @@ impl Peers {
         found
     }
 
-    fn now(&self) -> MutexGuard<'_, Seen> {
+    fn now(&self) -> MutexGuard<'_, PeerListCache> {
         let known = self.documents.known(NAME);
         let mut seen = lock(&self.seen);
         if let Some(document) = known {
@@ -235,7 +235,7 @@ impl Peers {
     }
 
     /// Whom a request was passed on to, and for whom; `None` if no server of the corpus sealed this.
-    pub fn open(&self, sealed: &str, method: &str, target: &str) -> Option<Passed> {
+    pub fn open(&self, sealed: &str, method: &str, target: &str) -> Option<ForwardedRequest> {
         let mut words = sealed.split(' ');
         let (to, peer, proof) = (words.next()?, words.next()?, words.next()?);
         let proof = blake3::Hash::from_hex(proof).ok()?;
@@ -243,7 +243,7 @@ impl Peers {
         let is_sealed = words.next().is_none() && proof == self.proof(to, peer, method, target);
         let to = to.parse().ok().and_then(ServerNumber::new);
         let peer = if peer == NOBODY { None } else { Some(peer.parse().ok()?) };
-        is_sealed.then_some(Passed { to: to?, peer })
+        is_sealed.then_some(ForwardedRequest { to: to?, peer })
     }
 
     fn proof(&self, to: &str, peer: &str, method: &str, target: &str) -> blake3::Hash {
@@ -260,14 +260,14 @@ const NOBODY: &str = "-";
 
 /// A request that another server passed on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Passed {
+pub struct ForwardedRequest {
     /// To whom.
     pub to: ServerNumber,
     /// The address of the client.
     pub peer: Option<IpAddr>,
 }
 
-impl Seen {
+impl PeerListCache {
     fn take(&mut self, document: &quadmuse_store::Document) {
         if document.revision <= self.revision {
             return;
@@ -382,24 +382,24 @@ pub(crate) mod tests {
     fn each_start_has_a_number_and_takes_the_place_of_the_one_before() {
         let documents = Arc::new(InMemory::default());
         let (a, b) = (joined(&documents, "http://a:1"), joined(&documents, "http://b:1"));
-        assert_eq!(a.place_of(a.own(), Kept::InMemory), Whereabouts::Here);
-        assert_eq!(a.place_of(b.own(), Kept::InMemory), Whereabouts::There(b.own(), "http://b:1".into()));
+        assert_eq!(a.place_of(a.own(), StorageMedium::InMemory), Whereabouts::Here);
+        assert_eq!(a.place_of(b.own(), StorageMedium::InMemory), Whereabouts::There(b.own(), "http://b:1".into()));
         assert_eq!(b.others(), [(a.own(), "http://a:1".to_owned())]);
 
         let again = joined(&documents, "http://a:1");
-        assert_eq!(b.place_of(a.own(), Kept::InMemory), Whereabouts::Gone(a.own()));
-        assert_eq!(again.place_of(a.own(), Kept::InMemory), Whereabouts::Gone(a.own()));
+        assert_eq!(b.place_of(a.own(), StorageMedium::InMemory), Whereabouts::Gone(a.own()));
+        assert_eq!(again.place_of(a.own(), StorageMedium::InMemory), Whereabouts::Gone(a.own()));
         // What lies on the disk is there after a start.
-        assert_eq!(b.place_of(a.own(), Kept::OnDisk), Whereabouts::There(again.own(), "http://a:1".into()));
-        assert_eq!(again.place_of(a.own(), Kept::OnDisk), Whereabouts::Here);
+        assert_eq!(b.place_of(a.own(), StorageMedium::OnDisk), Whereabouts::There(again.own(), "http://a:1".into()));
+        assert_eq!(again.place_of(a.own(), StorageMedium::OnDisk), Whereabouts::Here);
         assert_eq!(b.others(), [(again.own(), "http://a:1".to_owned())]);
 
         again.leave().expect("left");
-        assert_eq!(b.place_of(again.own(), Kept::InMemory), Whereabouts::Gone(again.own()));
-        assert_eq!(b.place_of(again.own(), Kept::OnDisk), Whereabouts::Gone(again.own()));
+        assert_eq!(b.place_of(again.own(), StorageMedium::InMemory), Whereabouts::Gone(again.own()));
+        assert_eq!(b.place_of(again.own(), StorageMedium::OnDisk), Whereabouts::Gone(again.own()));
         assert!(b.others().is_empty());
         let unknown = ServerNumber::new(9999).expect("not 0");
-        assert_eq!(b.place_of(unknown, Kept::InMemory), Whereabouts::Unknown);
+        assert_eq!(b.place_of(unknown, StorageMedium::InMemory), Whereabouts::Unknown);
     }
 
     #[test]
@@ -472,9 +472,9 @@ pub(crate) mod tests {
         let (a, b) = (joined(&documents, "http://a:1"), joined(&documents, "http://b:1"));
         let peer = Some(IpAddr::from([10, 0, 0, 7]));
         let sealed = a.seal(b.own(), peer, "GET", "/v1/queries/x?y=z");
-        assert_eq!(b.open(&sealed, "GET", "/v1/queries/x?y=z"), Some(Passed { to: b.own(), peer }));
+        assert_eq!(b.open(&sealed, "GET", "/v1/queries/x?y=z"), Some(ForwardedRequest { to: b.own(), peer }));
         let nobody = a.seal(b.own(), None, "GET", "/");
-        assert_eq!(b.open(&nobody, "GET", "/"), Some(Passed { to: b.own(), peer: None }));
+        assert_eq!(b.open(&nobody, "GET", "/"), Some(ForwardedRequest { to: b.own(), peer: None }));
         assert_eq!(b.open(&sealed, "DELETE", "/v1/queries/x?y=z"), None);
         assert_eq!(b.open(&sealed, "GET", "/v1/queries/y?y=z"), None);
         assert_eq!(b.open(&sealed.replace("10.0.0.7", "10.0.0.8"), "GET", "/v1/queries/x?y=z"), None);

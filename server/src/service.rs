@@ -2,7 +2,7 @@
 
 mod cluster;
 
-use crate::app::{App, Settings, Together};
+use crate::app::{App, ClusterHandles, Settings};
 use crate::audit::Audit;
 use crate::auth::{Access, NOTE_USES_EVERY, Tokens};
 use crate::config::Config;
@@ -14,7 +14,7 @@ use crate::shutdown::serve;
 use crate::work::corpus::stored::StoredCorpus;
 use crate::work::engine::Engine;
 use crate::work::jobs::Queue;
-use crate::work::kept::{Files, Kept};
+use crate::work::kept::{Files, KeptQueries};
 use crate::work::uploads::{self, Uploads};
 use crate::work::{Work, follow, jobs, queries, reencode, scrub};
 use quadmuse_store::{Backend, OpenOptions, StoreError};
@@ -107,12 +107,16 @@ pub async fn start(config: &Config, engine: Arc<dyn Engine>) -> Result<Running, 
     let listener = listener(listen).map_err(|source| StartError::Listen { listen, source })?;
     let address = listener.local_addr().map_err(|source| StartError::Listen { listen, source })?;
     let together = match &shared {
-        Some(shared) => Together {
-            kept: Kept::on(Arc::new(cluster::SharedUploads(Arc::clone(shared)))),
+        Some(shared) => ClusterHandles {
+            kept: KeptQueries::on(Arc::new(cluster::SharedUploads(Arc::clone(shared)))),
             peers: Some(cluster::meet(shared, config.advertise.as_deref(), config.share, address).await?),
             signs: Arc::default(),
         },
-        None => Together { kept: Kept::on(Arc::new(Files::beside(&config.data))), peers: None, signs: Arc::default() },
+        None => ClusterHandles {
+            kept: KeptQueries::on(Arc::new(Files::beside(&config.data))),
+            peers: None,
+            signs: Arc::default(),
+        },
     };
     let peers = together.peers.clone();
     let pool = Pool::new(config.threads, Admission::new(config.memory_limit, JOBS_MAX))?;

@@ -5,7 +5,7 @@
 //! signal the listener closes, `stopping` is set (streams send their last event, long polls answer), idle connections
 //! are closed, and those that are still open after [`DRAIN_TIME_MAX`] are dropped.
 
-use crate::connections::{Beyond, Connections, Place};
+use crate::connections::{ConnectionPlace, Connections, ReserveReason};
 use crate::http::caller::Peer;
 use axum::Router;
 use axum::body::Body;
@@ -51,11 +51,11 @@ pub async fn serve(listener: TcpListener, router: Router, connections: Connectio
         open.spawn(async move {
             // A connection that is dropped drops its request, and so stops its computation.
             match place {
-                Place::Served(place) => {
+                ConnectionPlace::Served(place) => {
                     abort.run_until_cancelled(connection(stream, peer, router, stopping, None)).await;
                     drop(place);
                 }
-                Place::Reserved(place, beyond) => {
+                ConnectionPlace::Reserved(place, beyond) => {
                     let served = connection(stream, peer, router, stopping, Some(beyond));
                     abort.run_until_cancelled(place.run_until_cancelled(served)).await;
                     place.cancel();
@@ -89,7 +89,7 @@ async fn connection(
     peer: SocketAddr,
     router: Router,
     stopping: CancellationToken,
-    beyond: Option<Beyond>,
+    beyond: Option<ReserveReason>,
 ) {
     // Small events go out at once; if the system refuses, they go out later.
     let _ = stream.set_nodelay(true);
@@ -98,7 +98,8 @@ async fn connection(
         async move {
             let (mut head, body) = request.into_parts();
             head.extensions.insert(Peer(peer.ip()));
-            head.extensions.extend(beyond.map(crate::http::caller::Reserved).map(into_extensions).unwrap_or_default());
+            head.extensions
+                .extend(beyond.map(crate::http::caller::ReservedConnection).map(into_extensions).unwrap_or_default());
             let answer: Result<_, Infallible> = router.oneshot(Request::from_parts(head, Body::new(body))).await;
             answer
         }
@@ -126,7 +127,7 @@ async fn connection(
     }
 }
 
-fn into_extensions(reserved: crate::http::caller::Reserved) -> axum::http::Extensions {
+fn into_extensions(reserved: crate::http::caller::ReservedConnection) -> axum::http::Extensions {
     let mut extensions = axum::http::Extensions::new();
     extensions.insert(reserved);
     extensions

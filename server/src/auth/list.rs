@@ -115,13 +115,13 @@ pub(super) enum Mark {
     Revision(u64),
 }
 
-/// Where the list stands.
-pub(super) enum Place {
+/// Says where the list of tokens is stored.
+pub(super) enum ListStorage {
     Files(Files),
     Shared(Arc<dyn Documents>),
 }
 
-impl Place {
+impl ListStorage {
     pub(super) fn beside(data: &Path) -> Self {
         Self::Files(Files::beside(data))
     }

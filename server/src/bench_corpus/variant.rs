@@ -7,7 +7,7 @@
 //! made that has it.
 
 use crate::work::engine::kernel::topology_in;
-use crate::work::engine::{Packed, PackedFeature, SegmentFacts};
+use crate::work::engine::{PackedEncoding, PackedFeature, SegmentFacts};
 use quadmuse_kernel::encode::{LEVEL_SIDES, Picture, features};
 use quadmuse_samples::random::Random;
 use std::f64::consts::{PI, TAU};
@@ -37,7 +37,7 @@ struct Wave {
 
 /// The encoding of a segment like `source`, warped up to the level of `finest` pixels a side; finer levels stay as they
 /// are. The same for the same seed.
-pub(super) fn variant(source: &Packed, finest: u32, seed: u64) -> Packed {
+pub(super) fn variant(source: &PackedEncoding, finest: u32, seed: u64) -> PackedEncoding {
     let mut random = Random::new(seed);
     let up_to = source.levels.iter().filter(|level| level.0 <= finest).max_by_key(|level| level.0);
     let Some((side, values)) = up_to else { return source.clone() };
@@ -54,7 +54,7 @@ pub(super) fn variant(source: &Packed, finest: u32, seed: u64) -> Packed {
     let feature = |f: &features::Feature| PackedFeature { uv: f.uv, lambda: f.lambda, side: f.side as u32 };
     let coarse = pyramid.into_iter().map(|p| (p.side as u32, p.values));
     let fine = source.levels.iter().filter(|level| level.0 > finest).cloned();
-    Packed {
+    PackedEncoding {
         facts: SegmentFacts { k, bending, features: found.len() as u32, ..source.facts },
         features: found.iter().map(feature).collect(),
         levels: coarse.chain(fine).collect(),
@@ -134,7 +134,7 @@ mod tests {
     use super::*;
     use quadmuse_proto::Topology;
 
-    fn source() -> Packed {
+    fn source() -> PackedEncoding {
         let bump = |k: usize| {
             let (u, v) = ((k % 128) as f64 / 128.0 - 0.5, (k / 128) as f64 / 128.0 - 0.4);
             (0.2 + 5.0 * (-(u * u + v * v) * 60.0).exp()) as f32
@@ -142,7 +142,7 @@ mod tests {
         let facts = SegmentFacts { topology: Topology::Disc, k: 0.4, faces: 9, features: 1, bending: Some(3.5) };
         let finest = Picture { side: 128, values: (0..128 * 128).map(bump).collect() };
         let levels = vec![(64, finest.halved().values), (128, finest.values)];
-        Packed { facts, features: Vec::new(), levels }
+        PackedEncoding { facts, features: Vec::new(), levels }
     }
 
     #[test]

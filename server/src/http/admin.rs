@@ -1,7 +1,7 @@
 //! `/v1/admin`: how the service is in detail, a check of the corpus, a backup while it runs.
 
 use super::error::HttpError;
-use super::negotiate::Wants;
+use super::negotiate::ResponsePreferences;
 use crate::app::App;
 use crate::pool::taken;
 use axum::body::Body;
@@ -22,7 +22,7 @@ const PIECE_BYTES: usize = 256 << 10;
 
 /// How the service is.
 #[utoipa::path(get, path = "/v1/admin/status", tag = "admin", responses((status = 200, description = "The status", body = Status)))]
-pub async fn status(State(app): State<App>, wants: Wants) -> Result<Response, HttpError> {
+pub async fn status(State(app): State<App>, wants: ResponsePreferences) -> Result<Response, HttpError> {
     let (health, admission) = (app.work.corpus.health(), app.work.pool.admission());
     let memory = taken::of_process();
     let caller = |(user, used): (crate::pool::User, crate::pool::Used)| CallerUse {
@@ -43,7 +43,7 @@ pub async fn status(State(app): State<App>, wants: Wants) -> Result<Response, Ht
 
 /// Reads every byte of the corpus and reports what is damaged; changes nothing.
 #[utoipa::path(post, path = "/v1/admin/check", tag = "admin", responses((status = 200, description = "What was found", body = Check)))]
-pub async fn check(State(app): State<App>, wants: Wants) -> Result<Response, HttpError> {
+pub async fn check(State(app): State<App>, wants: ResponsePreferences) -> Result<Response, HttpError> {
     let found = app.work.blocking(|work| Ok(work.corpus.check()?)).await?;
     let (examples, segments, bytes, problems) = (found.examples, found.segments, found.bytes, found.problems);
     wants.answer(StatusCode::OK, None, &Check { examples, segments, bytes, problems })

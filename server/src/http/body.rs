@@ -6,7 +6,7 @@
 //! When an answer goes out before the body was read (it is too large, or not wanted), what the client still sends is
 //! read and dropped for a while, so that it sees the answer and not a broken pipe.
 
-use super::caller::Who;
+use super::caller::RequestCaller;
 use super::error::HttpError;
 use super::negotiate::{JSON, MSGPACK, Wire};
 use crate::app::App;
@@ -65,12 +65,12 @@ const DRAIN_TIME_MAX: Duration = Duration::from_secs(5);
 struct TooLong;
 
 /// A body that counts and fails beyond its limit; what of it is not read is drained.
-struct Metered {
+struct MeteredBody {
     inner: Option<Body>,
     left: u64,
 }
 
-impl http_body::Body for Metered {
+impl http_body::Body for MeteredBody {
     type Data = Bytes;
     type Error = axum::BoxError;
 
@@ -99,7 +99,7 @@ impl http_body::Body for Metered {
     }
 }
 
-impl Drop for Metered {
+impl Drop for MeteredBody {
     fn drop(&mut self) {
         if let (Some(inner), Ok(runtime)) = (self.inner.take(), tokio::runtime::Handle::try_current())
             && !inner.is_end_stream()
@@ -125,7 +125,7 @@ pub async fn limit(State(app): State<App>, request: Request, next: Next) -> Resp
     let limit = app.settings.upload_limit;
     let (parts, body) = request.into_parts();
     let length = body.size_hint().lower();
-    let body = Body::new(Metered { inner: Some(body), left: limit });
+    let body = Body::new(MeteredBody { inner: Some(body), left: limit });
     if length > limit {
         return HttpError::BodyTooLarge { limit }.into_response();
     }
@@ -133,14 +133,14 @@ pub async fn limit(State(app): State<App>, request: Request, next: Next) -> Resp
 }
 
 /// Bytes that grow, and are paid for before they do.
-struct Growing<'a> {
+struct GrowingBytes<'a> {
     bytes: Vec<u8>,
     share: &'a Admitted,
     work: &'a Work,
     limit: u64,
 }
 
-impl Growing<'_> {
+impl GrowingBytes<'_> {
     fn push(&mut self, more: &[u8]) -> Result<(), HttpError> {
         let length = self.bytes.len() + more.len();
         if length as u64 > self.limit {
@@ -160,14 +160,14 @@ impl Growing<'_> {
 }
 
 /// A body as it arrives, given up where it is too slow.
-pub struct Arriving {
+pub struct ArrivingBody {
     body: Body,
     limit: u64,
     begun: Instant,
     arrived: u64,
 }
 
-impl Arriving {
+impl ArrivingBody {
     /// A body that is limited to `limit` bytes on the wire.
     pub fn new(body: Body, limit: u64) -> Self {
         Self { body, limit, begun: Instant::now(), arrived: 0 }
@@ -194,8 +194,8 @@ impl Arriving {
 /// A whole body of at most `limit` bytes, as it came over the wire.
 async fn arrived(work: &Work, user: User, body: Body, limit: u64) -> Result<Bytes, HttpError> {
     let share = work.hold(user, 0)?;
-    let mut all = Growing { bytes: Vec::new(), share: &share, work, limit };
-    let mut arriving = Arriving::new(body, limit);
+    let mut all = GrowingBytes { bytes: Vec::new(), share: &share, work, limit };
+    let mut arriving = ArrivingBody::new(body, limit);
     while let Some(data) = arriving.next().await? {
         all.push(&data)?;
     }
@@ -249,7 +249,7 @@ fn unpacked(
         }
     };
     let share = work.hold(user, 0)?;
-    let mut all = Growing { bytes: Vec::new(), share: &share, work, limit };
+    let mut all = GrowingBytes { bytes: Vec::new(), share: &share, work, limit };
     let mut piece = vec![0; UNPACKED_AT_A_TIME];
     loop {
         if let Some(reason) = stop.reason() {
@@ -333,7 +333,7 @@ impl<T: DeserializeOwned> FromRequest<App> for Message<T> {
     async fn from_request(request: Request, app: &App) -> Result<Self, HttpError> {
         let (parts, body) = request.into_parts();
         let (wire, coding) = (wire_of(&parts.headers)?, coding_of(&parts.headers)?);
-        let Who(caller) = parts.extensions.get::<Who>().copied().unwrap_or_default();
+        let RequestCaller(caller) = parts.extensions.get::<RequestCaller>().copied().unwrap_or_default();
         let packed = arrived(&app.work, caller.user, body, MESSAGE_LIMIT).await?;
         // So short that it is unpacked here.
         let bytes = unpacked(&app.work, caller.user, coding, &packed, MESSAGE_LIMIT, &Stop::new(None))?;

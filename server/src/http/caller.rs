@@ -5,7 +5,7 @@ use super::forward::{self, AnsweredElsewhere, is_passed_on};
 use crate::app::App;
 use crate::audit::Line;
 use crate::auth::{Access, Role, TokenRecord};
-use crate::connections::Beyond;
+use crate::connections::ReserveReason;
 use crate::pool::User;
 use crate::work::{Caller, Scope, WorkError};
 use axum::RequestExt;
@@ -23,7 +23,7 @@ pub struct Peer(pub IpAddr);
 
 /// A request on a connection of the reserve, put into it by the accept loop.
 #[derive(Clone, Copy, Debug)]
-pub struct Reserved(pub Beyond);
+pub struct ReservedConnection(pub ReserveReason);
 
 /// What is answered in the reserve.
 fn is_for_operators(path: &str) -> bool {
@@ -37,9 +37,9 @@ const COST_REFUSED: f64 = 50.0;
 
 /// The caller of a request.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Who(pub Caller);
+pub struct RequestCaller(pub Caller);
 
-impl<S: Sync> FromRequestParts<S> for Who {
+impl<S: Sync> FromRequestParts<S> for RequestCaller {
     type Rejection = std::convert::Infallible;
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Self::Rejection> {
@@ -94,7 +94,7 @@ pub async fn authorize(State(app): State<App>, mut request: Request, next: Next)
     let mut response = match allowed {
         Ok(()) => {
             app.work.pool.admission().set_quota(caller.user, quota);
-            request.extensions_mut().insert(Who(caller));
+            request.extensions_mut().insert(RequestCaller(caller));
             next.run(request).await
         }
         Err(refused) => {
@@ -116,8 +116,8 @@ pub async fn authorize(State(app): State<App>, mut request: Request, next: Next)
 
 /// On a connection of the reserve only what operators need is answered.
 fn in_reserve(request: &Request) -> Result<(), HttpError> {
-    match request.extensions().get::<Reserved>() {
-        Some(Reserved(beyond)) if !is_for_operators(request.uri().path()) => {
+    match request.extensions().get::<ReservedConnection>() {
+        Some(ReservedConnection(beyond)) if !is_for_operators(request.uri().path()) => {
             Err(HttpError::TooManyConnections { beyond: *beyond })
         }
         _ => Ok(()),
@@ -191,7 +191,7 @@ pub async fn own(State(app): State<App>, mut request: Request, next: Next) -> Re
         let params = request.extract_parts::<RawPathParams>().await;
         let id =
             params.ok().and_then(|params| params.iter().find(|(name, _)| *name == "id")?.1.parse::<QueryId>().ok());
-        let Who(caller) = request.extensions().get::<Who>().copied().unwrap_or_default();
+        let RequestCaller(caller) = request.extensions().get::<RequestCaller>().copied().unwrap_or_default();
         if let Some(id) = id
             && app.work.queries.owner(id).is_some_and(|owner| !caller.sees(owner))
         {

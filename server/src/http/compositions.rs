@@ -5,7 +5,7 @@ use super::error::HttpError;
 use super::files::{picture_answer, result_answer};
 use super::idempotency::Key;
 use super::making;
-use super::negotiate::{Wants, if_none_match};
+use super::negotiate::{ResponsePreferences, if_none_match};
 use super::params::{Params, PathIds};
 use crate::app::App;
 use crate::work::composing::LiveComposition;
@@ -35,7 +35,7 @@ use std::sync::Arc;
 )]
 pub async fn create(
     State(app): State<App>,
-    wants: Wants,
+    wants: ResponsePreferences,
     key: Key,
     PathIds((id,)): PathIds<(QueryId,)>,
     params: Params,
@@ -62,7 +62,7 @@ pub async fn create(
 )]
 pub async fn list(
     State(app): State<App>,
-    wants: Wants,
+    wants: ResponsePreferences,
     PathIds((id,)): PathIds<(QueryId,)>,
 ) -> Result<Response, HttpError> {
     let live = app.work.queries.get(id)?;
@@ -81,7 +81,7 @@ pub async fn list(
 )]
 pub async fn get(
     State(app): State<App>,
-    wants: Wants,
+    wants: ResponsePreferences,
     PathIds((id, composition)): PathIds<(QueryId, CompositionId)>,
     params: Params,
 ) -> Result<Response, HttpError> {

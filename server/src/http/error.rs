@@ -4,7 +4,7 @@
 //! before it compiles.
 
 use crate::auth::AuthError;
-use crate::connections::Beyond;
+use crate::connections::ReserveReason;
 use crate::pool::{PoolError, StopReason};
 use crate::work::WorkError;
 use crate::work::corpus::CorpusError;
@@ -150,7 +150,7 @@ pub enum HttpError {
     #[error("expected fewer connections {}, found as many as there may be; close some, or try again shortly", words_of_beyond(*beyond))]
     TooManyConnections {
         /// Which of the limits was met.
-        beyond: Beyond,
+        beyond: ReserveReason,
     },
     /// Another version of the protocol of uploads, or none.
     #[error("expected `tus-resumable` 1.0.0, found {found}; see OPTIONS /v1/uploads")]
@@ -212,10 +212,10 @@ fn meant(nearest: Option<&str>) -> String {
     nearest.map_or_else(String::new, |name| format!("; did you mean `{name}`?"))
 }
 
-fn words_of_beyond(beyond: Beyond) -> &'static str {
+fn words_of_beyond(beyond: ReserveReason) -> &'static str {
     match beyond {
-        Beyond::All => "in all",
-        Beyond::Address => "of this address",
+        ReserveReason::All => "in all",
+        ReserveReason::Address => "of this address",
     }
 }
 
@@ -240,10 +240,12 @@ fn judge(error: &HttpError) -> (StatusCode, Code) {
         }
         HttpError::HostUnknown { .. } => (StatusCode::MISDIRECTED_REQUEST, Code::Forbidden),
         HttpError::Tokens(error) => judge_tokens(error),
-        HttpError::TooOften { .. } | HttpError::TooManyConnections { beyond: Beyond::Address } => {
+        HttpError::TooOften { .. } | HttpError::TooManyConnections { beyond: ReserveReason::Address } => {
             (StatusCode::TOO_MANY_REQUESTS, Code::Overloaded)
         }
-        HttpError::TooManyConnections { beyond: Beyond::All } => (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded),
+        HttpError::TooManyConnections { beyond: ReserveReason::All } => {
+            (StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded)
+        }
         HttpError::TusVersion { .. } => (StatusCode::PRECONDITION_FAILED, Code::ParameterInvalid),
         HttpError::OwnerGone { .. } => (StatusCode::SERVICE_UNAVAILABLE, Code::OwnerGone),
         HttpError::OwnerBroke => (StatusCode::SERVICE_UNAVAILABLE, Code::Unavailable),

@@ -1,15 +1,15 @@
 //! `/v1/examples`: the meshes of the corpus.
 
 use super::body::Message;
-use super::caller::Who;
+use super::caller::RequestCaller;
 use super::error::HttpError;
 use super::files::{mesh_answer, picture_answer, wanted_format};
 use super::idempotency::{Key, Turn};
-use super::negotiate::{Wants, if_none_match};
+use super::negotiate::{ResponsePreferences, if_none_match};
 use super::params::{Params, PathIds};
 use super::upload::MeshUpload;
 use crate::app::App;
-use crate::work::corpus::Put;
+use crate::work::corpus::PutOutcome;
 use crate::work::engine::Cut;
 use crate::work::ingest::{Faces, Upload};
 use crate::work::{ingest, pictures};
@@ -38,8 +38,8 @@ use std::sync::Arc;
 )]
 pub async fn add(
     State(app): State<App>,
-    Who(caller): Who,
-    wants: Wants,
+    RequestCaller(caller): RequestCaller,
+    wants: ResponsePreferences,
     key: Key,
     params: Params,
     mesh: MeshUpload,
@@ -67,13 +67,13 @@ pub async fn add(
     let (example, put) = ingest::add(&app.work, caller, upload, annotation).await?;
     claim.made(&example.id);
     let status = match put {
-        Put::Added => StatusCode::CREATED,
-        Put::There => StatusCode::OK,
+        PutOutcome::Added => StatusCode::CREATED,
+        PutOutcome::There => StatusCode::OK,
     };
     answer(&wants, status, &example)
 }
 
-fn answer(wants: &Wants, status: StatusCode, example: &Example) -> Result<Response, HttpError> {
+fn answer(wants: &ResponsePreferences, status: StatusCode, example: &Example) -> Result<Response, HttpError> {
     wants.answer(status, Some(format!("/v1/examples/{}", example.id)), example)
 }
 
@@ -88,7 +88,7 @@ fn answer(wants: &Wants, status: StatusCode, example: &Example) -> Result<Respon
     ),
     responses((status = 200, description = "A page", body = Page<Example>))
 )]
-pub async fn list(State(app): State<App>, wants: Wants, params: Params) -> Result<Response, HttpError> {
+pub async fn list(State(app): State<App>, wants: ResponsePreferences, params: Params) -> Result<Response, HttpError> {
     let (limit, tags) = (params.page_limit()?, params.all("tag"));
     let topology: Option<Topology> = params.get("topology", "disc, annulus, sphere or torus")?;
     let after: Option<ExampleId> = params.get("cursor", "as `next` gave it")?;
@@ -113,7 +113,7 @@ pub async fn list(State(app): State<App>, wants: Wants, params: Params) -> Resul
 )]
 pub async fn get(
     State(app): State<App>,
-    wants: Wants,
+    wants: ResponsePreferences,
     PathIds((id,)): PathIds<(ExampleId,)>,
 ) -> Result<Response, HttpError> {
     wants.show(&*app.work.catalogue.example(id)?)
@@ -128,8 +128,8 @@ pub async fn get(
 )]
 pub async fn annotate(
     State(app): State<App>,
-    Who(caller): Who,
-    wants: Wants,
+    RequestCaller(caller): RequestCaller,
+    wants: ResponsePreferences,
     PathIds((id,)): PathIds<(ExampleId,)>,
     patch: Message<ExamplePatch>,
 ) -> Result<Response, HttpError> {
@@ -159,7 +159,7 @@ pub async fn remove(State(app): State<App>, PathIds((id,)): PathIds<(ExampleId,)
 )]
 pub async fn mesh(
     State(app): State<App>,
-    Who(caller): Who,
+    RequestCaller(caller): RequestCaller,
     PathIds((id,)): PathIds<(ExampleId,)>,
     params: Params,
     headers: HeaderMap,
@@ -189,7 +189,7 @@ pub async fn mesh(
 )]
 pub async fn thumbnail(
     State(app): State<App>,
-    Who(caller): Who,
+    RequestCaller(caller): RequestCaller,
     PathIds((id,)): PathIds<(ExampleId,)>,
     params: Params,
     headers: HeaderMap,
@@ -215,7 +215,7 @@ pub async fn thumbnail(
 )]
 pub async fn encoding(
     State(app): State<App>,
-    Who(caller): Who,
+    RequestCaller(caller): RequestCaller,
     PathIds((id, segment)): PathIds<(ExampleId, u32)>,
     params: Params,
     headers: HeaderMap,

@@ -12,7 +12,7 @@ use super::caller::{Peer, is_read};
 use super::error::{HttpError, REQUEST_ID};
 use super::watchful::X_REQUEST_ID;
 use crate::app::App;
-use crate::peers::{Kept, Passed, Peers, Whereabouts};
+use crate::peers::{ForwardedRequest, Peers, StorageMedium, Whereabouts};
 use axum::RequestExt;
 use axum::body::Body;
 use axum::extract::{FromRequestParts, MatchedPath, RawPathParams, Request, State};
@@ -64,7 +64,7 @@ const NOT_PASSED_ON: [&str; 14] = [
 
 /// A request that another server of the cluster passed on, put into it once its seal was checked.
 #[derive(Clone, Copy, Debug)]
-pub struct FromPeer(pub Passed);
+pub struct FromPeer(pub ForwardedRequest);
 
 /// An answer that another server gave; it has written down what there was to write.
 #[derive(Clone, Copy, Debug)]
@@ -91,18 +91,18 @@ fn target(uri: &axum::http::Uri) -> &str {
     uri.path_and_query().map_or("/", |target| target.as_str())
 }
 
-/// What a request is for, where that lives on one server.
+/// The query or upload that a request is for, which lives on one server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Wanted {
+enum ForwardTarget {
     Query(QueryId),
     Upload(UploadId),
 }
 
-impl Wanted {
-    fn server(self) -> Option<(ServerNumber, Kept)> {
+impl ForwardTarget {
+    fn server(self) -> Option<(ServerNumber, StorageMedium)> {
         match self {
-            Self::Query(id) => id.server().map(|server| (server, Kept::InMemory)),
-            Self::Upload(id) => id.server().map(|server| (server, Kept::OnDisk)),
+            Self::Query(id) => id.server().map(|server| (server, StorageMedium::InMemory)),
+            Self::Upload(id) => id.server().map(|server| (server, StorageMedium::OnDisk)),
         }
     }
 
@@ -120,17 +120,17 @@ fn way_out_of(id: QueryId) -> String {
     format!("start it again by `POST /v1/queries/{id}/restart`")
 }
 
-async fn wanted(request: &mut Request) -> Option<Wanted> {
+async fn wanted(request: &mut Request) -> Option<ForwardTarget> {
     let path = request.extensions().get::<MatchedPath>()?.as_str().to_owned();
     match path.as_str() {
         // Any server can start a query again.
         "/v1/queries/{id}/restart" => None,
-        _ if path.starts_with("/v1/queries/{id}") => id_in(request).await.map(Wanted::Query),
-        _ if path.starts_with("/v1/uploads/{id}") => id_in(request).await.map(Wanted::Upload),
+        _ if path.starts_with("/v1/queries/{id}") => id_in(request).await.map(ForwardTarget::Query),
+        _ if path.starts_with("/v1/uploads/{id}") => id_in(request).await.map(ForwardTarget::Upload),
         "/v1/queries" | "/v1/examples" if request.method() == Method::POST => {
             let query = request.uri().query()?;
             let (_, upload) = form_urlencoded::parse(query.as_bytes()).find(|(name, _)| name == "upload")?;
-            upload.parse().ok().map(Wanted::Upload)
+            upload.parse().ok().map(ForwardTarget::Upload)
         }
         _ => None,
     }
@@ -258,11 +258,11 @@ fn passed_head(peers: &Peers, to: ServerNumber, peer: Option<IpAddr>, head: &Par
 }
 
 /// The other servers, to be asked the same as this one was; nobody where the request came from one of them.
-pub struct Others {
+pub struct OtherServers {
     head: Parts,
 }
 
-impl<S: Sync> FromRequestParts<S> for Others {
+impl<S: Sync> FromRequestParts<S> for OtherServers {
     type Rejection = std::convert::Infallible;
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Self::Rejection> {
@@ -270,7 +270,7 @@ impl<S: Sync> FromRequestParts<S> for Others {
     }
 }
 
-impl Others {
+impl OtherServers {
     /// What the others answer to the same request. Who does not answer soon is left out: what lived there is likely gone.
     pub async fn answers<T: DeserializeOwned>(&self, app: &App) -> Vec<T> {
         let is_passed = self.head.extensions.get::<FromPeer>().is_some();

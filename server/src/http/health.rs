@@ -1,7 +1,7 @@
 //! Whether the service is alive and ready, and its metrics.
 
 use super::error::HttpError;
-use super::negotiate::Wants;
+use super::negotiate::ResponsePreferences;
 use crate::app::App;
 use crate::pool::{Used, taken};
 use axum::extract::State;
@@ -17,7 +17,7 @@ const UNSURE_MAX_MS: u64 = 10_000;
 
 /// The process runs.
 #[utoipa::path(get, path = "/healthz", tag = "health", responses((status = 200, description = "Alive", body = Health)))]
-pub async fn alive(wants: Wants) -> Result<Response, HttpError> {
+pub async fn alive(wants: ResponsePreferences) -> Result<Response, HttpError> {
     wants.answer(StatusCode::OK, None, &Health { status: "ok".into(), version: env!("CARGO_PKG_VERSION").into() })
 }
 
@@ -26,7 +26,7 @@ pub async fn alive(wants: Wants) -> Result<Response, HttpError> {
     get, path = "/readyz", tag = "health",
     responses((status = 200, description = "Ready", body = Readiness), (status = 503, description = "Not ready", body = Readiness))
 )]
-pub async fn ready(State(app): State<App>, wants: Wants) -> Result<Response, HttpError> {
+pub async fn ready(State(app): State<App>, wants: ResponsePreferences) -> Result<Response, HttpError> {
     let (snapshot, health) = (app.work.catalogue.snapshot(), app.work.corpus.health());
     // A server that doesn't know what others changed doesn't answer for the corpus.
     let is_sure = app.work.corpus.following().unsure_ms < UNSURE_MAX_MS;

@@ -2,7 +2,7 @@
 //!
 //! A key is remembered with the hash of its request and the id of what was made; a second request waits for the first.
 
-use super::caller::Who;
+use super::caller::RequestCaller;
 use super::error::HttpError;
 use axum::extract::FromRequestParts;
 use axum::http::request::Parts;
@@ -16,14 +16,14 @@ const KEYS_MAX: usize = 4096;
 /// Longest key, in bytes.
 const KEY_LENGTH_MAX: usize = 255;
 
-/// What a key stands for once its request has been answered.
+/// The resource that a key stands for once its request has been answered.
 #[derive(Clone, Debug)]
-struct Made {
+struct MadeResource {
     fingerprint: blake3::Hash,
     id: String,
 }
 
-type Slot = Arc<tokio::sync::Mutex<Option<Made>>>;
+type Slot = Arc<tokio::sync::Mutex<Option<MadeResource>>>;
 
 /// The keys seen.
 #[derive(Default)]
@@ -49,7 +49,7 @@ impl<S: Sync> FromRequestParts<S> for Key {
         match text {
             // The same key on another address, or of another caller, is another key.
             Some(text) => {
-                let Who(caller) = parts.extensions.get::<Who>().copied().unwrap_or_default();
+                let RequestCaller(caller) = parts.extensions.get::<RequestCaller>().copied().unwrap_or_default();
                 Ok(Self(Some(format!("{}:{} {}", caller.user.0, parts.uri.path(), text))))
             }
             None => Err(HttpError::parameter("idempotency-key", expected, String::from_utf8_lossy(value.as_bytes()))),
@@ -68,14 +68,14 @@ pub enum Turn {
 /// The right to make something, held until it is made or given up.
 pub struct Claim {
     fingerprint: blake3::Hash,
-    slot: Option<OwnedMutexGuard<Option<Made>>>,
+    slot: Option<OwnedMutexGuard<Option<MadeResource>>>,
 }
 
 impl Claim {
     /// Remembers what was made.
     pub fn made(self, id: &impl ToString) {
         if let Some(mut slot) = self.slot {
-            *slot = Some(Made { fingerprint: self.fingerprint, id: id.to_string() });
+            *slot = Some(MadeResource { fingerprint: self.fingerprint, id: id.to_string() });
         }
     }
 }

@@ -15,9 +15,9 @@ const CHECKED: &str = "/v1/";
 
 /// The query parameters of each operation, by its method (in small letters) and its path.
 #[derive(Clone, Debug, Default)]
-pub struct Known(Arc<BTreeMap<(String, String), Vec<String>>>);
+pub struct KnownParameters(Arc<BTreeMap<(String, String), Vec<String>>>);
 
-impl Known {
+impl KnownParameters {
     /// Of the contract as JSON.
     pub fn of(contract: &Value) -> Self {
         let mut known = BTreeMap::new();
@@ -51,7 +51,7 @@ impl Known {
 ///
 /// # Errors
 /// [`HttpError::ParameterUnknown`].
-pub async fn check(State(known): State<Known>, request: Request, next: Next) -> Result<Response, HttpError> {
+pub async fn check(State(known): State<KnownParameters>, request: Request, next: Next) -> Result<Response, HttpError> {
     if let (Some(path), Some(query)) = (request.extensions().get::<MatchedPath>(), request.uri().query()) {
         known.check(request.method().as_str(), path.as_str(), query)?;
     }

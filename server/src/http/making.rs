@@ -5,12 +5,12 @@
 
 use super::error::{HttpError, problem_of};
 use super::idempotency::{Key, Turn};
-use super::negotiate::{Wants, choose};
+use super::negotiate::{ResponsePreferences, choose};
 use super::params::Params;
 use super::stream::{Frames, HEARTBEAT, OFFERED, answer};
 use crate::app::App;
 use crate::work::WorkError;
-use crate::work::making::{Awaited, Making, Stand};
+use crate::work::making::{CancelOnDrop, Making, MakingStatus};
 use crate::work::query::LiveQuery;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
@@ -80,7 +80,7 @@ pub async fn begun<I: FromStr + Display>(
 /// # Errors
 /// That it is neither there nor made.
 pub fn created<T: Serialize>(
-    wants: &Wants,
+    wants: &ResponsePreferences,
     live: &LiveQuery,
     (product, id): (Product, impl Display),
     there: Result<T, WorkError>,
@@ -97,7 +97,7 @@ pub fn created<T: Serialize>(
 /// # Errors
 /// That it is neither there nor made.
 pub fn shown<T: Serialize>(
-    wants: &Wants,
+    wants: &ResponsePreferences,
     live: &LiveQuery,
     (product, id): (Product, impl Display),
     there: Result<T, WorkError>,
@@ -111,7 +111,7 @@ pub fn shown<T: Serialize>(
 /// Waits for what was just begun. Who hangs up meanwhile was told nothing of it, so it is cancelled.
 /// Fails with why it failed, or that somebody cancelled it, if that is known by then.
 async fn awaited(live: &LiveQuery, making: &Arc<Making>, wait: Duration) -> Result<(), HttpError> {
-    let unannounced = Awaited::new(making);
+    let unannounced = CancelOnDrop::new(making);
     let stand = making.within(wait).await;
     unannounced.announced();
     if wait.is_zero() {
@@ -148,7 +148,7 @@ pub fn described(query: QueryId, making: &Making) -> proto::Making {
     to_wire(query, making, making.stand())
 }
 
-fn to_wire(query: QueryId, making: &Making, stand: Stand) -> proto::Making {
+fn to_wire(query: QueryId, making: &Making, stand: MakingStatus) -> proto::Making {
     proto::Making {
         id: making.id.clone(),
         product: making.product,
@@ -200,7 +200,7 @@ fn ended(headers: &HeaderMap, query: QueryId, product: Product, id: String) -> R
 struct Reader {
     query: QueryId,
     making: Arc<Making>,
-    watch: watch::Receiver<Stand>,
+    watch: watch::Receiver<MakingStatus>,
     stopping: CancellationToken,
     begun: bool,
     ended: bool,

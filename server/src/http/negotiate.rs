@@ -133,15 +133,15 @@ pub fn choose<T: Copy>(headers: &HeaderMap, offers: &[(&str, T)]) -> Result<T, H
     best.map(|(_, offer)| offer).ok_or_else(|| HttpError::NotAcceptable { offered: offered(), found: accept.clone() })
 }
 
-/// What the caller takes: the wire, and what it has already.
+/// The answer that the caller prefers: how it is written, and what the caller has already.
 #[derive(Clone, Debug)]
-pub struct Wants {
+pub struct ResponsePreferences {
     wire: Wire,
     if_none_match: Option<String>,
     coding: Coding,
 }
 
-impl<S: Sync> FromRequestParts<S> for Wants {
+impl<S: Sync> FromRequestParts<S> for ResponsePreferences {
     type Rejection = HttpError;
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, HttpError> {
@@ -150,7 +150,7 @@ impl<S: Sync> FromRequestParts<S> for Wants {
     }
 }
 
-impl Wants {
+impl ResponsePreferences {
     /// A representation with its `ETag`, packed where it is long and the caller takes that, or 304 if the caller has it.
     ///
     /// # Errors

@@ -1,13 +1,13 @@
 //! `/v1/queries`: input meshes while they are ranked, and after.
 
 use super::body::Message;
-use super::caller::Who;
+use super::caller::RequestCaller;
 use super::error::{HttpError, problem_of};
 use super::files::{mesh_answer, wanted_format};
-use super::forward::Others;
+use super::forward::OtherServers;
 use super::idempotency::{Key, Turn};
 use super::making;
-use super::negotiate::{Wants, if_none_match};
+use super::negotiate::{ResponsePreferences, if_none_match};
 use super::params::{Params, PathIds};
 use super::upload::MeshUpload;
 use crate::app::App;
@@ -42,8 +42,8 @@ use std::time::Duration;
 )]
 pub async fn start(
     State(app): State<App>,
-    Who(caller): Who,
-    wants: Wants,
+    RequestCaller(caller): RequestCaller,
+    wants: ResponsePreferences,
     key: Key,
     params: Params,
     mesh: MeshUpload,
@@ -81,8 +81,8 @@ pub async fn start(
 )]
 pub async fn restart(
     State(app): State<App>,
-    Who(caller): Who,
-    wants: Wants,
+    RequestCaller(caller): RequestCaller,
+    wants: ResponsePreferences,
     key: Key,
     PathIds((id,)): PathIds<(QueryId,)>,
 ) -> Result<Response, HttpError> {
@@ -105,7 +105,7 @@ pub async fn restart(
     accepted(&wants, &live)
 }
 
-fn accepted(wants: &Wants, live: &LiveQuery) -> Result<Response, HttpError> {
+fn accepted(wants: &ResponsePreferences, live: &LiveQuery) -> Result<Response, HttpError> {
     wants.answer(StatusCode::ACCEPTED, Some(format!("/v1/queries/{}", live.id)), &described(live))
 }
 
@@ -128,10 +128,10 @@ pub fn described(live: &LiveQuery) -> Query {
 )]
 pub async fn list(
     State(app): State<App>,
-    Who(caller): Who,
-    wants: Wants,
+    RequestCaller(caller): RequestCaller,
+    wants: ResponsePreferences,
     params: Params,
-    others: Others,
+    others: OtherServers,
 ) -> Result<Response, HttpError> {
     let limit = params.page_limit()?;
     let after: Option<QueryId> = params.get("cursor", "as `next` gave it")?;
@@ -158,7 +158,7 @@ pub async fn list(
 )]
 pub async fn get(
     State(app): State<App>,
-    wants: Wants,
+    wants: ResponsePreferences,
     PathIds((id,)): PathIds<(QueryId,)>,
 ) -> Result<Response, HttpError> {
     wants.show(&described(&*app.work.queries.get(id)?))
@@ -173,7 +173,7 @@ pub async fn get(
 )]
 pub async fn annotate(
     State(app): State<App>,
-    wants: Wants,
+    wants: ResponsePreferences,
     PathIds((id,)): PathIds<(QueryId,)>,
     patch: Message<QueryPatch>,
 ) -> Result<Response, HttpError> {
@@ -203,7 +203,7 @@ pub async fn cancel(State(app): State<App>, PathIds((id,)): PathIds<(QueryId,)>)
 )]
 pub async fn mesh(
     State(app): State<App>,
-    Who(caller): Who,
+    RequestCaller(caller): RequestCaller,
     PathIds((id,)): PathIds<(QueryId,)>,
     params: Params,
     headers: HeaderMap,

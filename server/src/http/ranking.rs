@@ -1,7 +1,7 @@
 //! `/v1/queries/{id}/ranking`: the ranking now, or as soon as there is a newer one.
 
 use super::error::HttpError;
-use super::negotiate::Wants;
+use super::negotiate::ResponsePreferences;
 use super::params::{Params, PathIds};
 use crate::app::App;
 use axum::extract::State;
@@ -26,7 +26,7 @@ use std::time::Duration;
 )]
 pub async fn get(
     State(app): State<App>,
-    wants: Wants,
+    wants: ResponsePreferences,
     PathIds((id,)): PathIds<(QueryId,)>,
     params: Params,
 ) -> Result<Response, HttpError> {

@@ -4,7 +4,7 @@ use super::body::Message;
 use super::error::HttpError;
 use super::idempotency::Key;
 use super::making;
-use super::negotiate::Wants;
+use super::negotiate::ResponsePreferences;
 use super::params::{Params, PathIds};
 use crate::app::App;
 use crate::work::retopo;
@@ -29,7 +29,7 @@ use quadmuse_proto::{Making, MakingEvent, NewRetopo, Page, Product, QueryId, Ret
 )]
 pub async fn create(
     State(app): State<App>,
-    wants: Wants,
+    wants: ResponsePreferences,
     key: Key,
     PathIds((id,)): PathIds<(QueryId,)>,
     params: Params,
@@ -51,7 +51,7 @@ pub async fn create(
 )]
 pub async fn list(
     State(app): State<App>,
-    wants: Wants,
+    wants: ResponsePreferences,
     PathIds((id,)): PathIds<(QueryId,)>,
 ) -> Result<Response, HttpError> {
     let live = app.work.queries.get(id)?;
@@ -70,7 +70,7 @@ pub async fn list(
 )]
 pub async fn get(
     State(app): State<App>,
-    wants: Wants,
+    wants: ResponsePreferences,
     PathIds((id, retopo)): PathIds<(QueryId, RetopoId)>,
     params: Params,
 ) -> Result<Response, HttpError> {

@@ -2,7 +2,7 @@
 
 use super::error::HttpError;
 use super::files::{mesh_answer, wanted_format};
-use super::negotiate::{Wants, if_none_match};
+use super::negotiate::{ResponsePreferences, if_none_match};
 use super::params::{Params, PathIds};
 use crate::demo::samples::{self, SampleFile};
 use axum::http::HeaderMap;
@@ -11,7 +11,7 @@ use quadmuse_proto::{MeshFormat, Page, Sample};
 
 /// Lists the samples: examples to add to a corpus, and scans to try it with.
 #[utoipa::path(get, path = "/v1/samples", tag = "samples", responses((status = 200, description = "All of them", body = Page<Sample>)))]
-pub async fn list(wants: Wants) -> Result<Response, HttpError> {
+pub async fn list(wants: ResponsePreferences) -> Result<Response, HttpError> {
     let describe = |(number, file): (u32, &SampleFile)| Sample {
         number,
         kind: file.kind,

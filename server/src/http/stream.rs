@@ -130,8 +130,8 @@ where
     response
 }
 
-/// What a reader is given next.
-enum Next {
+/// An item that a reader is given.
+enum StreamItem {
     Event(Box<Event>),
     Heartbeat,
 }
@@ -155,17 +155,17 @@ impl Reader {
     }
 
     /// The next event; `None` after the last.
-    async fn next(&mut self) -> Option<Next> {
+    async fn next(&mut self) -> Option<StreamItem> {
         if self.ended {
             return None;
         }
         if !std::mem::replace(&mut self.begun, true) {
-            return Some(Next::Event(Box::new(Event::Begin(self.live.begin()))));
+            return Some(StreamItem::Event(Box::new(Event::Begin(self.live.begin()))));
         }
         loop {
             if let Some(event) = self.unseen() {
                 self.ended = event.is_last();
-                return Some(Next::Event(Box::new(event)));
+                return Some(StreamItem::Event(Box::new(event)));
             }
             tokio::select! {
                 biased;
@@ -173,9 +173,9 @@ impl Reader {
                 () = self.stopping.cancelled() => {
                     self.ended = true;
                     let (query, problem) = (self.live.id, problem_of(&HttpError::Stopping));
-                    return Some(Next::Event(Box::new(Event::Error(StreamError { query, problem }))));
+                    return Some(StreamItem::Event(Box::new(Event::Error(StreamError { query, problem }))));
                 }
-                () = tokio::time::sleep(HEARTBEAT) => return Some(Next::Heartbeat),
+                () = tokio::time::sleep(HEARTBEAT) => return Some(StreamItem::Heartbeat),
             }
         }
     }
@@ -196,8 +196,8 @@ impl Reader {
 fn frames_of(reader: Reader, frames: Frames) -> impl Stream<Item = Result<Bytes, Infallible>> {
     unfold(reader, move |mut reader| async move {
         let bytes = match reader.next().await? {
-            Next::Heartbeat => Bytes::from_static(frames.heartbeat()),
-            Next::Event(event) => match frames.event(event.name(), event.revision(), &*event) {
+            StreamItem::Heartbeat => Bytes::from_static(frames.heartbeat()),
+            StreamItem::Event(event) => match frames.event(event.name(), event.revision(), &*event) {
                 Ok(bytes) => bytes.into(),
                 Err(error) => {
                     tracing::error!(%error, "an event could not be written");

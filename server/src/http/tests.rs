@@ -17,14 +17,14 @@ mod surface;
 mod uploads;
 
 use super::router;
-use crate::app::{App, Settings, Together};
+use crate::app::{App, ClusterHandles, Settings};
 use crate::audit::Audit;
 use crate::auth::Tokens;
 use crate::pool::{Admission, Pool, User};
 use crate::work::corpus::memory::MemoryCorpus;
 use crate::work::engine::Cut;
 use crate::work::engine::fake::FakeEngine;
-use crate::work::kept::{Files, Kept, What};
+use crate::work::kept::{Files, KeptKind, KeptQueries};
 use crate::work::query::{LiveQuery, QueryOptions};
 use crate::work::uploads::Uploads;
 use crate::work::{Caller, Work};
@@ -94,11 +94,11 @@ impl Bench {
 
     fn with(admission: Admission) -> Self {
         let dir = tempfile::tempdir().expect("a directory");
-        let kept = Kept::on(Arc::new(Files::beside(dir.path())));
-        Self::one_of(admission, dir, Together { kept, peers: None, signs: Arc::default() })
+        let kept = KeptQueries::on(Arc::new(Files::beside(dir.path())));
+        Self::one_of(admission, dir, ClusterHandles { kept, peers: None, signs: Arc::default() })
     }
 
-    fn one_of(admission: Admission, dir: tempfile::TempDir, together: Together) -> Self {
+    fn one_of(admission: Admission, dir: tempfile::TempDir, together: ClusterHandles) -> Self {
         Self::holding(None, Arc::default(), admission, dir, together)
     }
 
@@ -108,7 +108,7 @@ impl Bench {
         corpus: Arc<MemoryCorpus>,
         admission: Admission,
         dir: tempfile::TempDir,
-        together: Together,
+        together: ClusterHandles,
     ) -> Self {
         let pool = Pool::new(2, admission).expect("threads");
         let server = together.peers.as_ref().map(|peers| peers.own());

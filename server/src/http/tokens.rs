@@ -2,7 +2,7 @@
 
 use super::body::Message;
 use super::error::HttpError;
-use super::negotiate::Wants;
+use super::negotiate::ResponsePreferences;
 use super::params::PathIds;
 use crate::app::App;
 use crate::auth::{AuthError, Tokens};
@@ -28,7 +28,7 @@ async fn blocking<T: Send + 'static>(
     get, path = "/v1/tokens", tag = "admin",
     responses((status = 200, description = "All tokens", body = Page<Token>))
 )]
-pub async fn list(State(app): State<App>, wants: Wants) -> Result<Response, HttpError> {
+pub async fn list(State(app): State<App>, wants: ResponsePreferences) -> Result<Response, HttpError> {
     let items = blocking(&app, Tokens::list).await?.iter().map(crate::auth::TokenRecord::to_wire).collect();
     wants.show(&Page::<Token> { items, next: None })
 }
@@ -38,7 +38,11 @@ pub async fn list(State(app): State<App>, wants: Wants) -> Result<Response, Http
     post, path = "/v1/tokens", tag = "admin", request_body = NewToken,
     responses((status = 201, description = "Created", body = CreatedToken))
 )]
-pub async fn create(State(app): State<App>, wants: Wants, new: Message<NewToken>) -> Result<Response, HttpError> {
+pub async fn create(
+    State(app): State<App>,
+    wants: ResponsePreferences,
+    new: Message<NewToken>,
+) -> Result<Response, HttpError> {
     let (secret, record) = blocking(&app, move |tokens| tokens.create(&new.value)).await?;
     let location = format!("/v1/tokens/{}", record.id);
     wants.answer(StatusCode::CREATED, Some(location), &CreatedToken { secret, token: record.to_wire() })
@@ -52,7 +56,7 @@ pub async fn create(State(app): State<App>, wants: Wants, new: Message<NewToken>
 )]
 pub async fn annotate(
     State(app): State<App>,
-    wants: Wants,
+    wants: ResponsePreferences,
     PathIds((id,)): PathIds<(TokenId,)>,
     patch: Message<TokenPatch>,
 ) -> Result<Response, HttpError> {

@@ -1,7 +1,7 @@
 //! A mesh in the body, or in an upload that takes its place: raw bytes, or `multipart/form-data` with the parts `mesh` and `segments`.
 
 use super::body::{Source, computed};
-use super::caller::Who;
+use super::caller::RequestCaller;
 use super::error::HttpError;
 use super::params::Params;
 use crate::app::App;
@@ -53,15 +53,20 @@ impl FromRequest<App> for MeshUpload {
         let way = params.get::<Segmentation>("segments", "auto, whole or groups")?.unwrap_or_default();
         let components = params.get::<Components>("components", "largest or refuse")?.unwrap_or_default();
         let count = params.get::<segment::Parts>("parts", "auto, waist, none, or a number from 1 to 64")?;
-        let Who(caller) = head.extensions.get::<Who>().copied().unwrap_or_default();
+        let RequestCaller(caller) = head.extensions.get::<RequestCaller>().copied().unwrap_or_default();
         let media_type = head.headers.get(header::CONTENT_TYPE).map(|value| value.to_str().unwrap_or("not a text"));
         let is_form = media_type.is_some_and(|kind| essence(kind).eq_ignore_ascii_case("multipart/form-data"));
         let named = match media_type.filter(|_| asked.is_none() && !is_form) {
             Some(kind) => format_of_media_type(kind)?,
             None => asked,
         };
-        let asked_for =
-            Asked { format: named, way, components, count, query: head.uri.query().unwrap_or_default().into() };
+        let asked_for = UploadParameters {
+            format: named,
+            way,
+            components,
+            count,
+            query: head.uri.query().unwrap_or_default().into(),
+        };
         let (headers, runtime) = (head.headers.clone(), tokio::runtime::Handle::current());
         let (this, kind) = (app.clone(), head.headers.get(header::CONTENT_TYPE).cloned());
         let read = move |bytes: Bytes, _: &Stop| {
@@ -81,8 +86,8 @@ impl FromRequest<App> for MeshUpload {
     }
 }
 
-/// What the request says beside its body.
-struct Asked {
+/// The parameters of an upload: what the request says beside its body.
+struct UploadParameters {
     format: Option<MeshFormat>,
     way: Segmentation,
     components: Components,
@@ -90,7 +95,7 @@ struct Asked {
     query: String,
 }
 
-impl Asked {
+impl UploadParameters {
     fn upload(self, parts: Parts) -> Result<MeshUpload, HttpError> {
         let none = || HttpError::BodyInvalid("expected a part `mesh`, found none".into());
         let bytes = parts.mesh.ok_or_else(none)?;

@@ -3,12 +3,12 @@
 //! *Source:* tus 1.0.0, <https://tus.io/protocols/resumable-upload>: the core and its extensions creation, expiration, termination.
 //! *Ours:* a resource that takes a mesh takes `?upload=ID` in place of a body; `X-HTTP-Method-Override` is not read.
 
-use super::body::{Arriving, is_packed};
-use super::caller::Who;
+use super::body::{ArrivingBody, is_packed};
+use super::caller::RequestCaller;
 use super::error::HttpError;
 use super::params::PathIds;
 use crate::app::App;
-use crate::work::uploads::{Standing, UploadError, Uploads};
+use crate::work::uploads::{UploadError, UploadStatus, Uploads};
 use crate::work::{Caller, WorkError};
 use axum::body::Body;
 use axum::extract::{Request, State};
@@ -78,7 +78,11 @@ pub async fn protocol(State(app): State<App>) -> Response {
     ),
     responses((status = 201, description = "Begun; `location` is its address, and ends in the id for `upload=`"))
 )]
-pub async fn begin(State(app): State<App>, Who(caller): Who, headers: HeaderMap) -> Result<Response, HttpError> {
+pub async fn begin(
+    State(app): State<App>,
+    RequestCaller(caller): RequestCaller,
+    headers: HeaderMap,
+) -> Result<Response, HttpError> {
     let expected = "the number of bytes of the file (`upload-defer-length` is not read)";
     let length = number(&headers, UPLOAD_LENGTH, expected)?;
     let metadata = metadata_of(&headers)?;
@@ -98,7 +102,7 @@ pub async fn begin(State(app): State<App>, Who(caller): Who, headers: HeaderMap)
 )]
 pub async fn standing(
     State(app): State<App>,
-    Who(caller): Who,
+    RequestCaller(caller): RequestCaller,
     PathIds((id,)): PathIds<(UploadId,)>,
 ) -> Result<Response, HttpError> {
     Ok(tus_response(StatusCode::OK, &blocking(&app, move |uploads| uploads.look(caller, id)).await?))
@@ -117,7 +121,7 @@ pub async fn standing(
 )]
 pub async fn append(
     State(app): State<App>,
-    Who(caller): Who,
+    RequestCaller(caller): RequestCaller,
     PathIds((id,)): PathIds<(UploadId,)>,
     headers: HeaderMap,
     body: Body,
@@ -144,7 +148,7 @@ pub async fn append(
 async fn received(app: &App, caller: Caller, id: UploadId, offset: u64, body: Body) -> Result<(), HttpError> {
     // One piece is gathered while the one before is written.
     let _share = app.work.hold(caller.user, 2 * PIECE_BYTES as u64)?;
-    let mut arriving = Arriving::new(body, app.settings.upload_limit);
+    let mut arriving = ArrivingBody::new(body, app.settings.upload_limit);
     let (mut at, mut piece) = (offset, Vec::new());
     loop {
         let next = arriving.next().await;
@@ -169,7 +173,7 @@ async fn received(app: &App, caller: Caller, id: UploadId, offset: u64, body: Bo
 )]
 pub async fn remove(
     State(app): State<App>,
-    Who(caller): Who,
+    RequestCaller(caller): RequestCaller,
     PathIds((id,)): PathIds<(UploadId,)>,
 ) -> Result<StatusCode, HttpError> {
     blocking(&app, move |uploads| uploads.remove(caller, id)).await?;
@@ -212,7 +216,7 @@ fn metadata_of(headers: &HeaderMap) -> Result<String, HttpError> {
     Ok(text.into())
 }
 
-fn tus_response(status: StatusCode, standing: &Standing) -> Response {
+fn tus_response(status: StatusCode, standing: &UploadStatus) -> Response {
     let mut response = status.into_response();
     let headers = response.headers_mut();
     headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));

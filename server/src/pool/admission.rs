@@ -30,11 +30,12 @@ pub struct Admission(Arc<Shared>);
 struct Shared {
     limit_bytes: u64,
     places: u64,
-    now: Mutex<Now>,
+    now: Mutex<AdmissionState>,
 }
 
+/// The memory and places in use, in all and by user.
 #[derive(Debug, Default)]
-struct Now {
+struct AdmissionState {
     all: Used,
     users: HashMap<User, Used>,
     /// What was said of some users beside the fair share.
@@ -129,7 +130,7 @@ impl Admission {
 }
 
 impl Shared {
-    fn check(&self, now: &Now, user: User, wanted: Used) -> Result<(), PoolError> {
+    fn check(&self, now: &AdmissionState, user: User, wanted: Used) -> Result<(), PoolError> {
         let quota = now.quotas.get(&user).copied().unwrap_or_default();
         let limit = quota.memory_bytes.map_or(self.limit_bytes, |most| most.min(self.limit_bytes));
         if wanted.bytes > limit {
@@ -161,7 +162,7 @@ impl Shared {
     }
 }
 
-impl Now {
+impl AdmissionState {
     fn add(&mut self, user: User, more: Used) {
         for used in [&mut self.all, self.users.entry(user).or_default()] {
             used.bytes = used.bytes.saturating_add(more.bytes);
@@ -226,12 +227,12 @@ impl Admitted {
 }
 
 /// Bytes that are paid for as long as anybody has them.
-struct Held {
+struct PaidBytes {
     bytes: Vec<u8>,
     _share: Admitted,
 }
 
-impl AsRef<[u8]> for Held {
+impl AsRef<[u8]> for PaidBytes {
     fn as_ref(&self) -> &[u8] {
         &self.bytes
     }
@@ -242,7 +243,7 @@ impl Admitted {
     pub fn held(self, mut bytes: Vec<u8>) -> Bytes {
         bytes.shrink_to_fit();
         self.take(bytes.capacity() as u64);
-        Bytes::from_owner(Held { bytes, _share: self })
+        Bytes::from_owner(PaidBytes { bytes, _share: self })
     }
 }
 

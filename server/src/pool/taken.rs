@@ -58,10 +58,10 @@ fn taken_bytes() -> i64 {
     })
 }
 
-/// Takes the budget back, also where the quantum unwinds.
-struct Ended;
+/// Takes the budget back when it is dropped, also where the quantum unwinds.
+struct BudgetGuard;
 
-impl Drop for Ended {
+impl Drop for BudgetGuard {
     fn drop(&mut self) {
         BUDGET.set(None);
     }
@@ -73,7 +73,7 @@ pub fn within<T>(estimate_bytes: u64, quantum: impl FnOnce() -> T) -> T {
     let most = signed(estimate_bytes.saturating_mul(TIMES).saturating_add(BESIDE_BYTES));
     let most_when_short = signed(estimate_bytes.saturating_add(BESIDE_WHEN_SHORT_BYTES));
     BUDGET.set(Some(Budget { before: taken_bytes(), most, most_when_short }));
-    let _ended = Ended;
+    let _ended = BudgetGuard;
     quantum()
 }
 

@@ -7,7 +7,7 @@ use crate::work::corpus::CorpusError;
 use crate::work::corpus::stored::{StoredCorpus, row_maker, without_picture};
 use crate::work::engine::Engine;
 use crate::work::jobs::Queue;
-use crate::work::kept::{UploadStore, What};
+use crate::work::kept::{KeptKind, UploadStore};
 use quadmuse_cluster::{ClusterOptions, JetStream, Job, RowKeeper, SharedCorpus, SharedOptions};
 use quadmuse_proto::{QueryId, Share};
 use quadmuse_store::{Backend, Documents, StoreError};
@@ -68,20 +68,20 @@ pub(super) async fn corpus_of(shared: Arc<SharedCorpus>, engine: &Arc<dyn Engine
 /// Uploads of queries, kept on the engine.
 pub(super) struct SharedUploads(pub(super) Arc<SharedCorpus>);
 
-fn upload_name(id: QueryId, what: What) -> String {
+fn upload_name(id: QueryId, what: KeptKind) -> String {
     format!("query-{id}{}", what.suffix())
 }
 
 impl UploadStore for SharedUploads {
-    fn put(&self, id: QueryId, what: What, bytes: &[u8]) -> Result<(), CorpusError> {
+    fn put(&self, id: QueryId, what: KeptKind, bytes: &[u8]) -> Result<(), CorpusError> {
         Ok(self.0.keep_upload(&upload_name(id, what), bytes)?)
     }
 
-    fn get(&self, id: QueryId, what: What) -> Result<Option<Vec<u8>>, CorpusError> {
+    fn get(&self, id: QueryId, what: KeptKind) -> Result<Option<Vec<u8>>, CorpusError> {
         Ok(self.0.upload(&upload_name(id, what))?)
     }
 
-    fn remove(&self, id: QueryId, what: What) -> Result<(), CorpusError> {
+    fn remove(&self, id: QueryId, what: KeptKind) -> Result<(), CorpusError> {
         Ok(self.0.remove_upload(&upload_name(id, what))?)
     }
 }

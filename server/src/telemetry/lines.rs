@@ -15,7 +15,8 @@ const LINES_MAX: usize = 16 << 10;
 /// Longest wait for the last lines, at the end of the process.
 const LAST_TIME_MAX: Duration = Duration::from_secs(2);
 
-enum Sent {
+/// A message to the thread that writes.
+enum LogMessage {
     Line(Vec<u8>),
     /// All before this is to be written; then its sender is dropped.
     Flush(SyncSender<()>),
@@ -24,7 +25,7 @@ enum Sent {
 /// Where lines are handed in. Clones share it.
 #[derive(Clone, Debug)]
 pub struct Lines {
-    sender: SyncSender<Sent>,
+    sender: SyncSender<LogMessage>,
     lost: Arc<AtomicU64>,
 }
 
@@ -49,18 +50,18 @@ impl Lines {
     /// Waits until all that was handed in is written, for a while.
     fn flush(&self) {
         let (done, written) = sync_channel(1);
-        if self.sender.send(Sent::Flush(done)).is_ok() {
+        if self.sender.send(LogMessage::Flush(done)).is_ok() {
             let _ = written.recv_timeout(LAST_TIME_MAX);
         }
     }
 }
 
-fn write_all(lines: &Receiver<Sent>, mut out: impl Write, lost: &AtomicU64) {
+fn write_all(lines: &Receiver<LogMessage>, mut out: impl Write, lost: &AtomicU64) {
     while let Ok(sent) = lines.recv() {
         // Who reads the log may be gone; there is nobody to be told.
         match sent {
-            Sent::Line(line) => _ = out.write_all(&line),
-            Sent::Flush(done) => {
+            LogMessage::Line(line) => _ = out.write_all(&line),
+            LogMessage::Flush(done) => {
                 _ = out.flush();
                 drop(done);
             }
@@ -84,7 +85,7 @@ pub struct Line<'a>(&'a Lines);
 
 impl Write for Line<'_> {
     fn write(&mut self, line: &[u8]) -> io::Result<usize> {
-        if let Err(TrySendError::Full(_)) = self.0.sender.try_send(Sent::Line(line.to_vec())) {
+        if let Err(TrySendError::Full(_)) = self.0.sender.try_send(LogMessage::Line(line.to_vec())) {
             self.0.lost.fetch_add(1, Ordering::Relaxed);
         }
         Ok(line.len())

@@ -163,12 +163,12 @@ impl Snapshot {
         }
     }
 
-    fn set(&mut self, id: ExampleId, now: Now) {
+    fn set(&mut self, id: ExampleId, now: ExampleChange) {
         match now {
-            Now::Encoded(example, rows) => self.put(&example, rows),
-            Now::Annotated(example) => self.annotate(&example),
-            Now::Gone => self.forget(id),
-            Now::AsBefore => {}
+            ExampleChange::Encoded(example, rows) => self.put(&example, rows),
+            ExampleChange::Annotated(example) => self.annotate(&example),
+            ExampleChange::Gone => self.forget(id),
+            ExampleChange::AsBefore => {}
         }
     }
 
@@ -188,8 +188,8 @@ impl Snapshot {
     }
 }
 
-/// What became of an example.
-enum Now {
+/// Tells what became of an example.
+enum ExampleChange {
     Encoded(Arc<Example>, Vec<KeptRow>),
     Annotated(Arc<Example>),
     Gone,
@@ -305,17 +305,17 @@ impl Catalogue {
     }
 
     /// What an example is now, read from the corpus.
-    fn now_of(&self, id: ExampleId, is_encoded: bool) -> Now {
+    fn now_of(&self, id: ExampleId, is_encoded: bool) -> ExampleChange {
         match self.corpus.get(id) {
             Ok(example) if is_encoded => {
                 let rows = self.corpus.rows_of(id).and_then(|rows| self.whole(&example, rows));
                 let rows = rows.unwrap_or_else(|| self.rows_of(&example));
-                Now::Encoded(example, rows)
+                ExampleChange::Encoded(example, rows)
             }
-            Ok(example) => Now::Annotated(example),
-            Err(CorpusError::NotFound(_)) => Now::Gone,
+            Ok(example) => ExampleChange::Annotated(example),
+            Err(CorpusError::NotFound(_)) => ExampleChange::Gone,
             // One that is set aside stays until it is healed or removed; its encodings are whole.
-            Err(_) => Now::AsBefore,
+            Err(_) => ExampleChange::AsBefore,
         }
     }
 

@@ -22,10 +22,10 @@ use quadmuse_proto::{
     Composition, CompositionId, CompositionPart, ExampleId, MakingState, NewComposition, Product, Verdict,
 };
 use side_by_side::{as_mapped, closer, standing, unstitched};
-use sound::{Sound, stitched_sound};
+use sound::{MeasuredComposition, stitched_sound};
 use std::sync::Arc;
 use std::time::Instant;
-use surrounded::Surrounded;
+use surrounded::RimCut;
 
 /// Examples that make up less of a composition give way to a regular layout of all of it, unless they were chosen: they are not
 /// worth the seams about them. *Untuned:* on seven scans with less, regular layouts had .38 of the change of angles and .55 of the
@@ -128,7 +128,7 @@ async fn made(
 ) -> Result<Arc<LiveComposition>, WorkError> {
     let start = Instant::now();
     let named = check(live, &wanted)?;
-    let Gathered { mut parts, mut summaries, mut templates, mut maps, mut laid, mut instead } =
+    let CompositionInputs { mut parts, mut summaries, mut templates, mut maps, mut laid, mut instead } =
         gathered(work, live, &wanted, named, tell).await?;
     tell("stitching", LAID_SHARE);
     let needed = memory(faces_at(&parts, wanted.density)?, &live.model);
@@ -180,25 +180,25 @@ async fn made(
     }
     let again = (Arc::clone(&engine), Arc::clone(&model), parts.clone(), instead.clone());
     let (laid_maps, is_kept) = (maps.clone(), !wanted.keep.is_empty());
-    let stitch = move |stop: &Stop| -> Result<Sound, EngineError> {
+    let stitch = move |stop: &Stop| -> Result<MeasuredComposition, EngineError> {
         if let Some(sound) = around {
             return Ok(sound);
         }
         // What was chosen for its layout keeps its faces.
-        let split = |sound: Sound, allowed: AllowedFlaws| match is_kept {
+        let split = |sound: MeasuredComposition, allowed: AllowedFlaws| match is_kept {
             true => Ok(sound),
             false => closer(&*engine, &model, sound, allowed),
         };
         if let Some(alone) = alone.map(|map| as_mapped(&[(0, map)], None, 1)) {
             let appraisal = engine.appraise(&model, &alone, allowed)?;
-            return split(Sound::of(alone, appraisal), allowed);
+            return split(MeasuredComposition::of(alone, appraisal), allowed);
         }
         // One example on all segments needs no stitching: it comes back whole.
         if let Some((example, parts)) = &one
             && let Some(whole) = engine.rejoin(&model, example, parts, stop)?
         {
             let appraisal = engine.appraise(&model, &whole, allowed)?;
-            return Ok(Sound::of(whole, appraisal));
+            return Ok(MeasuredComposition::of(whole, appraisal));
         }
         let sound = stitched_sound(&*engine, &model, (parts, &instead), (how, allowed), stop)?;
         let by_itself = engine.alone(&model)?;
@@ -207,15 +207,18 @@ async fn made(
             return Ok(sound);
         }
         let beside = unstitched(&*engine, &model, standing, (&sound.made, &by_itself), allowed)?;
-        let is_result = |beside: &Sound| beside.appraisal.covered >= ALONE_MIN && beside.appraisal.away <= AWAY_MAX;
-        let is_smoother = |beside: &Sound| !sound.appraisal.flaws.is_empty() || !is_crumpled(&beside.appraisal);
+        let is_result =
+            |beside: &MeasuredComposition| beside.appraisal.covered >= ALONE_MIN && beside.appraisal.away <= AWAY_MAX;
+        let is_smoother =
+            |beside: &MeasuredComposition| !sound.appraisal.flaws.is_empty() || !is_crumpled(&beside.appraisal);
         match beside.filter(|beside| is_result(beside) && is_smoother(beside)) {
             Some(beside) => split(beside, AllowedFlaws { bare: 1.0, ..allowed }),
             None => Ok(sound),
         }
     };
     let mut job = job;
-    let mut found: Result<Sound, WorkError> = WorkError::joined(work.pool.run(&job, Lane::Lay, stitch).await);
+    let mut found: Result<MeasuredComposition, WorkError> =
+        WorkError::joined(work.pool.run(&job, Lane::Lay, stitch).await);
     if found.as_ref().err().and_then(WorkError::stop_reason) == Some(StopReason::Memory) {
         // Of a mesh of very many handles the estimate is too low. What it takes is paid for, if there is as much.
         drop(job);
@@ -254,7 +257,7 @@ async fn made(
         (summaries, templates) = (Vec::new(), (0..live.model.segments.len() as u32).collect());
         found = instead;
     }
-    let Sound { made: stitched, appraisal, gave_way, unstitched, .. } = found;
+    let MeasuredComposition { made: stitched, appraisal, gave_way, unstitched, .. } = found;
     templates.extend(&gave_way);
     summaries.retain(|part| !gave_way.contains(&part.segment));
     if !unstitched.is_empty() {
@@ -293,7 +296,7 @@ async fn made(
 }
 
 /// Returns the headline of a composition, given the maps that were brought for its segments.
-fn headline_of(found: &Sound, brought: &[Option<BroughtMap>], model: &Model) -> Headline {
+fn headline_of(found: &MeasuredComposition, brought: &[Option<BroughtMap>], model: &Model) -> Headline {
     let mut headline = headline(brought, &found.appraisal);
     if !found.unstitched.is_empty() {
         headline.tell_side_by_side(found.unstitched.len() < model.segments.len());
@@ -318,8 +321,8 @@ async fn laid_around(
     (map, maps): (&LiveMap, &[Option<Arc<LiveMap>>]),
     job: &Job,
     (how, allowed, may_fail): (StitchOptions, AllowedFlaws, bool),
-) -> Result<Option<Sound>, WorkError> {
-    let Some(surrounded) = Surrounded::of(work, live, (map, maps), job).await? else { return Ok(None) };
+) -> Result<Option<MeasuredComposition>, WorkError> {
+    let Some(surrounded) = RimCut::of(work, live, (map, maps), job).await? else { return Ok(None) };
     let (job, engine) = (job.renew(Some(REQUEST_TIME_MAX / 2)), Arc::clone(&work.engine));
     let stitch = move |stop: &Stop| surrounded.stitched(&*engine, (how, allowed), stop);
     match WorkError::joined(work.pool.run(&job, Lane::Lay, stitch).await) {
@@ -367,9 +370,9 @@ fn laid(map: &MapState) -> BroughtMap {
     BroughtMap { verdict, reasons, inspired: map.summary.inspired, covers_example: map.summary.covers.example }
 }
 
-/// What a composition is made of.
+/// The inputs of a composition.
 #[derive(Default)]
-struct Gathered {
+struct CompositionInputs {
     parts: Vec<Part>,
     summaries: Vec<CompositionPart>,
     /// Segments without an example.
@@ -389,8 +392,8 @@ async fn gathered(
     wanted: &NewComposition,
     named: Vec<Option<Arc<LiveMap>>>,
     tell: Tell<'_>,
-) -> Result<Gathered, WorkError> {
-    let mut all = Gathered::default();
+) -> Result<CompositionInputs, WorkError> {
+    let mut all = CompositionInputs::default();
     let count = named.len().max(1) as f64;
     // What lies around a side of a waist is laid out around it.
     let is_around = live.model.is_waist && named.iter().any(Option::is_some);

@@ -5,7 +5,7 @@
 //!
 //! All methods block and are called from a blocking thread or from the pool, never from a tokio worker.
 
-use super::engine::{Cut, Packed, SegmentFacts};
+use super::engine::{Cut, PackedEncoding, SegmentFacts};
 use bytes::Bytes;
 use quadmuse_kernel::register::spectra::Row;
 use quadmuse_proto::{Example, ExampleId, ExamplePatch, MeshCounts};
@@ -73,14 +73,14 @@ pub struct NewExample {
     /// What was repaired.
     pub repairs: Vec<String>,
     /// Its segments, encoded.
-    pub segments: Vec<Packed>,
+    pub segments: Vec<PackedEncoding>,
     /// The version of the encoder.
     pub encoder_version: u32,
 }
 
-/// Whether an example was added.
+/// Tells whether an example was added.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Put {
+pub enum PutOutcome {
     /// It is new.
     Added,
     /// The same bytes, cut the same way, were there already.
@@ -126,7 +126,7 @@ pub trait Corpus: Send + Sync + 'static {
     ///
     /// # Errors
     /// [`CorpusError::Invalid`], [`CorpusError::ReadOnly`], [`CorpusError::Busy`], [`CorpusError::Failed`].
-    fn put(&self, new: NewExample) -> Result<(Arc<Example>, Put), CorpusError>;
+    fn put(&self, new: NewExample) -> Result<(Arc<Example>, PutOutcome), CorpusError>;
 
     /// The example that these bytes, cut this way, are already.
     fn find(&self, bytes: &[u8], cut: &Cut) -> Option<Arc<Example>>;
@@ -168,7 +168,7 @@ pub trait Corpus: Send + Sync + 'static {
     ///
     /// # Errors
     /// [`CorpusError::NotFound`], [`CorpusError::NoEncoding`], [`CorpusError::Failed`].
-    fn encoding(&self, id: ExampleId, segment: u32, level: u32) -> Result<Packed, CorpusError>;
+    fn encoding(&self, id: ExampleId, segment: u32, level: u32) -> Result<PackedEncoding, CorpusError>;
 
     /// Stores an encoding made anew, with the counts of its mesh.
     ///
@@ -178,7 +178,7 @@ pub trait Corpus: Send + Sync + 'static {
         &self,
         id: ExampleId,
         segment: u32,
-        packed: &Packed,
+        packed: &PackedEncoding,
         counts: MeshCounts,
         version: u32,
     ) -> Result<(), CorpusError>;

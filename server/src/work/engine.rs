@@ -24,7 +24,7 @@ mod rough;
 
 pub use cut::{Cut, ExtraParts, Grain};
 pub use mapped::{Fitted, Judgement, Lead, Mapped, Wishes};
-pub use packed::{Packed, PackedFeature};
+pub use packed::{PackedEncoding, PackedFeature};
 pub use quadmuse_kernel::compose::rows::{Resized, SizeTarget, faces_within_max};
 pub use quadmuse_kernel::numerics::stage::{Stage, leave_out};
 pub use quadmuse_kernel::pipeline::{
@@ -293,13 +293,13 @@ pub trait Engine: Send + Sync + 'static {
     ///
     /// # Errors
     /// [`EngineError::Internal`].
-    fn pack(&self, encoding: &Encoding) -> Result<Packed, EngineError>;
+    fn pack(&self, encoding: &Encoding) -> Result<PackedEncoding, EngineError>;
 
     /// An encoding from storage, with those levels that are there.
     ///
     /// # Errors
     /// [`EngineError::Internal`] when it is not one that [`Engine::pack`] made.
-    fn unpack(&self, packed: &Packed) -> Result<Encoding, EngineError>;
+    fn unpack(&self, packed: &PackedEncoding) -> Result<Encoding, EngineError>;
 
     /// What is kept in memory of an example, from its coarsest level.
     ///

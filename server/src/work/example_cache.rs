@@ -22,11 +22,12 @@ const ENCODED_PER_BYTE: u64 = 24;
 /// The examples.
 pub struct ExampleCache {
     bytes_max: u64,
-    kept: Mutex<Kept>,
+    kept: Mutex<CachedExamples>,
 }
 
+/// What is cached of examples, and its memory.
 #[derive(Default)]
-struct Kept {
+struct CachedExamples {
     models: Rows<ExampleId, Arc<Model>>,
     posed: Rows<(ExampleId, u32), Option<Opaque>>,
     encoded: Rows<(ExampleId, u32), Arc<Encoded>>,
@@ -58,7 +59,7 @@ impl ExampleCache {
         Self { bytes_max: BYTES_MAX.min(memory_bytes / SHARE_OF_MEMORY), kept: Mutex::default() }
     }
 
-    fn lock(&self) -> MutexGuard<'_, Kept> {
+    fn lock(&self) -> MutexGuard<'_, CachedExamples> {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -103,7 +104,7 @@ impl ExampleCache {
     }
 
     /// Adds a row of so many bytes, which `insert` makes; it tells the bytes of the row that it replaced.
-    fn put<V>(&self, bytes: u64, insert: impl FnOnce(&mut Kept, &dyn Fn(V) -> Row<V>) -> Option<u64>) {
+    fn put<V>(&self, bytes: u64, insert: impl FnOnce(&mut CachedExamples, &dyn Fn(V) -> Row<V>) -> Option<u64>) {
         let mut kept = self.lock();
         let used = kept.tick();
         let replaced = insert(&mut kept, &|value| Row { value, bytes, used }).unwrap_or(0);
@@ -114,7 +115,7 @@ impl ExampleCache {
     /// Forgets what was kept of an example.
     pub fn forget(&self, id: ExampleId) {
         let mut kept = self.lock();
-        let Kept { models, posed, encoded, .. } = &mut *kept;
+        let CachedExamples { models, posed, encoded, .. } = &mut *kept;
         let mut freed = models.remove(&id).map_or(0, |row| row.bytes);
         freed += posed.extract_if(|of, _| of.0 == id).map(|(_, row)| row.bytes).sum::<u64>();
         freed += encoded.extract_if(|of, _| of.0 == id).map(|(_, row)| row.bytes).sum::<u64>();
@@ -122,7 +123,7 @@ impl ExampleCache {
     }
 }
 
-impl Kept {
+impl CachedExamples {
     fn tick(&mut self) -> u64 {
         self.now += 1;
         self.now

@@ -1,7 +1,7 @@
 //! Examples: adding, annotating, removing, reading.
 
-use super::corpus::{NewExample, Put};
-use super::engine::{Cut, Encoded, EngineError, ExtraParts, Grain, Model, Packed};
+use super::corpus::{NewExample, PutOutcome};
+use super::engine::{Cut, Encoded, EngineError, ExtraParts, Grain, Model, PackedEncoding};
 use super::{Caller, REQUEST_TIME_MAX, Work, WorkError, doubts, jobs, landmarks, texts};
 use crate::pool::{Job, Lane, User};
 use bytes::Bytes;
@@ -65,7 +65,7 @@ pub async fn add(
     caller: Caller,
     upload: Upload,
     annotation: Annotation,
-) -> Result<(Arc<Example>, Put), WorkError> {
+) -> Result<(Arc<Example>, PutOutcome), WorkError> {
     check_name(&annotation.name)?;
     check_relevance(annotation.relevance)?;
     let tags = normal_tags(annotation.tags)?;
@@ -74,7 +74,7 @@ pub async fn add(
     if cut.parts.is_none()
         && let Some(there) = work.blocking(move |work| Ok(work.corpus.find(&bytes, &cut))).await?
     {
-        return Ok((there, Put::There));
+        return Ok((there, PutOutcome::There));
     }
     let annotation = Annotation { tags, ..annotation };
     if work.queue.get().is_some() {
@@ -105,7 +105,7 @@ pub(super) async fn add_here(
     caller: Caller,
     upload: Upload,
     annotation: Annotation,
-) -> Result<(Arc<Example>, Put), WorkError> {
+) -> Result<(Arc<Example>, PutOutcome), WorkError> {
     // A bad mesh is refused soon, however busy the encoders are.
     let model = read_example(work, caller, &upload).await?;
     let job = work.admit(caller.user, memory_of(work, upload.bytes.len() as u64, &model), REQUEST_TIME_MAX)?;
@@ -178,8 +178,8 @@ async fn encode_all(
     work: &Arc<Work>,
     job: &Job,
     model: &Arc<Model>,
-) -> Result<(Vec<Packed>, Vec<String>, ExtraParts), WorkError> {
-    let one = async |segment: u32| -> Result<(Packed, Vec<String>), WorkError> {
+) -> Result<(Vec<PackedEncoding>, Vec<String>, ExtraParts), WorkError> {
+    let one = async |segment: u32| -> Result<(PackedEncoding, Vec<String>), WorkError> {
         let (engine, model) = (Arc::clone(&work.engine), Arc::clone(model));
         let pack = move |stop: &_| {
             let encoded = engine.encode(&model, segment, stop)?;

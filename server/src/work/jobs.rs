@@ -7,7 +7,7 @@
 //!
 //! Kinds are by the encoder's version, so that servers with an older and a newer one work side by side, each on its own.
 
-use super::corpus::{CorpusError, Put};
+use super::corpus::{CorpusError, PutOutcome};
 use super::engine::{Cut, ExtraParts};
 use super::ingest::{self, Annotation, Upload};
 use super::{Caller, REQUEST_TIME_MAX, Scope, Work, WorkError, reencode};
@@ -92,9 +92,9 @@ enum Task {
     Encode { example: ExampleId, segment: u32 },
 }
 
-/// An upload that was put away.
+/// An upload that was put away for a job.
 #[derive(Serialize, Deserialize)]
-struct PutAway {
+struct StoredUpload {
     user: u64,
     name: String,
     tags: Vec<String>,
@@ -145,7 +145,7 @@ pub(super) async fn added(
     caller: Caller,
     upload: &Upload,
     annotation: &Annotation,
-) -> Option<(Arc<Example>, Put)> {
+) -> Option<(Arc<Example>, PutOutcome)> {
     let queue = Arc::clone(work.queue.get()?);
     let begun = Instant::now();
     let name = RequestId::generate().to_string();
@@ -176,13 +176,13 @@ pub(super) async fn added(
         work.catalogue.follow();
         Ok(work.corpus.get(id)?)
     });
-    let put = if is_new { Put::Added } else { Put::There };
+    let put = if is_new { PutOutcome::Added } else { PutOutcome::There };
     known.await.ok().map(|example| (example, put))
 }
 
 fn put_away(user: User, upload: &Upload, annotation: &Annotation) -> Option<Vec<u8>> {
     let Upload { bytes, format, cut } = upload;
-    let put_away = PutAway {
+    let put_away = StoredUpload {
         user: user.0,
         name: annotation.name.clone(),
         tags: annotation.tags.clone(),
@@ -199,7 +199,7 @@ fn put_away(user: User, upload: &Upload, annotation: &Annotation) -> Option<Vec<
     rmp_serde::to_vec_named(&put_away).ok()
 }
 
-impl PutAway {
+impl StoredUpload {
     fn taken_out(self) -> Option<(Caller, Upload, Annotation)> {
         let mesh = zstd::bulk::decompress(&self.mesh, usize::try_from(self.length).ok()?).ok()?;
         let cut = Cut {
@@ -437,13 +437,13 @@ async fn encoded(work: &Arc<Work>, queue: &Arc<dyn Queue>, upload: &str) -> Resu
     let kept = work.blocking(move |_| Ok(queue.kept(&name)?)).await?;
     let Some(kept) = kept else { return Ok(None) };
     let unreadable = || WorkError::from(CorpusError::Invalid("expected an upload that was put away whole".into()));
-    let put_away: PutAway = rmp_serde::from_slice(&kept).map_err(|_| unreadable())?;
+    let put_away: StoredUpload = rmp_serde::from_slice(&kept).map_err(|_| unreadable())?;
     drop(kept);
     let share = work.hold(User(put_away.user), put_away.length)?;
     let (caller, upload, annotation) = put_away.taken_out().ok_or_else(unreadable)?;
     let (example, put) = ingest::add_here(work, caller, upload, annotation).await?;
     drop(share);
-    let is_new = put == Put::Added;
+    let is_new = put == PutOutcome::Added;
     Ok(Some(Outcome::Added { id: example.id, is_new, position: work.corpus.reached() }))
 }
 

@@ -29,16 +29,16 @@ const AT_ONCE: usize = 2;
 /// How well they are compressed: fast.
 const ZSTD_LEVEL: i32 = 1;
 
-/// The two things that are kept of a query.
+/// Names the two things that are kept of a query.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum What {
+pub enum KeptKind {
     /// Its upload, with what was asked.
     Upload,
     /// The names of its segments.
     Names,
 }
 
-impl What {
+impl KeptKind {
     /// The end of the name under which it is kept: it follows the query's id.
     pub fn suffix(self) -> &'static str {
         match self {
@@ -55,24 +55,24 @@ pub trait UploadStore: Send + Sync + 'static {
     ///
     /// # Errors
     /// [`CorpusError`].
-    fn put(&self, id: QueryId, what: What, bytes: &[u8]) -> Result<(), CorpusError>;
+    fn put(&self, id: QueryId, what: KeptKind, bytes: &[u8]) -> Result<(), CorpusError>;
 
     /// One that was put away; `None` if it never was, or is no more.
     ///
     /// # Errors
     /// [`CorpusError`].
-    fn get(&self, id: QueryId, what: What) -> Result<Option<Vec<u8>>, CorpusError>;
+    fn get(&self, id: QueryId, what: KeptKind) -> Result<Option<Vec<u8>>, CorpusError>;
 
     /// Removes one, if it is there.
     ///
     /// # Errors
     /// [`CorpusError`].
-    fn remove(&self, id: QueryId, what: What) -> Result<(), CorpusError>;
+    fn remove(&self, id: QueryId, what: KeptKind) -> Result<(), CorpusError>;
 }
 
-/// What a caller asked, beside the bytes.
+/// The request of a caller who started a query, beside the bytes.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
-struct Asked {
+struct QueryRequest {
     owner: u64,
     /// Length of the bytes, unpacked.
     length: u64,
@@ -92,7 +92,7 @@ struct Asked {
 /// An upload as it is kept: the length of what was asked (u32 LE), what was asked as MessagePack, the bytes by zstd.
 fn packed(owner: User, upload: &Upload, options: &QueryOptions) -> Result<Vec<u8>, CorpusError> {
     let failed = |error: Box<dyn std::error::Error + Send + Sync>| CorpusError::Failed(error);
-    let asked = Asked {
+    let asked = QueryRequest {
         owner: owner.0,
         length: upload.bytes.len() as u64,
         top: options.top,
@@ -112,14 +112,14 @@ fn packed(owner: User, upload: &Upload, options: &QueryOptions) -> Result<Vec<u8
 }
 
 /// What was asked, and the bytes as they are compressed; `None` of what is damaged.
-fn unpacked(kept: &[u8]) -> Option<(Asked, &[u8])> {
+fn unpacked(kept: &[u8]) -> Option<(QueryRequest, &[u8])> {
     let (length, rest) = kept.split_first_chunk::<4>()?;
     let (asked, bytes) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
     Some((rmp_serde::from_slice(asked).ok()?, bytes))
 }
 
 /// Keeps and gives back what queries were started with.
-pub struct Kept {
+pub struct KeptQueries {
     uploads: Arc<dyn UploadStore>,
     turns: Arc<Semaphore>,
     readers: Semaphore,
@@ -148,7 +148,7 @@ impl Drop for Pending {
     }
 }
 
-impl Kept {
+impl KeptQueries {
     /// On a store of uploads.
     pub fn on(uploads: Arc<dyn UploadStore>) -> Self {
         let (turns, readers, naming) = (Semaphore::new(AT_ONCE), Semaphore::new(AT_ONCE), Semaphore::new(1));
@@ -168,10 +168,10 @@ impl Kept {
             let kept = work.blocking(move |work| {
                 // Removed while it waited: nobody wants it.
                 if work.queries.owner(id).is_some() {
-                    uploads.put(id, What::Upload, &packed(owner, &upload, &options)?)?;
+                    uploads.put(id, KeptKind::Upload, &packed(owner, &upload, &options)?)?;
                     drop(upload);
                     if work.queries.owner(id).is_none() {
-                        uploads.remove(id, What::Upload)?;
+                        uploads.remove(id, KeptKind::Upload)?;
                     }
                 }
                 Ok(())
@@ -192,13 +192,13 @@ impl Kept {
             let kept = work.blocking(move |work| {
                 let names = live.names.all();
                 if names.is_empty() || work.queries.owner(id).is_none() {
-                    uploads.remove(id, What::Names)?;
+                    uploads.remove(id, KeptKind::Names)?;
                     return Ok(());
                 }
                 let bytes = rmp_serde::to_vec(&names).map_err(|error| CorpusError::Failed(error.into()))?;
-                uploads.put(id, What::Names, &bytes)?;
+                uploads.put(id, KeptKind::Names, &bytes)?;
                 if work.queries.owner(id).is_none() {
-                    uploads.remove(id, What::Names)?;
+                    uploads.remove(id, KeptKind::Names)?;
                 }
                 Ok(())
             });
@@ -214,7 +214,7 @@ impl Kept {
             return live.names.all();
         }
         let uploads = Arc::clone(&self.uploads);
-        let found = work.blocking(move |_| Ok(uploads.get(id, What::Names)?)).await;
+        let found = work.blocking(move |_| Ok(uploads.get(id, KeptKind::Names)?)).await;
         let kept = found.unwrap_or_else(|error| {
             tracing::warn!(%error, query = %id, "its names are not found");
             None
@@ -239,7 +239,7 @@ impl Kept {
         // What comes from there is paid for only once its length is known.
         let _reader = self.readers.acquire().await.map_err(|_| WorkError::Lost)?;
         let uploads = Arc::clone(&self.uploads);
-        let found = work.blocking(move |_| Ok(uploads.get(id, What::Upload)?)).await?;
+        let found = work.blocking(move |_| Ok(uploads.get(id, KeptKind::Upload)?)).await?;
         let kept = found.as_deref().and_then(unpacked);
         let (asked, bytes) = kept.ok_or(WorkError::NoSuchQuery(id))?;
         if !caller.sees(User(asked.owner)) || asked.length > largest {
@@ -275,8 +275,8 @@ impl Kept {
         let work = Arc::clone(work);
         tracked.background.spawn(async move {
             let removed = work.blocking(move |_| {
-                uploads.remove(id, What::Upload)?;
-                Ok(uploads.remove(id, What::Names)?)
+                uploads.remove(id, KeptKind::Upload)?;
+                Ok(uploads.remove(id, KeptKind::Names)?)
             });
             if let Err(error) = removed.await {
                 tracing::debug!(%error, query = %id, "its upload was not removed; it goes with its time");
@@ -324,11 +324,11 @@ impl Files {
         Ok(())
     }
 
-    fn path(&self, id: QueryId, what: What) -> PathBuf {
+    fn path(&self, id: QueryId, what: KeptKind) -> PathBuf {
         self.dir.join(format!("{id}{}", what.suffix()))
     }
 
-    fn write(&self, id: QueryId, what: What, bytes: &[u8]) -> std::io::Result<()> {
+    fn write(&self, id: QueryId, what: KeptKind, bytes: &[u8]) -> std::io::Result<()> {
         fs::create_dir_all(&self.dir)?;
         self.make_room(bytes.len() as u64)?;
         let facts = rustix::fs::statvfs(&self.dir)?;
@@ -356,11 +356,11 @@ fn of_disk(error: std::io::Error) -> CorpusError {
 }
 
 impl UploadStore for Files {
-    fn put(&self, id: QueryId, what: What, bytes: &[u8]) -> Result<(), CorpusError> {
+    fn put(&self, id: QueryId, what: KeptKind, bytes: &[u8]) -> Result<(), CorpusError> {
         self.write(id, what, bytes).map_err(of_disk)
     }
 
-    fn get(&self, id: QueryId, what: What) -> Result<Option<Vec<u8>>, CorpusError> {
+    fn get(&self, id: QueryId, what: KeptKind) -> Result<Option<Vec<u8>>, CorpusError> {
         let path = self.path(id, what);
         let is_old = |facts: fs::Metadata| facts.modified().ok()?.elapsed().ok().map(|age| age > UPLOADS_KEPT_FOR);
         match fs::metadata(&path).map(is_old).and_then(|is_old| Ok((is_old, fs::read(&path)?))) {
@@ -371,7 +371,7 @@ impl UploadStore for Files {
         }
     }
 
-    fn remove(&self, id: QueryId, what: What) -> Result<(), CorpusError> {
+    fn remove(&self, id: QueryId, what: KeptKind) -> Result<(), CorpusError> {
         match fs::remove_file(self.path(id, what)) {
             Err(error) if error.kind() != ErrorKind::NotFound => Err(of_disk(error)),
             _ => Ok(()),
@@ -409,24 +409,24 @@ mod tests {
         let files = Files::beside(dir.path());
         let (one, other) = (QueryId::generate(), QueryId::generate());
         let get = |id, what| files.get(id, what).expect("answered");
-        assert_eq!(get(one, What::Upload), None);
-        files.put(one, What::Upload, b"one").expect("put");
-        files.put(other, What::Upload, b"other").expect("put");
+        assert_eq!(get(one, KeptKind::Upload), None);
+        files.put(one, KeptKind::Upload, b"one").expect("put");
+        files.put(other, KeptKind::Upload, b"other").expect("put");
         let again = Files::beside(dir.path());
-        assert_eq!(again.get(one, What::Upload).expect("answered").as_deref(), Some(&b"one"[..]));
+        assert_eq!(again.get(one, KeptKind::Upload).expect("answered").as_deref(), Some(&b"one"[..]));
         // Names stand beside it, and the newer ones in place of the older.
-        assert_eq!(get(one, What::Names), None);
-        files.put(one, What::Names, b"old").expect("put");
-        files.put(one, What::Names, b"new").expect("put");
-        files.remove(one, What::Upload).expect("removed");
-        files.remove(one, What::Upload).expect("removed before");
-        assert_eq!((get(one, What::Upload), get(one, What::Names)), (None, Some(b"new".to_vec())));
-        files.remove(one, What::Names).expect("removed");
+        assert_eq!(get(one, KeptKind::Names), None);
+        files.put(one, KeptKind::Names, b"old").expect("put");
+        files.put(one, KeptKind::Names, b"new").expect("put");
+        files.remove(one, KeptKind::Upload).expect("removed");
+        files.remove(one, KeptKind::Upload).expect("removed before");
+        assert_eq!((get(one, KeptKind::Upload), get(one, KeptKind::Names)), (None, Some(b"new".to_vec())));
+        files.remove(one, KeptKind::Names).expect("removed");
 
         let old = fs::File::options().write(true).open(dir.path().join(FOLDER).join(other.to_string())).expect("there");
         old.set_modified(SystemTime::now() - UPLOADS_KEPT_FOR - Duration::from_secs(60)).expect("set");
-        assert_eq!(get(other, What::Upload), None);
-        files.put(one, What::Upload, b"one").expect("put");
+        assert_eq!(get(other, KeptKind::Upload), None);
+        files.put(one, KeptKind::Upload, b"one").expect("put");
         assert_eq!(fs::read_dir(dir.path().join(FOLDER)).expect("a folder").count(), 1);
     }
 }

@@ -31,13 +31,13 @@ pub struct Making {
     pub product: Product,
     /// When it was asked for.
     pub created: String,
-    stand: watch::Sender<Stand>,
+    stand: watch::Sender<MakingStatus>,
     task: OnceLock<AbortHandle>,
 }
 
-/// Where it stands.
+/// The status of something that is made.
 #[derive(Clone, Debug)]
-pub struct Stand {
+pub struct MakingStatus {
     /// Its state.
     pub state: MakingState,
     /// What is being done.
@@ -50,19 +50,20 @@ pub struct Stand {
 
 impl Making {
     fn new(id: String, product: Product) -> Self {
-        let stand = Stand { state: MakingState::Queued, stage: "waiting for its turn", progress: 0.0, failure: None };
+        let stand =
+            MakingStatus { state: MakingState::Queued, stage: "waiting for its turn", progress: 0.0, failure: None };
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let created = rfc3339(u64::try_from(now.as_millis()).unwrap_or(u64::MAX));
         Self { id, product, created, stand: watch::Sender::new(stand), task: OnceLock::new() }
     }
 
     /// Where it stands now.
-    pub fn stand(&self) -> Stand {
+    pub fn stand(&self) -> MakingStatus {
         self.stand.borrow().clone()
     }
 
     /// Where it stands, to be waited for.
-    pub fn watch(&self) -> watch::Receiver<Stand> {
+    pub fn watch(&self) -> watch::Receiver<MakingStatus> {
         self.stand.subscribe()
     }
 
@@ -91,7 +92,7 @@ impl Making {
     }
 
     /// Writes, unless it is over.
-    fn change(&self, change: impl FnOnce(&mut Stand)) {
+    fn change(&self, change: impl FnOnce(&mut MakingStatus)) {
         self.stand.send_if_modified(|stand| {
             let is_open = !stand.state.is_final();
             if is_open {
@@ -110,22 +111,22 @@ impl Making {
     }
 
     /// Waits until it is over; where it stands then.
-    pub async fn over(&self) -> Stand {
+    pub async fn over(&self) -> MakingStatus {
         // It is the sender itself, so the wait cannot end without a stand.
         let _ = self.watch().wait_for(|stand| stand.state.is_final()).await;
         self.stand()
     }
 
     /// Waits until it is over, at most so long; where it stands then.
-    pub async fn within(&self, time: Duration) -> Stand {
+    pub async fn within(&self, time: Duration) -> MakingStatus {
         tokio::time::timeout(time, self.over()).await.unwrap_or_else(|_| self.stand())
     }
 }
 
 /// Cancels what is made when whoever waits for it goes away before it has been told of it.
-pub struct Awaited(Option<Arc<Making>>);
+pub struct CancelOnDrop(Option<Arc<Making>>);
 
-impl Awaited {
+impl CancelOnDrop {
     /// Waits on behalf of somebody who does not know of it yet.
     pub fn new(making: &Arc<Making>) -> Self {
         Self(Some(Arc::clone(making)))
@@ -137,7 +138,7 @@ impl Awaited {
     }
 }
 
-impl Drop for Awaited {
+impl Drop for CancelOnDrop {
     fn drop(&mut self) {
         if let Some(making) = &self.0 {
             making.cancel();
@@ -146,9 +147,9 @@ impl Drop for Awaited {
 }
 
 /// Ends what is made even where its task does not come to its end: it was aborted, or it panicked.
-struct Ends(Arc<Making>);
+struct EndOnDrop(Arc<Making>);
 
-impl Drop for Ends {
+impl Drop for EndOnDrop {
     fn drop(&mut self) {
         self.0.end(MakingState::Failed, Some(WorkError::Lost));
     }
@@ -241,7 +242,7 @@ where
     let making = live.makings.begin(Making::new(id, product))?;
     let teller = Arc::clone(&making);
     let made = make(Arc::new(move |stage, progress| teller.tell(stage, progress)));
-    let (ends, live) = (Ends(Arc::clone(&making)), Arc::clone(live));
+    let (ends, live) = (EndOnDrop(Arc::clone(&making)), Arc::clone(live));
     let traced = traces::behind(product.as_str(), &making.id);
     let run = async move {
         let result = made.await;
@@ -301,9 +302,9 @@ mod tests {
     #[tokio::test]
     async fn whoever_goes_away_untold_cancels_and_whoever_was_told_does_not() {
         let making = Arc::new(Making::new("a".into(), Product::Map));
-        Awaited::new(&making).announced();
+        CancelOnDrop::new(&making).announced();
         assert_eq!(making.within(Duration::ZERO).await.state, MakingState::Queued);
-        drop(Awaited::new(&making));
+        drop(CancelOnDrop::new(&making));
         assert_eq!(making.within(Duration::from_secs(5)).await.state, MakingState::Cancelled);
     }
 }

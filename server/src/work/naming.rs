@@ -16,17 +16,18 @@ const BESIDE_BYTES: u64 = 64;
 
 /// The names of a query's segments.
 #[derive(Default)]
-pub struct Names(Mutex<Given>);
+pub struct Names(Mutex<GivenNames>);
 
+/// The names that were given, by segment.
 #[derive(Default)]
-struct Given {
+struct GivenNames {
     names: BTreeMap<u32, String>,
     /// Their memory; none is held for none.
     paid: Option<Admitted>,
 }
 
 impl Names {
-    fn lock(&self) -> MutexGuard<'_, Given> {
+    fn lock(&self) -> MutexGuard<'_, GivenNames> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -66,7 +67,7 @@ pub fn name(work: &Work, live: &LiveQuery, wanted: Vec<SegmentName>) -> Result<(
     }
     let bytes = names.values().map(|name| name.len() as u64 + BESIDE_BYTES).sum();
     let paid = if names.is_empty() { None } else { Some(work.hold(live.caller.user, bytes)?) };
-    *given = Given { names, paid };
+    *given = GivenNames { names, paid };
     Ok(())
 }
 

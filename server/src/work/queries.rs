@@ -35,10 +35,11 @@ const EXPIRED_MAX: usize = 16_384;
 
 /// The queries held.
 #[derive(Default)]
-pub struct Queries(Mutex<Held>);
+pub struct Queries(Mutex<QueryTable>);
 
+/// The queries that are held, and the ids of those that made room.
 #[derive(Default)]
-struct Held {
+struct QueryTable {
     queries: BTreeMap<QueryId, Slot>,
     /// Counts the times that any query was asked for.
     clock: u64,
@@ -63,7 +64,7 @@ impl Queries {
         Self::default()
     }
 
-    fn lock(&self) -> MutexGuard<'_, Held> {
+    fn lock(&self) -> MutexGuard<'_, QueryTable> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -157,7 +158,7 @@ impl Queries {
     }
 }
 
-impl Held {
+impl QueryTable {
     fn tick(&mut self) -> u64 {
         self.clock += 1;
         self.clock

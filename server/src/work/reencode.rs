@@ -2,7 +2,7 @@
 //!
 //! The old encoding of an example, where there is one, is ranked until its new one is stored.
 
-use super::engine::Packed;
+use super::engine::PackedEncoding;
 use super::{Work, WorkError, ingest, jobs};
 use crate::pool::{Lane, User};
 use quadmuse_proto::ExampleId;
@@ -62,7 +62,7 @@ async fn rebuild(work: &Arc<Work>, id: ExampleId, segment: u32) -> Result<(), Wo
     let model = ingest::model(work, &job, Lane::Ingest, &example).await?;
     let (engine, counts) = (Arc::clone(&work.engine), ingest::counts_of(&model.mesh));
     let pack = move |stop: &_| engine.encode(&model, segment, stop).and_then(|e| engine.pack(&e.encoding));
-    let packed: Packed = work.pool.run(&job, Lane::Ingest, pack).await??;
+    let packed: PackedEncoding = work.pool.run(&job, Lane::Ingest, pack).await??;
     work.blocking(move |work| {
         work.corpus.put_encoding(id, segment, &packed, counts, work.engine.version())?;
         work.catalogue.follow();

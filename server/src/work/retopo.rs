@@ -9,7 +9,7 @@ mod recut;
 
 use super::composing::{self, INSPIRED_LEAST};
 use super::engine::AS_MAPPED;
-use super::kept::Kept;
+use super::kept::KeptQueries;
 use super::laying::AT_A_TIME;
 use super::making::{self, Making};
 use super::mapping::LiveMap;
@@ -18,11 +18,11 @@ use super::worth::tries;
 use super::{REQUEST_TIME_MAX, Work, WorkError, laying};
 use crate::pool::StopReason;
 use futures_util::{Stream, StreamExt, stream};
-use outcome::{Made, Outcome};
+use outcome::{MapOrComposition, Outcome};
 use quadmuse_proto::{
     CompositionPart, NewComposition, NewRetopo, Parts, Product, QueryState, Retopo, RetopoId, Verdict,
 };
-use recut::{Again, Recut, score, score_when_compared};
+use recut::{QuerySource, Recut, score, score_when_compared};
 use std::cmp::Reverse;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -50,7 +50,7 @@ type Teller = Arc<dyn Fn(&'static str, f64) + Send + Sync>;
 /// [`WorkError::TooMany`], [`WorkError::MakingsFull`]; what goes wrong later, its making tells.
 pub fn start(
     work: &Arc<Work>,
-    (kept, largest): (&Arc<Kept>, u64),
+    (kept, largest): (&Arc<KeptQueries>, u64),
     live: &Arc<LiveQuery>,
     wanted: NewRetopo,
 ) -> Result<(RetopoId, Arc<Making>), WorkError> {
@@ -62,7 +62,7 @@ pub fn start(
     let (work_of, live_of, kept) = (Arc::clone(work), Arc::clone(live), Arc::clone(kept));
     let make = move |tell: Teller| async move {
         let begun = Instant::now();
-        let again = Again { work: Arc::clone(&work_of), kept, largest, upload: OnceCell::new() };
+        let again = QuerySource { work: Arc::clone(&work_of), kept, largest, upload: OnceCell::new() };
         let notes = Mutex::default();
         let retopology = Retopology { work: work_of, live: live_of, wanted, again, tell, notes };
         let outcome = retopology.made().await?;
@@ -99,7 +99,7 @@ struct Retopology {
     work: Arc<Work>,
     live: Arc<LiveQuery>,
     wanted: NewRetopo,
-    again: Again,
+    again: QuerySource,
     tell: Teller,
     notes: Mutex<Vec<String>>,
 }
@@ -207,14 +207,14 @@ impl Retopology {
             }
             Err(error) if laying::is_late(&error) => {
                 self.note(format!("it is as it was mapped: {error}"));
-                return Ok(Outcome::of(live, Made::Map(map)));
+                return Ok(Outcome::of(live, MapOrComposition::Map(map)));
             }
             made => made?,
         };
         // What the composition says against the whole mesh, the map does not know.
         let is_as_mapped = made.notes().iter().any(|note| note == AS_MAPPED);
         let is_map = is_as_mapped && made.verdict() <= map.newest().summary.verdict;
-        Ok(if is_map { Outcome::of(live, Made::Map(map)) } else { made })
+        Ok(if is_map { Outcome::of(live, MapOrComposition::Map(map)) } else { made })
     }
 
     /// Stitches some maps, and the best for the other segments, between two shares of the progress.
@@ -233,7 +233,7 @@ impl Retopology {
         };
         let tell = |stage, share| (self.tell)(stage, from + (to - from) * share);
         let made = when_there_is_room(|| composing::create(&self.work, live, wanted.clone(), &tell)).await?;
-        Ok(Outcome::of(live, Made::Composition(made)))
+        Ok(Outcome::of(live, MapOrComposition::Composition(made)))
     }
 
     /// Tells whether a scan may be cut where nobody asked for it: one full of holes is not, since cuts would run from hole to hole,
@@ -295,7 +295,7 @@ impl Retopology {
             return Ok(None);
         }
         self.note("parting it at its waist, as a figure from its base");
-        let mut best: Option<(f64, Made, bool)> = None;
+        let mut best: Option<(f64, MapOrComposition, bool)> = None;
         for (_, side) in sides {
             let map = match self.best(&live, side).await {
                 Err(error) if laying::is_late(&error) => continue,

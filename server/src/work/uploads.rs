@@ -120,9 +120,9 @@ fn of_disk(error: std::io::Error) -> UploadError {
     }
 }
 
-/// Where an upload stands.
+/// The status of an upload.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Standing {
+pub struct UploadStatus {
     /// So many bytes are there.
     pub offset: u64,
     /// So many there will be.
@@ -133,9 +133,9 @@ pub struct Standing {
     pub expires: SystemTime,
 }
 
-/// What is written of an upload beside its bytes.
+/// The header that is written of an upload beside its bytes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Announced {
+struct UploadHeader {
     owner: u64,
     length: u64,
     metadata: String,
@@ -143,12 +143,13 @@ struct Announced {
 
 #[derive(Debug)]
 struct Upload {
-    announced: Announced,
-    now: Mutex<Now>,
+    announced: UploadHeader,
+    now: Mutex<UploadProgress>,
 }
 
+/// How far an upload is.
 #[derive(Debug)]
-struct Now {
+struct UploadProgress {
     offset: u64,
     touched: SystemTime,
     /// Whoever has found it before finds it no more.
@@ -196,7 +197,12 @@ impl Uploads {
     ///
     /// # Errors
     /// [`UploadError::TooLarge`], [`UploadError::OverShare`], [`UploadError::Full`], [`UploadError::DiskFull`], [`UploadError::Disk`].
-    pub fn begin(&self, caller: Caller, length: u64, metadata: String) -> Result<(UploadId, Standing), UploadError> {
+    pub fn begin(
+        &self,
+        caller: Caller,
+        length: u64,
+        metadata: String,
+    ) -> Result<(UploadId, UploadStatus), UploadError> {
         if length > self.largest {
             return Err(UploadError::TooLarge { limit: self.largest, found: length });
         }
@@ -205,7 +211,7 @@ impl Uploads {
         let mut all = lock(&self.all);
         self.check_room(&all, caller.user, length)?;
         let id = UploadId::generate_on(self.server);
-        let announced = Announced { owner: caller.user.0, length, metadata };
+        let announced = UploadHeader { owner: caller.user.0, length, metadata };
         // The bytes' file first: one without the other is removed at the next start.
         let written = created(&self.dir.join(id.to_string()))
             .and_then(|_| fs::write(self.announced(id), serde_json::to_vec(&announced)?));
@@ -213,7 +219,7 @@ impl Uploads {
             self.remove_files(id);
             return Err(of_disk(error));
         }
-        let now = Now { offset: 0, touched: SystemTime::now(), is_gone: false };
+        let now = UploadProgress { offset: 0, touched: SystemTime::now(), is_gone: false };
         let upload = Arc::new(Upload { announced, now: Mutex::new(now) });
         let standing = self.standing(id, &upload, &lock(&upload.now));
         all.insert(id, upload);
@@ -253,7 +259,7 @@ impl Uploads {
     ///
     /// # Errors
     /// [`UploadError::NoSuch`], also where it is another's.
-    pub fn look(&self, caller: Caller, id: UploadId) -> Result<Standing, UploadError> {
+    pub fn look(&self, caller: Caller, id: UploadId) -> Result<UploadStatus, UploadError> {
         let upload = self.get(caller, id)?;
         let now = lock(&upload.now);
         Ok(self.standing(id, &upload, &now))
@@ -263,7 +269,7 @@ impl Uploads {
     ///
     /// # Errors
     /// [`UploadError::NoSuch`], [`UploadError::Offset`], [`UploadError::Beyond`], and those of the disk.
-    pub fn append(&self, caller: Caller, id: UploadId, offset: u64, bytes: &[u8]) -> Result<Standing, UploadError> {
+    pub fn append(&self, caller: Caller, id: UploadId, offset: u64, bytes: &[u8]) -> Result<UploadStatus, UploadError> {
         let upload = self.get(caller, id)?;
         let mut now = lock(&upload.now);
         if now.is_gone {
@@ -286,7 +292,7 @@ impl Uploads {
     ///
     /// # Errors
     /// [`UploadError::NoSuch`], and those of the disk.
-    pub fn sync(&self, caller: Caller, id: UploadId) -> Result<Standing, UploadError> {
+    pub fn sync(&self, caller: Caller, id: UploadId) -> Result<UploadStatus, UploadError> {
         let upload = self.get(caller, id)?;
         File::open(self.dir.join(id.to_string())).and_then(|file| file.sync_data()).map_err(of_disk)?;
         let now = lock(&upload.now);
@@ -359,14 +365,14 @@ impl Uploads {
         Ok(upload)
     }
 
-    fn expires(&self, id: UploadId, now: &Now) -> SystemTime {
+    fn expires(&self, id: UploadId, now: &UploadProgress) -> SystemTime {
         let begun = UNIX_EPOCH + Duration::from_millis(id.created_unix_ms());
         (now.touched + self.idle_max).min(begun + AGE_MAX)
     }
 
-    fn standing(&self, id: UploadId, upload: &Upload, now: &Now) -> Standing {
-        let Announced { length, metadata, .. } = upload.announced.clone();
-        Standing { offset: now.offset, length, metadata, expires: self.expires(id, now) }
+    fn standing(&self, id: UploadId, upload: &Upload, now: &UploadProgress) -> UploadStatus {
+        let UploadHeader { length, metadata, .. } = upload.announced.clone();
+        UploadStatus { offset: now.offset, length, metadata, expires: self.expires(id, now) }
     }
 }
 
@@ -392,10 +398,10 @@ fn found(dir: &Path) -> HashMap<UploadId, Arc<Upload>> {
 }
 
 fn left(dir: &Path, id: UploadId) -> Option<Upload> {
-    let announced: Announced = serde_json::from_slice(&fs::read(dir.join(format!("{id}.json"))).ok()?).ok()?;
+    let announced: UploadHeader = serde_json::from_slice(&fs::read(dir.join(format!("{id}.json"))).ok()?).ok()?;
     let facts = fs::metadata(dir.join(id.to_string())).ok()?;
     let (offset, touched) = (facts.len(), facts.modified().ok()?);
-    let now = Mutex::new(Now { offset, touched, is_gone: false });
+    let now = Mutex::new(UploadProgress { offset, touched, is_gone: false });
     (offset <= announced.length).then_some(Upload { announced, now })
 }
 
@@ -405,7 +411,7 @@ fn left(dir: &Path, id: UploadId) -> Option<Upload> {
 /// [`UploadError`], and refusals of the memory.
 pub async fn whole(work: &Arc<Work>, uploads: &Arc<Uploads>, caller: Caller, id: UploadId) -> Result<Bytes, WorkError> {
     let asked = Arc::clone(uploads);
-    let Standing { offset, length, .. } = work.blocking(move |_| Ok(asked.look(caller, id)?)).await?;
+    let UploadStatus { offset, length, .. } = work.blocking(move |_| Ok(asked.look(caller, id)?)).await?;
     if offset != length {
         return Err(UploadError::Unfinished { id, offset, length }.into());
     }

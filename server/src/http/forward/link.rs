@@ -62,9 +62,9 @@ impl Fault {
 }
 
 /// A task that ends with whoever waits for what it brings.
-struct Driving(JoinHandle<()>);
+struct ConnectionTask(JoinHandle<()>);
 
-impl Drop for Driving {
+impl Drop for ConnectionTask {
     fn drop(&mut self) {
         self.0.abort();
     }
@@ -76,7 +76,7 @@ pub(super) struct Link<'a> {
     signs: &'a Signs,
     begun: Instant,
     sender: SendRequest<Body>,
-    driving: Driving,
+    driving: ConnectionTask,
 }
 
 impl<'a> Link<'a> {
@@ -90,7 +90,7 @@ impl<'a> Link<'a> {
         let _ = stream.set_nodelay(true);
         let (sender, connection) = handshake(TokioIo::new(stream)).await.map_err(|_| Fault::Gone)?;
         // What it fails with, the sender tells.
-        let driving = Driving(tokio::spawn(async move { drop(connection.await) }));
+        let driving = ConnectionTask(tokio::spawn(async move { drop(connection.await) }));
         Ok(Self { address: address.to_owned(), signs, begun, sender, driving })
     }
 
@@ -163,7 +163,7 @@ async fn says_so(address: &str) -> bool {
     let asked = async {
         let stream = TcpStream::connect(host).await.ok()?;
         let (mut sender, connection) = handshake(TokioIo::new(stream)).await.ok()?;
-        let driving = Driving(tokio::spawn(async move { drop(connection.await) }));
+        let driving = ConnectionTask(tokio::spawn(async move { drop(connection.await) }));
         let request = Request::get("/healthz").header(header::HOST, host).body(Body::empty()).ok()?;
         let answer = sender.send_request(request).await.ok();
         drop(driving);
@@ -180,7 +180,7 @@ pub(super) struct Answer {
     is_waiting: bool,
     /// Set when it is to break off.
     stopping: Option<Pin<Box<WaitForCancellationFutureOwned>>>,
-    _driving: Driving,
+    _driving: ConnectionTask,
 }
 
 impl Answer {

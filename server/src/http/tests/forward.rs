@@ -56,9 +56,9 @@ impl Shared {
         let binding = runtime.spawn(TcpListener::bind("127.0.0.1:0"));
         let listener = binding.await.expect("no panic").expect("a port");
         let address = listener.local_addr().expect("an address");
-        let kept = Kept::on(Arc::new(Files::beside(self.uploads.path())));
+        let kept = KeptQueries::on(Arc::new(Files::beside(self.uploads.path())));
         let peers = Some(self.join(&format!("http://{address}"), share));
-        let together = Together { kept, peers, signs: Arc::default() };
+        let together = ClusterHandles { kept, peers, signs: Arc::default() };
         let bench = Bench::holding(share, corpus, Admission::new(64 << 20, 32), dir, together);
         let connections = Connections::new(ConnectionLimits { all: 100, per_address: 100 });
         runtime.spawn(serve(listener, bench.router.clone(), connections, bench.stopping.clone()));
@@ -66,7 +66,7 @@ impl Shared {
     }
 
     /// Waits until something is kept of a query.
-    pub(super) async fn until_kept(&self, path: &str, what: What) {
+    pub(super) async fn until_kept(&self, path: &str, what: KeptKind) {
         use crate::work::kept::UploadStore;
         let id = id_of(path);
         let begun = Instant::now();
@@ -322,7 +322,7 @@ async fn who_asks_for_what_a_dead_server_had_is_told_and_starts_it_again() {
     let shared = Shared::new();
     let (a, b) = (shared.server().await, shared.server().await);
     let query = a.query("segment disc 3").await;
-    shared.until_kept(&query, What::Upload).await;
+    shared.until_kept(&query, KeptKind::Upload).await;
     let before = a.bench.ended(&query).await;
     a.die().await;
     let begun = Instant::now();

@@ -146,13 +146,13 @@ async fn names_are_given_through_any_server_and_outlive_the_one_that_had_them() 
     let shared = Shared::new();
     let (a, b) = (shared.server().await, shared.server().await);
     let query = a.query(TWO).await;
-    shared.until_kept(&query, What::Upload).await;
+    shared.until_kept(&query, KeptKind::Upload).await;
     let kind = [("content-type", "application/json")];
     let body = json!({"segments": [{"segment": 0, "name": "arm"}]}).to_string();
     let named = b.ask(Method::PATCH, &query, &kind, body).await;
     assert_eq!((named.status, of(&named.json())), (StatusCode::OK, vec![json!("arm"), json!(null)]));
     assert_eq!(of(&a.get(&query).await.json())[0], "arm");
-    shared.until_kept(&query, What::Names).await;
+    shared.until_kept(&query, KeptKind::Names).await;
     a.die().await;
     let again = b.ask(Method::POST, &format!("{query}/restart"), &[], "").await;
     assert_eq!(of(&again.json()), [json!("arm"), json!(null)], "{}", again.text());

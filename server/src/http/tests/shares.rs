@@ -12,7 +12,11 @@ fn share(text: &str) -> Share {
 async fn stocked(count: usize) -> Arc<MemoryCorpus> {
     let corpus: Arc<MemoryCorpus> = Arc::default();
     let dir = tempfile::tempdir().expect("a directory");
-    let together = Together { kept: Kept::on(Arc::new(Files::beside(dir.path()))), peers: None, signs: Arc::default() };
+    let together = ClusterHandles {
+        kept: KeptQueries::on(Arc::new(Files::beside(dir.path()))),
+        peers: None,
+        signs: Arc::default(),
+    };
     let bench = Bench::holding(None, Arc::clone(&corpus), Admission::new(64 << 20, 32), dir, together);
     for number in 1..=count {
         let tag = if number % 2 == 0 { "even" } else { "odd" };

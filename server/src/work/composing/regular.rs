@@ -2,7 +2,7 @@
 
 use super::INSPIRED_LEAST;
 use super::headline::{Headline, is_crumpled};
-use super::sound::{Sound, stitched_sound};
+use super::sound::{MeasuredComposition, stitched_sound};
 use super::waist;
 use crate::pool::{Job, Lane, Stop, StopReason};
 use crate::work::engine::{AllowedFlaws, Appraisal, Part, StitchOptions};
@@ -51,8 +51,8 @@ pub(super) async fn regular(
     work: &Arc<Work>,
     live: &LiveQuery,
     job: &Job,
-    (composed, is_usable, how): (&Sound, bool, StitchOptions),
-) -> Result<Option<Sound>, WorkError> {
+    (composed, is_usable, how): (&MeasuredComposition, bool, StitchOptions),
+) -> Result<Option<MeasuredComposition>, WorkError> {
     let job = job.renew(Some(REQUEST_TIME_MAX / 2));
     let (model, parts) = match live.model.is_waist {
         true => waist::in_primitives(work, live, &job).await?,
@@ -68,8 +68,9 @@ pub(super) async fn regular(
         Err(error) if error.stop_reason().is_some_and(|reason| reason != StopReason::Cancelled) => Ok(None),
         found => {
             let most = if is_usable { SMOOTHER * composed.appraisal.turned } else { f64::INFINITY };
-            let is_better =
-                |regular: &Sound| regular.is_layout_no_worse_than(composed) && regular.appraisal.turned <= most;
+            let is_better = |regular: &MeasuredComposition| {
+                regular.is_layout_no_worse_than(composed) && regular.appraisal.turned <= most
+            };
             Ok(Some(found?).filter(is_better))
         }
     }

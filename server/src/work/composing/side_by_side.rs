@@ -1,7 +1,7 @@
 //! Maps of several segments side by side, where stitching them breaks the mesh or loses the examples.
 
 use super::headline::is_crumpled;
-use super::sound::{KEPT, Sound};
+use super::sound::{KEPT, MeasuredComposition};
 use super::{BARE_MIN, bare};
 use crate::work::engine::{AllowedFlaws, Engine, EngineError, LayoutOwner, Model, PolyMesh, Stitched};
 use crate::work::mapping::{LiveMap, MapState};
@@ -46,7 +46,7 @@ pub(super) fn standing(model: &Model, alone: &[bool], maps: &[Option<Arc<LiveMap
 
 /// The map that is most of what stands side by side in place of a stitched mesh; `None` where no map does, it leaves little bare, or
 /// other examples make up so much that what is laid out around the one would lose them.
-pub(super) fn most(model: &Model, found: &Sound, maps: &[Option<Arc<LiveMap>>]) -> Option<Arc<LiveMap>> {
+pub(super) fn most(model: &Model, found: &MeasuredComposition, maps: &[Option<Arc<LiveMap>>]) -> Option<Arc<LiveMap>> {
     if found.unstitched.is_empty() || found.appraisal.covered > 1.0 - BARE_MIN {
         return None;
     }
@@ -66,7 +66,7 @@ pub(super) fn unstitched(
     mut standing: Vec<(usize, Arc<LiveMap>)>,
     (stitched, alone): (&Stitched, &[bool]),
     allowed: AllowedFlaws,
-) -> Result<Option<Sound>, EngineError> {
+) -> Result<Option<MeasuredComposition>, EngineError> {
     let stands = |standing: &[(usize, Arc<LiveMap>)], segment: u32| standing.iter().any(|(n, _)| *n as u32 == segment);
     let mut beside: Vec<u32> = (0u32..).zip(alone).filter(|(_, alone)| **alone).map(|(segment, _)| segment).collect();
     beside.retain(|segment| !stands(&standing, *segment));
@@ -79,7 +79,7 @@ pub(super) fn unstitched(
         if appraisal.flaws.is_empty() {
             let mut unstitched: Vec<u32> = standing.iter().map(|(number, _)| *number as u32).collect();
             unstitched.extend(&beside);
-            return Ok(Some(Sound { unstitched, ..Sound::of(made, appraisal) }));
+            return Ok(Some(MeasuredComposition { unstitched, ..MeasuredComposition::of(made, appraisal) }));
         }
         let is_flawed = |segment: &u32| appraisal.flawed.contains(segment);
         if beside.iter().any(is_flawed) {
@@ -104,9 +104,9 @@ pub(super) fn unstitched(
 pub(super) fn closer(
     engine: &dyn Engine,
     model: &Model,
-    mut best: Sound,
+    mut best: MeasuredComposition,
     allowed: AllowedFlaws,
-) -> Result<Sound, EngineError> {
+) -> Result<MeasuredComposition, EngineError> {
     for splits in 0.. {
         if best.appraisal.away <= CLOSE || !best.appraisal.flaws.is_empty() {
             break;
@@ -118,7 +118,7 @@ pub(super) fn closer(
         if !appraisal.flaws.is_empty() || !is_closer || !is_smooth {
             break;
         }
-        best = Sound { made, appraisal, ..best };
+        best = MeasuredComposition { made, appraisal, ..best };
     }
     Ok(best)
 }

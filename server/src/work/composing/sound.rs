@@ -20,7 +20,7 @@ const COVERED_LESS: f64 = 0.02;
 const AWAY_MORE: f64 = 1.25;
 
 /// The result of a composition, with how it was measured.
-pub(super) struct Sound {
+pub(super) struct MeasuredComposition {
     pub(super) made: Stitched,
     pub(super) appraisal: Appraisal,
     /// Segments whose examples gave way to regular layouts.
@@ -28,18 +28,18 @@ pub(super) struct Sound {
     /// The segments on which alone there is a mesh, where that is maps side by side; else empty.
     pub(super) unstitched: Vec<u32>,
     /// Tells what lies around a map, where the scan was cut along its rim.
-    pub(super) around: Option<Around>,
+    pub(super) around: Option<SurroundingMaps>,
 }
 
-/// Tells what stands on a scan that was cut along the rim of a map.
-pub(super) struct Around {
+/// The maps on a scan that was cut along the rim of a map.
+pub(super) struct SurroundingMaps {
     /// The maps on the segments of the cut, for the headline.
     pub(super) laid: Vec<Option<BroughtMap>>,
     /// The segments of the query whose maps stand: that of the map in the middle, and others that kept theirs.
     pub(super) stand: Vec<u32>,
 }
 
-impl Sound {
+impl MeasuredComposition {
     pub(super) fn of(made: Stitched, appraisal: Appraisal) -> Self {
         Self { made, appraisal, gave_way: Vec::new(), unstitched: Vec::new(), around: None }
     }
@@ -82,12 +82,12 @@ pub(super) fn stitched_sound(
     (mut parts, instead): (Vec<Part>, &[Option<Arc<Encoded>>]),
     (how, allowed): (StitchOptions, AllowedFlaws),
     stop: &Stop,
-) -> Result<Sound, EngineError> {
+) -> Result<MeasuredComposition, EngineError> {
     let made = engine.compose(model, &parts, how, stop)?;
     let appraisal = engine.appraise(model, &made, allowed)?;
     let is_example = |segment: &u32| made.is_example(*segment as usize);
     if appraisal.flaws.is_empty() {
-        return Ok(Sound::of(made, appraisal));
+        return Ok(MeasuredComposition::of(made, appraisal));
     }
     // First those that are to blame; then all, since what no example stands on is laid out as one.
     let blamed: Vec<u32> = appraisal.flawed.iter().copied().filter(is_example).collect();
@@ -111,10 +111,10 @@ pub(super) fn stitched_sound(
             let segments = gave_way.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
             let why = appraisal.flaws.join("; ");
             again.notes.push(format!("examples gave way to regular layouts on segments {segments}: {why}"));
-            return Ok(Sound { gave_way, ..Sound::of(again, after) });
+            return Ok(MeasuredComposition { gave_way, ..MeasuredComposition::of(again, after) });
         }
     }
-    Ok(Sound::of(made, appraisal))
+    Ok(MeasuredComposition::of(made, appraisal))
 }
 
 #[cfg(test)]
@@ -123,10 +123,10 @@ mod tests {
     use quadmuse_kernel::mesh::PolyMesh;
 
     /// A result with so many extraordinary vertices, as far from the scan.
-    fn sound(extraordinary_vertices: u64, away: f64, own: f64) -> Sound {
+    fn sound(extraordinary_vertices: u64, away: f64, own: f64) -> MeasuredComposition {
         let made = Stitched::as_it_is(Arc::new(PolyMesh::default()), Vec::new());
         let appraisal = Appraisal { away, own, covered: 1.0, ..Appraisal::default() };
-        Sound::of(Stitched { extraordinary_vertices, ..made }, appraisal)
+        MeasuredComposition::of(Stitched { extraordinary_vertices, ..made }, appraisal)
     }
 
     #[test]

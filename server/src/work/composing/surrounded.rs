@@ -4,8 +4,8 @@
 //! fit, and regular layouts elsewhere. Segments beside that of the map stay as they are, and keep the maps that were laid on them.
 
 use super::headline::{BroughtMap, is_crumpled};
-use super::sound::Around;
-use super::{BARE_MIN, Sound, bare, laid, stitched_sound};
+use super::sound::SurroundingMaps;
+use super::{BARE_MIN, MeasuredComposition, bare, laid, stitched_sound};
 use crate::pool::{Job, Lane, Stop, StopReason};
 use crate::work::engine::{AllowedFlaws, Encoded, Engine, EngineError, Model, Part, StitchOptions};
 use crate::work::laying::best_map;
@@ -18,7 +18,7 @@ use quadmuse_proto::{Beyond, ExampleId};
 use std::sync::Arc;
 
 /// A scan cut along the rim of a map, and what each of its segments takes: the first is the map.
-pub(super) struct Surrounded {
+pub(super) struct RimCut {
     cut: Arc<Model>,
     parts: Vec<Part>,
     /// A regular layout for each segment whose example may give way.
@@ -48,7 +48,7 @@ pub(super) fn centre(model: &Model, maps: &[Option<Arc<LiveMap>>]) -> Option<Arc
     (maps.len() > 1 && bare(most) > BARE_MIN).then(|| Arc::clone(most))
 }
 
-impl Surrounded {
+impl RimCut {
     /// Cuts the scan of `live` along the rim of `map`, one of the `maps` that were laid on its segments, and finds what the rest takes;
     /// `None` where nothing lies beyond the map, or the rest can't be laid.
     pub(super) async fn of(
@@ -125,15 +125,15 @@ impl Surrounded {
         engine: &dyn Engine,
         (how, allowed): (StitchOptions, AllowedFlaws),
         stop: &Stop,
-    ) -> Result<Option<Sound>, EngineError> {
+    ) -> Result<Option<MeasuredComposition>, EngineError> {
         let allowed = AllowedFlaws { bare: 0.0, ..allowed };
-        let Sound { mut made, appraisal, .. } =
+        let MeasuredComposition { mut made, appraisal, .. } =
             stitched_sound(engine, &self.cut, (self.parts, &self.instead), (how, allowed), stop)?;
         tracing::debug!(flaws = ?appraisal.flaws, standing = ?made.standing, notes = ?made.notes, "what lies around a map");
         let stands = made.is_example(0) && appraisal.flaws.is_empty() && !is_crumpled(&appraisal);
         // Segments of the cut are none of the query's, which notes could name.
         made.notes.retain(|note| !note.contains("segment"));
-        let (mut around, mut names) = (Around { laid: self.laid, stand: Vec::new() }, Vec::new());
+        let (mut around, mut names) = (SurroundingMaps { laid: self.laid, stand: Vec::new() }, Vec::new());
         let used = self.origins.into_iter().enumerate().filter(|(segment, _)| made.is_example(*segment));
         for origin in used.filter_map(|(_, origin)| origin) {
             match origin {
@@ -146,7 +146,7 @@ impl Surrounded {
         if !names.is_empty() {
             made.notes.push(format!("other examples around the first: {}", names.join(", ")));
         }
-        Ok(stands.then_some(Sound { around: Some(around), ..Sound::of(made, appraisal) }))
+        Ok(stands.then_some(MeasuredComposition { around: Some(around), ..MeasuredComposition::of(made, appraisal) }))
     }
 }
 

@@ -22,7 +22,7 @@ struct Row {
     example: Arc<Example>,
     bytes: Bytes,
     cut: Cut,
-    segments: Vec<(u32, Packed)>,
+    segments: Vec<(u32, PackedEncoding)>,
 }
 
 impl Default for MemoryCorpus {
@@ -62,7 +62,7 @@ impl MemoryCorpus {
 fn described(new: &NewExample) -> Example {
     let id = ExampleId::generate();
     let has_parts = matches!(new.cut.besides, ExtraParts::Known(_));
-    let segment = |(segment, packed): (usize, &Packed)| ExampleSegment {
+    let segment = |(segment, packed): (usize, &PackedEncoding)| ExampleSegment {
         segment: segment as u32,
         is_part: has_parts && segment > 0,
         topology: packed.facts.topology,
@@ -93,17 +93,17 @@ fn described(new: &NewExample) -> Example {
 }
 
 impl Corpus for MemoryCorpus {
-    fn put(&self, new: NewExample) -> Result<(Arc<Example>, Put), CorpusError> {
+    fn put(&self, new: NewExample) -> Result<(Arc<Example>, PutOutcome), CorpusError> {
         self.writable()?;
         if let Some(there) = self.find(&new.bytes, &new.cut) {
-            return Ok((there, Put::There));
+            return Ok((there, PutOutcome::There));
         }
         let example = Arc::new(described(&new));
         let segments = new.segments.into_iter().map(|packed| (new.encoder_version, packed)).collect();
         let row = Row { example: Arc::clone(&example), bytes: new.bytes, cut: new.cut, segments };
         self.rows().insert(example.id, row);
         self.tell(Changed::Encoded(example.id));
-        Ok((example, Put::Added))
+        Ok((example, PutOutcome::Added))
     }
 
     fn find(&self, bytes: &[u8], cut: &Cut) -> Option<Arc<Example>> {
@@ -159,19 +159,19 @@ impl Corpus for MemoryCorpus {
         self.rows().get(&id).map(|row| row.cut.clone()).ok_or(CorpusError::NotFound(id))
     }
 
-    fn encoding(&self, id: ExampleId, segment: u32, level: u32) -> Result<Packed, CorpusError> {
+    fn encoding(&self, id: ExampleId, segment: u32, level: u32) -> Result<PackedEncoding, CorpusError> {
         let rows = self.rows();
         let row = rows.get(&id).ok_or(CorpusError::NotFound(id))?;
         let (_, packed) = row.segments.get(segment as usize).ok_or_else(|| CorpusError::NoEncoding("none".into()))?;
         let levels = packed.levels.iter().filter(|(side, _)| *side == level).cloned().collect();
-        Ok(Packed { levels, ..packed.clone() })
+        Ok(PackedEncoding { levels, ..packed.clone() })
     }
 
     fn put_encoding(
         &self,
         id: ExampleId,
         segment: u32,
-        packed: &Packed,
+        packed: &PackedEncoding,
         _: MeshCounts,
         version: u32,
     ) -> Result<(), CorpusError> {

@@ -8,8 +8,8 @@ mod shaped;
 
 pub use row::without_picture;
 
-use super::{Corpus, CorpusCheck, CorpusError, CorpusHealth, KeptRow, NewExample, Put};
-use crate::work::engine::{Cut, Engine, ExtraParts, Packed, SegmentFacts};
+use super::{Corpus, CorpusCheck, CorpusError, CorpusHealth, KeptRow, NewExample, PutOutcome};
+use crate::work::engine::{Cut, Engine, ExtraParts, PackedEncoding, SegmentFacts};
 use crate::work::ingest::counts_of;
 use crate::work::query::rfc3339;
 use bytes::Bytes;
@@ -21,7 +21,9 @@ use quadmuse_store::{
     OpenOptions, OpenReport, PackedSegment, Problem, SegmentRow, SegmentSummary, Store, StoreError, coarse_when_kept,
 };
 use row::WrittenRow;
-use shaped::{Shaped, derived_in, feature_out, labels_in, landmark_out, patch_in, segmentation_in, topology_out};
+use shaped::{
+    ShapedExample, derived_in, feature_out, labels_in, landmark_out, patch_in, segmentation_in, topology_out,
+};
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
@@ -29,7 +31,7 @@ use std::time::Duration;
 use tokio::sync::watch;
 
 /// Makes the row that a search keeps of an encoding; `None` if there is none.
-pub type RowMaker = Box<dyn Fn(&Packed) -> Option<Row> + Send + Sync>;
+pub type RowMaker = Box<dyn Fn(&PackedEncoding) -> Option<Row> + Send + Sync>;
 
 /// The corpus.
 pub struct StoredCorpus {
@@ -39,7 +41,7 @@ pub struct StoredCorpus {
     /// For a backend that keeps rows with what is added, so that other servers needn't make them.
     row_maker: Option<RowMaker>,
     /// What is derived of each example beside its record.
-    described: RwLock<BTreeMap<ExampleId, Arc<Described>>>,
+    described: RwLock<BTreeMap<ExampleId, Arc<ExampleCounts>>>,
     /// The rows that were written down, or came with a change, until they are asked for.
     rows: Mutex<HashMap<ExampleId, Vec<KeptRow>>>,
     newest: watch::Receiver<u64>,
@@ -47,9 +49,9 @@ pub struct StoredCorpus {
     learned: Mutex<u64>,
 }
 
-/// What an example tells beside its record.
+/// Counts what an example has: triangles, quads and features.
 #[derive(Clone, Debug, Default, PartialEq)]
-struct Described {
+struct ExampleCounts {
     triangles: u64,
     quads: u64,
     features: Vec<u32>,
@@ -94,7 +96,7 @@ impl StoredCorpus {
         Arc::new(example_of(record, &known.unwrap_or_else(|| Arc::new(described(&*self.store, record)))))
     }
 
-    fn describe(&self, id: ExampleId, known: Described) {
+    fn describe(&self, id: ExampleId, known: ExampleCounts) {
         self.described.write().unwrap_or_else(PoisonError::into_inner).insert(id, Arc::new(known));
     }
 
@@ -150,12 +152,16 @@ impl StoredCorpus {
 }
 
 /// What the rows of an example tell, or else its encodings; and the rows, if all are there.
-fn known_of(store: &dyn Backend, record: &ExampleRecord, rows: Vec<SegmentRow>) -> (Described, Option<Vec<KeptRow>>) {
+fn known_of(
+    store: &dyn Backend,
+    record: &ExampleRecord,
+    rows: Vec<SegmentRow>,
+) -> (ExampleCounts, Option<Vec<KeptRow>>) {
     let mut of: Vec<WrittenRow> = rows.into_iter().filter_map(|(segment, bytes)| row::read(segment, &bytes)).collect();
     of.sort_by_key(|written| written.segment);
     let whole = of.iter().map(|written| written.segment).eq(0..record.segments.len() as u32);
     let known = match of.first() {
-        Some(first) if whole => Described {
+        Some(first) if whole => ExampleCounts {
             triangles: first.counts.0,
             quads: first.counts.1,
             features: of.iter().map(|written| written.features).collect(),
@@ -184,14 +190,14 @@ pub fn row_of_packed(
 
 /// A maker of rows by the geometry.
 pub fn row_maker(engine: Arc<dyn Engine>) -> RowMaker {
-    Box::new(move |packed: &Packed| engine.unpack(packed).and_then(|encoding| engine.row(&encoding)).ok())
+    Box::new(move |packed: &PackedEncoding| engine.unpack(packed).and_then(|encoding| engine.row(&encoding)).ok())
 }
 
 /// What is read of an encoding, with one level of its pyramid, as the service passes it on.
-fn packed_of(coarse: &Coarse, level: Level, faces: u64) -> Packed {
+fn packed_of(coarse: &Coarse, level: Level, faces: u64) -> PackedEncoding {
     let (topology, k) = (topology_out(coarse.topology), coarse.modulus);
     let bending = coarse.signature.first().copied();
-    Packed {
+    PackedEncoding {
         facts: SegmentFacts { topology, k, faces, features: coarse.features.len() as u32, bending },
         features: coarse.features.iter().map(feature_out).collect(),
         levels: vec![(level.side, level.lambda)],
@@ -199,7 +205,7 @@ fn packed_of(coarse: &Coarse, level: Level, faces: u64) -> Packed {
 }
 
 /// Reads what the encodings tell; features that are missing count as 0 until they are found again.
-fn described(store: &dyn Backend, record: &ExampleRecord) -> Described {
+fn described(store: &dyn Backend, record: &ExampleRecord) -> ExampleCounts {
     let segments = 0..record.segments.len() as u32;
     let features =
         segments.clone().map(|s| store.coarse(record.id, s).map_or(0, |coarse| coarse.features.len() as u32));
@@ -207,7 +213,7 @@ fn described(store: &dyn Backend, record: &ExampleRecord) -> Described {
     let counts = charts.filter_map(|chart| unpack_counts(&chart.extra)).next();
     // Until it is encoded again, the mesh tells.
     let (triangles, quads) = counts.or_else(|| counted(store, record.id)).unwrap_or_default();
-    Described { triangles, quads, features: features.collect() }
+    ExampleCounts { triangles, quads, features: features.collect() }
 }
 
 /// Triangles and quads of a mesh, from its bytes.
@@ -230,7 +236,7 @@ fn unpack_counts(extra: &[u8]) -> Option<(u64, u64)> {
     }
 }
 
-fn example_of(record: &ExampleRecord, known: &Described) -> Example {
+fn example_of(record: &ExampleRecord, known: &ExampleCounts) -> Example {
     let has_parts = matches!(record.segmentation, quadmuse_store::Segmentation::Parted { .. });
     let segment = |(at, s): (usize, &SegmentSummary)| ExampleSegment {
         segment: at as u32,
@@ -269,10 +275,10 @@ impl StoredCorpus {
     ///
     /// # Errors
     /// As [`Corpus::put`]; on a store none is added then.
-    pub fn put_all(&self, new: Vec<NewExample>) -> Result<Vec<(Arc<Example>, Put)>, CorpusError> {
+    pub fn put_all(&self, new: Vec<NewExample>) -> Result<Vec<(Arc<Example>, PutOutcome)>, CorpusError> {
         let Some(store) = &self.on_disk else { return new.into_iter().map(|new| self.put(new)).collect() };
-        let shaped: Vec<Shaped> = new.into_iter().map(Shaped::of).collect();
-        let added = store.add_all(&shaped.iter().map(Shaped::for_store).collect::<Vec<_>>())?;
+        let shaped: Vec<ShapedExample> = new.into_iter().map(ShapedExample::of).collect();
+        let added = store.add_all(&shaped.iter().map(ShapedExample::for_store).collect::<Vec<_>>())?;
         Ok(shaped.iter().zip(&added).map(|(shaped, added)| self.added(&shaped.new, added)).collect())
     }
 
@@ -281,15 +287,15 @@ impl StoredCorpus {
         self.on_disk.as_ref()
     }
 
-    fn added(&self, new: &NewExample, added: &Added) -> (Arc<Example>, Put) {
+    fn added(&self, new: &NewExample, added: &Added) -> (Arc<Example>, PutOutcome) {
         let put = match added {
-            Added::Created(_) => Put::Added,
-            Added::Exists(_) => Put::There,
+            Added::Created(_) => PutOutcome::Added,
+            Added::Exists(_) => PutOutcome::There,
         };
         let record = added.record();
         let features = new.segments.iter().map(|packed| packed.features.len() as u32).collect();
         let known = match added {
-            Added::Created(_) => Described { triangles: new.counts.triangles, quads: new.counts.quads, features },
+            Added::Created(_) => ExampleCounts { triangles: new.counts.triangles, quads: new.counts.quads, features },
             // Its parts may be others than are found now.
             Added::Exists(_) => described(&*self.store, record),
         };
@@ -299,13 +305,13 @@ impl StoredCorpus {
 }
 
 impl Corpus for StoredCorpus {
-    fn put(&self, mut new: NewExample) -> Result<(Arc<Example>, Put), CorpusError> {
+    fn put(&self, mut new: NewExample) -> Result<(Arc<Example>, PutOutcome), CorpusError> {
         // What is there whole, and damaged, is healed, not added beside itself.
         if matches!(new.cut.besides, ExtraParts::Known(_)) && self.store.is_damaged(&new.bytes, NewSegmentation::Auto) {
             new.cut.besides = ExtraParts::Nothing;
             new.segments.truncate(1);
         }
-        let shaped = Shaped::of(new);
+        let shaped = ShapedExample::of(new);
         let faces: Vec<u64> = shaped.new.segments.iter().map(|packed| packed.facts.faces).collect();
         let rows = self.rows_for(shaped.derived(), &faces, shaped.new.counts);
         let added = self.store.add(&shaped.for_store(), &rows)?;
@@ -364,7 +370,7 @@ impl Corpus for StoredCorpus {
         })
     }
 
-    fn encoding(&self, id: ExampleId, segment: u32, level: u32) -> Result<Packed, CorpusError> {
+    fn encoding(&self, id: ExampleId, segment: u32, level: u32) -> Result<PackedEncoding, CorpusError> {
         let coarse = self.store.coarse(id, segment)?;
         let record = self.store.get(id)?;
         let faces = record.segments.get(segment as usize).map_or(0, |summary| u64::from(summary.faces));
@@ -379,7 +385,7 @@ impl Corpus for StoredCorpus {
         &self,
         id: ExampleId,
         segment: u32,
-        packed: &Packed,
+        packed: &PackedEncoding,
         counts: MeshCounts,
         version: u32,
     ) -> Result<(), CorpusError> {

@@ -214,15 +214,15 @@ impl Engine for FakeEngine {
         Ok(Encoded { encoding, repairs: Vec::new() })
     }
 
-    fn pack(&self, encoding: &Encoding) -> Result<Packed, EngineError> {
+    fn pack(&self, encoding: &Encoding) -> Result<PackedEncoding, EngineError> {
         let fake: &FakeEncoding = encoding.inner.open()?;
         let flag = if fake.panics_refine { 1.0 } else { 0.0 };
         let values = vec![fake.number as f32, fake.slow.as_secs_f32(), flag];
         let levels = quadmuse_proto::query::LEVELS.map(|level| (level, values.clone())).to_vec();
-        Ok(Packed { facts: encoding.facts, features: Vec::new(), levels })
+        Ok(PackedEncoding { facts: encoding.facts, features: Vec::new(), levels })
     }
 
-    fn unpack(&self, packed: &Packed) -> Result<Encoding, EngineError> {
+    fn unpack(&self, packed: &PackedEncoding) -> Result<Encoding, EngineError> {
         let [number, slow, flag] = packed.levels[0].1[..] else { return Err(EngineError::Internal("not mine".into())) };
         let (slow, panics_refine) = (Duration::from_secs_f32(slow), flag > 0.0);
         let inner = Opaque::new(FakeEncoding { number: f64::from(number), slow, panics_refine });

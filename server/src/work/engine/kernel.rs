@@ -6,8 +6,8 @@ mod translate;
 
 use super::{
     AllowedFlaws, Appraisal, ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Fitted, MapExtent, Mapped,
-    Model, OnePart, Opaque, Packed, PackedFeature, Part, Refusal, Registration, Resized, RoughLead, RoughPlacement,
-    SegmentFacts, Side, SizeTarget, StitchOptions, Stitched, Wishes,
+    Model, OnePart, Opaque, PackedEncoding, PackedFeature, Part, Refusal, Registration, Resized, RoughLead,
+    RoughPlacement, SegmentFacts, Side, SizeTarget, StitchOptions, Stitched, Wishes,
 };
 use crate::pool::Stop;
 use quadmuse_kernel as kernel;
@@ -126,10 +126,10 @@ impl Engine for KernelEngine {
         Ok(translate::encoded(Arc::new(outcome(encoded, stop)?)))
     }
 
-    fn pack(&self, encoding: &Encoding) -> Result<Packed, EngineError> {
+    fn pack(&self, encoding: &Encoding) -> Result<PackedEncoding, EngineError> {
         let source: &Source = encoding.inner.open()?;
         let from = source.encoding();
-        Ok(Packed {
+        Ok(PackedEncoding {
             facts: encoding.facts,
             features: from
                 .features
@@ -140,7 +140,7 @@ impl Engine for KernelEngine {
         })
     }
 
-    fn unpack(&self, packed: &Packed) -> Result<Encoding, EngineError> {
+    fn unpack(&self, packed: &PackedEncoding) -> Result<Encoding, EngineError> {
         let picture = |(side, values): &(u32, Vec<f32>)| {
             let side = *side as usize;
             (values.len() == side * side).then(|| kernel::encode::Picture { side, values: values.clone() })

@@ -2,9 +2,9 @@
 
 use super::SegmentFacts;
 
-/// What an encoding is worth as bytes: a head that is read as a whole and its levels, each on its own.
+/// An encoding as bytes: a head that is read as a whole and its levels, each on its own.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Packed {
+pub struct PackedEncoding {
     /// What is known of the segment.
     pub facts: SegmentFacts,
     /// Feature points.

@@ -145,7 +145,7 @@ fn upload(text: &str) -> (Upload, Annotation) {
     (upload, Annotation { name: "one".into(), tags: vec!["b".into(), "a".into()], relevance: 4.0 })
 }
 
-async fn add(work: &Arc<Work>, text: &str) -> Result<(Arc<Example>, Put), WorkError> {
+async fn add(work: &Arc<Work>, text: &str) -> Result<(Arc<Example>, PutOutcome), WorkError> {
     let (upload, annotation) = upload(text);
     ingest::add(work, Caller::default(), upload, annotation).await
 }
@@ -158,13 +158,16 @@ async fn an_upload_to_one_server_is_encoded_by_another_that_is_free() {
     // The first does no jobs.
     let doing = tokio::spawn(run(Arc::clone(&second), stopping.clone()));
     let (example, put) = add(&first, "segment disc 1\nsegment annulus 2").await.expect("added");
-    assert_eq!((put, example.name.as_str(), example.relevance, example.segments.len()), (Put::Added, "one", 4.0, 2));
+    assert_eq!(
+        (put, example.name.as_str(), example.relevance, example.segments.len()),
+        (PutOutcome::Added, "one", 4.0, 2)
+    );
     assert_eq!(example.tags, ["a", "b"]);
     assert!(first.catalogue.snapshot().segment(example.id, 1).is_some(), "who added it sees it");
     assert_eq!(queue.0.done.load(Ordering::Relaxed), 1);
     // Nothing of it is left in the queue, and the same again is no job.
     assert_eq!((queue.count().expect("counted"), queue.kept_all().len()), (0, 0));
-    assert_eq!(add(&first, "segment disc 1\nsegment annulus 2").await.expect("there").1, Put::There);
+    assert_eq!(add(&first, "segment disc 1\nsegment annulus 2").await.expect("there").1, PutOutcome::There);
     assert_eq!(queue.0.done.load(Ordering::Relaxed), 1);
     stopping.cancel();
     doing.await.expect("no panic");
@@ -220,7 +223,7 @@ async fn where_the_queue_does_not_answer_the_server_encodes_by_itself() {
     let (corpus, queue) = (Arc::default(), InMemory::default());
     let first = server(&corpus, &queue);
     queue.0.is_silent.store(true, Ordering::Relaxed);
-    assert_eq!(add(&first, "segment disc 1").await.expect("added").1, Put::Added);
+    assert_eq!(add(&first, "segment disc 1").await.expect("added").1, PutOutcome::Added);
     assert_eq!(queue.0.done.load(Ordering::Relaxed), 0);
 }
 

@@ -11,7 +11,7 @@ use std::sync::Arc;
 pub(super) const MOST: f64 = 0.5;
 
 /// A map as it is, or a composition.
-pub(super) enum Made {
+pub(super) enum MapOrComposition {
     /// A map.
     Map(Arc<LiveMap>),
     /// A composition.
@@ -21,7 +21,7 @@ pub(super) enum Made {
 /// A result for a scan.
 pub(super) struct Outcome {
     /// The map or composition.
-    pub(super) made: Made,
+    pub(super) made: MapOrComposition,
     query: QueryId,
     /// The query of it, where that was cut for it. It is freed with the outcome, unless that is kept.
     recut: Option<Recut>,
@@ -29,27 +29,27 @@ pub(super) struct Outcome {
 
 impl Outcome {
     /// Of the query that was asked.
-    pub(super) fn of(live: &LiveQuery, made: Made) -> Self {
+    pub(super) fn of(live: &LiveQuery, made: MapOrComposition) -> Self {
         Self { made, query: live.id, recut: None }
     }
 
     /// Of a query of the same scan that was cut otherwise.
-    pub(super) fn of_recut(recut: Recut, made: Made) -> Self {
+    pub(super) fn of_recut(recut: Recut, made: MapOrComposition) -> Self {
         Self { made, query: recut.live.id, recut: Some(recut) }
     }
 
     pub(super) fn verdict(&self) -> Verdict {
         match &self.made {
-            Made::Map(map) => map.newest().summary.verdict,
-            Made::Composition(made) => made.summary.verdict,
+            MapOrComposition::Map(map) => map.newest().summary.verdict,
+            MapOrComposition::Composition(made) => made.summary.verdict,
         }
     }
 
     /// What was done beyond plain stitching.
     pub(super) fn notes(&self) -> &[String] {
         match &self.made {
-            Made::Map(_) => &[],
-            Made::Composition(made) => &made.summary.notes,
+            MapOrComposition::Map(_) => &[],
+            MapOrComposition::Composition(made) => &made.summary.notes,
         }
     }
 
@@ -57,8 +57,8 @@ impl Outcome {
     pub(super) fn share(&self) -> f64 {
         let share = match &self.made {
             // Rows that continue the example beyond its rim are not counted there.
-            Made::Map(map) => map.newest().summary.covers.input,
-            Made::Composition(made) => made.summary.inspired * made.summary.covers.input,
+            MapOrComposition::Map(map) => map.newest().summary.covers.input,
+            MapOrComposition::Composition(made) => made.summary.inspired * made.summary.covers.input,
         };
         if self.verdict() == Verdict::Broken { 0.0 } else { share }
     }
@@ -75,11 +75,11 @@ impl Outcome {
     /// As it goes over the wire.
     pub(super) fn to_wire(&self, id: RetopoId, query: QueryId, notes: Vec<String>) -> Retopo {
         let (result, verdict, inspired, reasons, covers) = match &self.made {
-            Made::Map(map) => {
+            MapOrComposition::Map(map) => {
                 let map = map.newest().summary.clone();
                 (RetopoResult::Map(map.id), map.verdict, map.inspired, map.reasons, map.covers)
             }
-            Made::Composition(made) => {
+            MapOrComposition::Composition(made) => {
                 let made = made.summary.clone();
                 (RetopoResult::Composition(made.id), made.verdict, made.inspired, made.reasons, made.covers)
             }

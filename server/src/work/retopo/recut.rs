@@ -2,23 +2,23 @@
 
 use super::when_there_is_room;
 use crate::work::ingest::Upload;
-use crate::work::kept::Kept;
+use crate::work::kept::KeptQueries;
 use crate::work::query::{Board, LiveQuery, QueryOptions};
 use crate::work::{Work, WorkError, search};
 use quadmuse_proto::Parts;
 use std::sync::Arc;
 use tokio::sync::OnceCell;
 
-/// What a query was started with, fetched when it is first needed.
-pub(super) struct Again {
+/// The upload that a query was started with, fetched when it is first needed.
+pub(super) struct QuerySource {
     pub(super) work: Arc<Work>,
-    pub(super) kept: Arc<Kept>,
+    pub(super) kept: Arc<KeptQueries>,
     /// Largest mesh, in bytes.
     pub(super) largest: u64,
     pub(super) upload: OnceCell<Option<(Upload, QueryOptions)>>,
 }
 
-impl Again {
+impl QuerySource {
     /// Tells whether nobody said how the scan is to be cut; `None` if what was sent is not kept any more.
     pub(super) async fn is_uncut(&self, live: &LiveQuery) -> Result<Option<bool>, WorkError> {
         let is_uncut =
@@ -57,7 +57,7 @@ pub(super) struct Recut {
     pub(super) live: Arc<LiveQuery>,
     upload: Upload,
     work: Arc<Work>,
-    kept: Arc<Kept>,
+    kept: Arc<KeptQueries>,
     is_kept: bool,
 }
 

@@ -3,7 +3,7 @@
 //! *Ours, not the paper's:* everything here but the flips and translations themselves. Only the best [`RANKED_MAX`] become
 //! candidates; of the others nothing stays but two numbers each, until the ranking is made.
 
-use super::scattered::Elsewhere;
+use super::scattered::RemoteSelection;
 use super::siblings::{best_of_each, could_be_kept};
 use super::{Level, SegmentSearch, WINDOW_PER_THREAD};
 use crate::pool::{Job, Lane, PoolError, Stop};
@@ -42,7 +42,7 @@ pub(super) type Chunks = Vec<(Topology, Arc<Chunk>, u16)>;
 pub(super) struct Selection {
     pub(super) chunks: Chunks,
     /// What of it other servers hold in memory, if they hold any.
-    elsewhere: Option<Elsewhere>,
+    elsewhere: Option<RemoteSelection>,
     /// The topologies there are among all of it.
     topologies: Vec<Topology>,
     /// Choices among all of it: segments, an example that is there whole and by its parts once.
@@ -67,7 +67,7 @@ impl Selection {
         }
         if !shares.is_empty() {
             let (snapshot, stocks, tags) = (Arc::clone(snapshot), stocks.to_vec(), tags.to_vec());
-            selection.elsewhere = Some(Elsewhere { snapshot, stocks, tags, shares });
+            selection.elsewhere = Some(RemoteSelection { snapshot, stocks, tags, shares });
         }
         selection.topologies.sort_unstable();
         selection.topologies.dedup();
@@ -105,8 +105,8 @@ impl Selection {
 /// A query prepared for examples of each topology.
 pub(super) type Queries = BTreeMap<Topology, CoarseQuery>;
 
-/// One of the best, while it is being ranked.
-pub(super) struct Ranked {
+/// A segment among the best, while it is being ranked.
+pub(super) struct RankedSegment {
     /// Of one that another server found, only if it is among the best there.
     pub(super) row: Option<Row>,
     pub(super) resident: Arc<Resident>,
@@ -147,7 +147,7 @@ impl SegmentSearch<'_> {
     }
 }
 
-fn by_score(a: &Ranked, b: &Ranked) -> Ordering {
+fn by_score(a: &RankedSegment, b: &RankedSegment) -> Ordering {
     let by_score = a.translation.score.total_cmp(&b.translation.score);
     by_score.then_with(|| a.resident.tie_break().cmp(&b.resident.tie_break()))
 }
@@ -162,7 +162,7 @@ pub(super) struct Sweeping<'a> {
 
 impl Sweeping<'_> {
     /// The best of these chunks, best first, of each example with siblings one.
-    pub(super) async fn best(&self, chunks: Chunks, query: &Arc<Queries>) -> Result<Vec<Ranked>, WorkError> {
+    pub(super) async fn best(&self, chunks: Chunks, query: &Arc<Queries>) -> Result<Vec<RankedSegment>, WorkError> {
         let chunks = Arc::new(chunks);
         let bounds = self.swept(&chunks, query).await?;
         let select = {
@@ -227,17 +227,17 @@ impl Sweeping<'_> {
         chunks: &Arc<Chunks>,
         places: Vec<usize>,
         query: &Arc<Queries>,
-    ) -> Result<Vec<Ranked>, WorkError> {
+    ) -> Result<Vec<RankedSegment>, WorkError> {
         let run = |places: Vec<usize>| {
             let (chunks, query) = (Arc::clone(chunks), Arc::clone(query));
-            let quantum = move |stop: &Stop| -> Vec<Ranked> {
+            let quantum = move |stop: &Stop| -> Vec<RankedSegment> {
                 let places = places.into_iter().take_while(|_| stop.reason().is_none());
                 let one = |place: usize| {
                     let (topology, chunk, _) = chunks.get(place / LANES)?;
                     let (row, resident) = chunk.row(place % LANES)?;
                     let translation =
                         query.get(topology)?.translation(&row, resident.facts.shape(), resident.example.relevance)?;
-                    Some(Ranked { row: Some(row), resident: Arc::clone(resident), translation })
+                    Some(RankedSegment { row: Some(row), resident: Arc::clone(resident), translation })
                 };
                 places.filter_map(one).collect()
             };
@@ -267,7 +267,7 @@ fn sweep(chunk: &Chunk, mask: u16, query: Option<&CoarseQuery>) -> [Bounds; LANE
 }
 
 /// For each of the best that could go on, a better one that it nearly duplicates; those above themselves are none.
-fn grouped(ranked: &[Ranked], stop: &Stop) -> Vec<Option<(ExampleId, u32)>> {
+fn grouped(ranked: &[RankedSegment], stop: &Stop) -> Vec<Option<(ExampleId, u32)>> {
     let mut similar = vec![None; ranked.len()];
     let mut choices: Vec<usize> = Vec::new();
     // Whoever is among the best of all is among the best of its share, and has its row.
@@ -290,8 +290,8 @@ fn grouped(ranked: &[Ranked], stop: &Stop) -> Vec<Option<(ExampleId, u32)>> {
     similar
 }
 
-fn candidate(ranked: Ranked, similar_to: Option<(ExampleId, u32)>) -> Candidate {
-    let Ranked { resident, translation, .. } = ranked;
+fn candidate(ranked: RankedSegment, similar_to: Option<(ExampleId, u32)>) -> Candidate {
+    let RankedSegment { resident, translation, .. } = ranked;
     let registration = Registration {
         level: LEVEL_COARSEST,
         energy: translation.energy,

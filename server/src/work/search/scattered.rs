@@ -5,7 +5,7 @@
 //! one server held everything. The spectra of the query go there as they are, in f64. What nobody answers for is told.
 
 use super::SegmentSearch;
-use super::coarse::{Queries, Ranked, Selection, Sweeping};
+use super::coarse::{Queries, RankedSegment, Selection, Sweeping};
 use crate::pool::{PoolError, User};
 use crate::work::catalogue::{Snapshot, Stock};
 use crate::work::engine::kernel::topology_in;
@@ -33,9 +33,9 @@ const PICTURES_MAX: usize = 256;
 /// Memory of an answer beside the sweep's own, in bytes: the best with their rows, twice.
 const ANSWER_BYTES: u64 = 4 << 20;
 
-/// What of a selection other servers hold.
+/// The part of a selection that other servers hold.
 #[derive(Clone, Debug)]
-pub(super) struct Elsewhere {
+pub(super) struct RemoteSelection {
     /// The corpus as the query sees it.
     pub(super) snapshot: Arc<Snapshot>,
     pub(super) stocks: Vec<Stock>,
@@ -54,12 +54,12 @@ struct Question {
     user: u64,
     tags: Vec<String>,
     with_parts: bool,
-    queries: Vec<Prepared>,
+    queries: Vec<PreparedQuery>,
 }
 
 /// A query, prepared for examples of a topology.
 #[derive(Serialize, Deserialize)]
-struct Prepared {
+struct PreparedQuery {
     examples: Topology,
     topology: Topology,
     pictures: Vec<Picture>,
@@ -75,9 +75,9 @@ struct Picture {
     bending: Option<f32>,
 }
 
-/// One of the best of a share.
+/// A segment among the best of a share.
 #[derive(Serialize, Deserialize)]
-struct Found {
+struct FoundSegment {
     example: ExampleId,
     segment: u32,
     row: Option<FoundRow>,
@@ -103,9 +103,9 @@ impl SegmentSearch<'_> {
     /// The best of what other servers hold, best first in each share, and the shares that nobody answered for.
     pub(super) async fn gathered(
         &self,
-        elsewhere: Option<Elsewhere>,
+        elsewhere: Option<RemoteSelection>,
         query: &Queries,
-    ) -> Result<(Vec<Ranked>, Vec<Share>), WorkError> {
+    ) -> Result<(Vec<RankedSegment>, Vec<Share>), WorkError> {
         let Some(elsewhere) = elsewhere else { return Ok((Vec::new(), Vec::new())) };
         let position = self.work.corpus.reached();
         let asked = elsewhere.shares.iter().map(|&share| {
@@ -115,7 +115,7 @@ impl SegmentSearch<'_> {
                 user: self.live.caller.user.0,
                 tags: elsewhere.tags.clone(),
                 with_parts: elsewhere.stocks.contains(&Stock::Parts),
-                queries: query.iter().map(|(&examples, query)| Prepared::of(examples, query)).collect(),
+                queries: query.iter().map(|(&examples, query)| PreparedQuery::of(examples, query)).collect(),
             };
             self.best_of(question, &elsewhere)
         });
@@ -138,11 +138,11 @@ impl SegmentSearch<'_> {
         Ok((found, missing))
     }
 
-    async fn best_of(&self, question: Question, elsewhere: &Elsewhere) -> Option<Vec<Ranked>> {
+    async fn best_of(&self, question: Question, elsewhere: &RemoteSelection) -> Option<Vec<RankedSegment>> {
         let share = question.share;
         let asked = rmp_serde::to_vec_named(&question).ok()?;
         let answer = self.work.shares.ask(share, asked.into()).await?;
-        let found: Vec<Found> = rmp_serde::from_slice(&answer).ok()?;
+        let found: Vec<FoundSegment> = rmp_serde::from_slice(&answer).ok()?;
         // What the query's snapshot doesn't hold was added since, or changed since.
         let ranked = found.into_iter().filter_map(|found| {
             let resident = elsewhere.snapshot.segment(found.example, found.segment)?;
@@ -185,11 +185,11 @@ pub async fn answer(work: &Arc<Work>, question: Bytes) -> Result<Vec<u8>, WorkEr
     let label = format!("of another server, share {share}");
     let sweeping = Sweeping { work, job: &job, label: &label };
     let best = sweeping.best(selection.chunks, &Arc::new(queries)).await?;
-    let found: Vec<Found> = (0..).zip(&best).map(|(place, ranked)| Found::of(place, ranked)).collect();
+    let found: Vec<FoundSegment> = (0..).zip(&best).map(|(place, ranked)| FoundSegment::of(place, ranked)).collect();
     rmp_serde::to_vec_named(&found).map_err(|_| WorkError::Lost)
 }
 
-impl Prepared {
+impl PreparedQuery {
     fn of(examples: Topology, query: &CoarseQuery) -> Self {
         const ALL: [Topology; 4] = [Topology::Disc, Topology::Annulus, Topology::Sphere, Topology::Torus];
         let topology = ALL.into_iter().find(|topology| topology_in(*topology) == query.topology());
@@ -220,9 +220,9 @@ impl Prepared {
     }
 }
 
-impl Found {
+impl FoundSegment {
     /// Rows go along with those that could go on after the first ranking: near-duplicates are told by them.
-    fn of(place: usize, ranked: &Ranked) -> Self {
+    fn of(place: usize, ranked: &RankedSegment) -> Self {
         let row = ranked.row.as_ref().filter(|_| place < REGISTERED_MAX).map(|row| FoundRow {
             codes: row.codes.iter().flat_map(|code| code.to_le_bytes()).collect::<Vec<u8>>().into(),
             scale: row.scale,
@@ -235,7 +235,7 @@ impl Found {
         Self { example, segment, row, score, energy, cost, flip: (flip.u, flip.v), shift, pole }
     }
 
-    fn ranked(self, resident: Arc<crate::work::catalogue::Resident>) -> Ranked {
+    fn ranked(self, resident: Arc<crate::work::catalogue::Resident>) -> RankedSegment {
         let row = self.row.and_then(|row| {
             let (pairs, _) = row.codes.as_chunks::<2>();
             let codes: Vec<i16> = pairs.iter().map(|&pair| i16::from_le_bytes(pair)).collect();
@@ -243,7 +243,11 @@ impl Found {
             Some(Row { codes: codes.try_into().ok()?, scale, mean, variance, symmetric })
         });
         let Self { score, energy, cost, flip: (u, v), shift, pole, .. } = self;
-        Ranked { row, resident, translation: Translation { score, energy, cost, flip: Flip { u, v }, shift, pole } }
+        RankedSegment {
+            row,
+            resident,
+            translation: Translation { score, energy, cost, flip: Flip { u, v }, shift, pole },
+        }
     }
 }
 
@@ -263,8 +267,8 @@ mod tests {
     fn a_query_arrives_bit_for_bit_with_its_poles_in_order() {
         for topology in [Topology::Disc, Topology::Annulus] {
             let own = query(topology);
-            let bytes = rmp_serde::to_vec_named(&Prepared::of(topology, &own)).expect("serialises");
-            let read: Prepared = rmp_serde::from_slice(&bytes).expect("reads");
+            let bytes = rmp_serde::to_vec_named(&PreparedQuery::of(topology, &own)).expect("serialises");
+            let read: PreparedQuery = rmp_serde::from_slice(&bytes).expect("reads");
             let there = read.query().expect("a query");
             assert_eq!(there.topology(), own.topology());
             let (one, other): (Vec<_>, Vec<_>) = (own.spectra().collect(), there.spectra().collect());
@@ -277,10 +281,10 @@ mod tests {
 
     #[test]
     fn what_is_no_picture_is_refused() {
-        let mut prepared = Prepared::of(Topology::Disc, &query(Topology::Disc));
+        let mut prepared = PreparedQuery::of(Topology::Disc, &query(Topology::Disc));
         prepared.pictures[0].values.truncate(8);
         assert!(prepared.query().is_none());
-        let mut prepared = Prepared::of(Topology::Disc, &query(Topology::Disc));
+        let mut prepared = PreparedQuery::of(Topology::Disc, &query(Topology::Disc));
         prepared.pictures[0].values[..8].copy_from_slice(&f64::NAN.to_le_bytes());
         assert!(prepared.query().is_none());
     }

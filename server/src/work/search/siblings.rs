@@ -3,7 +3,7 @@
 //! They would stand in a ranking as so many choices, and be registered and laid as so many, though whoever chooses one of them
 //! chooses the one example.
 
-use super::coarse::Ranked;
+use super::coarse::RankedSegment;
 use quadmuse_kernel::rank::coarse::{self, Bounds};
 use quadmuse_proto::ExampleId;
 use std::collections::{HashMap, HashSet};
@@ -38,7 +38,7 @@ pub(super) fn could_be_kept(bounds: &[Bounds], kept: usize, owner: impl Fn(usize
 }
 
 /// Leaves the first of each example's segments that have siblings.
-pub(super) fn best_of_each(ranked: &mut Vec<Ranked>) {
+pub(super) fn best_of_each(ranked: &mut Vec<RankedSegment>) {
     let mut seen = HashSet::new();
     ranked.retain(|one| !one.resident.has_siblings() || seen.insert(one.resident.example.id));
 }

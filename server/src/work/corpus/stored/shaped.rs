@@ -2,7 +2,7 @@
 
 use super::pack_counts;
 use crate::work::corpus::NewExample;
-use crate::work::engine::{Cut, ExtraParts, Packed, PackedFeature};
+use crate::work::engine::{Cut, ExtraParts, PackedEncoding, PackedFeature};
 use quadmuse_proto::{ExamplePatch, MeshCounts, NamedPoint, Segmentation, Topology};
 use quadmuse_store::{
     ChartRecord, DerivedSegment, Feature, LandmarkRecord, Level, NewSegmentation, Patch, SegmentSummary,
@@ -76,7 +76,7 @@ pub(super) fn labels_in(cut: &Cut) -> Option<Vec<u32>> {
     }
 }
 
-pub(super) fn derived_in(packed: &Packed, counts: MeshCounts) -> DerivedSegment {
+pub(super) fn derived_in(packed: &PackedEncoding, counts: MeshCounts) -> DerivedSegment {
     let level = |(side, lambda): &(u32, Vec<f32>)| Level { side: *side, lambda: lambda.clone() };
     DerivedSegment {
         topology: topology_in(packed.facts.topology),
@@ -104,16 +104,16 @@ pub(super) fn short(count: u64) -> u32 {
 }
 
 /// An example in the shapes of the store.
-pub(super) struct Shaped {
+pub(super) struct ShapedExample {
     pub(super) new: NewExample,
     labels: Option<Vec<u32>>,
     segments: Vec<SegmentSummary>,
     derived: Vec<DerivedSegment>,
 }
 
-impl Shaped {
+impl ShapedExample {
     pub(super) fn of(new: NewExample) -> Self {
-        let summary = |packed: &Packed| SegmentSummary {
+        let summary = |packed: &PackedEncoding| SegmentSummary {
             topology: topology_in(packed.facts.topology),
             vertices: 0,
             faces: short(packed.facts.faces),

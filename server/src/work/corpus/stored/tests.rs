@@ -2,10 +2,10 @@ use super::*;
 use quadmuse_proto::Topology;
 use quadmuse_store::Feature;
 
-fn packed(level_value: f32) -> Packed {
+fn packed(level_value: f32) -> PackedEncoding {
     let facts = SegmentFacts { topology: Topology::Annulus, k: 0.4, faces: 12, features: 1, bending: Some(3.25) };
     let levels = [32u32, 64].map(|side| (side, vec![level_value; (side * side) as usize])).to_vec();
-    Packed { facts, features: vec![feature_out(&Feature { u: 0.25, v: 0.5, lambda: 2.0, level: 64 })], levels }
+    PackedEncoding { facts, features: vec![feature_out(&Feature { u: 0.25, v: 0.5, lambda: 2.0, level: 64 })], levels }
 }
 
 fn new_example(bytes: &'static [u8], labels: Option<Vec<i64>>) -> NewExample {
@@ -32,7 +32,7 @@ fn an_example_is_told_the_same_before_and_after_a_restart() {
     let dir = tempfile::tempdir().expect("a directory");
     let corpus = open(dir.path());
     let (example, put) = corpus.put(new_example(b"mesh", Some(vec![7, -1, 7]))).expect("added");
-    assert_eq!(put, Put::Added);
+    assert_eq!(put, PutOutcome::Added);
     assert_eq!((example.relevance, example.counts.quads, example.segments[0].features), (3.3, 10, 1));
     let encoding = corpus.encoding(example.id, 0, 64).expect("an encoding");
     drop(corpus);
@@ -84,7 +84,7 @@ fn whole_or_with_any_parts_it_is_one_example_and_damage_to_it_is_healed() {
     }
     // Another release finds other parts.
     let (again, put) = corpus.put(with_parts(b"both", vec![1, 2, 3])).expect("there");
-    assert_eq!((&again, put), (&both, Put::There));
+    assert_eq!((&again, put), (&both, PutOutcome::There));
     let (whole, _) = corpus.put(new_example(b"whole", None)).expect("added");
     assert_eq!(corpus.find(b"whole", &sought).map(|e| e.id), Some(whole.id));
     let objects = dir.path().join("objects");
@@ -94,7 +94,7 @@ fn whole_or_with_any_parts_it_is_one_example_and_damage_to_it_is_healed() {
     }
     assert_eq!(corpus.find(b"whole", &sought), None);
     let healed = corpus.put(with_parts(b"whole", vec![1, 2])).expect("healed");
-    assert_eq!((healed.0.id, healed.0.segments.len(), healed.1), (whole.id, 1, Put::There));
+    assert_eq!((healed.0.id, healed.0.segments.len(), healed.1), (whole.id, 1, PutOutcome::There));
     corpus.put(with_parts(b"both", vec![1, 2])).expect("healed");
     assert_eq!(corpus.bytes(both.id).expect("whole"), Bytes::from_static(b"both"));
     assert_eq!(corpus.health().quarantined, []);
@@ -122,7 +122,7 @@ fn the_same_bytes_cut_the_same_way_are_the_same_example() {
     let corpus = open(dir.path());
     let (first, _) = corpus.put(new_example(b"mesh", None)).expect("added");
     let (second, put) = corpus.put(new_example(b"mesh", None)).expect("there");
-    assert_eq!((second.id, put), (first.id, Put::There));
+    assert_eq!((second.id, put), (first.id, PutOutcome::There));
     assert_eq!(corpus.find(b"mesh", &Cut::default()).map(|e| e.id), Some(first.id));
     assert_eq!(corpus.find(b"mesh", &Cut { way: Segmentation::Whole, ..Cut::default() }), None);
 }
