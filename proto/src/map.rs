@@ -136,6 +136,9 @@ pub struct MapEvidence {
     pub agreement: f64,
     /// Correlation of bumps and hollows on the example and where they lie on the input, −1 to 1.
     pub relief: f64,
+    /// The same within small windows, each of which counts as much as the example's bumps vary there. Right maps have .3 and more.
+    #[serde(default)]
+    pub local_relief: f64,
     /// How much the example is drawn out in one direction against others, as the mean of a logarithm.
     pub shear: f64,
     /// How unevenly it grows, as the deviation of a logarithm.

@@ -232,15 +232,15 @@ pub fn resume(candidates: &mut Vec<Candidate>, resumed: Candidate, top: usize) {
 /// A rough fit that explains less of the query, and is not sure, is not worth a map that nobody asked for: of 81 such maps
 /// of the judged scans one was not poor, and that one was wrong (tests/records/turns-2026-11-27.md).
 const WORTH_FROM: f64 = 0.05;
-/// From this agreement on a rough fit is sure, on however little of the query.
+/// From this [sureness](RoughPlacement::sureness) on a rough fit is sure, on however little of the query.
 pub const SURE_FROM: f64 = 0.25;
-/// A segment that gets one try, as a small part of a scan does, is laid with an example whose rough fit agrees by so much: of 45
+/// A segment that gets one try, as a small part of a scan does, is laid with an example whose rough fit is so sure: of 45
 /// maps of those that agreed less two were not poor, and both were wrong (tests/records/parts-2026-11-27.md).
 const ONE_TRY_FROM: f64 = 0.2;
 
 /// Tells whether an example lies so well when it is laid roughly that it is worth a map that nobody asked for.
 pub fn is_worth_a_map(rough: &RoughPlacement) -> bool {
-    rough.worth() >= WORTH_FROM || rough.agreement >= SURE_FROM
+    rough.worth() >= WORTH_FROM || rough.sureness() >= SURE_FROM
 }
 
 /// The candidates that are laid where nobody chooses, in turn until one fits: the first `tries` that are no near-duplicates of one
@@ -256,7 +256,7 @@ pub fn turns(candidates: &[Candidate], tries: usize, is_flat: bool) -> Vec<(Exam
     let mut own: Vec<&Candidate> = own.filter(may_fit).collect();
     if candidates.iter().any(|c| c.rough.is_some()) {
         let is_enough = |rough: &RoughPlacement| match tries {
-            0 | 1 => rough.agreement >= ONE_TRY_FROM,
+            0 | 1 => rough.sureness() >= ONE_TRY_FROM,
             _ => is_worth_a_map(rough),
         };
         let fits = |c: &&Candidate| c.rough.as_ref().is_some_and(|rough| c.lead.is_some() || is_enough(rough));
@@ -498,7 +498,7 @@ pub(in crate::work) mod tests {
 
     #[test]
     fn what_explains_more_of_the_query_comes_first_and_what_explains_nothing_stays() {
-        let rough = |agreement, covered| Some(RoughPlacement { agreement, covered, ..RoughPlacement::default() });
+        let rough = |sureness, covered| Some(RoughPlacement { covered, ..RoughPlacement::of(sureness) });
         let mut all: Vec<Candidate> =
             [("a", 1.0), ("b", 2.0), ("c", 3.0), ("d", 4.0)].map(|(hash, score)| candidate(hash, score)).into();
         all[0].rough = rough(-0.2, 1.0);
@@ -529,13 +529,13 @@ pub(in crate::work) mod tests {
             turns(all, tries, false).into_iter().map(name).collect::<String>()
         };
         assert_eq!([1, 2].map(|tries| names(&all, tries)), ["ae", "aced"]);
-        let rough = |agreement| Some(RoughPlacement { agreement, covered: 0.5, ..RoughPlacement::default() });
+        let rough = |sureness| Some(RoughPlacement { covered: 0.5, ..RoughPlacement::of(sureness) });
         all[0].rough = rough(2.0 * WORTH_FROM - 0.01);
         assert_eq!(names(&all, 3), "");
-        all[0].rough = Some(RoughPlacement { agreement: SURE_FROM, covered: 0.1, ..RoughPlacement::default() });
+        all[0].rough = Some(RoughPlacement { covered: 0.1, ..RoughPlacement::of(SURE_FROM + 0.01) });
         assert_eq!(names(&all, 3), "a", "a hand on an arm");
         all[0].rough = rough(0.0);
-        (all[2].rough, all[4].rough) = (rough(2.0 * WORTH_FROM), rough(0.4));
+        (all[2].rough, all[4].rough) = (rough(2.0 * WORTH_FROM + 0.01), rough(0.4));
         assert_eq!([2, 3].map(|tries| names(&all, tries)), ["ce", "ce"]);
         assert_eq!(names(&all, 1), "e", "what gets one try has to be surer");
         all[4].rough = rough(ONE_TRY_FROM - 0.01);
@@ -544,7 +544,7 @@ pub(in crate::work) mod tests {
         all[0].lead = Some(all[4].key());
         assert_eq!(names(&all, 3), "ace");
         // A man in armour: hands lie on half of him, and a body all over.
-        let body = RoughPlacement { agreement: -0.1, covered: 0.9, are_wholes: true, ..RoughPlacement::default() };
+        let body = RoughPlacement { covered: 0.9, are_wholes: true, ..RoughPlacement::of(-0.1) };
         all[3].rough = Some(body.clone());
         assert_eq!([1, 2, 3, 4].map(|tries| names(&all, tries)), ["a", "ad", "acd", "aced"]);
         for other in

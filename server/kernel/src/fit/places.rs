@@ -231,7 +231,7 @@ impl<'a> PlaceSearch<'a> {
     /// and are no less right. `None` when stopped.
     fn reaching(&self, mut best: Placement, mut laid: LaidRoughly, stop: Stop<'_>) -> Option<Placement> {
         let settler = self.settler(best.mirrored);
-        let Evidence { relief, bend, normal_disagreement, .. } = best.evidence;
+        let Evidence { relief, local_relief, bend, normal_disagreement, .. } = best.evidence;
         let least = self.worth(&best) - REACHING_MARGIN;
         let mut bare = settler.bare(&laid);
         for _ in 0..STRETCHES {
@@ -251,7 +251,7 @@ impl<'a> PlaceSearch<'a> {
                 break;
             }
         }
-        best.evidence = Evidence { relief, bend, normal_disagreement, ..best.evidence };
+        best.evidence = Evidence { relief, local_relief, bend, normal_disagreement, ..best.evidence };
         Some(best)
     }
 

@@ -60,6 +60,8 @@ impl RoughInput {
 pub struct RoughFit {
     /// How sure it is: [`crate::settle::Evidence::agreement`].
     pub agreement: f64,
+    /// [`crate::settle::Evidence::local_relief`].
+    pub local_relief: f64,
     /// Share of the input's area that the example lies on.
     pub covered: f64,
     /// Share of the example's area for which the input has nothing, although it does not end there.
@@ -115,6 +117,7 @@ impl RoughFit {
         let off = off / example.total_area().max(f64::MIN_POSITIVE);
         Self {
             agreement: evidence.agreement(),
+            local_relief: evidence.local_relief,
             covered: evidence.covered,
             off,
             places,

@@ -282,6 +282,12 @@ const CLOSED_FAIR_FROM: f64 = -0.08;
 /// The same of an open example, which may lie anywhere: right ones have .137 and more; thumbs and torsos on heads, rocks and mushrooms
 /// −.08 to .05 (tests/records/floor-2026-11-27.md).
 const OPEN_FAIR_FROM: f64 = 0.1;
+/// [`Evidence::local_relief`] from which on a map is fair, and as sure as a good one: right maps of the judged sets have .43 and more
+/// where they are told by relief, and .27 where they are by limbs, wrong ones up to .22; heads on statues with curls .3 and more, wrong
+/// ones up to .28, but for a box (tests/records/windows-2026-11-30.md).
+const LOCAL: [f64; 2] = [0.3, 0.6];
+/// With less of it a map is poor, whatever else speaks for it.
+const LOCAL_LEAST: f64 = 0.2;
 /// Share of the area of faces that look inward up to which it is good, or fair: hidden faces of bodies do in the truth too.
 const FOLDED: [f64; 2] = [0.02, 0.06];
 
@@ -321,18 +327,22 @@ impl JudgedBy {
 }
 
 /// How sure a map is: [`OPEN_FAIR_FROM`] where the example is barely enough like the scan to be fair, [`GOOD_FROM`] where it is good.
+/// Either its relief as a whole speaks for it, or that within windows does.
 fn sureness(evidence: &Evidence, judged_by: JudgedBy) -> f64 {
     let (measured, fair) = match judged_by {
         JudgedBy::AllLimbs => (evidence.confidence(), WHOLES_FAIR_FROM),
         JudgedBy::Limbs => (evidence.agreement(), CLOSED_FAIR_FROM),
         JudgedBy::Relief => (evidence.agreement(), OPEN_FAIR_FROM),
     };
-    OPEN_FAIR_FROM + (GOOD_FROM - OPEN_FAIR_FROM) * (measured - fair) / (GOOD_FROM - fair)
+    let on_scale = |measured, [fair, good]: [f64; 2]| {
+        OPEN_FAIR_FROM + (GOOD_FROM - OPEN_FAIR_FROM) * (measured - fair) / (good - fair)
+    };
+    on_scale(measured, [fair, GOOD_FROM]).max(on_scale(evidence.local_relief, LOCAL))
 }
 
 /// Tells whether an example is enough like the scan, where it lies, to be fair.
 pub(super) fn is_alike(evidence: &Evidence, judged_by: JudgedBy) -> bool {
-    sureness(evidence, judged_by) >= OPEN_FAIR_FROM
+    evidence.local_relief >= LOCAL_LEAST && sureness(evidence, judged_by) >= OPEN_FAIR_FROM
 }
 
 /// The verdict on a map that has settled, with a sentence for each measure that is not good. Relief falls where shapes
@@ -421,7 +431,13 @@ mod tests {
     #[test]
     fn an_open_example_has_to_agree_better_than_a_closed_one_and_on_a_part_better_than_on_a_whole() {
         let fair = |agreement: f64, normal_disagreement: f64| {
-            let evidence = Evidence { relief: agreement, bend: 0.0, normal_disagreement, ..Evidence::default() };
+            let evidence = Evidence {
+                relief: agreement,
+                local_relief: 0.25,
+                bend: 0.0,
+                normal_disagreement,
+                ..Evidence::default()
+            };
             assert!((evidence.agreement() - agreement).abs() < 1e-12);
             [JudgedBy::AllLimbs, JudgedBy::Limbs, JudgedBy::Relief].map(|judged_by| is_alike(&evidence, judged_by))
         };
@@ -431,6 +447,15 @@ mod tests {
         assert_eq!(fair(0.2, 0.0), [true; 3]);
         // A bust on a boot.
         assert_eq!(fair(-0.08, 0.177), [false, true, false]);
+    }
+
+    #[test]
+    fn relief_within_windows_speaks_for_a_map_and_without_it_none_is_fair() {
+        let fair = |relief: f64, local_relief: f64| {
+            is_alike(&Evidence { relief, local_relief, bend: 100.0, ..Evidence::default() }, JudgedBy::Relief)
+        };
+        // A head on a statue's with curls; a tongue on a gnome; a head on a hand.
+        assert_eq!([fair(0.3, 0.45), fair(0.55, 0.1), fair(0.3, 0.25)], [true, false, false]);
     }
 
     #[test]

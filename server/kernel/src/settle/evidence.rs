@@ -5,6 +5,10 @@
 //! without exponentials), at two σ; correlated between the example at rest and the input at its place, whose σ grows with
 //! the map's size. *Ours, not a paper's:* a mean over samples instead of a smoothing solve, so that the input's size does
 //! not matter.
+//!
+//! One correlation over all of the example asks whether the input has no other relief than it: the curls of a statue's head drown
+//! out its eyes and nose. So relief is correlated within small windows, too, each of which counts as much as the example's relief
+//! varies there: that asks whether the input has what the example has. *Source:* the normalized cross-correlation of images.
 
 use super::input_surface::{InputSurface, Samples, sixfold};
 use super::place::normal_at;
@@ -31,6 +35,8 @@ pub struct Evidence {
     pub bend: f64,
     /// Correlation of relief, −1 to 1; the arbiter between maps of one pair.
     pub relief: f64,
+    /// The same within windows, where the example has relief: right maps have .27 and more, wrong ones up to .28.
+    pub local_relief: f64,
     /// Share of the example's area that has no place on the input.
     pub lost: f64,
     /// Share of the input's area that the example lies on.
@@ -39,6 +45,8 @@ pub struct Evidence {
 
 /// σ of the relief, in √area.
 const RELIEF_SCALES: [f64; 2] = [0.04, 0.1];
+/// Radius of a window within which relief is compared, in √area.
+const WINDOW: f64 = 0.08;
 /// What log₁₀ of the bend, and the disagreement of normals, count against relief.
 const BEND_WEIGHT: f64 = 0.2;
 const NORMAL_WEIGHT: f64 = 2.0;
@@ -91,7 +99,10 @@ impl JudgedMap<'_> {
         found.residual = found.residual.sqrt();
         found.covered = self.covered(&normals, samples);
         let size = self.strain(&mut found);
-        found.relief = self.relief(probes, samples, size);
+        (found.relief, found.local_relief) = match self.heights(probes, samples, size) {
+            Ok(heights) => (heights.correlation(), heights.local_correlation()),
+            Err(flat) => (flat, flat),
+        };
         found
     }
 
@@ -132,6 +143,11 @@ impl JudgedMap<'_> {
 
     /// `size`: how much larger the example is laid than the frame has it.
     pub(super) fn relief(&self, probes: &Nodes, samples: &Samples, size: f64) -> f64 {
+        self.heights(probes, samples, size).map_or_else(|flat| flat, |heights| heights.correlation())
+    }
+
+    /// The heights of the probes that are not lost; where either surface is flat, the correlation that stands for theirs.
+    fn heights(&self, probes: &Nodes, samples: &Samples, size: f64) -> Result<ProbeHeights, f64> {
         let own = Samples {
             points: probes.vertices.iter().map(|v| self.rest.positions[*v as usize]).collect(),
             normals: probes.vertices.iter().map(|v| self.rest.normals[*v as usize]).collect(),
@@ -140,14 +156,15 @@ impl JudgedMap<'_> {
         };
         match (own.is_flat(), samples.is_flat()) {
             // Nothing stands out from either, so that they are alike; what stands out from one alone has no like on the other.
-            (true, true) => return 1.0,
-            (true, false) | (false, true) => return 0.0,
+            (true, true) => return Err(1.0),
+            (true, false) | (false, true) => return Err(0.0),
             (false, false) => {}
         }
         let (around, beyond) = (ReliefSampler::new(&own), ReliefSampler::new(samples));
-        let kept: Vec<usize> = (0..own.points.len()).filter(|k| !self.lost[probes.vertices[*k] as usize]).collect();
+        let mut kept: Vec<usize> = (0..own.points.len()).filter(|k| !self.lost[probes.vertices[*k] as usize]).collect();
+        kept.sort_by(|a, b| own.points[*a].x.total_cmp(&own.points[*b].x));
         let mut values = RELIEF_SCALES.map(|_| Vec::with_capacity(kept.len()));
-        for k in kept {
+        for &k in &kept {
             let v = probes.vertices[k] as usize;
             let at = self.frame.undo(&self.places[v].point);
             let here = around.heights(&own.points[k], &own.normals[k], RELIEF_SCALES);
@@ -156,8 +173,57 @@ impl JudgedMap<'_> {
                 values.push((here[s], there[s], own.shares[k]));
             }
         }
-        values.iter().map(|of| correlation(of)).sum::<f64>() / RELIEF_SCALES.len() as f64
+        Ok(ProbeHeights { probes: kept.iter().map(|&k| (own.points[k], own.normals[k])).collect(), values })
     }
+}
+
+/// Heights of probes on the example and at their places on the input.
+struct ProbeHeights {
+    /// A probe's point and normal on the example, in order of x.
+    probes: Vec<(Vec3, Vec3)>,
+    /// For each σ: a probe's height on the example, that on the input, and its share of the area.
+    values: [Vec<(f64, f64, f64)>; 2],
+}
+
+impl ProbeHeights {
+    /// The correlation of all, as the mean over the σ.
+    fn correlation(&self) -> f64 {
+        self.values.iter().map(|of| correlation(of)).sum::<f64>() / self.values.len() as f64
+    }
+
+    /// The mean of the correlations within the windows about each probe; each counts as much as the example's heights deviate there.
+    fn local_correlation(&self) -> f64 {
+        let (mut sums, mut counts) = ([0.0; 2], [0.0; 2]);
+        let mut first = 0;
+        for (k, (point, normal)) in self.probes.iter().enumerate() {
+            first += self.probes[first..k].iter().take_while(|(other, _)| other.x < point.x - WINDOW).count();
+            let in_reach = self.probes[first..].iter().take_while(|(other, _)| other.x <= point.x + WINDOW);
+            let window: Vec<(usize, f64)> = (first..)
+                .zip(in_reach)
+                .map(|(j, (other, facing))| {
+                    let within = (1.0 - (other - point).norm_squared() / (WINDOW * WINDOW)).max(0.0);
+                    (j, within * within * facing.dot(normal).max(0.0))
+                })
+                .filter(|(_, near)| *near > 0.0)
+                .collect();
+            stop::pass(window.len());
+            for (s, values) in self.values.iter().enumerate() {
+                let weighed = |&(j, near): &(usize, f64)| (values[j].0, values[j].1, near * values[j].2);
+                let near: Vec<(f64, f64, f64)> = window.iter().map(weighed).collect();
+                let count = values[k].2 * deviation(&near);
+                (sums[s], counts[s]) = (sums[s] + count * correlation(&near), counts[s] + count);
+            }
+        }
+        let mean = |s: usize| if counts[s] > 0.0 { sums[s] / counts[s] } else { 0.0 };
+        (mean(0) + mean(1)) / 2.0
+    }
+}
+
+/// The standard deviation of a, of (a, b, weight).
+fn deviation(values: &[(f64, f64, f64)]) -> f64 {
+    let sum = values.iter().map(|v| v.2).sum::<f64>().max(f64::MIN_POSITIVE);
+    let mean = values.iter().map(|v| v.2 * v.0).sum::<f64>() / sum;
+    (values.iter().map(|v| v.2 * (v.0 - mean).powi(2)).sum::<f64>() / sum).sqrt()
 }
 
 /// Tells how far points stand out from the mean of what is around them, in σ, for each of some σ.
@@ -267,4 +333,40 @@ pub(super) fn correlation(values: &[(f64, f64, f64)]) -> f64 {
         (ab, aa, bb) = (ab + w * a * b, aa + w * a * a, bb + w * b * b);
     }
     if aa > 0.0 && bb > 0.0 { ab / (aa * bb).sqrt() } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_only_the_input_has_drowns_out_relief_as_a_whole_and_not_within_windows() {
+        const SIDE: usize = 40;
+        let place = |k: usize| ((k / SIDE) as f64 / SIDE as f64, (k % SIDE) as f64 / SIDE as f64);
+        // A face on one half, and a smooth crown on the other.
+        let face = |k: usize| {
+            let (x, y) = place(k);
+            let bump = (31.0 * x).sin() * (23.0 * y).cos();
+            if x < 0.5 { bump } else { 0.02 * bump }
+        };
+        let curls = |k: usize| {
+            let (x, y) = place(k);
+            if x < 0.5 { 0.0 } else { 3.0 * (61.0 * x + 17.0 * y).sin() }
+        };
+        let heights = |there: &dyn Fn(usize) -> f64| {
+            let values: Vec<(f64, f64, f64)> = (0..SIDE * SIDE).map(|k| (face(k), there(k), 1.0)).collect();
+            let probe = |k: usize| (Vec3::new(place(k).0, place(k).1, 0.0), Vec3::z());
+            ProbeHeights { probes: (0..SIDE * SIDE).map(probe).collect(), values: [values.clone(), values] }
+        };
+        let right = heights(&|k| face(k) + curls(k));
+        assert!(right.correlation() < 0.3, "{}", right.correlation());
+        assert!(right.local_correlation() > 0.8, "{}", right.local_correlation());
+        // A face that is laid beside its place.
+        let wrong = heights(&|k| face((k + 3 * SIDE + 7) % (SIDE * SIDE)) + curls(k));
+        assert!(wrong.local_correlation() < 0.2, "{}", wrong.local_correlation());
+        // The example has no relief, so that nothing speaks for it.
+        let values = vec![(0.0, 1.0, 1.0); 4];
+        let smooth = ProbeHeights { probes: vec![(Vec3::zeros(), Vec3::z()); 4], values: [values.clone(), values] };
+        assert_eq!(smooth.local_correlation(), 0.0);
+    }
 }

@@ -401,7 +401,7 @@ impl Engine for FakeEngine {
         _: &Stop,
     ) -> Result<Option<RoughPlacement>, EngineError> {
         let agrees = example.0.inner.open::<Script>()?.agrees;
-        Ok(agrees.map(|agreement| RoughPlacement { agreement, covered: 1.0, ..RoughPlacement::default() }))
+        Ok(agrees.map(|agreement| RoughPlacement { covered: 1.0, ..RoughPlacement::of(agreement) }))
     }
 
     /// One segment more than the map's own, where the query was cut at its waist, or is told to have a rest.

@@ -46,8 +46,8 @@ const SURE: f64 = 0.04;
 const ROUGH_OF_FIRST: usize = 2;
 /// An example that explains less of the query than this, and is sure, may lead others. *Untuned.*
 const LEADS_BELOW: f64 = 0.5;
-/// An example that is led there and agrees less does not follow: what it has beyond the part is too unlike the query.
-const FOLLOWS_FROM: f64 = -0.15;
+/// An example that is led there and is less sure does not follow: what it has beyond the part is too unlike the query.
+const FOLLOWS_FROM: f64 = 0.0;
 /// Examples that follow one: their maps decide whether they are worth more than the part alone.
 const FOLLOWERS: usize = 2;
 /// Examples that one may lead: the most alike, then the first. Most are found to hold no such part at once.
@@ -132,7 +132,7 @@ impl SegmentSearch<'_> {
         let best = chosen.iter().copied().max_by(|&a, &b| worth(&candidates[a]).total_cmp(&worth(&candidates[b])));
         let Some(best) = best.filter(|_| Stage::Leads.is_on()) else { return Ok(()) };
         let from = candidates[best].clone();
-        let Some(rough) = from.rough.clone().filter(|r| r.agreement >= SURE_FROM && r.covered < LEADS_BELOW) else {
+        let Some(rough) = from.rough.clone().filter(|r| r.sureness() >= SURE_FROM && r.covered < LEADS_BELOW) else {
             return Ok(());
         };
         let Some(model) = self.read(&from).await? else { return Ok(()) };
@@ -152,7 +152,7 @@ impl SegmentSearch<'_> {
             .into_iter()
             .zip(fits)
             .filter_map(|(at, fit)| Some((at, fit?)))
-            .filter(|(at, fit)| fit.agreement >= FOLLOWS_FROM && fit.worth() > worth(&candidates[*at]))
+            .filter(|(at, fit)| fit.sureness() >= FOLLOWS_FROM && fit.worth() > worth(&candidates[*at]))
             .collect();
         followers.sort_by(|(_, a), (_, b)| b.worth().total_cmp(&a.worth()));
         for (at, fit) in followers.into_iter().take(FOLLOWERS) {
@@ -202,10 +202,10 @@ impl SegmentSearch<'_> {
         let is_led = lead.is_some();
         let found = self.work.pool.run(&self.live.job, Lane::Fine, quantum).await;
         let found = self.usable(candidate, WorkError::joined(found))?.flatten();
-        if let Some(RoughPlacement { agreement, covered, off, apart, start, .. }) = &found {
+        if let Some(RoughPlacement { agreement, local_relief, covered, off, apart, start, .. }) = &found {
             let example = &candidate.resident.example.name;
             let (on, by_tips) = (self.segment, start.is_none());
-            tracing::debug!(query = %self.live.id, on, %example, segment, agreement, covered, off, apart, by_tips, is_led, "laid roughly");
+            tracing::debug!(query = %self.live.id, on, %example, segment, agreement, local = local_relief, covered, off, apart, by_tips, is_led, "laid roughly");
         }
         Ok(found)
     }

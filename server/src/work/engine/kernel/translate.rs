@@ -151,6 +151,7 @@ pub(super) fn mapped(of: pipeline::Mapped) -> Mapped {
         evidence: of.evidence.map(|found| MapEvidence {
             agreement: found.agreement(),
             relief: found.relief,
+            local_relief: found.local_relief,
             shear: found.shear,
             scale_spread: found.scale_spread,
             bend: found.bend,
@@ -176,6 +177,7 @@ pub(super) fn before(of: &Mapped) -> pipeline::MapBeforeEdit {
         reach: of.reach.clone(),
         evidence: of.evidence.map(|evidence| Evidence {
             relief: evidence.relief,
+            local_relief: evidence.local_relief,
             shear: evidence.shear,
             scale_spread: evidence.scale_spread,
             bend: evidence.bend,
