@@ -325,7 +325,7 @@ impl<'a> PlaceSearch<'a> {
             }
         }
         let halfway = in_halves(&apart, |(_, aligned)| settler.halfway(aligned, stop));
-        let sure = |halfway: &HalfwayPose| halfway.evidence.confidence();
+        let sure = |halfway: &HalfwayPose| halfway.evidence.place_confidence();
         let best = halfway.iter().flatten().map(sure).fold(f64::NEG_INFINITY, f64::max);
         let near: Vec<(&(&Start, Aligned), &HalfwayPose)> = (apart.iter().zip(halfway.iter()))
             .filter_map(|(start, halfway)| Some((start, halfway.as_ref()?)))
@@ -480,7 +480,7 @@ impl<'a> PlaceSearch<'a> {
 
     /// How sure a place is, against others.
     fn worth(&self, of: &Placement) -> f64 {
-        let sure = of.evidence.confidence();
+        let sure = of.evidence.place_confidence();
         let sure = if sure.is_nan() { -1.0 } else { sure };
         let bare = if self.are_closed { BARE_COUNTS * (1.0 - of.evidence.covered) } else { 0.0 };
         sure - bare - APART_COUNTS * of.apart - if of.mirrored { MIRROR_MARGIN } else { 0.0 }

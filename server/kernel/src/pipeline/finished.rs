@@ -310,18 +310,21 @@ pub(super) enum JudgedBy {
     AllLimbs,
     /// Its limbs, and those of what is only a part of a scan.
     Limbs,
-    /// Its relief alone: it has no limbs, or a rim.
+    /// Its relief, as a whole or within windows: it has a rim, and may lie anywhere.
     Relief,
+    /// Its relief as a whole: it is closed, and a blob without limbs. Within windows a blob agrees with any other.
+    Blob,
 }
 
 impl JudgedBy {
     /// `are_wholes`: whether both are closed, and the input is most of its scan.
     pub(super) fn of(example: &UnfoldedPatch, are_wholes: bool) -> Self {
         let is_closed = example.patch.topology == Topology::Sphere;
-        match is_closed && example.query.protrusions().len() >= LIMBS_MIN {
-            true if are_wholes => Self::AllLimbs,
-            true => Self::Limbs,
-            false => Self::Relief,
+        match is_closed.then(|| example.query.protrusions().len() >= LIMBS_MIN) {
+            None => Self::Relief,
+            Some(false) => Self::Blob,
+            Some(true) if are_wholes => Self::AllLimbs,
+            Some(true) => Self::Limbs,
         }
     }
 }
@@ -332,12 +335,13 @@ fn sureness(evidence: &Evidence, judged_by: JudgedBy) -> f64 {
     let (measured, fair) = match judged_by {
         JudgedBy::AllLimbs => (evidence.confidence(), WHOLES_FAIR_FROM),
         JudgedBy::Limbs => (evidence.agreement(), CLOSED_FAIR_FROM),
-        JudgedBy::Relief => (evidence.agreement(), OPEN_FAIR_FROM),
+        JudgedBy::Relief | JudgedBy::Blob => (evidence.agreement(), OPEN_FAIR_FROM),
     };
     let on_scale = |measured, [fair, good]: [f64; 2]| {
         OPEN_FAIR_FROM + (GOOD_FROM - OPEN_FAIR_FROM) * (measured - fair) / (good - fair)
     };
-    on_scale(measured, [fair, GOOD_FROM]).max(on_scale(evidence.local_relief, LOCAL))
+    let as_whole = on_scale(measured, [fair, GOOD_FROM]);
+    if judged_by == JudgedBy::Blob { as_whole } else { as_whole.max(on_scale(evidence.local_relief, LOCAL)) }
 }
 
 /// Tells whether an example is enough like the scan, where it lies, to be fair.
@@ -425,7 +429,7 @@ mod tests {
         let table = prepare(&voxels(&is_solid, [12, 7, 8])).expect("closed").mesh;
         let judged_by = |mesh: &TriMesh| [true, false].map(|are_wholes| JudgedBy::of(&surface(mesh), are_wholes));
         assert_eq!(judged_by(&table), [JudgedBy::AllLimbs, JudgedBy::Limbs]);
-        assert_eq!(judged_by(&ball(24)), [JudgedBy::Relief; 2]);
+        assert_eq!(judged_by(&ball(24)), [JudgedBy::Blob; 2]);
     }
 
     #[test]
@@ -451,11 +455,14 @@ mod tests {
 
     #[test]
     fn relief_within_windows_speaks_for_a_map_and_without_it_none_is_fair() {
-        let fair = |relief: f64, local_relief: f64| {
-            is_alike(&Evidence { relief, local_relief, bend: 100.0, ..Evidence::default() }, JudgedBy::Relief)
+        let fair = |relief: f64, local_relief: f64, judged_by| {
+            is_alike(&Evidence { relief, local_relief, bend: 100.0, ..Evidence::default() }, judged_by)
         };
-        // A head on a statue's with curls; a tongue on a gnome; a head on a hand.
-        assert_eq!([fair(0.3, 0.45), fair(0.55, 0.1), fair(0.3, 0.25)], [true, false, false]);
+        // A head on a statue's with curls; on a part of a face; on a hand.
+        let open = |relief, local_relief| fair(relief, local_relief, JudgedBy::Relief);
+        assert_eq!([open(0.3, 0.45), open(0.55, 0.1), open(0.3, 0.25)], [true, false, false]);
+        // A body on an armadillo's; a tongue on a squirrel.
+        assert!(fair(-0.3, 0.34, JudgedBy::AllLimbs) && !fair(0.35, 0.37, JudgedBy::Blob));
     }
 
     #[test]
