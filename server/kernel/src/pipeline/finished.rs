@@ -282,8 +282,8 @@ const CLOSED_FAIR_FROM: f64 = -0.08;
 /// The same of an open example, which may lie anywhere: right ones have .137 and more; thumbs and torsos on heads, rocks and mushrooms
 /// −.08 to .05 (tests/records/floor-2026-11-27.md).
 const OPEN_FAIR_FROM: f64 = 0.1;
-/// [`Evidence::local_relief`] from which on a map is fair, and as sure as a good one: right maps of the judged sets have .43 and more
-/// where they are told by relief, and .27 where they are by limbs, wrong ones up to .22; heads on statues with curls .3 and more, wrong
+/// [`Evidence::local_relief`] from which on a map is fair, and as sure as a good one: right maps of the judged sets have .46 and more
+/// where they are told by relief, and .28 where they are by limbs, wrong ones up to .22; heads on statues with curls .3 and more, wrong
 /// ones up to .28, but for a box (tests/records/windows-2026-11-30.md).
 const LOCAL: [f64; 2] = [0.3, 0.6];
 /// With less of it a map is poor, whatever else speaks for it.
