@@ -25,7 +25,7 @@ pub struct ExampleCache {
     kept: Mutex<CachedExamples>,
 }
 
-/// What is cached of examples, and its memory.
+/// Holds what is cached of examples, and counts its memory.
 #[derive(Default)]
 struct CachedExamples {
     models: Rows<ExampleId, Arc<Model>>,

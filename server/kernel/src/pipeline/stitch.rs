@@ -65,7 +65,7 @@ enum Choice {
     Chosen,
 }
 
-/// What is brought for a segment, to be composed.
+/// Holds what is brought for a segment, to be composed.
 enum SegmentSource<'a> {
     /// A mapped example.
     Mesh(Box<PolyMesh>, Choice),

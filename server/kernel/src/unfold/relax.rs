@@ -20,7 +20,7 @@ const SWEEPS_BETWEEN: usize = 6;
 /// Beyond this share of turned triangles something else is wrong, and nothing is moved.
 const TURNED_SHARE_MAX: f64 = 0.1;
 
-/// What stays of a chart while its vertices move.
+/// Holds what stays of a chart while its vertices move.
 #[derive(Clone, Copy, Debug)]
 pub struct ChartStructure<'a> {
     /// The mesh.
