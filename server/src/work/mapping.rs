@@ -183,9 +183,9 @@ async fn made(
         stitched.reasons = landmarks::called(std::mem::take(&mut stitched.reasons), &landmarks);
     }
     let timings = MapTimings { register_ms, map_ms: ms_since(start) - register_ms, total_ms: ms_since(start) };
-    let agreement = mapped.evidence.map(|evidence| evidence.agreement);
+    let (agreement, local) = mapped.evidence.map(|evidence| (evidence.agreement, evidence.local_relief)).unzip();
     let (verdict, covers) = (mapped.verdict.as_str(), mapped.reach.covers);
-    tracing::debug!(query = %live.id, example = %example.name, segment, verdict, agreement, local = mapped.evidence.map(|e| e.local_relief), ?covers, score, laid_roughly = rough_agreement, reasons = ?mapped.reasons, ms = timings.map_ms, "laid");
+    tracing::debug!(query = %live.id, example = %example.name, segment, verdict, agreement, local, ?covers, score, laid_roughly = rough_agreement, reasons = ?mapped.reasons, ms = timings.map_ms, "laid");
     let summary = summary(live, id, wanted.segment, (wanted.example, segment), 1, &mapped, timings);
     let held = job.kept(work.engine.memory_of_map(example.bytes));
     let (sides, beyond) = ((Some(fitted.example), fitted.query), wanted.beyond);

@@ -216,20 +216,14 @@ impl ProbeHeights {
             for (s, values) in self.values.iter().enumerate() {
                 let weighed = |&(j, near): &(usize, f64)| (values[j].0, values[j].1, near * values[j].2);
                 let near: Vec<(f64, f64, f64)> = window.iter().map(weighed).collect();
-                let count = values[k].2 * deviation(&near);
-                (sums[s], counts[s]) = (sums[s] + count * correlation(&near), counts[s] + count);
+                let moments = Moments::of(&near);
+                let count = values[k].2 * moments.deviation();
+                (sums[s], counts[s]) = (sums[s] + count * moments.correlation(), counts[s] + count);
             }
         }
         let mean = |s: usize| if counts[s] > 0.0 { sums[s] / counts[s] } else { 0.0 };
         (mean(0) + mean(1)) / 2.0
     }
-}
-
-/// The standard deviation of a, of (a, b, weight).
-fn deviation(values: &[(f64, f64, f64)]) -> f64 {
-    let sum = values.iter().map(|v| v.2).sum::<f64>().max(f64::MIN_POSITIVE);
-    let mean = values.iter().map(|v| v.2 * v.0).sum::<f64>() / sum;
-    (values.iter().map(|v| v.2 * (v.0 - mean).powi(2)).sum::<f64>() / sum).sqrt()
 }
 
 /// Tells how far points stand out from the mean of what is around them, in σ, for each of some σ.
@@ -331,14 +325,38 @@ impl<const N: usize> Wide for Heights<'_, N> {
 
 /// Of (a, b, weight); 0 where either is constant. Of what is [flat](Samples::is_flat) it would be that of rounding errors.
 pub(super) fn correlation(values: &[(f64, f64, f64)]) -> f64 {
-    let sum = values.iter().map(|v| v.2).sum::<f64>().max(f64::MIN_POSITIVE);
-    let mean = values.iter().fold((0.0, 0.0), |m, v| (m.0 + v.2 * v.0 / sum, m.1 + v.2 * v.1 / sum));
-    let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);
-    for (a, b, w) in values {
-        let (a, b) = (a - mean.0, b - mean.1);
-        (ab, aa, bb) = (ab + w * a * b, aa + w * a * a, bb + w * b * b);
+    Moments::of(values).correlation()
+}
+
+/// The second moments of some (a, b, weight) about their means.
+struct Moments {
+    weight: f64,
+    aa: f64,
+    ab: f64,
+    bb: f64,
+}
+
+impl Moments {
+    fn of(values: &[(f64, f64, f64)]) -> Self {
+        let weight = values.iter().map(|v| v.2).sum::<f64>().max(f64::MIN_POSITIVE);
+        let mean = values.iter().fold((0.0, 0.0), |m, v| (m.0 + v.2 * v.0 / weight, m.1 + v.2 * v.1 / weight));
+        let mut found = Self { weight, aa: 0.0, ab: 0.0, bb: 0.0 };
+        for (a, b, w) in values {
+            let (a, b) = (a - mean.0, b - mean.1);
+            (found.ab, found.aa, found.bb) = (found.ab + w * a * b, found.aa + w * a * a, found.bb + w * b * b);
+        }
+        found
     }
-    if aa > 0.0 && bb > 0.0 { ab / (aa * bb).sqrt() } else { 0.0 }
+
+    /// 0 where either is constant.
+    fn correlation(&self) -> f64 {
+        if self.aa > 0.0 && self.bb > 0.0 { self.ab / (self.aa * self.bb).sqrt() } else { 0.0 }
+    }
+
+    /// The standard deviation of a.
+    fn deviation(&self) -> f64 {
+        (self.aa / self.weight).sqrt()
+    }
 }
 
 #[cfg(test)]
