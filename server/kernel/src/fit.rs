@@ -14,14 +14,14 @@ pub mod places;
 pub mod rough;
 pub mod ways;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::mesh::Vec3;
 use crate::mesh::bvh::{Bvh, Closest};
 use crate::mesh::tri::{NONE, TriMesh, nearest_share};
 use crate::register::Query;
-use crate::segment::{Segmented, segment_labels};
+use crate::segment::segment_labels;
 use crate::topology::{Components, Patch, Topology, connected, primitive};
 use crate::unfold::{UnfoldError, UnfoldOptions};
 
@@ -45,48 +45,85 @@ impl UnfoldedPatch {
     }
 }
 
-/// A surface that was cut in two, and the part of it that stays.
-#[derive(Debug)]
-pub struct CroppedSurface {
-    /// The surface cut in two: the part that stays, and the rest.
-    pub segmented: Segmented,
-    /// The part that stays, unfolded.
-    pub surface: UnfoldedPatch,
-}
-
 /// What is left of an example's surface without the polygons most of whose vertices are `lost`; `None` where that is no
 /// disc, or no more goes than a share `least` of the area. Lost pieces that are surrounded by what stays, stay.
-pub fn without(surface: &UnfoldedPatch, lost: &[bool], least: f64) -> Option<CroppedSurface> {
+pub fn without(surface: &UnfoldedPatch, lost: &[bool], least: f64) -> Option<UnfoldedPatch> {
     let mesh = &surface.patch.mesh;
     let mut counts: BTreeMap<u32, [u32; 2]> = BTreeMap::new();
     for (corners, f) in mesh.triangles.iter().zip(&mesh.polygon_of) {
         let count = counts.entry(*f).or_default();
         corners.iter().for_each(|&v| count[usize::from(lost.get(v as usize) == Some(&true))] += 1);
     }
-    let is_gone: Vec<bool> =
-        mesh.polygon_of.iter().map(|f| counts.get(f).is_some_and(|[kept, gone]| gone > kept)).collect();
-    let area = |set: &Vec<u32>| set.iter().map(|&t| mesh.area(t as usize)).sum::<f64>();
-    let mut pieces: Vec<Vec<u32>> =
-        connected(mesh, &is_gone).into_iter().filter(|set| is_gone[set[0] as usize]).collect();
+    let is_gone = |f: &u32| counts.get(f).is_some_and(|[kept, gone]| gone > kept);
+    let mut pieces = pieces(mesh, &is_gone, &|_| true);
     // A closed surface opens where its largest piece goes.
-    pieces.sort_by(|a, b| area(b).total_cmp(&area(a)).then(a.cmp(b)));
     let is_closed = mesh.twins.iter().all(|twin| *twin != NONE);
-    let has_rim = |set: &[u32]| set.iter().any(|t| (0..3).any(|side| mesh.twin(3 * t + side) == NONE));
-    // What stays is 0, each piece that goes has a number of its own.
-    let mut label_of = vec![0; mesh.triangles.len()];
-    let goes = |(k, set): &(usize, &Vec<u32>)| (is_closed && *k == 0) || has_rim(set);
-    if pieces.iter().enumerate().filter(goes).map(|(_, set)| area(set)).sum::<f64>() <= least * mesh.total_area() {
+    let mut is_first = true;
+    pieces.retain(|piece| (is_closed && std::mem::take(&mut is_first)) || piece.has_rim);
+    if pieces.iter().map(|piece| piece.area).sum::<f64>() <= least * mesh.total_area() {
         return None;
     }
-    for ((_, set), label) in pieces.iter().enumerate().filter(goes).zip(1..) {
-        set.iter().for_each(|&t| label_of[t as usize] = label);
-    }
-    let mut segmented = segment_labels(mesh, label_of);
-    let part = segmented.parts.first()?;
+    let part = without_pieces(mesh, &pieces)?;
     let found = primitive(&part.mesh, Components::SmallLeftOut).ok().filter(|p| p.topology == Topology::Disc)?;
-    let patch = Patch { topology: found.topology, holes: found.holes, ..part.clone() };
-    segmented.parts[0] = patch.clone();
-    Some(CroppedSurface { segmented, surface: UnfoldedPatch::new(patch).ok()? })
+    UnfoldedPatch::new(Patch { topology: found.topology, holes: found.holes, ..part }).ok()
+}
+
+/// What is left of an example's surface without its limbs that the input lacks: pieces of polygons with a vertex that is `missing`,
+/// surrounded by what stays, each more than a share `least` of the area. The openings that they leave count as holes. `None` where no
+/// piece is so large, or the rest falls apart.
+pub fn without_limbs(surface: &UnfoldedPatch, missing: &[bool], least: f64) -> Option<UnfoldedPatch> {
+    let (patch, mesh) = (&surface.patch, &surface.patch.mesh);
+    let is_missing = |corners: &[u32; 3]| corners.iter().any(|&v| missing[v as usize]);
+    let gone: BTreeSet<u32> =
+        mesh.triangles.iter().zip(&mesh.polygon_of).filter(|(t, _)| is_missing(t)).map(|(_, f)| *f).collect();
+    let ends: Vec<Vec<u32>> = mesh.boundary_loops().into_iter().filter(|edges| !patch.holes.contains(edges)).collect();
+    let mut is_at_end = vec![false; mesh.positions.len()];
+    ends.iter().flatten().for_each(|&h| is_at_end[mesh.tail(h) as usize] = true);
+    // A head that is open at its eyes goes all the same.
+    let mut limbs = pieces(mesh, &|f| gone.contains(f), &|h| is_at_end[mesh.tail(h) as usize]);
+    limbs.retain(|piece| !piece.has_rim && piece.area > least * mesh.total_area());
+    if limbs.is_empty() {
+        return None;
+    }
+    let part = without_pieces(mesh, &limbs)?;
+    let mut holes = part.mesh.boundary_loops();
+    let is_end =
+        |edges: &Vec<u32>| edges.iter().all(|&h| is_at_end[part.vertex_of[part.mesh.tail(h) as usize] as usize]);
+    holes.retain(|edges| !is_end(edges));
+    let topology = primitive::with_ends(&part.mesh, ends.len()).ok().filter(|topology| *topology == patch.topology)?;
+    UnfoldedPatch::new(Patch { topology, holes, ..part }).ok()
+}
+
+/// A connected piece of a surface.
+struct Piece {
+    triangles: Vec<u32>,
+    area: f64,
+    /// Whether it reaches the surface's rim.
+    has_rim: bool,
+}
+
+/// The connected pieces of some polygons of a surface, the largest first. `is_rim`: whether a boundary halfedge counts as the rim.
+fn pieces(mesh: &TriMesh, is_of: &impl Fn(&u32) -> bool, is_rim: &impl Fn(u32) -> bool) -> Vec<Piece> {
+    let label_of: Vec<bool> = mesh.polygon_of.iter().map(is_of).collect();
+    let piece = |triangles: Vec<u32>| {
+        let area = triangles.iter().map(|&t| mesh.area(t as usize)).sum();
+        let has_rim = triangles.iter().flat_map(|t| 3 * t..3 * t + 3).any(|h| mesh.twin(h) == NONE && is_rim(h));
+        Piece { triangles, area, has_rim }
+    };
+    let mut all: Vec<Piece> =
+        connected(mesh, &label_of).into_iter().filter(|set| label_of[set[0] as usize]).map(piece).collect();
+    all.sort_by(|a, b| b.area.total_cmp(&a.area).then(a.triangles.cmp(&b.triangles)));
+    all
+}
+
+/// The largest part of a surface without some pieces.
+fn without_pieces(mesh: &TriMesh, pieces: &[Piece]) -> Option<Patch> {
+    // What stays is 0, each piece that goes has a number of its own.
+    let mut label_of = vec![0; mesh.triangles.len()];
+    for (piece, label) in pieces.iter().zip(1..) {
+        piece.triangles.iter().for_each(|&t| label_of[t as usize] = label);
+    }
+    segment_labels(mesh, label_of).parts.into_iter().next()
 }
 
 /// Where an input goes on beyond an example that was laid on it: a value a vertex of the input, positive within the example,
@@ -143,4 +180,34 @@ fn is_on_rim(mesh: &TriMesh, on_rim: &[bool], at: &Closest) -> bool {
             let ends = [k, (k + 1) % 3].map(|k| on_rim[corners[k as usize] as usize]);
             at.barycentric[(k as usize + 2) % 3] < 1e-9 && mesh.twin(3 * at.triangle + k) == NONE && ends == [true; 2]
         })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::topology::tests::{ball, grid};
+
+    fn unfolded(mesh: &TriMesh) -> UnfoldedPatch {
+        UnfoldedPatch::new(crate::topology::whole(mesh).expect("a primitive")).expect("solvable")
+    }
+
+    /// What is left of a surface without the vertices about a point: topology and holes.
+    fn without_about(surface: &UnfoldedPatch, at: Vec3, radius: f64) -> Option<(Topology, usize)> {
+        let missing: Vec<bool> = surface.patch.mesh.positions.iter().map(|x| (x - at).norm() < radius).collect();
+        without_limbs(surface, &missing, 0.01).map(|left| (left.patch.topology, left.patch.holes.len()))
+    }
+
+    #[test]
+    fn limbs_that_are_missing_leave_openings_unless_they_are_small_or_reach_the_rim() {
+        let sheet = unfolded(&grid(20, 20, false, false));
+        let mesh = &sheet.patch.mesh;
+        let [low, high] = [mesh.positions[0], mesh.positions[mesh.positions.len() - 1]];
+        let (middle, size) = ((low + high) / 2.0, (high - low).norm());
+        assert_eq!(without_about(&sheet, middle, 0.15 * size), Some((Topology::Disc, 1)));
+        assert_eq!(without_about(&sheet, middle, 0.01 * size), None, "one vertex");
+        assert_eq!(without_about(&sheet, low, 0.2 * size), None, "at a corner");
+        let ball = unfolded(&ball(24));
+        let top = ball.patch.mesh.positions[0];
+        assert_eq!(without_about(&ball, top, 0.5), Some((Topology::Sphere, 1)));
+    }
 }

@@ -39,7 +39,7 @@ use refined::Refined;
 use region::Region;
 use smooth::Strength;
 
-pub use around::segment_around;
+pub use around::{segment_around, segment_beyond};
 pub use seams::{Seam, SeamShape};
 pub use views::fused;
 

@@ -9,14 +9,15 @@ use crate::fit::{beyond, within};
 use crate::map::assemble::select;
 use crate::mesh::tri::halves_of;
 use crate::mesh::{PolyMesh, TriMesh};
-use crate::segment::segment_above;
+use crate::segment::{segment_above, segment_beyond};
 use crate::topology::{Components, Patch, Topology, primitive};
 use std::sync::Arc;
 
-/// What of an input lies beyond the example.
-pub(crate) fn rest_of(input: &TriMesh, field: &[f64]) -> Option<Patch> {
-    let mut cut = segment_above(input, field).ok()?;
-    (cut.parts.len() > 1).then(|| cut.parts.swap_remove(1))
+/// The pieces of an input that lie beyond the example, the largest first: that one alone, unless the example `is_open` where limbs are
+/// left out.
+pub(crate) fn rest_of(input: &TriMesh, field: &[f64], is_open: bool) -> Vec<Patch> {
+    let cut = if is_open { segment_beyond(input, field) } else { segment_above(input, field) };
+    cut.map(|cut| cut.parts.into_iter().skip(1).collect()).unwrap_or_default()
 }
 
 /// The map after an edit, continued to where the input ends if it was before.
@@ -33,7 +34,7 @@ pub(crate) fn edited(
     let (one, two) = (&of.patch(example.segment)?.mesh, &on.patch(query.segment)?.mesh);
     let field = within(one, of_whole.positions(), two);
     let mut fitted = Fitted { mapped, example: example.clone(), query: query.clone() };
-    extend(&mut fitted, field.and_then(|field| rest_of(two, &field)).as_ref());
+    extend(&mut fitted, &field.map(|field| rest_of(two, &field, before.reach.is_open)).unwrap_or_default());
     Ok(fitted.mapped)
 }
 
@@ -53,14 +54,18 @@ pub(crate) fn own_faces(mesh: &PolyMesh, own: Option<(u64, u64)>) -> Option<Arc<
     Some(Arc::new(select(mesh, &keep)))
 }
 
-/// Continues a map to where the input ends.
-pub(crate) fn extend(fitted: &mut Fitted, rest: Option<&Patch>) {
-    let found = rest.and_then(|rest| primitive(&rest.mesh, Components::Largest).ok());
-    let rest = found.filter(|rest| matches!(rest.topology, Topology::Annulus | Topology::Disc));
-    let input = fitted.query.model.patch(fitted.query.segment).map(|patch| &patch.mesh);
+/// Continues a map to where the input ends, over all pieces of the `rest`.
+pub(crate) fn extend(fitted: &mut Fitted, rest: &[Patch]) {
+    let input = fitted.query.model.patch(fitted.query.segment).ok().map(|patch| &patch.mesh);
     let mapped = &mut fitted.mapped;
     let own = &mapped.mesh;
-    let Some(grown) = rest.zip(input.ok()).and_then(|(rest, input)| beyond::continued(own, &rest, input)) else {
+    let over = |mesh: &PolyMesh, rest: &Patch| {
+        let rest = primitive(&rest.mesh, Components::Largest).ok()?;
+        let is_ring_or_cap = matches!(rest.topology, Topology::Annulus | Topology::Disc);
+        beyond::continued(mesh, &rest, input.filter(|_| is_ring_or_cap)?)
+    };
+    let all = || rest.iter().try_fold(PolyMesh::clone(own), |grown, piece| over(&grown, piece));
+    let Some(grown) = (!rest.is_empty()).then(all).flatten() else {
         mapped.reasons.push(format!("{BARE}: rows of quads can't go round its openings"));
         return;
     };

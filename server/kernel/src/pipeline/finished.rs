@@ -11,7 +11,7 @@ use super::spanned::span;
 use crate::encode::index::Location;
 use crate::fit::mend::{fray, islands, leaps, mend};
 use crate::fit::places::Placement;
-use crate::fit::{UnfoldedPatch, within, without};
+use crate::fit::{UnfoldedPatch, within, without, without_limbs};
 use crate::map::CrossMap;
 use crate::map::bend::{Pin, bend, is_inside};
 use crate::map::reembed::{InputChart, turn_back};
@@ -49,6 +49,12 @@ pub(crate) struct MapParameters<'a> {
     pub(crate) are_wholes: bool,
 }
 
+/// Limbs that the input lacks are left out if they have more than this share of the example's area. *Untuned.*
+const LIMB_MIN: f64 = 0.01;
+/// What has less than this share of its area, beside the rest of the example, is squashed. *Untuned.*
+const SQUASHED: f64 = 0.25;
+/// A map that covers less of the input is surrounded by other layouts in a composition.
+const LAID_AROUND: f64 = 0.95;
 /// How often at most the rim of what is left of an example frays. *Untuned.*
 const FRAYED_MAX: usize = 4;
 
@@ -65,23 +71,80 @@ impl RemainingExample {
     /// Takes away the faces most of whose vertices are `lost`, if these have more than a share `least` of the area. Tells whether it
     /// did.
     fn lose(&mut self, lost: &[bool], least: f64) -> Result<bool, PipelineError> {
-        let Some(less) = without(&self.surface, lost, least) else { return Ok(false) };
-        let kept = &less.surface.patch.vertex_of;
+        without(&self.surface, lost, least).map_or(Ok(false), |less| self.take(less))
+    }
+
+    /// Takes away the limbs that the input lacks. Tells whether it did.
+    fn lose_limbs(&mut self) -> Result<bool, PipelineError> {
+        let mesh = &self.surface.patch.mesh;
+        let (rim, squashed) = (mesh.boundary_vertices(), squashed(mesh, &self.cross.positions));
+        let missing: Vec<bool> = (0..rim.len()).map(|v| (self.bare[v] || squashed[v]) && !rim[v]).collect();
+        without_limbs(&self.surface, &missing, LIMB_MIN).map_or(Ok(false), |less| self.take(less))
+    }
+
+    /// Takes what is `less` of the example.
+    fn take(&mut self, less: UnfoldedPatch) -> Result<bool, PipelineError> {
+        let kept = &less.patch.vertex_of;
         self.cross = CrossMap {
             locations: kept.iter().map(|&v| self.cross.locations[v as usize]).collect(),
             positions: kept.iter().map(|&v| self.cross.positions[v as usize]).collect(),
         };
         self.bare = kept.iter().map(|&v| self.bare[v as usize]).collect();
-        self.surface = less.surface.clone();
-        self.example = of_example(&self.example, less)?;
+        self.example = of_example(&self.example, &less)?;
+        self.surface = less;
         Ok(true)
     }
 }
 
-/// Finishes the map of an example that has settled.
+/// Marks the vertices about which a mesh is squashed where they lie at `positions`: limbs that the input lacks may come to rest on it,
+/// a head on the stump of a neck.
+fn squashed(mesh: &TriMesh, positions: &[Vec3]) -> Vec<bool> {
+    let mut areas = vec![[0.0; 2]; positions.len()];
+    for (t, corners) in mesh.triangles.iter().enumerate() {
+        let laid = area_between(corners.map(|v| positions[v as usize]));
+        for &v in corners {
+            areas[v as usize][0] += mesh.area(t);
+            areas[v as usize][1] += laid;
+        }
+    }
+    let [own, laid] = areas.iter().fold([0.0; 2], |sum, area| [sum[0] + area[0], sum[1] + area[1]]);
+    areas.iter().map(|area| area[1] * own < SQUASHED * area[0] * laid).collect()
+}
+
+/// Finishes the map of an example that has settled: without the limbs that the input lacks, if it is of use only then.
 pub(crate) fn finish(
     placement: Placement,
-    (example, one): (&Side, &UnfoldedPatch),
+    example: (&Side, &UnfoldedPatch),
+    query: (&Side, &UnfoldedPatch),
+    asked: MapParameters<'_>,
+    stop: Stop,
+) -> Result<Fitted, PipelineError> {
+    let is_posed = asked.held.len() >= POSE_FIXED_BY;
+    let is_there = is_posed || is_alike(&placement.evidence, JudgedBy::of(example.1, asked.are_wholes));
+    let whole = finished(placement.clone(), (example, Limbs::Stay), query, asked, stop)?;
+    if whole.mapped.verdict < Verdict::Poor || !is_there || !Stage::Span.is_on() {
+        return Ok(whole);
+    }
+    let without = finished(placement, (example, Limbs::Go), query, asked, stop)?;
+    let reach = &without.mapped.reach;
+    // Openings that rows don't close stay where too little is bare for a composition to lay it out.
+    let is_closed = reach.own.is_some() || reach.covers.input < LAID_AROUND || asked.beyond == Beyond::Leave;
+    let is_better = reach.is_open && is_closed && without.mapped.verdict < whole.mapped.verdict;
+    Ok(if is_better { without } else { whole })
+}
+
+/// What becomes of limbs that the input lacks.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Limbs {
+    /// They are spanned.
+    Stay,
+    /// They are left out.
+    Go,
+}
+
+fn finished(
+    placement: Placement,
+    ((example, one), limbs): ((&Side, &UnfoldedPatch), Limbs),
     (query, two): (&Side, &UnfoldedPatch),
     MapParameters { beyond, held, are_wholes }: MapParameters<'_>,
     stop: Stop,
@@ -102,6 +165,7 @@ pub(crate) fn finish(
     fray(&one.patch.mesh, &leaps, &mut lost);
     let mut left = RemainingExample { example: example.clone(), surface: one.clone(), cross, bare };
     left.lose(&lost, LOST_MIN)?;
+    let is_open = limbs == Limbs::Go && left.lose_limbs()?;
     let spanned = span(&mut left.cross, &left.surface.patch.mesh, &left.bare, two.query.tree());
     if Stage::Mend.is_on() {
         let ground = InputChart { chart, index: two.query.index() };
@@ -129,12 +193,13 @@ pub(crate) fn finish(
     registration.turned_there = before - turned.len() as u64;
     let mut mapped = registered::map(&registration, &example, query, stop)?;
     let field = within(&surface.patch.mesh, &cross.positions, &two.patch.mesh);
-    let rest = field.and_then(|field| rest_of(&two.patch.mesh, &field));
-    let covered = rest.as_ref().map_or(1.0, |rest| 1.0 - rest.mesh.total_area() / two.patch.mesh.total_area());
+    let rest = field.map(|field| rest_of(&two.patch.mesh, &field, is_open)).unwrap_or_default();
+    let covered = 1.0 - rest.iter().map(|piece| piece.mesh.total_area()).sum::<f64>() / two.patch.mesh.total_area();
     mapped.reach = MapExtent {
         covers: Covers { example: kept_share, input: covered },
         kept: (kept_share < 1.0).then(|| kept(&example)).transpose()?,
         spanned: spanned.len() as f64 / mapped.mesh.faces.len().max(1) as f64,
+        is_open,
         bridging: numbers(&spanned, &surface.patch.mesh, &mapped.mesh),
         ..MapExtent::default()
     };
@@ -149,8 +214,8 @@ pub(crate) fn finish(
     (mapped.verdict, mapped.reasons) = judged(&evidence, shares, (is_alike, is_posed));
     mapped.reasons.extend(missed);
     let mut fitted = Fitted { mapped, example, query: query.clone() };
-    if beyond == Beyond::Extend && covered < COVERED {
-        extend(&mut fitted, rest.as_ref());
+    if beyond == Beyond::Extend && (covered < COVERED || is_open) {
+        extend(&mut fitted, &rest);
     }
     Ok(fitted)
 }
@@ -404,6 +469,18 @@ mod tests {
     use crate::segment::Segmented;
     use crate::topology::Components;
     use crate::topology::tests::{ball, voxels};
+
+    #[test]
+    fn what_lies_in_a_heap_is_squashed() {
+        let mesh = crate::topology::tests::grid(20, 20, false, false);
+        let middle = (mesh.positions[0] + mesh.positions[mesh.positions.len() - 1]) / 2.0;
+        let size = mesh.total_area().sqrt();
+        let is_near = |x: &Vec3| (x - middle).norm() < 0.2 * size;
+        let drawn = |x: &Vec3| if is_near(x) { middle + 0.3 * (x - middle) } else { *x };
+        let found = squashed(&mesh, &mesh.positions.iter().map(drawn).collect::<Vec<_>>());
+        assert!(found.iter().filter(|squashed| **squashed).count() > 20);
+        assert!(found.iter().zip(&mesh.positions).all(|(squashed, x)| !squashed || is_near(x)));
+    }
 
     #[test]
     fn where_landmarks_fix_the_pose_shapes_that_differ_are_no_reason_to_throw_a_map_away() {

@@ -12,10 +12,10 @@ use super::mapped::{Fitted, Lead, Verdict, Wishes};
 use super::registered::{self, Registered};
 use super::side::{Encoded, SegmentFacts, Side};
 use crate::encode::index::Location;
+use crate::fit::UnfoldedPatch;
 use crate::fit::places::{PlaceSearch, Placement, Start};
 use crate::fit::rough::{between, between_by, spread};
 use crate::fit::ways::MatchedTips;
-use crate::fit::{CroppedSurface, UnfoldedPatch};
 use crate::map::atlas::{TipMatch, likely_matches};
 use crate::mesh::bvh::Bvh;
 use crate::mesh::{TriMesh, Vec3};
@@ -335,10 +335,10 @@ fn surface(side: &Side) -> Result<UnfoldedPatch, PipelineError> {
 }
 
 /// The side that a part of an example is.
-pub(crate) fn of_example(whole: &Side, cropped: CroppedSurface) -> Result<Side, PipelineError> {
+pub(crate) fn of_example(whole: &Side, cropped: &UnfoldedPatch) -> Result<Side, PipelineError> {
     let model = &*whole.model;
     let patch = model.patch(whole.segment)?;
-    let part = &cropped.surface.patch;
+    let part = &cropped.patch;
     let number = |of: &[u32], v: &u32| of.get(*v as usize).copied().unwrap_or(0);
     let part = Patch {
         vertex_of: part.vertex_of.iter().map(|v| number(&patch.vertex_of, v)).collect(),
@@ -348,7 +348,7 @@ pub(crate) fn of_example(whole: &Side, cropped: CroppedSurface) -> Result<Side, 
     let mut part_of = vec![1; model.segmented.mesh.triangles.len()];
     part.triangle_of.iter().for_each(|&t| part_of[t as usize] = 0);
     let segmented = Segmented { part_of, parts: vec![part], seams: Vec::new(), ..model.segmented.clone() };
-    Ok(side(whole, segmented, cropped.surface.query))
+    Ok(side(whole, segmented, Arc::clone(&cropped.query)))
 }
 
 fn side(whole: &Side, segmented: Segmented, query: Arc<Query>) -> Side {

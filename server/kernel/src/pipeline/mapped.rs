@@ -60,6 +60,8 @@ pub struct MapExtent {
     pub own: Option<(u64, u64)>,
     /// Share of the mesh's area that its own faces have; `None`: all of it.
     pub inspired: Option<f64>,
+    /// Whether limbs that the scan lacks are left out of the example, and leave openings in it.
+    pub is_open: bool,
     /// Faces of the mesh, in order, for which the scan has nothing: they are spanned flat.
     pub bridging: Vec<u32>,
     /// Share of the example's faces that these are.
@@ -137,6 +139,7 @@ impl Mapped {
         self.reach = MapExtent {
             covers: before.reach.covers,
             kept: before.reach.kept.clone(),
+            is_open: before.reach.is_open,
             bridging: before.reach.bridging.clone(),
             ..MapExtent::default()
         };

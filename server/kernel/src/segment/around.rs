@@ -54,6 +54,22 @@ pub fn segment_around(surface: &TriMesh, field: &[f64], kept: &[Option<u32>]) ->
     Ok(made)
 }
 
+/// Cuts a surface along the curve on which `field`, one value a vertex, is 0. The largest piece where it is positive comes first; then
+/// those where it is not, the largest first.
+///
+/// # Errors
+/// [`TopologyError::Empty`].
+pub fn segment_beyond(surface: &TriMesh, field: &[f64]) -> Result<Segmented, TopologyError> {
+    let (refined, mut label_of) = cut_at_zero(surface, field)?;
+    let mesh = &refined.mesh;
+    relabel(mesh, &mut label_of, WITHIN, f64::INFINITY);
+    relabel(mesh, &mut label_of, BEYOND, SMALL_COMPONENT_SHARE * mesh.total_area());
+    for (piece, label) in largest_first(mesh, pieces(mesh, &label_of, BEYOND)).iter().zip(BEYOND..) {
+        piece.iter().for_each(|&t| label_of[t as usize] = label);
+    }
+    Ok(Segmented::assemble(surface, refined, &label_of, Order::Labels))
+}
+
 /// What a part is with all loops filled that are no border with another; `None` where none is one.
 fn spanned(mesh: &TriMesh, part: &Patch) -> Option<(Topology, Vec<Vec<u32>>)> {
     let is_border = |edges: &Vec<u32>| edges.iter().any(|&h| part.borders_on_another(mesh, h));
@@ -64,12 +80,20 @@ fn spanned(mesh: &TriMesh, part: &Patch) -> Option<(Topology, Vec<Vec<u32>>)> {
 
 /// Gives the pieces of a label that have less than `least` of the area, its largest excepted, the other label.
 fn relabel(mesh: &TriMesh, label_of: &mut [u32], label: u32, least: f64) {
-    let area = |piece: &[u32]| piece.iter().map(|&t| mesh.area(t as usize)).sum::<f64>();
-    let mut all = pieces(mesh, label_of, label);
-    all.sort_by(|a, b| area(b).total_cmp(&area(a)).then(a.cmp(b)));
-    for piece in all.iter().skip(1).filter(|piece| area(piece) < least) {
+    let all = largest_first(mesh, pieces(mesh, label_of, label));
+    for piece in all.iter().skip(1).filter(|piece| area(mesh, piece) < least) {
         piece.iter().for_each(|&t| label_of[t as usize] = WITHIN + BEYOND - label);
     }
+}
+
+fn area(mesh: &TriMesh, piece: &[u32]) -> f64 {
+    piece.iter().map(|&t| mesh.area(t as usize)).sum()
+}
+
+/// Pieces, as triangles, by area.
+fn largest_first(mesh: &TriMesh, mut pieces: Vec<Vec<u32>>) -> Vec<Vec<u32>> {
+    pieces.sort_by(|a, b| area(mesh, b).total_cmp(&area(mesh, a)).then(a.cmp(b)));
+    pieces
 }
 
 /// The connected pieces of a label, as triangles.
@@ -124,6 +148,21 @@ mod tests {
         }
         let area: f64 = cut.parts.iter().map(|part| part.mesh.total_area()).sum();
         assert!((area - cut.mesh.total_area()).abs() < 1e-9 * area);
+    }
+
+    #[test]
+    fn pieces_beyond_come_after_what_lies_within_the_largest_first_and_specks_go() {
+        let sheet = grid(40, 40, false, false);
+        let beyond = [([0.3, 0.3], 0.1), ([0.7, 0.6], 0.2), ([0.2, 0.8], 0.02)];
+        let field = |p: &crate::mesh::Vec3| {
+            let away = |(at, radius): ([f64; 2], f64)| (p.x - at[0]).hypot(p.y - at[1]) - radius;
+            beyond.into_iter().map(away).fold(f64::INFINITY, f64::min)
+        };
+        let found = segment_beyond(&sheet, &sheet.positions.iter().map(field).collect::<Vec<_>>()).expect("a sheet");
+        let areas: Vec<f64> = found.parts.iter().map(|part| part.mesh.total_area()).collect();
+        let expected = [1.0 - 0.05 * std::f64::consts::PI, 0.04 * std::f64::consts::PI, 0.01 * std::f64::consts::PI];
+        assert_eq!(areas.len(), expected.len(), "{areas:?}");
+        assert!(areas.iter().zip(expected).all(|(a, b)| (a - b).abs() < 0.005), "{areas:?}");
     }
 
     #[test]
