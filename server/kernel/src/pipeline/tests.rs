@@ -121,37 +121,6 @@ fn a_constraint_is_met_where_it_was_set_and_a_bad_one_is_refused() {
 }
 
 #[test]
-fn a_limb_that_the_scan_lacks_is_left_out_and_its_stump_is_closed_by_quads() {
-    // A dome on which most of the quads are a tower's.
-    let mesh = crate::mesh::read(dome(24).as_bytes(), Some(Format::Obj), &Limits::default()).expect("a dome");
-    let raised = |x: &Vec3| {
-        let r = x.x.abs().max(x.y.abs());
-        let to = if r > 0.75 { 1.0 - 3.0 * (1.0 - r) } else { r.min(0.2 + r / 15.0) };
-        let share = to / r.max(1e-9);
-        let height = 0.7 * (1.0 - to * to).powi(2) + 5.0 * (0.75 - r).max(0.0);
-        Vec3::new(share * x.x, share * x.y, height)
-    };
-    let mesh = crate::mesh::PolyMesh { positions: mesh.positions.iter().map(raised).collect(), ..mesh };
-    let bytes = crate::mesh::write(&mesh, Format::Obj).expect("writable");
-    let model = Arc::new(read(&bytes, Some(Format::Obj), &Cut::default(), &Limits::default()).expect("a tower"));
-    let encoded = Arc::new(encode(&model, 0, GO_ON).expect("encodable"));
-    let (example, query) = (Side { model, segment: 0, encoded }, side(32));
-    let vertex = |n: u32, (i, j): (u32, u32)| Place::OnVertex { vertex: j * (n + 1) + i };
-    let pair = |(i, j): (u32, u32)| Landmark {
-        on_example: vertex(24, (1 + 22 * i, 1 + 22 * j)),
-        on_input: vertex(32, (4 + 24 * i, 4 + 24 * j)),
-    };
-    let landmarks = [(0, 0), (1, 0), (1, 1), (0, 1)].map(pair).to_vec();
-    let wishes = Wishes { beyond: Beyond::Extend, landmarks, ..Wishes::default() };
-    let mapped = fit(None, &example, &query, &wishes, GO_ON).expect("a map").mapped;
-    let (own, all) = (mapped.reach.own.expect("rows go on"), &mapped.mesh.faces);
-    assert!(mapped.reach.is_open && mapped.reach.covers.example < 0.6, "{:?}", mapped.reach.covers);
-    assert!((200..400).contains(&own.1) && all.len() as u64 > own.1 + 20, "{own:?} of {}", all.len());
-    let loops = crate::mesh::prepare(&mapped.mesh).expect("faces").mesh.boundary_loops();
-    assert!(all.iter().all(|face| face.len() == 4) && loops.len() == 1, "{} openings", loops.len() - 1);
-}
-
-#[test]
 fn a_scan_with_a_window_takes_an_example_without_one_to_its_place() {
     let window = |x: f64, y: f64| (-0.5..0.1).contains(&x) && (-0.1..0.5).contains(&y);
     let text = dome_without(40, window);
