@@ -68,7 +68,7 @@ pub fn without(surface: &UnfoldedPatch, lost: &[bool], least: f64) -> Option<Unf
     UnfoldedPatch::new(Patch { topology: found.topology, holes: found.holes, ..part }).ok()
 }
 
-/// What is left of an example's surface without its limbs that the input lacks: pieces of polygons with a vertex that is `missing`,
+/// Takes from an example's surface its limbs that the input lacks: pieces of polygons with a vertex that is `missing`,
 /// surrounded by what stays, each more than a share `least` of the area. The openings that they leave count as holes. `None` where no
 /// piece is so large, or the rest falls apart.
 pub fn without_limbs(surface: &UnfoldedPatch, missing: &[bool], least: f64) -> Option<UnfoldedPatch> {
@@ -98,7 +98,7 @@ pub fn without_limbs(surface: &UnfoldedPatch, missing: &[bool], least: f64) -> O
 struct Piece {
     triangles: Vec<u32>,
     area: f64,
-    /// Whether it reaches the surface's rim.
+    /// True where it reaches the surface's rim.
     has_rim: bool,
 }
 
@@ -191,7 +191,7 @@ mod tests {
         UnfoldedPatch::new(crate::topology::whole(mesh).expect("a primitive")).expect("solvable")
     }
 
-    /// What is left of a surface without the vertices about a point: topology and holes.
+    /// Returns the topology of a surface without the vertices about a point, and the number of its holes.
     fn without_about(surface: &UnfoldedPatch, at: Vec3, radius: f64) -> Option<(Topology, usize)> {
         let missing: Vec<bool> = surface.patch.mesh.positions.iter().map(|x| (x - at).norm() < radius).collect();
         without_limbs(surface, &missing, 0.01).map(|left| (left.patch.topology, left.patch.holes.len()))

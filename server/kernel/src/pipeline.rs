@@ -61,6 +61,9 @@ pub use stitch::{Part, RegularMesh, StitchOptions, compose, template};
 pub use stitched::{AS_MAPPED, LayoutOwner, Stitched};
 pub use transfer::alike;
 
+/// A map that leaves more of the scan bare than this is surrounded by other layouts in a composition: stitching can't be made to follow it.
+pub const BARE_MIN: f64 = 0.05;
+
 /// How each reason begins why a map leaves some of the scan bare.
 pub const BARE: &str = "the rest of the scan is left bare";
 

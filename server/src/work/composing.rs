@@ -7,7 +7,9 @@ mod sound;
 mod surrounded;
 mod waist;
 
-use super::engine::{AllowedFlaws, BARE, Encoded, EngineError, Judgement, Model, OnePart, Part, StitchOptions};
+use super::engine::{
+    AllowedFlaws, BARE, BARE_MIN, Encoded, EngineError, Judgement, Model, OnePart, Part, StitchOptions,
+};
 use super::laying;
 use super::making::{self, Making, Tell};
 use super::mapping::{LiveMap, MapState, get};
@@ -330,9 +332,6 @@ async fn laid_around(
         found => found,
     }
 }
-
-/// More of the scan left bare than this is beyond what a layout can be made to follow.
-const BARE_MIN: f64 = 0.05;
 
 /// Maps alone that cover less of the scan are no result: a regular layout of all of it is. *Untuned.*
 const ALONE_MIN: f64 = 0.25;

@@ -28,8 +28,8 @@ pub use packed::{PackedEncoding, PackedFeature};
 pub use quadmuse_kernel::compose::rows::{Resized, SizeTarget, faces_within_max};
 pub use quadmuse_kernel::numerics::stage::{Stage, leave_out};
 pub use quadmuse_kernel::pipeline::{
-    AS_MAPPED, AllowedFlaws, Appraisal, BARE, LayoutOwner, MapExtent, OnePart, Refusal, RoughPlacement, StitchOptions,
-    Stitched,
+    AS_MAPPED, AllowedFlaws, Appraisal, BARE, BARE_MIN, LayoutOwner, MapExtent, OnePart, Refusal, RoughPlacement,
+    StitchOptions, Stitched,
 };
 pub use rough::RoughLead;
 

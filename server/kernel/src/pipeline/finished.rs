@@ -1,5 +1,6 @@
 //! Finishing the map of an example that has settled: what it lacks is spanned or left out, folds are mended, and it is judged.
 
+use super::BARE_MIN;
 use super::continued::{extend, rest_of};
 use super::error::{PipelineError, Stop, internal};
 use super::fitted::{COVERED, LocatedLandmark, of_example};
@@ -51,23 +52,60 @@ pub(crate) struct MapParameters<'a> {
 
 /// Limbs that the input lacks are left out if they have more than this share of the example's area. *Untuned.*
 const LIMB_MIN: f64 = 0.01;
-/// What has less than this share of its area, beside the rest of the example, is squashed. *Untuned.*
+/// A piece of the example is squashed if it keeps less than this share of its area, beside the rest. *Untuned.*
 const SQUASHED: f64 = 0.25;
-/// A map that covers less of the input is surrounded by other layouts in a composition.
-const LAID_AROUND: f64 = 0.95;
 /// How often at most the rim of what is left of an example frays. *Untuned.*
 const FRAYED_MAX: usize = 4;
 
 /// Holds what is left of an example on its way to a map.
+#[derive(Clone)]
 struct RemainingExample {
     example: Side,
     surface: UnfoldedPatch,
     cross: CrossMap,
     /// Vertices for which the input has nothing.
     bare: Vec<bool>,
+    /// True where limbs that the input lacks are left out.
+    is_open: bool,
+}
+
+/// Holds how an example settled, and on what.
+struct SettledExample<'a> {
+    /// All of the example.
+    whole: &'a UnfoldedPatch,
+    mirrored: bool,
+    evidence: Evidence,
+    reference: ReferenceSurface,
+}
+
+impl SettledExample<'_> {
+    /// Finds the edges of a mesh that leap across the input.
+    fn leaps(&self, mesh: &TriMesh, cross: &CrossMap) -> Vec<[u32; 2]> {
+        if Stage::Fray.is_on() { leaps(mesh, &cross.positions, &self.reference) } else { Vec::new() }
+    }
 }
 
 impl RemainingExample {
+    /// Takes from an example the faces that lie beyond the input.
+    fn of(
+        placement: Placement,
+        example: &Side,
+        settled: &SettledExample<'_>,
+        chart: &Chart,
+    ) -> Result<Self, PipelineError> {
+        let Placement { places, lost, off, mirrored, .. } = placement;
+        let (locations, positions) = places.into_iter().map(|p| (Location::from(p), p.point)).unzip();
+        let (mesh, cross) = (&settled.whole.patch.mesh, CrossMap { locations, positions });
+        let mut bare: Vec<bool> = lost.iter().zip(&off).map(|(lost, off)| *lost || *off).collect();
+        let leaps = settled.leaps(mesh, &cross);
+        islands(mesh, &leaps, &mut bare);
+        let mut lost = with_turned(mesh, &cross, chart, registered::sign(mirrored), lost);
+        fray(mesh, &leaps, &mut lost);
+        let mut left = Self { example: example.clone(), surface: settled.whole.clone(), cross, bare, is_open: false };
+        left.lose(&lost, LOST_MIN)?;
+        Ok(left)
+    }
+
     /// Takes away the faces most of whose vertices are `lost`, if these have more than a share `least` of the area. Tells whether it
     /// did.
     fn lose(&mut self, lost: &[bool], least: f64) -> Result<bool, PipelineError> {
@@ -79,7 +117,8 @@ impl RemainingExample {
         let mesh = &self.surface.patch.mesh;
         let (rim, squashed) = (mesh.boundary_vertices(), squashed(mesh, &self.cross.positions));
         let missing: Vec<bool> = (0..rim.len()).map(|v| (self.bare[v] || squashed[v]) && !rim[v]).collect();
-        without_limbs(&self.surface, &missing, LIMB_MIN).map_or(Ok(false), |less| self.take(less))
+        self.is_open = without_limbs(&self.surface, &missing, LIMB_MIN).map_or(Ok(false), |less| self.take(less))?;
+        Ok(self.is_open)
     }
 
     /// Takes what is `less` of the example.
@@ -101,9 +140,9 @@ impl RemainingExample {
 fn squashed(mesh: &TriMesh, positions: &[Vec3]) -> Vec<bool> {
     let mut areas = vec![[0.0; 2]; positions.len()];
     for (t, corners) in mesh.triangles.iter().enumerate() {
-        let laid = area_between(corners.map(|v| positions[v as usize]));
+        let (own, laid) = (mesh.area(t), area_between(corners.map(|v| positions[v as usize])));
         for &v in corners {
-            areas[v as usize][0] += mesh.area(t);
+            areas[v as usize][0] += own;
             areas[v as usize][1] += laid;
         }
     }
@@ -114,58 +153,45 @@ fn squashed(mesh: &TriMesh, positions: &[Vec3]) -> Vec<bool> {
 /// Finishes the map of an example that has settled: without the limbs that the input lacks, if it is of use only then.
 pub(crate) fn finish(
     placement: Placement,
-    example: (&Side, &UnfoldedPatch),
+    (example, one): (&Side, &UnfoldedPatch),
     query: (&Side, &UnfoldedPatch),
     asked: MapParameters<'_>,
     stop: Stop,
 ) -> Result<Fitted, PipelineError> {
-    let is_posed = asked.held.len() >= POSE_FIXED_BY;
-    let is_there = is_posed || is_alike(&placement.evidence, JudgedBy::of(example.1, asked.are_wholes));
-    let whole = finished(placement.clone(), (example, Limbs::Stay), query, asked, stop)?;
-    if whole.mapped.verdict < Verdict::Poor || !is_there || !Stage::Span.is_on() {
+    let two = &query.1.query;
+    let settled = SettledExample {
+        whole: one,
+        mirrored: placement.mirrored,
+        evidence: placement.evidence,
+        reference: ReferenceSurface::with_tree((*two.chart.mesh).clone(), Arc::clone(two.tree())),
+    };
+    let left = RemainingExample::of(placement, example, &settled, &two.chart)?;
+    let mut without = left.clone();
+    let whole = finished(left, &settled, query, asked, stop)?;
+    let is_there =
+        asked.held.len() >= POSE_FIXED_BY || is_alike(&settled.evidence, JudgedBy::of(one, asked.are_wholes));
+    let may_be_better = whole.mapped.verdict >= Verdict::Poor && is_there && Stage::Span.is_on();
+    if !may_be_better || !without.lose_limbs()? {
         return Ok(whole);
     }
-    let without = finished(placement, (example, Limbs::Go), query, asked, stop)?;
+    let without = finished(without, &settled, query, asked, stop)?;
     let reach = &without.mapped.reach;
     // Openings that rows don't close stay where too little is bare for a composition to lay it out.
-    let is_closed = reach.own.is_some() || reach.covers.input < LAID_AROUND || asked.beyond == Beyond::Leave;
-    let is_better = reach.is_open && is_closed && without.mapped.verdict < whole.mapped.verdict;
+    let is_closed = reach.own.is_some() || 1.0 - reach.covers.input > BARE_MIN || asked.beyond == Beyond::Leave;
+    let is_better = is_closed && without.mapped.verdict < whole.mapped.verdict;
     Ok(if is_better { without } else { whole })
 }
 
-/// What becomes of limbs that the input lacks.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Limbs {
-    /// They are spanned.
-    Stay,
-    /// They are left out.
-    Go,
-}
-
+/// Finishes the map of what is left of an example.
 fn finished(
-    placement: Placement,
-    ((example, one), limbs): ((&Side, &UnfoldedPatch), Limbs),
+    mut left: RemainingExample,
+    settled: &SettledExample<'_>,
     (query, two): (&Side, &UnfoldedPatch),
     MapParameters { beyond, held, are_wholes }: MapParameters<'_>,
     stop: Stop,
 ) -> Result<Fitted, PipelineError> {
-    let Placement { places, lost, off, mirrored, evidence, .. } = placement;
+    let &SettledExample { whole, mirrored, evidence, .. } = settled;
     let (chart, sign) = (&two.query.chart, registered::sign(mirrored));
-    let (locations, positions) = places.into_iter().map(|p| (Location::from(p), p.point)).unzip();
-    let mut bare: Vec<bool> = lost.iter().zip(&off).map(|(lost, off)| *lost || *off).collect();
-    let cross = CrossMap { locations, positions };
-    let reference = ReferenceSurface::with_tree((*chart.mesh).clone(), Arc::clone(two.query.tree()));
-    let torn = |mesh: &TriMesh, cross: &CrossMap| match Stage::Fray.is_on() {
-        true => leaps(mesh, &cross.positions, &reference),
-        false => Vec::new(),
-    };
-    let leaps = torn(&one.patch.mesh, &cross);
-    islands(&one.patch.mesh, &leaps, &mut bare);
-    let mut lost = with_turned(&one.patch.mesh, &cross, chart, sign, lost);
-    fray(&one.patch.mesh, &leaps, &mut lost);
-    let mut left = RemainingExample { example: example.clone(), surface: one.clone(), cross, bare };
-    left.lose(&lost, LOST_MIN)?;
-    let is_open = limbs == Limbs::Go && left.lose_limbs()?;
     let spanned = span(&mut left.cross, &left.surface.patch.mesh, &left.bare, two.query.tree());
     if Stage::Mend.is_on() {
         let ground = InputChart { chart, index: two.query.index() };
@@ -177,13 +203,13 @@ fn finished(
     for _ in 0..FRAYED_MAX {
         let mesh = &left.surface.patch.mesh;
         let mut lost = vec![false; mesh.positions.len()];
-        fray(mesh, &torn(mesh, &left.cross), &mut lost);
+        fray(mesh, &settled.leaps(mesh, &left.cross), &mut lost);
         if !lost.contains(&true) || !left.lose(&lost, 0.0)? {
             break;
         }
     }
-    let RemainingExample { example, surface, cross, .. } = left;
-    let kept_share = surface.patch.mesh.total_area() / one.patch.mesh.total_area();
+    let RemainingExample { example, surface, cross, is_open, .. } = left;
+    let kept_share = surface.patch.mesh.total_area() / whole.patch.mesh.total_area();
     let mut turned = inward(&surface.patch.mesh, &cross, chart, sign);
     let before = turned.len() as u64;
     // What is spanned is flat, and which way it looks says nothing.
@@ -203,7 +229,7 @@ fn finished(
         bridging: numbers(&spanned, &surface.patch.mesh, &mapped.mesh),
         ..MapExtent::default()
     };
-    let judged_by = JudgedBy::of(one, are_wholes);
+    let judged_by = JudgedBy::of(whole, are_wholes);
     let sureness = sureness(&evidence, judged_by);
     (mapped.evidence, mapped.sureness) = (Some(evidence), Some(sureness));
     let folded = share(&surface.patch.mesh, &cross.positions, &turned);

@@ -60,7 +60,7 @@ pub struct MapExtent {
     pub own: Option<(u64, u64)>,
     /// Share of the mesh's area that its own faces have; `None`: all of it.
     pub inspired: Option<f64>,
-    /// Whether limbs that the scan lacks are left out of the example, and leave openings in it.
+    /// True where limbs that the scan lacks are left out of the example, and leave openings in it.
     pub is_open: bool,
     /// Faces of the mesh, in order, for which the scan has nothing: they are spanned flat.
     pub bridging: Vec<u32>,
