@@ -41,6 +41,7 @@ mod tests;
 mod transfer;
 
 pub use crate::fit::rough::RoughInput;
+pub use crate::map::atlas::LimbDistances;
 pub use around::around;
 pub use as_one::split;
 pub use constraint::{

@@ -28,8 +28,8 @@ pub use packed::{PackedEncoding, PackedFeature};
 pub use quadmuse_kernel::compose::rows::{Resized, SizeTarget, faces_within_max};
 pub use quadmuse_kernel::numerics::stage::{Stage, leave_out};
 pub use quadmuse_kernel::pipeline::{
-    AS_MAPPED, AllowedFlaws, Appraisal, BARE, BARE_MIN, LayoutOwner, MapExtent, OnePart, Refusal, RoughPlacement,
-    StitchOptions, Stitched,
+    AS_MAPPED, AllowedFlaws, Appraisal, BARE, BARE_MIN, LayoutOwner, LimbDistances, MapExtent, OnePart, Refusal,
+    RoughPlacement, StitchOptions, Stitched,
 };
 pub use rough::RoughLead;
 
@@ -393,6 +393,15 @@ pub trait Engine: Send + Sync + 'static {
     fn likeness(&self, one: &Opaque, two: &Opaque, stop: &Stop) -> Result<Likeness, EngineError> {
         let _ = (one, two);
         stop.reason().map_or(Ok(Likeness::default()), |reason| Err(reason.into()))
+    }
+
+    /// Measures the distances between the limbs of an unfolded segment; `None` where it has too few.
+    ///
+    /// # Errors
+    /// [`EngineError::Internal`].
+    fn limbs(&self, encoding: &Encoding) -> Result<Option<LimbDistances>, EngineError> {
+        let _ = encoding;
+        Ok(None)
     }
 
     /// A query's segment made ready for all examples that are laid on it roughly; `None` where none can be.

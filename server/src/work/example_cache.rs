@@ -3,7 +3,7 @@
 //! A query reads some dozens of examples to see how they lie on it, and maps read some of them again. An example's mesh never
 //! changes, so nothing here grows stale. What was not needed for the longest makes room.
 
-use super::engine::{Encoded, Model, Opaque};
+use super::engine::{Encoded, LimbDistances, Model, Opaque};
 use quadmuse_proto::ExampleId;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -19,6 +19,9 @@ const POSED: u64 = 2 << 20;
 const ENCODED: u64 = 8 << 20;
 const ENCODED_PER_BYTE: u64 = 24;
 
+/// What the distances between a segment's limbs take, by estimate.
+const LIMBS: u64 = 4 << 10;
+
 /// The examples.
 pub struct ExampleCache {
     bytes_max: u64,
@@ -31,6 +34,7 @@ struct CachedExamples {
     models: Rows<ExampleId, Arc<Model>>,
     posed: Rows<(ExampleId, u32), Option<Opaque>>,
     encoded: Rows<(ExampleId, u32), Arc<Encoded>>,
+    limbs: Rows<(ExampleId, u32), Option<Arc<LimbDistances>>>,
     bytes: u64,
     /// Counts uses: the higher, the later.
     now: u64,
@@ -51,6 +55,7 @@ enum Oldest {
     Model(ExampleId),
     Posed((ExampleId, u32)),
     Encoded((ExampleId, u32)),
+    Limbs((ExampleId, u32)),
 }
 
 impl ExampleCache {
@@ -103,6 +108,18 @@ impl ExampleCache {
         });
     }
 
+    /// Returns the distances between a segment's limbs if they were measured before: `Some(None)` of one with too few.
+    pub fn limbs(&self, of: (ExampleId, u32)) -> Option<Option<Arc<LimbDistances>>> {
+        let mut kept = self.lock();
+        let now = kept.tick();
+        used(&mut kept.limbs, &of, now)
+    }
+
+    /// Keeps the distances between a segment's limbs.
+    pub fn put_limbs(&self, of: (ExampleId, u32), limbs: &Option<Arc<LimbDistances>>) {
+        self.put(LIMBS, |kept, row| kept.limbs.insert(of, row(limbs.clone())).map(|old| old.bytes));
+    }
+
     /// Adds a row of so many bytes, which `insert` makes; it tells the bytes of the row that it replaced.
     fn put<V>(&self, bytes: u64, insert: impl FnOnce(&mut CachedExamples, &dyn Fn(V) -> Row<V>) -> Option<u64>) {
         let mut kept = self.lock();
@@ -115,10 +132,11 @@ impl ExampleCache {
     /// Forgets what was kept of an example.
     pub fn forget(&self, id: ExampleId) {
         let mut kept = self.lock();
-        let CachedExamples { models, posed, encoded, .. } = &mut *kept;
+        let CachedExamples { models, posed, encoded, limbs, .. } = &mut *kept;
         let mut freed = models.remove(&id).map_or(0, |row| row.bytes);
         freed += posed.extract_if(|of, _| of.0 == id).map(|(_, row)| row.bytes).sum::<u64>();
         freed += encoded.extract_if(|of, _| of.0 == id).map(|(_, row)| row.bytes).sum::<u64>();
+        freed += limbs.extract_if(|of, _| of.0 == id).map(|(_, row)| row.bytes).sum::<u64>();
         kept.bytes -= freed;
     }
 }
@@ -134,11 +152,14 @@ impl CachedExamples {
         let models = self.models.iter().map(|(id, row)| (row.used, Oldest::Model(*id)));
         let posed = self.posed.iter().map(|(of, row)| (row.used, Oldest::Posed(*of)));
         let encoded = self.encoded.iter().map(|(of, row)| (row.used, Oldest::Encoded(*of)));
-        let Some((_, oldest)) = models.chain(posed).chain(encoded).min_by_key(|(used, _)| *used) else { return false };
+        let limbs = self.limbs.iter().map(|(of, row)| (row.used, Oldest::Limbs(*of)));
+        let all = models.chain(posed).chain(encoded).chain(limbs);
+        let Some((_, oldest)) = all.min_by_key(|(used, _)| *used) else { return false };
         let freed = match oldest {
             Oldest::Model(id) => self.models.remove(&id).map(|row| row.bytes),
             Oldest::Posed(of) => self.posed.remove(&of).map(|row| row.bytes),
             Oldest::Encoded(of) => self.encoded.remove(&of).map(|row| row.bytes),
+            Oldest::Limbs(of) => self.limbs.remove(&of).map(|row| row.bytes),
         };
         self.bytes -= freed.unwrap_or(0);
         true

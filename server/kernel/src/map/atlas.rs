@@ -9,12 +9,14 @@
 
 mod assignment;
 mod cap;
+mod limbs;
 mod matching;
 
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use cap::Course;
+pub use limbs::LimbDistances;
 use matching::{Match, Matcher, WhichSurface, tip_controls};
 
 use super::edit::EditError;

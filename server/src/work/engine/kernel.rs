@@ -5,9 +5,9 @@ mod tests;
 mod translate;
 
 use super::{
-    AllowedFlaws, Appraisal, ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Fitted, MapExtent, Mapped,
-    Model, OnePart, Opaque, PackedEncoding, PackedFeature, Part, Refusal, Registration, Resized, RoughLead,
-    RoughPlacement, SegmentFacts, Side, SizeTarget, StitchOptions, Stitched, Wishes,
+    AllowedFlaws, Appraisal, ConstraintEdit, Cut, Encoded, Encoding, Engine, EngineError, Fitted, LimbDistances,
+    MapExtent, Mapped, Model, OnePart, Opaque, PackedEncoding, PackedFeature, Part, Refusal, Registration, Resized,
+    RoughLead, RoughPlacement, SegmentFacts, Side, SizeTarget, StitchOptions, Stitched, Wishes,
 };
 use crate::pool::Stop;
 use quadmuse_kernel as kernel;
@@ -266,6 +266,10 @@ impl Engine for KernelEngine {
     fn likeness(&self, one: &Opaque, two: &Opaque, stop: &Stop) -> Result<Likeness, EngineError> {
         let found = one.open::<PosedSurface>()?.likeness(two.open()?, &|| stop.reason().is_some());
         stop.reason().map_or(Ok(found), |reason| Err(EngineError::Stopped(reason)))
+    }
+
+    fn limbs(&self, encoding: &Encoding) -> Result<Option<LimbDistances>, EngineError> {
+        Ok(LimbDistances::of(&fresh(encoding)?.query))
     }
 
     fn ready_for_rough(&self, query: &Model, segment: u32) -> Result<Option<Opaque>, EngineError> {

@@ -8,7 +8,7 @@ use super::clusters::{Clusters, Key, Kind};
 use super::{SegmentSearch, caught_up};
 use crate::pool::{Lane, Stop};
 use crate::work::WorkError;
-use crate::work::engine::{Model, Opaque, RoughLead, RoughPlacement, Stage};
+use crate::work::engine::{Encoded, LimbDistances, Model, Opaque, RoughLead, RoughPlacement, SegmentFacts, Stage};
 use crate::work::ingest;
 use crate::work::query::ms_since;
 use crate::work::ranking::{Candidate, SURE_FROM, by_fit, by_likeness, is_worth_a_map};
@@ -35,6 +35,9 @@ const REPRESENTED_MAX: usize = 24;
 /// *Untuned.*
 const ROUGH_FIRST: usize = 4;
 const ROUGH_ALIKE: usize = 6;
+/// So many closed ones whose limbs are most like the query's are laid roughly, too: no rigid pose brings a standing animal onto a sitting
+/// one. *Untuned.*
+const ROUGH_BY_LIMBS: usize = 4;
 /// So many at a time, until as many as are tried explain so much of the query: the best of them is mapped first, and if that fails there
 /// are others. *Untuned:* of wrong fits it is below .1.
 const ROUGH_AT_A_TIME: usize = 2;
@@ -120,7 +123,8 @@ impl SegmentSearch<'_> {
     /// Lays the best few roughly, and lets the best of these lead others.
     async fn fit_roughly(&self, candidates: &mut [Candidate], clusters: &Clusters) -> Result<(), WorkError> {
         let worth = |c: &Candidate| c.rough.as_ref().map_or(f64::NEG_INFINITY, RoughPlacement::worth);
-        let chosen = worth_laying(candidates, clusters);
+        let limbs = self.limb_disagreements(candidates).await?;
+        let chosen = worth_laying(candidates, clusters, &limbs);
         let Some(ready) = self.ready_for_rough().await? else { return Ok(()) };
         for some in chosen.chunks(ROUGH_AT_A_TIME) {
             let fits = self.all_rough(candidates, (some, &ready), None).await?;
@@ -181,14 +185,10 @@ impl SegmentSearch<'_> {
         lead: Option<Arc<RoughLead>>,
     ) -> Result<Option<RoughPlacement>, WorkError> {
         let Some(model) = self.read(candidate).await? else { return Ok(None) };
-        let closed = |topology| topology == Topology::Sphere;
-        let both_closed = closed(candidate.resident.facts.topology) && closed(self.query.facts.topology);
         let segment = candidate.resident.segment;
-        let encoded = match both_closed {
+        let encoded = match is_closed(&candidate.resident.facts) && is_closed(&self.query.facts) {
             true => {
-                let of = (&*candidate.resident.example, &model, segment);
-                let encoded = ingest::example_encoded(self.work, &self.live.job, Lane::Fine, of).await;
-                let Some(encoded) = self.usable(candidate, encoded)? else { return Ok(None) };
+                let Some(encoded) = self.encoded(candidate, &model).await? else { return Ok(None) };
                 Some(encoded)
             }
             false => None,
@@ -208,6 +208,59 @@ impl SegmentSearch<'_> {
             tracing::debug!(query = %self.live.id, on, %example, segment, agreement, local = local_relief, covered, off, apart, by_tips, is_led, "laid roughly");
         }
         Ok(found)
+    }
+
+    /// Compares the limbs of closed candidates whose likeness is known with the query's; by the candidates' places.
+    async fn limb_disagreements(&self, candidates: &[Candidate]) -> Result<HashMap<usize, f64>, WorkError> {
+        if !(is_closed(&self.query.facts) && Stage::Tips.is_on()) {
+            return Ok(HashMap::new());
+        }
+        let (engine, query) = (Arc::clone(&self.work.engine), Arc::clone(&self.query));
+        let own = self.work.pool.run(&self.live.job, Lane::Fine, move |_| engine.limbs(&query)).await??;
+        let Some(own) = own.map(Arc::new) else { return Ok(HashMap::new()) };
+        let may_match = |&at: &usize| candidates[at].likeness.is_some() && is_closed(&candidates[at].resident.facts);
+        let places: Vec<usize> = (0..candidates.len()).filter(may_match).collect();
+        let tasks: Vec<_> = places.iter().map(|&at| self.limb_disagreement(&candidates[at], &own)).collect();
+        let found: Vec<Result<Option<f64>, WorkError>> = stream::iter(tasks).buffered(self.window()).collect().await;
+        let found = found.into_iter().collect::<Result<Vec<_>, _>>()?;
+        Ok(places.into_iter().zip(found).filter_map(|(at, found)| Some((at, found?))).collect())
+    }
+
+    /// Compares the limbs of a closed candidate with the query's `own`; `None` where it has too few.
+    async fn limb_disagreement(
+        &self,
+        candidate: &Candidate,
+        own: &Arc<LimbDistances>,
+    ) -> Result<Option<f64>, WorkError> {
+        let (of, this, own) = (candidate.key(), Arc::clone(self.work), Arc::clone(own));
+        let there = self.work.examples.limbs(of);
+        let encoded = match &there {
+            Some(_) => None,
+            None => {
+                let Some(model) = self.read(candidate).await? else { return Ok(None) };
+                self.encoded(candidate, &model).await?
+            }
+        };
+        let quantum = move |_: &Stop| {
+            let limbs = match (there, &encoded) {
+                (Some(limbs), _) => limbs,
+                (None, Some(encoded)) => {
+                    let limbs = this.engine.limbs(&encoded.encoding)?.map(Arc::new);
+                    this.examples.put_limbs(of, &limbs);
+                    limbs
+                }
+                (None, None) => None,
+            };
+            Ok(limbs.map(|limbs| limbs.disagreement(&own)))
+        };
+        let found = self.work.pool.run(&self.live.job, Lane::Fine, quantum).await;
+        Ok(self.usable(candidate, WorkError::joined(found))?.flatten())
+    }
+
+    /// Unfolds a candidate's segment; `None` where it can't be unfolded.
+    async fn encoded(&self, candidate: &Candidate, model: &Arc<Model>) -> Result<Option<Arc<Encoded>>, WorkError> {
+        let of = (&*candidate.resident.example, model, candidate.resident.segment);
+        self.usable(candidate, ingest::example_encoded(self.work, &self.live.job, Lane::Fine, of).await)
     }
 
     /// Reads an example again; `None` where it can't be read.
@@ -307,6 +360,10 @@ impl SegmentSearch<'_> {
     }
 }
 
+fn is_closed(facts: &SegmentFacts) -> bool {
+    facts.topology == Topology::Sphere
+}
+
 fn alike(candidate: &Candidate) -> f64 {
     candidate.likeness.map_or(0.0, |likeness| likeness.weighed)
 }
@@ -330,8 +387,8 @@ fn represented_by_best(
 }
 
 /// The places of the candidates that are worth laying roughly, of those whose likeness is known: the first, and of those with a rim
-/// and of closed ones those that are most alike, or explain most, in turn; of each cluster one.
-fn worth_laying(candidates: &[Candidate], clusters: &Clusters) -> Vec<usize> {
+/// and of closed ones those that are most alike, or explain most, or differ least by `limbs`, in turn; of each cluster one.
+fn worth_laying(candidates: &[Candidate], clusters: &Clusters, limbs: &HashMap<usize, f64>) -> Vec<usize> {
     let known: Vec<usize> = (0..candidates.len()).filter(|&at| candidates[at].likeness.is_some()).collect();
     let score = |c: &Candidate| c.likeness.map_or(0.0, |likeness| likeness.score);
     let explained = |c: &Candidate| c.likeness.map_or(0.0, |likeness| likeness.explained);
@@ -350,6 +407,9 @@ fn worth_laying(candidates: &[Candidate], clusters: &Clusters) -> Vec<usize> {
             orders.push(first_of_each(&most, ROUGH_ALIKE));
         }
     }
+    let mut by_limbs: Vec<usize> = known.iter().copied().filter(|at| limbs.contains_key(at)).collect();
+    by_limbs.sort_by(|a, b| limbs[a].total_cmp(&limbs[b]));
+    orders.push(first_of_each(&by_limbs, ROUGH_BY_LIMBS));
     let in_turn = (0..ROUGH_FIRST.max(ROUGH_ALIKE)).flat_map(|turn| orders.iter().filter_map(move |o| o.get(turn)));
     clusters.first_of_each(in_turn.copied(), candidates)
 }
@@ -375,8 +435,20 @@ mod tests {
 
         let other_head = Candidate { likeness: Some(Likeness::of(0.4)), ..other_head };
         let known = [head, other_head, hand, tongue];
-        assert_eq!(worth_laying(&known, &clusters), [0, 2], "one of two heads, and none whose likeness is not known");
-        assert_eq!(worth_laying(&known, &Clusters::default()), [0, 1, 2]);
+        assert_eq!(
+            worth_laying(&known, &clusters, &HashMap::new()),
+            [0, 2],
+            "one of two heads, and none whose likeness is not known"
+        );
+        assert_eq!(worth_laying(&known, &Clusters::default(), &HashMap::new()), [0, 1, 2]);
+    }
+
+    #[test]
+    fn what_has_the_limbs_of_the_query_is_laid_however_it_is_posed() {
+        let all: Vec<Candidate> = (0..12).map(|at| laid("animal", 0.5 - 0.01 * f64::from(at))).collect();
+        let is_laid = |limbs| worth_laying(&all, &Clusters::default(), &limbs).contains(&11);
+        assert!(is_laid(HashMap::from([(11, 0.1), (3, 0.4)])));
+        assert!(!is_laid(HashMap::new()));
     }
 
     #[test]
@@ -390,6 +462,6 @@ mod tests {
             ..candidate("face", 0.9)
         };
         let all: Vec<Candidate> = (0..12).map(cloth).chain([face]).collect();
-        assert!(worth_laying(&all, &Clusters::default()).contains(&12));
+        assert!(worth_laying(&all, &Clusters::default(), &HashMap::new()).contains(&12));
     }
 }
