@@ -11,11 +11,12 @@ use quadmuse_kernel::mesh::{self, Format, Limits, TriMesh};
 use quadmuse_kernel::numerics::stop::Stop;
 use quadmuse_kernel::settle::{Thoroughness, poses};
 use std::path::Path;
+use std::sync::Arc;
 
 /// Poses that are settled.
 const POSED: usize = 3;
 
-fn surface(name: &str) -> Option<TriMesh> {
+fn surface(name: &str) -> Option<Arc<TriMesh>> {
     let format = Path::new(name).extension().and_then(|e| e.to_str()).and_then(Format::from_extension);
     let poly = mesh::read(&std::fs::read(name).ok()?, format, &Limits::default()).ok()?;
     Some(mesh::prepare(&poly).ok()?.mesh)

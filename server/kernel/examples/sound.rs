@@ -4,6 +4,7 @@
 
 use quadmuse_kernel::measure::sound::ReferenceSurface;
 use quadmuse_kernel::mesh::{self, Format, Limits, PolyMesh};
+use std::sync::Arc;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let files: Vec<String> = std::env::args().skip(1).collect();
@@ -11,7 +12,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("|---|---|---|---|---|---|---|");
     for pair in files.chunks_exact(2) {
         let (input, mesh) = (read(&pair[0])?, read(&pair[1])?);
-        let grounds = ReferenceSurface::new(mesh::prepare(&input)?.mesh);
+        let grounds = ReferenceSurface::new(Arc::unwrap_or_clone(mesh::prepare(&input)?.mesh));
         let f = grounds.flaws(&mesh, &[]);
         let name = pair[1].rsplit('/').next().unwrap_or(&pair[1]);
         let [astray, off, bare, inward, collapsed] =

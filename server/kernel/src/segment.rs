@@ -28,6 +28,7 @@ mod views;
 mod waist;
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 pub use handles::without_small as without_small_handles;
 
@@ -52,7 +53,7 @@ pub use views::fused;
 pub struct Segmented {
     /// The surface, refined so that every cut runs along edges. An edge that does not lie on one of the surface's
     /// polygon edges is phantom.
-    pub mesh: TriMesh,
+    pub mesh: Arc<TriMesh>,
     /// How many vertices the surface had before it was refined.
     pub surface_vertices: usize,
     /// Part of each triangle of `mesh`.
@@ -271,12 +272,19 @@ impl Segmented {
             triangle_of.iter().for_each(|&t| part_of[t as usize] = number as u32);
             let (part, vertex_of) = topology::submesh(&mesh, &triangle_of);
             let topology = topology::classify(&part).unwrap_or(Topology::Disc);
-            parts.push(Patch { topology, mesh: part, vertex_of, triangle_of, holes: Vec::new(), left_out: 0 });
+            parts.push(Patch {
+                topology,
+                mesh: Arc::new(part),
+                vertex_of,
+                triangle_of,
+                holes: Vec::new(),
+                left_out: 0,
+            });
         }
         let seams = seams::between(&mesh, &part_of);
         let surface_vertices = surface.positions.len();
         Self {
-            mesh,
+            mesh: Arc::new(mesh),
             surface_vertices,
             part_of,
             source_of: refined.source_of,
@@ -386,8 +394,20 @@ impl Segmented {
         }
         let source_of = (0..surface.triangles.len() as u32).collect();
         let seams = seams::between(surface, &part_of);
-        let (mesh, surface_vertices) = (surface.clone(), surface.positions.len());
+        let (mesh, surface_vertices) = (Arc::new(surface.clone()), surface.positions.len());
         Self { mesh, surface_vertices, part_of, source_of, parts, seams, handles_opened: 0, is_waist: false }
+    }
+
+    /// The same with one mesh in place of equals: the surface's where nothing was refined, and that for a part that is all of it.
+    #[must_use]
+    pub fn sharing(mut self, surface: &Arc<TriMesh>) -> Self {
+        if self.mesh == *surface {
+            self.mesh = Arc::clone(surface);
+        }
+        for part in self.parts.iter_mut().filter(|part| part.mesh == self.mesh) {
+            part.mesh = Arc::clone(&self.mesh);
+        }
+        self
     }
 
     /// The parts that border on part `part`, in order, each once.
@@ -552,7 +572,7 @@ mod tests {
     fn between_polygons_no_polygon_is_cut() {
         let torus = grid(24, 12, true, true);
         let cut = segment(&torus, PartCount::About(3)).and_then(|free| free.between_polygons(&torus)).expect("cut");
-        assert_eq!(cut.mesh, torus);
+        assert_eq!(*cut.mesh, torus);
         assert_eq!(cut.parts.len(), 3);
     }
 
@@ -561,7 +581,7 @@ mod tests {
         let mesh = grid(8, 6, true, false);
         let labels: Vec<i64> = (0..mesh.triangles.len() as i64).map(|t| t / 32).collect();
         let cut = Segmented::by_labels(&mesh, &labels).expect("three rings");
-        assert_eq!(cut.mesh, mesh);
+        assert_eq!(*cut.mesh, mesh);
         assert_eq!(cut.parts.len(), 3);
         assert_eq!(cut.neighbours(1), [0, 2]);
         assert_eq!(cut.neighbours(2), [1]);

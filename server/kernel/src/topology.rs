@@ -9,6 +9,7 @@ pub(crate) mod primitive;
 
 use crate::numerics::stop;
 use std::fmt;
+use std::sync::Arc;
 
 use crate::mesh::tri::{NONE, TriMesh, pair_halfedges};
 pub use primitive::{Components, closed, gapped, primitive, with_gaps_filled, with_two_ends};
@@ -108,8 +109,8 @@ pub enum TopologyError {
 pub struct Patch {
     /// What it is.
     pub topology: Topology,
-    /// Its own mesh.
-    pub mesh: TriMesh,
+    /// Its own mesh; its parent's where it is all of that ([`crate::segment::Segmented::sharing`]).
+    pub mesh: Arc<TriMesh>,
     /// Vertex of the parent mesh for each vertex of `mesh`.
     pub vertex_of: Vec<u32>,
     /// Triangle of the parent mesh for each triangle of `mesh`.
@@ -246,7 +247,8 @@ fn with_ends(found: Invariants, ends: usize) -> Result<Topology, TopologyError> 
 pub fn whole(mesh: &TriMesh) -> Result<Patch, TopologyError> {
     let all: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
     let (mesh, vertex_of) = submesh(mesh, &all);
-    Ok(Patch { topology: classify(&mesh)?, mesh, vertex_of, triangle_of: all, holes: Vec::new(), left_out: 0 })
+    let topology = classify(&mesh)?;
+    Ok(Patch { topology, mesh: Arc::new(mesh), vertex_of, triangle_of: all, holes: Vec::new(), left_out: 0 })
 }
 
 /// One patch a label, in order of label. `labels` holds one label a polygon.
@@ -275,7 +277,7 @@ pub fn by_labels(mesh: &TriMesh, labels: &[i64]) -> Result<Vec<Patch>, TopologyE
             label: distinct[segment],
             source: Box::new(source),
         })?;
-        Ok(Patch { topology, mesh, vertex_of, triangle_of, holes: Vec::new(), left_out: 0 })
+        Ok(Patch { topology, mesh: Arc::new(mesh), vertex_of, triangle_of, holes: Vec::new(), left_out: 0 })
     };
     members.into_iter().enumerate().map(patch).collect()
 }

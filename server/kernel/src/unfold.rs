@@ -125,12 +125,17 @@ pub struct Unfolder {
 }
 
 /// The mesh on which a patch is unfolded: holes filled, chords split, coarse meshes subdivided.
+/// The patch's own where nothing of that is needed.
 pub fn solve_mesh(patch: &Patch) -> Arc<TriMesh> {
-    let mut mesh = refine::split_chords(filled(&patch.mesh, &patch.holes));
+    let mut mesh = match patch.holes.is_empty() {
+        true => Arc::clone(&patch.mesh),
+        false => Arc::new(filled(&patch.mesh, &patch.holes)),
+    };
+    mesh = refine::split_chords(mesh);
     while mesh.triangles.len() < TRIANGLES_MIN {
-        mesh = refine::split_edges(&mesh, &vec![true; mesh.twins.len()]);
+        mesh = Arc::new(refine::split_edges(&mesh, &vec![true; mesh.twins.len()]));
     }
-    Arc::new(mesh)
+    mesh
 }
 
 /// Coarser meshes are subdivided before solving: the surface is the same, v and u are smoother.

@@ -1,7 +1,7 @@
 //! An input cut as an example is cut: on a mesh made by code, and on two horses in different poses.
 
 use quadmuse_kernel::mesh::bvh::Bvh;
-use quadmuse_kernel::mesh::{Format, Limits, PolyMesh, TriMesh, Vec3, prepare, read, write};
+use quadmuse_kernel::mesh::{Format, Limits, PolyMesh, Vec3, prepare, read, write};
 use quadmuse_proto::{ConstraintEdit, MeshFormat, NewConstraint, Parts, Place};
 use quadmuse_server::demo;
 use quadmuse_server::pool::Stop;
@@ -249,7 +249,7 @@ fn a_horse_is_cut_as_a_horse_in_another_pose() {
     let alike = KernelEngine::default().alike(&query, &example, &Stop::new(None)).expect("cut alike");
     // The truth has the example's faces at the input's places: each face of the input belongs where the nearest does.
     let truth = read(&bytes(format!("truth_{pair}")), Some(Format::Obj), &Limits::default()).expect("reads");
-    let surface: TriMesh = prepare(&truth).expect("manifold").mesh;
+    let surface = prepare(&truth).expect("manifold").mesh;
     let bvh = Bvh::new(&surface);
     let middle = |face: &[u32]| corners(&query.mesh, face).sum::<Vec3>() / face.len() as f64;
     let wanted: Vec<i64> = query

@@ -6,6 +6,7 @@
 
 mod asked;
 
+use std::sync::Arc;
 use std::sync::OnceLock;
 use std::time::Instant;
 
@@ -72,7 +73,7 @@ fn main() -> std::io::Result<()> {
     std::process::exit(i32::from(failures > 0));
 }
 
-fn surface(file: &str) -> Result<TriMesh, String> {
+fn surface(file: &str) -> Result<Arc<TriMesh>, String> {
     let bytes = std::fs::read(file).map_err(|e| e.to_string())?;
     let poly = mesh::read(&bytes, Format::sniff(&bytes), &Limits::default()).map_err(|e| e.to_string())?;
     Ok(mesh::prepare(&poly).map_err(|e| e.to_string())?.mesh)

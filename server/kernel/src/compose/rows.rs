@@ -219,7 +219,7 @@ mod tests {
     }
 
     fn surface() -> TriMesh {
-        prepare(&ball(40)).expect("a ball").mesh
+        TriMesh::clone(&prepare(&ball(40)).expect("a ball").mesh)
     }
 
     fn extraordinary(mesh: &PolyMesh) -> Vec<usize> {

@@ -29,7 +29,7 @@ impl<'a> ComposedSurface<'a> {
             }
         }
         let mesh = match holes.is_empty() {
-            true => Cow::Borrowed(&segmented.mesh),
+            true => Cow::Borrowed(&*segmented.mesh),
             false => Cow::Owned(filled(&segmented.mesh, &holes)),
         };
         // Where they can't be filled, none is.

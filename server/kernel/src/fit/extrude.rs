@@ -6,6 +6,7 @@
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
+use std::sync::Arc;
 
 use super::beyond::{GrownMesh, Rows, RowsEnd, UnfoldedRest, from_polar, only_rim};
 use crate::encode::index::PlanarIndex;
@@ -345,7 +346,7 @@ impl<'a> LaidMesh<'a> {
     }
 
     /// Cuts out the part of the surface that lies within the rim of a foot, with the protrusion on it.
-    fn rest(&self, rim: &[u32], protrusion: &Protrusion, foot: &BTreeSet<u32>) -> Option<TriMesh> {
+    fn rest(&self, rim: &[u32], protrusion: &Protrusion, foot: &BTreeSet<u32>) -> Option<Arc<TriMesh>> {
         let ends = |k: usize| [rim[k], rim[(k + 1) % rim.len()]].map(|v| self.mesh.positions[v as usize]);
         let away = |v: u32| {
             stop::pass(rim.len());

@@ -346,7 +346,7 @@ mod tests {
     }
 
     fn grounds() -> ReferenceSurface {
-        ReferenceSurface::new(prepare(&bent(200)).expect("a disc").mesh)
+        ReferenceSurface::new(TriMesh::clone(&prepare(&bent(200)).expect("a disc").mesh))
     }
 
     /// What is found of a sheet of 40 rows that something was done to.

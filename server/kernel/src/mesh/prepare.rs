@@ -28,13 +28,14 @@ use super::repair::{Repair, RepairKind, Repairs};
 use super::tri::{NONE, TriMesh, pair_halfedges};
 use super::{PolyMesh, Vec3, diagonal, read};
 use crate::numerics::stop;
+use std::sync::Arc;
 use surface::CornerRows;
 
 /// A mesh ready for computation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Prepared {
     /// Oriented manifold triangles; `polygon_of` gives the face of the upload.
-    pub mesh: TriMesh,
+    pub mesh: Arc<TriMesh>,
     /// The triangle mesh's vertex of each vertex of the upload; [`NONE`] for those that no face uses. A vertex of the
     /// upload that became several points to one of them.
     pub vertex_of: Vec<u32>,
@@ -88,7 +89,7 @@ fn prepared(poly: &PolyMesh, is_scan: bool) -> Result<Prepared, MeshError> {
     let kept = collapse::collapse(&mut triangles, &mut vertices.positions, diagonal, &mut repairs)?;
     collapse::report_flat(&triangles, &vertices.positions, &mut repairs);
     let vertex_of = vertices.of_upload.iter().map(|v| if *v == NONE { NONE } else { kept[*v as usize] }).collect();
-    let mesh = assemble(triangles, vertices.positions)?;
+    let mesh = Arc::new(assemble(triangles, vertices.positions)?);
     Ok(Prepared { mesh, vertex_of, reversed, repairs: repairs.finish() })
 }
 

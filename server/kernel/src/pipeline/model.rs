@@ -262,7 +262,7 @@ pub fn read(bytes: &[u8], format: Option<Format>, cut: &Cut, limits: &Limits) ->
     let views = if is_as_sent || few_faces(&prepared) { None } else { fused(&prepared) };
     let prepared = views.unwrap_or(prepared);
     let (prepared, handles) = if is_as_sent || few_faces(&prepared) { (prepared, 0) } else { unhandled(prepared) };
-    let mut segmented = cut_up(&mesh, &prepared, cut)?;
+    let mut segmented = cut_up(&mesh, &prepared, cut)?.sharing(&prepared.mesh);
     segmented.handles_opened += handles;
     let asked = cut.parts.is_some() && cut.grain == Grain::Faces;
     let besides = besides(&mesh, &prepared.mesh, &segmented, &cut.besides)?;
@@ -293,7 +293,7 @@ pub fn read(bytes: &[u8], format: Option<Format>, cut: &Cut, limits: &Limits) ->
 /// A scan with its small handles cut, and how many were.
 fn unhandled(prepared: Prepared) -> (Prepared, u32) {
     match without_small_handles(&prepared.mesh) {
-        Some((mesh, count)) => (Prepared { mesh, ..prepared }, count as u32),
+        Some((mesh, count)) => (Prepared { mesh: Arc::new(mesh), ..prepared }, count as u32),
         None => (prepared, 0),
     }
 }

@@ -4,6 +4,7 @@ use super::error::{PipelineError, Refusal};
 use crate::mesh::TriMesh;
 use crate::segment::{PartCount, segment};
 use crate::topology::{Patch, Topology, classify, submesh};
+use std::sync::Arc;
 
 /// A part of fewer faces has no layout of its own to give.
 const FACES_MIN: usize = 16;
@@ -57,7 +58,7 @@ pub(crate) fn patches(surface: &TriMesh, labels: &[i64]) -> Result<Vec<Patch>, P
     let patch = |(part, triangle_of): (usize, Vec<u32>)| {
         let (mesh, vertex_of) = submesh(surface, &triangle_of);
         let topology = classify(&mesh).map_err(|error| invalid(format!("part {}: {error}", part + 1)))?;
-        Ok(Patch { topology, mesh, vertex_of, triangle_of, holes: Vec::new(), left_out: 0 })
+        Ok(Patch { topology, mesh: Arc::new(mesh), vertex_of, triangle_of, holes: Vec::new(), left_out: 0 })
     };
     members.into_iter().enumerate().map(patch).collect()
 }

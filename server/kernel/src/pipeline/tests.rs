@@ -3,7 +3,7 @@
 use super::*;
 use crate::mesh::bvh::Bvh;
 use crate::mesh::{Format, Limits, Vec3};
-use crate::topology::Topology;
+use crate::topology::{Topology, tests::ball};
 use std::fmt::Write;
 use std::sync::Arc;
 
@@ -267,6 +267,21 @@ fn an_input_that_is_cut_as_an_example_is_takes_it_whole() {
 fn a_regular_layout_of_a_whole_input_follows_it_and_says_where_it_does_not() {
     let whole = template(&side(16), 0, GO_ON).expect("a layout");
     assert!(whole.flaws.is_empty() && whole.mesh.faces.len() > 100, "{:?}", whole.flaws);
+}
+
+#[test]
+fn what_is_whole_is_read_cut_and_unfolded_as_one_mesh() {
+    // A ball has no boundary: triangles with all their vertices on one are split to be unfolded.
+    let ball = ball(60);
+    let vertices = ball.positions.iter().map(|x| format!("v {} {} {}\n", x.x, x.y, x.z));
+    let faces = ball.triangles.iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
+    let text: String = vertices.chain(faces).collect();
+    let model = read(text.as_bytes(), Some(Format::Obj), &Cut::default(), &Limits::default()).expect("a ball");
+    let patch = model.patch(0).expect("one segment");
+    assert!(Arc::ptr_eq(&model.prepared.mesh, &model.segmented.mesh));
+    assert!(Arc::ptr_eq(&model.prepared.mesh, &patch.mesh));
+    let encoded = encode(&model, 0, &|| false).expect("unfolded");
+    assert!(Arc::ptr_eq(&patch.mesh, encoded.query.unfolder().mesh()));
 }
 
 #[test]

@@ -10,7 +10,6 @@ use super::trial::Trials;
 use super::view::View;
 use crate::encode::index::PlanarIndex;
 use crate::encode::{Encoding, SIDE_FINEST, encode, encode_to};
-use crate::mesh::TriMesh;
 use crate::mesh::bvh::Bvh;
 use crate::topology::primitive::length as loop_length;
 use crate::topology::{Patch, Topology};
@@ -193,7 +192,7 @@ impl Query {
 
     /// The same surface with its shortest boundary filled.
     fn with_rim_filled(&self) -> Option<Self> {
-        let mesh = TriMesh::clone(self.unfolder.mesh());
+        let mesh = Arc::clone(self.unfolder.mesh());
         let shorter = |a: &Vec<u32>, b: &Vec<u32>| loop_length(&mesh, a).total_cmp(&loop_length(&mesh, b));
         let shortest = mesh.boundary_loops().into_iter().min_by(shorter)?;
         let patch = Patch {

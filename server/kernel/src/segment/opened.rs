@@ -5,6 +5,7 @@
 //! paper's.*
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use super::Segmented;
 use super::mended::{SMALL_COMPONENTS_SHARE, by_area};
@@ -64,7 +65,7 @@ pub(super) fn opened(surface: &TriMesh) -> Option<Segmented> {
     let is_filled = |edges: &Vec<u32>| edges.iter().all(|&h| is_slit[h as usize]) || gaps.contains(edges);
     let (holes, ends): (Vec<_>, Vec<_>) = mesh.boundary_loops().into_iter().partition(is_filled);
     let topology = primitive::with_ends(&mesh, ends.len()).ok()?;
-    let part = Patch { topology, mesh, vertex_of, triangle_of, holes, left_out };
+    let part = Patch { topology, mesh: Arc::new(mesh), vertex_of, triangle_of, holes, left_out };
     Some(Segmented { handles_opened: found.genus as u32, ..Segmented::uncut(surface, vec![part]) })
 }
 
@@ -103,7 +104,7 @@ mod tests {
             let is_block = (0..12).contains(&x) && (0..10).contains(&y) && (0..6).contains(&z);
             is_block || is_leg || ((4..6).contains(&y) && (2..10).contains(&x) && (8..10).contains(&z))
         };
-        prepare(&voxels(&is_solid, [12, 10, 11])).expect("closed").mesh
+        TriMesh::clone(&prepare(&voxels(&is_solid, [12, 10, 11])).expect("closed").mesh)
     }
 
     #[test]

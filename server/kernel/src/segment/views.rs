@@ -12,6 +12,7 @@ use crate::mesh::{PolyMesh, Prepared, Repair, RepairKind, TriMesh, Vec3, boundin
 use crate::numerics::stop;
 use crate::topology::{pieces, submesh};
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// A sheet with less of the area is no view.
 const VIEW_SHARE: f64 = 0.05;
@@ -51,7 +52,7 @@ pub fn fused(scan: &Prepared) -> Option<Prepared> {
     of_scan.iter().for_each(|&t| is_fused[t as usize] = true);
     let rest: Vec<u32> = (0..mesh.triangles.len() as u32).filter(|&t| !is_fused[t as usize]).collect();
     let tree = Bvh::new(mesh);
-    let mesh_of_all = beside(with_polygons(fused, mesh, &tree), mesh, &rest);
+    let mesh_of_all = Arc::new(beside(with_polygons(Arc::unwrap_or_clone(fused), mesh, &tree), mesh, &rest));
     let vertex_of = carried(scan, &mesh_of_all);
     let first = of_scan.iter().map(|&t| mesh.polygon_of[t as usize]).min().unwrap_or(0);
     let mut repairs = scan.repairs.clone();
@@ -409,7 +410,7 @@ mod tests {
         let mesh = |window| prepare(&view(window, 0.0, Vec3::zeros())).expect("a sheet").mesh;
         let whole = mesh([0.0, 2.4]);
         let cell = usual_edge(&whole);
-        let lost = |drawn: &TriMesh| lost_share(&[ScanView::new(whole.clone())], drawn, cell);
+        let lost = |drawn: &TriMesh| lost_share(&[ScanView::new(TriMesh::clone(&whole))], drawn, cell);
         assert!(lost(&whole) < 1e-9);
         assert!((lost(&mesh([0.0, 1.2])) - 0.5).abs() < 0.1, "{}", lost(&mesh([0.0, 1.2])));
         let mut behind = view([0.0, 2.4], 0.0, Vec3::zeros());

@@ -12,6 +12,7 @@ use super::holes::filled;
 use super::{Patch, Topology, TopologyError, classify, components, invariants, submesh};
 use crate::mesh::geodesic::Marcher;
 use crate::mesh::tri::TriMesh;
+use std::sync::Arc;
 
 /// Loops that could enclose at most this share of the area are holes.
 const HOLE_AREA_SHARE: f64 = 0.01;
@@ -76,7 +77,7 @@ fn with_most(mesh: &TriMesh, policy: Components, ends_max: usize) -> Result<Patc
         }
         Err(error) => return Err(error),
     };
-    Ok(Patch { topology, mesh: part, vertex_of, triangle_of, holes, left_out: count.saturating_sub(1) })
+    Ok(Patch { topology, mesh: Arc::new(part), vertex_of, triangle_of, holes, left_out: count.saturating_sub(1) })
 }
 
 /// The topology of a primitive once the gaps in it are filled, and these. A tube one of whose loops is a hole is a disc. A tube

@@ -249,6 +249,7 @@ impl HarmonicSolver {
             right[c] -= 0.5 * dv / harmonic.energy;
         }
         (0..n).filter(|&v| held[v]).for_each(|v| right[v] = 0.0);
+        drop(weights);
         self.make_room();
         self.laplacian.factor(&held, 0.0, is_pole_face)?.solve(&mut right);
         right.iter_mut().zip(&given).for_each(|(u, given)| *u += given);

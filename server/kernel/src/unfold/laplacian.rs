@@ -62,11 +62,12 @@ impl Laplacian {
                 diagonal[b as usize] += w;
             }
         }
+        // The weights go with the iterator: they are not held while the matrix is factored.
         let entries = weights
-            .iter()
+            .into_iter()
             .enumerate()
-            .filter(|(_, w)| **w != 0.0)
-            .map(|(h, &w)| (self.triangulation.tails[h], self.triangulation.head(h as u32), -w));
+            .filter(|(_, w)| *w != 0.0)
+            .map(|(h, w)| (self.triangulation.tails[h], self.triangulation.head(h as u32), -w));
         self.pattern.factor(&diagonal, entries, fixed)
     }
 

@@ -1,6 +1,8 @@
 //! Splitting edges of a triangle mesh at their midpoints, conformingly. New vertices come after the old ones, lie in
 //! the old triangles, and so leave the surface as it is.
 
+use std::sync::Arc;
+
 use crate::mesh::split;
 use crate::mesh::tri::{NONE, TriMesh, pair_halfedges};
 
@@ -65,14 +67,14 @@ pub fn split_triangles(mesh: &TriMesh, marked: impl Fn(u32) -> bool) -> TriMesh 
 
 /// Splits what Dirichlet conditions would flatten: interior edges that join two boundary vertices, and triangles
 /// whose three vertices stay on the boundary. *Source:* METHOD §1 ("before solving").
-pub fn split_chords(mesh: TriMesh) -> TriMesh {
+pub fn split_chords(mesh: Arc<TriMesh>) -> Arc<TriMesh> {
     let on_boundary = mesh.boundary_vertices();
     let both = |h: u32| on_boundary[mesh.tail(h) as usize] && on_boundary[mesh.head(h) as usize];
     let marked: Vec<bool> = (0..mesh.twins.len() as u32).map(|h| mesh.twin(h) != NONE && both(h)).collect();
-    let mesh = if marked.contains(&true) { split_edges(&mesh, &marked) } else { mesh };
+    let mesh = if marked.contains(&true) { Arc::new(split_edges(&mesh, &marked)) } else { mesh };
     let on_boundary = mesh.boundary_vertices();
     let lone = |t: u32| mesh.triangles[t as usize].iter().all(|&v| on_boundary[v as usize]);
-    if (0..mesh.triangles.len() as u32).any(lone) { split_triangles(&mesh, lone) } else { mesh }
+    if (0..mesh.triangles.len() as u32).any(lone) { Arc::new(split_triangles(&mesh, lone)) } else { mesh }
 }
 
 fn finish(mut mesh: TriMesh) -> TriMesh {
@@ -98,7 +100,7 @@ mod tests {
 
     #[test]
     fn no_chord_is_left() {
-        let split = split_chords(grid(1, 1, false, false));
+        let split = split_chords(Arc::new(grid(1, 1, false, false)));
         let on = split.boundary_vertices();
         for h in 0..split.twins.len() as u32 {
             let chord = split.twin(h) != NONE && on[split.tail(h) as usize] && on[split.head(h) as usize];

@@ -3,6 +3,7 @@
 use quadmuse_kernel::mesh::{self, Limits, TriMesh};
 use quadmuse_tests::shared::{column, csv};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Folders that tell of their meshes in a manifest.
 const WITH_MANIFEST: [&str; 3] = ["scans", "quads", "shapes"];
@@ -38,7 +39,7 @@ pub fn manifold(meshes: &Path) -> Result<Vec<PathBuf>, String> {
 ///
 /// # Errors
 /// What is wrong with it; a sentence.
-pub fn surface(path: &Path) -> Result<TriMesh, String> {
+pub fn surface(path: &Path) -> Result<Arc<TriMesh>, String> {
     let said = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
     let bytes = std::fs::read(path).map_err(|e| said(&e))?;
     let poly = mesh::read(&bytes, None, &Limits::default()).map_err(|e| said(&e))?;
