@@ -19,7 +19,7 @@ const POSED: u64 = 2 << 20;
 const ENCODED: u64 = 8 << 20;
 const ENCODED_PER_BYTE: u64 = 24;
 
-/// What the distances between a segment's limbs take, by estimate.
+/// The distances between a segment's limbs take so many bytes, by estimate.
 const LIMBS: u64 = 4 << 10;
 
 /// The examples.

@@ -6,8 +6,7 @@
 
 mod asked;
 
-use std::sync::Arc;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use quadmuse_kernel::compose::{self, Options, Piece, apart, check, part, surface::ComposedSurface};

@@ -75,8 +75,7 @@ fn angles_between(side: &Query, tips: &[u32]) -> Vec<f64> {
     all
 }
 
-/// Returns the distances between tips along a surface, in √area; of a disc those to the boundary come last.
-pub fn distances_between(side: &Query, tips: &[u32]) -> Vec<Vec<f64>> {
+fn distances_between(side: &Query, tips: &[u32]) -> Vec<Vec<f64>> {
     let mesh = side.unfolder().mesh();
     let marcher = Marcher::new(mesh);
     let scale = mesh.total_area().sqrt();

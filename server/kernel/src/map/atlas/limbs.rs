@@ -3,7 +3,6 @@
 use super::TIPS_MIN;
 use super::assignment::Assignments;
 use crate::register::Query;
-use crate::register::tips::distances_between;
 use crate::topology::Topology;
 use crate::unfold::pole::Breadth;
 
@@ -19,8 +18,8 @@ impl LimbDistances {
         if surface.encoding().topology != Topology::Sphere {
             return None;
         }
-        let tips = surface.tips(Breadth::Limbs);
-        (tips.len() >= TIPS_MIN).then(|| Self { between: distances_between(surface, tips) })
+        let tips = surface.matched_by(Breadth::Limbs);
+        (tips.vertices.len() >= TIPS_MIN).then(|| Self { between: tips.between.clone() })
     }
 
     /// Returns the mean disagreement with the distances of another surface once tips are matched best, unmatched tips included: 0 for an
